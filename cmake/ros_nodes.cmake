@@ -1,0 +1,47 @@
+# Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+# The ROS room, the nodelet and the nodes; what belongs to them and is installed.
+set(ros_library ${PROJECT_NAME}_ros)
+add_library(${ros_library} STATIC
+  src/ros/camera_input.cpp
+  src/ros/diagnostics.cpp
+  src/ros/object_registration.cpp
+  src/ros/object_search.cpp
+  src/ros/object_services.cpp
+  src/ros/object_store.cpp
+  src/ros/object_tracker.cpp
+  src/ros/overlay.cpp
+  src/ros/overlay_publisher.cpp
+  src/ros/param_reader.cpp
+  src/ros/parameters.cpp
+  src/ros/pose_conversions.cpp
+  src/ros/result_publisher.cpp
+  src/ros/tf_bridge.cpp
+  src/ros/tracker_state.cpp)
+add_dependencies(${ros_library} ${PROJECT_NAME}_generate_messages_cpp ${catkin_EXPORTED_TARGETS})
+npr_set_warnings(${ros_library})
+# Nobody outside of this package links it.
+#catkin_lint: ignore_once external_interface_path
+target_include_directories(${ros_library} SYSTEM PUBLIC ${catkin_INCLUDE_DIRS})
+target_link_libraries(${ros_library} PUBLIC ${PROJECT_NAME} ${catkin_LIBRARIES})
+
+add_library(${PROJECT_NAME}_nodelets SHARED src/nodelets/pose_refiner_nodelet.cpp)
+npr_set_warnings(${PROJECT_NAME}_nodelets)
+target_link_libraries(${PROJECT_NAME}_nodelets PRIVATE ${ros_library})
+
+# Called `pose_refiner` in the package's own folder (rosrun nerf_pose_refiner pose_refiner).
+foreach(node decode_images pose_refiner)
+  add_executable(${PROJECT_NAME}_${node}_node src/nodes/${node}_node.cpp)
+  set_target_properties(${PROJECT_NAME}_${node}_node PROPERTIES OUTPUT_NAME ${node})
+  npr_set_warnings(${PROJECT_NAME}_${node}_node)
+  target_include_directories(${PROJECT_NAME}_${node}_node SYSTEM PRIVATE
+    ${catkin_INCLUDE_DIRS} ${OpenCV_INCLUDE_DIRS})
+  target_link_libraries(${PROJECT_NAME}_${node}_node PRIVATE ${catkin_LIBRARIES} ${OpenCV_LIBS})
+  install(TARGETS ${PROJECT_NAME}_${node}_node RUNTIME DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
+endforeach()
+
+install(TARGETS ${PROJECT_NAME}_nodelets
+  ARCHIVE DESTINATION ${CATKIN_PACKAGE_LIB_DESTINATION}
+  LIBRARY DESTINATION ${CATKIN_PACKAGE_LIB_DESTINATION}
+  RUNTIME DESTINATION ${CATKIN_GLOBAL_BIN_DESTINATION})
+install(FILES nodelet_plugins.xml DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
+install(DIRECTORY config launch DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})

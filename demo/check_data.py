@@ -1,0 +1,224 @@
+#!/usr/bin/python3
+"""Checks the demo's data against itself: files, poses, silhouettes, stamps and the initial pose's error.
+
+The object's shape is carved out of the training silhouettes by their poses (a visual hull). Projected into pictures
+that had no part in it - the test views, the frames of the bag - it must cover the object there, and it must not be
+displaced: half a pixel, the usual mistake between the conventions for pixels, would show.
+"""
+import argparse
+import glob
+import json
+import os
+import sys
+
+import cv2
+import numpy as np
+import rosbag
+
+OPTICAL_FROM_OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
+VOXEL_M = 0.0015
+SHIFT_PX = 0.25  # what the hull itself may be off by, on average over the views; half of the mistake to be found
+MIB = 2**20
+failures = 0
+
+
+def check(good, text):
+    global failures
+    failures += not good
+    print("%s  %s" % ("ok  " if good else "FAIL", text))
+
+
+def load(path):
+    with open(path) as file:
+        return json.load(file)
+
+
+# ------------------------------------------------------------------------------------------------ projection
+
+def project(points_O, T_C_O, fx, fy, cx, cy):
+    """[n][2] px; pixel centres are integers."""
+    seen = points_O @ T_C_O[:3, :3].T + T_C_O[:3, 3]
+    return seen[:, :2] / seen[:, 2:] * [fx, fy] + [cx, cy]
+
+
+def silhouette(points_O, T_C_O, camera, shape):
+    """What voxels cover. Pictured at three times the size, where a voxel is as large as a few pixels, so that filled
+    voxels make a silhouette true to a third of a pixel."""
+    zoom = 3
+    fx, fy, cx, cy = camera
+    uv = project(points_O, T_C_O, zoom * fx, zoom * fy, (cx + 0.5) * zoom - 0.5, (cy + 0.5) * zoom - 0.5)
+    uv = np.round(uv).astype(int)
+    large = np.zeros((zoom * shape[0], zoom * shape[1]), np.uint8)
+    inside = (uv >= 0).all(axis=1) & (uv[:, 0] < large.shape[1]) & (uv[:, 1] < large.shape[0])
+    large[uv[inside, 1], uv[inside, 0]] = 255
+    large = cv2.morphologyEx(large, cv2.MORPH_CLOSE, np.ones((9, 9), np.uint8))
+    return cv2.resize(large, shape[::-1], interpolation=cv2.INTER_AREA) > 127
+
+
+def overlap(a, b):
+    return (a & b).sum() / max(1, (a | b).sum())
+
+
+def centre_of(mask):
+    """Of the convex outline [px]: a hull fills hollows that no silhouette shows, which must not count as a shift."""
+    moments = cv2.moments(cv2.convexHull(np.argwhere(mask)[:, ::-1].astype(np.float32)))
+    return np.array([moments["m10"], moments["m01"]]) / moments["m00"]
+
+
+# ------------------------------------------------------------------------------------------------ training views
+
+def read_views(folder, split):
+    """Camera (fx, fy, cx, cy; pixel centres are integers) and a list of (T_C_O, RGBA picture)."""
+    transforms = load(os.path.join(folder, "transforms_%s.json" % split))
+    camera = (transforms["fl_x"], transforms["fl_y"], transforms["cx"] - 0.5, transforms["cy"] - 0.5)
+    views = []
+    for frame in transforms["frames"]:
+        picture = cv2.imread(os.path.join(folder, frame["file_path"]), cv2.IMREAD_UNCHANGED)
+        assert picture is not None and picture.shape == (transforms["h"], transforms["w"], 4), frame["file_path"]
+        views.append((OPTICAL_FROM_OPENGL @ np.linalg.inv(np.array(frame["transform_matrix"])), picture))
+    return transforms, camera, views
+
+
+def carve(transforms, camera, views):
+    """Centres of the voxels [n][3] that no training view calls empty."""
+    low, high = np.array(transforms["aabb"])
+    axes = [np.arange(l + VOXEL_M / 2, h, VOXEL_M) for l, h in zip(low, high)]
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
+    for T_C_O, picture in views:
+        column, row = np.round(project(points, T_C_O, *camera)).astype(int).T
+        seen = picture[row.clip(0, transforms["h"] - 1), column.clip(0, transforms["w"] - 1), 3]
+        points = points[seen > 127]
+    return points
+
+
+def check_views(folder):
+    model = load(os.path.join(folder, "object.json"))
+    transforms, camera, train = read_views(folder, "train")
+    _, _, test = read_views(folder, "test")
+    check(len(train) >= 60 and len(test) == 8, "%d training and %d test views" % (len(train), len(test)))
+    files = glob.glob(os.path.join(folder, "*", "*.png"))
+    total = sum(map(os.path.getsize, files)) / MIB
+    check(total <= 4.0, "views take %.2f MiB" % total)
+    low, high = np.array(transforms["aabb"])
+    box = np.array(model["bounding_box"])
+    check((low < box[0]).all() and (high > box[1]).all(), "the aabb is larger than the object")
+    check(0.15 < model["diameter"] < np.linalg.norm(box[1] - box[0]), "diameter %.3f m" % model["diameter"])
+
+    eyes = np.array([np.linalg.inv(T_C_O)[:3, 3] for T_C_O, _ in train]) - box.mean(axis=0)
+    elevations = np.degrees(np.arcsin(eyes[:, 2] / np.linalg.norm(eyes, axis=1)))
+    check(elevations.min() < -10 and elevations.max() > 75, "elevations %.0f..%.0f deg"
+          % (elevations.min(), elevations.max()))
+    borders = [np.concatenate([p[0, :, 3], p[-1, :, 3], p[:, 0, 3], p[:, -1, 3]]).max() for _, p in train + test]
+    check(max(borders) == 0, "the object touches no picture's edge")
+    shares = [(p[..., 3] > 127).mean() for _, p in train]
+    check(min(shares) > 0.1, "the object covers %.0f..%.0f %% of the views" % (100 * min(shares), 100 * max(shares)))
+    colours = np.concatenate([p[..., :3][p[..., 3] == 255] for _, p in train])
+    check(60 < colours.mean() < 180 and (colours == 255).all(axis=1).mean() < 0.001,
+          "colours: mean %.0f of 255, none burnt out" % colours.mean())
+
+    hull = carve(transforms, camera, train)
+    ious, shifts = [], []
+    for T_C_O, picture in test:
+        mask = picture[..., 3] > 127
+        guess = silhouette(hull, T_C_O, camera, mask.shape)
+        ious.append(overlap(mask, guess))
+        shifts.append(centre_of(guess) - centre_of(mask))
+    shift = np.mean(shifts, axis=0)
+    check(min(ious) > 0.94, "test silhouettes against the hull: IoU %.3f at least" % min(ious))
+    check(np.abs(shift).max() < SHIFT_PX, "mean displacement %+.2f, %+.2f px" % tuple(shift))
+    return model, hull
+
+
+# ------------------------------------------------------------------------------------------------ bag
+
+def matrix(pose):
+    q = pose.orientation
+    w, v = q.w, np.array([q.x, q.y, q.z])
+    cross = np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
+    T = np.eye(4)
+    T[:3, :3] = np.eye(3) + 2 * w * cross + 2 * cross @ cross
+    T[:3, 3] = pose.position.x, pose.position.y, pose.position.z
+    return T
+
+
+def angle_deg(R):
+    return np.degrees(np.arccos(np.clip((np.trace(R) - 1) / 2, -1, 1)))
+
+
+def check_bag(path, sequence_folder, model, hull):
+    size = os.path.getsize(path) / MIB
+    check(size < 4.0, "bag takes %.2f MiB" % size)
+    messages = {}
+    with rosbag.Bag(path) as bag:
+        for topic, message, recorded in bag.read_messages():
+            messages.setdefault(topic, []).append((message, recorded))
+    images, infos, truths, starts, transforms = ([m for m, _ in messages.get(topic, [])] for topic in (
+        "/camera/image/compressed", "/camera/camera_info", "/ground_truth/object_pose", "/initial_pose", "/tf"))
+    check(len(images) >= 64 and len(starts) == 1, "%d images, %d initial pose" % (len(images), len(starts)))
+    stamps = [m.header.stamp for m in images]
+    check(stamps == [m.header.stamp for m in infos] == [m.header.stamp for m in truths]
+          == [m.transforms[0].header.stamp for m in transforms], "images, camera_info, truth and tf have equal stamps")
+    steps_s = {round((b - a).to_sec(), 6) for a, b in zip(stamps, stamps[1:])}
+    check(steps_s == {0.1}, "10 Hz")
+    check({m.header.frame_id for m in images + infos + truths + starts} == {"camera_optical"}, "frame camera_optical")
+    first_recorded = messages["/initial_pose"][0][1]
+    check(starts[0].header.stamp == stamps[0] and first_recorded <= stamps[0], "the initial pose is the first image's")
+
+    info = infos[0]
+    camera = (info.K[0], info.K[4], info.K[2], info.K[5])
+    shape = (info.height, info.width)
+    decoded = [cv2.imdecode(np.frombuffer(m.data, np.uint8), cv2.IMREAD_UNCHANGED) for m in images]
+    check({p.shape for p in decoded} == {(*shape, 3)}, "pictures are %d x %d BGR" % shape[::-1])
+
+    poses = [matrix(m.pose) for m in truths]
+    centre_O = np.mean(model["bounding_box"], axis=0)
+    eyes = np.array([np.linalg.inv(T)[:3, 3] for T in poses]) - centre_O
+    azimuths = np.degrees(np.unwrap(np.arctan2(eyes[:, 1], eyes[:, 0])))
+    check(np.ptp(azimuths) >= 70, "sweep of %.0f deg" % np.ptp(azimuths))
+    turns = [angle_deg(b[:3, :3] @ a[:3, :3].T) for a, b in zip(poses, poses[1:])]
+    check(max(turns) < 2.0, "%.2f deg a frame, %.2f at most" % (np.mean(turns), max(turns)))
+
+    truth, start = poses[0], matrix(starts[0].pose)
+    off_deg = angle_deg(start[:3, :3] @ truth[:3, :3].T)
+    off_share = np.linalg.norm((start - truth)[:3] @ np.append(centre_O, 1)) / model["diameter"]
+    check(10 <= off_deg <= 15 and 0.10 <= off_share <= 0.15,
+          "initial pose is off by %.1f deg and %.1f %% of the diameter" % (off_deg, 100 * off_share))
+
+    ious, shifts, diameters, hidden = [], [], [], []
+    for i, T_C_O in enumerate(poses):
+        mask = cv2.imread(os.path.join(sequence_folder, "masks", "mask_%03d.png" % i), cv2.IMREAD_GRAYSCALE)
+        guess = silhouette(hull, T_C_O, camera, shape)
+        ious.append(overlap(mask > 0, guess))
+        shifts.append(centre_of(guess) - centre_of(mask))
+        outline = np.argwhere(mask > 0).astype(float)
+        corners = cv2.convexHull(outline.astype(np.float32))[:, 0]
+        diameters.append(np.linalg.norm(corners[:, None] - corners[None], axis=2).max())
+        hidden.append((mask == 128).sum() / (mask > 0).sum())
+    shift = np.mean(shifts, axis=0)
+    check(min(ious) > 0.94, "masks against the hull at the true poses: IoU %.3f at least" % min(ious))
+    check(np.abs(shift).max() < SHIFT_PX, "mean displacement %+.2f, %+.2f px" % tuple(shift))
+    first = cv2.imread(os.path.join(sequence_folder, "masks", "mask_000.png"), cv2.IMREAD_GRAYSCALE) > 0
+    wrong = overlap(first, silhouette(hull, start, camera, shape))
+    check(wrong < 0.85, "and at the initial pose: IoU %.3f" % wrong)
+    check(min(diameters) > 140 and max(diameters) < 230, "the object measures %.0f..%.0f px"
+          % (min(diameters), max(diameters)))
+    occluded = np.flatnonzero(np.array(hidden) >= 0.10)
+    check(12 <= len(occluded) == np.ptp(occluded) + 1 and max(hidden) <= 0.25 and hidden[0] == 0,
+          "frames %d..%d are hidden by 10 %% or more (%.0f %% at most); frames %d..%d by anything"
+          % (occluded[0], occluded[-1], 100 * max(hidden), *np.flatnonzero(hidden)[[0, -1]]))
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--data", default=os.path.dirname(os.path.abspath(__file__)),
+                        help="folder with data/ and toy_kiosk.bag (default: this script's)")
+    folder = parser.parse_args().data
+    model, hull = check_views(os.path.join(folder, "data", "toy_kiosk"))
+    check_bag(os.path.join(folder, "toy_kiosk.bag"), os.path.join(folder, "data", "toy_kiosk_sequence"), model, hull)
+    files = [f for f in glob.glob(os.path.join(folder, "**"), recursive=True) if os.path.isfile(f)]
+    check(max(map(os.path.getsize, files)) < 4 * MIB, "no file of 4 MiB or more")
+    sys.exit("%d checks failed" % failures if failures else 0)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,41 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <Eigen/Core>
+#include <string>
+#include <vector>
+
+#include "nerf_pose_refiner/geometry/pose.h"
+
+namespace nerf_pose_refiner {
+
+/// Why a hypothesis is no longer followed.
+enum class HypothesisState {
+  kLive,
+  kMerged,
+  kBehindCamera,
+  kOutOfImage,
+  kIllConditioned,
+  kNotFinite
+};
+
+/// One hypothesis, as read from an engine.
+struct Hypothesis {
+  Pose T_O_C;
+  HypothesisState state = HypothesisState::kLive;
+  double loss = 0;              ///< lower is better; comparable within one call of `score`
+  double visible_fraction = 0;  ///< of the rendered silhouette that agrees with the image, 0..1
+  /// The same share, of the rendered silhouette and of all that a known background leaves
+  /// unexplained beside it, 0..1; equal to visible_fraction if the background is unknown.
+  double score = 0;
+  int iterations = 0;  ///< spent on it so far
+  /// Final normal equations J^T W J of direct alignment, order (v, w): translation [model units],
+  /// rotation [rad] about the object's centre, axes of O, camera moved. Zero if there are none.
+  Eigen::Matrix<double, 6, 6> information = Eigen::Matrix<double, 6, 6>::Zero();
+  double residual_variance = 0;  ///< of the robustly weighted residuals
+};
+
+/// Hypotheses, best first.
+using HypothesisTable = std::vector<Hypothesis>;
+
+}  // namespace nerf_pose_refiner

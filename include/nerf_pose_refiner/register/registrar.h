@@ -1,0 +1,52 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <string>
+
+#include "nerf_pose_refiner/dataset/dataset.h"
+#include "nerf_pose_refiner/engine/engine.h"
+
+namespace nerf_pose_refiner {
+
+/// How an object is learned from its photos.
+struct RegistrationSettings {
+  std::string profile = "cpu";  ///< shape of the field, see FieldConfig::named
+  int steps = 4000;             ///< of training, at most
+  double max_seconds = 0;       ///< of training; 0: no limit
+  double target_psnr_db = 0;    ///< stop when the held-out views reach it; 0: never
+  int held_out = 4;             ///< views kept apart to measure the quality, at most a tenth
+  double metres_per_unit = 0;   ///< 0: as the dataset says, or unknown
+  TrainingPlan plan;            ///< its region, background and seed are set here
+  std::uint64_t seed = 1;
+
+  /// @throws std::invalid_argument naming the setting and the value that is out of range.
+  void validate() const;
+};
+
+struct RegistrationProgress {
+  std::string stage;  ///< "training", "occupancy", "quality"
+  int step = 0;
+  int steps = 0;
+  double loss = 0;
+  double psnr_db = 0;  ///< 0: not measured yet
+  double seconds = 0;
+  double seconds_left = 0;  ///< estimated
+};
+
+/// Learns a field from posed views.
+/// @param progress called from this thread, about twice a second; may be empty.
+/// @throws std::invalid_argument, std::runtime_error, Stopped.
+Field registerObject(Engine* engine, const Dataset& dataset, const RegistrationSettings& settings,
+                     const std::function<void(const RegistrationProgress&)>& progress,
+                     const StopToken& stop);
+
+/// A hash of the images, poses and settings: equal means that training again gives the same model.
+std::string registrationHash(const Dataset& dataset, const RegistrationSettings& settings);
+
+/// Mean PSNR [dB] over views, rendered on black against the views composited on black.
+double meanPsnr(Engine* engine, const LoadedField& field, const std::vector<PosedView>& views,
+                const StopToken& stop);
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,53 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <sensor_msgs/CameraInfo.h>
+#include <sensor_msgs/Image.h>
+
+#include <memory>
+#include <optional>
+
+#include "nerf_pose_refiner/engine/observation.h"
+#include "nerf_pose_refiner/geometry/camera.h"
+#include "nerf_pose_refiner/image/undistort.h"
+
+namespace nerf_pose_refiner {
+
+/// The camera that took a picture, and how its lens bends it.
+struct CameraModel {
+  Camera camera;
+  Distortion distortion;  ///< empty for a rectified picture
+};
+
+/// Reads camera_info, with its binning and region of interest (REP-104).
+/// @param rectified the picture is rectified: P counts; otherwise K and D.
+/// @throws InputError if the camera is not calibrated, is the right one of a stereo pair, or has a
+/// distortion model other than plumb_bob and rational_polynomial.
+CameraModel cameraFromMessage(const sensor_msgs::CameraInfo& info, bool rectified);
+
+/// Whether a picture can be used at all, without looking at its pixels.
+/// @throws InputError if it has no stamp or frame, has an encoding other than rgb8, bgr8, rgba8,
+/// bgra8 and mono8, holds more or less data than its size says, or is not of the camera's size.
+void checkImage(const sensor_msgs::Image& image, const Camera& camera);
+
+/// camera_info of an undistorted picture.
+sensor_msgs::CameraInfo toMessage(const Camera& camera);
+
+/// Pictures of a camera as observations for the refiner: RGB, undistorted, with an unknown
+/// background. Keeps the undistortion maps from one picture to the next. One thread at a time.
+class CameraInput {
+ public:
+  explicit CameraInput(bool rectified) : rectified_(rectified) {}
+
+  /// @throws InputError as cameraFromMessage and checkImage.
+  Observation observe(const sensor_msgs::Image& image, const sensor_msgs::CameraInfo& info);
+
+ private:
+  const Undistorter& undistorterOf(const CameraModel& model);
+
+  bool rectified_;
+  CameraModel model_;  ///< what undistorter_ was made for
+  std::optional<Undistorter> undistorter_;
+};
+
+}  // namespace nerf_pose_refiner

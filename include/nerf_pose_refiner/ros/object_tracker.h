@@ -1,0 +1,121 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <geometry_msgs/PoseStamped.h>
+#include <nerf_pose_refiner/PoseHypothesisArray.h>
+#include <nerf_pose_refiner/RefinementStatus.h>
+#include <sensor_msgs/CameraInfo.h>
+#include <sensor_msgs/Image.h>
+
+#include <deque>
+#include <functional>
+#include <future>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+
+#include "nerf_pose_refiner/ros/camera_input.h"
+#include "nerf_pose_refiner/ros/object_search.h"
+#include "nerf_pose_refiner/ros/parameters.h"
+#include "nerf_pose_refiner/ros/tf_bridge.h"
+#include "nerf_pose_refiner/ros/tracker_state.h"
+
+namespace nerf_pose_refiner {
+
+/// An image as it came.
+struct CameraFrame {
+  sensor_msgs::ImageConstPtr image;
+  sensor_msgs::CameraInfoConstPtr info;
+  ros::WallTime arrival;
+};
+
+/// What came of one refined image.
+struct FrameResult {
+  RefinementStatus status;
+  std::optional<geometry_msgs::PoseStamped> pose;  ///< in ~output_frame, if it is trusted
+  PoseHypothesisArray hypotheses;  ///< in ~output_frame; empty if that could not be reached
+  std::string no_transform;        ///< why not
+  std::shared_ptr<const Observation> observation;  ///< what was looked at; null: nothing
+  std::shared_ptr<const Field> field;              ///< what was looked for
+  Refinement refinement;
+};
+
+/// Follows one object from image to image. One thread, the worker, calls `process` and
+/// `applyModels`; all other methods may be called from any thread and return at once.
+class ObjectTracker {
+ public:
+  /// Called by the worker with each change of the state that does not end a refinement.
+  using Report = std::function<void(const RefinementStatus&)>;
+
+  /// @param transforms filled by another thread; outlives this object.
+  ObjectTracker(const PoseRefinerParameters& parameters, std::unique_ptr<ObjectSearch> search,
+                tf2::BufferCore* transforms, Report report);
+
+  /// Tells the time of the ROS clock, with each message and now and then.
+  /// @return true if it jumped back: images that were not yet processed are worthless.
+  bool clockIs(const ros::Time& now);
+
+  /// Whether an image may be processed; if not, ~status will say why.
+  /// @return nothing if it may, else the reason in words.
+  std::optional<std::string> refusal(const sensor_msgs::Image& image,
+                                     const sensor_msgs::CameraInfo& info);
+
+  void offer(const StartPose& initial_pose);
+  void refuseInitialPose(std::uint8_t reason, const std::string& message);
+
+  void modelIsLoading();
+  void modelFailed(std::uint8_t reason, const std::string& message);
+  /// Hands over a model with metric scale. The future is ready when it is in use.
+  std::future<void> offerModel(std::shared_ptr<const Field> field);
+
+  void reset();
+  void setEnabled(bool enabled);
+  /// Interrupts a refinement under way, for good: before the worker is joined.
+  void stop();
+
+  std::string objectName() const;  ///< empty: none
+
+  /// @name By the worker.
+  /// @{
+  void applyModels();
+  /// Refines an image if there is a pose to start from. The caller publishes what came of it.
+  std::optional<FrameResult> process(const CameraFrame& frame);
+  /// Reports the state if it changed since the last report.
+  void reportChange(const std_msgs::Header& header);
+  /// @}
+
+ private:
+  struct PendingModel {
+    std::shared_ptr<const Field> field;
+    std::promise<void> done;
+  };
+
+  Prior priorFrom(const StartPose& start, const Pose& T_C_O) const;
+  void refine(const CameraFrame& frame, const FrameDecision& decision, const StopToken& stop,
+              FrameResult* result);
+  bool conclude(const std_msgs::Header& header, std::uint64_t ticket, const Refinement& refinement);
+  void place(const std_msgs::Header& header, const Pose& T_W_C, bool trusted,
+             FrameResult* result) const;
+  RefinementStatus statusNow(const std_msgs::Header& header) const;
+
+  const PoseRefinerParameters parameters_;
+  tf2::BufferCore* transforms_;
+  Report report_;
+
+  // The worker's own.
+  std::unique_ptr<ObjectSearch> search_;
+  CameraInput input_;
+  TfBridge tf_;
+  std::optional<Condition> reported_;
+  std::uint32_t processed_ = 0;
+
+  mutable std::mutex mutex_;  ///< guards all below; field_ is written by the worker alone
+  TrackerState state_;
+  StopToken running_;  ///< of the refinement under way
+  bool stopping_ = false;
+  std::shared_ptr<const Field> field_;  ///< in use
+  std::deque<PendingModel> pending_models_;
+};
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,52 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <image_transport/image_transport.h>
+#include <std_msgs/Header.h>
+
+#include <memory>
+#include <thread>
+
+#include "nerf_pose_refiner/engine/engine.h"
+#include "nerf_pose_refiner/ros/engine_factory.h"
+#include "nerf_pose_refiner/ros/frame_mailbox.h"
+
+namespace nerf_pose_refiner {
+
+/// Draws pictures of what was found on a thread and an engine of its own, so that poses never wait
+/// for them: a picture that comes while another is drawn replaces the one that waits.
+class OverlayPublisher {
+ public:
+  struct Job {
+    std_msgs::Header header;  ///< of the image
+    std::shared_ptr<const Observation> observation;
+    std::shared_ptr<const Field> field;
+    Pose T_O_C;  ///< [model units]
+  };
+
+  /// @param make_engine called by the drawing thread, when there is something to draw.
+  OverlayPublisher(const image_transport::CameraPublisher& publisher, EngineFactory make_engine);
+  ~OverlayPublisher();
+
+  /// Whether anybody looks.
+  bool wanted() const { return publisher_.getNumSubscribers() > 0; }
+
+  /// Draws nothing while nobody listens. Any thread.
+  void draw(Job job);
+
+ private:
+  void run();
+  void drawNow(const Job& job);
+
+  image_transport::CameraPublisher publisher_;
+  EngineFactory make_engine_;
+  FrameMailbox<Job> jobs_;
+  StopToken stop_;
+  // The drawing thread's own.
+  std::shared_ptr<Engine> engine_;
+  std::shared_ptr<const Field> field_;
+  std::shared_ptr<const LoadedField> loaded_;
+  std::thread thread_;  ///< last: it uses all above
+};
+
+}  // namespace nerf_pose_refiner

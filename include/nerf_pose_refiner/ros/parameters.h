@@ -1,0 +1,75 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <string>
+
+#include "nerf_pose_refiner/refine/settings.h"
+#include "nerf_pose_refiner/register/registrar.h"
+#include "nerf_pose_refiner/ros/param_reader.h"
+
+namespace nerf_pose_refiner {
+
+/// When an initial pose is taken.
+enum class InitialPosePolicy {
+  kWhenNotTracking,  ///< ignored while the object is tracked
+  kAlways,
+};
+
+/// How a refinement searches, and how far around its start.
+struct SearchSettings {
+  std::string preset;       ///< that `refiner` began with, see RefinerSettings::named
+  double rotation_deg = 0;  ///< half width of the search per axis, about the object's centre, > 0
+  double translation = 0;   ///< half width of the search per axis [object diameters], > 0
+  RefinerSettings refiner;
+};
+
+/// What keeps a track, and what ends it.
+struct TrackingRules {
+  double min_score = 0.5;  ///< 0..1: a pose that explains the image worse is not trusted
+  int max_failures = 5;    ///< so many untrusted images in a row are bridged, >= 0
+  bool once = false;       ///< back to waiting after one trusted pose
+  InitialPosePolicy initial_pose_policy = InitialPosePolicy::kWhenNotTracking;
+  double initial_pose_max_age_s = 10;  ///< of an initial pose when it is used [s], > 0
+  double image_timeout_s = 2;          ///< without an image for so long: lost [s]; 0: never
+};
+
+/// Frames, and how long to wait for transforms.
+struct FrameSettings {
+  std::string object_frame;  ///< the object's TF frame; empty: the object's name
+  std::string output_frame;  ///< in which poses are published; empty: the camera's optical frame
+  std::string fixed_frame;   ///< in which the object stands still; empty: none is known
+  bool publish_tf = true;
+  double tf_timeout_s = 0.1;  ///< wall time to wait for a transform [s], >= 0
+  double tf_cache_s = 60;     ///< history of transforms [s], > 0
+};
+
+/// All parameters of the nodelet. Meanings, ranges and advice: config/pose_refiner.yaml.
+struct PoseRefinerParameters {
+  std::string object;        ///< loaded at the start; empty: none
+  std::string model_root;    ///< models are read and written below this folder
+  std::string dataset_root;  ///< photos to learn from are read below this folder
+  std::string image_transport = "raw";
+  bool image_is_rectified = false;
+  int threads = 0;                       ///< of the CPU engine; 0: all cores
+  std::string instruction_set = "auto";  ///< of the CPU engine
+  FrameSettings frames;
+  TrackingRules rules;
+  SearchSettings initial;   ///< group ~refiner: from an initial pose
+  SearchSettings tracking;  ///< group ~tracker: from the last pose
+  RegistrationSettings registration;
+
+  PoseRefinerParameters();
+
+  /// @throws std::invalid_argument naming the parameter and the value that is out of range.
+  void validate() const;
+};
+
+/// Reads and checks all parameters. Unknown keys at the top level are left to the caller
+/// (`reader.unknown()`), for other libraries keep keys of their own there; in the groups they are
+/// errors.
+/// @param defaults of what is absent.
+/// @throws std::invalid_argument naming the parameter.
+PoseRefinerParameters readParameters(ParamReader& reader,
+                                     const PoseRefinerParameters& defaults = {});
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,47 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <geometry_msgs/PoseArray.h>
+#include <geometry_msgs/PoseStamped.h>
+#include <geometry_msgs/PoseWithCovarianceStamped.h>
+#include <geometry_msgs/TransformStamped.h>
+#include <nerf_pose_refiner/PoseHypothesisArray.h>
+
+#include "nerf_pose_refiner/engine/hypotheses.h"
+#include "nerf_pose_refiner/geometry/pose.h"
+#include "nerf_pose_refiner/ros/tracker_state.h"
+
+namespace nerf_pose_refiner {
+
+/// The library's pose as ROS has it: T_C_O in metres, of T_O_C in model units.
+Pose objectInCamera(const Pose& T_O_C, double metres_per_unit);
+
+/// The inverse of objectInCamera: T_O_C in model units, of T_C_O in metres.
+Pose cameraInObject(const Pose& T_C_O, double metres_per_unit);
+
+geometry_msgs::Pose toMessage(const Pose& pose);
+
+/// @throws InputError if a number is not finite or the quaternion is off unit length by over 1 %.
+Pose fromMessage(const geometry_msgs::Pose& message);
+
+Pose fromMessage(const geometry_msgs::Transform& message);
+
+geometry_msgs::TransformStamped toTransform(const geometry_msgs::PoseStamped& pose,
+                                            const std::string& child_frame);
+
+/// An initial pose. @throws InputError if it makes no sense or names no frame.
+StartPose startFromMessage(const geometry_msgs::PoseStamped& message);
+
+/// The same; two standard deviations of the worst direction give the width of the search. A
+/// covariance of all zeros says nothing, and leaves the width to the parameters.
+/// @throws InputError also for a covariance that is not finite or has a negative variance.
+StartPose startFromMessage(const geometry_msgs::PoseWithCovarianceStamped& message);
+
+/// Live hypotheses of one image as poses in frame W, weighted by exp(1 - loss / least loss).
+/// @param T_W_C the camera in W [m]. Header and object's name are left to the caller.
+PoseHypothesisArray toMessage(const HypothesisTable& hypotheses, const Pose& T_W_C,
+                              double metres_per_unit);
+
+geometry_msgs::PoseArray toPoseArray(const PoseHypothesisArray& message);
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,29 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+namespace nerf_pose_refiner {
+
+/// Every name of the ROS interface, relative (REP-135). "image" and "camera_info" are resolved in
+/// the node's namespace, all others in its private one.
+namespace topics {
+
+// subscribed
+constexpr char kImage[] = "image";  ///< with its sibling "camera_info"
+constexpr char kInitialPose[] = "initial_pose";
+constexpr char kInitialPoseWithCovariance[] = "initial_pose_with_covariance";
+
+// published
+constexpr char kPose[] = "pose";
+constexpr char kStatus[] = "status";
+constexpr char kHypotheses[] = "hypotheses";
+constexpr char kHypothesisPoses[] = "hypotheses/poses";
+constexpr char kOverlay[] = "overlay/image_raw";  ///< with its sibling "overlay/camera_info"
+
+// services
+constexpr char kRegisterObject[] = "register_object";
+constexpr char kLoadObject[] = "load_object";
+constexpr char kReset[] = "reset";
+constexpr char kEnable[] = "enable";
+
+}  // namespace topics
+}  // namespace nerf_pose_refiner

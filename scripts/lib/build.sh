@@ -1,0 +1,28 @@
+# Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+# shellcheck shell=bash
+# Builds the package into BUILD_DIR, outside of the source tree. Needs common.sh.
+
+# What the demo needs of it: no tests, no tools.
+# shellcheck disable=SC2034 # used by the script
+DEMO_TARGETS=(nerf_pose_refiner_nodelets nerf_pose_refiner_decode_images_node
+  nerf_pose_refiner_pose_refiner_node nerf_pose_refiner_generate_messages_py)
+
+# build_package TARGET...
+build_package() {
+  say "building in $BUILD_DIR"
+  mkdir -p "$BUILD_DIR"
+  cmake -S "$TOP" -B "$BUILD_DIR" -DCMAKE_BUILD_TYPE=Release >"$BUILD_DIR/configure.log" 2>&1 || {
+    tail -n 30 "$BUILD_DIR/configure.log" >&2
+    die "configuring failed; all of it: $BUILD_DIR/configure.log"
+  }
+  cmake --build "$BUILD_DIR" -j "$(nproc)" --target "$@"
+}
+
+# Makes this build's package known to roslaunch, rosrun and rosbag.
+use_build() {
+  [ -f "$BUILD_DIR/devel/setup.bash" ] || die "no catkin was found: see $BUILD_DIR/configure.log"
+  set +u # its scripts use variables that are not set
+  # shellcheck disable=SC1091
+  . "$BUILD_DIR/devel/setup.bash"
+  set -u
+}

@@ -1,0 +1,188 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include <cmath>
+#include <filesystem>
+#include <memory>
+#include <mutex>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "nerf_pose_refiner/dataset/dataset.h"
+#include "nerf_pose_refiner/image/io.h"
+#include "nerf_pose_refiner/image/undistort.h"
+#include "transforms_json.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string sizeText(double width, double height) {
+  return std::to_string(std::lround(width)) + " x " + std::to_string(std::lround(height));
+}
+
+/// The JSON file that a user means by a path.
+fs::path jsonPath(const fs::path& path) {
+  if (!fs::is_directory(path)) return path;
+  for (const char* name : {"transforms.json", "transforms_train.json"}) {
+    if (fs::exists(path / name)) return path / name;
+  }
+  throw std::runtime_error("'" + path.string() +
+                           "' holds neither transforms.json nor transforms_train.json");
+}
+
+/// NeRF Synthetic leaves the ending away.
+std::string imagePath(const fs::path& folder, const TransformsFrame& frame) {
+  const std::string path = (folder / frame.file_path).lexically_normal().string();
+  for (const char* ending : {"", ".png", ".jpg", ".jpeg", ".PNG", ".JPG", ".JPEG"}) {
+    if (fs::is_regular_file(path + ending)) return path + ending;
+  }
+  throw std::runtime_error("there is no file '" + path + "', with or without .png, .jpg or .jpeg");
+}
+
+/// Camera of a frame, pixel centres integers.
+Camera cameraOf(const TransformsFrame& frame, int width, int height) {
+  const bool in_pixels = frame.fl_x || frame.fl_y || frame.cx || frame.cy;
+  const double stated_width = frame.width.value_or(width);
+  const double stated_height = frame.height.value_or(height);
+  if (in_pixels && (stated_width != width || stated_height != height)) {
+    throw std::runtime_error("w x h is " + sizeText(stated_width, stated_height) +
+                             ", the picture has " + sizeText(width, height));
+  }
+  const auto focal = [](double size, double angle) { return 0.5 * size / std::tan(0.5 * angle); };
+  Camera camera;
+  camera.width = width;
+  camera.height = height;
+  camera.fx = frame.fl_x ? *frame.fl_x : focal(width, *frame.camera_angle_x);
+  camera.fy = frame.fl_y             ? *frame.fl_y
+              : frame.camera_angle_y ? focal(height, *frame.camera_angle_y)
+                                     : camera.fx;
+  camera.cx = frame.cx.value_or(0.5 * width) - 0.5;
+  camera.cy = frame.cy.value_or(0.5 * height) - 0.5;
+  return camera;
+}
+
+Image8 withAlpha(const Image8& image) {
+  if (image.channels == 4) return image;
+  Image8 rgba(image.width, image.height, 4, 255);
+  for (std::size_t i = 0; i < image.pixels(); ++i) {
+    for (int c = 0; c < 3; ++c) rgba.values[4 * i + c] = image.values[3 * i + c];
+  }
+  return rgba;
+}
+
+/// Multiplies the alpha of a picture by a mask.
+void applyMask(const std::string& mask_path, Image8* rgba) {
+  const Image8 mask = readMask(mask_path);
+  if (mask.width != rgba->width || mask.height != rgba->height) {
+    throw std::runtime_error("the mask '" + mask_path + "' has " +
+                             sizeText(mask.width, mask.height) + " pixels, the picture " +
+                             sizeText(rgba->width, rgba->height));
+  }
+  for (std::size_t i = 0; i < mask.pixels(); ++i) {
+    std::uint8_t& alpha = rgba->values[4 * i + 3];
+    alpha = static_cast<std::uint8_t>((alpha * mask.values[i] + 127) / 255);
+  }
+}
+
+/// Keeps the last undistorter, for most datasets come from one camera; more would be a large
+/// memory where each frame has intrinsics of its own.
+class UndistorterCache {
+ public:
+  std::shared_ptr<const Undistorter> get(const Camera& c, const Distortion& distortion) {
+    std::vector<double> key = distortion.coefficients;
+    key.insert(key.end(), {double(c.width), double(c.height), c.fx, c.fy, c.cx, c.cy});
+    const std::lock_guard<std::mutex> lock(mutex_);
+    if (!last_ || key != last_key_) {
+      last_ = std::make_shared<const Undistorter>(c, distortion);
+      last_key_ = key;
+    }
+    return last_;
+  }
+
+ private:
+  std::mutex mutex_;  // guards what follows
+  std::vector<double> last_key_;
+  std::shared_ptr<const Undistorter> last_;
+};
+
+struct LoadedView {
+  PosedView view;
+  bool has_alpha_channel = false;  // in the picture or beside it
+  bool has_transparency = false;   // somewhere
+};
+
+LoadedView loadView(const fs::path& folder, const TransformsFrame& frame,
+                    UndistorterCache* undistorters) {
+  LoadedView loaded;
+  PosedView& view = loaded.view;
+  view.name = imagePath(folder, frame);
+  view.T_O_C = frame.T_O_C;
+  const Image8 image = readImage(view.name);
+  view.camera = cameraOf(frame, image.width, image.height);
+  loaded.has_alpha_channel = image.channels == 4 || !frame.mask_path.empty();
+  Image8 rgba = withAlpha(image);
+  if (!frame.mask_path.empty()) {
+    applyMask((folder / frame.mask_path).lexically_normal().string(), &rgba);
+  }
+  if (!frame.distortion.isZero()) {
+    const auto undistorter = undistorters->get(view.camera, frame.distortion);
+    rgba = undistorter->undistort(rgba);
+    view.camera = undistorter->camera();
+  }
+  for (std::size_t i = 3; i < rgba.values.size(); i += 4) {
+    loaded.has_transparency = loaded.has_transparency || rgba.values[i] < 255;
+  }
+  view.rgba = std::make_shared<const Image8>(std::move(rgba));
+  return loaded;
+}
+
+/// All views, in parallel. The first frame that fails is the one that is reported.
+std::vector<LoadedView> loadViews(const fs::path& folder,
+                                  const std::vector<TransformsFrame>& frames) {
+  const int n = static_cast<int>(frames.size());
+  std::vector<LoadedView> views(n);
+  std::vector<std::string> errors(n);  // exceptions must not leave the parallel region
+  UndistorterCache undistorters;
+#pragma omp parallel for schedule(dynamic)
+  for (int i = 0; i < n; ++i) {
+    try {
+      views[i] = loadView(folder, frames[i], &undistorters);
+    } catch (const std::exception& error) {
+      errors[i] = frames[i].where + ": " + error.what();
+    }
+  }
+  for (const std::string& error : errors) {
+    if (!error.empty()) throw std::runtime_error(error);
+  }
+  return views;
+}
+
+}  // namespace
+
+Dataset loadTransforms(const std::string& path) {
+  const fs::path json_path = jsonPath(path);
+  const TransformsFile file = readTransformsJson(json_path.string());
+  const std::vector<LoadedView> views = loadViews(json_path.parent_path(), file.frames);
+
+  Dataset dataset;
+  dataset.folder = json_path.parent_path().string();
+  dataset.has_box = file.has_box;
+  dataset.box_min = file.box_min;
+  dataset.box_max = file.box_max;
+  dataset.metres_per_unit = file.metres_per_unit;
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    // Without its mask the background would be learned as part of the object.
+    if (views[i].has_alpha_channel != views[0].has_alpha_channel) {
+      const std::size_t without = views[i].has_alpha_channel ? 0 : i;
+      throw std::runtime_error(file.frames[without].where +
+                               ": neither alpha channel nor mask, while other frames have one");
+    }
+    dataset.has_alpha = dataset.has_alpha || views[i].has_transparency;
+    dataset.views.push_back(views[i].view);
+  }
+  return dataset;
+}
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,33 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <array>
+#include <vector>
+
+namespace nerf_pose_refiner {
+
+/// A density of colours in the unit RGB cube: counts in bins, smoothed, interpolated.
+class ColourHistogram {
+ public:
+  static constexpr int kBins = 16;  ///< along each axis
+
+  ColourHistogram() : values_(kBins * kBins * kBins, 0.0f) {}
+
+  void add(const float rgb[3], float weight);
+
+  /// Smooths with a Gaussian and makes it a density with integral 1, of which `uniform_share` is
+  /// spread evenly: no colour is impossible. Nothing added yet: the uniform density.
+  void finish(double sigma, float uniform_share);
+
+  /// Density at a colour, 1 if all colours were equally likely.
+  float density(const float rgb[3]) const;
+
+ private:
+  void smoothAxis(const std::vector<float>& kernel, int stride);
+  float* bin(int r, int g, int b) { return &values_[(r * kBins + g) * kBins + b]; }
+  float valueAt(int r, int g, int b) const { return values_[(r * kBins + g) * kBins + b]; }
+
+  std::vector<float> values_;
+};
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,334 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "cpu_trainer.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include "nerf_pose_refiner/field/matter.h"
+#include "nerf_pose_refiner/maths/half.h"
+#include "nerf_pose_refiner/maths/random.h"
+#include "parallel.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+constexpr int kSlots = 32;
+constexpr int kRaysPerGroup = 64;
+constexpr int kMaxRaysPerStep = 1 << 17;
+constexpr int kOccupancyInterval = 16;  // steps between updates
+constexpr int kOccupancyStart = 64;     // steps until the densities are worth looking at
+constexpr float kMinTransmittance = 1e-3f;
+constexpr float kHuberDelta = 0.1f;
+constexpr float kBeta1 = 0.9f, kBeta2 = 0.99f, kEpsilon = 1e-15f;
+constexpr int kWarmUpSteps = 32;        // of the learning rate
+constexpr double kConstantShare = 0.4;  // of the training before the learning rate starts to fall
+
+// Space that the occupancy grid hides from the rays would keep whatever density it has. A few
+// random points there are pushed down each step until a ray through all of it stays clear.
+constexpr int kEmptyPoints = 32;          // by slot and step
+constexpr float kClearThickness = 1e-6f;  // of a step's interval
+constexpr float kEmptyPush = 1e-3f;       // gradient of the density's logit, over all points
+
+// Streams of the random numbers of a step.
+enum Stream : std::uint64_t { kStreamRay = 1, kStreamEmpty = 2, kStreamGrid = 3, kStreamLayer = 4 };
+
+/// At least so many rays, in equal parts for the slots.
+int dealt(double rays) { return kSlots * std::max(1, static_cast<int>(std::ceil(rays / kSlots))); }
+
+/// Views that do not see the box at all teach nothing.
+std::vector<TrainingView> viewsOf(std::vector<TrainingView> views, const Box& box) {
+  views.erase(std::remove_if(views.begin(), views.end(),
+                             [&](const TrainingView& view) {
+                               return windowOf(view.camera, view.T_O_C, box).empty();
+                             }),
+              views.end());
+  if (views.empty()) throw std::invalid_argument("training: no view shows the object's box");
+  return views;
+}
+
+}  // namespace
+
+CpuTrainer::Slot::Slot(const CpuNetworks& networks) {
+  for (const auto* network : {&networks.density, &networks.colour}) {
+    for (const CpuLayer& layer : *network) weight_gradients.emplace_back(layer.weights.size());
+  }
+}
+
+CpuTrainer::CpuTrainer(const FieldConfig& config, const Box& box, std::vector<TrainingView> views,
+                       const TrainingPlan& plan, const CpuKernels& kernels, int threads)
+    : config_((config.validate(), config)),
+      box_(box),
+      cube_(box),
+      views_(viewsOf(std::move(views), box)),
+      plan_(plan),
+      kernels_(&kernels),
+      threads_(threads),
+      networks_(config),
+      grid_(static_cast<std::size_t>(networks_.levels.back().offset +
+                                     networks_.levels.back().entries) *
+            config.features),
+      half_grid_(grid_.values.size()),
+      occupancy_(config, plan.region, cube_.box_min, cube_.box_max, plan.seed),
+      batches_([this] { return std::make_unique<RayBatch>(networks_, config_.sh_degree); }),
+      rays_per_step_(dealt(plan.samples_per_step / 64.0)) {
+  for (const auto* network : {&networks_.density, &networks_.colour}) {
+    for (const CpuLayer& layer : *network) layers_.emplace_back(layer.weights.size());
+  }
+  for (int s = 0; s < kSlots; ++s) slots_.emplace_back(networks_);
+  for (const TrainingView& view : views_)
+    windows_.push_back(windowOf(view.camera, view.T_O_C, box_));
+  initialiseParameters();
+  view_ = {kernels_, &networks_,
+           KernelGrid{networks_.levels.data(), half_grid_.data(),
+                      static_cast<int>(networks_.levels.size()), networks_.features}};
+}
+
+void CpuTrainer::initialiseParameters() {
+  for (std::size_t i = 0; i < grid_.values.size(); ++i) {
+    grid_.values[i] = 1e-4f * (2 * randomUniform(plan_.seed, kStreamGrid, i) - 1);
+    half_grid_[i] = floatToHalf(grid_.values[i]);
+  }
+  // He's initialisation: the ReLU keeps the variance.
+  std::size_t index = 0, counter = 0;
+  for (auto* network : {&networks_.density, &networks_.colour}) {
+    for (CpuLayer& layer : *network) {
+      const float bound = std::sqrt(6.0f / static_cast<float>(layer.true_inputs));
+      for (int o = 0; o < layer.true_outputs; ++o) {
+        for (int i = 0; i < layer.true_inputs; ++i) {
+          const float u = randomUniform(plan_.seed, kStreamLayer, counter++);
+          layers_[index].values[static_cast<std::size_t>(o) * layer.inputs + i] =
+              bound * (2 * u - 1);
+        }
+      }
+      layer.setWeights(layers_[index++].values);
+    }
+  }
+}
+
+float CpuTrainer::learningRate(double progress) const {
+  const double warm_up = std::min(1.0, (steps_ + 1.0) / kWarmUpSteps);
+  const double falling =
+      std::max(0.0, std::min(1.0, (progress - kConstantShare) / (1 - kConstantShare)));
+  return static_cast<float>(plan_.learning_rate * warm_up *
+                            std::pow(plan_.final_learning_rate_factor, falling));
+}
+
+CpuTrainer::TrainingRay CpuTrainer::drawRay(std::uint64_t index) const {
+  const std::uint64_t seed = stepSeed();
+  const auto draw = [&](std::uint64_t k, std::uint32_t n) {
+    return static_cast<int>(randomIndex(seed, kStreamRay, index * 8 + k, n));
+  };
+  const int v = draw(0, static_cast<std::uint32_t>(views_.size()));
+  const TrainingView& view = views_[v];
+  const PixelWindow& window = windows_[v];
+  const int x = window.x + draw(1, static_cast<std::uint32_t>(window.width));
+  const int y = window.y + draw(2, static_cast<std::uint32_t>(window.height));
+  const Eigen::Vector3d direction = (view.T_O_C.R * view.camera.direction(x, y)).normalized();
+  const std::uint8_t* pixel = view.rgba->pixel(x, y);
+  TrainingRay ray;
+  ray.alpha = static_cast<float>(pixel[3]) / 255.0f;
+  const Eigen::Vector3f origin_O = view.T_O_C.t.cast<float>();
+  cube_.toCube(origin_O.data(), ray.origin);
+  for (int a = 0; a < 3; ++a) {
+    ray.direction[a] = static_cast<float>(direction[a]);
+    ray.background[a] =
+        plan_.random_background
+            ? randomUniform(seed, kStreamRay, index * 8 + 3 + static_cast<std::uint64_t>(a))
+            : 0.0f;
+    ray.target[a] =
+        ray.alpha * static_cast<float>(pixel[a]) / 255.0f + (1 - ray.alpha) * ray.background[a];
+  }
+  return ray;
+}
+
+bool CpuTrainer::trainGroup(RayBatch* batch, Slot* slot, std::uint64_t first_ray, int rays) {
+  TrainingRay ray[kRaysPerGroup];
+  RayBatch::Sums sums[kRaysPerGroup];
+  RayLossGradient gradients[kRaysPerGroup];
+  batch->rays().resize(rays);
+  for (int r = 0; r < rays; ++r) {
+    const std::uint64_t index = first_ray + static_cast<std::uint64_t>(r);
+    ray[r] = drawRay(index);
+    for (int a = 0; a < 3; ++a) {
+      batch->rays().origin[a][r] = ray[r].origin[a];
+      batch->rays().direction[a][r] = ray[r].direction[a];
+    }
+    batch->rays().jitter[r] = randomUniform(stepSeed(), kStreamRay, index * 8 + 6);
+  }
+  batch->begin(view_, cube_.space(config_.step, config_.cone_angle, &occupancy_.mask()), rays);
+  if (!batch->forward(view_, kMinTransmittance, sums)) return false;
+
+  const float scale = 1.0f / (3.0f * static_cast<float>(rays_per_step_));
+  for (int r = 0; r < rays; ++r) {
+    gradients[r].alpha = 0;
+    for (int c = 0; c < 3; ++c) {
+      const float seen = sums[r].rgb[c] + (1 - sums[r].alpha) * ray[r].background[c];
+      const float error = seen - ray[r].target[c];
+      const float size = std::fabs(error);
+      slot->loss += scale * (size < kHuberDelta ? 0.5f * error * error / kHuberDelta
+                                                : size - 0.5f * kHuberDelta);
+      gradients[r].rgb[c] = scale * std::max(-1.0f, std::min(1.0f, error / kHuberDelta));
+      gradients[r].alpha -= gradients[r].rgb[c] * ray[r].background[c];
+    }
+  }
+  batch->backward(view_, gradients, &slot->weight_gradients);
+  slot->samples += batch->densityEvaluations();
+  keepEncodingGradient(&batch->pool(), static_cast<int>(batch->columns().size()), slot);
+  return true;
+}
+
+void CpuTrainer::keepEncodingGradient(SamplePool* pool, int columns, Slot* slot) {
+  const int rows = 3 + networks_.encoding_rows;
+  const float* const position[3] = {pool->x(), pool->y(), pool->z()};
+  forEachTile(0, columns, [&](int first, int count) {
+    if (slot->used_blocks == slot->blocks.size()) slot->blocks.emplace_back();
+    Block& block = slot->blocks[slot->used_blocks++];
+    block.columns = count;
+    block.rows.resize(static_cast<std::size_t>(rows) * count);
+    const float* gradient = pool->encodingGradient().at(first);
+    for (int r = 0; r < rows; ++r) {
+      const float* from = r < 3 ? position[r] + first : gradient + (r - 3) * TiledRows::kTileStride;
+      std::copy(from, from + count, block.rows.data() + static_cast<std::size_t>(r) * count);
+    }
+  });
+}
+
+void CpuTrainer::pushEmptySpaceDown(SamplePool* pool, Slot* slot, int slot_index) {
+  const std::uint64_t stream = kStreamEmpty + 16 * static_cast<std::uint64_t>(steps_ + 1);
+  const float no_harmonics[kMaxHarmonics] = {};
+  for (int s = 0; s < kEmptyPoints; ++s) {
+    float p[3];
+    for (int a = 0; a < 3; ++a) {
+      const std::uint64_t counter =
+          (static_cast<std::uint64_t>(slot_index) * kEmptyPoints + static_cast<std::uint64_t>(s)) *
+              3 +
+          static_cast<std::uint64_t>(a);
+      p[a] = cube_.box_min[a] +
+             (cube_.box_max[a] - cube_.box_min[a]) * randomUniform(plan_.seed, stream, counter);
+    }
+    pool->x()[s] = p[0];
+    pool->y()[s] = p[1];
+    pool->z()[s] = p[2];
+  }
+  pool->evaluateDensity(view_, 0, kEmptyPoints);
+  for (int s = 0; s < kEmptyPoints; ++s) {
+    const float p[3] = {pool->x()[s], pool->y()[s], pool->z()[s]};
+    const float density = pool->density()[s];
+    const bool push = density * config_.step > kClearThickness && !occupancy_.occupied(p);
+    // The pool multiplies by the density, as the exponential's derivative.
+    pool->densityGradient()[s] = push ? kEmptyPush / (kEmptyPoints * kSlots * density) : 0.0f;
+    for (int c = 0; c < 3; ++c) pool->rgbGradient(c)[s] = 0;
+    pool->setColourInput(s, no_harmonics, s);
+  }
+  pool->evaluateColour(view_, kEmptyPoints);
+  pool->backward(view_, kEmptyPoints, &slot->weight_gradients);
+  keepEncodingGradient(pool, kEmptyPoints, slot);
+}
+
+void CpuTrainer::runSlot(int index, int first_ray, int rays) {
+  Slot& slot = slots_[index];
+  Workspaces<RayBatch>::Lease batch = batches_.borrow();
+  slot.used_blocks = 0;
+  slot.loss = 0;
+  slot.samples = 0;
+  for (std::vector<float>& gradient : slot.weight_gradients) {
+    std::fill(gradient.begin(), gradient.end(), 0.0f);
+  }
+  int done = 0, group = kRaysPerGroup;
+  while (done < rays) {
+    const int size = std::min(group, rays - done);
+    if (trainGroup(batch.get(), &slot, static_cast<std::uint64_t>(first_ray + done), size)) {
+      done += size;
+      group = kRaysPerGroup;
+    } else {
+      group = size / 2;  // too many samples to keep: again with fewer rays
+    }
+  }
+  if (steps_ >= kOccupancyStart || plan_.region.resolution != 0)
+    pushEmptySpaceDown(&batch.get()->pool(), &slot, index);
+}
+
+void CpuTrainer::updateGridLevel(int level, float learning_rate) {
+  const KernelGridLevel& l = networks_.levels[level];
+  const std::size_t first = static_cast<std::size_t>(l.offset) * config_.features;
+  for (const Slot& slot : slots_) {
+    for (std::size_t b = 0; b < slot.used_blocks; ++b) {
+      const Block& block = slot.blocks[b];
+      const float* rows = block.rows.data();
+      const std::size_t n = static_cast<std::size_t>(block.columns);
+      kernels_->encodeGridGradient(
+          view_.grid, level, rows, rows + n, rows + 2 * n, block.columns,
+          rows + (3 + static_cast<std::size_t>(level) * config_.features) * n, block.columns,
+          grid_.gradient.data() + first);
+    }
+  }
+  kernels_->adam(grid_.values.data() + first, grid_.first_moment.data() + first,
+                 grid_.second_moment.data() + first, grid_.gradient.data() + first,
+                 half_grid_.data() + first, static_cast<std::int64_t>(l.entries) * config_.features,
+                 learning_rate, kBeta1, kBeta2, kEpsilon);
+}
+
+void CpuTrainer::updateNetworks(float learning_rate) {
+  std::size_t index = 0;
+  for (auto* network : {&networks_.density, &networks_.colour}) {
+    for (CpuLayer& layer : *network) {
+      Parameters& parameters = layers_[index];
+      for (const Slot& slot : slots_) {
+        const std::vector<float>& gradient = slot.weight_gradients[index];
+        for (std::size_t i = 0; i < gradient.size(); ++i) parameters.gradient[i] += gradient[i];
+      }
+      kernels_->adam(parameters.values.data(), parameters.first_moment.data(),
+                     parameters.second_moment.data(), parameters.gradient.data(), nullptr,
+                     static_cast<std::int64_t>(parameters.values.size()), learning_rate, kBeta1,
+                     kBeta2, kEpsilon);
+      layer.setWeights(parameters.values);
+      ++index;
+    }
+  }
+}
+
+double CpuTrainer::step(double progress) {
+  if (steps_ >= kOccupancyStart && steps_ % kOccupancyInterval == 0) {
+    occupancy_.update(view_, networks_, steps_, threads_);
+  }
+  const int rays_per_slot = rays_per_step_ / kSlots;
+  parallelFor(threads_, kSlots, [&](int s) { runSlot(s, s * rays_per_slot, rays_per_slot); });
+  const float learning_rate = learningRate(progress);
+  parallelFor(threads_, static_cast<int>(networks_.levels.size()),
+              [&](int level) { updateGridLevel(level, learning_rate); });
+  updateNetworks(learning_rate);
+  double loss = 0;
+  std::uint64_t samples = 0;
+  for (const Slot& slot : slots_) {
+    loss += slot.loss;
+    samples += slot.samples;
+  }
+  ++steps_;
+  const double samples_per_ray = std::max(0.5, static_cast<double>(samples) / rays_per_step_);
+  const double wanted = plan_.samples_per_step / samples_per_ray;
+  rays_per_step_ =
+      dealt(std::max(256.0, std::min<double>(kMaxRaysPerStep, 0.5 * (rays_per_step_ + wanted))));
+  return loss;
+}
+
+Field CpuTrainer::snapshot(const StopToken& stop) {
+  Field field;
+  field.config = config_;
+  field.box = box_;
+  field.grid = half_grid_;
+  field.density_weights.resize(densityWeightCount(config_));
+  field.colour_weights.resize(colourWeightCount(config_));
+  gatherWeights(networks_.density, field.density_weights.data());
+  gatherWeights(networks_.colour, field.colour_weights.data());
+  std::vector<float> cell_opacity;
+  field.occupancy = occupancy_.dense(view_, networks_, threads_, stop, &cell_opacity);
+  const MatterExtent extent = measureMatter(field, cell_opacity);
+  field.metadata.centre = extent.centre;
+  field.metadata.diameter = extent.diameter;
+  field.metadata.seed = plan_.seed;
+  field.metadata.training_steps = static_cast<std::uint64_t>(steps_);
+  return field;
+}
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,92 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "cpu_field.h"
+#include "cpu_kernels.h"
+#include "cpu_networks.h"
+#include "nerf_pose_refiner/engine/training.h"
+#include "pixel_window.h"
+#include "ray_batch.h"
+#include "training_occupancy.h"
+#include "workspaces.h"
+
+namespace nerf_pose_refiner {
+
+/// Trains a field on the CPU. Every sum has a fixed order, whatever the number of threads: rays are
+/// dealt to a fixed number of slots with gradients of their own, which are added in order; grid
+/// entries are owned by their level.
+class CpuTrainer : public FieldTrainer {
+ public:
+  CpuTrainer(const FieldConfig& config, const Box& box, std::vector<TrainingView> views,
+             const TrainingPlan& plan, const CpuKernels& kernels, int threads);
+
+  double step(double progress) override;
+  int stepsDone() const override { return steps_; }
+  Field finish(const StopToken& stop) override { return snapshot(stop); }
+  Field snapshot(const StopToken& stop) override;
+
+ private:
+  /// Numbers and the optimiser's memory of them.
+  struct Parameters {
+    std::vector<float> values, gradient, first_moment, second_moment;
+    explicit Parameters(std::size_t n)
+        : values(n), gradient(n), first_moment(n), second_moment(n) {}
+  };
+  /// Samples whose encodings got a gradient, kept until the grid takes it up.
+  struct Block {
+    int columns;
+    std::vector<float> rows;  ///< x, y, z, then the encoding's rows; [rows][columns]
+  };
+  /// What a fixed share of a step's rays produces.
+  struct Slot {
+    std::vector<std::vector<float>> weight_gradients;  ///< density layers, colour layers
+    std::vector<Block> blocks;
+    std::size_t used_blocks = 0;
+    double loss = 0;
+    std::uint64_t samples = 0;
+    explicit Slot(const CpuNetworks& networks);
+  };
+  struct TrainingRay {
+    float origin[3], direction[3];
+    float target[3], alpha;
+    float background[3];
+  };
+
+  std::uint64_t stepSeed() const {
+    return plan_.seed + static_cast<std::uint64_t>(steps_) * 0x100000001ull;
+  }
+  void initialiseParameters();
+  TrainingRay drawRay(std::uint64_t index) const;
+  void runSlot(int slot, int first_ray, int rays);
+  bool trainGroup(RayBatch* batch, Slot* slot, std::uint64_t first_ray, int rays);
+  void pushEmptySpaceDown(SamplePool* pool, Slot* slot, int slot_index);
+  void keepEncodingGradient(SamplePool* pool, int columns, Slot* slot);
+  void updateGridLevel(int level, float learning_rate);
+  void updateNetworks(float learning_rate);
+  float learningRate(double progress) const;
+
+  FieldConfig config_;
+  Box box_;
+  CubeFrame cube_;
+  std::vector<TrainingView> views_;
+  std::vector<PixelWindow> windows_;  ///< of each view, where the box can be seen
+  TrainingPlan plan_;
+  const CpuKernels* kernels_;
+  int threads_;
+
+  CpuNetworks networks_;
+  Parameters grid_;
+  std::vector<std::uint16_t> half_grid_;
+  std::vector<Parameters> layers_;  ///< density layers, colour layers, padded
+  FieldView view_;
+  TrainingOccupancy occupancy_;
+  Workspaces<RayBatch> batches_;
+  std::vector<Slot> slots_;
+  int steps_ = 0;
+  int rays_per_step_;
+};
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,80 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "local_contrast.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "nerf_pose_refiner/image/filter.h"
+#include "picture.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+constexpr float kContrastUnit = 0.2f;     // puts contrasts on the scale of colours
+constexpr float kLeastDeviation = 0.03f;  // of colours: what is flatter is taken for noise
+
+// Mean and deviation of each colour around each pixel, [h][w][6].
+Image localStatistics(const Image& colours, const std::vector<float>& window) {
+  Image statistics(colours.width, colours.height, 6);
+  for (std::size_t i = 0; i < colours.pixels(); ++i) {
+    for (int c = 0; c < 3; ++c) {
+      const float value = colours.values[3 * i + c];
+      statistics.values[6 * i + c] = value;
+      statistics.values[6 * i + 3 + c] = value * value;
+    }
+  }
+  Image scratch;
+  blur(window, &statistics, &scratch);
+  for (std::size_t i = 0; i < colours.pixels(); ++i) {
+    for (int c = 0; c < 3; ++c) {
+      const float mean = statistics.values[6 * i + c];
+      float& square = statistics.values[6 * i + 3 + c];
+      square = std::sqrt(std::max(0.0f, square - mean * mean) + kLeastDeviation * kLeastDeviation);
+    }
+  }
+  return statistics;
+}
+
+}  // namespace
+
+void takeContrast(const std::vector<float>& window, Image* picture) {
+  Image colours(picture->width, picture->height, 3);
+  for (std::size_t i = 0; i < colours.pixels(); ++i) {
+    for (int c = 0; c < 3; ++c) {
+      colours.values[3 * i + c] = picture->values[kPictureChannels * i + c];
+    }
+  }
+  const Image statistics = localStatistics(colours, window);
+  for (std::size_t i = 0; i < colours.pixels(); ++i) {
+    const float* local = statistics.values.data() + 6 * i;
+    for (int c = 0; c < 3; ++c) {
+      picture->values[kPictureChannels * i + c] =
+          kContrastUnit * (colours.values[3 * i + c] - local[c]) / local[3 + c];
+    }
+  }
+}
+
+void takeContrastBefore(const Image& observed, const GainBias<float>& light,
+                        const std::vector<float>& window, Image* rendered) {
+  Image colours(rendered->width, rendered->height, 3);
+  for (std::size_t i = 0; i < colours.pixels(); ++i) {
+    const float* object = rendered->values.data() + kPictureChannels * i;
+    for (int c = 0; c < 3; ++c) {
+      colours.values[3 * i + c] =
+          light.gain[c] * object[c] + light.bias[c] * object[kOpacity] +
+          (1 - object[kOpacity]) * observed.values[kPictureChannels * i + c];
+    }
+  }
+  const Image statistics = localStatistics(colours, window);
+  for (std::size_t i = 0; i < colours.pixels(); ++i) {
+    float* object = rendered->values.data() + kPictureChannels * i;
+    const float* local = statistics.values.data() + 6 * i;
+    for (int c = 0; c < 3; ++c) {
+      object[c] = kContrastUnit *
+                  (light.gain[c] * object[c] + (light.bias[c] - local[c]) * object[kOpacity]) /
+                  local[3 + c];
+    }
+  }
+}
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,31 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <string>
+
+namespace nerf_pose_refiner {
+
+/// A file that appears whole or not at all: written beside its place, synced, and renamed.
+///
+/// Without a `commit` the destructor removes what was written, and what was there stays.
+class AtomicFile {
+ public:
+  /// @throws std::runtime_error naming the path and the system's reason, as do all methods.
+  explicit AtomicFile(const std::string& path);
+  ~AtomicFile();
+  AtomicFile(const AtomicFile&) = delete;
+  AtomicFile& operator=(const AtomicFile&) = delete;
+
+  void write(const void* data, std::size_t bytes);
+  void commit();
+
+ private:
+  [[noreturn]] void fail() const;
+
+  std::string path_;
+  std::string temporary_path_;
+  int descriptor_ = -1;
+};
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,118 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "description.h"
+
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+#include <type_traits>
+
+namespace nerf_pose_refiner {
+namespace {
+
+using Json = nlohmann::json;
+
+// Each list of names stands once and serves both ways.
+
+template <typename Config, typename Visitor>
+void visitConfig(Config& c, Visitor visit) {
+  visit("profile", c.profile);
+  visit("levels", c.levels);
+  visit("features", c.features);
+  visit("log2_table_size", c.log2_table_size);
+  visit("base_resolution", c.base_resolution);
+  visit("finest_resolution", c.finest_resolution);
+  visit("density_width", c.density_width);
+  visit("density_hidden_layers", c.density_hidden_layers);
+  visit("geometry_features", c.geometry_features);
+  visit("colour_width", c.colour_width);
+  visit("colour_hidden_layers", c.colour_hidden_layers);
+  visit("sh_degree", c.sh_degree);
+  visit("step", c.step);
+  visit("cone_angle", c.cone_angle);
+  visit("occupancy_resolution", c.occupancy_resolution);
+}
+
+template <typename Metadata, typename Visitor>
+void visitMetadata(Metadata& m, Visitor visit) {
+  visit("name", m.name);
+  visit("metres_per_unit", m.metres_per_unit);
+  visit("diameter", m.diameter);
+  visit("centre", m.centre);
+  visit("psnr_db", m.psnr_db);
+  visit("score_views", m.score.views);
+  visit("score_mean_loss", m.score.mean_loss);
+  visit("score_stddev_loss", m.score.stddev_loss);
+  visit("data_hash", m.data_hash);
+  visit("seed", m.seed);
+  visit("training_steps", m.training_steps);
+}
+
+template <typename BoxType, typename Visitor>
+void visitBox(BoxType& box, Visitor visit) {
+  visit("min", box.min);
+  visit("max", box.max);
+}
+
+class Writer {
+ public:
+  explicit Writer(Json* object) : object_(*object) {}
+  template <typename T>
+  void operator()(const char* key, const T& value) const {
+    object_[key] = value;
+  }
+  void operator()(const char* key, const Eigen::Vector3d& v) const {
+    object_[key] = {v.x(), v.y(), v.z()};
+  }
+
+ private:
+  Json& object_;
+};
+
+class Reader {
+ public:
+  explicit Reader(const Json& object) : object_(object) {}
+  template <typename T>
+  void operator()(const char* key, T& value) const {
+    const Json& json = object_.at(key);
+    if (std::is_integral<T>::value && !json.is_number_integer()) {
+      throw std::runtime_error(std::string(key) + " is not a whole number");
+    }
+    value = json.get<T>();
+  }
+  void operator()(const char* key, Eigen::Vector3d& v) const {
+    for (int i = 0; i < 3; ++i) v[i] = object_.at(key).at(i).get<double>();
+  }
+
+ private:
+  const Json& object_;
+};
+
+}  // namespace
+
+std::string describe(const Field& field) {
+  Json json;
+  visitConfig(field.config, Writer(&json["config"]));
+  visitMetadata(field.metadata, Writer(&json["metadata"]));
+  visitBox(field.box, Writer(&json["box"]));
+  json["has_occupancy"] = field.occupancy.resolution > 0;
+  // A name that is no UTF-8 must not keep a model from being saved.
+  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
+Field fieldFromDescription(const std::string& text) {
+  Field field;
+  try {
+    const Json json = Json::parse(text);
+    visitConfig(field.config, Reader(json.at("config")));
+    visitMetadata(field.metadata, Reader(json.at("metadata")));
+    visitBox(field.box, Reader(json.at("box")));
+    field.config.validate();
+    if (json.at("has_occupancy").get<bool>()) {
+      field.occupancy.resolution = field.config.occupancy_resolution;
+    }
+  } catch (const Json::exception& error) {
+    throw std::runtime_error(error.what());
+  }
+  return field;
+}
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,126 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "nerf_pose_refiner/image/io.h"
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+#include <stdexcept>
+#include <system_error>
+#include <vector>
+
+namespace nerf_pose_refiner {
+namespace {
+
+[[noreturn]] void fail(const std::string& what, const std::string& path,
+                       const std::string& reason) {
+  throw std::runtime_error(what + " '" + path + "': " + reason);
+}
+
+std::vector<std::uint8_t> readBytes(const std::string& path) {
+  std::error_code error;
+  const std::uintmax_t size = std::filesystem::file_size(path, error);
+  if (error) fail("cannot read image", path, error.message());
+  if (size == 0) fail("cannot read image", path, "the file is empty");
+  std::vector<std::uint8_t> bytes(size);
+  std::ifstream file(path, std::ios::binary);
+  file.read(reinterpret_cast<char*>(bytes.data()), static_cast<std::streamsize>(size));
+  if (!file) fail("cannot read image", path, std::strerror(errno));
+  return bytes;
+}
+
+/// Decodes to 8 bits per channel; channels as in the file.
+cv::Mat decode(const std::string& path, int flags) {
+  const std::vector<std::uint8_t> bytes = readBytes(path);
+  cv::Mat image;
+  try {
+    image = cv::imdecode(bytes, flags);
+  } catch (const cv::Exception& error) {
+    fail("cannot read image", path, error.what());
+  }
+  if (image.empty()) fail("cannot read image", path, "not a picture, or a damaged one");
+  if (image.depth() == CV_16U) image.convertTo(image, CV_8U, 1.0 / 257);
+  if (image.depth() != CV_8U) fail("cannot read image", path, "neither 8 nor 16 bits a channel");
+  return image;
+}
+
+Image8 copyOf(const cv::Mat& mat) {
+  Image8 image(mat.cols, mat.rows, mat.channels());
+  const std::size_t row_bytes = static_cast<std::size_t>(mat.cols) * mat.channels();
+  for (int y = 0; y < mat.rows; ++y) std::memcpy(image.pixel(0, y), mat.ptr(y), row_bytes);
+  return image;
+}
+
+void encodePng(const cv::Mat& picture, const std::string& path) {
+  std::vector<std::uint8_t> bytes;
+  if (!cv::imencode(".png", picture, bytes)) fail("cannot write image", path, "encoding failed");
+
+  errno = 0;
+  std::ofstream file(path, std::ios::binary);
+  file.write(reinterpret_cast<const char*>(bytes.data()),
+             static_cast<std::streamsize>(bytes.size()));
+  file.close();
+  if (!file) fail("cannot write image", path, std::strerror(errno));
+}
+
+}  // namespace
+
+Image8 readImage(const std::string& path) {
+  cv::Mat image = decode(path, cv::IMREAD_UNCHANGED);
+  switch (image.channels()) {
+    case 1:
+      cv::cvtColor(image, image, cv::COLOR_GRAY2RGB);
+      break;
+    case 3:
+      cv::cvtColor(image, image, cv::COLOR_BGR2RGB);
+      break;
+    case 4:
+      cv::cvtColor(image, image, cv::COLOR_BGRA2RGBA);
+      break;
+    default:
+      fail("cannot read image", path, std::to_string(image.channels()) + " channels");
+  }
+  return copyOf(image);
+}
+
+Image8 readMask(const std::string& path) {
+  Image8 mask = copyOf(decode(path, cv::IMREAD_GRAYSCALE | cv::IMREAD_IGNORE_ORIENTATION));
+  if (*std::max_element(mask.values.begin(), mask.values.end()) == 1) {
+    for (std::uint8_t& value : mask.values) value = value == 1 ? 255 : 0;
+  }
+  return mask;
+}
+
+void writePng(const Image8& image, const std::string& path) {
+  const int channels = image.channels;
+  if (image.empty() || (channels != 1 && channels != 3 && channels != 4)) {
+    throw std::invalid_argument("cannot write '" + path + "': a picture of " +
+                                std::to_string(image.width) + " x " + std::to_string(image.height) +
+                                " pixels and " + std::to_string(channels) + " channels");
+  }
+  // OpenCV only reads from it.
+  const cv::Mat mat(image.height, image.width, CV_8UC(channels),
+                    const_cast<std::uint8_t*>(image.values.data()));
+  cv::Mat bgr;
+  if (channels == 1) {
+    bgr = mat;
+  } else {
+    cv::cvtColor(mat, bgr, channels == 3 ? cv::COLOR_RGB2BGR : cv::COLOR_RGBA2BGRA);
+  }
+  encodePng(bgr, path);
+}
+
+void writeDepthPng(const Image& depth_m, const std::string& path) {
+  if (depth_m.empty() || depth_m.channels != 1) {
+    throw std::invalid_argument("cannot write '" + path + "': depth has one channel and pixels");
+  }
+  cv::Mat_<std::uint16_t> millimetres(depth_m.height, depth_m.width);
+  std::transform(depth_m.values.begin(), depth_m.values.end(), millimetres.begin(),
+                 [](float z_m) { return cv::saturate_cast<std::uint16_t>(1000 * z_m); });
+  encodePng(millimetres, path);
+}
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,111 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "nerf_pose_refiner/image/undistort.h"
+
+#include <cmath>
+#include <opencv2/calib3d.hpp>
+#include <opencv2/imgproc.hpp>
+#include <stdexcept>
+#include <string>
+
+#include "nerf_pose_refiner/image/colour.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+cv::Matx33d matrixOf(const Camera& camera) {
+  return {camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 1};
+}
+
+void check(const Distortion& distortion) {
+  const std::size_t n = distortion.coefficients.size();
+  if (n != 4 && n != 5 && n != 8) {
+    throw std::invalid_argument("Distortion has " + std::to_string(n) +
+                                " coefficients, must have none, 4, 5 or 8");
+  }
+  for (const double k : distortion.coefficients) {
+    if (!std::isfinite(k))
+      throw std::invalid_argument("Distortion holds a value that is not finite");
+  }
+}
+
+/// True if every pixel comes from inside of the distorted picture, to `slack_px`.
+bool staysInside(const cv::Mat& map_xy, const Camera& camera, double slack_px) {
+  for (int y = 0; y < map_xy.rows; ++y) {
+    const cv::Vec2f* row = map_xy.ptr<cv::Vec2f>(y);
+    for (int x = 0; x < map_xy.cols; ++x) {
+      const bool inside = row[x][0] > -slack_px && row[x][0] < camera.width - 1 + slack_px &&
+                          row[x][1] > -slack_px && row[x][1] < camera.height - 1 + slack_px;
+      if (!inside) return false;
+    }
+  }
+  return true;
+}
+
+}  // namespace
+
+struct Undistorter::Maps {
+  Camera distorted;
+  cv::Mat xy;  // [h][w] place in the distorted picture [px]
+};
+
+Undistorter::Undistorter(const Camera& camera, const Distortion& distortion)
+    : undistorted_(camera) {
+  camera.validate();
+  if (distortion.isZero()) return;
+  check(distortion);
+  const cv::Size size(camera.width, camera.height);
+  const cv::Matx33d K = matrixOf(camera);
+  const cv::Mat new_K =
+      cv::getOptimalNewCameraMatrix(K, distortion.coefficients, size, /*alpha=*/0, size);
+  undistorted_.fx = new_K.at<double>(0, 0);
+  undistorted_.fy = new_K.at<double>(1, 1);
+  undistorted_.cx = new_K.at<double>(0, 2);
+  undistorted_.cy = new_K.at<double>(1, 2);
+
+  maps_ = std::make_unique<Maps>();
+  maps_->distorted = camera;
+  cv::initUndistortRectifyMap(K, distortion.coefficients, cv::noArray(), new_K, size, CV_32FC2,
+                              maps_->xy, cv::noArray());
+  // The widest filled picture is found on a coarse grid: it may be off by a little at its rim.
+  const double slack_px = 1 + 0.01 * std::max(camera.width, camera.height);
+  if (!staysInside(maps_->xy, camera, slack_px)) {
+    throw std::invalid_argument(
+        "the lens distortion folds the picture over itself: its coefficients cannot belong to a "
+        "camera of this size and focal length");
+  }
+}
+
+Undistorter::~Undistorter() = default;
+Undistorter::Undistorter(Undistorter&&) noexcept = default;
+Undistorter& Undistorter::operator=(Undistorter&&) noexcept = default;
+
+Image8 Undistorter::undistort(const Image8& image) const {
+  if (image.width != undistorted_.width || image.height != undistorted_.height) {
+    throw std::invalid_argument("undistort: the picture has " + std::to_string(image.width) +
+                                " x " + std::to_string(image.height) + " pixels, its camera " +
+                                std::to_string(undistorted_.width) + " x " +
+                                std::to_string(undistorted_.height));
+  }
+  if (!maps_) return image;
+  const auto remap = [this](const auto& from, auto* to, int depth) {
+    using Value = typename std::decay_t<decltype(from.values)>::value_type;
+    const int type = CV_MAKETYPE(depth, from.channels);
+    // OpenCV only reads from the first.
+    const cv::Mat source(from.height, from.width, type, const_cast<Value*>(from.values.data()));
+    cv::Mat target(to->height, to->width, type, to->values.data());
+    cv::remap(source, target, maps_->xy, cv::noArray(), cv::INTER_LINEAR, cv::BORDER_REPLICATE);
+  };
+  if (image.channels != 4) {
+    Image8 result(image.width, image.height, image.channels);
+    remap(image, &result, CV_8U);
+    return result;
+  }
+  // Colour is interpolated premultiplied: what is transparent has no colour to mix in.
+  PremultipliedImage parts = premultiply(image);
+  PremultipliedImage result = parts;
+  remap(parts.colour, &result.colour, CV_32F);
+  remap(parts.alpha, &result.alpha, CV_32F);
+  return straightBytes(result);
+}
+
+}  // namespace nerf_pose_refiner

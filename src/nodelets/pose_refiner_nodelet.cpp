@@ -1,0 +1,272 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include <image_transport/image_transport.h>
+#include <nodelet/nodelet.h>
+#include <std_srvs/SetBool.h>
+#include <std_srvs/Trigger.h>
+#include <tf2_ros/buffer.h>
+#include <tf2_ros/transform_listener.h>
+#include <pluginlib/class_list_macros.hpp>
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <thread>
+
+#include "nerf_pose_refiner/ros/diagnostics.h"
+#include "nerf_pose_refiner/ros/frame_mailbox.h"
+#include "nerf_pose_refiner/ros/input_error.h"
+#include "nerf_pose_refiner/ros/object_services.h"
+#include "nerf_pose_refiner/ros/object_tracker.h"
+#include "nerf_pose_refiner/ros/overlay_publisher.h"
+#include "nerf_pose_refiner/ros/parameters.h"
+#include "nerf_pose_refiner/ros/pose_conversions.h"
+#include "nerf_pose_refiner/ros/result_publisher.h"
+#include "nerf_pose_refiner/ros/topics.h"
+
+namespace nerf_pose_refiner {
+
+/// Follows an object from image to image: the ROS graph around ObjectTracker.
+///
+/// Threads: callbacks on the nodelet's queue, none of which waits; the worker, which refines the
+/// newest image; those of ObjectServices, OverlayPublisher and the TF listener.
+class PoseRefinerNodelet : public nodelet::Nodelet {
+ public:
+  ~PoseRefinerNodelet() override;
+
+ private:
+  void onInit() override;
+  void start();
+  void readParameters();
+
+  // On the nodelet's queue.
+  void enable(bool enabled);
+  void onConnect();
+  void onImage(const sensor_msgs::ImageConstPtr& image,
+               const sensor_msgs::CameraInfoConstPtr& info);
+  template <typename PoseMessage>
+  void onInitialPose(const boost::shared_ptr<const PoseMessage>& message);
+  bool onReset(std_srvs::Trigger::Request& request, std_srvs::Trigger::Response& response);
+  bool onEnable(std_srvs::SetBool::Request& request, std_srvs::SetBool::Response& response);
+
+  // On the worker.
+  void work();
+  void workOnce();
+  void report(const RefinementStatus& status);
+
+  void checkClock();
+
+  PoseRefinerParameters parameters_;
+  std::unique_ptr<tf2_ros::Buffer> transforms_;  // outlives the listener
+  std::unique_ptr<tf2_ros::TransformListener> listener_;
+  std::unique_ptr<Diagnostics> diagnostics_;
+  std::unique_ptr<ResultPublisher> results_;
+  std::unique_ptr<OverlayPublisher> overlay_;
+  std::unique_ptr<ObjectTracker> tracker_;
+  std::unique_ptr<ObjectServices> objects_;
+  ros::ServiceServer reset_server_;
+  ros::ServiceServer enable_server_;
+  ros::Subscriber initial_pose_;
+  ros::Subscriber initial_pose_with_covariance_;
+
+  std::mutex connect_mutex_;  // guards images_ and enabled_
+  std::unique_ptr<image_transport::ImageTransport> transport_;
+  image_transport::CameraSubscriber images_;
+  bool enabled_ = false;
+
+  FrameMailbox<CameraFrame> mailbox_;
+  std::atomic<bool> stopping_{false};
+  std::thread worker_;
+};
+
+PoseRefinerNodelet::~PoseRefinerNodelet() {
+  {
+    std::lock_guard<std::mutex> lock(connect_mutex_);
+    enabled_ = false;  // so that nobody subscribes again
+    images_.shutdown();
+  }
+  initial_pose_.shutdown();
+  initial_pose_with_covariance_.shutdown();
+  reset_server_.shutdown();
+  enable_server_.shutdown();
+  objects_.reset();  // its services may wait for the worker
+  stopping_ = true;
+  if (tracker_) tracker_->stop();
+  if (worker_.joinable()) worker_.join();
+}
+
+void PoseRefinerNodelet::onInit() {
+  try {
+    start();
+  } catch (const std::exception& e) {
+    NODELET_FATAL("%s", e.what());  // the loader keeps the text to itself
+    throw;
+  }
+}
+
+void PoseRefinerNodelet::readParameters() {
+  ParamReader reader = ParamReader::ofNode(getPrivateNodeHandle());
+  parameters_ = nerf_pose_refiner::readParameters(reader);
+  std::string text;
+  for (const std::string& line : reader.log()) text += "\n  " + line;
+  NODELET_INFO("parameters:%s", text.c_str());
+  for (const std::string& line : reader.unknown()) NODELET_WARN("%s", line.c_str());
+}
+
+void PoseRefinerNodelet::start() {
+  readParameters();
+  ros::NodeHandle& nh = getNodeHandle();
+  ros::NodeHandle& pnh = getPrivateNodeHandle();
+  const PoseRefinerParameters& p = parameters_;
+  const auto make_engine = [threads = p.threads, set = p.instruction_set] {
+    return std::shared_ptr<Engine>(makeCpuEngine(threads, set));
+  };
+  const auto make_overlay_engine = [set = p.instruction_set] {
+    return std::shared_ptr<Engine>(makeCpuEngine(1, set));
+  };
+
+  transforms_ = std::make_unique<tf2_ros::Buffer>(ros::Duration(p.frames.tf_cache_s));
+  listener_ = std::make_unique<tf2_ros::TransformListener>(*transforms_, nh);
+  diagnostics_ = std::make_unique<Diagnostics>(nh, pnh, getName());
+  {
+    // Held while advertising: a listener may be there before the publisher is stored.
+    std::lock_guard<std::mutex> lock(connect_mutex_);
+    results_ = std::make_unique<ResultPublisher>(
+        pnh, p.frames, [this](const ros::SingleSubscriberPublisher&) { onConnect(); });
+    const auto on_connect = [this](const image_transport::SingleSubscriberPublisher&) {
+      onConnect();
+    };
+    const auto on_connect_info = [this](const ros::SingleSubscriberPublisher&) { onConnect(); };
+    overlay_ = std::make_unique<OverlayPublisher>(
+        image_transport::ImageTransport(pnh).advertiseCamera(
+            topics::kOverlay, 1, on_connect, on_connect, on_connect_info, on_connect_info),
+        make_overlay_engine);
+    transport_ = std::make_unique<image_transport::ImageTransport>(nh);
+  }
+  tracker_ = std::make_unique<ObjectTracker>(
+      p, std::make_unique<RefinerSearch>(make_engine, p.initial.refiner, p.tracking.refiner),
+      transforms_.get(), [this](const RefinementStatus& status) { report(status); });
+  worker_ = std::thread([this] { work(); });
+  objects_ = std::make_unique<ObjectServices>(pnh, p, make_engine, tracker_.get());
+  reset_server_ = pnh.advertiseService(topics::kReset, &PoseRefinerNodelet::onReset, this);
+  enable_server_ = pnh.advertiseService(topics::kEnable, &PoseRefinerNodelet::onEnable, this);
+  initial_pose_ = pnh.subscribe<geometry_msgs::PoseStamped>(
+      topics::kInitialPose, 5, &PoseRefinerNodelet::onInitialPose<geometry_msgs::PoseStamped>,
+      this);
+  initial_pose_with_covariance_ = pnh.subscribe<geometry_msgs::PoseWithCovarianceStamped>(
+      topics::kInitialPoseWithCovariance, 5,
+      &PoseRefinerNodelet::onInitialPose<geometry_msgs::PoseWithCovarianceStamped>, this);
+  enable(true);
+}
+
+void PoseRefinerNodelet::enable(bool enabled) {
+  {
+    std::lock_guard<std::mutex> lock(connect_mutex_);
+    enabled_ = enabled;
+  }
+  onConnect();
+}
+
+void PoseRefinerNodelet::onConnect() {
+  std::lock_guard<std::mutex> lock(connect_mutex_);
+  const bool wanted = enabled_ && (results_->wanted() || overlay_->wanted());
+  if (!wanted) {
+    images_.shutdown();
+  } else if (!images_) {
+    // A queue, for camera_info comes before an image that is decoded on its way.
+    const image_transport::TransportHints hints(parameters_.image_transport, ros::TransportHints(),
+                                                getPrivateNodeHandle());
+    images_ =
+        transport_->subscribeCamera(topics::kImage, 10, &PoseRefinerNodelet::onImage, this, hints);
+  }
+}
+
+void PoseRefinerNodelet::checkClock() {
+  if (!tracker_->clockIs(ros::Time::now())) return;
+  mailbox_.clear();
+  NODELET_WARN("time went back: waiting for a new initial pose");
+}
+
+void PoseRefinerNodelet::onImage(const sensor_msgs::ImageConstPtr& image,
+                                 const sensor_msgs::CameraInfoConstPtr& info) {
+  const ros::WallTime arrival = ros::WallTime::now();
+  checkClock();
+  diagnostics_->imageArrived();
+  if (const auto reason = tracker_->refusal(*image, *info)) {
+    NODELET_ERROR_THROTTLE(5.0, "%s: %s", images_.getTopic().c_str(), reason->c_str());
+    return;
+  }
+  mailbox_.put({image, info, arrival});
+}
+
+template <typename PoseMessage>
+void PoseRefinerNodelet::onInitialPose(const boost::shared_ptr<const PoseMessage>& message) {
+  checkClock();
+  try {
+    tracker_->offer(startFromMessage(*message));
+  } catch (const InputError& e) {
+    NODELET_ERROR("initial pose refused: %s", e.what());
+    tracker_->refuseInitialPose(e.reason(), e.what());
+  }
+}
+
+bool PoseRefinerNodelet::onReset(std_srvs::Trigger::Request&,
+                                 std_srvs::Trigger::Response& response) {
+  tracker_->reset();
+  response.success = true;
+  response.message = "waiting for an initial pose";
+  return true;
+}
+
+bool PoseRefinerNodelet::onEnable(std_srvs::SetBool::Request& request,
+                                  std_srvs::SetBool::Response& response) {
+  tracker_->setEnabled(request.data);
+  enable(request.data);
+  response.success = true;
+  response.message = request.data ? "enabled: waiting for an initial pose" : "disabled";
+  return true;
+}
+
+void PoseRefinerNodelet::work() {
+  while (!stopping_) {
+    try {
+      workOnce();
+    } catch (const std::exception& e) {
+      NODELET_ERROR_THROTTLE(5.0, "%s", e.what());
+    }
+  }
+}
+
+void PoseRefinerNodelet::workOnce() {
+  tracker_->applyModels();
+  const std::optional<CameraFrame> frame = mailbox_.take(std::chrono::milliseconds(50));
+  checkClock();
+  if (frame) {
+    if (const std::optional<FrameResult> result = tracker_->process(*frame)) {
+      results_->publish(*result);
+      report(result->status);
+      if (result->observation) {
+        overlay_->draw(
+            {frame->image->header, result->observation, result->field, result->refinement.T_O_C});
+      }
+    }
+  } else {
+    std_msgs::Header now;
+    now.stamp = ros::Time::now();
+    tracker_->reportChange(now);
+  }
+}
+
+void PoseRefinerNodelet::report(const RefinementStatus& status) {
+  RefinementStatus full = status;
+  full.dropped = mailbox_.dropped();
+  diagnostics_->statusIs(full);
+  results_->publish(full);
+  if (!full.message.empty()) NODELET_WARN_THROTTLE(1.0, "%s", full.message.c_str());
+}
+
+}  // namespace nerf_pose_refiner
+
+PLUGINLIB_EXPORT_CLASS(nerf_pose_refiner::PoseRefinerNodelet, nodelet::Nodelet)

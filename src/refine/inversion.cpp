@@ -1,0 +1,114 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <string>
+
+#include "nerf_pose_refiner/maths/random.h"
+#include "nerf_pose_refiner/refine/plan.h"
+#include "schedule.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+constexpr int kSearchLevel = 0;  // the observed image as it is
+constexpr int kJudgeLevel = 1;   // a picture of the object, to say how well the winner agrees
+constexpr double kJudgedObjectPx = 128;
+
+// Seeds of the parts of a run, all from the one of the settings; rounds add to the last.
+enum SeedOf : std::uint64_t { kPixelSeed, kScatterSeed, kSelectSeed };
+
+std::uint64_t seedOf(const RefinerSettings& settings, std::uint64_t part) {
+  return randomBits(settings.seed, part, 0);
+}
+
+DescentPlan descentPlan(const RefinerSettings& settings, double unit) {
+  DescentPlan plan = settings.inversion.descent;
+  plan.length_unit *= unit;
+  plan.seed = seedOf(settings, kPixelSeed);
+  return plan;
+}
+
+ScatterPlan scatterPlan(const RefinementRun& run, double unit) {
+  const InversionSettings& s = run.settings.inversion;
+  const FieldMetadata& object = run.field.field().metadata;
+  ScatterPlan plan;
+  plan.count = s.hypotheses;
+  plan.rotation_rad.setConstant(run.prior.rotation_rad);
+  plan.rotate_about_object = run.prior.rotate_about_object;
+  plan.object_centre = object.centre;
+  if (s.spread_rotation_rad > 0) {
+    plan.rotation_rad.setConstant(s.spread_rotation_rad);
+    plan.rotate_about_object = false;
+  }
+  plan.translation.setConstant(s.spread_translation > 0 ? s.spread_translation * unit
+                                                        : run.prior.translation * object.diameter);
+  plan.seed = seedOf(run.settings, kScatterSeed);
+  return plan;
+}
+
+SelectPlan selectPlan(const RefinerSettings& settings, double unit, int round) {
+  const InversionSettings& s = settings.inversion;
+  SelectPlan plan;
+  plan.keep = s.survivors(round);
+  plan.offspring = s.hypotheses;
+  plan.rotation_jitter_rad = s.jitter_rotation_rad;
+  plan.translation_jitter = s.jitter_translation * unit;
+  plan.seed = seedOf(settings, kSelectSeed + round);
+  return plan;
+}
+
+// How much of the winner's silhouette agrees with the image.
+double visibleFraction(const RefinementRun& run, const LoadedObservation& observation,
+                       const Pose& T_O_C) {
+  Engine& engine = *run.engine;
+  ScatterPlan alone;
+  alone.count = 1;
+  AlignStage stage;
+  stage.robust_scale = run.settings.robust_scale;
+  const auto batch = engine.batch(1);
+  engine.scatter(batch.get(), T_O_C, alone);
+  engine.score(batch.get(), run.field, observation, kJudgeLevel, stage, run.stop);
+  return engine.read(*batch).front().visible_fraction;
+}
+
+}  // namespace
+
+void runInversion(RefinementRun* run) {
+  const InversionSettings& s = run->settings.inversion;
+  const FieldMetadata& object = run->field.field().metadata;
+  const Camera& camera = run->observation.camera;
+  const std::optional<ObjectRegion> region = objectRegion(camera, run->prior, object);
+  if (!region) {
+    run->result->outcome = Outcome::kNoOverlap;
+    return;
+  }
+  const double unit = s.unitFor(object.diameter);
+  const DescentPlan plan = descentPlan(run->settings, unit);
+
+  Engine& engine = *run->engine;
+  const auto observation = engine.observe(
+      run->observation, {{camera, 0}, {levelCamera(camera, *region, kJudgedObjectPx), 1}});
+  const auto batch = engine.batch(s.hypotheses);
+  engine.scatter(batch.get(), run->prior.T_O_C, scatterPlan(*run, unit));
+  engine.descend(batch.get(), run->field, *observation, kSearchLevel, plan, 0, s.first_steps,
+                 run->stop);
+  run->trace("explore", engine.read(*batch));
+  for (int round = 1; round <= s.rounds; ++round) {
+    if (s.hypotheses > 1) engine.select(batch.get(), selectPlan(run->settings, unit, round));
+    engine.descend(batch.get(), run->field, *observation, kSearchLevel, plan,
+                   s.first_steps + (round - 1) * s.round_steps, s.round_steps, run->stop);
+    run->trace("round " + std::to_string(round), engine.read(*batch));
+  }
+  engine.measure(batch.get(), run->field, *observation, kSearchLevel, plan, s.score_pixels,
+                 run->stop);
+  HypothesisTable table = engine.read(*batch);
+  Hypothesis& best = table.front();
+  if (best.state == HypothesisState::kLive) {
+    best.visible_fraction = visibleFraction(*run, *observation, best.T_O_C);
+  }
+  run->trace("choose", table);
+  run->finish(table);
+}
+
+}  // namespace nerf_pose_refiner

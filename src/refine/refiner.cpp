@@ -1,0 +1,102 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "nerf_pose_refiner/refine/refiner.h"
+
+#include <cmath>
+#include <stdexcept>
+
+#include "schedule.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+double secondsBetween(std::chrono::steady_clock::time_point from,
+                      std::chrono::steady_clock::time_point to) {
+  return std::chrono::duration<double>(to - from).count();
+}
+
+void requireWidth(const char* name, double value, double most) {
+  if (!(value >= 0 && value <= most)) {
+    throw std::invalid_argument(std::string("Prior::") + name + " is " + std::to_string(value) +
+                                ", must be 0.." + std::to_string(most));
+  }
+}
+
+int countLive(const HypothesisTable& table) {
+  int live = 0;
+  for (const Hypothesis& h : table) live += h.state == HypothesisState::kLive ? 1 : 0;
+  return live;
+}
+
+}  // namespace
+
+void Prior::validate() const {
+  if (!T_O_C.isFinite() || !T_O_C.isRigid()) {
+    throw std::invalid_argument("Prior::T_O_C is not a rigid transform");
+  }
+  requireWidth("rotation_rad", rotation_rad, 3.15);
+  requireWidth("translation", translation, 100);
+}
+
+void RefinementRun::trace(const std::string& stage, const HypothesisTable& table) {
+  const auto now = std::chrono::steady_clock::now();
+  TraceEntry entry;
+  entry.stage = stage;
+  entry.seconds = secondsBetween(stage_start, now);
+  entry.work = engine->work() - stage_work;
+  entry.live = countLive(table);
+  if (entry.live > 0) {
+    entry.best_loss = table.front().loss;
+    entry.best_T_O_C = table.front().T_O_C;
+  }
+  result->trace.push_back(entry);
+  stage_start = now;
+  stage_work = engine->work();
+}
+
+void RefinementRun::finish(const HypothesisTable& table) {
+  result->hypotheses = table;
+  if (countLive(table) == 0) {
+    result->outcome = Outcome::kDiverged;
+    return;
+  }
+  const Hypothesis& best = table.front();
+  result->outcome = Outcome::kRefined;
+  result->T_O_C = {nearestRotation(best.T_O_C.R), best.T_O_C.t};
+  result->visible_fraction = best.visible_fraction;
+  result->score = best.score;
+}
+
+Refiner::Refiner(std::shared_ptr<Engine> engine, const RefinerSettings& settings)
+    : engine_(std::move(engine)), settings_(settings) {
+  if (!engine_) throw std::invalid_argument("Refiner: the engine is null");
+  settings_.validate();
+}
+
+Refinement Refiner::refine(const LoadedField& field, const Observation& observation,
+                           const Prior& prior, const StopToken& stop) {
+  observation.validate();
+  prior.validate();
+  if (!(field.field().metadata.diameter > 0)) {
+    throw std::invalid_argument("Refiner: the diameter of the object '" +
+                                field.field().metadata.name + "' is not known");
+  }
+  const auto start = std::chrono::steady_clock::now();
+  const Work work_before = engine_->work();
+  Refinement result;
+  result.T_O_C = prior.T_O_C;
+  RefinementRun run{engine_.get(), field, observation, prior, settings_, stop, &result};
+  try {
+    if (settings_.method == Method::kAlign) {
+      runAlignment(&run);
+    } else {
+      runInversion(&run);
+    }
+  } catch (const Stopped&) {
+    result.outcome = Outcome::kStopped;
+  }
+  result.work = engine_->work() - work_before;
+  result.seconds = secondsBetween(start, std::chrono::steady_clock::now());
+  return result;
+}
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,84 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "nerf_pose_refiner/refine/settings.h"
+
+#include <cmath>
+#include <stdexcept>
+
+namespace nerf_pose_refiner {
+namespace {
+
+void require(bool holds, const std::string& name, double value, const char* range) {
+  if (!holds) {
+    throw std::invalid_argument("RefinerSettings::" + name + " is " + std::to_string(value) +
+                                ", must be " + range);
+  }
+}
+
+void validateStage(const AlignStageSettings& stage, std::size_t index) {
+  const std::string name = "stages[" + std::to_string(index) + "].";
+  require(stage.object_px >= 8 && stage.object_px <= 4096, name + "object_px", stage.object_px,
+          "8..4096");
+  require(stage.hypotheses >= 1 && stage.hypotheses <= 4096, name + "hypotheses", stage.hypotheses,
+          "1..4096");
+  require(stage.iterations >= 0 && stage.iterations <= 1000, name + "iterations", stage.iterations,
+          "0..1000");
+  require(stage.rays_per_side >= 1 && stage.rays_per_side <= 8, name + "rays_per_side",
+          stage.rays_per_side, "1..8");
+  require(stage.blur_px >= 0.3 && stage.blur_px <= 20, name + "blur_px", stage.blur_px, "0.3..20");
+  require(stage.step_scale >= 0.25 && stage.step_scale <= 16, name + "step_scale", stage.step_scale,
+          "0.25..16");
+}
+
+AlignStageSettings stage(double object_px, int hypotheses, int iterations, int rays_per_side,
+                         double blur_px, double step_scale) {
+  AlignStageSettings s;
+  s.object_px = object_px;
+  s.hypotheses = hypotheses;
+  s.iterations = iterations;
+  s.rays_per_side = rays_per_side;
+  s.blur_px = blur_px;
+  s.step_scale = step_scale;
+  return s;
+}
+
+}  // namespace
+
+RefinerSettings RefinerSettings::named(const std::string& preset) {
+  RefinerSettings settings;
+  if (preset == "align") {
+    settings.stages = {stage(48, 48, 10, 2, 1.0, 4), stage(128, 8, 10, 1, 1.0, 2),
+                       stage(256, 2, 8, 1, 1.0, 1)};
+  } else if (preset == "track") {
+    settings.stages = {stage(64, 4, 6, 1, 1.0, 4), stage(128, 1, 6, 1, 1.0, 2)};
+  } else if (preset == "paper") {
+    settings.method = Method::kDescend;
+  } else if (preset == "paper_single") {
+    settings.method = Method::kDescend;
+    settings.inversion.hypotheses = 1;
+  } else {
+    std::string names;
+    for (const std::string& name : presetNames()) names += (names.empty() ? "" : ", ") + name;
+    throw std::invalid_argument("no preset '" + preset + "', there are: " + names);
+  }
+  return settings;
+}
+
+std::vector<std::string> RefinerSettings::presetNames() {
+  return {"align", "track", "paper", "paper_single"};
+}
+
+void RefinerSettings::validate() const {
+  if (method == Method::kAlign && stages.empty()) {
+    throw std::invalid_argument("RefinerSettings::stages is empty, must hold a stage at least");
+  }
+  for (std::size_t i = 0; i < stages.size(); ++i) {
+    validateStage(stages[i], i);
+    require(i == 0 || stages[i].hypotheses <= stages[i - 1].hypotheses,
+            "stages[" + std::to_string(i) + "].hypotheses", stages[i].hypotheses,
+            "at most those of the stage before");
+  }
+  require(robust_scale >= 1e-3 && robust_scale <= 10, "robust_scale", robust_scale, "0.001..10");
+  inversion.validate();
+}
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,237 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "nerf_pose_refiner/register/registrar.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstring>
+#include <stdexcept>
+
+#include "nerf_pose_refiner/image/colour.h"
+#include "nerf_pose_refiner/maths/checksum.h"
+#include "nerf_pose_refiner/register/visual_hull.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+constexpr double kProgressInterval_s = 0.5;
+constexpr double kQualityInterval = 0.1;  // of the training, between looks at the held-out views
+
+double secondsSince(Clock::time_point start) {
+  return std::chrono::duration<double>(Clock::now() - start).count();
+}
+
+/// Every k-th view is held out, so that they are spread over the path.
+void split(const std::vector<PosedView>& views, int held_out, std::vector<PosedView>* training,
+           std::vector<PosedView>* held) {
+  const int count = std::min(held_out, static_cast<int>(views.size()) / 10);
+  const int interval = count > 0 ? static_cast<int>(views.size()) / count : 0;
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    const bool keep_apart = count > 0 && static_cast<int>(held->size()) < count &&
+                            static_cast<int>(i) % interval == interval / 2;
+    (keep_apart ? held : training)->push_back(views[i]);
+  }
+}
+
+/// Error of a rendering on black against a view: PSNR over the picture, and the root mean square
+/// error where the view shows the object.
+struct ViewError {
+  double psnr_db;
+  double inside_rms;
+};
+
+ViewError viewError(Engine* engine, const LoadedField& field, const PosedView& view,
+                    const StopToken& stop) {
+  const PremultipliedImage truth = premultiply(*view.rgba);
+  const Rendering rendering = engine->render(field, view.camera, view.T_O_C, RenderOptions(), stop);
+  double total = 0;
+  int inside = 0;
+  for (int y = 0; y < view.camera.height; ++y) {
+    for (int x = 0; x < view.camera.width; ++x) {
+      if (truth.alpha.at(x, y, 0) < 0.5f) continue;
+      ++inside;
+      for (int c = 0; c < 3; ++c) {
+        const double error = rendering.colour.at(x, y, c) - truth.colour.at(x, y, c);
+        total += error * error;
+      }
+    }
+  }
+  return {psnr(rendering.colour, truth.colour), std::sqrt(total / std::max(1, 3 * inside))};
+}
+
+/// One run of a trainer: steps until the time, the steps or the quality are reached.
+class TrainingRun {
+ public:
+  TrainingRun(Engine* engine, FieldTrainer* trainer, const RegistrationSettings& settings,
+              const std::vector<PosedView>& held_out,
+              const std::function<void(const RegistrationProgress&)>& progress)
+      : engine_(engine),
+        trainer_(trainer),
+        settings_(settings),
+        held_out_(held_out),
+        progress_(progress) {}
+
+  void run(const StopToken& stop) {
+    double next_look = kQualityInterval;
+    while (done() < 1) {
+      stop.check();
+      loss_ = trainer_->step(done());
+      report("training");
+      if (settings_.target_psnr_db > 0 && !held_out_.empty() && done() >= next_look) {
+        next_look += kQualityInterval;
+        const auto field = engine_->load(std::make_shared<Field>(trainer_->snapshot(stop)));
+        psnr_db_ = meanPsnr(engine_, *field, held_out_, stop);
+        if (psnr_db_ >= settings_.target_psnr_db) break;
+      }
+    }
+  }
+
+  void report(const char* stage) {
+    if (!progress_) return;
+    const double seconds = secondsSince(start_);
+    if (seconds - last_report_s_ < kProgressInterval_s && last_stage_ == stage) return;
+    last_report_s_ = seconds;
+    last_stage_ = stage;
+    RegistrationProgress progress;
+    progress.stage = stage;
+    progress.step = trainer_->stepsDone();
+    progress.steps = settings_.steps;
+    progress.loss = loss_;
+    progress.psnr_db = psnr_db_;
+    progress.seconds = seconds;
+    progress.seconds_left = done() > 0 ? std::max(0.0, seconds * (1 / done() - 1)) : 0;
+    progress_(progress);
+  }
+
+ private:
+  /// Share of the training that is over, by steps or by time.
+  double done() const {
+    const double by_steps = static_cast<double>(trainer_->stepsDone()) / settings_.steps;
+    const double by_time =
+        settings_.max_seconds > 0 ? secondsSince(start_) / settings_.max_seconds : 0;
+    return std::min(1.0, std::max(by_steps, by_time));
+  }
+
+  Engine* engine_;
+  FieldTrainer* trainer_;
+  const RegistrationSettings& settings_;
+  const std::vector<PosedView>& held_out_;
+  const std::function<void(const RegistrationProgress&)>& progress_;
+  Clock::time_point start_ = Clock::now();
+  std::string last_stage_;
+  double last_report_s_ = -1e9;
+  double loss_ = 0, psnr_db_ = 0;
+};
+
+/// How well held-out views are shown at their true poses: the scale for scores of new images.
+void measureQuality(Engine* engine, const std::vector<PosedView>& held_out, const StopToken& stop,
+                    Field* field) {
+  if (held_out.empty()) return;
+  const auto loaded = engine->load(std::make_shared<Field>(*field));
+  double psnr_sum = 0, sum = 0, squares = 0;
+  for (const PosedView& view : held_out) {
+    const ViewError error = viewError(engine, *loaded, view, stop);
+    psnr_sum += error.psnr_db;
+    sum += error.inside_rms;
+    squares += error.inside_rms * error.inside_rms;
+  }
+  const double n = static_cast<double>(held_out.size());
+  field->metadata.psnr_db = psnr_sum / n;
+  field->metadata.score.views = static_cast<int>(held_out.size());
+  field->metadata.score.mean_loss = sum / n;
+  field->metadata.score.stddev_loss = std::sqrt(std::max(0.0, squares / n - sum * sum / (n * n)));
+}
+
+}  // namespace
+
+void RegistrationSettings::validate() const {
+  const auto require = [](bool good, const char* name, double value, const char* range) {
+    if (!good) {
+      throw std::invalid_argument(std::string(name) + " = " + std::to_string(value) +
+                                  ": expected " + range);
+    }
+  };
+  FieldConfig::named(profile);
+  require(steps >= 1, "steps", steps, "at least 1");
+  require(max_seconds >= 0, "max_seconds", max_seconds, "at least 0");
+  require(target_psnr_db >= 0, "target_psnr_db", target_psnr_db, "at least 0");
+  require(held_out >= 0, "held_out", held_out, "at least 0");
+  require(metres_per_unit >= 0 && std::isfinite(metres_per_unit), "metres_per_unit",
+          metres_per_unit, "0 (as the dataset says) or more");
+  require(plan.samples_per_step >= 1024, "samples_per_step", plan.samples_per_step,
+          "at least 1024");
+  require(plan.learning_rate > 0 && std::isfinite(plan.learning_rate), "learning_rate",
+          plan.learning_rate, "above 0");
+  require(plan.final_learning_rate_factor > 0 && plan.final_learning_rate_factor <= 1,
+          "final_learning_rate_factor", plan.final_learning_rate_factor, "in (0, 1]");
+}
+
+Field registerObject(Engine* engine, const Dataset& dataset, const RegistrationSettings& settings,
+                     const std::function<void(const RegistrationProgress&)>& progress,
+                     const StopToken& stop) {
+  settings.validate();
+  std::vector<PosedView> training, held_out;
+  split(dataset.views, settings.held_out, &training, &held_out);
+  const FieldConfig config = FieldConfig::named(settings.profile);
+  Hull hull = visualHull(dataset, config.occupancy_resolution, stop);
+
+  TrainingPlan plan = settings.plan;
+  plan.region = std::move(hull.region);
+  plan.random_background = dataset.has_alpha;
+  plan.seed = settings.seed;
+  std::vector<TrainingView> views;
+  for (const PosedView& view : training) views.push_back({view.rgba, view.camera, view.T_O_C});
+  const std::unique_ptr<FieldTrainer> trainer =
+      engine->trainer(config, hull.box, std::move(views), plan);
+  TrainingRun run(engine, trainer.get(), settings, held_out, progress);
+  run.run(stop);
+  run.report("occupancy");
+  Field field = trainer->finish(stop);
+  if (field.metadata.diameter <= 0) {
+    throw std::runtime_error(dataset.folder + ": training found no opaque matter");
+  }
+  run.report("quality");
+  measureQuality(engine, held_out, stop, &field);
+  field.metadata.metres_per_unit =
+      settings.metres_per_unit > 0 ? settings.metres_per_unit : dataset.metres_per_unit;
+  field.metadata.data_hash = registrationHash(dataset, settings);
+  return field;
+}
+
+std::string registrationHash(const Dataset& dataset, const RegistrationSettings& settings) {
+  Checksum checksum;
+  for (const PosedView& view : dataset.views) {
+    checksum.add(view.rgba->values.data(), view.rgba->values.size());
+    for (const double number : {view.camera.fx, view.camera.fy, view.camera.cx, view.camera.cy}) {
+      checksum.add(&number, sizeof number);
+    }
+    checksum.add(view.T_O_C.R.data(), 9 * sizeof(double));
+    checksum.add(view.T_O_C.t.data(), 3 * sizeof(double));
+  }
+  checksum.add(&dataset.has_alpha, sizeof dataset.has_alpha);
+  if (dataset.has_box) {
+    checksum.add(dataset.box_min.data(), 3 * sizeof(double));
+    checksum.add(dataset.box_max.data(), 3 * sizeof(double));
+  }
+  checksum.add(settings.profile.data(), settings.profile.size());
+  for (const double number :
+       {static_cast<double>(settings.steps), settings.max_seconds, settings.target_psnr_db,
+        static_cast<double>(settings.held_out), settings.metres_per_unit, dataset.metres_per_unit,
+        static_cast<double>(settings.plan.samples_per_step), settings.plan.learning_rate,
+        settings.plan.final_learning_rate_factor, static_cast<double>(settings.seed)}) {
+    checksum.add(&number, sizeof number);
+  }
+  return checksum.text();
+}
+
+double meanPsnr(Engine* engine, const LoadedField& field, const std::vector<PosedView>& views,
+                const StopToken& stop) {
+  if (views.empty()) throw std::invalid_argument("PSNR of no views");
+  double sum = 0;
+  for (const PosedView& view : views) sum += viewError(engine, field, view, stop).psnr_db;
+  return sum / static_cast<double>(views.size());
+}
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,180 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "nerf_pose_refiner/register/visual_hull.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include "nerf_pose_refiner/field/matter.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+constexpr int kCoarseResolution = 64;  // for the first, generous box
+constexpr int kOpaque = 13;            // alpha of 255 that shows the object: 5 %
+constexpr double kMarginCells = 2;     // around the hull
+
+/// Numbers of opaque pixels in upright rectangles of a silhouette, by a summed-area table.
+class Silhouette {
+ public:
+  explicit Silhouette(const Image8& rgba)
+      : width_(rgba.width),
+        height_(rgba.height),
+        sums_(static_cast<std::size_t>(rgba.width + 1) * (rgba.height + 1), 0) {
+    for (int y = 0; y < height_; ++y) {
+      int row = 0;
+      for (int x = 0; x < width_; ++x) {
+        row += rgba.at(x, y, 3) >= kOpaque;
+        sum(x + 1, y + 1) = sum(x + 1, y) + row;
+      }
+    }
+  }
+
+  /// True if an opaque pixel lies on the picture's border: the object may reach out of it.
+  bool touchesBorder() {
+    return touches(0, 0, width_ - 1, 0) || touches(0, height_ - 1, width_ - 1, height_ - 1) ||
+           touches(0, 0, 0, height_ - 1) || touches(width_ - 1, 0, width_ - 1, height_ - 1);
+  }
+
+  /// True if a pixel of the rectangle (clipped to the picture) is opaque.
+  bool touches(int x0, int y0, int x1, int y1) {
+    x0 = std::max(0, x0), y0 = std::max(0, y0);
+    x1 = std::min(width_ - 1, x1), y1 = std::min(height_ - 1, y1);
+    if (x0 > x1 || y0 > y1) return false;
+    return sum(x1 + 1, y1 + 1) - sum(x0, y1 + 1) - sum(x1 + 1, y0) + sum(x0, y0) > 0;
+  }
+
+ private:
+  int& sum(int x, int y) { return sums_[static_cast<std::size_t>(y) * (width_ + 1) + x]; }
+
+  int width_, height_;
+  std::vector<int> sums_;
+};
+
+/// The point nearest to the optical axes of all cameras, and the radius of the sphere around it
+/// that all of them hold.
+Box boxSeenByAll(const std::vector<PosedView>& views) {
+  Eigen::Matrix3d A = 1e-9 * Eigen::Matrix3d::Identity();
+  Eigen::Vector3d b = Eigen::Vector3d::Zero();
+  for (const PosedView& view : views) {
+    const Eigen::Vector3d axis = view.T_O_C.R.col(2);
+    const Eigen::Matrix3d across = Eigen::Matrix3d::Identity() - axis * axis.transpose();
+    A += across;
+    b += across * view.T_O_C.t;
+  }
+  const Eigen::Vector3d centre = A.ldlt().solve(b);
+  double radius = 0;
+  for (const PosedView& view : views) {
+    const double width = view.camera.width / view.camera.fx;
+    const double height = view.camera.height / view.camera.fy;
+    radius = std::max(radius, 0.5 * std::hypot(width, height) * (centre - view.T_O_C.t).norm());
+  }
+  return {centre - Eigen::Vector3d::Constant(radius), centre + Eigen::Vector3d::Constant(radius)};
+}
+
+/// True if a cell around `middle` has a part in the box.
+bool overlaps(const Box& box, const Eigen::Vector3d& middle, double cell) {
+  return ((middle.array() + 0.5 * cell > box.min.array()) &&
+          (middle.array() - 0.5 * cell < box.max.array()))
+      .all();
+}
+
+/// Cells of the box that no silhouette denies, in a grid over the box's cube.
+OccupancyGrid carve(const std::vector<PosedView>& views, const Box& box, int n,
+                    const StopToken& stop) {
+  const double side = (box.max - box.min).maxCoeff(), cell = side / n;
+  const Eigen::Vector3d corner = 0.5 * (box.min + box.max) - Eigen::Vector3d::Constant(0.5 * side);
+  const std::size_t cells = static_cast<std::size_t>(n) * n * n;
+  std::vector<std::uint8_t> alive(cells, 1);
+  std::vector<std::uint16_t> seen(cells, 0);
+  for (const PosedView& view : views) {
+    stop.check();
+    Silhouette silhouette(*view.rgba);
+    const bool cut_off = silhouette.touchesBorder();
+    const Pose T_C_O = view.T_O_C.inverse();
+    const double radius = 0.5 * std::sqrt(3.0) * cell;
+#pragma omp parallel for schedule(static)
+    for (int z = 0; z < n; ++z) {
+      for (int y = 0; y < n; ++y) {
+        for (int x = 0; x < n; ++x) {
+          const std::size_t i = (static_cast<std::size_t>(z) * n + y) * n + x;
+          if (!alive[i]) continue;
+          const Eigen::Vector3d p_O = corner + cell * Eigen::Vector3d(x + 0.5, y + 0.5, z + 0.5);
+          if (!overlaps(box, p_O, cell)) {
+            alive[i] = 0;
+            continue;
+          }
+          const Eigen::Vector3d p_C = T_C_O * p_O;
+          if (p_C.z() <= radius) continue;
+          const Eigen::Vector2d centre = view.camera.project(p_C);
+          const double reach = radius * std::max(view.camera.fx, view.camera.fy) / p_C.z();
+          if (cut_off && (centre.x() - reach < -0.5 || centre.y() - reach < -0.5 ||
+                          centre.x() + reach > view.camera.width - 0.5 ||
+                          centre.y() + reach > view.camera.height - 0.5)) {
+            continue;  // not wholly inside: this view cannot deny it
+          }
+          ++seen[i];
+          alive[i] = silhouette.touches(static_cast<int>(std::floor(centre.x() - reach)),
+                                        static_cast<int>(std::floor(centre.y() - reach)),
+                                        static_cast<int>(std::ceil(centre.x() + reach)),
+                                        static_cast<int>(std::ceil(centre.y() + reach)));
+        }
+      }
+    }
+  }
+  OccupancyGrid grid{n, std::vector<std::uint8_t>(cells / 8, 0)};
+  const std::size_t enough = std::max<std::size_t>(1, views.size() / 4);
+  for (std::size_t i = 0; i < cells; ++i) {
+    if (alive[i] && seen[i] >= enough)
+      grid.bits[i >> 3] |= static_cast<std::uint8_t>(1u << (i & 7));
+  }
+  return grid;
+}
+
+/// The part of the box that holds occupied cells, with a margin, inside `box`.
+Box tightBox(const OccupancyGrid& grid, const Box& box, const std::string& folder) {
+  const int n = grid.resolution;
+  const double side = (box.max - box.min).maxCoeff(), cell = side / n;
+  const Eigen::Vector3d corner = 0.5 * (box.min + box.max) - Eigen::Vector3d::Constant(0.5 * side);
+  Eigen::Vector3d low = Eigen::Vector3d::Constant(n), high = Eigen::Vector3d::Constant(-1);
+  for (int z = 0; z < n; ++z) {
+    for (int y = 0; y < n; ++y) {
+      for (int x = 0; x < n; ++x) {
+        if (!grid.occupied(x, y, z)) continue;
+        low = low.cwiseMin(Eigen::Vector3d(x, y, z));
+        high = high.cwiseMax(Eigen::Vector3d(x + 1, y + 1, z + 1));
+      }
+    }
+  }
+  if (high.x() < 0) {
+    throw std::runtime_error(folder +
+                             ": the silhouettes have no common volume; do the poses belong to "
+                             "the images, and are the masks those of one object?");
+  }
+  const Eigen::Vector3d margin = Eigen::Vector3d::Constant(kMarginCells * cell);
+  return {(corner + cell * low - margin).cwiseMax(box.min),
+          (corner + cell * high + margin).cwiseMin(box.max)};
+}
+
+}  // namespace
+
+Hull visualHull(const Dataset& dataset, int resolution, const StopToken& stop) {
+  if (dataset.views.empty()) throw std::runtime_error(dataset.folder + ": no views");
+  const Box given{dataset.box_min, dataset.box_max};
+  if (!dataset.has_alpha) {
+    if (!dataset.has_box) {
+      throw std::runtime_error(dataset.folder +
+                               ": images without alpha need masks (mask_path) or a box (aabb)");
+    }
+    return {given, OccupancyGrid{}};
+  }
+  Box box = dataset.has_box ? given : boxSeenByAll(dataset.views);
+  // Twice: the second pass has finer cells, for the box is tighter.
+  for (int pass = 0; pass < 2; ++pass) {
+    box = tightBox(carve(dataset.views, box, kCoarseResolution, stop), box, dataset.folder);
+  }
+  return {box, dilated(carve(dataset.views, box, resolution, stop))};
+}
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,153 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "nerf_pose_refiner/ros/camera_input.h"
+
+#include <cv_bridge/cv_bridge.h>
+#include <image_geometry/pinhole_camera_model.h>
+#include <nerf_pose_refiner/RefinementStatus.h>
+#include <sensor_msgs/distortion_models.h>
+#include <sensor_msgs/image_encodings.h>
+
+#include <algorithm>
+#include <array>
+#include <string>
+
+#include "nerf_pose_refiner/image/colour.h"
+#include "nerf_pose_refiner/ros/input_error.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+namespace encodings = sensor_msgs::image_encodings;
+using Status = RefinementStatus;
+
+std::string sizeText(std::size_t width, std::size_t height) {
+  return std::to_string(width) + " x " + std::to_string(height);
+}
+
+bool sameModel(const CameraModel& a, const CameraModel& b) {
+  const auto values = [](const CameraModel& m) {
+    return std::array<double, 6>{double(m.camera.width),
+                                 double(m.camera.height),
+                                 m.camera.fx,
+                                 m.camera.fy,
+                                 m.camera.cx,
+                                 m.camera.cy};
+  };
+  return values(a) == values(b) && a.distortion.coefficients == b.distortion.coefficients;
+}
+
+void requireKnownDistortion(const sensor_msgs::CameraInfo& info) {
+  namespace models = sensor_msgs::distortion_models;
+  const bool zero = std::all_of(info.D.begin(), info.D.end(), [](double d) { return d == 0; });
+  if (zero || info.distortion_model == models::PLUMB_BOB ||
+      info.distortion_model == models::RATIONAL_POLYNOMIAL) {
+    return;
+  }
+  throw InputError(Status::REASON_BAD_CAMERA_INFO,
+                   "the distortion model '" + info.distortion_model +
+                       "' is not supported: rectify the images and set ~image_is_rectified");
+}
+
+}  // namespace
+
+CameraModel cameraFromMessage(const sensor_msgs::CameraInfo& info, bool rectified) {
+  if (!((rectified ? info.P[0] : info.K[0]) > 0)) {
+    throw InputError(Status::REASON_UNCALIBRATED, std::string("the camera is not calibrated (") +
+                                                      (rectified ? "P" : "K") +
+                                                      "[0] of camera_info is not positive)");
+  }
+  if (rectified && info.P[3] != 0) {
+    throw InputError(Status::REASON_BAD_CAMERA_INFO,
+                     "the right camera of a stereo pair is not supported: use the left one");
+  }
+  if (!rectified) requireKnownDistortion(info);
+  image_geometry::PinholeCameraModel geometry;
+  geometry.fromCameraInfo(info);
+  const cv::Size size = geometry.reducedResolution();
+  CameraModel model;
+  if (rectified) {
+    model.camera = {size.width,    size.height,   geometry.fx(),
+                    geometry.fy(), geometry.cx(), geometry.cy()};
+  } else {
+    const cv::Matx33d& K = geometry.intrinsicMatrix();
+    model.camera = {size.width, size.height, K(0, 0), K(1, 1), K(0, 2), K(1, 2)};
+    model.distortion.coefficients = info.D;
+    if (model.distortion.isZero()) model.distortion.coefficients.clear();
+  }
+  try {
+    model.camera.validate();
+  } catch (const std::invalid_argument& e) {
+    throw InputError(Status::REASON_BAD_CAMERA_INFO, std::string("camera_info: ") + e.what());
+  }
+  return model;
+}
+
+void checkImage(const sensor_msgs::Image& image, const Camera& camera) {
+  if (image.header.stamp.isZero() || image.header.frame_id.empty()) {
+    throw InputError(Status::REASON_BAD_IMAGE, "the image has no stamp or no frame");
+  }
+  const auto known = {encodings::RGB8, encodings::BGR8, encodings::RGBA8, encodings::BGRA8,
+                      encodings::MONO8};
+  if (std::find(known.begin(), known.end(), image.encoding) == known.end()) {
+    throw InputError(Status::REASON_BAD_IMAGE, "the encoding '" + image.encoding +
+                                                   "' is not one of rgb8, bgr8, rgba8, bgra8 and "
+                                                   "mono8");
+  }
+  const std::size_t row_bytes =
+      std::size_t{image.width} * static_cast<std::size_t>(encodings::numChannels(image.encoding));
+  if (image.step < row_bytes || image.data.size() != std::size_t{image.step} * image.height) {
+    throw InputError(Status::REASON_BAD_IMAGE,
+                     "the size of the image and of its data do not match");
+  }
+  if (static_cast<int>(image.width) != camera.width ||
+      static_cast<int>(image.height) != camera.height) {
+    throw InputError(Status::REASON_BAD_CAMERA_INFO,
+                     "the image is " + sizeText(image.width, image.height) +
+                         " but camera_info is for " + sizeText(camera.width, camera.height));
+  }
+}
+
+sensor_msgs::CameraInfo toMessage(const Camera& camera) {
+  sensor_msgs::CameraInfo info;
+  info.width = camera.width;
+  info.height = camera.height;
+  info.distortion_model = sensor_msgs::distortion_models::PLUMB_BOB;
+  info.D.assign(5, 0.0);
+  info.K = {camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 1};
+  info.R = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+  info.P = {camera.fx, 0, camera.cx, 0, 0, camera.fy, camera.cy, 0, 0, 0, 1, 0};
+  return info;
+}
+
+const Undistorter& CameraInput::undistorterOf(const CameraModel& model) {
+  if (!undistorter_ || !sameModel(model, model_)) {
+    undistorter_.reset();
+    try {
+      undistorter_.emplace(model.camera, model.distortion);
+    } catch (const std::invalid_argument& e) {
+      throw InputError(Status::REASON_BAD_CAMERA_INFO, std::string("camera_info: ") + e.what());
+    }
+    model_ = model;
+  }
+  return *undistorter_;
+}
+
+Observation CameraInput::observe(const sensor_msgs::Image& image,
+                                 const sensor_msgs::CameraInfo& info) {
+  const CameraModel model = cameraFromMessage(info, rectified_);
+  checkImage(image, model.camera);
+  const Undistorter& undistorter = undistorterOf(model);
+  // The caller keeps the message alive while its pixels are shared.
+  const cv_bridge::CvImageConstPtr rgb = cv_bridge::toCvShare(image, nullptr, encodings::RGB8);
+  Image8 bytes(rgb->image.cols, rgb->image.rows, 3);
+  for (int y = 0; y < bytes.height; ++y) {
+    std::copy_n(rgb->image.ptr<std::uint8_t>(y), 3 * bytes.width, bytes.pixel(0, y));
+  }
+  Observation observation;
+  observation.image = toFloat(undistorter.undistort(bytes));
+  observation.camera = undistorter.camera();
+  observation.background = Background::kUnknown;
+  return observation;
+}
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,28 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "nerf_pose_refiner/ros/object_search.h"
+
+#include <utility>
+
+namespace nerf_pose_refiner {
+
+RefinerSearch::RefinerSearch(EngineFactory make_engine, const RefinerSettings& initial,
+                             const RefinerSettings& tracking)
+    : make_engine_(std::move(make_engine)),
+      initial_settings_(initial),
+      tracking_settings_(tracking) {}
+
+void RefinerSearch::use(std::shared_ptr<const Field> field) {
+  if (!engine_) {
+    engine_ = make_engine_();
+    initial_.emplace(engine_, initial_settings_);
+    tracking_.emplace(engine_, tracking_settings_);
+  }
+  field_ = engine_->load(std::move(field));
+}
+
+Refinement RefinerSearch::search(const Observation& observation, const Prior& prior, bool tracked,
+                                 const StopToken& stop) {
+  return (tracked ? tracking_ : initial_)->refine(*field_, observation, prior, stop);
+}
+
+}  // namespace nerf_pose_refiner

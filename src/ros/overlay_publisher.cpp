@@ -1,0 +1,70 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "nerf_pose_refiner/ros/overlay_publisher.h"
+
+#include <ros/console.h>
+#include <sensor_msgs/image_encodings.h>
+
+#include <algorithm>
+#include <chrono>
+#include <utility>
+
+#include "nerf_pose_refiner/image/resample.h"
+#include "nerf_pose_refiner/ros/camera_input.h"
+#include "nerf_pose_refiner/ros/overlay.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+constexpr int kWidth_px = 640;  // wider pictures are drawn in this width
+
+}  // namespace
+
+OverlayPublisher::OverlayPublisher(const image_transport::CameraPublisher& publisher,
+                                   EngineFactory make_engine)
+    : publisher_(publisher), make_engine_(std::move(make_engine)), thread_([this] { run(); }) {}
+
+OverlayPublisher::~OverlayPublisher() {
+  stop_.requestStop();
+  thread_.join();
+}
+
+void OverlayPublisher::draw(Job job) {
+  if (wanted()) jobs_.put(std::move(job));
+}
+
+void OverlayPublisher::run() {
+  while (!stop_.stopRequested()) {
+    const std::optional<Job> job = jobs_.take(std::chrono::milliseconds(100));
+    if (!job) continue;
+    try {
+      drawNow(*job);
+    } catch (const std::exception& e) {
+      if (!stop_.stopRequested()) ROS_ERROR_THROTTLE(5.0, "overlay: %s", e.what());
+    }
+  }
+}
+
+void OverlayPublisher::drawNow(const Job& job) {
+  if (!engine_) engine_ = make_engine_();
+  if (field_ != job.field) {
+    loaded_ = engine_->load(job.field);
+    field_ = job.field;
+  }
+  const Camera& full = job.observation->camera;
+  const Camera camera = full.scaled(std::min(1.0, static_cast<double>(kWidth_px) / full.width));
+  const Rendering rendering = engine_->render(*loaded_, camera, job.T_O_C, RenderOptions(), stop_);
+  const Image8 overlay = drawOverlay(resample(job.observation->image, full, camera), rendering);
+
+  sensor_msgs::Image image;
+  image.header = job.header;
+  image.width = static_cast<std::uint32_t>(overlay.width);
+  image.height = static_cast<std::uint32_t>(overlay.height);
+  image.encoding = sensor_msgs::image_encodings::RGB8;
+  image.step = 3 * image.width;
+  image.data = overlay.values;
+  sensor_msgs::CameraInfo info = toMessage(camera);
+  info.header = job.header;
+  publisher_.publish(image, info);
+}
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,147 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "nerf_pose_refiner/ros/pose_conversions.h"
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+
+#include "nerf_pose_refiner/ros/input_error.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+using Status = RefinementStatus;
+
+/// Two standard deviations in the worst direction of a 3 x 3 block on the diagonal.
+double searchWidth(const Eigen::Matrix<double, 6, 6>& covariance, int block) {
+  const Eigen::Matrix3d part = covariance.block<3, 3>(3 * block, 3 * block);
+  const Eigen::Matrix3d symmetric = 0.5 * (part + part.transpose());
+  const double variance =
+      Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(symmetric).eigenvalues().maxCoeff();
+  return 2 * std::sqrt(std::max(0.0, variance));
+}
+
+std::string withoutSlash(const std::string& frame_id) {
+  return !frame_id.empty() && frame_id[0] == '/' ? frame_id.substr(1) : frame_id;
+}
+
+}  // namespace
+
+Pose objectInCamera(const Pose& T_O_C, double metres_per_unit) {
+  Pose T_C_O = T_O_C.inverse();
+  T_C_O.t *= metres_per_unit;
+  return T_C_O;
+}
+
+Pose cameraInObject(const Pose& T_C_O, double metres_per_unit) {
+  Pose T_O_C = T_C_O.inverse();
+  T_O_C.t /= metres_per_unit;
+  return T_O_C;
+}
+
+geometry_msgs::Pose toMessage(const Pose& pose) {
+  const Eigen::Quaterniond q = Eigen::Quaterniond(pose.R).normalized();
+  geometry_msgs::Pose message;
+  message.position.x = pose.t.x();
+  message.position.y = pose.t.y();
+  message.position.z = pose.t.z();
+  message.orientation.x = q.x();
+  message.orientation.y = q.y();
+  message.orientation.z = q.z();
+  message.orientation.w = q.w();
+  return message;
+}
+
+Pose fromMessage(const geometry_msgs::Pose& message) {
+  const Eigen::Vector3d t(message.position.x, message.position.y, message.position.z);
+  const Eigen::Quaterniond q(message.orientation.w, message.orientation.x, message.orientation.y,
+                             message.orientation.z);
+  if (!t.allFinite() || !q.coeffs().allFinite()) {
+    throw InputError(Status::REASON_PRIOR_NOT_FINITE, "the pose holds NaN or infinity");
+  }
+  if (std::abs(q.norm() - 1) > 0.01) {
+    throw InputError(Status::REASON_PRIOR_NOT_UNIT, "the length of the pose's quaternion is " +
+                                                        std::to_string(q.norm()) + ", not 1");
+  }
+  return {q.normalized().toRotationMatrix(), t};
+}
+
+Pose fromMessage(const geometry_msgs::Transform& message) {
+  const Eigen::Quaterniond q(message.rotation.w, message.rotation.x, message.rotation.y,
+                             message.rotation.z);
+  return {q.normalized().toRotationMatrix(),
+          {message.translation.x, message.translation.y, message.translation.z}};
+}
+
+geometry_msgs::TransformStamped toTransform(const geometry_msgs::PoseStamped& pose,
+                                            const std::string& child_frame) {
+  geometry_msgs::TransformStamped transform;
+  transform.header = pose.header;
+  transform.child_frame_id = child_frame;
+  transform.transform.translation.x = pose.pose.position.x;
+  transform.transform.translation.y = pose.pose.position.y;
+  transform.transform.translation.z = pose.pose.position.z;
+  transform.transform.rotation = pose.pose.orientation;
+  return transform;
+}
+
+StartPose startFromMessage(const geometry_msgs::PoseStamped& message) {
+  StartPose start;
+  start.T_P_O = fromMessage(message.pose);
+  start.frame_id = withoutSlash(message.header.frame_id);
+  start.stamp = message.header.stamp;
+  if (start.frame_id.empty()) {
+    throw InputError(Status::REASON_PRIOR_NO_FRAME, "the pose's header names no frame");
+  }
+  return start;
+}
+
+StartPose startFromMessage(const geometry_msgs::PoseWithCovarianceStamped& message) {
+  geometry_msgs::PoseStamped pose;
+  pose.header = message.header;
+  pose.pose = message.pose.pose;
+  StartPose start = startFromMessage(pose);
+  const Eigen::Map<const Eigen::Matrix<double, 6, 6, Eigen::RowMajor>> values(
+      message.pose.covariance.data());
+  const Eigen::Matrix<double, 6, 6> covariance = values;
+  if (!covariance.allFinite()) {
+    throw InputError(Status::REASON_PRIOR_NOT_FINITE, "the covariance holds NaN or infinity");
+  }
+  if (covariance.diagonal().minCoeff() < 0) {
+    throw InputError(Status::REASON_PRIOR_BAD_COVARIANCE, "the covariance has a negative variance");
+  }
+  start.translation_m = searchWidth(covariance, 0);
+  start.rotation_rad = searchWidth(covariance, 1);
+  return start;
+}
+
+PoseHypothesisArray toMessage(const HypothesisTable& hypotheses, const Pose& T_W_C,
+                              double metres_per_unit) {
+  PoseHypothesisArray message;
+  double sum = 0;
+  double least = 0;
+  for (const Hypothesis& hypothesis : hypotheses) {
+    if (hypothesis.state != HypothesisState::kLive) continue;
+    if (message.hypotheses.empty()) least = std::max(hypothesis.loss, 1e-9);
+    PoseHypothesis entry;
+    entry.pose = toMessage(T_W_C * objectInCamera(hypothesis.T_O_C, metres_per_unit));
+    entry.loss = static_cast<float>(hypothesis.loss);
+    const double weight = std::exp(1 - hypothesis.loss / least);
+    entry.weight = static_cast<float>(weight);
+    sum += weight;
+    message.hypotheses.push_back(entry);
+  }
+  for (PoseHypothesis& entry : message.hypotheses) entry.weight /= static_cast<float>(sum);
+  return message;
+}
+
+geometry_msgs::PoseArray toPoseArray(const PoseHypothesisArray& message) {
+  geometry_msgs::PoseArray poses;
+  poses.header = message.header;
+  for (const PoseHypothesis& hypothesis : message.hypotheses)
+    poses.poses.push_back(hypothesis.pose);
+  return poses;
+}
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,39 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "nerf_pose_refiner/ros/result_publisher.h"
+
+#include "nerf_pose_refiner/ros/pose_conversions.h"
+#include "nerf_pose_refiner/ros/topics.h"
+
+namespace nerf_pose_refiner {
+
+ResultPublisher::ResultPublisher(ros::NodeHandle pnh, const FrameSettings& frames,
+                                 const ros::SubscriberStatusCallback& on_connect)
+    : frames_(frames) {
+  pose_ = pnh.advertise<geometry_msgs::PoseStamped>(topics::kPose, 10, on_connect, on_connect);
+  hypotheses_ = pnh.advertise<PoseHypothesisArray>(topics::kHypotheses, 2, on_connect, on_connect);
+  hypothesis_poses_ =
+      pnh.advertise<geometry_msgs::PoseArray>(topics::kHypothesisPoses, 2, on_connect, on_connect);
+  status_ = pnh.advertise<RefinementStatus>(topics::kStatus, 10, on_connect, on_connect,
+                                            ros::VoidConstPtr(), true);
+}
+
+bool ResultPublisher::wanted() const {
+  return frames_.publish_tf || pose_.getNumSubscribers() > 0 || status_.getNumSubscribers() > 0 ||
+         hypotheses_.getNumSubscribers() > 0 || hypothesis_poses_.getNumSubscribers() > 0;
+}
+
+void ResultPublisher::publish(const FrameResult& result) {
+  if (result.pose) {
+    pose_.publish(*result.pose);
+    if (frames_.publish_tf) {
+      const std::string& frame =
+          frames_.object_frame.empty() ? result.status.object : frames_.object_frame;
+      transforms_.sendTransform(toTransform(*result.pose, frame));
+    }
+  }
+  if (result.hypotheses.hypotheses.empty()) return;
+  hypotheses_.publish(result.hypotheses);
+  hypothesis_poses_.publish(toPoseArray(result.hypotheses));
+}
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,56 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "nerf_pose_refiner/ros/tf_bridge.h"
+
+#include <tf2/exceptions.h>
+
+#include <chrono>
+#include <thread>
+
+#include "nerf_pose_refiner/ros/input_error.h"
+#include "nerf_pose_refiner/ros/pose_conversions.h"
+
+namespace nerf_pose_refiner {
+
+Pose TfBridge::wait(const std::string& what, const Lookup& lookup, const StopToken& stop) const {
+  // tf2_ros::Buffer waits by the ROS clock, which stands still in a simulation that is paused.
+  const auto deadline =
+      std::chrono::steady_clock::now() + std::chrono::duration<double>(frames_.tf_timeout_s);
+  while (true) {
+    try {
+      return fromMessage(lookup().transform);
+    } catch (const tf2::TransformException& e) {
+      if (stop.stopRequested() || std::chrono::steady_clock::now() >= deadline) {
+        throw InputError(RefinementStatus::REASON_NO_TRANSFORM, what + ": " + e.what());
+      }
+    }
+    std::this_thread::sleep_for(std::chrono::milliseconds(2));
+  }
+}
+
+std::string TfBridge::outputFrame(const std::string& camera_frame) const {
+  return frames_.output_frame.empty() ? camera_frame : frames_.output_frame;
+}
+
+Pose TfBridge::cameraInOutput(const std::string& camera_frame, const ros::Time& stamp,
+                              const StopToken& stop) const {
+  const std::string output_frame = outputFrame(camera_frame);
+  if (output_frame == camera_frame) return Pose();
+  return wait(
+      "no transform from " + camera_frame + " to " + output_frame,
+      [&] { return buffer_.lookupTransform(output_frame, camera_frame, stamp); }, stop);
+}
+
+Pose TfBridge::startInCamera(const StartPose& start, const std::string& camera_frame,
+                             const ros::Time& stamp, const StopToken& stop) const {
+  const ros::Time since = start.stamp.isZero() ? stamp : start.stamp;
+  const bool same_frame = start.frame_id == camera_frame;
+  if (same_frame && (frames_.fixed_frame.empty() || since == stamp)) return start.T_P_O;
+  const std::string& fixed = frames_.fixed_frame.empty() ? start.frame_id : frames_.fixed_frame;
+  const Pose T_C_P = wait(
+      "no transform from " + start.frame_id + " to " + camera_frame + " through " + fixed,
+      [&] { return buffer_.lookupTransform(camera_frame, stamp, start.frame_id, since, fixed); },
+      stop);
+  return T_C_P * start.T_P_O;
+}
+
+}  // namespace nerf_pose_refiner

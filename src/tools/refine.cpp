@@ -1,0 +1,289 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include <cstdio>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "nerf_pose_refiner/dataset/dataset.h"
+#include "nerf_pose_refiner/evaluate/pose_error.h"
+#include "nerf_pose_refiner/evaluate/start.h"
+#include "nerf_pose_refiner/field/model_file.h"
+#include "nerf_pose_refiner/image/colour.h"
+#include "nerf_pose_refiner/image/io.h"
+#include "nerf_pose_refiner/image/undistort.h"
+#include "nerf_pose_refiner/refine/refiner.h"
+#include "tool.h"
+
+// A model file, a picture and a rough pose to a refined pose.
+
+namespace nerf_pose_refiner {
+namespace {
+
+constexpr double kDegreesPerRad = 57.295779513082320877;
+
+struct RefineOptions {
+  std::string model;
+  std::string image;
+  std::vector<double> intrinsics;  // fx fy cx cy
+  std::vector<double> distortion;  // k1 k2 p1 p2 [k3 [k4 k5 k6]]
+  std::vector<double> pose;        // T_C_O: x y z qx qy qz qw
+  std::string transforms;
+  std::string view;
+  double start_rotation_deg = 15;
+  double start_translation = 0.15;
+  std::string preset = "align";
+  double search_rotation_deg = 15;
+  double search_translation = 0.15;
+  std::vector<float> background;  // r g b, 0..1
+  std::string mask;
+  std::uint64_t seed = 1;
+  bool json = false;
+  EngineOptions engine;
+};
+
+// A picture, where the search starts, and the truth if it is known.
+struct Case {
+  std::string name;
+  Image8 picture;  // RGB or RGBA with straight alpha
+  Image8 mask;     // empty: none
+  Camera camera;
+  Pose start_T_O_C;
+  std::optional<Pose> true_T_O_C;
+};
+
+void declareInput(CLI::App* app, RefineOptions* options) {
+  app->add_option("model", options->model, "Model file")->required()->check(CLI::ExistingFile);
+  auto* image = app->add_option("image", options->image, "Camera image (PNG, JPEG, ...)")
+                    ->check(CLI::ExistingFile);
+  app->add_option("--intrinsics", options->intrinsics,
+                  "fx fy cx cy [px; the centre of the first pixel is 0, 0]")
+      ->expected(4)
+      ->needs(image);
+  app->add_option("--distortion", options->distortion, "k1 k2 p1 p2 [k3 [k4 k5 k6]]")
+      ->expected(4, 8)
+      ->needs(image);
+  app->add_option("--pose", options->pose,
+                  "Rough pose of the object in the camera's optical frame: x y z qx qy qz qw "
+                  "[model units]")
+      ->expected(7)
+      ->needs(image);
+  auto* transforms =
+      app->add_option("--transforms", options->transforms,
+                      "Instead of an image: a view of this transforms.json, from a wrong start")
+          ->check(CLI::ExistingPath)
+          ->excludes(image);
+  app->add_option("--view", options->view, "File name of the view; default: the first")
+      ->needs(transforms);
+  app->add_option("--start-rotation", options->start_rotation_deg,
+                  "Start of a view: wrong by up to so much about each axis [degrees]")
+      ->capture_default_str();
+  app->add_option("--start-translation", options->start_translation,
+                  "Start of a view: wrong by up to so much along each axis [object diameters]")
+      ->capture_default_str();
+}
+
+void declare(CLI::App* app, RefineOptions* options) {
+  const std::string name = app->get_name();
+  app->description(
+      "Refines a rough pose of an object until its rendering matches a picture.\n\n"
+      "What is behind the object may be known: from --mask, from --background, or because the\n"
+      "picture has alpha. Otherwise nothing is assumed of it.");
+  app->footer("Examples:\n  " + name +
+              " mug.safetensors photo.jpg --intrinsics 500 500 319.5 239.5"
+              " --pose 0.02 0 0.6 1 0 0 0 --json\n  " +
+              name +
+              " mug.safetensors --transforms photos/mug/transforms_test.json --view view_003\n\n" +
+              kExitCodes + "\nA pose that was not found is a failure.");
+  declareInput(app, options);
+  app->add_option("--preset", options->preset,
+                  "How to search: align (coarse to fine), track (from a near pose), paper, "
+                  "paper_single (Lin et al.)")
+      ->check(CLI::IsMember(RefinerSettings::presetNames()))
+      ->capture_default_str();
+  app->add_option("--search-rotation", options->search_rotation_deg,
+                  "Half width of the search about each axis [degrees]")
+      ->capture_default_str();
+  app->add_option("--search-translation", options->search_translation,
+                  "Half width of the search along each axis [object diameters]")
+      ->capture_default_str();
+  auto* background = app->add_option("--background", options->background,
+                                     "Red, green, blue behind the object [0..1]");
+  background->expected(3)->check(CLI::Range(0.0, 1.0));
+  app->add_option("--mask", options->mask,
+                  "Picture of the same size, black where the object is not")
+      ->check(CLI::ExistingFile)
+      ->excludes(background);
+  app->add_option("--seed", options->seed, "Same seed, same answer")->capture_default_str();
+  options->engine.addTo(app);
+  app->add_flag("--json", options->json, "Print the result as JSON");
+}
+
+Case caseOfImage(const RefineOptions& options) {
+  if (options.intrinsics.empty() || options.pose.empty()) {
+    throw std::invalid_argument("give --intrinsics and --pose with an image");
+  }
+  Case result;
+  result.name = options.image;
+  result.picture = readImage(options.image);
+  if (!options.mask.empty()) result.mask = readMask(options.mask);
+  const Camera camera =
+      cameraFromNumbers(options.intrinsics, result.picture.width, result.picture.height);
+  const Undistorter undistorter(camera, Distortion{options.distortion});
+  result.picture = undistorter.undistort(result.picture);
+  if (!result.mask.empty()) result.mask = undistorter.undistort(result.mask);
+  result.camera = undistorter.camera();
+  result.start_T_O_C = poseFromNumbers(options.pose).inverse();
+  return result;
+}
+
+const PosedView& findView(const Dataset& dataset, const std::string& name) {
+  for (const PosedView& view : dataset.views) {
+    if (name.empty() || fileName(view.name) == name || fileStem(view.name) == name) return view;
+  }
+  throw std::invalid_argument("no view '" + name + "' in " + dataset.folder);
+}
+
+Case caseOfView(const RefineOptions& options, const FieldMetadata& object) {
+  const Dataset dataset = loadTransforms(options.transforms);
+  const PosedView& view = findView(dataset, options.view);
+  const StartSpread spread = {options.start_rotation_deg / kDegreesPerRad,
+                              options.start_translation * object.diameter, true};
+  Case result;
+  result.name = view.name;
+  result.picture = *view.rgba;
+  if (!options.mask.empty()) result.mask = readMask(options.mask);
+  result.camera = view.camera;
+  result.start_T_O_C = perturbedStart(view.T_O_C, spread, object.centre, options.seed, 0);
+  result.true_T_O_C = view.T_O_C;
+  return result;
+}
+
+bool hasAlpha(const Image8& picture) {
+  if (picture.channels != 4) return false;
+  for (std::size_t i = 3; i < picture.values.size(); i += 4) {
+    if (picture.values[i] != 255) return true;
+  }
+  return false;
+}
+
+Observation observationOf(const Case& input, const std::vector<float>& background) {
+  const PremultipliedImage picture = premultiply(input.picture);
+  Observation observation;
+  observation.camera = input.camera;
+  observation.image = picture.colour;
+  if (!input.mask.empty()) {
+    observation.background = Background::kMask;
+    observation.alpha = toFloat(input.mask);
+  } else if (!background.empty()) {
+    observation.background = Background::kKnownColour;
+    observation.background_colour = {background[0], background[1], background[2]};
+    observation.image = composite(picture, {background[0], background[1], background[2]});
+  } else if (hasAlpha(input.picture)) {
+    observation.background = Background::kKnownAlpha;
+    observation.alpha = picture.alpha;
+  }
+  return observation;
+}
+
+const char* nameOf(Outcome outcome) {
+  switch (outcome) {
+    case Outcome::kRefined:
+      return "refined";
+    case Outcome::kNoOverlap:
+      return "no overlap: the start lies wholly outside of the image";
+    case Outcome::kDiverged:
+      return "diverged: no hypothesis survived";
+    case Outcome::kStopped:
+      break;
+  }
+  return "stopped";
+}
+
+nlohmann::json errorJson(const PoseError& error, double diameter) {
+  return {{"rotation_deg", error.rotation_rad * kDegreesPerRad},
+          {"diameters", error.object_offset / diameter},
+          {"pixels", error.pixels}};
+}
+
+nlohmann::json resultJson(const Case& input, const Refinement& result,
+                          const FieldMetadata& object) {
+  const Pose T_C_O = result.T_O_C.inverse();
+  nlohmann::json document = {{"image", input.name},
+                             {"outcome", nameOf(result.outcome)},
+                             {"pose", poseNumbers(T_C_O)},
+                             {"score", result.score},
+                             {"visible_fraction", result.visible_fraction},
+                             {"seconds", result.seconds},
+                             {"samples", result.work.samples}};
+  if (object.metres_per_unit > 0) {
+    document["pose_m"] = poseNumbers({T_C_O.R, T_C_O.t * object.metres_per_unit});
+  }
+  if (input.true_T_O_C) {
+    const auto error = [&](const Pose& T_O_C) {
+      return errorJson(poseError(T_O_C, *input.true_T_O_C, object.centre, input.camera),
+                       object.diameter);
+    };
+    document["error_at_start"] = error(input.start_T_O_C);
+    document["error"] = error(result.T_O_C);
+  }
+  for (const TraceEntry& entry : result.trace) {
+    document["trace"].push_back({{"stage", entry.stage},
+                                 {"seconds", entry.seconds},
+                                 {"samples", entry.work.samples},
+                                 {"hypotheses", entry.live},
+                                 {"loss", entry.best_loss},
+                                 {"pose", poseNumbers(entry.best_T_O_C.inverse())}});
+  }
+  return document;
+}
+
+void printErrorLine(const char* when, const nlohmann::json& error) {
+  std::printf("%s: %.2f degrees, %.2f %% of the diameter, %.1f px\n", when,
+              error["rotation_deg"].get<double>(), 100 * error["diameters"].get<double>(),
+              error["pixels"].get<double>());
+}
+
+void printResult(const nlohmann::json& result) {
+  std::printf("%s in %.2f s, score %.2f\n", result["outcome"].get<std::string>().c_str(),
+              result["seconds"].get<double>(), result["score"].get<double>());
+  std::printf("pose (x y z qx qy qz qw):");
+  for (double number : result["pose"]) std::printf(" %.6f", number);
+  std::printf("\n");
+  if (result.contains("error")) {
+    printErrorLine("error at start", result["error_at_start"]);
+    printErrorLine("error", result["error"]);
+  }
+}
+
+void refine(const RefineOptions& options, const StopToken& stop) {
+  if (options.image.empty() == options.transforms.empty()) {
+    throw std::invalid_argument("give an image, or --transforms");
+  }
+  const auto field = std::make_shared<const Field>(loadModel(options.model));
+  const FieldMetadata& object = field->metadata;
+  const Case input = options.image.empty() ? caseOfView(options, object) : caseOfImage(options);
+  RefinerSettings settings = RefinerSettings::named(options.preset);
+  settings.seed = options.seed;
+  const std::shared_ptr<Engine> engine = options.engine.make();
+  const std::shared_ptr<const LoadedField> loaded = engine->load(field);
+  const Prior prior = {input.start_T_O_C, options.search_rotation_deg / kDegreesPerRad,
+                       options.search_translation};
+  const Refinement result =
+      Refiner(engine, settings)
+          .refine(*loaded, observationOf(input, options.background), prior, stop);
+  const nlohmann::json document = resultJson(input, result, object);
+  if (options.json) {
+    printJson(document);
+  } else {
+    printResult(document);
+  }
+  if (result.outcome != Outcome::kRefined) throw std::runtime_error(nameOf(result.outcome));
+}
+
+}  // namespace
+}  // namespace nerf_pose_refiner
+
+int main(int argc, char** argv) {
+  return nerf_pose_refiner::runTool(argc, argv, nerf_pose_refiner::declare,
+                                    nerf_pose_refiner::refine);
+}

@@ -1,0 +1,186 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <string>
+#include <vector>
+
+#include "nerf_pose_refiner/dataset/dataset.h"
+#include "nerf_pose_refiner/field/model_file.h"
+#include "nerf_pose_refiner/image/colour.h"
+#include "nerf_pose_refiner/image/io.h"
+#include "nerf_pose_refiner/image/resample.h"
+#include "tool.h"
+
+// A model file to pictures, and how well they match the photos.
+
+namespace nerf_pose_refiner {
+namespace {
+
+constexpr float kDepthAlpha = 0.5f;  // fainter pixels have no depth
+
+struct RenderToolOptions {
+  std::string model;
+  std::string output;
+  std::string transforms;
+  std::vector<double> pose;        // T_C_O: x y z qx qy qz qw
+  std::vector<double> intrinsics;  // fx fy cx cy
+  std::vector<int> size;           // width height
+  std::vector<float> background;   // r g b, 0..1; empty: alpha
+  int max_size = 0;
+  bool depth = false;
+  bool psnr = false;
+  bool json = false;
+  EngineOptions engine;
+};
+
+void declare(CLI::App* app, RenderToolOptions* options) {
+  const std::string name = app->get_name();
+  app->description(
+      "Renders a model: all views of a transforms.json, or one pose.\n\n"
+      "Pictures are PNG with straight alpha unless a background is given.");
+  app->footer("Examples:\n  " + name +
+              " mug.safetensors --transforms photos/mug/transforms_test.json --psnr\n  " + name +
+              " mug.safetensors --pose 0 0 0.6 1 0 0 0 --intrinsics 500 500 319.5 239.5"
+              " --size 640 480 -o mug.png\n\n" +
+              kExitCodes);
+  app->add_option("model", options->model, "Model file")->required()->check(CLI::ExistingFile);
+  app->add_option("-o,--output", options->output,
+                  "PNG to write; with --transforms: the folder for them, which must exist");
+  auto* transforms =
+      app->add_option("--transforms", options->transforms, "A transforms.json: renders its views")
+          ->check(CLI::ExistingPath);
+  app->add_option("--pose", options->pose,
+                  "The object in the camera's optical frame: x y z qx qy qz qw [model units]")
+      ->expected(7)
+      ->excludes(transforms);
+  app->add_option("--intrinsics", options->intrinsics,
+                  "Of --pose: fx fy cx cy [px; the centre of the first pixel is 0, 0]")
+      ->expected(4);
+  app->add_option("--size", options->size, "Of --pose: width and height [px]")->expected(2);
+  app->add_option("--max-size", options->max_size, "Renders and compares at most so large [px]")
+      ->check(CLI::PositiveNumber);
+  app->add_option("--background", options->background, "Red, green, blue behind the object [0..1]")
+      ->expected(3)
+      ->check(CLI::Range(0.0, 1.0));
+  app->add_flag("--depth", options->depth,
+                "Also write NAME_depth.png: 16 bit, millimetres along the optical axis, 0 where "
+                "there is no object (REP-118)");
+  app->add_flag("--psnr", options->psnr, "Compare with the photos, both on black")
+      ->needs(transforms);
+  options->engine.addTo(app);
+  app->add_flag("--json", options->json, "Print the result as JSON");
+}
+
+std::vector<PosedView> viewsOf(const RenderToolOptions& options) {
+  if (!options.transforms.empty()) return loadTransforms(options.transforms).views;
+  if (options.pose.empty() || options.intrinsics.empty() || options.size.empty()) {
+    throw std::invalid_argument("give --transforms, or --pose with --intrinsics and --size");
+  }
+  PosedView view;
+  view.name = options.output;
+  view.camera = cameraFromNumbers(options.intrinsics, options.size[0], options.size[1]);
+  view.T_O_C = poseFromNumbers(options.pose).inverse();
+  return {view};
+}
+
+Camera limited(const Camera& camera, int max_size) {
+  const int longest = std::max(camera.width, camera.height);
+  if (max_size == 0 || longest <= max_size) return camera;
+  return camera.scaled(static_cast<double>(max_size) / longest);
+}
+
+/// Against the photo on black, of the size that was rendered.
+double psnrOf(const Rendering& rendering, const Camera& camera, const PosedView& view) {
+  const Image photo = composite(premultiply(*view.rgba), {0, 0, 0});
+  return psnr(rendering.colour, resample(photo, view.camera, camera));
+}
+
+/// Depth along the optical axis [m], [h][w][1]; 0 where there is no object.
+Image depthOf(const Rendering& rendering, const Pose& T_O_C, double metres_per_unit) {
+  const Pose T_C_O = T_O_C.inverse();
+  Image depth(rendering.alpha.width, rendering.alpha.height, 1);
+  for (std::size_t i = 0; i < depth.values.size(); ++i) {
+    const float alpha = rendering.alpha.values[i];
+    if (alpha < kDepthAlpha) continue;
+    const Eigen::Map<const Eigen::Vector3f> weighted(rendering.point.values.data() + 3 * i);
+    const Eigen::Vector3d p_C = T_C_O * (weighted / alpha).cast<double>();
+    depth.values[i] = static_cast<float>(p_C.z() * metres_per_unit);
+  }
+  return depth;
+}
+
+void write(const RenderToolOptions& options, const Rendering& rendering, const PosedView& view,
+           double metres_per_unit) {
+  if (options.output.empty()) return;
+  const std::string stem = options.transforms.empty()
+                               ? options.output.substr(0, options.output.rfind(".png"))
+                               : options.output + '/' + fileStem(view.name);
+  const PremultipliedImage picture = {rendering.colour, rendering.alpha};
+  const std::vector<float>& b = options.background;
+  writePng(b.empty() ? straightBytes(picture) : toBytes(composite(picture, {b[0], b[1], b[2]})),
+           stem + ".png");
+  if (options.depth) {
+    writeDepthPng(depthOf(rendering, view.T_O_C, metres_per_unit), stem + "_depth.png");
+  }
+}
+
+void check(const RenderToolOptions& options, const Field& field) {
+  if (options.output.empty() && !options.psnr) {
+    throw std::invalid_argument("nothing to do: give --output or --psnr");
+  }
+  if (!options.output.empty()) {
+    requireWritable(options.transforms.empty() ? options.output : options.output + '/');
+  }
+  if (options.depth && field.metadata.metres_per_unit == 0) {
+    throw std::invalid_argument("--depth needs a model with a scale: train with --metres-per-unit");
+  }
+}
+
+void report(const RenderToolOptions& options, const nlohmann::json& views) {
+  double psnr_sum = 0;
+  for (const auto& view : views) psnr_sum += view.value("psnr_db", 0.0);
+  const double mean_psnr_db = psnr_sum / views.size();
+  if (options.json) {
+    nlohmann::json document = {{"model", options.model}, {"views", views}};
+    if (options.psnr) document["mean_psnr_db"] = mean_psnr_db;
+    printJson(document);
+  } else if (options.psnr) {
+    std::printf("%8s  view\n", "PSNR dB");
+    for (const auto& view : views) {
+      std::printf("%8.2f  %s\n", view["psnr_db"].get<double>(),
+                  view["view"].get<std::string>().c_str());
+    }
+    std::printf("%8.2f  mean of %zu views\n", mean_psnr_db, views.size());
+  }
+}
+
+void render(const RenderToolOptions& options, const StopToken& stop) {
+  const auto field = std::make_shared<const Field>(loadModel(options.model));
+  check(options, *field);
+  const std::shared_ptr<Engine> engine = options.engine.make();
+  const std::shared_ptr<const LoadedField> loaded = engine->load(field);
+  const std::vector<PosedView> views = viewsOf(options);
+  nlohmann::json rows = nlohmann::json::array();
+  ProgressLine line;
+  for (const PosedView& view : views) {
+    line.show(static_cast<double>(rows.size()) / views.size(), view.name);
+    const Camera camera = limited(view.camera, options.max_size);
+    const auto start = std::chrono::steady_clock::now();
+    const Rendering rendering = engine->render(*loaded, camera, view.T_O_C, {}, stop);
+    const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
+    write(options, rendering, view, field->metadata.metres_per_unit);
+    rows.push_back({{"view", view.name}, {"seconds", elapsed.count()}});
+    if (options.psnr) rows.back()["psnr_db"] = psnrOf(rendering, camera, view);
+  }
+  line.end();
+  report(options, rows);
+}
+
+}  // namespace
+}  // namespace nerf_pose_refiner
+
+int main(int argc, char** argv) {
+  return nerf_pose_refiner::runTool(argc, argv, nerf_pose_refiner::declare,
+                                    nerf_pose_refiner::render);
+}

@@ -1,0 +1,124 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "tool.h"
+
+#include <unistd.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cerrno>
+#include <cmath>
+#include <csignal>
+#include <cstdio>
+#include <cstring>
+#include <iostream>
+#include <stdexcept>
+
+namespace nerf_pose_refiner {
+namespace {
+
+constexpr int kBarWidth = 30;
+
+// Set before the handler is installed and never changed: what a signal handler may touch.
+const StopToken& interruptToken() {
+  static const StopToken token;
+  return token;
+}
+
+void onInterrupt(int signal) {
+  interruptToken().requestStop();
+  std::signal(signal, SIG_DFL);  // a second Ctrl-C ends the process at once
+}
+
+}  // namespace
+
+int runApp(CLI::App* app, int argc, char** argv,
+           const std::function<void(const StopToken&)>& body) {
+  try {
+    app->parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    return app->exit(e) == 0 ? 0 : kWrongUsage;
+  }
+  const StopToken& stop = interruptToken();
+  std::signal(SIGINT, onInterrupt);
+  std::signal(SIGTERM, onInterrupt);
+  try {
+    body(stop);
+    return 0;
+  } catch (const std::invalid_argument& e) {
+    std::cerr << app->get_name() << ": " << e.what() << "\nRun with --help for more.\n";
+    return kWrongUsage;
+  } catch (const std::exception& e) {
+    std::cerr << app->get_name() << ": " << e.what() << '\n';
+    return kFailed;
+  }
+}
+
+std::string fileName(const std::string& path) { return path.substr(path.find_last_of('/') + 1); }
+
+std::string fileStem(const std::string& path) {
+  const std::string name = fileName(path);
+  return name.substr(0, name.find('.'));
+}
+
+void EngineOptions::addTo(CLI::App* app) {
+  app->add_option("--threads", threads, "Threads of the CPU engine; 0: all cores")
+      ->check(CLI::Range(0, 1024))
+      ->capture_default_str();
+  app->add_option("--instruction-set", instruction_set, "Of the CPU engine: auto, baseline, avx2")
+      ->check(CLI::IsMember({"auto", "baseline", "avx2"}))
+      ->capture_default_str();
+}
+
+ProgressLine::ProgressLine() : terminal_(isatty(STDERR_FILENO) == 1) {}
+
+void ProgressLine::end() {
+  if (drawn_) std::fputc('\n', stderr);
+  drawn_ = false;
+}
+
+void ProgressLine::show(double share, const std::string& text) {
+  if (!terminal_) return;
+  const int filled = static_cast<int>(std::lround(std::min(1.0, std::max(0.0, share)) * kBarWidth));
+  const std::string bar = std::string(filled, '#') + std::string(kBarWidth - filled, '.');
+  std::fprintf(stderr, "\r\033[K[%s] %s", bar.c_str(), text.c_str());
+  std::fflush(stderr);
+  drawn_ = true;
+}
+
+std::vector<double> poseNumbers(const Pose& pose) {
+  Eigen::Quaterniond q(pose.R);
+  if (q.w() < 0) q.coeffs() *= -1;
+  return {pose.t.x(), pose.t.y(), pose.t.z(), q.x(), q.y(), q.z(), q.w()};
+}
+
+Pose poseFromNumbers(const std::vector<double>& numbers) {
+  if (numbers.size() != 7) throw std::invalid_argument("a pose has 7 numbers: x y z qx qy qz qw");
+  for (double number : numbers) {
+    if (!std::isfinite(number)) throw std::invalid_argument("a number of the pose is not finite");
+  }
+  const Eigen::Quaterniond q(numbers[6], numbers[3], numbers[4], numbers[5]);
+  if (std::abs(q.norm() - 1) > 0.01) {
+    throw std::invalid_argument("the quaternion's length is " + std::to_string(q.norm()) +
+                                ", must be 1");
+  }
+  return {q.normalized().toRotationMatrix(), {numbers[0], numbers[1], numbers[2]}};
+}
+
+Camera cameraFromNumbers(const std::vector<double>& intrinsics, int width, int height) {
+  if (intrinsics.size() != 4) throw std::invalid_argument("intrinsics are 4 numbers: fx fy cx cy");
+  const Camera camera = {width, height, intrinsics[0], intrinsics[1], intrinsics[2], intrinsics[3]};
+  camera.validate();
+  return camera;
+}
+
+void requireWritable(const std::string& path) {
+  const std::size_t slash = path.find_last_of('/');
+  const std::string folder = slash == std::string::npos ? "." : path.substr(0, slash + 1);
+  if (access(folder.c_str(), W_OK) != 0) {
+    throw std::runtime_error("cannot write in " + folder + ": " + std::strerror(errno));
+  }
+}
+
+void printJson(const nlohmann::json& document) { std::cout << document.dump(2) << '\n'; }
+
+}  // namespace nerf_pose_refiner

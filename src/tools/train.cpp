@@ -1,0 +1,121 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include <cstdio>
+#include <string>
+#include <vector>
+
+#include "nerf_pose_refiner/dataset/dataset.h"
+#include "nerf_pose_refiner/field/model_file.h"
+#include "nerf_pose_refiner/register/registrar.h"
+#include "tool.h"
+
+// Posed photos to a model file.
+
+namespace nerf_pose_refiner {
+namespace {
+
+struct TrainOptions {
+  std::string dataset;
+  std::string model;
+  std::string name;
+  std::vector<double> box;  // min x y z, max x y z
+  RegistrationSettings settings;
+  EngineOptions engine;
+  bool json = false;
+};
+
+void declare(CLI::App* app, TrainOptions* options) {
+  app->description(
+      "Learns a model of an object from posed photos.\n\n"
+      "The photos come with a transforms.json as NeRF Synthetic and instant-ngp write it. They\n"
+      "show the object alone: with alpha, with masks, or inside a box that is given.");
+  app->footer("Example:\n  " + app->get_name() +
+              " photos/mug -o mug.safetensors --metres-per-unit 0.1 --max-seconds 120\n\n" +
+              kExitCodes);
+  app->add_option("dataset", options->dataset,
+                  "A transforms.json, or a folder with transforms.json or transforms_train.json")
+      ->required()
+      ->check(CLI::ExistingPath);
+  app->add_option("-o,--output", options->model, "Model file to write (.safetensors)")->required();
+  app->add_option("--name", options->name, "Of the object; default: the model file's");
+  RegistrationSettings& settings = options->settings;
+  app->add_option("--profile", settings.profile, "Shape of the field: cpu (fast), paper (finest)")
+      ->check(CLI::IsMember(FieldConfig::profileNames()))
+      ->capture_default_str();
+  app->add_option("--steps", settings.steps, "Training steps at most")->capture_default_str();
+  app->add_option("--max-seconds", settings.max_seconds, "Training time at most [s]; 0: any")
+      ->capture_default_str();
+  app->add_option("--target-psnr", settings.target_psnr_db,
+                  "Stop when the held-out views reach it [dB]; 0: never")
+      ->capture_default_str();
+  app->add_option("--held-out", settings.held_out, "Views kept apart to measure the quality")
+      ->capture_default_str();
+  app->add_option("--metres-per-unit", settings.metres_per_unit,
+                  "Length of the dataset's unit [m]; 0: as the dataset says, or unknown")
+      ->capture_default_str();
+  app->add_option("--box", options->box,
+                  "Bounds of the object: min x y z, max x y z [dataset units]; default: the file's")
+      ->expected(6);
+  app->add_option("--seed", settings.seed, "Same seed, same model")->capture_default_str();
+  options->engine.addTo(app);
+  app->add_flag("--json", options->json, "Print the result as JSON");
+}
+
+void report(const TrainOptions& options, const Field& field, double seconds) {
+  const FieldMetadata& metadata = field.metadata;
+  if (options.json) {
+    printJson({{"model", options.model},
+               {"name", metadata.name},
+               {"profile", field.config.profile},
+               {"steps", metadata.training_steps},
+               {"seconds", seconds},
+               {"psnr_db", metadata.psnr_db},
+               {"held_out_views", metadata.score.views},
+               {"diameter", metadata.diameter},
+               {"metres_per_unit", metadata.metres_per_unit}});
+    return;
+  }
+  std::printf("%s: %llu steps in %.1f s", options.model.c_str(),
+              static_cast<unsigned long long>(metadata.training_steps), seconds);
+  if (metadata.psnr_db > 0) std::printf(", PSNR %.2f dB on held-out views", metadata.psnr_db);
+  std::printf(", diameter %.4g units", metadata.diameter);
+  if (metadata.metres_per_unit > 0) {
+    std::printf(" = %.4g m\n", metadata.diameter * metadata.metres_per_unit);
+  } else {
+    std::printf("\nThe scale is unknown: ROS will refuse this model. See --metres-per-unit.\n");
+  }
+}
+
+void train(const TrainOptions& options, const StopToken& stop) {
+  requireWritable(options.model);
+  Dataset dataset = loadTransforms(options.dataset);
+  if (!options.box.empty()) {
+    dataset.has_box = true;
+    dataset.box_min = {options.box[0], options.box[1], options.box[2]};
+    dataset.box_max = {options.box[3], options.box[4], options.box[5]};
+  }
+  double seconds = 0;
+  Field field;
+  {
+    ProgressLine line;
+    const auto show = [&](const RegistrationProgress& progress) {
+      char text[120];
+      std::snprintf(text, sizeof text, "%s %d/%d  loss %.5f  %.0f s, %.0f s left",
+                    progress.stage.c_str(), progress.step, progress.steps, progress.loss,
+                    progress.seconds, progress.seconds_left);
+      line.show(progress.steps > 0 ? static_cast<double>(progress.step) / progress.steps : 0, text);
+      seconds = progress.seconds;
+    };
+    field = registerObject(options.engine.make().get(), dataset, options.settings, show, stop);
+  }
+  field.metadata.name = options.name.empty() ? fileStem(options.model) : options.name;
+  saveModel(field, options.model);
+  report(options, field, seconds);
+}
+
+}  // namespace
+}  // namespace nerf_pose_refiner
+
+int main(int argc, char** argv) {
+  return nerf_pose_refiner::runTool(argc, argv, nerf_pose_refiner::declare,
+                                    nerf_pose_refiner::train);
+}

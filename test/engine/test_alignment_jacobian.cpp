@@ -1,0 +1,82 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "engine/alignment_system.h"
+#include "engine/cpu_engine.h"
+#include "engine/picture.h"
+#include "nerf_pose_refiner/image/filter.h"
+#include "support/analytic_scene.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+constexpr double kBlurPx = 1.5;
+const Camera kCamera = {96, 80, 150, 150, 47.5, 39.5};
+
+// Rendering as alignment makes it: several rays a pixel, blurred.
+Image blurredRendering(const LoadedField& scene, const Pose& T_O_C) {
+  Image picture, scratch;
+  Work work;
+  renderPictures(rayRenderer(scene), {{kCamera, T_O_C, 8, &picture}}, RenderOptions(), 1,
+                 StopToken(), &work);
+  blurPicture(gaussianKernel(kBlurPx), &picture, &scratch);
+  return picture;
+}
+
+Pose moved(const Pose& T_O_C, const Eigen::Vector3d& centre, int axis, double step) {
+  Eigen::Vector3d v = Eigen::Vector3d::Zero(), w = Eigen::Vector3d::Zero();
+  (axis < 3 ? v : w)[axis % 3] = step;
+  const Eigen::Matrix3d turn = expSO3(w);
+  return {turn * T_O_C.R, centre + v + turn * (T_O_C.t - centre)};
+}
+
+class AlignmentJacobian : public ::testing::TestWithParam<int> {};
+
+// The predicted change of all four channels over the picture against the one that is rendered.
+// A picture's flow explains it except where a surface turns away behind its own edge.
+TEST_P(AlignmentJacobian, AgreesWithCentralDifferences) {
+  const auto scene = makeAnalyticScene();
+  const Eigen::Vector3d centre = scene->field().metadata.centre;
+  const Pose T_O_C = cameraAround(*scene, 0.6, 0.4);
+  const double step = 1e-2;
+  const Image picture = blurredRendering(*scene, T_O_C);
+  const Image after = blurredRendering(*scene, moved(T_O_C, centre, GetParam(), step));
+  const Image before = blurredRendering(*scene, moved(T_O_C, centre, GetParam(), -step));
+
+  ObservedLevel level;
+  level.camera = kCamera;
+  AlignmentTarget target;
+  target.level = &level;
+  target.observed = &picture;  // so that the mean of both pictures' gradients is the rendering's
+  target.centre = centre;
+  const AlignmentView view = viewOf(target, T_O_C);
+  double dot = 0, predicted_square = 0, rendered_square = 0;
+  for (int y = 1; y + 1 < kCamera.height; ++y) {
+    for (int x = 1; x + 1 < kCamera.width; ++x) {
+      const PixelResidual<float> r = residualAt(target, picture, GainBias<float>(), x, y);
+      const PixelFlow<float> flow = flowAt(view, picture, x, y);
+      for (int c = 0; c < 4; ++c) {
+        float row[6];
+        alignmentRow(flow, r.du[c], r.dv[c], row);
+        const double rendered = (after.at(x, y, c) - before.at(x, y, c)) / (2 * step);
+        dot += row[GetParam()] * rendered;
+        predicted_square += row[GetParam()] * row[GetParam()];
+        rendered_square += rendered * rendered;
+      }
+    }
+  }
+  EXPECT_GT(dot / std::sqrt(predicted_square * rendered_square), GetParam() < 3 ? 0.98 : 0.95);
+  EXPECT_NEAR(std::sqrt(predicted_square / rendered_square), 1.0, 0.15);
+}
+
+std::string axisName(const ::testing::TestParamInfo<int>& axis) {
+  const char* names[6] = {"vx", "vy", "vz", "wx", "wy", "wz"};
+  return names[axis.param];
+}
+
+INSTANTIATE_TEST_SUITE_P(SixAxes, AlignmentJacobian, ::testing::Range(0, 6), axisName);
+
+}  // namespace
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,162 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "nerf_pose_refiner/image/io.h"
+
+#include <gtest/gtest.h>
+
+#include <cstdint>
+#include <filesystem>
+#include <opencv2/imgcodecs.hpp>
+#include <stdexcept>
+
+#include "support/expect_error.h"
+#include "support/temporary_folder.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+Image8 pattern(int width, int height, int channels) {
+  Image8 image(width, height, channels);
+  for (std::size_t i = 0; i < image.values.size(); ++i) {
+    image.values[i] = static_cast<std::uint8_t>(37 * i + 11);
+  }
+  return image;
+}
+
+void expectEqual(const Image8& a, const Image8& b) {
+  EXPECT_EQ(a.width, b.width);
+  EXPECT_EQ(a.height, b.height);
+  EXPECT_EQ(a.channels, b.channels);
+  EXPECT_EQ(a.values, b.values);
+}
+
+TEST(ImageIo, PngKeepsEveryByte) {
+  const TemporaryFolder folder;
+  const std::string path = folder.file("a.png");
+  for (const int channels : {3, 4}) {
+    writePng(pattern(7, 5, channels), path);
+    expectEqual(readImage(path), pattern(7, 5, channels));
+  }
+}
+
+TEST(ImageIo, WritingLeavesTheImageAlone) {
+  const TemporaryFolder folder;
+  const Image8 image = pattern(7, 5, 3);
+  writePng(image, folder.file("a.png"));
+  expectEqual(image, pattern(7, 5, 3));
+}
+
+TEST(ImageIo, GreyBecomesRgb) {
+  const TemporaryFolder folder;
+  const std::string path = folder.file("grey.png");
+  writePng(pattern(3, 2, 1), path);
+  const Image8 image = readImage(path);
+  ASSERT_EQ(image.channels, 3);
+  for (int c = 0; c < 3; ++c) EXPECT_EQ(image.at(1, 0, c), 48);
+}
+
+TEST(ImageIo, SixteenBitsAreRoundedToEight) {
+  const TemporaryFolder folder;
+  const std::string path = folder.file("deep.png");
+  const cv::Mat deep = (cv::Mat_<cv::Vec4w>(1, 2) << cv::Vec4w(65535, 0, 257, 385),
+                        cv::Vec4w(128, 129, 40000, 65535));
+  ASSERT_TRUE(cv::imwrite(path, deep));
+  const Image8 image = readImage(path);  // RGBA; the file was written from BGRA
+  ASSERT_EQ(image.channels, 4);
+  EXPECT_EQ(image.values, (std::vector<std::uint8_t>{1, 0, 255, 1, 156, 1, 0, 255}));
+}
+
+TEST(ImageIo, JpegIsRgb) {
+  const TemporaryFolder folder;
+  const std::string path = folder.file("a.jpg");
+  ASSERT_TRUE(cv::imwrite(path, cv::Mat(16, 16, CV_8UC3, cv::Scalar(20, 60, 200))));
+  const Image8 image = readImage(path);
+  ASSERT_EQ(image.channels, 3);
+  EXPECT_NEAR(image.at(8, 8, 0), 200, 3);
+  EXPECT_NEAR(image.at(8, 8, 1), 60, 3);
+  EXPECT_NEAR(image.at(8, 8, 2), 20, 3);
+}
+
+TEST(ImageIo, OrientationTagsTurnNothing) {
+  const TemporaryFolder folder;
+  std::vector<std::uint8_t> jpeg;
+  ASSERT_TRUE(cv::imencode(".jpg", cv::Mat(8, 16, CV_8UC3, cv::Scalar(0, 0, 0)), jpeg));
+  // An EXIF segment with one entry, orientation 6: "turn a quarter to show it upright".
+  const std::string exif(
+      "\xff\xe1\x00\x22"
+      "Exif\x00\x00II*\x00\x08\x00\x00\x00\x01\x00"
+      "\x12\x01\x03\x00\x01\x00\x00\x00\x06\x00\x00\x00\x00\x00\x00\x00",
+      36);
+  jpeg.insert(jpeg.begin() + 2, exif.begin(), exif.end());
+  const std::string path = folder.write("turned.jpg", std::string(jpeg.begin(), jpeg.end()));
+  ASSERT_EQ(cv::imread(path).cols, 8);  // the tag is there and OpenCV heeds it
+  EXPECT_EQ(readImage(path).width, 16);
+  EXPECT_EQ(readMask(path).width, 16);
+}
+
+TEST(ImageIo, MaskOfZeroAndOneIsStretched) {
+  const TemporaryFolder folder;
+  const std::string path = folder.file("mask.png");
+  Image8 mask(2, 1, 1);
+  mask.values = {0, 1};
+  writePng(mask, path);
+  EXPECT_EQ(readMask(path).values, (std::vector<std::uint8_t>{0, 255}));
+  mask.values = {1, 200};
+  writePng(mask, path);
+  EXPECT_EQ(readMask(path).values, (std::vector<std::uint8_t>{1, 200}));
+}
+
+TEST(ImageIo, ColourMaskIsItsBrightness) {
+  const TemporaryFolder folder;
+  const std::string path = folder.file("mask.png");
+  Image8 mask(2, 1, 3, 255);
+  for (int c = 0; c < 3; ++c) mask.at(0, 0, c) = 0;
+  writePng(mask, path);
+  const Image8 read = readMask(path);
+  EXPECT_EQ(read.channels, 1);
+  EXPECT_EQ(read.values, (std::vector<std::uint8_t>{0, 255}));
+}
+
+TEST(ImageIo, DepthIsMillimetresOfSixteenBits) {
+  const TemporaryFolder folder;
+  const std::string path = folder.file("depth.png");
+  Image depth_m(4, 1, 1);
+  depth_m.values = {0, 0.0014f, 1.2345f, 70};
+  writeDepthPng(depth_m, path);
+  const cv::Mat read = cv::imread(path, cv::IMREAD_UNCHANGED);
+  ASSERT_EQ(read.type(), CV_16UC1);
+  const std::vector<std::uint16_t> expected = {0, 1, 1234, 65535};  // farther than 65 m saturates
+  for (int x = 0; x < 4; ++x) EXPECT_NEAR(read.at<std::uint16_t>(0, x), expected[x], x == 2);
+  expectError<std::invalid_argument>([&] { writeDepthPng(Image(2, 2, 3), path); }, "one channel");
+}
+
+TEST(ImageIo, BadFilesAreNamed) {
+  const TemporaryFolder folder;
+  const auto expectBad = [](const std::string& path, const std::string& reason) {
+    expectError<std::runtime_error>([&] { readImage(path); }, path, reason);
+    expectError<std::runtime_error>([&] { readMask(path); }, path, reason);
+  };
+  expectBad(folder.file("missing.png"), "No such file");
+  expectBad(folder.path(), "");
+  expectBad(folder.write("empty.png", ""), "empty");
+  expectBad(folder.write("text.png", "this is no picture"), "not a picture");
+
+  const std::string whole = folder.file("whole.png");
+  writePng(pattern(64, 64, 3), whole);
+  const std::string bytes = readFile(whole);
+  expectBad(folder.write("cut.png", bytes.substr(0, bytes.size() / 2)), "damaged");
+}
+
+TEST(ImageIo, WritingTellsWhatIsWrong) {
+  const TemporaryFolder folder;
+  const std::string path = folder.path() + "/missing/a.png";
+  expectError<std::runtime_error>([&] { writePng(pattern(2, 2, 3), path); }, path, "No such file");
+  expectError<std::invalid_argument>([&] { writePng(pattern(2, 2, 2), path); }, "2 channels");
+  expectError<std::invalid_argument>([&] { writePng(Image8(), path); }, "0 x 0");
+  if (std::filesystem::exists("/dev/full")) {
+    expectError<std::runtime_error>([&] { writePng(pattern(2, 2, 3), "/dev/full"); }, "/dev/full",
+                                    "No space left");
+  }
+}
+
+}  // namespace
+}  // namespace nerf_pose_refiner

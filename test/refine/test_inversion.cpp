@@ -1,0 +1,219 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <memory>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "nerf_pose_refiner/refine/refiner.h"
+#include "support/analytic_scene.h"
+#include "support/expect_error.h"
+#include "support/fog_scene.h"
+#include "support/recording_engine.h"
+
+// The schedule of the paper's mode, and whole refinements in a scene of fog.
+
+namespace nerf_pose_refiner {
+namespace {
+
+constexpr double kDegree = M_PI / 180;
+
+Camera smallCamera() { return {64, 64, 80, 80, 31.5, 31.5}; }
+
+/// What a recording engine is asked for by a preset.
+std::shared_ptr<RecordingEngine> recorded(const RefinerSettings& settings, const Prior& prior) {
+  const auto engine = std::make_shared<RecordingEngine>();
+  const FogScene scene(5);  // an object of 5 model units
+  Observation observation;
+  observation.camera = smallCamera();
+  observation.image = Image(64, 64, 3);
+  Prior there = prior;
+  there.T_O_C = cameraAround(scene, 0, 0);
+  EXPECT_EQ(Refiner(engine, settings).refine(scene, observation, there).outcome, Outcome::kRefined);
+  return engine;
+}
+
+// Lin et al., section IV-D: 64 hypotheses, 2560 = 512 + 4 x 512 steps.
+TEST(Inversion, scheduleOfThePaper) {
+  const auto engine = recorded(RefinerSettings::named("paper"), Prior());
+  const std::vector<std::string> expected = {"scatter 64",
+                                             "descend 0+512",
+                                             "select 8 for 64",
+                                             "descend 512+512",
+                                             "select 4 for 64",
+                                             "descend 1024+512",
+                                             "select 4 for 64",
+                                             "descend 1536+512",
+                                             "select 4 for 64",
+                                             "descend 2048+512",
+                                             "measure 4096",
+                                             "scatter 1",
+                                             "score"};
+  EXPECT_EQ(engine->calls, expected);
+}
+
+TEST(Inversion, singleIsNotResampled) {
+  const auto engine = recorded(RefinerSettings::named("paper_single"), Prior());
+  const std::vector<std::string> expected = {
+      "scatter 1",        "descend 0+512",    "descend 512+512",
+      "descend 1024+512", "descend 1536+512", "descend 2048+512",
+      "measure 4096",     "scatter 1",        "score"};
+  EXPECT_EQ(engine->calls, expected);
+}
+
+// The object of 5 model units stands for 2.5 of the paper's: one of those is 2 model units.
+TEST(Inversion, lengthsAreInUnitsOfTheObject) {
+  const auto engine = recorded(RefinerSettings::named("paper"), Prior());
+  EXPECT_NEAR(engine->scattered.translation.x(), 0.6, 1e-12);
+  EXPECT_NEAR(engine->scattered.rotation_rad.x(), 15 * kDegree, 1e-12);
+  EXPECT_FALSE(engine->scattered.rotate_about_object);
+  EXPECT_NEAR(engine->selected[0].translation_jitter, 0.2, 1e-12);
+  EXPECT_NEAR(engine->selected[0].rotation_jitter_rad, 3 * kDegree, 1e-12);
+  EXPECT_NEAR(engine->descended[0].length_unit, 6.06, 1e-12);
+
+  RefinerSettings settings = RefinerSettings::named("paper");
+  settings.inversion.unit = 1;  // as in the NeRF Synthetic scenes themselves
+  EXPECT_NEAR(recorded(settings, Prior())->descended[0].length_unit, 3.03, 1e-12);
+}
+
+TEST(Inversion, aSpreadOfZeroIsThePriors) {
+  RefinerSettings settings = RefinerSettings::named("paper");
+  settings.inversion.spread_rotation_rad = 0;
+  settings.inversion.spread_translation = 0;
+  Prior prior;
+  prior.rotation_rad = 0.1;
+  prior.translation = 0.02;
+  const auto engine = recorded(settings, prior);
+  EXPECT_EQ(engine->scattered.rotation_rad.y(), 0.1);
+  EXPECT_NEAR(engine->scattered.translation.y(), 0.1, 1e-12);
+  EXPECT_TRUE(engine->scattered.rotate_about_object);
+}
+
+TEST(Inversion, everyRandomDrawHasItsOwnSeed) {
+  const auto engine = recorded(RefinerSettings::named("paper"), Prior());
+  std::set<std::uint64_t> seeds = {engine->scattered.seed, engine->descended[0].seed};
+  for (const SelectPlan& plan : engine->selected) seeds.insert(plan.seed);
+  EXPECT_EQ(seeds.size(), 6u);
+  EXPECT_EQ(engine->descended[0].seed, engine->descended[4].seed);  // steps tell them apart
+}
+
+TEST(Inversion, survivorsHalveButForTheLastFew) {
+  InversionSettings settings;
+  settings.hypotheses = 256;
+  EXPECT_EQ(settings.survivors(1), 32);
+  EXPECT_EQ(settings.survivors(2), 16);
+  EXPECT_EQ(settings.survivors(3), 8);
+  EXPECT_EQ(settings.survivors(5), 4);
+  settings.hypotheses = 3;
+  EXPECT_EQ(settings.survivors(1), 3);
+}
+
+TEST(Inversion, refusesSettingsOutOfRange) {
+  const auto expectRefused = [](const char* name, auto change) {
+    RefinerSettings settings = RefinerSettings::named("paper");
+    change(&settings.inversion);
+    expectError<std::invalid_argument>([&] { settings.validate(); }, name);
+  };
+  expectRefused("hypotheses", [](InversionSettings* s) { s->hypotheses = 0; });
+  expectRefused("unit", [](InversionSettings* s) { s->unit = -1; });
+  expectRefused("keep_share", [](InversionSettings* s) { s->keep_share = 1.5; });
+  expectRefused("score_pixels", [](InversionSettings* s) { s->score_pixels = 0; });
+  expectRefused("jitter_translation", [](InversionSettings* s) { s->jitter_translation = NAN; });
+  expectRefused("descent.beta2", [](InversionSettings* s) { s->descent.beta2 = 1; });
+  expectRefused("descent.decay", [](InversionSettings* s) { s->descent.decay = 0; });
+  expectRefused("descent.steps_per_update",
+                [](InversionSettings* s) { s->descent.steps_per_update = 0; });
+}
+
+/// The paper's mode, made small.
+RefinerSettings smallInversion() {
+  RefinerSettings settings = RefinerSettings::named("paper");
+  InversionSettings& s = settings.inversion;
+  s.hypotheses = 12;
+  s.first_steps = 60;
+  s.rounds = 2;
+  s.round_steps = 60;
+  s.descent.samples_per_step = 2048;
+  s.descent.steps_per_update = 2;
+  s.descent.decay_updates = 30;
+  s.descent.score_steps = 20;
+  s.score_pixels = 1000;
+  return settings;
+}
+
+struct Trial {
+  explicit Trial(double scale = 1, int threads = 2)
+      : engine(makeCpuEngine(threads)), scene(scale), truth(cameraAround(scene, 0.4, 0.3, 1.3)) {
+    observation = observeScene(engine.get(), scene, smallCamera(), truth);
+    prior.T_O_C.R = expSO3(Eigen::Vector3d(0.1, -0.12, 0.08)) * truth.R;
+    prior.T_O_C.t = truth.t + scale * Eigen::Vector3d(0.08, 0.06, -0.05);
+  }
+
+  Refinement run(const RefinerSettings& settings, const StopToken& stop = {}) {
+    return Refiner(engine, settings).refine(scene, observation, prior, stop);
+  }
+  /// Distance of the object from where it stands in the camera's frame, in diameters.
+  double displacement(const Pose& pose) const {
+    return (pose.inverse().t - truth.inverse().t).norm() / scene.field().metadata.diameter;
+  }
+
+  std::shared_ptr<Engine> engine;
+  FogScene scene;
+  Pose truth;
+  Observation observation;
+  Prior prior;
+};
+
+TEST(Inversion, findsThePose) {
+  Trial trial;
+  const Refinement result = trial.run(smallInversion());
+  ASSERT_EQ(result.outcome, Outcome::kRefined);
+  EXPECT_GT(trial.displacement(trial.prior.T_O_C), 0.1);
+  EXPECT_LT(trial.displacement(result.T_O_C), 0.02);
+  EXPECT_LT(rotationDistance(result.T_O_C.R, trial.truth.R), 4 * kDegree);
+  EXPECT_EQ(result.hypotheses.size(), 12u);
+  ASSERT_EQ(result.trace.size(), 4u);
+  for (const TraceEntry& entry : result.trace) EXPECT_EQ(entry.live, 12);
+  EXPECT_LT(result.trace[2].best_loss, result.trace[0].best_loss);
+  EXPECT_GT(result.work.samples, 100u * 2048u);
+}
+
+TEST(Inversion, sameSeedSameBitsWithAnyNumberOfThreads) {
+  Trial one(1, 1), two(1, 2);
+  const Refinement a = one.run(smallInversion());
+  const Refinement b = two.run(smallInversion());
+  EXPECT_EQ(a.T_O_C.R, b.T_O_C.R);
+  EXPECT_EQ(a.T_O_C.t, b.T_O_C.t);
+  EXPECT_EQ(a.hypotheses.back().loss, b.hypotheses.back().loss);
+}
+
+// Lengths are relative to the object: a scene scaled by a power of two gives the same numbers to
+// the last bit, any other one the same trial but for rounding.
+TEST(Inversion, aScaledSceneGivesTheSameTrial) {
+  const Refinement whole = Trial(1).run(smallInversion());
+  const Refinement sixteenth = Trial(1.0 / 16).run(smallInversion());
+  EXPECT_EQ(whole.T_O_C.R, sixteenth.T_O_C.R);
+  EXPECT_EQ(whole.T_O_C.t, 16 * sixteenth.T_O_C.t);
+  const Refinement twentieth = Trial(0.05).run(smallInversion());
+  EXPECT_LT((whole.T_O_C.t - 20 * twentieth.T_O_C.t).norm(), 0.02);
+  EXPECT_LT(rotationDistance(whole.T_O_C.R, twentieth.T_O_C.R), 1 * kDegree);
+}
+
+TEST(Inversion, aPriorOutsideOfThePictureHasNoOverlap) {
+  Trial trial;
+  trial.prior.T_O_C.R = trial.truth.R * expSO3(Eigen::Vector3d(0, M_PI, 0));
+  const Refinement result = trial.run(smallInversion());
+  EXPECT_EQ(result.outcome, Outcome::kNoOverlap);
+  EXPECT_EQ(result.work.samples, 0u);
+}
+
+TEST(Inversion, stopsOnRequest) {
+  const StopToken stop;
+  stop.requestStop();
+  EXPECT_EQ(Trial().run(smallInversion(), stop).outcome, Outcome::kStopped);
+}
+
+}  // namespace
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,348 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "nerf_pose_refiner/register/registrar.h"
+
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <cmath>
+#include <ctime>
+#include <functional>
+#include <memory>
+#include <set>
+#include <stdexcept>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "support/analytic_dataset.h"
+#include "support/expect_error.h"
+#include "support/scripted_engine.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+// Grey views without alpha, in a box; view i stands at x = i.
+Dataset greyDataset(int count) {
+  Dataset dataset;
+  dataset.folder = "grey";
+  dataset.has_box = true;
+  dataset.box_min = {-1, -2, -3};
+  dataset.box_max = {1, 2, 3};
+  for (int i = 0; i < count; ++i) {
+    PosedView view;
+    auto rgba = std::make_shared<Image8>(4, 4, 4, 128);
+    for (int p = 0; p < 16; ++p) rgba->values[4 * p + 3] = 255;
+    view.rgba = rgba;
+    view.camera = {4, 4, 5, 5, 1.5, 1.5};
+    view.T_O_C.t.x() = i;
+    dataset.views.push_back(view);
+  }
+  return dataset;
+}
+
+RegistrationSettings fewSteps(int steps) {
+  RegistrationSettings settings;
+  settings.steps = steps;
+  return settings;
+}
+
+Field registerWith(Engine* engine, const Dataset& dataset, const RegistrationSettings& settings,
+                   const std::function<void(const RegistrationProgress&)>& progress = {},
+                   const StopToken& stop = {}) {
+  return registerObject(engine, dataset, settings, progress, stop);
+}
+
+std::set<int> heldOut(int views, int held_out) {
+  ScriptedEngine engine;
+  RegistrationSettings settings = fewSteps(1);
+  settings.held_out = held_out;
+  const Dataset dataset = greyDataset(views);
+  const Field field = registerWith(&engine, dataset, settings);
+  std::set<int> missing;
+  for (int i = 0; i < views; ++i) missing.insert(i);
+  for (const TrainingView& view : engine.views) {
+    missing.erase(static_cast<int>(std::lround(view.T_O_C.t.x())));
+  }
+  EXPECT_EQ(engine.views.size() + missing.size(), dataset.views.size());
+  EXPECT_EQ(field.metadata.score.views, static_cast<int>(missing.size()));
+  return missing;
+}
+
+TEST(RegisterObject, HeldOutViewsAreSpreadOverThePathAndNotTrainedOn) {
+  EXPECT_EQ(heldOut(40, 4), (std::set<int>{5, 15, 25, 35}));
+  EXPECT_EQ(heldOut(24, 4), (std::set<int>{6, 18}));  // at most a tenth
+  EXPECT_EQ(heldOut(45, 2), (std::set<int>{11, 33}));
+  EXPECT_EQ(heldOut(9, 4), std::set<int>{});
+  EXPECT_EQ(heldOut(40, 0), std::set<int>{});
+}
+
+TEST(RegisterObject, GivesTheTrainerWhatItNeeds) {
+  ScriptedEngine engine;
+  RegistrationSettings settings = fewSteps(4);
+  settings.seed = 7;
+  settings.plan.learning_rate = 0.5;
+  settings.plan.seed = 99;  // is not the one
+  registerWith(&engine, greyDataset(10), settings);
+  EXPECT_EQ(engine.box.min, Eigen::Vector3d(-1, -2, -3));
+  EXPECT_EQ(engine.box.max, Eigen::Vector3d(1, 2, 3));
+  EXPECT_EQ(engine.plan.region.resolution, 0);
+  EXPECT_FALSE(engine.plan.random_background);
+  EXPECT_EQ(engine.plan.seed, 7u);
+  EXPECT_EQ(engine.plan.learning_rate, 0.5);
+  EXPECT_EQ(engine.progress, (std::vector<double>{0, 0.25, 0.5, 0.75}));
+
+  ScriptedEngine with_alpha;
+  registerWith(&with_alpha, analyticDataset(12, 24), fewSteps(1));
+  EXPECT_EQ(with_alpha.plan.region.resolution, FieldConfig::named("cpu").occupancy_resolution);
+  EXPECT_TRUE(with_alpha.plan.random_background);
+}
+
+TEST(RegisterObject, MeasuresHeldOutViewsByHand) {
+  ScriptedEngine engine;
+  engine.error = [](int, const Pose& T_O_C) { return T_O_C.t.x() < 10 ? 0.1 : -0.01; };
+  RegistrationSettings settings = fewSteps(3);
+  settings.held_out = 2;  // views 5 and 15
+  const Field field = registerWith(&engine, greyDataset(20), settings);
+  EXPECT_NEAR(field.metadata.psnr_db, 30, 1e-3);  // 20 and 40 dB
+  EXPECT_EQ(field.metadata.score.views, 2);
+  EXPECT_NEAR(field.metadata.score.mean_loss, 0.055, 1e-6);
+  EXPECT_NEAR(field.metadata.score.stddev_loss, 0.045, 1e-6);
+  EXPECT_EQ(field.metadata.training_steps, 3u);
+  EXPECT_EQ(field.metadata.data_hash, registrationHash(greyDataset(20), settings));
+}
+
+TEST(RegisterObject, TheSettingsScaleGoesBeforeTheDatasets) {
+  ScriptedEngine engine;
+  Dataset dataset = greyDataset(10);
+  RegistrationSettings settings = fewSteps(1);
+  EXPECT_EQ(registerWith(&engine, dataset, settings).metadata.metres_per_unit, 0);
+  dataset.metres_per_unit = 0.5;
+  EXPECT_EQ(registerWith(&engine, dataset, settings).metadata.metres_per_unit, 0.5);
+  settings.metres_per_unit = 0.25;
+  EXPECT_EQ(registerWith(&engine, dataset, settings).metadata.metres_per_unit, 0.25);
+}
+
+TEST(RegisterObject, ReportsItsStagesInOrder) {
+  ScriptedEngine engine;
+  engine.step_ms = 30;
+  std::vector<RegistrationProgress> reports;
+  registerWith(&engine, greyDataset(10), fewSteps(40),
+               [&](const RegistrationProgress& report) { reports.push_back(report); });
+  // At once, twice a second, and at every new stage.
+  ASSERT_GE(reports.size(), 5u);
+  EXPECT_LE(reports.size(), 3u + reports.back().seconds / 0.5);
+  EXPECT_EQ(reports.front().step, 1);
+  EXPECT_EQ(reports[reports.size() - 2].stage, "occupancy");
+  EXPECT_EQ(reports.back().stage, "quality");
+  EXPECT_EQ(reports.back().step, 40);
+  EXPECT_EQ(reports.back().seconds_left, 0);
+  for (std::size_t i = 0; i < reports.size(); ++i) {
+    if (i + 2 < reports.size()) {
+      EXPECT_EQ(reports[i].stage, "training") << i;
+    }
+    EXPECT_EQ(reports[i].steps, 40);
+    EXPECT_EQ(reports[i].loss, 0.25);
+    if (i == 0) continue;
+    EXPECT_GE(reports[i].step, reports[i - 1].step);
+    EXPECT_GE(reports[i].seconds, reports[i - 1].seconds);
+  }
+  const RegistrationProgress& early = reports[1];
+  EXPECT_NEAR(early.seconds_left, early.seconds * (40.0 - early.step) / early.step, 1e-9);
+}
+
+TEST(RegisterObject, EndsByTime) {
+  ScriptedEngine engine;
+  engine.step_ms = 5;
+  RegistrationSettings settings = fewSteps(1000000);
+  settings.max_seconds = 0.2;
+  const Field field = registerWith(&engine, greyDataset(10), settings);
+  EXPECT_LE(field.metadata.training_steps, 40u);
+  EXPECT_GE(field.metadata.training_steps, 2u);
+  double last = 0;  // the learning rate falls by the time
+  for (const double progress : engine.progress) {
+    EXPECT_GE(progress, last);
+    EXPECT_LT(progress, 1);
+    last = progress;
+  }
+}
+
+TEST(RegisterObject, EndsByQuality) {
+  ScriptedEngine engine;
+  engine.error = [](int steps, const Pose&) { return steps < 35 ? 0.1 : 0.01; };
+  RegistrationSettings settings = fewSteps(100);
+  settings.held_out = 1;
+  settings.target_psnr_db = 39;
+  double reported = 0;
+  const Field field = registerWith(&engine, greyDataset(20), settings,
+                                   [&](const RegistrationProgress& r) { reported = r.psnr_db; });
+  // Looked at after every tenth of the training: after 40 steps, or one more by rounding.
+  EXPECT_NEAR(static_cast<double>(field.metadata.training_steps), 40.5, 0.5);
+  EXPECT_NEAR(reported, 40, 1e-3);
+
+  engine.progress.clear();
+  settings.target_psnr_db = 41;  // is never reached
+  EXPECT_EQ(registerWith(&engine, greyDataset(20), settings).metadata.training_steps, 100u);
+}
+
+TEST(RegisterObject, StopsWithinAStep) {
+  for (const std::string stage : {"training", "occupancy", "quality"}) {
+    ScriptedEngine engine;
+    const StopToken stop;
+    const auto stop_there = [&](const RegistrationProgress& report) {
+      if (report.stage == stage) stop.requestStop();
+    };
+    EXPECT_THROW(registerWith(&engine, greyDataset(20), fewSteps(50), stop_there, stop), Stopped);
+    EXPECT_EQ(engine.progress.size(), stage == "training" ? 1u : 50u) << stage;
+  }
+}
+
+TEST(RegisterObject, RefusesWhatHasNoMatter) {
+  ScriptedEngine engine;
+  engine.diameter = 0;
+  expectError<std::runtime_error>([&] { registerWith(&engine, greyDataset(10), fewSteps(1)); },
+                                  "grey: training found no opaque matter");
+}
+
+// --- the CPU engine
+
+TEST(RegisterObject, OnTheCpu) {
+  const auto engine = makeCpuEngine(1);
+  RegistrationSettings settings = fewSteps(80);
+  settings.plan.samples_per_step = 4096;
+  const Field field = registerWith(engine.get(), analyticDataset(24, 40), settings);
+  EXPECT_NO_THROW(field.validate());
+  EXPECT_EQ(field.config.profile, "cpu");
+  EXPECT_GT(field.metadata.psnr_db, 20);
+  EXPECT_EQ(field.metadata.score.views, 2);
+  EXPECT_GT(field.metadata.score.mean_loss, 0);
+  EXPECT_NEAR(field.metadata.diameter, 1.09, 0.1);
+}
+
+// CPU time from the request to the end [s], a little after a stage has begun.
+double timeToStop(const std::string& stage, int steps) {
+  const auto engine = makeCpuEngine(1);
+  const StopToken stop;
+  std::clock_t asked = 0;
+  std::thread impatient;
+  const auto stop_soon = [&](const RegistrationProgress& report) {
+    if (report.stage != stage || impatient.joinable()) return;
+    impatient = std::thread([&] {
+      std::this_thread::sleep_for(std::chrono::milliseconds(50));
+      asked = std::clock();
+      stop.requestStop();
+    });
+  };
+  EXPECT_THROW(
+      registerWith(engine.get(), analyticDataset(24, 40), fewSteps(steps), stop_soon, stop),
+      Stopped);
+  const std::clock_t ended = std::clock();
+  impatient.join();
+  return static_cast<double>(ended - asked) / CLOCKS_PER_SEC;
+}
+
+TEST(RegisterObject, StopsWithin100MillisecondsOnTheCpu) {
+  EXPECT_LT(timeToStop("training", 100000), 0.1);
+  EXPECT_LT(timeToStop("occupancy", 2), 0.1);
+}
+
+// --- settings
+
+void expectRefused(const std::function<void(RegistrationSettings*)>& change, const char* name) {
+  RegistrationSettings settings;
+  change(&settings);
+  expectError<std::invalid_argument>([&] { settings.validate(); }, std::string(name) + " = ");
+}
+
+TEST(RegistrationSettings, NamesWhatIsOutOfRange) {
+  using S = RegistrationSettings;
+  const double nan = std::nan("");
+  EXPECT_NO_THROW(S().validate());
+  expectRefused([](S* s) { s->steps = 0; }, "steps");
+  expectRefused([](S* s) { s->max_seconds = -1; }, "max_seconds");
+  expectRefused([=](S* s) { s->max_seconds = nan; }, "max_seconds");
+  expectRefused([](S* s) { s->target_psnr_db = -1; }, "target_psnr_db");
+  expectRefused([](S* s) { s->held_out = -1; }, "held_out");
+  expectRefused([](S* s) { s->metres_per_unit = -1; }, "metres_per_unit");
+  expectRefused([](S* s) { s->metres_per_unit = 1 / 0.0; }, "metres_per_unit");
+  expectRefused([](S* s) { s->plan.samples_per_step = 1000; }, "samples_per_step");
+  expectRefused([](S* s) { s->plan.learning_rate = 0; }, "learning_rate");
+  expectRefused([=](S* s) { s->plan.learning_rate = nan; }, "learning_rate");
+  expectRefused([](S* s) { s->plan.learning_rate = 1 / 0.0; }, "learning_rate");
+  expectRefused([](S* s) { s->plan.final_learning_rate_factor = 0; }, "final_learning_rate_factor");
+  expectRefused([](S* s) { s->plan.final_learning_rate_factor = 2; }, "final_learning_rate_factor");
+  S unknown;
+  unknown.profile = "gpu";
+  expectError<std::invalid_argument>([&] { unknown.validate(); }, "'gpu'", "cpu, paper");
+}
+
+// --- the hash
+
+using Change = std::function<void(Dataset*, RegistrationSettings*)>;
+
+std::string hashAfter(const Change& change) {
+  Dataset dataset = greyDataset(3);
+  RegistrationSettings settings;
+  change(&dataset, &settings);
+  return registrationHash(dataset, settings);
+}
+
+TEST(RegistrationHash, ChangesWithWhateverChangesTheModel) {
+  using D = Dataset;
+  using S = RegistrationSettings;
+  const std::vector<Change> changes = {
+      [](D*, S*) {},
+      [](D* d, S*) {
+        auto rgba = std::make_shared<Image8>(*d->views[1].rgba);
+        rgba->at(2, 3, 1) ^= 1;
+        d->views[1].rgba = rgba;
+      },
+      [](D* d, S*) { d->views[1].T_O_C.t.y() += 1e-9; },
+      [](D* d, S*) { d->views[2].T_O_C.R(0, 1) += 1e-9; },
+      [](D* d, S*) { d->views[0].camera.fx += 1e-9; },
+      [](D* d, S*) { d->views[0].camera.cy += 1e-9; },
+      [](D* d, S*) { std::swap(d->views[0], d->views[1]); },
+      [](D* d, S*) { d->views.pop_back(); },
+      [](D* d, S*) { d->has_alpha = true; },
+      [](D* d, S*) { d->has_box = false; },
+      [](D* d, S*) { d->box_max.z() += 1e-9; },
+      [](D* d, S*) { d->metres_per_unit = 1; },
+      [](D*, S* s) { s->metres_per_unit = 1; },
+      [](D*, S* s) { s->profile = "paper"; },
+      [](D*, S* s) { ++s->steps; },
+      [](D*, S* s) { s->max_seconds = 60; },
+      [](D*, S* s) { s->target_psnr_db = 30; },
+      [](D*, S* s) { ++s->held_out; },
+      [](D*, S* s) { ++s->seed; },
+      [](D*, S* s) { ++s->plan.samples_per_step; },
+      [](D*, S* s) { s->plan.learning_rate *= 2; },
+      [](D*, S* s) { s->plan.final_learning_rate_factor *= 2; },
+  };
+  std::set<std::string> hashes;
+  for (const Change& change : changes) hashes.insert(hashAfter(change));
+  EXPECT_EQ(hashes.size(), changes.size());
+}
+
+TEST(RegistrationHash, DoesNotChangeWithAnythingElse) {
+  const std::string expected = hashAfter([](Dataset*, RegistrationSettings*) {});
+  const auto other = [](Dataset* dataset, RegistrationSettings* settings) {
+    dataset->folder = "elsewhere";
+    for (PosedView& view : dataset->views) {
+      view.name = "renamed";
+      view.rgba = std::make_shared<Image8>(*view.rgba);
+    }
+    settings->plan.seed = 5;  // these are set by the registration itself
+    settings->plan.random_background = false;
+    settings->plan.region = {8, std::vector<std::uint8_t>(64, 255)};
+  };
+  EXPECT_EQ(hashAfter(other), expected);
+  EXPECT_FALSE(expected.empty());
+}
+
+TEST(MeanPsnr, NeedsViews) {
+  ScriptedEngine engine;
+  const FieldOnly field(std::make_shared<Field>());
+  expectError<std::invalid_argument>([&] { meanPsnr(&engine, field, {}, StopToken()); }, "PSNR");
+}
+
+}  // namespace
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,210 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "nerf_pose_refiner/ros/camera_input.h"
+
+#include <gtest/gtest.h>
+#include <nerf_pose_refiner/RefinementStatus.h>
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "nerf_pose_refiner/ros/input_error.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+using Status = RefinementStatus;
+
+/// K for raw pictures, P for rectified ones; they differ, so that they cannot be confused.
+sensor_msgs::CameraInfo someInfo() {
+  sensor_msgs::CameraInfo info;
+  info.width = 8;
+  info.height = 6;
+  info.distortion_model = "plumb_bob";
+  info.D = {0, 0, 0, 0, 0};
+  info.K = {10, 0, 3, 0, 11, 2, 0, 0, 1};
+  info.R = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+  info.P = {20, 0, 4, 0, 0, 21, 5, 0, 0, 0, 1, 0};
+  return info;
+}
+
+/// Red in the left half, blue in the right one; mono8: white and black.
+sensor_msgs::Image someImage(const std::string& encoding) {
+  sensor_msgs::Image image;
+  image.header.frame_id = "camera_optical";
+  image.header.stamp = ros::Time(1);
+  image.width = 8;
+  image.height = 6;
+  image.encoding = encoding;
+  const bool bgr = encoding[0] == 'b';
+  const std::size_t channels = encoding == "mono8" ? 1 : encoding.size() - 1;
+  image.step = static_cast<std::uint32_t>(8 * channels + 5);  // rows are padded
+  image.data.assign(image.step * image.height, 77);
+  for (std::size_t y = 0; y < 6; ++y) {
+    for (std::size_t x = 0; x < 8; ++x) {
+      std::uint8_t* pixel = &image.data[y * image.step + x * channels];
+      pixel[0] = x < 4 ? 255 : 0;
+      if (channels == 1) continue;
+      pixel[bgr ? 2 : 0] = x < 4 ? 255 : 0;
+      pixel[1] = 0;
+      pixel[bgr ? 0 : 2] = x < 4 ? 0 : 255;
+      if (channels == 4) pixel[3] = 9;  // whatever it means, it is not opacity
+    }
+  }
+  return image;
+}
+
+int reasonOf(const std::function<void()>& function) {
+  try {
+    function();
+  } catch (const InputError& e) {
+    return e.reason();
+  }
+  return Status::REASON_NONE;
+}
+
+int reasonFor(const sensor_msgs::Image& image) {
+  return reasonOf([&] { checkImage(image, cameraFromMessage(someInfo(), false).camera); });
+}
+
+int reasonFor(const sensor_msgs::CameraInfo& info, bool rectified) {
+  return reasonOf([&] { cameraFromMessage(info, rectified); });
+}
+
+TEST(CameraFromMessage, TakesKForRawAndPForRectifiedPictures) {
+  sensor_msgs::CameraInfo info = someInfo();
+  info.D = {0.1, 0, 0, 0, 0};
+  const CameraModel raw = cameraFromMessage(info, false);
+  EXPECT_EQ(raw.camera.width, 8);
+  EXPECT_EQ(raw.camera.height, 6);
+  EXPECT_EQ(raw.camera.fx, 10);
+  EXPECT_EQ(raw.camera.fy, 11);
+  EXPECT_EQ(raw.camera.cx, 3);
+  EXPECT_EQ(raw.camera.cy, 2);
+  EXPECT_EQ(raw.distortion.coefficients.size(), 5u);
+  const CameraModel rectified = cameraFromMessage(info, true);
+  EXPECT_EQ(rectified.camera.fx, 20);
+  EXPECT_EQ(rectified.camera.fy, 21);
+  EXPECT_EQ(rectified.camera.cx, 4);
+  EXPECT_EQ(rectified.camera.cy, 5);
+  EXPECT_TRUE(rectified.distortion.isZero());
+}
+
+TEST(CameraFromMessage, HeedsBinningAndRegionOfInterest) {
+  sensor_msgs::CameraInfo info = someInfo();
+  info.width = 16;
+  info.height = 12;
+  info.binning_x = info.binning_y = 2;
+  info.roi.x_offset = 2;
+  info.roi.y_offset = 1;
+  info.roi.width = 8;
+  info.roi.height = 6;
+  const Camera camera = cameraFromMessage(info, false).camera;
+  EXPECT_EQ(camera.width, 4);
+  EXPECT_EQ(camera.height, 3);
+  EXPECT_EQ(camera.fx, 5);
+  EXPECT_EQ(camera.fy, 5.5);
+  EXPECT_EQ(camera.cx, 0.5);  // (3 - 2) / 2
+  EXPECT_EQ(camera.cy, 0.5);  // (2 - 1) / 2
+}
+
+TEST(CameraFromMessage, RefusesWhatItCannotUse) {
+  sensor_msgs::CameraInfo info = someInfo();
+  info.K[0] = 0;
+  EXPECT_EQ(reasonFor(info, false), Status::REASON_UNCALIBRATED);
+  EXPECT_EQ(reasonFor(info, true), Status::REASON_NONE);
+  info = someInfo();
+  info.P[0] = 0;
+  EXPECT_EQ(reasonFor(info, true), Status::REASON_UNCALIBRATED);
+  info = someInfo();
+  info.P[3] = -2.5;
+  EXPECT_EQ(reasonFor(info, true), Status::REASON_BAD_CAMERA_INFO) << "a right camera";
+  info = someInfo();
+  info.distortion_model = "equidistant";
+  EXPECT_EQ(reasonFor(info, false), Status::REASON_NONE) << "without distortion any model will do";
+  info.D = {0.1, 0, 0, 0};
+  EXPECT_EQ(reasonFor(info, false), Status::REASON_BAD_CAMERA_INFO);
+  EXPECT_EQ(reasonFor(info, true), Status::REASON_NONE);
+  info = someInfo();
+  info.width = 0;
+  EXPECT_EQ(reasonFor(info, false), Status::REASON_BAD_CAMERA_INFO);
+}
+
+TEST(CheckImage, RefusesWhatItCannotUse) {
+  EXPECT_EQ(reasonFor(someImage("rgb8")), Status::REASON_NONE);
+  sensor_msgs::Image image = someImage("rgb8");
+  image.encoding = "bayer_rggb8";
+  EXPECT_EQ(reasonFor(image), Status::REASON_BAD_IMAGE);
+  image.encoding = "nonsense";
+  EXPECT_EQ(reasonFor(image), Status::REASON_BAD_IMAGE);
+  image = someImage("rgb8");
+  image.data.pop_back();
+  EXPECT_EQ(reasonFor(image), Status::REASON_BAD_IMAGE);
+  image = someImage("rgb8");
+  image.data.push_back(0);
+  EXPECT_EQ(reasonFor(image), Status::REASON_BAD_IMAGE);
+  image = someImage("rgb8");
+  image.step = 23;
+  image.data.resize(23 * 6);
+  EXPECT_EQ(reasonFor(image), Status::REASON_BAD_IMAGE);
+  image = someImage("rgb8");
+  image.header.stamp = ros::Time();
+  EXPECT_EQ(reasonFor(image), Status::REASON_BAD_IMAGE);
+  image = someImage("rgb8");
+  image.header.frame_id.clear();
+  EXPECT_EQ(reasonFor(image), Status::REASON_BAD_IMAGE);
+  image = someImage("rgb8");
+  image.width = 7;
+  EXPECT_EQ(reasonFor(image), Status::REASON_BAD_CAMERA_INFO);
+}
+
+class EncodingTest : public testing::TestWithParam<const char*> {};
+
+TEST_P(EncodingTest, BecomesRgb) {
+  CameraInput input(false);
+  const Observation observation = input.observe(someImage(GetParam()), someInfo());
+  observation.validate();
+  EXPECT_EQ(observation.background, Background::kUnknown);
+  EXPECT_EQ(observation.camera.fx, 10);
+  const bool grey = std::string(GetParam()) == "mono8";
+  for (int c = 0; c < 3; ++c) {
+    EXPECT_EQ(observation.image.at(1, 5, c), grey || c == 0 ? 1.0f : 0.0f) << c;
+    EXPECT_EQ(observation.image.at(7, 0, c), !grey && c == 2 ? 1.0f : 0.0f) << c;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(CameraInput, EncodingTest,
+                         testing::Values("rgb8", "bgr8", "rgba8", "bgra8", "mono8"));
+
+TEST(CameraInput, TakesTheDistortionOutOfRawPicturesOnly) {
+  sensor_msgs::CameraInfo info = someInfo();
+  info.D = {-0.2, 0, 0, 0, 0};
+  const Observation raw = CameraInput(false).observe(someImage("rgb8"), info);
+  EXPECT_NE(raw.camera.fx, 10) << "the undistorted picture is a part of the distorted one";
+  const Observation rectified = CameraInput(true).observe(someImage("rgb8"), info);
+  EXPECT_EQ(rectified.camera.fx, 20);
+}
+
+TEST(CameraInput, FollowsACameraThatChanges) {
+  CameraInput input(false);
+  sensor_msgs::CameraInfo info = someInfo();
+  EXPECT_EQ(input.observe(someImage("rgb8"), info).camera.fx, 10);
+  info.K[0] = 15;
+  EXPECT_EQ(input.observe(someImage("rgb8"), info).camera.fx, 15);
+  sensor_msgs::Image small = someImage("rgb8");
+  small.height = info.height = 3;
+  small.data.resize(small.data.size() / 2);
+  EXPECT_EQ(input.observe(small, info).image.height, 3);
+}
+
+TEST(CameraToMessage, DescribesAPinholeCamera) {
+  const Camera camera = cameraFromMessage(someInfo(), true).camera;
+  const sensor_msgs::CameraInfo info = toMessage(camera);
+  EXPECT_EQ(cameraFromMessage(info, true).camera.cy, 5);
+  EXPECT_EQ(cameraFromMessage(info, false).camera.fy, 21);
+  EXPECT_EQ(info.width, 8u);
+  EXPECT_EQ(info.D, std::vector<double>(5, 0.0));
+}
+
+}  // namespace
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,128 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "nerf_pose_refiner/ros/object_store.h"
+
+#include <gtest/gtest.h>
+#include <nerf_pose_refiner/RefinementStatus.h>
+
+#include <filesystem>
+#include <stdexcept>
+#include <string>
+
+#include "nerf_pose_refiner/ros/input_error.h"
+#include "support/random_field.h"
+#include "support/temporary_folder.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+namespace fs = std::filesystem;
+using Status = RefinementStatus;
+
+Field smallField(const std::string& name, double metres_per_unit) {
+  Field field = randomField(smallConfig(), 1);
+  field.metadata.name = name;
+  field.metadata.metres_per_unit = metres_per_unit;
+  field.metadata.diameter = 0.5;
+  return field;
+}
+
+/// A folder with a folder "root" and a secret beside it.
+class ObjectStoreTest : public testing::Test {
+ protected:
+  ObjectStoreTest() : folder_(temporary_.path()), root_((folder_ / "root").string()) {
+    fs::create_directories(folder_ / "root" / "shelf");
+    fs::create_directories(folder_ / "root_2");
+    temporary_.write("secret", "secret");
+  }
+
+  int reasonFor(const std::string& name) const {
+    try {
+      ObjectStore(root_).load(name);
+    } catch (const InputError& e) {
+      return e.reason();
+    }
+    return Status::REASON_NONE;
+  }
+
+  TemporaryFolder temporary_;
+  fs::path folder_;
+  std::string root_;
+};
+
+TEST_F(ObjectStoreTest, FindsPathsBelowTheRoot) {
+  const std::string root = fs::canonical(root_).string();
+  EXPECT_EQ(pathBelow(root_, "shelf"), root + "/shelf");
+  EXPECT_EQ(pathBelow(root_ + "/", "shelf/mug"), root + "/shelf/mug");
+  EXPECT_EQ(pathBelow(root_ + "/./shelf", "mug"), root + "/shelf/mug");
+  fs::create_directory_symlink(folder_ / "root" / "shelf", folder_ / "root" / "link");
+  EXPECT_EQ(pathBelow(root_, "link/mug"), root + "/shelf/mug");
+}
+
+TEST_F(ObjectStoreTest, RefusesPathsOutOfTheRoot) {
+  EXPECT_THROW(pathBelow(root_, "../secret"), std::invalid_argument);
+  EXPECT_THROW(pathBelow(root_, "shelf/../../secret"), std::invalid_argument);
+  EXPECT_THROW(pathBelow(root_, (folder_ / "secret").string()), std::invalid_argument);
+  EXPECT_THROW(pathBelow(root_, root_ + "/shelf"), std::invalid_argument);
+  EXPECT_THROW(pathBelow(root_, ""), std::invalid_argument);
+  EXPECT_THROW(pathBelow("", "shelf"), std::invalid_argument);
+}
+
+TEST_F(ObjectStoreTest, RefusesLinksOutOfTheRoot) {
+  fs::create_symlink(folder_ / "secret", folder_ / "root" / "file");
+  fs::create_directory_symlink(folder_, folder_ / "root" / "up");
+  fs::create_directory_symlink(folder_ / "root_2", folder_ / "root" / "twin");
+  EXPECT_THROW(pathBelow(root_, "file"), std::invalid_argument);
+  EXPECT_THROW(pathBelow(root_, "up/secret"), std::invalid_argument);
+  fs::create_symlink(folder_ / "nowhere", folder_ / "root" / "dangling");
+  EXPECT_THROW(pathBelow(root_, "dangling"), std::invalid_argument);
+  EXPECT_THROW(pathBelow(root_, "dangling/mug"), std::invalid_argument);
+  EXPECT_THROW(pathBelow(root_, "twin"), std::invalid_argument) << "its name begins as the root's";
+}
+
+TEST_F(ObjectStoreTest, KeepsObjectNamesPlain) {
+  for (const char* good : {"mug", "Mug_2", "a-b.c", "7"}) EXPECT_NO_THROW(requireObjectName(good));
+  for (const char* bad :
+       {"", ".", "..", ".mug", "-mug", "a/b", "a b", "a\\b", "m\xc3\xbcg", "a\nb"}) {
+    EXPECT_THROW(requireObjectName(bad), std::invalid_argument) << bad;
+  }
+  EXPECT_NO_THROW(requireObjectName(std::string(100, 'a')));
+  EXPECT_THROW(requireObjectName(std::string(101, 'a')), std::invalid_argument);
+}
+
+TEST_F(ObjectStoreTest, GivesBackWhatItWasGiven) {
+  const ObjectStore store((folder_ / "new" / "models").string());
+  EXPECT_EQ(store.find("mug"), nullptr);
+  store.save(smallField("mug", 0.01));
+  EXPECT_TRUE(fs::exists(folder_ / "new" / "models" / "mug.safetensors"));
+  EXPECT_EQ(store.load("mug")->metadata.metres_per_unit, 0.01);
+}
+
+TEST_F(ObjectStoreTest, CallsAModelByItsFile) {
+  ObjectStore(root_).save(smallField("mug", 0.01));
+  fs::rename(folder_ / "root" / "mug.safetensors", folder_ / "root" / "cup.safetensors");
+  EXPECT_EQ(ObjectStore(root_).load("cup")->metadata.name, "cup");
+}
+
+TEST_F(ObjectStoreTest, SaysWhyAModelCannotBeUsed) {
+  EXPECT_EQ(reasonFor("mug"), Status::REASON_MODEL_UNREADABLE) << "there is none";
+  EXPECT_EQ(reasonFor("../root/mug"), Status::REASON_MODEL_UNREADABLE);
+  temporary_.write("root/broken.safetensors", "not a model");
+  EXPECT_EQ(reasonFor("broken"), Status::REASON_MODEL_UNREADABLE);
+  fs::create_symlink(folder_ / "secret", folder_ / "root" / "leak.safetensors");
+  EXPECT_EQ(reasonFor("leak"), Status::REASON_MODEL_UNREADABLE);
+  ObjectStore(root_).save(smallField("unscaled", 0));
+  EXPECT_EQ(reasonFor("unscaled"), Status::REASON_MODEL_NO_SCALE);
+  EXPECT_NE(ObjectStore(root_).find("unscaled"), nullptr);
+  EXPECT_THROW(ObjectStore("").load("mug"), InputError) << "no root is set";
+}
+
+TEST_F(ObjectStoreTest, WritesBelowItsRootOnly) {
+  const ObjectStore store(root_);
+  EXPECT_THROW(store.save(smallField("../mug", 0.01)), std::invalid_argument);
+  fs::create_symlink(folder_ / "elsewhere", folder_ / "root" / "trap.safetensors");
+  EXPECT_THROW(store.save(smallField("trap", 0.01)), std::invalid_argument);
+  EXPECT_FALSE(fs::exists(folder_ / "elsewhere"));
+}
+
+}  // namespace
+}  // namespace nerf_pose_refiner

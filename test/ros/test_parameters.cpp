@@ -1,0 +1,152 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+// Parameters as the parameter server has them: files of config/, and every single one changed.
+#include "nerf_pose_refiner/ros/parameters.h"
+
+#include <gtest/gtest.h>
+#include <ros/ros.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <functional>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+namespace nerf_pose_refiner {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::vector<std::string> logOf(const std::string& name) {
+  ParamReader reader = ParamReader::ofNode(ros::NodeHandle(name));
+  readParameters(reader);
+  EXPECT_TRUE(reader.unknown().empty()) << reader.unknown().front();
+  return reader.log();
+}
+
+/// What the struct holds, as a log without any parameter set.
+std::vector<std::string> logOf(const PoseRefinerParameters& parameters) {
+  ParamReader nothing(XmlRpc::XmlRpcValue(), "~");
+  readParameters(nothing, parameters);
+  return nothing.log();
+}
+
+/// The reading of parameters like the defaults but for one.
+std::string errorFor(const std::function<void(XmlRpc::XmlRpcValue*)>& change) {
+  XmlRpc::XmlRpcValue values;
+  values["object"] = "mug";
+  change(&values);
+  ParamReader reader(values, "~");
+  try {
+    readParameters(reader);
+  } catch (const std::invalid_argument& e) {
+    return e.what();
+  }
+  return "no error";
+}
+
+TEST(Parameters, EveryFileOfConfigIsLoadedHere) {
+  for (const auto& entry : fs::directory_iterator(fs::path(NPR_SOURCE_DIR) / "config")) {
+    const std::string name = entry.path().stem().string();
+    EXPECT_TRUE(ros::param::has("config/" + name)) << entry.path() << ": add it to parameters.test";
+  }
+}
+
+TEST(Parameters, FilesOfConfigAreReadStrictly) {
+  std::vector<std::string> names;
+  ASSERT_TRUE(ros::param::getParamNames(names));
+  EXPECT_FALSE(logOf("config/pose_refiner").empty());
+}
+
+TEST(Parameters, TheFileThatTeachesHoldsTheDefaults) {
+  const std::vector<std::string> taught = logOf("config/pose_refiner");
+  const std::vector<std::string> defaults = logOf(PoseRefinerParameters());
+  ASSERT_EQ(taught.size(), defaults.size());
+  for (std::size_t i = 0; i < taught.size(); ++i) EXPECT_EQ(taught[i], defaults[i]);
+}
+
+TEST(Parameters, EachOneReachesItsPlace) {
+  const std::vector<std::string> changed = logOf("every_parameter");
+  const std::vector<std::string> defaults = logOf(PoseRefinerParameters());
+  for (const std::string& line : defaults) {
+    EXPECT_EQ(std::count(changed.begin(), changed.end(), line), 0)
+        << line << " is not changed by every_parameter.yaml";
+  }
+  // Whatever was read must be found again in the struct: no two names share a place. The stages
+  // are a list, which the second reading leaves alone.
+  ParamReader reader = ParamReader::ofNode(ros::NodeHandle("every_parameter"));
+  const PoseRefinerParameters parameters = readParameters(reader);
+  const std::vector<std::string> held = logOf(parameters);
+  for (const std::string& line : changed) {
+    if (line.find("/stages[") != std::string::npos) continue;
+    EXPECT_EQ(std::count(held.begin(), held.end(), line), 1) << line << " was lost";
+  }
+}
+
+TEST(Parameters, StagesReachTheirPlace) {
+  ParamReader reader = ParamReader::ofNode(ros::NodeHandle("every_parameter"));
+  const std::vector<AlignStageSettings> stages = readParameters(reader).initial.refiner.stages;
+  ASSERT_EQ(stages.size(), 1u);
+  EXPECT_EQ(stages[0].object_px, 41);
+  EXPECT_EQ(stages[0].hypotheses, 42);
+  EXPECT_EQ(stages[0].iterations, 43);
+  EXPECT_EQ(stages[0].rays_per_side, 3);
+  EXPECT_EQ(stages[0].blur_px, 1.25);
+  EXPECT_EQ(stages[0].step_scale, 1.75);
+}
+
+TEST(Parameters, PresetsBringTheirStages) {
+  XmlRpc::XmlRpcValue values;
+  values["tracker"]["preset"] = "align";
+  values["refiner"]["preset"] = "paper_single";
+  ParamReader reader(values, "~");
+  const PoseRefinerParameters parameters = readParameters(reader);
+  EXPECT_EQ(parameters.tracking.refiner.stages.size(),
+            RefinerSettings::named("align").stages.size());
+  EXPECT_EQ(parameters.initial.refiner.method, Method::kDescend);
+  EXPECT_EQ(parameters.initial.refiner.inversion.hypotheses, 1);
+}
+
+TEST(Parameters, MistakesAreNamed) {
+  const auto expect = [](const std::string& part, const std::string& error) {
+    EXPECT_NE(error.find(part), std::string::npos) << error;
+  };
+  EXPECT_EQ(errorFor([](auto*) {}), "no error");
+  expect("~tracker/min_scroe: did you mean ~tracker/min_score?",
+         errorFor([](auto* v) { (*v)["tracker"]["min_scroe"] = 0.5; }));
+  expect("~refiner/rotation: did you mean",
+         errorFor([](auto* v) { (*v)["refiner"]["rotation"] = 5.0; }));
+  expect("~register/stpes: did you mean ~register/steps?",
+         errorFor([](auto* v) { (*v)["register"]["stpes"] = 5; }));
+  expect("~tracker/min_score is 1.5",
+         errorFor([](auto* v) { (*v)["tracker"]["min_score"] = 1.5; }));
+  expect("~refiner/rotation_deg is -1",
+         errorFor([](auto* v) { (*v)["refiner"]["rotation_deg"] = -1; }));
+  expect("~tf_timeout_s is -1", errorFor([](auto* v) { (*v)["tf_timeout_s"] = -1; }));
+  expect("~mode is 'twice' but must be one of once, track",
+         errorFor([](auto* v) { (*v)["mode"] = "twice"; }));
+  expect("~initial_pose_policy", errorFor([](auto* v) { (*v)["initial_pose_policy"] = "never"; }));
+  expect("~instruction_set", errorFor([](auto* v) { (*v)["instruction_set"] = "mmx"; }));
+  expect("no preset 'fast'", errorFor([](auto* v) { (*v)["refiner"]["preset"] = "fast"; }));
+  expect("~threads must be a whole number", errorFor([](auto* v) { (*v)["threads"] = "two"; }));
+  expect("steps", errorFor([](auto* v) { (*v)["register"]["steps"] = 0; }));
+}
+
+TEST(Parameters, AStrayKeyAtTheTopIsReportedAndNoMore) {
+  XmlRpc::XmlRpcValue values;
+  values["publish_ft"] = false;
+  ParamReader reader(values, "~");
+  EXPECT_TRUE(readParameters(reader).frames.publish_tf);
+  ASSERT_EQ(reader.unknown().size(), 1u);
+  EXPECT_EQ(reader.unknown()[0], "unknown parameter ~publish_ft: did you mean ~publish_tf?");
+}
+
+}  // namespace
+}  // namespace nerf_pose_refiner
+
+int main(int argc, char** argv) {
+  testing::InitGoogleTest(&argc, argv);
+  ros::init(argc, argv, "test_parameters");
+  const ros::NodeHandle keep_alive;
+  return RUN_ALL_TESTS();
+}

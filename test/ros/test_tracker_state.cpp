@@ -1,0 +1,350 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "nerf_pose_refiner/ros/tracker_state.h"
+
+#include <gtest/gtest.h>
+
+namespace nerf_pose_refiner {
+namespace {
+
+using Status = RefinementStatus;
+
+const char kCamera[] = "camera_optical";
+
+ros::Time at(double seconds) { return ros::Time(1000.0 + seconds); }
+
+StartPose poseAt(const ros::Time& stamp, double x = 0) {
+  StartPose start;
+  start.T_P_O.t.x() = x;
+  start.frame_id = kCamera;
+  start.stamp = stamp;
+  return start;
+}
+
+/// A tracker with a model; images are given by their time in seconds.
+class TrackerStateTest : public testing::Test {
+ protected:
+  TrackerStateTest() {
+    rules_.max_failures = 2;
+    rules_.initial_pose_max_age_s = 1.0;
+    rules_.image_timeout_s = 2.0;
+    restart();
+  }
+
+  void restart() {
+    state_ = TrackerState(rules_);
+    state_.modelIsReady();
+  }
+
+  FrameDecision image(double seconds) {
+    state_.clockIs(at(seconds));
+    state_.imageArrived();
+    return state_.decide(at(seconds), kCamera);
+  }
+
+  /// Makes a trusted pose of the image.
+  void track(double seconds, double x = 0) {
+    const FrameDecision decision = image(seconds);
+    ASSERT_TRUE(decision.start);
+    Pose pose;
+    pose.t.x() = x;
+    ASSERT_TRUE(state_.trusted(decision.ticket, pose, kCamera, at(seconds)));
+    ASSERT_TRUE(state_.tracking());
+  }
+
+  void expect(std::uint8_t state, std::uint8_t reason) const {
+    EXPECT_EQ(int{state_.condition().state}, int{state});
+    EXPECT_EQ(int{state_.condition().reason}, int{reason}) << state_.condition().message;
+  }
+
+  TrackingRules rules_;
+  TrackerState state_{rules_};
+};
+
+TEST_F(TrackerStateTest, BeginsWithoutAModel) {
+  state_ = TrackerState(rules_);
+  expect(Status::STATE_NO_MODEL, Status::REASON_NONE);
+  state_.offer(poseAt(ros::Time()));
+  EXPECT_FALSE(image(0).start);
+  state_.modelIsLoading();
+  expect(Status::STATE_LOADING, Status::REASON_NONE);
+  state_.modelFailed(Status::REASON_MODEL_UNREADABLE, "no such file");
+  expect(Status::STATE_ERROR, Status::REASON_MODEL_UNREADABLE);
+  state_.modelIsReady();
+  expect(Status::STATE_WAITING, Status::REASON_NONE);
+  EXPECT_TRUE(image(1).start) << "an initial pose that came before the model was ready is good";
+}
+
+TEST_F(TrackerStateTest, FollowsFromImageToImage) {
+  state_.offer(poseAt(at(0), 0.5));
+  const FrameDecision first = image(0);
+  ASSERT_TRUE(first.start);
+  EXPECT_FALSE(first.start->tracked);
+  EXPECT_EQ(first.start->T_P_O.t.x(), 0.5);
+  expect(Status::STATE_REFINING, Status::REASON_NONE);
+  Pose found;
+  found.t.x() = 0.4;
+  EXPECT_TRUE(state_.trusted(first.ticket, found, kCamera, at(0)));
+  expect(Status::STATE_TRACKING, Status::REASON_NONE);
+  const FrameDecision second = image(0.1);
+  ASSERT_TRUE(second.start);
+  EXPECT_TRUE(second.start->tracked);
+  EXPECT_EQ(second.start->T_P_O.t.x(), 0.4);
+  EXPECT_EQ(second.start->stamp, at(0));
+  expect(Status::STATE_TRACKING, Status::REASON_NONE);
+}
+
+TEST_F(TrackerStateTest, UsesAnInitialPoseWithTheFirstImageThatIsNotOlder) {
+  state_.offer(poseAt(at(1)));
+  EXPECT_FALSE(image(0.9).start);
+  expect(Status::STATE_WAITING, Status::REASON_PRIOR_IN_FUTURE);
+  EXPECT_TRUE(image(1.0).start);
+}
+
+TEST_F(TrackerStateTest, UsesAnInitialPoseOnce) {
+  state_.offer(poseAt(at(0)));
+  const FrameDecision first = image(0);
+  ASSERT_TRUE(first.start);
+  state_.notTrusted(first.ticket, Status::REASON_LOW_SCORE, "");
+  expect(Status::STATE_LOST, Status::REASON_LOW_SCORE);
+  EXPECT_FALSE(image(0.1).start);
+  expect(Status::STATE_LOST, Status::REASON_LOW_SCORE);
+  state_.offer(poseAt(at(0.1)));
+  expect(Status::STATE_WAITING, Status::REASON_NONE);
+  EXPECT_TRUE(image(0.2).start);
+}
+
+TEST_F(TrackerStateTest, RefusesAnInitialPoseThatIsTooOld) {
+  state_.offer(poseAt(at(0)));
+  EXPECT_FALSE(image(1.1).start);
+  expect(Status::STATE_WAITING, Status::REASON_PRIOR_TOO_OLD);
+  state_.offer(poseAt(at(0.2)));
+  EXPECT_TRUE(image(1.2).start);
+}
+
+TEST_F(TrackerStateTest, TakesAPoseWithoutStampForTheNextImage) {
+  state_.offer(poseAt(ros::Time()));
+  EXPECT_TRUE(image(500).start);
+}
+
+TEST_F(TrackerStateTest, TakesTheNewestInitialPose) {
+  state_.offer(poseAt(at(0), 1));
+  state_.offer(poseAt(at(0), 2));
+  EXPECT_EQ(image(0).start->T_P_O.t.x(), 2);
+}
+
+TEST_F(TrackerStateTest, IgnoresInitialPosesWhileTracking) {
+  state_.offer(poseAt(at(0)));
+  track(0, 0.4);
+  state_.offer(poseAt(at(0.1), 9));
+  const FrameDecision decision = image(0.1);
+  EXPECT_TRUE(decision.initial_pose_ignored);
+  EXPECT_EQ(decision.start->T_P_O.t.x(), 0.4);
+}
+
+TEST_F(TrackerStateTest, TakesInitialPosesWhileTrackingIfAsked) {
+  rules_.initial_pose_policy = InitialPosePolicy::kAlways;
+  restart();
+  state_.offer(poseAt(at(0)));
+  track(0, 0.4);
+  state_.offer(poseAt(at(0.1), 9));
+  const FrameDecision decision = image(0.1);
+  EXPECT_FALSE(decision.start->tracked);
+  EXPECT_EQ(decision.start->T_P_O.t.x(), 9);
+  // Nothing came of it: the track goes on from where it was.
+  state_.startRefused(decision.ticket, "no such frame");
+  expect(Status::STATE_TRACKING, Status::REASON_PRIOR_NO_FRAME);
+  EXPECT_EQ(image(0.2).start->T_P_O.t.x(), 0.4);
+}
+
+TEST_F(TrackerStateTest, BridgesAFewUntrustedImages) {
+  state_.offer(poseAt(at(0)));
+  track(0, 0.4);
+  for (int i = 1; i <= 2; ++i) {
+    const FrameDecision decision = image(0.1 * i);
+    ASSERT_TRUE(decision.start);
+    EXPECT_EQ(decision.start->T_P_O.t.x(), 0.4);
+    state_.notTrusted(decision.ticket, Status::REASON_LOW_SCORE, "");
+    expect(Status::STATE_TRACKING, Status::REASON_LOW_SCORE);
+  }
+  state_.notTrusted(image(0.3).ticket, Status::REASON_DIVERGED, "");
+  expect(Status::STATE_LOST, Status::REASON_DIVERGED);
+  EXPECT_FALSE(image(0.4).start);
+}
+
+TEST_F(TrackerStateTest, CountsUntrustedImagesAnewAfterATrustedOne) {
+  state_.offer(poseAt(at(0)));
+  track(0);
+  for (int i = 0; i < 4; ++i) {
+    state_.notTrusted(image(1 + i).ticket, Status::REASON_LOW_SCORE, "");
+    state_.notTrusted(image(1.3 + i).ticket, Status::REASON_LOW_SCORE, "");
+    track(1.6 + i);
+  }
+}
+
+TEST_F(TrackerStateTest, WaitsAgainAfterATrustedPoseInModeOnce) {
+  rules_.once = true;
+  restart();
+  state_.offer(poseAt(at(0)));
+  const FrameDecision decision = image(0);
+  EXPECT_TRUE(state_.trusted(decision.ticket, Pose(), kCamera, at(0)));
+  expect(Status::STATE_WAITING, Status::REASON_NONE);
+  EXPECT_FALSE(image(0.1).start);
+}
+
+TEST_F(TrackerStateTest, RefinesAnImageOnce) {
+  state_.offer(poseAt(at(0)));
+  track(0);
+  track(0.1);
+  EXPECT_FALSE(image(0.1).start) << "the same stamp again";
+  EXPECT_FALSE(image(0.05).start) << "an image that came late";
+  EXPECT_TRUE(state_.tracking());
+}
+
+TEST_F(TrackerStateTest, ForgetsAllWhenImagesGoBackInTime) {
+  state_.offer(poseAt(at(10)));
+  track(10);
+  // The clock is not told: a bag that is played without simulated time.
+  const FrameDecision decision = state_.decide(at(5), kCamera);
+  EXPECT_TRUE(decision.clock_jumped);
+  EXPECT_FALSE(decision.start);
+  expect(Status::STATE_WAITING, Status::REASON_CLOCK_JUMPED);
+  EXPECT_FALSE(state_.decide(at(5.1), kCamera).clock_jumped);
+  state_.offer(poseAt(at(5.2)));
+  EXPECT_TRUE(state_.decide(at(5.2), kCamera).start);
+}
+
+TEST_F(TrackerStateTest, ForgetsAllWhenTheClockGoesBack) {
+  state_.offer(poseAt(at(10)));
+  track(10);
+  const FrameDecision running = image(10.1);
+  EXPECT_FALSE(state_.clockIs(at(9.8))) << "a clock that is put right by a little";
+  EXPECT_TRUE(state_.clockIs(at(0)));
+  expect(Status::STATE_WAITING, Status::REASON_CLOCK_JUMPED);
+  EXPECT_FALSE(state_.trusted(running.ticket, Pose(), kCamera, at(10.1)));
+  EXPECT_FALSE(state_.tracking());
+  EXPECT_FALSE(state_.clockIs(at(0.1)));
+}
+
+TEST_F(TrackerStateTest, KeepsAnInitialPoseFromAfterTheJump) {
+  state_.offer(poseAt(at(10)));
+  track(10);
+  state_.offer(poseAt(at(0), 3));  // the bag begins again
+  const FrameDecision decision = state_.decide(at(0), kCamera);
+  EXPECT_TRUE(decision.clock_jumped);
+  ASSERT_TRUE(decision.start);
+  EXPECT_EQ(decision.start->T_P_O.t.x(), 3);
+}
+
+TEST_F(TrackerStateTest, DropsAnInitialPoseFromBeforeTheJump) {
+  image(10);
+  state_.offer(poseAt(at(11)));
+  EXPECT_TRUE(state_.clockIs(at(0)));
+  EXPECT_FALSE(image(0.1).start);
+  EXPECT_FALSE(image(11).start);
+}
+
+TEST_F(TrackerStateTest, IsLostWithoutImages) {
+  state_.offer(poseAt(at(0)));
+  track(0);
+  state_.clockIs(at(1.9));
+  expect(Status::STATE_TRACKING, Status::REASON_NONE);
+  state_.clockIs(at(2.1));
+  expect(Status::STATE_LOST, Status::REASON_NO_IMAGES);
+  EXPECT_FALSE(image(2.2).start);
+}
+
+TEST_F(TrackerStateTest, NeverLosesATrackForLackOfImagesIfAsked) {
+  rules_.image_timeout_s = 0;
+  restart();
+  state_.offer(poseAt(at(0)));
+  track(0);
+  state_.clockIs(at(1000));
+  EXPECT_TRUE(state_.tracking());
+}
+
+TEST_F(TrackerStateTest, ForgetsAllOnRequest) {
+  state_.offer(poseAt(at(0)));
+  track(0);
+  const FrameDecision running = image(0.1);
+  state_.reset();
+  expect(Status::STATE_WAITING, Status::REASON_RESET);
+  EXPECT_FALSE(state_.trusted(running.ticket, Pose(), kCamera, at(0.1)));
+  state_.notTrusted(running.ticket, Status::REASON_LOW_SCORE, "");
+  state_.failed(running.ticket, "");
+  state_.startRefused(running.ticket, "");
+  expect(Status::STATE_WAITING, Status::REASON_RESET);
+  EXPECT_FALSE(image(0.2).start);
+}
+
+TEST_F(TrackerStateTest, IgnoresAllWhileDisabled) {
+  state_.offer(poseAt(at(0)));
+  track(0);
+  state_.setEnabled(false);
+  expect(Status::STATE_WAITING, Status::REASON_DISABLED);
+  state_.offer(poseAt(ros::Time()));
+  EXPECT_FALSE(image(0.1).start);
+  state_.setEnabled(true);
+  expect(Status::STATE_WAITING, Status::REASON_NONE);
+  EXPECT_FALSE(image(0.2).start) << "a pose that came while disabled";
+}
+
+TEST_F(TrackerStateTest, ForgetsPosesOfTheObjectBefore) {
+  state_.offer(poseAt(at(0)));
+  track(0);
+  const FrameDecision running = image(0.1);
+  state_.offer(poseAt(at(0.2)));
+  state_.modelIsReady();
+  expect(Status::STATE_WAITING, Status::REASON_NONE);
+  EXPECT_FALSE(state_.trusted(running.ticket, Pose(), kCamera, at(0.1)));
+  EXPECT_FALSE(image(0.2).start);
+}
+
+TEST_F(TrackerStateTest, KeepsTheOldModelWhenANewOneFails) {
+  state_.offer(poseAt(at(0)));
+  track(0);
+  state_.modelIsLoading();
+  state_.modelFailed(Status::REASON_MODEL_UNREADABLE, "");
+  expect(Status::STATE_TRACKING, Status::REASON_NONE);
+}
+
+TEST_F(TrackerStateTest, WaitsWhenAnotherCameraTakesOver) {
+  state_.offer(poseAt(at(0)));
+  track(0);
+  EXPECT_FALSE(state_.decide(at(0.1), "other_optical").start);
+  expect(Status::STATE_WAITING, Status::REASON_RESET);
+}
+
+TEST_F(TrackerStateTest, TriesAgainAfterAnException) {
+  state_.offer(poseAt(at(0)));
+  track(0);
+  state_.failed(image(0.1).ticket, "out of memory");
+  expect(Status::STATE_ERROR, Status::REASON_INTERNAL);
+  track(0.2);
+  expect(Status::STATE_TRACKING, Status::REASON_NONE);
+}
+
+TEST_F(TrackerStateTest, SaysWhyImagesAreRefusedUntilOneIsGood) {
+  state_.imageRefused(Status::REASON_UNCALIBRATED, "");
+  expect(Status::STATE_WAITING, Status::REASON_UNCALIBRATED);
+  state_.imageRefused(Status::REASON_BAD_IMAGE, "");
+  expect(Status::STATE_WAITING, Status::REASON_BAD_IMAGE);
+  state_.imageArrived();
+  expect(Status::STATE_WAITING, Status::REASON_NONE);
+}
+
+TEST_F(TrackerStateTest, ReportsARefusedInitialPoseAndKeepsTheState) {
+  state_.refuseInitialPose(Status::REASON_PRIOR_NOT_FINITE, "");
+  expect(Status::STATE_WAITING, Status::REASON_PRIOR_NOT_FINITE);
+  state_.offer(poseAt(at(0)));
+  EXPECT_TRUE(image(0).start);
+}
+
+TEST_F(TrackerStateTest, SurvivesStampsThatMakeNoSense) {
+  state_.offer(poseAt(ros::Time(4e9)));
+  EXPECT_FALSE(image(0).start);
+  EXPECT_FALSE(state_.decide(ros::Time(4.2e9), kCamera).start);
+  EXPECT_TRUE(state_.decide(ros::Time(0.1), kCamera).clock_jumped);
+}
+
+}  // namespace
+}  // namespace nerf_pose_refiner

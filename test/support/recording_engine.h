@@ -1,0 +1,67 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "nerf_pose_refiner/engine/engine.h"
+
+namespace nerf_pose_refiner {
+
+/// An engine that writes down what it is asked for and does nothing: for tests of schedules.
+class RecordingEngine : public Engine {
+ public:
+  std::vector<std::string> calls;
+  ScatterPlan scattered;
+  std::vector<SelectPlan> selected;
+  std::vector<DescentPlan> descended;
+
+  std::string describe() const override { return "recording"; }
+  std::shared_ptr<const LoadedField> load(std::shared_ptr<const Field>) override { return nullptr; }
+  Rendering render(const LoadedField&, const Camera&, const Pose&, const RenderOptions&,
+                   const StopToken&) override {
+    return {};
+  }
+  std::unique_ptr<FieldTrainer> trainer(const FieldConfig&, const Box&, std::vector<TrainingView>,
+                                        const TrainingPlan&) override {
+    return nullptr;
+  }
+  std::shared_ptr<const LoadedObservation> observe(const Observation&,
+                                                   const std::vector<ImageLevel>&) override {
+    return std::make_shared<LoadedObservation>();
+  }
+  std::unique_ptr<HypothesisBatch> batch(int) override {
+    return std::make_unique<HypothesisBatch>();
+  }
+  void scatter(HypothesisBatch*, const Pose&, const ScatterPlan& plan) override {
+    if (calls.empty()) scattered = plan;
+    calls.push_back("scatter " + std::to_string(plan.count));
+  }
+  void align(HypothesisBatch*, const LoadedField&, const LoadedObservation&, int, const AlignStage&,
+             const StopToken&) override {
+    calls.push_back("align");
+  }
+  void score(HypothesisBatch*, const LoadedField&, const LoadedObservation&, int, const AlignStage&,
+             const StopToken&) override {
+    calls.push_back("score");
+  }
+  void descend(HypothesisBatch*, const LoadedField&, const LoadedObservation&, int,
+               const DescentPlan& plan, int first_step, int steps, const StopToken&) override {
+    descended.push_back(plan);
+    calls.push_back("descend " + std::to_string(first_step) + "+" + std::to_string(steps));
+  }
+  void measure(HypothesisBatch*, const LoadedField&, const LoadedObservation&, int,
+               const DescentPlan&, int pixels, const StopToken&) override {
+    calls.push_back("measure " + std::to_string(pixels));
+  }
+  void select(HypothesisBatch*, const SelectPlan& plan) override {
+    selected.push_back(plan);
+    calls.push_back("select " + std::to_string(plan.keep) + " for " +
+                    std::to_string(plan.offspring));
+  }
+  HypothesisTable read(const HypothesisBatch&) override { return HypothesisTable(1); }
+  Work work() const override { return {}; }
+};
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,143 @@
+#!/usr/bin/env python3
+# Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+"""Checks the shell scripts: their form, and that they install only what is missing, and only when allowed."""
+import os
+import stat
+import subprocess
+import tempfile
+import unittest
+
+TOP = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+SCRIPTS = os.path.join(TOP, 'scripts')
+
+
+def run(*command, **environment):
+    env = {key: value for key, value in os.environ.items() if key != 'CI'}
+    env.update(environment)
+    return subprocess.run(command, env=env, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+                          stderr=subprocess.PIPE, universal_newlines=True, timeout=60)
+
+
+def shell_scripts():
+    for folder in (SCRIPTS, os.path.join(SCRIPTS, 'lib'), os.path.join(TOP, '.ci')):
+        for name in sorted(os.listdir(folder)):
+            path = os.path.join(folder, name)
+            if os.path.isfile(path):
+                with open(path, encoding='utf-8') as file:
+                    if 'bash' in ''.join(file.readlines()[:3]):
+                        yield path
+
+
+class Form(unittest.TestCase):
+    def test_every_script_is_valid_bash(self):
+        scripts = list(shell_scripts())
+        for name in ('scripts/demo', 'scripts/test', '.ci/run'):
+            self.assertIn(os.path.join(TOP, name), scripts)
+            self.assertTrue(os.access(os.path.join(TOP, name), os.X_OK), name)
+        for script in scripts:
+            result = run('bash', '-n', script)
+            self.assertEqual(result.returncode, 0, result.stderr)
+
+    def test_help_and_wrong_usage(self):
+        for name in ('demo', 'test'):
+            script = os.path.join(SCRIPTS, name)
+            result = run(script, '--help')
+            self.assertEqual(result.returncode, 0, result.stderr)
+            self.assertIn('--yes', result.stdout)
+            self.assertEqual(run(script, '--no-such-option').returncode, 2)
+
+
+    def test_another_python_leaves_the_path(self):
+        with tempfile.TemporaryDirectory() as folder:
+            os.symlink('/bin/true', os.path.join(folder, 'python3'))
+            result = run('bash', '-c', f'. "{SCRIPTS}/lib/common.sh"; echo "$PATH"; command -v python3',
+                         PATH=f'{folder}:/usr/bin:/bin:/no such folder')
+            self.assertEqual(result.stdout.split('\n')[:2],
+                             ['/usr/bin:/bin:/no such folder', '/usr/bin/python3'], result.stderr)
+
+
+class Installing(unittest.TestCase):
+    """The installation against programs that only write down how they were called."""
+
+    def setUp(self):
+        self.folder = tempfile.TemporaryDirectory()
+        self.bin = os.path.join(self.folder.name, 'bin')
+        self.calls_file = os.path.join(self.folder.name, 'calls')
+        self.noetic = os.path.join(self.folder.name, 'noetic')
+        os.makedirs(self.bin)
+        for name in ('apt-get', 'sudo', 'dpkg-query', 'rosdep'):
+            self.program(name, '')
+
+    def tearDown(self):
+        self.folder.cleanup()
+
+    def program(self, name, body):
+        path = os.path.join(self.bin, name)
+        with open(path, 'w', encoding='utf-8') as file:
+            file.write(f'#!/bin/bash\necho "{name} $*" >>"{self.calls_file}"\n{body}\n')
+        os.chmod(path, os.stat(path).st_mode | stat.S_IXUSR)
+
+    def install(self, yes, function='install_with_apt'):
+        """What was called, and how it ended."""
+        result = run('bash', '-euo', 'pipefail', '-c',
+                     f'. "{SCRIPTS}/lib/common.sh"; . "{SCRIPTS}/lib/install.sh"\n'
+                     f'ASSUME_YES={yes}; NOETIC="{self.noetic}"; PATH="{self.bin}:$PATH"\n'
+                     f'{function}')
+        calls = []
+        if os.path.exists(self.calls_file):
+            with open(self.calls_file, encoding='utf-8') as file:
+                calls = [line.strip() for line in file]
+        return [call for call in calls if not call.startswith('dpkg-query')], result
+
+    def installed_packages(self, missing=()):
+        with open(os.path.join(SCRIPTS, 'packages_debian.txt'), encoding='utf-8') as file:
+            names = [line.strip() for line in file if not line.startswith('#')]
+        self.program('dpkg-query', '\n'.join(
+            f'echo "installed {name}"' for name in names if name not in missing))
+
+    def test_nothing_missing(self):
+        self.installed_packages()
+        calls, result = self.install('false')
+        self.assertEqual((calls, result.returncode), ([], 0), result.stderr)
+
+    def test_missing_is_listed_and_not_installed_without_consent(self):
+        self.installed_packages(missing=('catkin', 'cmake'))
+        calls, result = self.install('false')
+        self.assertEqual(calls, [])
+        self.assertNotEqual(result.returncode, 0)
+        self.assertIn('catkin cmake', result.stderr)
+
+    def test_only_what_is_missing_is_installed(self):
+        self.installed_packages(missing=('catkin', 'cmake'))
+        calls, result = self.install('true')
+        self.assertEqual(result.returncode, 0, result.stderr)
+        installs = [call for call in calls if call.startswith('apt-get') and ' install ' in call]
+        if os.geteuid() != 0:  # the recording sudo calls nothing
+            installs = [call for call in calls if call.startswith('sudo') and ' install ' in call]
+        self.assertEqual(len(installs), 1, calls)
+        self.assertTrue(installs[0].endswith('--no-install-recommends catkin cmake'), installs)
+
+    def on_noetic(self):
+        os.makedirs(self.noetic)
+        with open(os.path.join(self.noetic, 'setup.bash'), 'w', encoding='utf-8') as file:
+            file.write('export ROS_DISTRO=noetic; true "$NOT_SET"\n')
+
+    def test_noetic_with_all_there(self):
+        self.on_noetic()
+        calls, result = self.install('false', 'install_dependencies')
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertEqual(len(calls), 1, calls)
+        self.assertTrue(calls[0].startswith('rosdep check'), calls)
+
+    def test_noetic_installs_through_rosdep_alone(self):
+        self.on_noetic()
+        self.program('rosdep', '[ "$1" != check ]')
+        calls, result = self.install('true', 'install_dependencies')
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertTrue(any(call.startswith('rosdep install') and '--default-yes' in call
+                            for call in calls), calls)
+        self.assertFalse([call for call in calls if call.startswith('apt-get')], calls)
+
+
+if __name__ == '__main__':
+    unittest.main()
