@@ -123,11 +123,12 @@ PoseHypothesisArray toMessage(const HypothesisTable& hypotheses, const Pose& T_W
   double least = 0;
   for (const Hypothesis& hypothesis : hypotheses) {
     if (hypothesis.state != HypothesisState::kLive) continue;
-    if (message.hypotheses.empty()) least = std::max(hypothesis.loss, 1e-9);
+    if (message.hypotheses.empty()) least = hypothesis.loss;
     PoseHypothesis entry;
     entry.pose = toMessage(T_W_C * objectInCamera(hypothesis.T_O_C, metres_per_unit));
     entry.loss = static_cast<float>(hypothesis.loss);
-    const double weight = std::exp(1 - hypothesis.loss / least);
+    const double excess = (hypothesis.loss - least) / std::max(std::abs(least), 1e-9);
+    const double weight = std::exp(-excess);
     entry.weight = static_cast<float>(weight);
     sum += weight;
     message.hypotheses.push_back(entry);

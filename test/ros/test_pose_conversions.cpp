@@ -153,6 +153,16 @@ TEST(PoseConversions, WeighsHypotheses) {
   EXPECT_NEAR(poses.poses[0].position.z, 1, 1e-12);
 }
 
+// Before an unknown background a loss below zero is usual.
+TEST(PoseConversions, WeighsHypothesesOfNegativeLoss) {
+  HypothesisTable table(2);
+  table[0].loss = -0.2;
+  table[1].loss = -0.2 * (1 - std::log(4.0));  // a quarter of the weight of the first
+  const PoseHypothesisArray message = toMessage(table, Pose(), 1);
+  EXPECT_NEAR(message.hypotheses[0].weight, 0.8, 1e-6);
+  EXPECT_NEAR(message.hypotheses[1].weight, 0.2, 1e-6);
+}
+
 TEST(PoseConversions, SurvivesATableWithoutHypotheses) {
   EXPECT_TRUE(toMessage(HypothesisTable(), Pose(), 1).hypotheses.empty());
 }

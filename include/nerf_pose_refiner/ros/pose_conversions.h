@@ -37,7 +37,8 @@ StartPose startFromMessage(const geometry_msgs::PoseStamped& message);
 /// @throws InputError also for a covariance that is not finite or has a negative variance.
 StartPose startFromMessage(const geometry_msgs::PoseWithCovarianceStamped& message);
 
-/// Live hypotheses of one image as poses in frame W, weighted by exp(1 - loss / least loss).
+/// Live hypotheses of one image as poses in frame W, weighted by exp(-(loss - least) / |least|):
+/// the best first, and losses may be negative.
 /// @param T_W_C the camera in W [m]. Header and object's name are left to the caller.
 PoseHypothesisArray toMessage(const HypothesisTable& hypotheses, const Pose& T_W_C,
                               double metres_per_unit);
