@@ -6,18 +6,9 @@
 #include <vector>
 
 #include "nerf_pose_refiner/geometry/pose.h"
+#include "nerf_pose_refiner/maths/hypothesis_state.h"
 
 namespace nerf_pose_refiner {
-
-/// Why a hypothesis is no longer followed.
-enum class HypothesisState {
-  kLive,
-  kMerged,
-  kBehindCamera,
-  kOutOfImage,
-  kIllConditioned,
-  kNotFinite
-};
 
 /// One hypothesis, as read from an engine.
 struct Hypothesis {

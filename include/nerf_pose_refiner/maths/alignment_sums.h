@@ -1,0 +1,156 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+
+#include "nerf_pose_refiner/maths/alignment.h"
+
+namespace nerf_pose_refiner {
+
+/// Moments of rendered against observed colours, from which gain and bias follow.
+template <typename T>
+struct LightMomentsOf {
+  T weight[3] = {}, x[3] = {}, y[3] = {}, xx[3] = {}, xy[3] = {};
+};
+
+/// Sums over the pixels of a picture that judge a pose and say how to better it.
+template <typename T>
+struct AlignmentSumsOf {
+  T weight = 0;            ///< of the pixels
+  T cost = 0;              ///< weighted sum; divided by `weight`, the loss of the pose
+  T opacity = 0;           ///< rendered
+  T agreeing = 0;          ///< rendered opacity where the object looks as rendered
+  T unexplained = 0;       ///< emptiness where a known background does not look as known
+  T squared_residual = 0;  ///< robustly weighted
+  T residual_weight = 0;   ///< the weights' sum
+  NormalEquations6<T> equations;
+};
+
+/// A pose's rendering as seen through its camera: what says how pixels move.
+struct AlignmentView {
+  Pinhole<float> K;
+  CameraPose<float> pose;
+  Vec3<float> centre;  ///< of the object, in O [model units]
+  float centre_depth;  ///< of it, before the camera [model units]
+};
+
+/// How the picture flows past pixel (x, y) when the camera moves. Where the rendering is empty, the
+/// pixel is taken to show the plane through the object's centre, so that the observation can pull.
+/// @param point opacity times the point that the pixel shows, relative to the centre.
+NPR_HOST_DEVICE inline PixelFlow<float> surfaceFlow(const AlignmentView& view,
+                                                    const Vec3<float>& point, float opacity, int x,
+                                                    int y) {
+  constexpr float kPlaneOpacity = 0.01f;  // below it the object's plane stands in for the point
+  const Vec3<float> q = {(static_cast<float>(x) - view.K.cx) / view.K.fx * view.centre_depth,
+                         (static_cast<float>(y) - view.K.cy) / view.K.fy * view.centre_depth,
+                         view.centre_depth};
+  const Vec3<float> on_plane = view.pose.R * q + view.pose.o - view.centre;
+  const Vec3<float> shown = (1 / (opacity + kPlaneOpacity)) * (point + kPlaneOpacity * on_plane);
+  return pixelFlow(view.K, view.pose, view.centre, shown);
+}
+
+/// A pixel's residuals, robustly.
+struct RobustResidual {
+  float squared;  ///< of the colours
+  RobustTerm<float> colour, opacity;
+};
+
+NPR_HOST_DEVICE inline RobustResidual robustResidual(const PixelResidual<float>& r,
+                                                     float colour_scale, float opacity_scale) {
+  RobustResidual robust;
+  robust.squared = r.value[0] * r.value[0] + r.value[1] * r.value[1] + r.value[2] * r.value[2];
+  robust.colour = gemanMcClure(robust.squared, colour_scale);
+  robust.opacity = huber(r.value[3] * r.value[3], opacity_scale);
+  return robust;
+}
+
+/// What a pixel says of how well a pose fits.
+struct PixelJudgement {
+  float cost;
+  bool agrees;  ///< the object looks there as it is rendered
+};
+
+/// By its residuals.
+NPR_HOST_DEVICE inline PixelJudgement judgeResidual(const PixelResidual<float>& r,
+                                                    const RobustResidual& robust, float scale) {
+  return {r.colour_weight * robust.colour.value + r.opacity_weight * robust.opacity.value,
+          robust.squared < 4 * scale * scale};
+}
+
+/// By contrasts before an unknown background. What the object explains better than chance is worth
+/// its pixels, what it explains worse costs them: neither a small silhouette nor a large one is
+/// cheaper as such.
+NPR_HOST_DEVICE inline PixelJudgement judgeContrast(const RobustResidual& robust, float opacity,
+                                                    float scale) {
+  // Robust difference of contrasts that have nothing to do with each other; they agree below half.
+  constexpr float kChance = 0.8f;
+  const float own = opacity > 1e-2f ? robust.squared / (opacity * opacity) : 0.0f;
+  return {opacity * (own / (own + scale * scale) - kChance), robust.squared < 4 * scale * scale};
+}
+
+/// Adds a pixel to the sums of its pose. @param equations may be those of a part of the picture.
+/// @param judges_background whether a known background is judged, too.
+template <typename T>
+NPR_HOST_DEVICE inline void addJudgedPixel(const PixelResidual<float>& r,
+                                           const RobustResidual& robust,
+                                           const PixelJudgement& judgement, float opacity,
+                                           float pixel_weight, bool judges_background,
+                                           const PixelFlow<float>& flow, AlignmentSumsOf<T>* sums,
+                                           NormalEquations6<float>* equations) {
+  sums->weight += pixel_weight;
+  sums->cost += pixel_weight * judgement.cost;
+  sums->opacity += pixel_weight * opacity;
+  if (judgement.agrees) sums->agreeing += pixel_weight * opacity;
+  if (!judgement.agrees && judges_background) sums->unexplained += pixel_weight * (1 - opacity);
+  const float colour_weight = pixel_weight * r.colour_weight * robust.colour.weight;
+  const float opacity_weight = pixel_weight * r.opacity_weight * robust.opacity.weight;
+  sums->squared_residual += colour_weight * robust.squared;
+  sums->residual_weight += 3 * colour_weight;
+  const float weights[4] = {colour_weight, colour_weight, colour_weight, opacity_weight};
+  addPixel(flow, r, weights, equations);
+}
+
+/// Adds a pixel to the moments, if it shows the object.
+/// @param rendered premultiplied RGB, opacity. @param observed RGB.
+template <typename T>
+NPR_HOST_DEVICE inline void addLightPixel(const float rendered[4], const float observed[3],
+                                          float pixel_weight, const GainBias<float>& light,
+                                          float robust_scale, LightMomentsOf<T>* sums) {
+  const float A = rendered[3];
+  if (A < 0.5f || pixel_weight == 0) return;
+  float colour[3], squared = 0;
+  for (int c = 0; c < 3; ++c) {
+    colour[c] = rendered[c] / A;
+    const float r = light.gain[c] * colour[c] + light.bias[c] - observed[c];
+    squared += r * r;
+  }
+  const float weight = pixel_weight * A * A * gemanMcClure(squared, 2 * robust_scale).weight;
+  for (int c = 0; c < 3; ++c) {
+    sums->weight[c] += weight;
+    sums->x[c] += weight * colour[c];
+    sums->y[c] += weight * observed[c];
+    sums->xx[c] += weight * colour[c] * colour[c];
+    sums->xy[c] += weight * colour[c] * observed[c];
+  }
+}
+
+/// Gain and bias by least squares, drawn towards 1 and 0.
+NPR_HOST_DEVICE inline GainBias<float> solveLight(const LightMomentsOf<double>& m) {
+  GainBias<float> light;
+  for (int c = 0; c < 3; ++c) {
+    // Towards gain 1 and bias 0, each with the strength of a share of the pixels.
+    const double gain_prior = 0.02 * m.weight[c] + 1e-6;
+    const double bias_prior = 0.3 * m.weight[c] + 1e-6;
+    const double a = m.xx[c] + gain_prior, b = m.x[c], d = m.weight[c] + bias_prior;
+    const double right_gain = m.xy[c] + gain_prior, right_bias = m.y[c];
+    const double determinant = a * d - b * b;
+    const double gain = (d * right_gain - b * right_bias) / determinant;
+    const double bias = (a * right_bias - b * right_gain) / determinant;
+    light.gain[c] = static_cast<float>(gain);
+    light.bias[c] = static_cast<float>(bias);
+  }
+  return light;
+}
+
+}  // namespace nerf_pose_refiner
