@@ -11,7 +11,7 @@ import tempfile
 import unittest
 
 PACKAGE = 'nerf_pose_refiner'
-LIBRARY_ROOMS = ('maths', 'geometry', 'image', 'dataset', 'field', 'engine', 'register', 'refine',
+LIBRARY_ROOMS = ('tasks', 'maths', 'geometry', 'image', 'dataset', 'field', 'engine', 'register', 'refine',
                  'evaluate')
 
 # Room -> (rooms it may include, libraries it may include, as patterns of the include's path).
@@ -24,17 +24,18 @@ ROS = (r'(ros|rosbag|nodelet|pluginlib|image_transport|image_geometry|cv_bridge|
        r'actionlib|diagnostic_updater|dynamic_reconfigure|tf2|tf2_\w+|xmlrpcpp|std_srvs|\w+_msgs|'
        rf'{PACKAGE}(?=/[A-Z]))/')  # the last: this package's own messages
 RULES = {
+    'tasks': ((), ()),
     'maths': ((), ()),
     'geometry': (('maths',), (EIGEN,)),
     'image': (('geometry',), (OPENCV,)),
-    'dataset': (('geometry', 'image'), (EIGEN, JSON)),
+    'dataset': (('geometry', 'image', 'tasks'), (EIGEN, JSON)),
     'field': (('geometry', 'maths'), (EIGEN, JSON, POSIX)),
-    'engine': (('field', 'geometry', 'image', 'maths'), (EIGEN, SIMD)),
-    'register': (('engine', 'dataset', 'field', 'geometry', 'image', 'maths'), (EIGEN,)),
-    'refine': (('engine', 'field', 'geometry', 'image', 'maths'), (EIGEN,)),
-    'evaluate': (('refine', 'register', 'dataset', 'engine', 'field', 'geometry', 'image', 'maths'),
-                 (EIGEN,)),
-    'ros': (('refine', 'register', 'dataset', 'engine', 'field', 'geometry', 'image'),
+    'engine': (('field', 'geometry', 'image', 'maths', 'tasks'), (EIGEN, SIMD)),
+    'register': (('engine', 'dataset', 'field', 'geometry', 'image', 'maths', 'tasks'), (EIGEN,)),
+    'refine': (('engine', 'field', 'geometry', 'image', 'maths', 'tasks'), (EIGEN,)),
+    'evaluate': (('refine', 'register', 'dataset', 'engine', 'field', 'geometry', 'image', 'maths',
+                  'tasks'), (EIGEN,)),
+    'ros': (('refine', 'register', 'dataset', 'engine', 'field', 'geometry', 'image', 'tasks'),
             (EIGEN, OPENCV, POSIX, ROS)),
     'nodelets': (LIBRARY_ROOMS + ('ros',), (EIGEN, ROS)),
     'nodes': (LIBRARY_ROOMS + ('ros',), (EIGEN, OPENCV, ROS)),

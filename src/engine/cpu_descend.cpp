@@ -7,7 +7,7 @@
 
 #include "cpu_engine.h"
 #include "nerf_pose_refiner/maths/random.h"
-#include "parallel.h"
+#include "nerf_pose_refiner/tasks/parallel.h"
 #include "picture.h"
 #include "pixel_loss.h"
 

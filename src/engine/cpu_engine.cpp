@@ -2,10 +2,10 @@
 #include "cpu_engine.h"
 
 #include <stdexcept>
-#include <thread>
 
 #include "cpu_field.h"
 #include "cpu_trainer.h"
+#include "nerf_pose_refiner/tasks/parallel.h"
 #include "picture.h"
 
 namespace nerf_pose_refiner {
@@ -68,9 +68,7 @@ std::unique_ptr<Engine> makeCpuEngine(int threads, const std::string& instructio
     throw std::invalid_argument("threads is " + std::to_string(threads) +
                                 ", must be 0 (all cores) or more");
   }
-  const int cores = static_cast<int>(std::thread::hardware_concurrency());
-  const int count = threads > 0 ? threads : cores > 0 ? cores : 1;
-  return std::make_unique<CpuEngine>(count, selectCpuKernels(instruction_set));
+  return std::make_unique<CpuEngine>(threadCount(threads), selectCpuKernels(instruction_set));
 }
 
 }  // namespace nerf_pose_refiner

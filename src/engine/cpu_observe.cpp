@@ -7,7 +7,7 @@
 #include "cpu_engine.h"
 #include "nerf_pose_refiner/image/filter.h"
 #include "nerf_pose_refiner/image/resample.h"
-#include "parallel.h"
+#include "nerf_pose_refiner/tasks/parallel.h"
 #include "picture.h"
 
 namespace nerf_pose_refiner {

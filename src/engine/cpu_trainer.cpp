@@ -8,7 +8,7 @@
 #include "nerf_pose_refiner/field/matter.h"
 #include "nerf_pose_refiner/maths/half.h"
 #include "nerf_pose_refiner/maths/random.h"
-#include "parallel.h"
+#include "nerf_pose_refiner/tasks/parallel.h"
 
 namespace nerf_pose_refiner {
 namespace {

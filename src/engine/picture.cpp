@@ -5,7 +5,7 @@
 #include <cmath>
 #include <mutex>
 
-#include "parallel.h"
+#include "nerf_pose_refiner/tasks/parallel.h"
 #include "pixel_window.h"
 
 namespace nerf_pose_refiner {

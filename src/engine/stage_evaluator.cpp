@@ -6,7 +6,7 @@
 
 #include "local_contrast.h"
 #include "nerf_pose_refiner/image/filter.h"
-#include "parallel.h"
+#include "nerf_pose_refiner/tasks/parallel.h"
 #include "picture.h"
 
 // Sums are taken over chunks of rows whose size is fixed, chunk after chunk, so that they are the

@@ -9,7 +9,7 @@
 
 #include "nerf_pose_refiner/field/matter.h"
 #include "nerf_pose_refiner/maths/random.h"
-#include "parallel.h"
+#include "nerf_pose_refiner/tasks/parallel.h"
 #include "ray_batch.h"
 
 namespace nerf_pose_refiner {

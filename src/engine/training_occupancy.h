@@ -5,7 +5,7 @@
 #include <memory>
 #include <vector>
 
-#include "nerf_pose_refiner/engine/stop_token.h"
+#include "nerf_pose_refiner/tasks/stop_token.h"
 #include "ray_march.h"
 #include "sample_pool.h"
 

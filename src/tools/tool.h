@@ -9,9 +9,9 @@
 #include <vector>
 
 #include "nerf_pose_refiner/engine/engine.h"
-#include "nerf_pose_refiner/engine/stop_token.h"
 #include "nerf_pose_refiner/geometry/camera.h"
 #include "nerf_pose_refiner/geometry/pose.h"
+#include "nerf_pose_refiner/tasks/stop_token.h"
 
 namespace nerf_pose_refiner {
 

@@ -9,12 +9,12 @@
 #include "nerf_pose_refiner/engine/hypotheses.h"
 #include "nerf_pose_refiner/engine/observation.h"
 #include "nerf_pose_refiner/engine/plans.h"
-#include "nerf_pose_refiner/engine/stop_token.h"
 #include "nerf_pose_refiner/engine/training.h"
 #include "nerf_pose_refiner/field/field.h"
 #include "nerf_pose_refiner/geometry/camera.h"
 #include "nerf_pose_refiner/geometry/pose.h"
 #include "nerf_pose_refiner/image/image.h"
+#include "nerf_pose_refiner/tasks/stop_token.h"
 
 namespace nerf_pose_refiner {
 

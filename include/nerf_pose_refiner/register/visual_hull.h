@@ -2,8 +2,8 @@
 #pragma once
 
 #include "nerf_pose_refiner/dataset/dataset.h"
-#include "nerf_pose_refiner/engine/stop_token.h"
 #include "nerf_pose_refiner/field/field.h"
+#include "nerf_pose_refiner/tasks/stop_token.h"
 
 namespace nerf_pose_refiner {
 

@@ -7,9 +7,9 @@
 #include <functional>
 #include <string>
 
-#include "nerf_pose_refiner/engine/stop_token.h"
 #include "nerf_pose_refiner/geometry/pose.h"
 #include "nerf_pose_refiner/ros/tracker_state.h"
+#include "nerf_pose_refiner/tasks/stop_token.h"
 
 namespace nerf_pose_refiner {
 

@@ -1,28 +1,39 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <algorithm>
 #include <atomic>
 #include <exception>
 #include <mutex>
+#include <thread>
 
 namespace nerf_pose_refiner {
 
+/// The number of threads that a setting means. @param threads 0: all cores.
+inline int threadCount(int threads) {
+  if (threads > 0) return threads;
+  return std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+}
+
 /// Runs body(i) for i in [0, n) on some threads, in any order; the items must not touch each other.
-/// An item that throws ends the loop: the first exception is thrown again here.
+/// If items throw, later ones are left out, and the exception of the first is thrown again here.
+/// (Serial where the including file is compiled without OpenMP.)
 template <typename Body>
 void parallelFor(int threads, int n, const Body& body) {
   std::exception_ptr error;
-  std::mutex error_mutex;  // guards `error`
-  std::atomic<bool> failed{false};
+  std::mutex error_mutex;  // guards `error`, and changes of what follows
+  std::atomic<int> failed_item{n};
 #pragma omp parallel for schedule(dynamic) num_threads(threads) if (threads > 1 && n > 1)
   for (int i = 0; i < n; ++i) {
-    if (failed.load(std::memory_order_relaxed)) continue;
+    if (i > failed_item.load(std::memory_order_relaxed)) continue;
     try {
       body(i);
     } catch (...) {
       const std::lock_guard<std::mutex> lock(error_mutex);
-      if (!error) error = std::current_exception();
-      failed = true;
+      if (i < failed_item) {
+        error = std::current_exception();
+        failed_item = i;
+      }
     }
   }
   if (error) std::rethrow_exception(error);
