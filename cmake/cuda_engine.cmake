@@ -1,16 +1,51 @@
 # Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-# The CUDA engine, where a CUDA compiler is found.
+# The CUDA engine, where a CUDA compiler is found: a static library inside the shared one, so that
+# nobody links CUDA's libraries who links this package's. All of its sources are in cuda/.
+#
+# CMAKE_CUDA_ARCHITECTURES chooses the GPUs that it is compiled for. By default all from 7.5 to 9.0,
+# and code that later ones compile themselves.
 include(CheckLanguage)
-check_language(CUDA)
-if(CMAKE_CUDA_COMPILER)
-  if(NOT DEFINED CMAKE_CUDA_ARCHITECTURES)
-    set(CMAKE_CUDA_ARCHITECTURES 75 80 86)  # named, for a container's build has no GPU to ask
-  endif()
-  enable_language(CUDA)
-  find_package(CUDAToolkit REQUIRED)
-  add_library(${PROJECT_NAME}_cuda STATIC ${NPR_CUDA_SOURCES})
-  target_include_directories(${PROJECT_NAME}_cuda PRIVATE include)
-  target_link_libraries(${PROJECT_NAME}_cuda PRIVATE CUDA::cudart_static)
-  target_link_libraries(${PROJECT_NAME} PRIVATE ${PROJECT_NAME}_cuda)
-  target_compile_definitions(${PROJECT_NAME} PRIVATE NPR_HAVE_CUDA)
+if(CMAKE_VERSION VERSION_LESS 3.18)
+  message(STATUS "No CUDA engine: it wants CMake 3.18, this is ${CMAKE_VERSION}")
+  return()
 endif()
+check_language(CUDA)
+if(NOT CMAKE_CUDA_COMPILER)
+  message(STATUS "No CUDA engine: there is no CUDA compiler (set CUDACXX to an nvcc)")
+  return()
+endif()
+if(NOT DEFINED CMAKE_CUDA_ARCHITECTURES)
+  # Named, for a container's build has no GPU to ask.
+  set(CMAKE_CUDA_ARCHITECTURES 75-real 80-real 86-real 87-real 89-real 90)
+endif()
+enable_language(CUDA)
+find_package(CUDAToolkit 11.8 REQUIRED)
+message(STATUS "CUDA engine: ${CMAKE_CUDA_COMPILER_VERSION}, for ${CMAKE_CUDA_ARCHITECTURES}")
+
+set(npr_cuda ${PROJECT_NAME}_cuda)
+add_library(${npr_cuda} STATIC
+  cuda/align.cu
+  cuda/cuda_align.cpp
+  cuda/cuda_descend.cpp
+  cuda/cuda_engine.cpp
+  cuda/cuda_error.cpp
+  cuda/cuda_field.cpp
+  cuda/cuda_observe.cpp
+  cuda/descend.cu
+  cuda/descent_update.cu
+  cuda/evaluate.cu
+  cuda/hypotheses.cu
+  cuda/launch.cpp
+  cuda/picture.cu
+  cuda/render.cu)
+npr_set_warnings(${npr_cuda})
+set_target_properties(${npr_cuda} PROPERTIES
+  CUDA_STANDARD 17 CUDA_STANDARD_REQUIRED ON CUDA_EXTENSIONS OFF POSITION_INDEPENDENT_CODE ON)
+target_compile_options(${npr_cuda} PRIVATE
+  $<$<COMPILE_LANGUAGE:CUDA>:--expt-relaxed-constexpr -Xcompiler=-Wall,-Wextra>
+  $<$<AND:$<COMPILE_LANGUAGE:CUDA>,$<BOOL:${NERF_POSE_REFINER_WERROR}>>:-Werror=all-warnings
+    -Xcompiler=-Werror>)
+target_include_directories(${npr_cuda} PRIVATE include src)
+target_link_libraries(${npr_cuda} PRIVATE Eigen3::Eigen CUDA::cudart_static)
+target_link_libraries(${PROJECT_NAME} PRIVATE ${npr_cuda})
+target_compile_definitions(${PROJECT_NAME} PRIVATE NPR_HAVE_CUDA)

@@ -7,11 +7,20 @@
 DEMO_TARGETS=(nerf_pose_refiner_nodelets nerf_pose_refiner_decode_images_node
   nerf_pose_refiner_pose_refiner_node nerf_pose_refiner_generate_messages_py)
 
+# The one GPU architecture to build for: this machine's, or a common one where there is no GPU.
+cuda_architecture() {
+  local capability
+  capability=$(nvidia-smi --query-gpu=compute_cap --format=csv,noheader 2>/dev/null | head -n 1) || true
+  [[ $capability =~ ^[0-9]+\.[0-9]+$ ]] || capability=8.0
+  printf '%s' "${capability/./}"
+}
+
 # build_package TARGET...
 build_package() {
   say "building in $BUILD_DIR"
   mkdir -p "$BUILD_DIR"
-  cmake -S "$TOP" -B "$BUILD_DIR" -DCMAKE_BUILD_TYPE=Release >"$BUILD_DIR/configure.log" 2>&1 || {
+  cmake -S "$TOP" -B "$BUILD_DIR" -DCMAKE_BUILD_TYPE=Release \
+    -DCMAKE_CUDA_ARCHITECTURES="$(cuda_architecture)" >"$BUILD_DIR/configure.log" 2>&1 || {
     tail -n 30 "$BUILD_DIR/configure.log" >&2
     die "configuring failed; all of it: $BUILD_DIR/configure.log"
   }

@@ -2,7 +2,7 @@
 #pragma once
 
 #include "cpu_engine.h"
-#include "nerf_pose_refiner/maths/loss.h"
+#include "nerf_pose_refiner/maths/pixel_loss.h"
 
 namespace nerf_pose_refiner {
 
@@ -13,38 +13,22 @@ struct PixelLoss {
   RayLossGradient gradient = {{0, 0, 0}, 0};
 };
 
-/// Loss of the rendering over a background that is known.
+inline PixelLoss toPixelLoss(const PixelLossTerm& term) {
+  return {term.loss, term.weight, {{term.rgb[0], term.rgb[1], term.rgb[2]}, term.alpha}};
+}
+
+/// @see lossBeforeKnown
 inline PixelLoss lossOnBackground(Loss kind, const RayResult& ray,
                                   const Eigen::Vector3f& background, const float* observed,
                                   float weight) {
-  PixelLoss pixel;
-  pixel.weight = weight;
-  for (int c = 0; c < 3; ++c) {
-    const float colour = ray.rgb[c] + (1 - ray.alpha) * background[c];
-    const LossTerm<float> term = lossTerm(kind, colour, observed[c]);
-    pixel.loss += weight * term.value / 3;
-    pixel.gradient.rgb[c] = weight * term.derivative / 3;
-    pixel.gradient.alpha -= pixel.gradient.rgb[c] * background[c];
-  }
-  return pixel;
+  return toPixelLoss(
+      lossBeforeKnown(kind, ray.rgb, ray.alpha, background.data(), observed, weight));
 }
 
-/// Loss of the object's own colour, for an unknown background: it counts as far as the rendering is
-/// opaque. That weight is held constant in the gradient: nothing is gained by fading.
+/// @see lossBeforeUnknown
 inline PixelLoss lossOfOpaque(Loss kind, const RayResult& ray, const float* observed,
                               float weight) {
-  constexpr float kTransparent = 1e-3f;
-  PixelLoss pixel;
-  if (ray.alpha < kTransparent) return pixel;
-  pixel.weight = weight * ray.alpha;
-  for (int c = 0; c < 3; ++c) {
-    const float colour = ray.rgb[c] / ray.alpha;
-    const LossTerm<float> term = lossTerm(kind, colour, observed[c]);
-    pixel.loss += pixel.weight * term.value / 3;
-    pixel.gradient.rgb[c] = weight * term.derivative / 3;
-    pixel.gradient.alpha -= pixel.gradient.rgb[c] * colour;
-  }
-  return pixel;
+  return toPixelLoss(lossBeforeUnknown(kind, ray.rgb, ray.alpha, observed, weight));
 }
 
 /// Loss of a ray through pixel (x, y) of a level.

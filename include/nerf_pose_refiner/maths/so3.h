@@ -54,4 +54,17 @@ NPR_HOST_DEVICE inline Vec3<T> logSO3(const Mat3<T>& R) {
   return (sign * 2 * std::atan2(length, sign * q[3]) / length) * axis;
 }
 
+/// The rotation nearest to one that is off by rounding: one step of Newton's iteration for the
+/// polar decomposition, R (3 I - R^T R) / 2, which leaves the square of the error.
+template <typename T>
+NPR_HOST_DEVICE inline Mat3<T> orthonormalized(const Mat3<T>& R) {
+  Mat3<T> correction;
+  for (int i = 0; i < 3; ++i) {
+    for (int j = 0; j < 3; ++j) {
+      correction.m[i][j] = ((i == j ? 3 : 0) - dot(column(R, i), column(R, j))) / 2;
+    }
+  }
+  return R * correction;
+}
+
 }  // namespace nerf_pose_refiner

@@ -1,0 +1,241 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "align.h"
+#include "cuda_error.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+constexpr int kThreads = 128;
+constexpr int kPixelsPerChunk = 512;  // one block's
+constexpr int kLightSums = 15;        // numbers of LightMomentsOf
+constexpr unsigned kWholeWarp = 0xffffffffu;
+
+static_assert(sizeof(AlignmentSumsOf<float>) == kAlignmentSums * sizeof(float), "");
+static_assert(sizeof(AlignmentSumsOf<double>) == kAlignmentSums * sizeof(double), "");
+static_assert(sizeof(LightMomentsOf<float>) == kLightSums * sizeof(float), "");
+static_assert(sizeof(LightMomentsOf<double>) == kLightSums * sizeof(double), "");
+
+/// Sum over a block, in a fixed order, of N numbers of every thread; the result in to[0..N).
+template <int N>
+__device__ void sumBlock(const float* values, double* to) {
+  __shared__ float warp_sums[kThreads / 32][N];
+  const int lane = threadIdx.x % 32, warp = threadIdx.x / 32;
+#pragma unroll
+  for (int i = 0; i < N; ++i) {
+    float sum = values[i];
+#pragma unroll
+    for (int away = 16; away > 0; away /= 2) sum += __shfl_down_sync(kWholeWarp, sum, away);
+    if (lane == 0) warp_sums[warp][i] = sum;
+  }
+  __syncthreads();
+  for (int i = threadIdx.x; i < N; i += kThreads) {
+    double sum = 0;
+    for (int w = 0; w < kThreads / 32; ++w) sum += warp_sums[w][i];
+    to[i] = sum;
+  }
+}
+
+/// Sums over the chunks of a view, by a block; the result in shared memory.
+template <int N>
+__device__ void sumChunks(const double* partial_sums, int view, int chunks, double* sums) {
+  for (int i = threadIdx.x; i < N; i += blockDim.x) {
+    const double* part = partial_sums + static_cast<std::size_t>(view) * chunks * kAlignmentSums;
+    double sum = 0;
+#pragma unroll 8
+    for (int k = 0; k < chunks; ++k) sum += part[static_cast<std::size_t>(k) * kAlignmentSums + i];
+    sums[i] = sum;
+  }
+  __syncthreads();
+}
+
+__device__ AlignmentView viewOf(const CudaCamera& camera, const Vec3<double>& centre,
+                                const CameraPose<double>& pose) {
+  AlignmentView view;
+  view.K = {static_cast<float>(camera.fx), static_cast<float>(camera.fy),
+            static_cast<float>(camera.cx), static_cast<float>(camera.cy)};
+  for (int i = 0; i < 3; ++i) {
+    for (int j = 0; j < 3; ++j) view.pose.R.m[i][j] = static_cast<float>(pose.R.m[i][j]);
+  }
+  view.pose.o = {static_cast<float>(pose.o.x), static_cast<float>(pose.o.y),
+                 static_cast<float>(pose.o.z)};
+  view.centre = {static_cast<float>(centre.x), static_cast<float>(centre.y),
+                 static_cast<float>(centre.z)};
+  view.centre_depth = static_cast<float>(inCamera(pose, centre).z);
+  return view;
+}
+
+__device__ PictureSample<float> sampleAt(const float4* picture, int width, int height, int x,
+                                         int y) {
+  const auto at = [&](int u, int v) { return picture[2 * (v * width + u)]; };
+  const float4 left = at(max(x - 1, 0), y), right = at(min(x + 1, width - 1), y);
+  const float4 above = at(x, max(y - 1, 0)), below = at(x, min(y + 1, height - 1));
+  const float4 here = at(x, y);
+  return {{here.x, here.y, here.z, here.w},
+          {0.5f * (right.x - left.x), 0.5f * (right.y - left.y), 0.5f * (right.z - left.z),
+           0.5f * (right.w - left.w)},
+          {0.5f * (below.x - above.x), 0.5f * (below.y - above.y), 0.5f * (below.z - above.z),
+           0.5f * (below.w - above.w)}};
+}
+
+/// A block per chunk (x) and search (y).
+__global__ void sumAlignmentKernel(CudaAlignmentTarget target, CudaSearches searches,
+                                   const float4* pictures, Vec3<double> centre) {
+  const int v = static_cast<int>(blockIdx.y);
+  if (!searches.active[v]) return;
+  __shared__ AlignmentView view;
+  if (threadIdx.x == 0) view = viewOf(target.camera, centre, searches.searches[v].trial);
+  __syncthreads();
+  const GainBias<float> light = searches.searches[v].trial_light;
+  const int width = target.camera.width, height = target.camera.height, pixels = width * height;
+  const float4* picture = pictures + 2 * static_cast<std::size_t>(v) * pixels;
+  AlignmentSumsOf<float> sums;
+  for (int k = 0; k < kPixelsPerChunk; k += kThreads) {
+    const int i = static_cast<int>(blockIdx.x) * kPixelsPerChunk + k + threadIdx.x;
+    if (i >= pixels) break;
+    const float pixel_weight = target.weight[i];
+    if (pixel_weight == 0) continue;
+    const int x = i % width, y = i / width;
+    const PictureSample<float> rendered = sampleAt(picture, width, height, x, y);
+    const PictureSample<float> observed = sampleAt(target.observed, width, height, x, y);
+    const PixelResidual<float> r = knownBackgroundResidual(
+        rendered, observed, light, target.background, target.opacity_weight);
+    const float A = rendered.value[3];
+    const RobustResidual robust = robustResidual(r, target.robust_scale, target.robust_scale);
+    const float4 point = picture[2 * i + 1];
+    addJudgedPixel(r, robust, judgeResidual(r, robust, target.robust_scale), A, pixel_weight, true,
+                   surfaceFlow(view, {point.x, point.y, point.z}, A, x, y), &sums, &sums.equations);
+  }
+  const std::size_t part = static_cast<std::size_t>(v) * gridDim.x + blockIdx.x;
+  sumBlock<kAlignmentSums>(reinterpret_cast<const float*>(&sums),
+                           searches.partial_sums + part * kAlignmentSums);
+}
+
+/// A block per search.
+__global__ void advanceKernel(CudaSearches searches, AlignmentRules rules, int chunks,
+                              bool only_score) {
+  const int v = static_cast<int>(blockIdx.x);
+  if (!searches.active[v]) return;
+  __shared__ double numbers[kAlignmentSums];
+  sumChunks<kAlignmentSums>(searches.partial_sums, v, chunks, numbers);
+  if (threadIdx.x != 0) return;
+  const auto& sums = *reinterpret_cast<const AlignmentSumsOf<double>*>(numbers);
+  AlignmentSearch* search = &searches.searches[v];
+  if (only_score) {
+    search->state = stateOf(rules, search->trial, sums);
+    acceptTrial(sums, search);
+    search->done = true;
+  } else {
+    advanceSearch(rules, sums, search);
+  }
+  searches.poses[v] = search->trial;
+  searches.active[v] = !search->done;
+}
+
+/// A block per chunk (x) and search (y).
+__global__ void sumLightKernel(CudaAlignmentTarget target, CudaSearches searches,
+                               const float4* pictures) {
+  const int v = static_cast<int>(blockIdx.y);
+  if (!searches.active[v]) return;
+  const GainBias<float> light = searches.searches[v].trial_light;
+  const int pixels = target.camera.width * target.camera.height;
+  const float4* picture = pictures + 2 * static_cast<std::size_t>(v) * pixels;
+  LightMomentsOf<float> sums;
+  for (int k = 0; k < kPixelsPerChunk; k += kThreads) {
+    const int i = static_cast<int>(blockIdx.x) * kPixelsPerChunk + k + threadIdx.x;
+    if (i >= pixels) break;
+    const float4 rendered = picture[2 * i], observed = target.observed[2 * i];
+    addLightPixel(&rendered.x, &observed.x, target.weight[i], light, target.robust_scale, &sums);
+  }
+  const std::size_t part = static_cast<std::size_t>(v) * gridDim.x + blockIdx.x;
+  sumBlock<kLightSums>(reinterpret_cast<const float*>(&sums),
+                       searches.partial_sums + part * kAlignmentSums);
+}
+
+/// A block per search.
+__global__ void solveLightKernel(CudaSearches searches, int chunks) {
+  const int v = static_cast<int>(blockIdx.x);
+  if (!searches.active[v]) return;
+  __shared__ double numbers[kLightSums];
+  sumChunks<kLightSums>(searches.partial_sums, v, chunks, numbers);
+  if (threadIdx.x != 0) return;
+  searches.searches[v].trial_light =
+      solveLight(*reinterpret_cast<const LightMomentsOf<double>*>(numbers));
+}
+
+/// A thread per search.
+__global__ void startKernel(CudaSearches searches, CudaHypotheses batch, AlignmentRules rules) {
+  const int v = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
+  if (v >= searches.view_count) return;
+  searches.active[v] = 0;
+  searches.searches[v].evaluations = 0;
+  searches.searches[v].done = true;
+  if (v >= *batch.count) return;
+  CudaHypothesis& h = batch.items[v];
+  if (h.state != HypothesisState::kLive) return;
+  const AlignmentSearch search = startSearch(rules, h.pose);
+  h.state = search.state;
+  searches.searches[v] = search;
+  searches.poses[v] = search.trial;
+  searches.active[v] = !search.done;
+}
+
+/// A thread per search.
+__global__ void finishKernel(CudaSearches searches, CudaHypotheses batch) {
+  const int v = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
+  if (v >= searches.view_count || v >= *batch.count) return;
+  const AlignmentSearch& search = searches.searches[v];
+  if (search.evaluations == 0) return;
+  CudaHypothesis& h = batch.items[v];
+  const AlignmentSumsOf<double>& sums = search.sums;
+  h.pose = search.best;
+  h.state = search.state;
+  h.loss = search.loss;
+  h.iterations += search.evaluations;
+  h.visible_fraction = sums.opacity > 0 ? sums.agreeing / sums.opacity : 0;
+  h.score = sums.opacity > 0 ? sums.agreeing / (sums.opacity + sums.unexplained) : 0;
+  h.residual_variance = sums.residual_weight > 0 ? sums.squared_residual / sums.residual_weight : 0;
+  for (int i = 0; i < 21; ++i) h.information[i] = sums.equations.information[i];
+}
+
+int blocksFor(int threads) { return (threads + kThreads - 1) / kThreads; }
+
+}  // namespace
+
+int alignmentChunks(const CudaCamera& camera) {
+  return (camera.width * camera.height + kPixelsPerChunk - 1) / kPixelsPerChunk;
+}
+
+void startSearches(const CudaSearches& searches, const CudaHypotheses& batch,
+                   const AlignmentRules& rules, cudaStream_t stream) {
+  startKernel<<<blocksFor(searches.view_count), kThreads, 0, stream>>>(searches, batch, rules);
+  NPR_CUDA_CHECK(cudaGetLastError());
+}
+
+void fitLights(const CudaAlignmentTarget& target, const CudaSearches& searches,
+               const float4* pictures, cudaStream_t stream) {
+  const int chunks = alignmentChunks(target.camera);
+  const dim3 grid(chunks, searches.view_count);
+  sumLightKernel<<<grid, kThreads, 0, stream>>>(target, searches, pictures);
+  NPR_CUDA_CHECK(cudaGetLastError());
+  solveLightKernel<<<searches.view_count, 32, 0, stream>>>(searches, chunks);
+  NPR_CUDA_CHECK(cudaGetLastError());
+}
+
+void advanceSearches(const CudaAlignmentTarget& target, const CudaSearches& searches,
+                     const float4* pictures, const AlignmentRules& rules, bool only_score,
+                     cudaStream_t stream) {
+  const int chunks = alignmentChunks(target.camera);
+  const dim3 grid(chunks, searches.view_count);
+  sumAlignmentKernel<<<grid, kThreads, 0, stream>>>(target, searches, pictures, rules.centre);
+  NPR_CUDA_CHECK(cudaGetLastError());
+  advanceKernel<<<searches.view_count, 64, 0, stream>>>(searches, rules, chunks, only_score);
+  NPR_CUDA_CHECK(cudaGetLastError());
+}
+
+void finishSearches(const CudaSearches& searches, const CudaHypotheses& batch,
+                    cudaStream_t stream) {
+  finishKernel<<<blocksFor(searches.view_count), kThreads, 0, stream>>>(searches, batch);
+  NPR_CUDA_CHECK(cudaGetLastError());
+}
+
+}  // namespace nerf_pose_refiner

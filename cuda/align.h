@@ -1,0 +1,54 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cuda_runtime_api.h>
+
+#include "hypotheses.h"
+#include "nerf_pose_refiner/maths/alignment_search.h"
+#include "views.h"
+
+namespace nerf_pose_refiner {
+
+/// What every pose of a stage is compared with.
+struct CudaAlignmentTarget {
+  CudaCamera camera;
+  const float4* observed;  ///< blurred picture [h][w][2]
+  const float* weight;     ///< [h][w]
+  float background[3];
+  float robust_scale;
+  float opacity_weight;  ///< 0: no opacity is observed
+  bool fit_light;
+};
+
+/// The searches of a stage and their workspace, all on the device.
+struct CudaSearches {
+  AlignmentSearch* searches;  ///< [views]
+  CameraPose<double>* poses;  ///< [views], to be rendered next
+  int* active;                ///< [views], 0: done
+  double* partial_sums;       ///< [views][alignmentChunks][kAlignmentSums]
+  int view_count;             ///< at least as many as there are hypotheses
+};
+
+constexpr int kAlignmentSums = 34;  // numbers of AlignmentSumsOf
+
+/// Parts of a picture that are summed apart.
+int alignmentChunks(const CudaCamera& camera);
+
+/// Starts a search from every live hypothesis; flags those that cannot be followed.
+void startSearches(const CudaSearches& searches, const CudaHypotheses& batch,
+                   const AlignmentRules& rules, cudaStream_t stream);
+
+/// Fits gain and bias of the trials to their blurred pictures, from where they are: one pass.
+void fitLights(const CudaAlignmentTarget& target, const CudaSearches& searches,
+               const float4* pictures, cudaStream_t stream);
+
+/// Sums residuals of the trials' blurred pictures and takes one step with every search; if
+/// `only_score`, takes the sums as they are and ends the searches.
+void advanceSearches(const CudaAlignmentTarget& target, const CudaSearches& searches,
+                     const float4* pictures, const AlignmentRules& rules, bool only_score,
+                     cudaStream_t stream);
+
+/// Writes what the searches found to their hypotheses.
+void finishSearches(const CudaSearches& searches, const CudaHypotheses& batch, cudaStream_t stream);
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,102 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include "networks.cuh"
+#include "ray_group.cuh"
+
+namespace nerf_pose_refiner {
+
+/// Lets the groups of a warp look for samples until nearly all of them have some.
+///
+/// A source gives rays out and takes their results back:
+///   bool active()      whether this group has a ray;
+///   bool exhausted()   whether there are no more, the same for all lanes of a warp;
+///   bool turnOver(ray) by all lanes: takes off a ray that has ended with no samples at hand, and
+///                      gives groups without one their next; true if the group got a new ray;
+///   void start(&ray)   places the new ray at its start.
+/// @return false once there are no more rays. @param fresh set where a group got a new ray.
+template <typename Source>
+__device__ inline bool findSamples(const OccupancyView& occupancy, Source* source, RayGroup* ray,
+                                   bool* fresh) {
+  constexpr int kMostTurns = 12;
+  for (int turn = 0; turn < kMostTurns; ++turn) {
+    if (source->turnOver(*ray)) {
+      source->start(ray);
+      *fresh = true;
+    }
+    takeSamples(occupancy, source->active() && !ray->ended && ray->count < kRaySamples, ray);
+    const bool ready = source->active()
+                           ? ray->count == kRaySamples || (ray->ended && ray->count > 0)
+                           : source->exhausted();
+    if (__all_sync(kWholeWarp, ready)) break;
+  }
+  return !__all_sync(kWholeWarp, !source->active() && source->exhausted());
+}
+
+/// What a lane counted; sources count the rays.
+struct LaneWork {
+  unsigned samples = 0, colours = 0;
+};
+
+/// Forward through the field, for all rays of a source. Rays that end make room for others, so that
+/// the tensor cores and the gathers always get 32 samples. All lanes of a warp take part.
+/// @param colour_threshold weight of a sample beneath which it is not looked at.
+template <int W, typename Source>
+__device__ inline LaneWork castRays(const CudaFieldView& field, const MarchSpace& space,
+                                    float min_transmittance, float colour_threshold,
+                                    Source* source) {
+  const WarpMemory memory = enterBlock(field, kRaySamples, false);
+  WarpNetworks<W> networks(field.shape, memory);
+  __half* const harmonics = memory.harmonics + memory.lane / kRaySamples * kHarmonics;
+  RayGroup ray;
+  bool needs_harmonics = true;
+  LaneWork work;
+  while (true) {
+    bool fresh = false;
+    if (!findSamples(space.occupancy, source, &ray, &fresh)) break;
+    needs_harmonics = needs_harmonics || fresh;
+    const bool valid = laneSlot() < ray.count;
+    if (!__any_sync(kWholeWarp, valid)) continue;
+    if (valid) {
+      float p[3];
+#pragma unroll
+      for (int a = 0; a < 3; ++a) p[a] = ray.lattice.origin[a] + ray.t * ray.lattice.direction[a];
+      encode<false>(field, p, memory.row(), nullptr, 0);
+      if (needs_harmonics && laneSlot() == 0) {
+        writeHarmonics(ray.lattice.direction, field.sh_degree, harmonics);
+      }
+    }
+    needs_harmonics = needs_harmonics && ray.count == 0;
+    work.samples += valid;
+    const float density = expf(fminf(networks.template density<false>(), 30.0f));
+    const SampleWeight sample = weighSamples(density, min_transmittance, &ray);
+    const bool heavy = sample.weight > colour_threshold;
+    if (!__any_sync(kWholeWarp, heavy)) continue;
+    const float3 rgb = networks.template colour<false>(kRaySamples);
+    if (heavy) {
+      ++work.colours;
+      ray.rgb[0] += sample.weight * rgb.x;
+      ray.rgb[1] += sample.weight * rgb.y;
+      ray.rgb[2] += sample.weight * rgb.z;
+      ray.alpha += sample.weight;
+      ray.depth += sample.weight * ray.t;
+    }
+  }
+  return work;
+}
+
+/// The box and the steps of a field, as its rays march.
+inline MarchSpace marchSpace(const CudaFieldView& field, float step_scale) {
+  MarchSpace space;
+  for (int a = 0; a < 3; ++a) {
+    space.box_min[a] = field.box_min[a];
+    space.box_max[a] = field.box_max[a];
+  }
+  space.near = 0;
+  space.step = field.step * step_scale;
+  space.cone_angle = field.cone_angle * step_scale;
+  space.occupancy = field.occupancy;
+  return space;
+}
+
+}  // namespace nerf_pose_refiner

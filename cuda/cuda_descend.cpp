@@ -1,0 +1,106 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
+#include <limits>
+#include <stdexcept>
+
+#include "cuda_engine.h"
+
+// The paper's mode: one graph of a few steps, launched again and again.
+
+namespace nerf_pose_refiner {
+namespace {
+
+constexpr int kStepsPerGraph = 16;  // the stop token is looked at in between
+
+}  // namespace
+
+DescentTask CudaEngine::descentTask(CudaBatch* batch, const CudaField& field,
+                                    const CudaObservation& observation, int level_index,
+                                    const DescentPlan& plan, int most_rays) {
+  const CudaLevel& level = observation.level(level_index);
+  DescentTask task = {};
+  task.loss = plan.loss;
+  task.length_unit = plan.length_unit;
+  task.translation_learning_rate = plan.translation_learning_rate;
+  task.rotation_learning_rate = plan.rotation_learning_rate;
+  task.decay = plan.decay;
+  task.decay_updates = plan.decay_updates;
+  task.beta1 = plan.beta1;
+  task.beta2 = plan.beta2;
+  task.epsilon = plan.epsilon;
+  task.regularisation = plan.regularisation;
+  task.steps_per_update = plan.steps_per_update;
+  task.samples_per_step = plan.samples_per_step;
+  task.direction_gradient = plan.direction_gradient;
+  task.seed = plan.seed;
+
+  task.camera = level.camera;
+  task.image = level.image.data();
+  task.weight = level.weight.data();
+  task.background_known = observation.background != Background::kUnknown;
+  for (int c = 0; c < 3; ++c) task.background[c] = observation.background_colour[c];
+
+  const auto n = static_cast<std::size_t>(batch->view().capacity);
+  live_.reserve(n);
+  scores_.reserve(n);
+  clock_.reserve(1);
+  records_.reserve(static_cast<std::size_t>(most_rays));
+  forces_.reserve(static_cast<std::size_t>(most_rays));
+  task.batch = batch->view();
+  task.live = live_.data();
+  task.samples_per_ray = batch->samplesPerRay();
+  task.scores = scores_.data();
+  task.clock = clock_.data();
+  task.records = records_.data();
+  task.forces = forces_.data();
+  task.most_rays = most_rays;
+  task.costs = field.costs();
+  task.work = meter_.data();
+  return task;
+}
+
+void CudaEngine::descend(HypothesisBatch* batch, const LoadedField& field,
+                         const LoadedObservation& observation, int level, const DescentPlan& plan,
+                         int first_step, int steps, const StopToken& stop) {
+  enter();
+  CudaBatch& hypotheses = own(batch);
+  if (hypotheses.bound == 0) return;
+  const CudaField& loaded = own(field);
+  // So many even of rays that meet nearly nothing; every hypothesis has one at least.
+  const int most_rays = std::max(4 * plan.samples_per_step, hypotheses.bound);
+  DescentTask task = descentTask(&hypotheses, loaded, own(observation), level, plan, most_rays);
+  task.scored_from = first_step + steps - plan.score_steps;
+  startDescent(task, first_step, stream_);
+  const auto enqueue = [&](int count) {
+    for (int i = 0; i < count; ++i) {
+      descendOnce(loaded.view(), task, hypotheses.bound, stream_);
+    }
+  };
+  const int graphs = (steps - 1) / kStepsPerGraph;
+  enqueue(std::max(0, steps - graphs * kStepsPerGraph));  // also readies the kernels
+  if (graphs > 0) descent_graph_.record(stream_, [&] { enqueue(kStepsPerGraph); });
+  for (int i = 0; i < graphs; ++i) {
+    stop.check();
+    descent_graph_.launch(stream_);
+    stream_.wait();  // so that a stop is heard
+  }
+  finishDescent(task, hypotheses.bound, stream_);
+}
+
+void CudaEngine::measure(HypothesisBatch* batch, const LoadedField& field,
+                         const LoadedObservation& observation, int level, const DescentPlan& plan,
+                         int pixels, const StopToken& stop) {
+  enter();
+  stop.check();
+  CudaBatch& hypotheses = own(batch);
+  if (hypotheses.bound == 0 || pixels < 1) return;
+  const CudaField& loaded = own(field);
+  if (pixels > std::numeric_limits<int>::max() / hypotheses.bound) {
+    throw std::invalid_argument("measure: " + std::to_string(pixels) + " pixels are too many");
+  }
+  const DescentTask task =
+      descentTask(&hypotheses, loaded, own(observation), level, plan, pixels * hypotheses.bound);
+  measureLosses(loaded.view(), task, pixels, hypotheses.bound, stream_);
+}
+
+}  // namespace nerf_pose_refiner

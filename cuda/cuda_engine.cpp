@@ -1,0 +1,318 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "cuda_engine.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include "nerf_pose_refiner/engine/make_engine.h"
+#include "nerf_pose_refiner/image/filter.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+constexpr int kLeastCapability = 75;  // tensor cores that take halves
+
+cudaDeviceProp propertiesOf(int device) {
+  cudaDeviceProp properties;
+  NPR_CUDA_CHECK(cudaGetDeviceProperties(&properties, device));
+  return properties;
+}
+
+}  // namespace
+
+Vec3<double> plainVector(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
+
+CameraPose<double> plainPose(const Pose& T_O_C) {
+  CameraPose<double> pose;
+  for (int i = 0; i < 3; ++i) {
+    for (int j = 0; j < 3; ++j) pose.R.m[i][j] = T_O_C.R(i, j);
+  }
+  pose.o = plainVector(T_O_C.t);
+  return pose;
+}
+
+CudaCamera plainCamera(const Camera& camera) {
+  return {camera.fx, camera.fy, camera.cx, camera.cy, camera.width, camera.height};
+}
+
+std::string whyNoCuda(int device) {
+  int count = 0;
+  const cudaError_t error = cudaGetDeviceCount(&count);
+  if (error != cudaSuccess) {
+    cudaGetLastError();
+    return cudaGetErrorString(error);
+  }
+  if (device < 0 || device >= count) {
+    return "there is no CUDA device " + std::to_string(device) + ", only " + std::to_string(count);
+  }
+  const cudaDeviceProp properties = propertiesOf(device);
+  if (10 * properties.major + properties.minor < kLeastCapability) {
+    return std::string(properties.name) + " has compute capability " +
+           std::to_string(properties.major) + "." + std::to_string(properties.minor) +
+           ", must be 7.5 or more";
+  }
+  return "";
+}
+
+std::unique_ptr<Engine> makeCudaEngine(int device) {
+  const std::string why = whyNoCuda(device);
+  if (!why.empty()) throw std::runtime_error("no CUDA engine: " + why);
+  NPR_CUDA_CHECK(cudaSetDevice(device));
+  return std::make_unique<CudaEngine>(device);
+}
+
+const CudaLevel& CudaObservation::level(int index) const {
+  const CudaLevels& all = *lease_.get();
+  if (index < 0 || index >= static_cast<int>(all.count)) {
+    throw std::invalid_argument("level " + std::to_string(index) + " of an observation with " +
+                                std::to_string(all.count));
+  }
+  return all.levels[static_cast<std::size_t>(index)];
+}
+
+CudaBatch::CudaBatch(std::shared_ptr<Workspaces<CudaBatchMemory>> pool, int device, int capacity)
+    : pool_(std::move(pool)), lease_(pool_->borrow()), device_(device) {
+  CudaBatchMemory* memory = lease_.get();
+  const std::size_t n = static_cast<std::size_t>(capacity);
+  memory->items.reserve(n);
+  memory->scratch.reserve(n);
+  memory->order.reserve(n);
+  memory->count.reserve(1);
+  memory->samples_per_ray.reserve(1);
+  view_ = {memory->items.data(), memory->scratch.data(), memory->order.data(), memory->count.data(),
+           capacity};
+}
+
+CudaEngine::CudaEngine(int device)
+    : device_(device),
+      levels_(
+          std::make_shared<Workspaces<CudaLevels>>([] { return std::make_unique<CudaLevels>(); })),
+      batches_(std::make_shared<Workspaces<CudaBatchMemory>>(
+          [] { return std::make_unique<CudaBatchMemory>(); })) {
+  meter_.clear(1, stream_);
+  tiles_.reserve(2);
+  pinned_count_.reserve(1);
+  pinned_work_.reserve(1);
+}
+
+CudaEngine::~CudaEngine() {
+  cudaSetDevice(device_);  // a destructor never throws
+  cudaStreamSynchronize(stream_);
+}
+
+void CudaEngine::enter() const { NPR_CUDA_CHECK(cudaSetDevice(device_)); }
+
+std::string CudaEngine::describe() const {
+  const cudaDeviceProp properties = propertiesOf(device_);
+  return std::string("CUDA, ") + properties.name + ", " +
+         std::to_string(properties.totalGlobalMem >> 20) + " MiB";
+}
+
+std::shared_ptr<const LoadedField> CudaEngine::load(std::shared_ptr<const Field> field) {
+  enter();
+  return std::make_shared<CudaField>(std::move(field), device_, stream_);
+}
+
+const CudaField& CudaEngine::own(const LoadedField& field) const {
+  const auto* found = dynamic_cast<const CudaField*>(&field);
+  if (found == nullptr || found->device() != device_) {
+    throw std::invalid_argument("the field is not loaded in this CUDA engine");
+  }
+  return *found;
+}
+
+const CudaObservation& CudaEngine::own(const LoadedObservation& observation) const {
+  const auto* found = dynamic_cast<const CudaObservation*>(&observation);
+  if (found == nullptr || found->device() != device_) {
+    throw std::invalid_argument("the observation is not of this CUDA engine");
+  }
+  return *found;
+}
+
+CudaBatch& CudaEngine::own(HypothesisBatch* batch) const {
+  auto* found = dynamic_cast<CudaBatch*>(batch);
+  if (found == nullptr || found->device() != device_) {
+    throw std::invalid_argument("the batch is not of this CUDA engine");
+  }
+  return *found;
+}
+
+RenderTask CudaEngine::renderTask(const CudaField& field, const CudaCamera& camera, int views) {
+  const auto n = static_cast<std::size_t>(views);
+  const std::size_t pixels = n * static_cast<std::size_t>(camera.width) * camera.height;
+  views_.reserve(n);
+  poses_.reserve(n);
+  pictures_.reserve(2 * pixels);
+  RenderTask task = {};
+  task.camera = camera;
+  task.poses = poses_.data();
+  task.view_count = views;
+  task.rays_per_side = 1;
+  task.step_scale = 1;
+  task.use_occupancy = true;
+  task.views = views_.data();
+  task.tiles = tiles_.data();
+  task.pictures = pictures_.data();
+  task.costs = field.costs();
+  task.work = meter_.data();
+  return task;
+}
+
+void CudaEngine::copyWork() {
+  NPR_CUDA_CHECK(cudaMemcpyAsync(pinned_work_.data(), meter_.data(), sizeof(CudaWork),
+                                 cudaMemcpyDeviceToHost, stream_));
+}
+
+void CudaEngine::takeWork() {
+  const CudaWork& meter = *pinned_work_.data();
+  work_.rays = meter.rays;
+  work_.samples = meter.samples;
+  work_.colour_samples = meter.colour_samples;
+  work_.gathers = static_cast<double>(meter.gathers);
+  work_.flops = static_cast<double>(meter.flops);
+}
+
+Rendering CudaEngine::render(const LoadedField& field, const Camera& camera, const Pose& T_O_C,
+                             const RenderOptions& options, const StopToken& stop) {
+  enter();
+  camera.validate();
+  if (!T_O_C.isFinite()) throw std::invalid_argument("render: the pose is not finite");
+  stop.check();
+  const CudaField& loaded = own(field);
+  RenderTask task = renderTask(loaded, plainCamera(camera), 1);
+  task.near = options.near;
+  task.step_scale = options.step_scale;
+  task.min_transmittance = options.min_transmittance;
+  task.use_occupancy = options.use_occupancy;
+  const CameraPose<double> pose = plainPose(T_O_C);
+  poses_.upload(&pose, 1, stream_);
+  renderPictures(loaded.view(), task, stream_);
+
+  const std::size_t pixels = static_cast<std::size_t>(camera.width) * camera.height;
+  pinned_picture_.reserve(2 * pixels);
+  NPR_CUDA_CHECK(cudaMemcpyAsync(pinned_picture_.data(), pictures_.data(),
+                                 2 * pixels * sizeof(float4), cudaMemcpyDeviceToHost, stream_));
+  copyWork();
+  stream_.wait();
+  takeWork();
+  Rendering rendering;
+  rendering.colour = Image(camera.width, camera.height, 3);
+  rendering.alpha = Image(camera.width, camera.height, 1);
+  rendering.point = Image(camera.width, camera.height, 3);
+  const Eigen::Vector3f centre = loaded.field().metadata.centre.cast<float>();
+  for (std::size_t i = 0; i < pixels; ++i) {
+    const float* pixel = &pinned_picture_.data()[2 * i].x;
+    rendering.alpha.values[i] = pixel[3];
+    for (std::size_t c = 0; c < 3; ++c) {
+      rendering.colour.values[3 * i + c] = pixel[c];
+      rendering.point.values[3 * i + c] =
+          pixel[4 + c] + pixel[3] * centre[static_cast<Eigen::Index>(c)];
+    }
+  }
+  return rendering;
+}
+
+std::unique_ptr<FieldTrainer> CudaEngine::trainer(const FieldConfig&, const Box&,
+                                                  std::vector<TrainingView>, const TrainingPlan&) {
+  throw std::runtime_error("the CUDA engine cannot train yet: train with the CPU engine");
+}
+
+std::unique_ptr<HypothesisBatch> CudaEngine::batch(int capacity) {
+  enter();
+  if (capacity < 1) {
+    throw std::invalid_argument("batch capacity is " + std::to_string(capacity) +
+                                ", must be positive");
+  }
+  auto made = std::make_unique<CudaBatch>(batches_, device_, capacity);
+  NPR_CUDA_CHECK(cudaMemsetAsync(made->view().count, 0, sizeof(int), stream_));
+  NPR_CUDA_CHECK(cudaMemsetAsync(
+      made->view().items, 0, static_cast<std::size_t>(capacity) * sizeof(CudaHypothesis), stream_));
+  const double unknown = -1;
+  NPR_CUDA_CHECK(cudaMemcpyAsync(made->samplesPerRay(), &unknown, sizeof unknown,
+                                 cudaMemcpyHostToDevice, stream_));
+  return made;
+}
+
+void CudaEngine::scatter(HypothesisBatch* batch, const Pose& prior_T_O_C, const ScatterPlan& plan) {
+  enter();
+  CudaBatch& hypotheses = own(batch);
+  if (plan.count < 1 || plan.count > hypotheses.view().capacity) {
+    throw std::invalid_argument("ScatterPlan::count is " + std::to_string(plan.count) +
+                                ", the batch holds 1 to " +
+                                std::to_string(hypotheses.view().capacity));
+  }
+  hypotheses.prior_T_O_C = prior_T_O_C;
+  hypotheses.scatter = plan;
+  hypotheses.bound = plan.count;
+  const PoseSpread spread = {plainVector(plan.rotation_rad), plainVector(plan.translation),
+                             plan.rotate_about_object, plainVector(plan.object_centre)};
+  scatterHypotheses(hypotheses.view(), plainPose(prior_T_O_C), spread, plan.count, plan.seed,
+                    stream_);
+}
+
+void CudaEngine::select(HypothesisBatch* batch, const SelectPlan& plan) {
+  enter();
+  CudaBatch& hypotheses = own(batch);
+  if (plan.keep < 1 || plan.offspring > hypotheses.view().capacity) {
+    throw std::invalid_argument("SelectPlan keeps " + std::to_string(plan.keep) + " and makes " +
+                                std::to_string(plan.offspring) + " of a batch that holds " +
+                                std::to_string(hypotheses.view().capacity));
+  }
+  CudaSelectPlan plain;
+  plain.keep = plan.keep;
+  plain.offspring = plan.offspring;
+  plain.merge_rotation_rad = plan.merge_rotation_rad;
+  plain.merge_translation = plan.merge_translation;
+  plain.jitter = {plainVector(Eigen::Vector3d::Constant(plan.rotation_jitter_rad)),
+                  plainVector(Eigen::Vector3d::Constant(plan.translation_jitter)),
+                  plan.rotate_about_object, plainVector(plan.object_centre)};
+  plain.seed = plan.seed;
+  selectHypotheses(hypotheses.view(), plain, stream_);
+  hypotheses.bound = std::min(hypotheses.view().capacity, std::max(plan.keep, plan.offspring));
+}
+
+HypothesisTable CudaEngine::read(const HypothesisBatch& batch) {
+  enter();
+  const auto* hypotheses = dynamic_cast<const CudaBatch*>(&batch);
+  if (hypotheses == nullptr || hypotheses->device() != device_) {
+    throw std::invalid_argument("the batch is not of this CUDA engine");
+  }
+  const auto bound = static_cast<std::size_t>(hypotheses->bound);
+  pinned_hypotheses_.reserve(bound);
+  NPR_CUDA_CHECK(cudaMemcpyAsync(pinned_count_.data(), hypotheses->view().count, sizeof(int),
+                                 cudaMemcpyDeviceToHost, stream_));
+  NPR_CUDA_CHECK(cudaMemcpyAsync(pinned_hypotheses_.data(), hypotheses->view().items,
+                                 bound * sizeof(CudaHypothesis), cudaMemcpyDeviceToHost, stream_));
+  copyWork();
+  stream_.wait();
+  takeWork();
+  HypothesisTable table(static_cast<std::size_t>(*pinned_count_.data()));
+  for (std::size_t k = 0; k < table.size(); ++k) {
+    const CudaHypothesis& from = pinned_hypotheses_.data()[k];
+    Hypothesis& to = table[k];
+    for (int i = 0; i < 3; ++i) {
+      for (int j = 0; j < 3; ++j) to.T_O_C.R(i, j) = from.pose.R.m[i][j];
+    }
+    to.T_O_C.t = {from.pose.o.x, from.pose.o.y, from.pose.o.z};
+    to.state = from.state;
+    to.loss = from.loss;
+    to.visible_fraction = from.visible_fraction;
+    to.score = from.score;
+    to.iterations = from.iterations;
+    to.residual_variance = from.residual_variance;
+    for (int i = 0; i < 6; ++i) {
+      for (int j = 0; j <= i; ++j) {
+        to.information(i, j) = to.information(j, i) = from.information[i * (i + 1) / 2 + j];
+      }
+    }
+  }
+  std::stable_sort(table.begin(), table.end(), [](const Hypothesis& a, const Hypothesis& b) {
+    const bool live_a = a.state == HypothesisState::kLive,
+               live_b = b.state == HypothesisState::kLive;
+    return live_a != live_b ? live_a : a.loss < b.loss;
+  });
+  return table;
+}
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,169 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "align.h"
+#include "cuda_field.h"
+#include "descend.h"
+#include "device_memory.h"
+#include "engine/workspaces.h"
+#include "hypotheses.h"
+#include "nerf_pose_refiner/engine/engine.h"
+#include "picture.h"
+#include "render.h"
+
+namespace nerf_pose_refiner {
+
+/// A level of an observation on the device.
+struct CudaLevel {
+  CudaCamera camera = {};
+  double blur_px = 0;
+  DeviceBuffer<float4> image;    ///< [h][w]: RGB, premultiplied by alpha, and alpha; not blurred
+  DeviceBuffer<float> weight;    ///< [h][w]
+  DeviceBuffer<float4> blurred;  ///< [h][w][2], @see picture.h
+};
+
+/// Memory of an observation, used again by the next one.
+struct CudaLevels {
+  std::vector<CudaLevel> levels;  ///< the first `count` of them
+  std::size_t count = 0;
+};
+
+/// An observation on a device; its memory goes back to the engine.
+class CudaObservation final : public LoadedObservation {
+ public:
+  CudaObservation(std::shared_ptr<Workspaces<CudaLevels>> pool, int device)
+      : pool_(std::move(pool)), lease_(pool_->borrow()), device_(device) {}
+
+  Background background = Background::kUnknown;
+  Eigen::Vector3f background_colour = Eigen::Vector3f::Zero();  ///< 0 if there is an alpha
+
+  CudaLevels* levels() { return lease_.get(); }
+  int device() const { return device_; }
+  /// @throws std::invalid_argument if there is no such level.
+  const CudaLevel& level(int index) const;
+
+ private:
+  std::shared_ptr<Workspaces<CudaLevels>> pool_;
+  mutable Workspaces<CudaLevels>::Lease lease_;
+  int device_;
+};
+
+/// Memory of a batch.
+struct CudaBatchMemory {
+  DeviceBuffer<CudaHypothesis> items, scratch;
+  DeviceBuffer<int> order, count;
+  DeviceBuffer<double> samples_per_ray;
+};
+
+/// Hypotheses on a device; their memory goes back to the engine.
+class CudaBatch final : public HypothesisBatch {
+ public:
+  CudaBatch(std::shared_ptr<Workspaces<CudaBatchMemory>> pool, int device, int capacity);
+
+  const CudaHypotheses& view() const { return view_; }
+  int device() const { return device_; }
+  /// Of `descend`, as it measures them for its budget; one number on the device.
+  double* samplesPerRay() { return lease_.get()->samples_per_ray.data(); }
+
+  int bound = 0;  ///< there are no more hypotheses than so many
+  Pose prior_T_O_C;
+  ScatterPlan scatter;
+
+ private:
+  std::shared_ptr<Workspaces<CudaBatchMemory>> pool_;
+  Workspaces<CudaBatchMemory>::Lease lease_;
+  int device_;
+  CudaHypotheses view_;
+};
+
+/// Carries out plans on a CUDA device. One stream, which is no other's; all that a call needs for a
+/// while is kept from call to call.
+class CudaEngine final : public Engine {
+ public:
+  explicit CudaEngine(int device);
+  ~CudaEngine() override;
+
+  std::string describe() const override;
+  std::shared_ptr<const LoadedField> load(std::shared_ptr<const Field> field) override;
+  Rendering render(const LoadedField& field, const Camera& camera, const Pose& T_O_C,
+                   const RenderOptions& options, const StopToken& stop) override;
+  std::unique_ptr<FieldTrainer> trainer(const FieldConfig& config, const Box& box,
+                                        std::vector<TrainingView> views,
+                                        const TrainingPlan& plan) override;
+  std::shared_ptr<const LoadedObservation> observe(const Observation& observation,
+                                                   const std::vector<ImageLevel>& levels) override;
+  std::unique_ptr<HypothesisBatch> batch(int capacity) override;
+  void scatter(HypothesisBatch* batch, const Pose& prior_T_O_C, const ScatterPlan& plan) override;
+  void align(HypothesisBatch* batch, const LoadedField& field, const LoadedObservation& observation,
+             int level, const AlignStage& stage, const StopToken& stop) override;
+  void score(HypothesisBatch* batch, const LoadedField& field, const LoadedObservation& observation,
+             int level, const AlignStage& stage, const StopToken& stop) override;
+  void descend(HypothesisBatch* batch, const LoadedField& field,
+               const LoadedObservation& observation, int level, const DescentPlan& plan,
+               int first_step, int steps, const StopToken& stop) override;
+  void measure(HypothesisBatch* batch, const LoadedField& field,
+               const LoadedObservation& observation, int level, const DescentPlan& plan, int pixels,
+               const StopToken& stop) override;
+  void select(HypothesisBatch* batch, const SelectPlan& plan) override;
+  HypothesisTable read(const HypothesisBatch& batch) override;
+  Work work() const override { return work_; }
+
+ private:
+  struct Stage;
+
+  const CudaField& own(const LoadedField& field) const;
+  const CudaObservation& own(const LoadedObservation& observation) const;
+  CudaBatch& own(HypothesisBatch* batch) const;
+  void enter() const;  ///< makes the device the calling thread's
+  void uploadObservation(const Observation& observation, const std::vector<ImageLevel>& levels,
+                         CudaObservedImage* uploaded);
+  void observeLevel(const CudaObservedImage& image, const ImageLevel& plan, double scale,
+                    CudaLevel* level);
+  RenderTask renderTask(const CudaField& field, const CudaCamera& camera, int views);
+  Stage prepareStage(const CudaBatch& batch, const CudaField& field,
+                     const CudaObservation& observation, int level, const AlignStage& stage);
+  DescentTask descentTask(CudaBatch* batch, const CudaField& field,
+                          const CudaObservation& observation, int level, const DescentPlan& plan,
+                          int most_rays);
+  void evaluateTrials(const Stage& stage, bool only_score);
+  void copyWork();  ///< enqueues its download
+  void takeWork();  ///< after a wait
+
+  int device_;
+  CudaStream stream_;
+  std::shared_ptr<Workspaces<CudaLevels>> levels_;
+  std::shared_ptr<Workspaces<CudaBatchMemory>> batches_;
+
+  // Workspaces; they grow and stay.
+  DeviceBuffer<float> image_, alpha_, weight_, kernel_;
+  DeviceBuffer<CudaView> views_;
+  DeviceBuffer<unsigned> tiles_;
+  DeviceBuffer<float4> pictures_, scratch_;
+  DeviceBuffer<CameraPose<double>> poses_;
+  DeviceBuffer<AlignmentSearch> searches_;
+  DeviceBuffer<int> active_;
+  DeviceBuffer<double> partial_sums_;
+  DeviceBuffer<int> live_;
+  DeviceBuffer<double2> scores_;
+  DeviceBuffer<DescentClock> clock_;
+  DeviceBuffer<RayRecord> records_;
+  DeviceBuffer<RayForce> forces_;
+  CudaGraph descent_graph_;
+  DeviceBuffer<CudaWork> meter_;
+  PinnedBuffer<float4> pinned_picture_;
+  PinnedBuffer<CudaHypothesis> pinned_hypotheses_;
+  PinnedBuffer<int> pinned_count_;
+  PinnedBuffer<CudaWork> pinned_work_;
+  Work work_;
+};
+
+/// A pose as kernels see it.
+CameraPose<double> plainPose(const Pose& T_O_C);
+Vec3<double> plainVector(const Eigen::Vector3d& v);
+CudaCamera plainCamera(const Camera& camera);
+
+}  // namespace nerf_pose_refiner

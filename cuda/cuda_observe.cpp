@@ -1,0 +1,122 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include "cuda_engine.h"
+#include "nerf_pose_refiner/image/filter.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+/// Pixels of the observation that levels take something of.
+struct Crop {
+  int x, y, width, height;
+};
+
+/// First and last of `size` pixels that a level covers along one axis.
+void coverAxis(int size, double focal, double centre, int level_size, double level_focal,
+               double level_centre, int* first, int* last) {
+  const double scale = focal / level_focal, margin = std::max(scale, 1.0) + 1;
+  const double low = (0 - level_centre) * scale + centre - margin;
+  const double high = (level_size - 1 - level_centre) * scale + centre + margin;
+  *first = std::min(*first, static_cast<int>(std::clamp(std::floor(low), 0.0, size - 1.0)));
+  *last = std::max(*last, static_cast<int>(std::clamp(std::ceil(high), 0.0, size - 1.0)));
+}
+
+Crop cropFor(const Camera& camera, const std::vector<ImageLevel>& levels) {
+  int left = camera.width - 1, right = 0, top = camera.height - 1, bottom = 0;
+  for (const ImageLevel& level : levels) {
+    const Camera& c = level.camera;
+    coverAxis(camera.width, camera.fx, camera.cx, c.width, c.fx, c.cx, &left, &right);
+    coverAxis(camera.height, camera.fy, camera.cy, c.height, c.fy, c.cy, &top, &bottom);
+  }
+  return {left, top, std::max(1, right - left + 1), std::max(1, bottom - top + 1)};
+}
+
+void uploadCrop(const Image& image, const Crop& crop, DeviceBuffer<float>* to,
+                cudaStream_t stream) {
+  const auto channels = static_cast<std::size_t>(image.channels);
+  const std::size_t row = crop.width * channels * sizeof(float);
+  to->reserve(static_cast<std::size_t>(crop.width) * crop.height * channels);
+  NPR_CUDA_CHECK(cudaMemcpy2DAsync(
+      to->data(), row, image.pixel(crop.x, crop.y), image.width * channels * sizeof(float), row,
+      static_cast<std::size_t>(crop.height), cudaMemcpyHostToDevice, stream));
+}
+
+/// Blur that is still missing: area averaging over n x n pixels has a variance of (n^2 - 1) / 12 of
+/// the observation's pixels along each axis.
+double remainingBlur(double blur_px, double scale) {
+  return std::sqrt(std::max(0.0, blur_px * blur_px - std::max(0.0, 1 - scale * scale) / 12));
+}
+
+}  // namespace
+
+void CudaEngine::uploadObservation(const Observation& observation,
+                                   const std::vector<ImageLevel>& levels,
+                                   CudaObservedImage* uploaded) {
+  const Crop crop = cropFor(observation.camera, levels);
+  uploadCrop(observation.image, crop, &image_, stream_);
+  uploaded->image = image_.data();
+  if (!observation.alpha.empty()) {
+    uploadCrop(observation.alpha, crop, &alpha_, stream_);
+    uploaded->alpha = alpha_.data();
+  }
+  if (!observation.weight.empty()) {
+    uploadCrop(observation.weight, crop, &weight_, stream_);
+    uploaded->weight = weight_.data();
+  }
+  uploaded->camera =
+      plainCamera(observation.camera.cropped(crop.x, crop.y, crop.width, crop.height));
+  uploaded->is_mask = observation.background == Background::kMask;
+}
+
+void CudaEngine::observeLevel(const CudaObservedImage& image, const ImageLevel& plan, double scale,
+                              CudaLevel* level) {
+  level->camera = plainCamera(plan.camera);
+  level->blur_px = plan.blur_px;
+  const std::size_t pixels = static_cast<std::size_t>(plan.camera.width) * plan.camera.height;
+  level->image.reserve(pixels);
+  level->weight.reserve(pixels);
+  level->blurred.reserve(2 * pixels);
+  resampleObservation(image, level->camera, level->image.data(), level->weight.data(), stream_);
+
+  const std::vector<float> kernel = gaussianKernel(remainingBlur(plan.blur_px, scale));
+  kernel_.upload(kernel, stream_);
+  scratch_.reserve(2 * pixels);
+  packPicture(level->image.data(), static_cast<int>(pixels), level->blurred.data(), stream_);
+  BlurTask blur = {};
+  blur.width = plan.camera.width;
+  blur.height = plan.camera.height;
+  blur.view_count = 1;
+  blur.weight = level->weight.data();
+  blur.half_kernel = kernel_.data();
+  blur.radius = static_cast<int>(kernel.size()) - 1;
+  blur.pictures = level->blurred.data();
+  blur.scratch = scratch_.data();
+  blur.blurred = level->blurred.data();
+  blurPictures(blur, stream_);
+}
+
+std::shared_ptr<const LoadedObservation> CudaEngine::observe(
+    const Observation& observation, const std::vector<ImageLevel>& levels) {
+  enter();
+  observation.validate();
+  for (const ImageLevel& level : levels) level.camera.validate();
+  auto observed = std::make_shared<CudaObservation>(levels_, device_);
+  observed->background = observation.background;
+  if (observation.background == Background::kKnownColour) {
+    observed->background_colour = observation.background_colour;
+  }
+  CudaLevels* memory = observed->levels();
+  if (memory->levels.size() < levels.size()) memory->levels.resize(levels.size());
+  memory->count = levels.size();
+  CudaObservedImage image = {};
+  uploadObservation(observation, levels, &image);
+  for (std::size_t i = 0; i < levels.size(); ++i) {
+    observeLevel(image, levels[i], levels[i].camera.fx / observation.camera.fx, &memory->levels[i]);
+  }
+  return observed;
+}
+
+}  // namespace nerf_pose_refiner

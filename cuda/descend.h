@@ -1,0 +1,89 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cuda_runtime_api.h>
+
+#include <cstdint>
+
+#include "field_view.h"
+#include "hypotheses.h"
+#include "nerf_pose_refiner/maths/loss.h"
+#include "views.h"
+
+namespace nerf_pose_refiner {
+
+/// What a ray says of its hypothesis.
+struct RayRecord {
+  float rgb[3], alpha;  ///< derivative of the loss by what the ray saw
+  float value;          ///< what it saw times that
+  float loss, weight;
+};
+
+/// The pull of a loss on a ray. @see RayPull
+struct RayForce {
+  float force[3], torque[3];
+};
+
+/// What steps hand on to each other, on the device.
+struct DescentClock {
+  int step;                       ///< the one under way
+  int live;                       ///< hypotheses that are followed
+  int rays;                       ///< of each of them, in this step
+  unsigned next_cast, next_pull;  ///< rays that were taken by warps
+  unsigned long long samples;     ///< of this step so far
+};
+
+/// A sequence of steps of parallel inversion. @see DescentPlan
+struct DescentTask {
+  // The plan.
+  Loss loss;
+  double length_unit, translation_learning_rate, rotation_learning_rate, decay;
+  int decay_updates;
+  double beta1, beta2, epsilon, regularisation;
+  int steps_per_update, samples_per_step;
+  bool direction_gradient;
+  std::uint64_t seed;
+  int scored_from;  ///< steps from here on make the hypotheses' losses
+
+  // What is compared.
+  CudaCamera camera;
+  const float4* image;  ///< [h][w]: RGB and alpha
+  const float* weight;  ///< [h][w]
+  bool background_known;
+  float background[3];
+
+  // Memory.
+  CudaHypotheses batch;
+  int* live;                ///< [capacity]: places of the hypotheses that are followed
+  double* samples_per_ray;  ///< of the batch, as measured; < 0: not yet
+  double2* scores;          ///< [capacity], of the live ones: loss and weight
+  DescentClock* clock;
+  RayRecord* records;  ///< [capacity of rays], hypothesis after hypothesis
+  RayForce* forces;
+  int most_rays;  ///< room for rays of all hypotheses
+  CudaCosts costs;
+  CudaWork* work;
+};
+
+/// Finds out who is followed, and starts the clock: the next step is `first_step`.
+void startDescent(const DescentTask& task, int first_step, cudaStream_t stream);
+
+/// One step: rays are cast, pull, and every steps_per_update steps the poses move.
+/// @param hypotheses at least as many as are live.
+void descendOnce(const CudaFieldView& field, const DescentTask& task, int hypotheses,
+                 cudaStream_t stream);
+
+/// Makes the scored steps' means the losses of the live hypotheses.
+void finishDescent(const DescentTask& task, int hypotheses, cudaStream_t stream);
+
+/// Instead of steps: the loss of every live hypothesis over `pixels` pixels, the same for all.
+void measureLosses(const CudaFieldView& field, const DescentTask& task, int pixels, int hypotheses,
+                   cudaStream_t stream);
+
+/// The parts of a step (descent_update.cu): a new step's rays; sums over rays and updates.
+void beginStep(const DescentTask& task, cudaStream_t stream);
+void beginMeasuring(const DescentTask& task, int pixels, cudaStream_t stream);
+void updatePoses(const DescentTask& task, int hypotheses, cudaStream_t stream);
+void sumLosses(const DescentTask& task, int hypotheses, cudaStream_t stream);
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,194 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include <cmath>
+
+#include "cuda_error.h"
+#include "descend.h"
+#include "nerf_pose_refiner/maths/so3.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+constexpr int kSumThreads = 256;
+constexpr int kRaySums = 8;                    // force, torque, loss, weight
+constexpr double kGuessedSamplesPerRay = 8;    // before any was cast
+constexpr double kFewestSamplesPerRay = 0.25;  // bounds the rays of an empty picture
+
+/// One thread: the live hypotheses, in their order.
+__global__ void startKernel(DescentTask task, int first_step) {
+  int live = 0;
+  for (int i = 0; i < *task.batch.count; ++i) {
+    if (task.batch.items[i].state == HypothesisState::kLive) task.live[live++] = i;
+  }
+  for (int i = 0; i < live; ++i) task.scores[i] = make_double2(0, 0);
+  *task.clock = DescentClock{};
+  task.clock->live = live;
+  task.clock->step = first_step - 1;
+}
+
+/// One thread: rays for each hypothesis so that all samples together come near the plan's budget.
+__global__ void beginKernel(DescentTask task) {
+  DescentClock* clock = task.clock;
+  ++clock->step;
+  clock->next_cast = clock->next_pull = 0;
+  clock->samples = 0;
+  if (clock->live == 0) return;
+  const double measured = *task.samples_per_ray;
+  const double expected = measured < 0 ? kGuessedSamplesPerRay : measured;
+  const double rays = task.samples_per_step / (clock->live * fmax(expected, kFewestSamplesPerRay));
+  clock->rays = min(max(1, static_cast<int>(rays)), task.most_rays / clock->live);
+}
+
+__global__ void measureKernel(DescentTask task, int pixels) {
+  task.clock->step = -1;  // a stream of random numbers that no step has
+  task.clock->rays = pixels;
+}
+
+/// Sums over a hypothesis' rays, by one block and in a fixed order; the result in sums[0][].
+__device__ void sumRays(const DescentTask& task, bool with_forces,
+                        double (&sums)[kSumThreads][kRaySums]) {
+  double own[kRaySums] = {};
+  const int rays = task.clock->rays;
+  const std::size_t first = static_cast<std::size_t>(blockIdx.x) * rays;
+  for (int i = threadIdx.x; i < rays; i += kSumThreads) {
+    if (with_forces) {
+      const RayForce force = task.forces[first + i];
+      for (int a = 0; a < 3; ++a) {
+        own[a] += force.force[a];
+        own[3 + a] += force.torque[a];
+      }
+    }
+    own[6] += task.records[first + i].loss;
+    own[7] += task.records[first + i].weight;
+  }
+  for (int k = 0; k < kRaySums; ++k) sums[threadIdx.x][k] = own[k];
+  for (int half = kSumThreads / 2; half > 0; half /= 2) {
+    __syncthreads();
+    if (static_cast<int>(threadIdx.x) < half) {
+      for (int k = 0; k < kRaySums; ++k) sums[threadIdx.x][k] += sums[threadIdx.x + half][k];
+    }
+  }
+  __syncthreads();
+}
+
+/// One update of Adam from the gathered forces and torques. @see DescentPlan
+__device__ void updatePose(const DescentTask& task, double decay, CudaHypothesis* hypothesis) {
+  CudaDescentState& state = hypothesis->descent;
+  CameraPose<double>& pose = hypothesis->pose;
+  const Vec3<double> offset = (1 / task.length_unit) * (pose.o - state.start.o);
+  Mat3<double> turn;  // R R_start^T
+  for (int i = 0; i < 3; ++i) {
+    for (int j = 0; j < 3; ++j) {
+      turn.m[i][j] = 0;
+      for (int k = 0; k < 3; ++k) turn.m[i][j] += pose.R.m[i][k] * state.start.R.m[j][k];
+    }
+  }
+  const double share = 1.0 / state.gathered;
+  const Vec3<double> force = share * state.force + task.regularisation * offset;
+  const Vec3<double> torque = share * state.torque + task.regularisation * logSO3(turn);
+
+  const AdamConstants<double> adam = {task.beta1, task.beta2, task.epsilon};
+  ++state.updates;
+  const Vec3<double> v = adamDirection(adam, force, state.updates, &state.translation);
+  const Vec3<double> w = adamDirection(adam, torque, state.updates, &state.rotation);
+  state.gathered = 0;
+  state.force = state.torque = {0, 0, 0};
+  ++hypothesis->iterations;
+  const double sum = v.x + v.y + v.z + w.x + w.y + w.z;
+  if (!isfinite(sum)) {
+    hypothesis->state = HypothesisState::kNotFinite;  // and stays where it is
+    return;
+  }
+  pose.o = pose.o - (decay * task.translation_learning_rate * task.length_unit) * v;
+  pose.R = orthonormalized(expSO3(-(decay * task.rotation_learning_rate) * w) * pose.R);
+}
+
+/// Follows the samples that a ray takes on average, slowly after the first step.
+__device__ void followSamples(const DescentTask& task) {
+  const DescentClock& clock = *task.clock;
+  const double rays = static_cast<double>(clock.rays) * clock.live;
+  const double measured = static_cast<double>(clock.samples) / rays;
+  double* followed = task.samples_per_ray;
+  *followed = *followed < 0 ? measured : *followed + 0.1 * (measured - *followed);
+}
+
+/// A block per live hypothesis: takes one step's means, and updates the pose if there are enough.
+__global__ void updateKernel(DescentTask task) {
+  const int i = static_cast<int>(blockIdx.x);
+  if (i >= task.clock->live) return;
+  __shared__ double sums[kSumThreads][kRaySums];
+  sumRays(task, true, sums);
+  if (threadIdx.x != 0) return;
+  if (i == 0) followSamples(task);
+  const int step = task.clock->step;
+  if (step >= task.scored_from) {
+    task.scores[i].x += sums[0][6];
+    task.scores[i].y += sums[0][7];
+  }
+  CudaHypothesis* hypothesis = &task.batch.items[task.live[i]];
+  CudaDescentState& state = hypothesis->descent;
+  if (!state.started) {
+    state.started = 1;
+    state.start = hypothesis->pose;
+  }
+  const double share = 1.0 / task.clock->rays;
+  state.force += (task.length_unit * share) * Vec3<double>{sums[0][0], sums[0][1], sums[0][2]};
+  state.torque += share * Vec3<double>{sums[0][3], sums[0][4], sums[0][5]};
+  if (++state.gathered < task.steps_per_update) return;
+  const int decays = step / task.steps_per_update / task.decay_updates;
+  updatePose(task, pow(task.decay, static_cast<double>(decays)), hypothesis);
+}
+
+/// Infinite where no pixel tells anything: the worst there is.
+__device__ double meanLoss(double loss, double weight) {
+  return weight > 0 ? loss / weight : HUGE_VAL;
+}
+
+/// A thread per live hypothesis.
+__global__ void finishKernel(DescentTask task) {
+  const int i = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
+  if (i >= task.clock->live) return;
+  task.batch.items[task.live[i]].loss = meanLoss(task.scores[i].x, task.scores[i].y);
+}
+
+/// A block per live hypothesis.
+__global__ void lossKernel(DescentTask task) {
+  const int i = static_cast<int>(blockIdx.x);
+  if (i >= task.clock->live) return;
+  __shared__ double sums[kSumThreads][kRaySums];
+  sumRays(task, false, sums);
+  if (threadIdx.x == 0) task.batch.items[task.live[i]].loss = meanLoss(sums[0][6], sums[0][7]);
+}
+
+}  // namespace
+
+void startDescent(const DescentTask& task, int first_step, cudaStream_t stream) {
+  startKernel<<<1, 1, 0, stream>>>(task, first_step);
+  NPR_CUDA_CHECK(cudaGetLastError());
+}
+
+void beginStep(const DescentTask& task, cudaStream_t stream) {
+  beginKernel<<<1, 1, 0, stream>>>(task);
+  NPR_CUDA_CHECK(cudaGetLastError());
+}
+
+void beginMeasuring(const DescentTask& task, int pixels, cudaStream_t stream) {
+  measureKernel<<<1, 1, 0, stream>>>(task, pixels);
+  NPR_CUDA_CHECK(cudaGetLastError());
+}
+
+void updatePoses(const DescentTask& task, int hypotheses, cudaStream_t stream) {
+  updateKernel<<<hypotheses, kSumThreads, 0, stream>>>(task);
+  NPR_CUDA_CHECK(cudaGetLastError());
+}
+
+void finishDescent(const DescentTask& task, int hypotheses, cudaStream_t stream) {
+  finishKernel<<<(hypotheses + 127) / 128, 128, 0, stream>>>(task);
+  NPR_CUDA_CHECK(cudaGetLastError());
+}
+
+void sumLosses(const DescentTask& task, int hypotheses, cudaStream_t stream) {
+  lossKernel<<<hypotheses, kSumThreads, 0, stream>>>(task);
+  NPR_CUDA_CHECK(cudaGetLastError());
+}
+
+}  // namespace nerf_pose_refiner

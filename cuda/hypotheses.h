@@ -1,0 +1,63 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cuda_runtime_api.h>
+
+#include <cstdint>
+
+#include "nerf_pose_refiner/maths/adam.h"
+#include "nerf_pose_refiner/maths/hypothesis_state.h"
+#include "nerf_pose_refiner/maths/projection.h"
+
+namespace nerf_pose_refiner {
+
+/// What parallel inversion carries from step to step for one hypothesis; all zero in one that was
+/// just seeded. @see DescentState
+struct CudaDescentState {
+  int started, gathered, updates;
+  CameraPose<double> start;
+  Vec3<double> force, torque;
+  Vec3<AdamMoments<double>> translation, rotation;
+};
+
+/// A hypothesis in the memory of the device. @see Hypothesis
+struct CudaHypothesis {
+  CameraPose<double> pose;  ///< T_O_C
+  HypothesisState state;
+  int iterations;
+  double loss, visible_fraction, score, residual_variance;
+  double information[21];  ///< lower triangle, row by row
+  CudaDescentState descent;
+};
+
+/// A region of poses around a pose: half widths per axis.
+struct PoseSpread {
+  Vec3<double> rotation_rad, translation;
+  bool about_object;
+  Vec3<double> object_centre;
+};
+
+/// Hypotheses of a batch on the device; there are never more than `capacity`.
+struct CudaHypotheses {
+  CudaHypothesis* items;
+  CudaHypothesis* scratch;  ///< [capacity]
+  int* order;               ///< [capacity], scratch
+  int* count;               ///< how many there are
+  int capacity;
+};
+
+/// The first is the prior, the others are drawn around it.
+void scatterHypotheses(const CudaHypotheses& batch, const CameraPose<double>& prior,
+                       const PoseSpread& spread, int count, std::uint64_t seed,
+                       cudaStream_t stream);
+
+/// @see SelectPlan
+struct CudaSelectPlan {
+  int keep, offspring;
+  double merge_rotation_rad, merge_translation;
+  PoseSpread jitter;
+  std::uint64_t seed;
+};
+void selectHypotheses(const CudaHypotheses& batch, const CudaSelectPlan& plan, cudaStream_t stream);
+
+}  // namespace nerf_pose_refiner

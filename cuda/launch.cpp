@@ -1,0 +1,41 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include <map>
+#include <stdexcept>
+#include <string>
+#include <tuple>
+
+#include "cuda_error.h"
+
+namespace nerf_pose_refiner {
+
+int residentBlocks(const void* kernel, int threads, int shared_bytes) {
+  // By thread, so that no lock is needed: every engine is used by one thread at a time.
+  thread_local std::map<std::tuple<int, const void*, int>, int> known;
+  int device = 0;
+  NPR_CUDA_CHECK(cudaGetDevice(&device));
+  int& blocks = known[{device, kernel, shared_bytes}];
+  if (blocks > 0) return blocks;
+  int processors = 0, allowed = 0, per_processor = 0;
+  NPR_CUDA_CHECK(cudaDeviceGetAttribute(&processors, cudaDevAttrMultiProcessorCount, device));
+  NPR_CUDA_CHECK(cudaDeviceGetAttribute(&allowed, cudaDevAttrMaxSharedMemoryPerBlockOptin, device));
+  if (shared_bytes > allowed) {
+    throw std::runtime_error("CUDA: the field's networks need " + std::to_string(shared_bytes) +
+                             " bytes of shared memory, this device has " + std::to_string(allowed));
+  }
+  NPR_CUDA_CHECK(
+      cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, shared_bytes));
+  NPR_CUDA_CHECK(
+      cudaOccupancyMaxActiveBlocksPerMultiprocessor(&per_processor, kernel, threads, shared_bytes));
+  blocks = processors * (per_processor > 0 ? per_processor : 1);
+  return blocks;
+}
+
+int threadsThatFit(int threads, int block_bytes, int warp_bytes) {
+  int device = 0, allowed = 0;
+  NPR_CUDA_CHECK(cudaGetDevice(&device));
+  NPR_CUDA_CHECK(cudaDeviceGetAttribute(&allowed, cudaDevAttrMaxSharedMemoryPerBlockOptin, device));
+  while (threads > 32 && block_bytes + threads / 32 * warp_bytes > allowed) threads /= 2;
+  return threads;
+}
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,35 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "nerf_pose_refiner/engine/engine.h"
+
+namespace nerf_pose_refiner {
+
+/// Which processor an engine works on, and how much of it it takes.
+struct EngineChoice {
+  std::string backend = "auto";          ///< "auto": cuda where that works, else cpu; "cpu", "cuda"
+  int threads = 0;                       ///< of the CPU engine; 0: all cores
+  std::string instruction_set = "auto";  ///< of the CPU engine: "auto", "baseline", "avx2"
+  int device = 0;                        ///< of the CUDA engine: number of the GPU
+
+  /// @throws std::invalid_argument naming what is wrong.
+  void validate() const;
+};
+
+/// Why makeCudaEngine would fail: the package was built without CUDA, there is no such device, or
+/// it is too old. Empty: it works.
+std::string whyNoCuda(int device = 0);
+
+/// An engine on a CUDA device. Calls only enqueue; `read`, `render` and the trainer wait. `work`
+/// is as of the last wait.
+/// @throws std::runtime_error saying what whyNoCuda says.
+std::unique_ptr<Engine> makeCudaEngine(int device = 0);
+
+/// The engine that was chosen. @throws std::invalid_argument for a choice that makes no sense,
+/// std::runtime_error if that engine cannot run here.
+std::unique_ptr<Engine> makeEngine(const EngineChoice& choice);
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,34 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "nerf_pose_refiner/engine/make_engine.h"
+
+#include <stdexcept>
+
+namespace nerf_pose_refiner {
+
+void EngineChoice::validate() const {
+  if (backend != "auto" && backend != "cpu" && backend != "cuda") {
+    throw std::invalid_argument("no engine is called '" + backend + "'; there are auto, cpu, cuda");
+  }
+  if (device < 0) {
+    throw std::invalid_argument("EngineChoice::device is " + std::to_string(device) +
+                                ", must be 0 or more");
+  }
+}
+
+#ifndef NPR_HAVE_CUDA
+std::string whyNoCuda(int) { return "this package was built without CUDA"; }
+
+std::unique_ptr<Engine> makeCudaEngine(int device) {
+  throw std::runtime_error("no CUDA engine: " + whyNoCuda(device));
+}
+#endif
+
+std::unique_ptr<Engine> makeEngine(const EngineChoice& choice) {
+  choice.validate();
+  if (choice.backend == "cuda" || (choice.backend == "auto" && whyNoCuda(choice.device).empty())) {
+    return makeCudaEngine(choice.device);
+  }
+  return makeCpuEngine(choice.threads, choice.instruction_set);
+}
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,201 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include <cmath>
+
+#include "cuda_test.h"
+#include "nerf_pose_refiner/refine/refiner.h"
+#include "textured_ball.h"
+
+// Direct alignment of the CUDA engine against the CPU engine's, from the same plans.
+
+namespace nerf_pose_refiner {
+namespace {
+
+constexpr double kDegree = EIGEN_PI / 180;
+
+Camera someCamera() { return {160, 128, 190, 190, 78.5, 66.25}; }
+
+class CudaAlign : public CudaTest {
+ protected:
+  void SetUp() override {
+    CudaTest::SetUp();
+    if (cuda == nullptr) return;
+    on_cpu = cpu->load(field);
+    on_cuda = cuda->load(field);
+  }
+
+  const LoadedField& loaded(const Engine& engine) const {
+    return &engine == cuda.get() ? *on_cuda : *on_cpu;
+  }
+
+  /// What both engines are shown: the CPU's rendering.
+  Observation observation(Background background) const {
+    return observe(cpu.get(), *on_cpu, someCamera(), truth, background);
+  }
+
+  std::shared_ptr<const Field> field = std::make_shared<Field>(texturedBalls());
+  Pose truth = cameraBefore(*field, 4);
+  std::shared_ptr<const LoadedField> on_cpu, on_cuda;
+};
+
+ScatterPlan scatterPlan(const Field& field, bool about_object) {
+  ScatterPlan plan;
+  plan.count = 24;
+  plan.rotation_rad = {0.2, 0.1, 0.15};
+  plan.translation = {0.1, 0.2, 0.05};
+  plan.rotate_about_object = about_object;
+  plan.object_centre = field.metadata.centre;
+  plan.seed = 12345678901ull;
+  return plan;
+}
+
+void expectNear(const Pose& a, const Pose& b, double tolerance) {
+  EXPECT_LT((a.R - b.R).norm(), tolerance);
+  EXPECT_LT((a.t - b.t).norm(), tolerance);
+}
+
+TEST_F(CudaAlign, scattersAndReadsAsTheCpu) {
+  for (const bool about_object : {true, false}) {
+    HypothesisTable tables[2];
+    for (Engine* engine : {cpu.get(), cuda.get()}) {
+      const auto batch = engine->batch(30);
+      EXPECT_TRUE(engine->read(*batch).empty());
+      engine->scatter(batch.get(), truth, scatterPlan(*field, about_object));
+      tables[engine == cuda.get()] = engine->read(*batch);
+    }
+    ASSERT_EQ(tables[0].size(), 24u);
+    ASSERT_EQ(tables[1].size(), 24u);
+    for (std::size_t i = 0; i < 24; ++i) expectNear(tables[0][i].T_O_C, tables[1][i].T_O_C, 1e-12);
+  }
+}
+
+TEST_F(CudaAlign, scoresAndSelectsAsTheCpu) {
+  const Observation seen = observation(Background::kKnownAlpha);
+  SelectPlan select;
+  select.keep = 6;
+  select.offspring = 20;
+  select.rotation_jitter_rad = 0.05;
+  select.translation_jitter = 0.02;
+  select.merge_rotation_rad = 0.05;
+  select.merge_translation = 0.1;
+  select.object_centre = field->metadata.centre;
+  select.seed = 7;
+  HypothesisTable scored[2], selected[2];
+  for (Engine* engine : {cpu.get(), cuda.get()}) {
+    const int which = engine == cuda.get();
+    const auto batch = engine->batch(30);
+    const auto observed = engine->observe(seen, {{someCamera().scaled(0.4), 1.2}});
+    engine->scatter(batch.get(), disturbed(truth, *field, 4, 0.05), scatterPlan(*field, true));
+    AlignStage stage;
+    stage.rays_per_side = 2;
+    engine->score(batch.get(), loaded(*engine), *observed, 0, stage, {});
+    scored[which] = engine->read(*batch);
+    engine->select(batch.get(), select);
+    selected[which] = engine->read(*batch);
+  }
+  ASSERT_EQ(scored[0].size(), scored[1].size());
+  for (std::size_t i = 0; i < scored[0].size(); ++i) {
+    const Hypothesis &a = scored[0][i], &b = scored[1][i];
+    EXPECT_EQ(a.state, b.state);
+    EXPECT_NEAR(a.loss, b.loss, 2e-3 * a.loss + 1e-6);
+    EXPECT_NEAR(a.visible_fraction, b.visible_fraction, 5e-3);
+    EXPECT_NEAR(a.score, b.score, 5e-3);
+    EXPECT_NEAR(a.residual_variance, b.residual_variance, 5e-3 * a.residual_variance + 1e-7);
+    EXPECT_LT((a.information - b.information).norm(), 5e-3 * a.information.norm());
+    EXPECT_EQ(a.iterations, b.iterations);
+  }
+  ASSERT_EQ(selected[0].size(), selected[1].size());
+  ASSERT_EQ(selected[0].size(), 20u);
+  for (std::size_t i = 0; i < selected[0].size(); ++i) {
+    expectNear(selected[0][i].T_O_C, selected[1][i].T_O_C, 1e-9);
+  }
+}
+
+TEST_F(CudaAlign, bothEnginesEndAtTheSamePose) {
+  for (const Background background :
+       {Background::kKnownAlpha, Background::kKnownColour, Background::kMask}) {
+    SCOPED_TRACE(static_cast<int>(background));
+    const Observation seen = observation(background);
+    Prior prior;
+    prior.T_O_C = disturbed(truth, *field, 9, 0.08);
+    prior.rotation_rad = 0.2;
+    prior.translation = 0.1;
+    Refinement found[2];
+    for (auto* engine : {&cpu, &cuda}) {
+      const int which = engine == &cuda;
+      const std::shared_ptr<Engine> shared(engine->get(), [](Engine*) {});
+      Refiner refiner(shared, RefinerSettings::named("align"));
+      found[which] = refiner.refine(loaded(**engine), seen, prior);
+      ASSERT_EQ(found[which].outcome, Outcome::kRefined);
+    }
+    const double angle = rotationDistance(found[0].T_O_C.R, found[1].T_O_C.R) / kDegree;
+    const double distance = (found[0].T_O_C.t - found[1].T_O_C.t).norm() / field->metadata.diameter;
+    const double error = rotationDistance(found[0].T_O_C.R, truth.R) / kDegree;
+    std::printf("  apart %.4f deg, %.5f diameters; from the truth %.4f deg, seconds %.3f %.3f\n",
+                angle, distance, error, found[0].seconds, found[1].seconds);
+    EXPECT_LT(error, 0.5);
+    EXPECT_LT(angle, 0.02);
+    EXPECT_LT(distance, 1e-3);
+    EXPECT_NEAR(found[0].score, found[1].score, 0.01);
+  }
+}
+
+TEST_F(CudaAlign, theSameBitsEveryTime) {
+  const Observation seen = observation(Background::kKnownAlpha);
+  Prior prior;
+  prior.T_O_C = disturbed(truth, *field, 9, 0.08);
+  const std::shared_ptr<Engine> shared(cuda.get(), [](Engine*) {});
+  Refiner refiner(shared, RefinerSettings::named("align"));
+  const Refinement once = refiner.refine(*on_cuda, seen, prior);
+  const Refinement again = refiner.refine(*on_cuda, seen, prior);
+  EXPECT_EQ(once.T_O_C.R, again.T_O_C.R);
+  EXPECT_EQ(once.T_O_C.t, again.T_O_C.t);
+  EXPECT_EQ(once.score, again.score);
+}
+
+TEST_F(CudaAlign, flagsWhatCannotBeFollowed) {
+  const Observation seen = observation(Background::kKnownAlpha);
+  const auto observed = cuda->observe(seen, {{someCamera().scaled(0.4), 1.2}});
+  Pose behind = truth, aside = truth;
+  behind.t = field->metadata.centre + 4 * truth.R.col(2);
+  aside.t += 40 * truth.R.col(0);
+  const auto stateFrom = [&](const Pose& pose) {
+    const auto batch = cuda->batch(1);
+    ScatterPlan alone;
+    alone.count = 1;
+    cuda->scatter(batch.get(), pose, alone);
+    cuda->align(batch.get(), *on_cuda, *observed, 0, {}, {});
+    return cuda->read(*batch).front().state;
+  };
+  EXPECT_EQ(stateFrom(behind), HypothesisState::kBehindCamera);
+  EXPECT_EQ(stateFrom(aside), HypothesisState::kOutOfImage);
+  EXPECT_EQ(stateFrom(truth), HypothesisState::kLive);
+}
+
+TEST_F(CudaAlign, refusesWhatIsNotItsOwn) {
+  const Observation seen = observation(Background::kKnownAlpha);
+  const auto own = cuda->observe(seen, {{someCamera(), 1}});
+  const auto other = cpu->observe(seen, {{someCamera(), 1}});
+  const auto batch = cuda->batch(2), other_batch = cpu->batch(2);
+  ScatterPlan plan;
+  plan.count = 2;
+  cuda->scatter(batch.get(), truth, plan);
+  EXPECT_THROW(cuda->align(batch.get(), *on_cpu, *own, 0, {}, {}), std::invalid_argument);
+  EXPECT_THROW(cuda->align(batch.get(), *on_cuda, *other, 0, {}, {}), std::invalid_argument);
+  EXPECT_THROW(cuda->align(other_batch.get(), *on_cuda, *own, 0, {}, {}), std::invalid_argument);
+  EXPECT_THROW(cuda->align(batch.get(), *on_cuda, *own, 1, {}, {}), std::invalid_argument);
+  plan.count = 3;
+  EXPECT_THROW(cuda->scatter(batch.get(), truth, plan), std::invalid_argument);
+  EXPECT_THROW(cuda->batch(0), std::invalid_argument);
+}
+
+TEST_F(CudaAlign, outOfMemoryLeavesTheProcessUsable) {
+  const auto field_before = cuda->render(*on_cuda, someCamera(), truth, {}, {});
+  Camera huge = someCamera();
+  huge.width = huge.height = 150000;  // 720 GB of pixels
+  EXPECT_THROW(cuda->render(*on_cuda, huge, truth, {}, {}), std::runtime_error);
+  const auto field_after = cuda->render(*on_cuda, someCamera(), truth, {}, {});
+  EXPECT_EQ(field_before.colour.values, field_after.colour.values);
+}
+
+}  // namespace
+}  // namespace nerf_pose_refiner

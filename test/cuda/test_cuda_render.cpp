@@ -1,0 +1,174 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include <cmath>
+
+#include "cuda_test.h"
+#include "nerf_pose_refiner/image/colour.h"
+#include "textured_ball.h"
+
+// Renderings of the CUDA engine against the CPU engine's, which works in single precision: halves
+// in the networks and the table's own rounding leave a few thousandths.
+
+namespace nerf_pose_refiner {
+namespace {
+
+constexpr double kColourRms = 2e-3, kColourMax = 2e-2;
+
+struct Shape {
+  const char* name;
+  FieldConfig config;
+};
+
+FieldConfig paperConfig() {
+  FieldConfig config = FieldConfig::named("paper");
+  config.log2_table_size = 15;
+  return config;
+}
+
+FieldConfig oddConfig() {
+  FieldConfig config = smallConfig();
+  config.levels = 5;
+  config.features = 8;
+  config.density_width = 24;
+  config.colour_width = 40;
+  config.density_hidden_layers = 2;
+  config.colour_hidden_layers = 3;
+  config.geometry_features = 6;
+  config.sh_degree = 2;
+  config.step = 0.02f;
+  return config;
+}
+
+FieldConfig coneConfig() {
+  FieldConfig config = smallConfig();
+  config.step = 0.01f;
+  config.cone_angle = 1.0f / 64;
+  return config;
+}
+
+Camera someCamera() { return {53, 44, 60, 62, 25.5, 22.25}; }
+
+void expectSame(const Image& a, const Image& b, double rms_bound, double max_bound) {
+  ASSERT_EQ(a.values.size(), b.values.size());
+  double squared = 0, most = 0;
+  for (std::size_t i = 0; i < a.values.size(); ++i) {
+    const double error = a.values[i] - b.values[i];
+    ASSERT_TRUE(std::isfinite(error)) << i;
+    squared += error * error;
+    most = std::max(most, std::abs(error));
+  }
+  const double rms = std::sqrt(squared / static_cast<double>(a.values.size()));
+  std::printf("  rms %.2e, most %.2e\n", rms, most);
+  EXPECT_LE(rms, rms_bound);
+  EXPECT_LE(most, max_bound);
+}
+
+class CudaRender : public CudaTest {
+ protected:
+  void compare(const Field& field, const Camera& camera, const Pose& T_O_C,
+               const RenderOptions& options) {
+    const auto shared = std::make_shared<Field>(field);
+    const auto on_cpu = cpu->load(shared), on_cuda = cuda->load(shared);
+    const Work before_cpu = cpu->work(), before_cuda = cuda->work();
+    const Rendering expected = cpu->render(*on_cpu, camera, T_O_C, options, {});
+    const Rendering actual = cuda->render(*on_cuda, camera, T_O_C, options, {});
+    double total = 0;
+    for (float a : expected.alpha.values) total += a;
+    EXPECT_GT(total, 0.02 * static_cast<double>(expected.alpha.values.size()));
+    expectSame(expected.colour, actual.colour, kColourRms, kColourMax);
+    expectSame(expected.alpha, actual.alpha, kColourRms, kColourMax);
+    const double size = 5 * field.cubeSide();
+    expectSame(expected.point, actual.point, kColourRms * size, kColourMax * size);
+    const Work spent_cpu = cpu->work() - before_cpu, spent_cuda = cuda->work() - before_cuda;
+    const auto same = [](std::uint64_t a, std::uint64_t b, double share) {
+      EXPECT_NEAR(static_cast<double>(a), static_cast<double>(b), share * static_cast<double>(a));
+    };
+    same(spent_cpu.samples, spent_cuda.samples, 0.02);
+    same(spent_cpu.colour_samples, spent_cuda.colour_samples, 0.02);
+    EXPECT_NEAR(spent_cpu.gathers, spent_cuda.gathers, 0.02 * spent_cpu.gathers);
+    EXPECT_NEAR(spent_cpu.flops, spent_cuda.flops, 0.02 * spent_cpu.flops);
+  }
+};
+
+TEST_F(CudaRender, everyShapeLooksAsOnTheCpu) {
+  for (const Shape& shape :
+       {Shape{"small", smallConfig()}, Shape{"cpu", FieldConfig()}, Shape{"paper", paperConfig()},
+        Shape{"odd", oddConfig()}, Shape{"cone", coneConfig()}}) {
+    SCOPED_TRACE(shape.name);
+    std::printf("%s\n", shape.name);
+    const Field field = randomField(shape.config, 3);
+    compare(field, someCamera(), cameraBefore(field, 4), {});
+  }
+}
+
+TEST_F(CudaRender, emptySpaceIsSkippedAsOnTheCpu) {
+  for (FieldConfig config : {FieldConfig(), coneConfig()}) {
+    Field field = randomField(config, 8);
+    carveBalls(&field);
+    compare(field, someCamera(), cameraBefore(field, 4), {});
+    RenderOptions options;
+    options.near = 3.8f;
+    options.step_scale = 2;
+    options.min_transmittance = 0.05f;
+    compare(field, someCamera(), cameraBefore(field, 4), options);
+    options.use_occupancy = false;
+    compare(field, someCamera(), cameraBefore(field, 4), options);
+  }
+}
+
+TEST_F(CudaRender, aCameraInsideOfTheBoxAndOneThatLooksAway) {
+  Field field = texturedBalls();
+  const auto shared = std::make_shared<Field>(field);
+  Pose inside = cameraBefore(field, 0.05);
+  compare(field, someCamera(), inside, {});
+  Pose away = cameraBefore(field, 4);
+  away.R.col(0) *= -1;
+  away.R.col(2) *= -1;
+  const Rendering nothing = cuda->render(*cuda->load(shared), someCamera(), away, {}, {});
+  for (float a : nothing.alpha.values) ASSERT_EQ(a, 0);
+}
+
+TEST_F(CudaRender, theSameBitsEveryTime) {
+  const auto field = cuda->load(std::make_shared<Field>(texturedBalls()));
+  const Pose pose = cameraBefore(field->field(), 4);
+  const Camera camera = someCamera().scaled(5);
+  const Rendering once = cuda->render(*field, camera, pose, {}, {});
+  for (int i = 0; i < 3; ++i) {
+    const Rendering again = cuda->render(*field, camera, pose, {}, {});
+    EXPECT_EQ(once.colour.values, again.colour.values);
+    EXPECT_EQ(once.alpha.values, again.alpha.values);
+    EXPECT_EQ(once.point.values, again.point.values);
+  }
+}
+
+TEST_F(CudaRender, refusesWhatItCannotDo) {
+  Field field = randomField(smallConfig(), 1);
+  const auto loaded = cuda->load(std::make_shared<Field>(field));
+  Pose broken;
+  broken.t.x() = std::nan("");
+  EXPECT_THROW(cuda->render(*loaded, someCamera(), broken, {}, {}), std::invalid_argument);
+  EXPECT_THROW(cpu->render(*loaded, someCamera(), {}, {}, {}), std::invalid_argument);
+  FieldConfig wide = smallConfig();
+  wide.density_width = 128;
+  EXPECT_THROW(cuda->load(std::make_shared<Field>(randomField(wide, 1))), std::invalid_argument);
+  field.grid.pop_back();
+  EXPECT_THROW(cuda->load(std::make_shared<Field>(field)), std::invalid_argument);
+  StopToken stop;
+  stop.requestStop();
+  EXPECT_THROW(cuda->render(*loaded, someCamera(), {}, {}, stop), Stopped);
+}
+
+TEST(MakeEngine, choosesAndRefuses) {
+  EngineChoice choice;
+  choice.backend = "gpu";
+  EXPECT_THROW(makeEngine(choice), std::invalid_argument);
+  choice.backend = "cpu";
+  EXPECT_EQ(makeEngine(choice)->describe().substr(0, 3), "CPU");
+  choice.backend = "auto";
+  EXPECT_EQ(makeEngine(choice)->describe().substr(0, 4), whyNoCuda().empty() ? "CUDA" : "CPU,");
+  choice.backend = "cuda";
+  choice.device = 99;
+  EXPECT_THROW(makeEngine(choice), std::runtime_error);
+}
+
+}  // namespace
+}  // namespace nerf_pose_refiner
