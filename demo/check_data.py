@@ -1,4 +1,5 @@
 #!/usr/bin/python3
+# Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 """Checks the demo's data against itself: files, poses, silhouettes, stamps and the initial pose's error.
 
 The object's shape is carved out of the training silhouettes by their poses (a visual hull). Projected into pictures
@@ -145,7 +146,9 @@ def angle_deg(R):
     return np.degrees(np.arccos(np.clip((np.trace(R) - 1) / 2, -1, 1)))
 
 
-def check_bag(path, sequence_folder, model, hull):
+def check_messages(path):
+    """Stamps, frames and pictures. Returns the camera (fx, fy, cx, cy), the pictures' shape, and the poses T_C_O: the
+    true ones and the one to start from."""
     size = os.path.getsize(path) / MIB
     check(size < 4.0, "bag takes %.2f MiB" % size)
     messages = {}
@@ -165,47 +168,56 @@ def check_bag(path, sequence_folder, model, hull):
     check(starts[0].header.stamp == stamps[0] and first_recorded <= stamps[0], "the initial pose is the first image's")
 
     info = infos[0]
-    camera = (info.K[0], info.K[4], info.K[2], info.K[5])
     shape = (info.height, info.width)
     decoded = [cv2.imdecode(np.frombuffer(m.data, np.uint8), cv2.IMREAD_UNCHANGED) for m in images]
     check({p.shape for p in decoded} == {(*shape, 3)}, "pictures are %d x %d BGR" % shape[::-1])
+    camera = (info.K[0], info.K[4], info.K[2], info.K[5])
+    return camera, shape, [matrix(m.pose) for m in truths], matrix(starts[0].pose)
 
-    poses = [matrix(m.pose) for m in truths]
+
+def check_motion(poses, start, model):
     centre_O = np.mean(model["bounding_box"], axis=0)
     eyes = np.array([np.linalg.inv(T)[:3, 3] for T in poses]) - centre_O
     azimuths = np.degrees(np.unwrap(np.arctan2(eyes[:, 1], eyes[:, 0])))
     check(np.ptp(azimuths) >= 70, "sweep of %.0f deg" % np.ptp(azimuths))
     turns = [angle_deg(b[:3, :3] @ a[:3, :3].T) for a, b in zip(poses, poses[1:])]
     check(max(turns) < 2.0, "%.2f deg a frame, %.2f at most" % (np.mean(turns), max(turns)))
-
-    truth, start = poses[0], matrix(starts[0].pose)
-    off_deg = angle_deg(start[:3, :3] @ truth[:3, :3].T)
-    off_share = np.linalg.norm((start - truth)[:3] @ np.append(centre_O, 1)) / model["diameter"]
+    off_deg = angle_deg(start[:3, :3] @ poses[0][:3, :3].T)
+    off_share = np.linalg.norm((start - poses[0])[:3] @ np.append(centre_O, 1)) / model["diameter"]
     check(10 <= off_deg <= 15 and 0.10 <= off_share <= 0.15,
           "initial pose is off by %.1f deg and %.1f %% of the diameter" % (off_deg, 100 * off_share))
 
-    ious, shifts, diameters, hidden = [], [], [], []
-    for i, T_C_O in enumerate(poses):
-        mask = cv2.imread(os.path.join(sequence_folder, "masks", "mask_%03d.png" % i), cv2.IMREAD_GRAYSCALE)
+
+def check_silhouettes(sequence_folder, camera, shape, poses, start, hull):
+    """The masks that came with the frames against the hull at the true poses: where the object is, and what hides it."""
+    masks = [cv2.imread(os.path.join(sequence_folder, "masks", "mask_%03d.png" % i), cv2.IMREAD_GRAYSCALE)
+             for i in range(len(poses))]
+    ious, shifts, diameters = [], [], []
+    for T_C_O, mask in zip(poses, masks):
         guess = silhouette(hull, T_C_O, camera, shape)
         ious.append(overlap(mask > 0, guess))
         shifts.append(centre_of(guess) - centre_of(mask))
         outline = np.argwhere(mask > 0).astype(float)
         corners = cv2.convexHull(outline.astype(np.float32))[:, 0]
         diameters.append(np.linalg.norm(corners[:, None] - corners[None], axis=2).max())
-        hidden.append((mask == 128).sum() / (mask > 0).sum())
     shift = np.mean(shifts, axis=0)
     check(min(ious) > 0.94, "masks against the hull at the true poses: IoU %.3f at least" % min(ious))
     check(np.abs(shift).max() < SHIFT_PX, "mean displacement %+.2f, %+.2f px" % tuple(shift))
-    first = cv2.imread(os.path.join(sequence_folder, "masks", "mask_000.png"), cv2.IMREAD_GRAYSCALE) > 0
-    wrong = overlap(first, silhouette(hull, start, camera, shape))
+    wrong = overlap(masks[0] > 0, silhouette(hull, start, camera, shape))
     check(wrong < 0.85, "and at the initial pose: IoU %.3f" % wrong)
     check(min(diameters) > 140 and max(diameters) < 230, "the object measures %.0f..%.0f px"
           % (min(diameters), max(diameters)))
-    occluded = np.flatnonzero(np.array(hidden) >= 0.10)
+    hidden = np.array([(mask == 128).sum() / (mask > 0).sum() for mask in masks])
+    occluded = np.flatnonzero(hidden >= 0.10)
     check(12 <= len(occluded) == np.ptp(occluded) + 1 and max(hidden) <= 0.25 and hidden[0] == 0,
           "frames %d..%d are hidden by 10 %% or more (%.0f %% at most); frames %d..%d by anything"
           % (occluded[0], occluded[-1], 100 * max(hidden), *np.flatnonzero(hidden)[[0, -1]]))
+
+
+def check_bag(path, sequence_folder, model, hull):
+    camera, shape, poses, start = check_messages(path)
+    check_motion(poses, start, model)
+    check_silhouettes(sequence_folder, camera, shape, poses, start, hull)
 
 
 def main():

@@ -1,4 +1,5 @@
 #!/usr/bin/python3
+# Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 """Packs a rendered sequence into a ROS bag, or takes the truth out of such a bag.
 
     make_bag.py pack SEQUENCE_DIR --object object.json --out demo.bag

@@ -1,3 +1,4 @@
+# Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 """Renders the demo's pictures with Blender (3.4, Cycles on the CPU):
 
     blender -b --factory-startup -P demo/render.py -- views --out DIR

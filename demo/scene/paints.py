@@ -1,3 +1,4 @@
+# Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 """Painted surfaces: pictures that are drawn in millimetres and wrapped around shapes.
 
 Nothing here knows Blender. A picture's origin is its upper left corner, x goes right and y goes down.

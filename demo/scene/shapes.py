@@ -1,3 +1,4 @@
+# Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 """Two shapes, enough for everything in the demo: a box (or any hexahedron) and a turned (lathed) solid.
 
 Sizes are given in millimetres, for that is how small things are drawn; Blender's scene is in metres.

@@ -1,3 +1,4 @@
+# Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 """Where the object stands: an empty studio for the training views, a cluttered table for the sequence.
 
 World frame W: origin on the table's surface, z up. Sizes are in millimetres, lights in watts and metres.

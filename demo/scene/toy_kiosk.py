@@ -1,3 +1,4 @@
+# Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 """The demo's object: a painted wooden toy kiosk, made up for this package.
 
 Object frame O: origin at the centre of the underside of the base plate, z up, the counter looks along -y,
