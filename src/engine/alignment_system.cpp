@@ -77,7 +77,8 @@ PixelResidual<float> residualAt(const AlignmentTarget& target, const Image& pict
   const PictureSample<float> rendered = sampleAt(picture, x, y);
   const PictureSample<float> observed = sampleAt(*target.observed, x, y);
   if (target.compare_contrast) {
-    return unknownBackgroundResidual(rendered, observed, light, 1.0f, 0.0f);
+    return unknownBackgroundResidual(rendered, observed, light, interiorWeight(rendered.value[3]),
+                                     0.0f);
   }
   if (target.regions == nullptr) {
     return knownBackgroundResidual(rendered, observed, light, target.background_colour.data(),

@@ -1,5 +1,6 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
+#include <limits>
 #include <stdexcept>
 #include <string>
 
@@ -110,8 +111,9 @@ void CpuEngine::select(HypothesisBatch* batch, const SelectPlan& plan) {
                                 std::to_string(plan.offspring) + " of a batch that holds " +
                                 std::to_string(own.capacity));
   }
-  const auto flagged = std::count_if(own.hypotheses.begin(), own.hypotheses.end(),
-                                     [](const Hypothesis& h) { return !isLive(h); });
+  const auto flagged = plan.redraw ? std::count_if(own.hypotheses.begin(), own.hypotheses.end(),
+                                                   [](const Hypothesis& h) { return !isLive(h); })
+                                   : 0;
   std::stable_sort(own.hypotheses.begin(), own.hypotheses.end(), isBetter);
   own.hypotheses = survivorsOf(own.hypotheses, plan);
   const int survivors = static_cast<int>(own.hypotheses.size());
@@ -123,6 +125,7 @@ void CpuEngine::select(HypothesisBatch* batch, const SelectPlan& plan) {
                          plan.rotate_about_object, plan.object_centre};
   for (int i = survivors; i < std::max(plan.offspring, redrawn); ++i) {
     CpuHypothesis child;
+    child.loss = std::numeric_limits<double>::infinity();
     child.T_O_C = drawnAround(own.hypotheses[i % survivors].T_O_C, spread, plan.seed, i);
     own.hypotheses.push_back(child);
   }

@@ -35,44 +35,53 @@ Image localStatistics(const Image& colours, const std::vector<float>& window) {
   return statistics;
 }
 
+float contrastAt(const Image& colours, const Image& statistics, std::size_t pixel, int channel) {
+  const float* local = statistics.values.data() + 6 * pixel;
+  return kContrastUnit * (colours.values[3 * pixel + channel] - local[channel]) /
+         local[3 + channel];
+}
+
 }  // namespace
 
 void takeContrast(const std::vector<float>& window, Image* picture) {
   Image colours(picture->width, picture->height, 3);
   for (std::size_t i = 0; i < colours.pixels(); ++i) {
-    for (int c = 0; c < 3; ++c) {
-      colours.values[3 * i + c] = picture->values[kPictureChannels * i + c];
-    }
+    std::copy_n(picture->values.data() + kPictureChannels * i, 3, colours.values.data() + 3 * i);
   }
   const Image statistics = localStatistics(colours, window);
   for (std::size_t i = 0; i < colours.pixels(); ++i) {
-    const float* local = statistics.values.data() + 6 * i;
     for (int c = 0; c < 3; ++c) {
-      picture->values[kPictureChannels * i + c] =
-          kContrastUnit * (colours.values[3 * i + c] - local[c]) / local[3 + c];
+      picture->values[kPictureChannels * i + c] = contrastAt(colours, statistics, i, c);
     }
   }
 }
 
-void takeContrastBefore(const Image& observed, const GainBias<float>& light,
+Image seenBehind(const Image& observed, const Image& rendered) {
+  Image behind(rendered.width, rendered.height, kPictureChannels);
+  for (std::size_t i = 0; i < rendered.pixels(); ++i) {
+    const float* object = rendered.values.data() + kPictureChannels * i;
+    float* pixel = behind.values.data() + kPictureChannels * i;
+    for (int c = 0; c < 3; ++c) pixel[c] = (1 - object[kOpacity]) * observed.values[3 * i + c];
+    pixel[kWeight] = object[kWeight];
+  }
+  return behind;
+}
+
+void takeContrastBefore(const Image& behind, const GainBias<float>& light,
                         const std::vector<float>& window, Image* rendered) {
   Image colours(rendered->width, rendered->height, 3);
   for (std::size_t i = 0; i < colours.pixels(); ++i) {
     const float* object = rendered->values.data() + kPictureChannels * i;
     for (int c = 0; c < 3; ++c) {
-      colours.values[3 * i + c] =
-          light.gain[c] * object[c] + light.bias[c] * object[kOpacity] +
-          (1 - object[kOpacity]) * observed.values[kPictureChannels * i + c];
+      colours.values[3 * i + c] = behind.values[kPictureChannels * i + c] +
+                                  light.gain[c] * object[c] + light.bias[c] * object[kOpacity];
     }
   }
   const Image statistics = localStatistics(colours, window);
   for (std::size_t i = 0; i < colours.pixels(); ++i) {
     float* object = rendered->values.data() + kPictureChannels * i;
-    const float* local = statistics.values.data() + 6 * i;
     for (int c = 0; c < 3; ++c) {
-      object[c] = kContrastUnit *
-                  (light.gain[c] * object[c] + (light.bias[c] - local[c]) * object[kOpacity]) /
-                  local[3 + c];
+      object[c] = object[kOpacity] * contrastAt(colours, statistics, i, c);
     }
   }
 }

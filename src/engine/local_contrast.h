@@ -17,10 +17,16 @@ namespace nerf_pose_refiner {
 /// Of `picture` only the colours are replaced.
 void takeContrast(const std::vector<float>& window, Image* picture);
 
-/// The same for a rendering before an unknown background: the window sees the object in the
-/// observation's light and, around it, the observation itself. Colours stay premultiplied.
-/// @param observed picture of the same size, as the camera saw it (not its contrast).
-void takeContrastBefore(const Image& observed, const GainBias<float>& light,
+/// What is seen of the observation beside the object: (1 - opacity) * observed RGB, and the weight
+/// of `rendered`, in their channels.
+/// @param observed [h][w][3]. @param rendered [h][w][kPictureChannels], neither of them blurred.
+Image seenBehind(const Image& observed, const Image& rendered);
+
+/// `takeContrast` for a rendering before an unknown background, of which the observation shows what
+/// the object leaves free: at the true pose both are one picture, up to the rim. The contrasts of
+/// the whole, times the object's opacity, replace the colours of `rendered`.
+/// @param behind `seenBehind`, blurred like `rendered`.
+void takeContrastBefore(const Image& behind, const GainBias<float>& light,
                         const std::vector<float>& window, Image* rendered);
 
 }  // namespace nerf_pose_refiner

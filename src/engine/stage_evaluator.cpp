@@ -101,10 +101,21 @@ void StageEvaluator::fitLights(const std::vector<Evaluation*>& evaluations) {
   }
 }
 
+void StageEvaluator::blurAll(const std::vector<Evaluation*>& evaluations) {
+  parallelFor(threads_, static_cast<int>(evaluations.size()), [&](int i) {
+    Evaluation& e = *evaluations[i];
+    if (target_.compare_contrast) {
+      e.behind = seenBehind(target_.level->image, e.picture);
+      blurPicture(picture_kernel_, &e.behind, &e.scratch);
+    }
+    blurPicture(picture_kernel_, &e.picture, &e.scratch);
+  });
+}
+
 // From here on the pictures hold contrasts, which know no light.
 void StageEvaluator::takeContrasts(const std::vector<Evaluation*>& evaluations) {
   parallelFor(threads_, static_cast<int>(evaluations.size()), [&](int i) {
-    takeContrastBefore(target_.level->blurred, evaluations[i]->light, contrast_window_,
+    takeContrastBefore(evaluations[i]->behind, evaluations[i]->light, contrast_window_,
                        &evaluations[i]->picture);
   });
   target_.observed = &observed_contrast_;
@@ -118,9 +129,7 @@ void StageEvaluator::evaluate(const std::vector<Evaluation*>& evaluations) {
     if (target_.fit_light) fitLights(evaluations);
     buildRegions(evaluations);
   }
-  parallelFor(threads_, count, [&](int i) {
-    blurPicture(picture_kernel_, &evaluations[i]->picture, &evaluations[i]->scratch);
-  });
+  blurAll(evaluations);
   if (target_.fit_light) fitLights(evaluations);
   if (target_.compare_contrast) takeContrasts(evaluations);
   const auto sums = sumChunks<AlignmentSums>(count, [&](int i, int first, int last) {

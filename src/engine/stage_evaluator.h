@@ -15,6 +15,7 @@ struct Evaluation {
   Pose T_O_C;
   GainBias<float> light;
   Image picture, scratch;
+  Image behind;  ///< for contrasts: what the observation shows beside the rendered object
   AlignmentSums sums;
 
   double loss() const {
@@ -37,6 +38,7 @@ class StageEvaluator {
  private:
   void render(const std::vector<Evaluation*>& evaluations);
   void buildRegions(const std::vector<Evaluation*>& evaluations);
+  void blurAll(const std::vector<Evaluation*>& evaluations);
   void takeContrasts(const std::vector<Evaluation*>& evaluations);
   void fitLights(const std::vector<Evaluation*>& evaluations);
   template <typename Sums, typename SumRows>

@@ -58,18 +58,18 @@ SelectPlan selectPlan(const RefinerSettings& settings, double unit, int round) {
   return plan;
 }
 
-// How much of the winner's silhouette agrees with the image.
-double visibleFraction(const RefinementRun& run, const LoadedObservation& observation,
-                       const Pose& T_O_C) {
+// Says how well the winner agrees with the image.
+void judge(const RefinementRun& run, const LoadedObservation& observation, Hypothesis* winner) {
   Engine& engine = *run.engine;
   ScatterPlan alone;
   alone.count = 1;
-  AlignStage stage;
-  stage.robust_scale = run.settings.robust_scale;
   const auto batch = engine.batch(1);
-  engine.scatter(batch.get(), T_O_C, alone);
-  engine.score(batch.get(), run.field, observation, kJudgeLevel, stage, run.stop);
-  return engine.read(*batch).front().visible_fraction;
+  engine.scatter(batch.get(), winner->T_O_C, alone);
+  engine.score(batch.get(), run.field, observation, kJudgeLevel,
+               judgingStage(run.settings, run.observation.background), run.stop);
+  const Hypothesis judged = engine.read(*batch).front();
+  winner->visible_fraction = judged.visible_fraction;
+  winner->score = judged.score;
 }
 
 }  // namespace
@@ -103,9 +103,8 @@ void runInversion(RefinementRun* run) {
   engine.measure(batch.get(), run->field, *observation, kSearchLevel, plan, s.score_pixels,
                  run->stop);
   HypothesisTable table = engine.read(*batch);
-  Hypothesis& best = table.front();
-  if (best.state == HypothesisState::kLive) {
-    best.visible_fraction = visibleFraction(*run, *observation, best.T_O_C);
+  if (!table.empty() && table.front().state == HypothesisState::kLive) {
+    judge(*run, *observation, &table.front());
   }
   run->trace("choose", table);
   run->finish(table);

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "nerf_pose_refiner/maths/random.h"
+
 namespace nerf_pose_refiner {
 namespace {
 
@@ -37,24 +39,23 @@ double opacityWeight(Background background) {
 }
 
 AlignStage alignStage(const RefinerSettings& settings, const AlignStageSettings& stage,
-                      const Observation& observation, bool last) {
-  AlignStage align;
+                      Background background, bool last) {
+  AlignStage align = judgingStage(settings, background);
   align.rays_per_side = stage.rays_per_side;
   align.max_iterations = stage.iterations;
-  align.robust_scale = settings.robust_scale;
-  align.fit_gain_bias = settings.fit_gain_bias && (observation.background == Background::kUnknown ||
-                                                   observation.background == Background::kMask);
-  align.compare_contrast =
-      settings.compare_contrast && observation.background == Background::kUnknown;
-  align.alpha_weight = opacityWeight(observation.background);
   align.step_scale = static_cast<float>(stage.step_scale);
   align.convergence_px = last ? kLastStepPixels : kStepPixels;
   return align;
 }
 
-SelectPlan selectPlan(int keep, double object_px, const Prior& prior, const FieldMetadata& object) {
+// Of one stage. After the last, nobody would look at what is drawn anew.
+SelectPlan selectPlan(const RefinerSettings& settings, std::size_t stage, double object_px,
+                      const Prior& prior, const FieldMetadata& object) {
+  const bool last = stage + 1 == settings.stages.size();
   SelectPlan select;
-  select.keep = keep;
+  select.keep = settings.stages[last ? stage : stage + 1].hypotheses;
+  select.redraw = !last;
+  select.seed = randomBits(settings.seed, 1 + stage, 0);
   select.rotation_jitter_rad = 0.5 * prior.rotation_rad;
   select.translation_jitter = 0.5 * prior.translation * object.diameter;
   select.merge_rotation_rad = kMergePixels / (0.5 * object_px);
@@ -64,18 +65,30 @@ SelectPlan selectPlan(int keep, double object_px, const Prior& prior, const Fiel
   return select;
 }
 
-// Nothing is sought beyond twice the spread, whose corners are at 1.7 times its half width.
+// Nothing is sought beyond twice the spread, whose corners are at 1.7 times its half width. A prior
+// that is thought to be exact may still be polished.
 void setLimits(const Prior& prior, const FieldMetadata& object, ScatterPlan* scatter) {
-  constexpr double kReach = 2;
+  constexpr double kReach = 2, kLeastRotation = 0.02, kLeastTranslation = 0.02;
   double sweep = 0;  // of the object's centre, when the camera turns about itself
   if (!prior.rotate_about_object) {
     sweep = prior.rotation_rad * (prior.T_O_C.inverse() * object.centre).norm();
   }
-  scatter->rotation_limit_rad = kReach * prior.rotation_rad;
-  scatter->translation_limit = kReach * (prior.translation * object.diameter + sweep);
+  scatter->rotation_limit_rad = kReach * std::max(prior.rotation_rad, kLeastRotation);
+  scatter->translation_limit =
+      kReach * (std::max(prior.translation, kLeastTranslation) * object.diameter + sweep);
 }
 
 }  // namespace
+
+AlignStage judgingStage(const RefinerSettings& settings, Background background) {
+  const bool unknown = background == Background::kUnknown;
+  AlignStage stage;
+  stage.robust_scale = settings.robust_scale;
+  stage.fit_gain_bias = settings.fit_gain_bias && (unknown || background == Background::kMask);
+  stage.compare_contrast = settings.compare_contrast && unknown;
+  stage.alpha_weight = opacityWeight(background);
+  return stage;
+}
 
 std::optional<ObjectRegion> objectRegion(const Camera& camera, const Prior& prior,
                                          const FieldMetadata& object) {
@@ -140,11 +153,10 @@ std::optional<AlignmentPlan> planAlignment(const RefinerSettings& settings,
     const Camera camera = levelCamera(observation.camera, seen, stage.object_px);
     plan.levels.push_back({camera, stage.blur_px});
     const bool last = i + 1 == settings.stages.size();
-    const int keep = last ? stage.hypotheses : settings.stages[i + 1].hypotheses;
     const double object_px = seen.diameter_px * camera.fx / observation.camera.fx;
     plan.stages.push_back({std::to_string(std::lround(object_px)) + " px", static_cast<int>(i),
-                           alignStage(settings, stage, observation, last),
-                           selectPlan(keep, object_px, prior, object)});
+                           alignStage(settings, stage, observation.background, last),
+                           selectPlan(settings, i, object_px, prior, object)});
   }
   return plan;
 }

@@ -1,6 +1,8 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include <gtest/gtest.h>
 
+#include <limits>
+
 #include "engine/cpu_engine.h"
 #include "support/expect_error.h"
 
@@ -126,6 +128,28 @@ TEST(Select, redrawsTheMissingAroundTheSurvivors) {
   EXPECT_NE(all[3].T_O_C.t.x(), 2);
   EXPECT_NEAR(all[4].T_O_C.t.x(), 4, 0.25);
   for (const CpuHypothesis& h : all) EXPECT_EQ(h.state, HypothesisState::kLive);
+}
+
+TEST(Select, whatIsDrawnHasNoLossUntilItIsMeasured) {
+  Selection s({1.0, 2.0});
+  SelectPlan plan;
+  plan.keep = 2;
+  plan.offspring = 4;
+  s.engine->select(s.batch.get(), plan);
+  const HypothesisTable table = s.engine->read(*s.batch);
+  ASSERT_EQ(table.size(), 4u);
+  EXPECT_EQ(table[1].loss, 2.0);  // never behind one that nobody has looked at
+  EXPECT_EQ(table[2].loss, std::numeric_limits<double>::infinity());
+}
+
+TEST(Select, redrawsOnlyWhereAsked) {
+  Selection s({1.0, 2.0, 3.0});
+  s.hypotheses()[1].state = HypothesisState::kOutOfImage;
+  SelectPlan plan;
+  plan.keep = 3;
+  plan.redraw = false;
+  s.engine->select(s.batch.get(), plan);
+  EXPECT_EQ(s.read(), (std::vector<double>{1, 3}));
 }
 
 TEST(Select, nothingLivesNothingIsDrawn) {

@@ -173,6 +173,7 @@ TEST(Inversion, findsThePose) {
   EXPECT_GT(trial.displacement(trial.prior.T_O_C), 0.1);
   EXPECT_LT(trial.displacement(result.T_O_C), 0.02);
   EXPECT_LT(rotationDistance(result.T_O_C.R, trial.truth.R), 4 * kDegree);
+  EXPECT_GT(result.score, 0.8);
   EXPECT_EQ(result.hypotheses.size(), 12u);
   ASSERT_EQ(result.trace.size(), 4u);
   for (const TraceEntry& entry : result.trace) EXPECT_EQ(entry.live, 12);
@@ -207,6 +208,22 @@ TEST(Inversion, aPriorOutsideOfThePictureHasNoOverlap) {
   const Refinement result = trial.run(smallInversion());
   EXPECT_EQ(result.outcome, Outcome::kNoOverlap);
   EXPECT_EQ(result.work.samples, 0u);
+}
+
+TEST(Inversion, noSurvivorIsNoResult) {
+  struct LosingEngine : RecordingEngine {
+    HypothesisTable read(const HypothesisBatch&) override { return {}; }
+  };
+  const FogScene scene;
+  Observation observation;
+  observation.camera = smallCamera();
+  observation.image = Image(64, 64, 3);
+  Prior prior;
+  prior.T_O_C = cameraAround(scene, 0, 0);
+  Refiner refiner(std::make_shared<LosingEngine>(), RefinerSettings::named("paper"));
+  const Refinement result = refiner.refine(scene, observation, prior);
+  EXPECT_EQ(result.outcome, Outcome::kDiverged);
+  EXPECT_EQ(result.T_O_C.t, prior.T_O_C.t);
 }
 
 TEST(Inversion, stopsOnRequest) {

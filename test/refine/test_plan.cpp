@@ -124,6 +124,32 @@ TEST(PlanAlignment, followsTheSettings) {
   }
 }
 
+TEST(PlanAlignment, drawsAnewButAfterTheLastStage) {
+  RefinerSettings settings = RefinerSettings::named("align");
+  const auto planned = [&] {
+    return planAlignment(settings, observationOf(Background::kUnknown), priorAt(0, 10),
+                         objectOfDiameter(2))
+        ->stages;
+  };
+  const std::vector<PlannedStage> stages = planned();
+  EXPECT_TRUE(stages.front().select.redraw);
+  EXPECT_FALSE(stages.back().select.redraw);
+  EXPECT_NE(stages[0].select.seed, stages[1].select.seed);
+  settings.seed = 2;
+  EXPECT_NE(stages[0].select.seed, planned()[0].select.seed);
+}
+
+// Twice 0.02 rad and 0.02 diameters.
+TEST(PlanAlignment, polishesAPriorThatIsThoughtToBeExact) {
+  Prior prior = priorAt(0, 10);
+  prior.rotation_rad = 0;
+  const auto plan = planAlignment(RefinerSettings::named("track"),
+                                  observationOf(Background::kUnknown), prior, objectOfDiameter(2));
+  EXPECT_EQ(plan->scatter.rotation_rad.x(), 0);
+  EXPECT_NEAR(plan->scatter.rotation_limit_rad, 0.04, 1e-12);
+  EXPECT_NEAR(plan->scatter.translation_limit, 0.08, 1e-12);
+}
+
 TEST(PlanAlignment, learnsTheSurroundingsOfAnUnknownBackground) {
   const RefinerSettings settings = RefinerSettings::named("align");
   const auto plan_for = [&](Background background) {

@@ -70,10 +70,11 @@ struct DescentPlan {
   std::uint64_t seed = 1;
 };
 
-/// Survivors and their offspring. Where flagged hypotheses leave fewer than `keep`, as many are
-/// drawn anew around the survivors.
+/// Survivors and their offspring, whose loss is infinite until it is measured.
 struct SelectPlan {
   int keep = 8;                      ///< best hypotheses that survive
+  bool redraw = true;                ///< where flagged hypotheses leave fewer than `keep`, as many
+                                     ///< are drawn anew around the survivors
   int offspring = 0;                 ///< batch size after the jitter; 0: the survivors alone
   double rotation_jitter_rad = 0;    ///< half width per axis, first
   double translation_jitter = 0;     ///< half width per axis, model axes, then [model units]

@@ -78,6 +78,13 @@ NPR_HOST_DEVICE inline PixelJudgement judgeResidual(const PixelResidual<float>& 
           robust.squared < 4 * scale * scale};
 }
 
+/// Weight of a pixel in comparisons with an unknown background, by its opacity under the blur: at
+/// the rim the observation mixes the object with others, which would pull the outline inwards.
+NPR_HOST_DEVICE inline float interiorWeight(float opacity) {
+  const float squared = opacity * opacity;
+  return squared * squared;
+}
+
 /// By contrasts before an unknown background. What the object explains better than chance is worth
 /// its pixels, what it explains worse costs them: neither a small silhouette nor a large one is
 /// cheaper as such.
@@ -86,7 +93,8 @@ NPR_HOST_DEVICE inline PixelJudgement judgeContrast(const RobustResidual& robust
   // Robust difference of contrasts that have nothing to do with each other; they agree below half.
   constexpr float kChance = 0.8f;
   const float own = opacity > 1e-2f ? robust.squared / (opacity * opacity) : 0.0f;
-  return {opacity * (own / (own + scale * scale) - kChance), robust.squared < 4 * scale * scale};
+  return {interiorWeight(opacity) * opacity * (own / (own + scale * scale) - kChance),
+          robust.squared < 4 * scale * scale};
 }
 
 /// Adds a pixel to the sums of its pose. @param equations may be those of a part of the picture.
@@ -125,7 +133,8 @@ NPR_HOST_DEVICE inline void addLightPixel(const float rendered[4], const float o
     const float r = light.gain[c] * colour[c] + light.bias[c] - observed[c];
     squared += r * r;
   }
-  const float weight = pixel_weight * A * A * gemanMcClure(squared, 2 * robust_scale).weight;
+  const float weight =
+      pixel_weight * A * A * interiorWeight(A) * gemanMcClure(squared, 2 * robust_scale).weight;
   for (int c = 0; c < 3; ++c) {
     sums->weight[c] += weight;
     sums->x[c] += weight * colour[c];

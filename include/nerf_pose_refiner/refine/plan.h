@@ -26,6 +26,9 @@ std::optional<ObjectRegion> objectRegion(const Camera& camera, const Prior& prio
 /// picture itself.
 Camera levelCamera(const Camera& camera, const ObjectRegion& region, double object_px);
 
+/// How poses are compared with an observation: what all stages have in common.
+AlignStage judgingStage(const RefinerSettings& settings, Background background);
+
 /// One stage of direct alignment, ready to be carried out.
 struct PlannedStage {
   std::string name;

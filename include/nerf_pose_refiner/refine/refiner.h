@@ -13,9 +13,10 @@ namespace nerf_pose_refiner {
 
 /// Where the object is thought to be and how far off that may be.
 struct Prior {
-  Pose T_O_C;                       ///< camera in the object's model frame, model units
-  double rotation_rad = 0.26;       ///< half width of the search per axis
-  double translation = 0.15;        ///< half width of the search per axis, in object diameters
+  Pose T_O_C;  ///< camera in the object's model frame, model units
+  /// Half width of the search per axis; alignment goes up to twice as far.
+  double rotation_rad = 0.26;
+  double translation = 0.15;        ///< the same, in object diameters
   bool rotate_about_object = true;  ///< the rotation is about the object's centre, in the axes of
                                     ///< O; false: about the camera, in its own (the paper's)
 
