@@ -45,3 +45,6 @@ install(TARGETS ${PROJECT_NAME}_nodelets
   RUNTIME DESTINATION ${CATKIN_GLOBAL_BIN_DESTINATION})
 install(FILES nodelet_plugins.xml DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
 install(DIRECTORY config launch DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
+# What demo.launch learns from, and what it follows.
+install(DIRECTORY demo/data/toy_kiosk DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION}/demo/data)
+install(FILES demo/toy_kiosk.bag DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION}/demo)

@@ -10,12 +10,14 @@
 #include <algorithm>
 #include <atomic>
 #include <chrono>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <string>
 #include <thread>
 
 #include "nerf_pose_refiner/ros/diagnostics.h"
+#include "nerf_pose_refiner/ros/error_of.h"
 #include "nerf_pose_refiner/ros/frame_mailbox.h"
 #include "nerf_pose_refiner/ros/input_error.h"
 #include "nerf_pose_refiner/ros/object_services.h"
@@ -41,9 +43,13 @@ class PoseRefinerNodelet : public nodelet::Nodelet {
   void start();
   void readParameters();
 
+  /// Runs what a callback does: whatever is thrown is reported, and ends nothing.
+  void guard(const char* name, const std::function<void()>& callback);
+
   // On the nodelet's queue.
   void enable(bool enabled);
   void onConnect();
+  void subscribeIfWanted();
   void onImage(const sensor_msgs::ImageConstPtr& image,
                const sensor_msgs::CameraInfoConstPtr& info);
   template <typename PoseMessage>
@@ -56,12 +62,16 @@ class PoseRefinerNodelet : public nodelet::Nodelet {
   void workOnce();
   void report(const RefinementStatus& status);
 
-  void checkClock();
-
   PoseRefinerParameters parameters_;
   std::unique_ptr<tf2_ros::Buffer> transforms_;  // outlives the listener
   std::unique_ptr<tf2_ros::TransformListener> listener_;
   std::unique_ptr<Diagnostics> diagnostics_;
+
+  std::mutex connect_mutex_;  // guards images_ and enabled_; outlives the publishers that call back
+  std::unique_ptr<image_transport::ImageTransport> transport_;
+  image_transport::CameraSubscriber images_;
+  bool enabled_ = false;
+
   std::unique_ptr<ResultPublisher> results_;
   std::unique_ptr<OverlayPublisher> overlay_;
   std::unique_ptr<ObjectTracker> tracker_;
@@ -70,11 +80,6 @@ class PoseRefinerNodelet : public nodelet::Nodelet {
   ros::ServiceServer enable_server_;
   ros::Subscriber initial_pose_;
   ros::Subscriber initial_pose_with_covariance_;
-
-  std::mutex connect_mutex_;  // guards images_ and enabled_
-  std::unique_ptr<image_transport::ImageTransport> transport_;
-  image_transport::CameraSubscriber images_;
-  bool enabled_ = false;
 
   FrameMailbox<CameraFrame> mailbox_;
   std::atomic<bool> stopping_{false};
@@ -169,7 +174,18 @@ void PoseRefinerNodelet::enable(bool enabled) {
   onConnect();
 }
 
+void PoseRefinerNodelet::guard(const char* name, const std::function<void()>& callback) {
+  if (const std::optional<std::string> error = errorOf(callback)) {
+    NODELET_ERROR_THROTTLE(5.0, "%s: %s", name, error->c_str());
+    diagnostics_->callbackFailed(*error);
+  }
+}
+
 void PoseRefinerNodelet::onConnect() {
+  guard("subscribing to the camera", [this] { subscribeIfWanted(); });
+}
+
+void PoseRefinerNodelet::subscribeIfWanted() {
   std::lock_guard<std::mutex> lock(connect_mutex_);
   const bool wanted = enabled_ && (results_->wanted() || overlay_->wanted());
   if (!wanted) {
@@ -183,79 +199,73 @@ void PoseRefinerNodelet::onConnect() {
   }
 }
 
-void PoseRefinerNodelet::checkClock() {
-  if (!tracker_->clockIs(ros::Time::now())) return;
-  mailbox_.clear();
-  NODELET_WARN("time went back: waiting for a new initial pose");
-}
-
 void PoseRefinerNodelet::onImage(const sensor_msgs::ImageConstPtr& image,
                                  const sensor_msgs::CameraInfoConstPtr& info) {
   const ros::WallTime arrival = ros::WallTime::now();
-  checkClock();
-  diagnostics_->imageArrived();
-  if (const auto reason = tracker_->refusal(*image, *info)) {
-    NODELET_ERROR_THROTTLE(5.0, "%s: %s", images_.getTopic().c_str(), reason->c_str());
-    return;
-  }
-  mailbox_.put({image, info, arrival});
+  guard("image", [&] {
+    const std::uint32_t clock_jumps = tracker_->readClock();
+    diagnostics_->imageArrived();
+    if (const auto reason = tracker_->refusal(*image, *info)) {
+      NODELET_ERROR_THROTTLE(5.0, "image: %s", reason->c_str());
+      return;
+    }
+    mailbox_.put({image, info, arrival, clock_jumps});
+  });
 }
 
 template <typename PoseMessage>
 void PoseRefinerNodelet::onInitialPose(const boost::shared_ptr<const PoseMessage>& message) {
-  checkClock();
-  try {
-    tracker_->offer(startFromMessage(*message));
-  } catch (const InputError& e) {
-    NODELET_ERROR("initial pose refused: %s", e.what());
-    tracker_->refuseInitialPose(e.reason(), e.what());
-  }
+  guard("initial pose", [&] {
+    tracker_->readClock();
+    try {
+      tracker_->offer(startFromMessage(*message));
+    } catch (const InputError& e) {
+      NODELET_ERROR("initial pose refused: %s", e.what());
+      tracker_->refuseInitialPose(e.reason(), e.what());
+    }
+  });
 }
 
 bool PoseRefinerNodelet::onReset(std_srvs::Trigger::Request&,
                                  std_srvs::Trigger::Response& response) {
-  tracker_->reset();
-  response.success = true;
-  response.message = "waiting for an initial pose";
+  guard(topics::kReset, [&] {
+    tracker_->reset();
+    response.success = true;
+    response.message = "waiting for an initial pose";
+  });
   return true;
 }
 
 bool PoseRefinerNodelet::onEnable(std_srvs::SetBool::Request& request,
                                   std_srvs::SetBool::Response& response) {
-  tracker_->setEnabled(request.data);
-  enable(request.data);
-  response.success = true;
-  response.message = request.data ? "enabled: waiting for an initial pose" : "disabled";
+  guard(topics::kEnable, [&] {
+    tracker_->setEnabled(request.data);
+    enable(request.data);
+    response.success = true;
+    response.message = request.data ? "enabled: waiting for an initial pose" : "disabled";
+  });
   return true;
 }
 
 void PoseRefinerNodelet::work() {
-  while (!stopping_) {
-    try {
-      workOnce();
-    } catch (const std::exception& e) {
-      NODELET_ERROR_THROTTLE(5.0, "%s", e.what());
-    }
-  }
+  while (!stopping_) guard("refinement", [this] { workOnce(); });
 }
 
 void PoseRefinerNodelet::workOnce() {
   tracker_->applyModels();
   const std::optional<CameraFrame> frame = mailbox_.take(std::chrono::milliseconds(50));
-  checkClock();
-  if (frame) {
-    if (const std::optional<FrameResult> result = tracker_->process(*frame)) {
-      results_->publish(*result);
-      report(result->status);
-      if (result->observation) {
-        overlay_->draw(
-            {frame->image->header, result->observation, result->field, result->refinement.T_O_C});
-      }
-    }
-  } else {
+  tracker_->readClock();
+  if (!frame) {
     std_msgs::Header now;
     now.stamp = ros::Time::now();
     tracker_->reportChange(now);
+  } else if (const std::optional<FrameResult> result = tracker_->process(*frame)) {
+    results_->publish(*result);
+    report(result->status);
+    if (result->found) {
+      overlay_->draw(
+          {result->status.header, result->observation, result->field, result->refinement.T_O_C});
+    }
   }
 }
 
@@ -264,7 +274,14 @@ void PoseRefinerNodelet::report(const RefinementStatus& status) {
   full.dropped = mailbox_.dropped();
   diagnostics_->statusIs(full);
   results_->publish(full);
-  if (!full.message.empty()) NODELET_WARN_THROTTLE(1.0, "%s", full.message.c_str());
+  if (full.message.empty()) return;
+  // What is as it should be is no warning, and need not be said often.
+  if (full.reason == RefinementStatus::REASON_NONE ||
+      full.reason == RefinementStatus::REASON_PRIOR_IGNORED) {
+    NODELET_INFO_THROTTLE(10.0, "%s", full.message.c_str());
+  } else {
+    NODELET_WARN_THROTTLE(1.0, "%s", full.message.c_str());
+  }
 }
 
 }  // namespace nerf_pose_refiner

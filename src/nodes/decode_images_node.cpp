@@ -4,6 +4,7 @@
 #include <sensor_msgs/CompressedImage.h>
 #include <sensor_msgs/image_encodings.h>
 
+#include <exception>
 #include <opencv2/imgcodecs.hpp>
 
 /// Decodes `image/compressed` (JPEG, PNG) to `image` (bgr8), with the same header; camera_info
@@ -15,7 +16,11 @@ int main(int argc, char** argv) {
   ros::Publisher images = nh.advertise<sensor_msgs::Image>("image", 2);
   const auto decode = [&images](const sensor_msgs::CompressedImageConstPtr& compressed) {
     cv_bridge::CvImage image(compressed->header, sensor_msgs::image_encodings::BGR8);
-    if (!compressed->data.empty()) image.image = cv::imdecode(compressed->data, cv::IMREAD_COLOR);
+    try {
+      if (!compressed->data.empty()) image.image = cv::imdecode(compressed->data, cv::IMREAD_COLOR);
+    } catch (const std::exception& e) {  // a header that asks for too large a picture, say
+      ROS_ERROR_THROTTLE(5.0, "%s", e.what());
+    }
     if (image.image.empty()) {
       ROS_ERROR_THROTTLE(5.0, "an image of format '%s' cannot be decoded",
                          compressed->format.c_str());

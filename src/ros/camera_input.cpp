@@ -9,10 +9,12 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <string>
 
 #include "nerf_pose_refiner/image/colour.h"
 #include "nerf_pose_refiner/ros/input_error.h"
+#include "nerf_pose_refiner/ros/pose_conversions.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -38,14 +40,40 @@ bool sameModel(const CameraModel& a, const CameraModel& b) {
 
 void requireKnownDistortion(const sensor_msgs::CameraInfo& info) {
   namespace models = sensor_msgs::distortion_models;
-  const bool zero = std::all_of(info.D.begin(), info.D.end(), [](double d) { return d == 0; });
-  if (zero || info.distortion_model == models::PLUMB_BOB ||
-      info.distortion_model == models::RATIONAL_POLYNOMIAL) {
-    return;
+  const auto is_zero = [](double d) { return d == 0; };
+  if (std::all_of(info.D.begin(), info.D.end(), is_zero)) return;
+  if (info.distortion_model != models::PLUMB_BOB &&
+      info.distortion_model != models::RATIONAL_POLYNOMIAL) {
+    throw InputError(Status::REASON_BAD_CAMERA_INFO,
+                     "the distortion model '" + info.distortion_model +
+                         "' is not supported: rectify the images and set ~image_is_rectified");
   }
-  throw InputError(Status::REASON_BAD_CAMERA_INFO,
-                   "the distortion model '" + info.distortion_model +
-                       "' is not supported: rectify the images and set ~image_is_rectified");
+  const std::size_t n = info.D.size();
+  const auto is_finite = [](double d) { return std::isfinite(d); };
+  if ((n != 4 && n != 5 && n != 8) || !std::all_of(info.D.begin(), info.D.end(), is_finite)) {
+    throw InputError(Status::REASON_BAD_CAMERA_INFO,
+                     "D of camera_info must hold 4, 5 or 8 finite numbers, and has " +
+                         std::to_string(n) + " numbers");
+  }
+}
+
+/// Binning and region of interest (REP-104) are image_geometry's work.
+CameraModel readGeometry(const sensor_msgs::CameraInfo& info, bool rectified) {
+  image_geometry::PinholeCameraModel geometry;
+  geometry.fromCameraInfo(info);
+  const cv::Size size = geometry.reducedResolution();
+  CameraModel model;
+  if (rectified) {
+    model.camera = {size.width,    size.height,   geometry.fx(),
+                    geometry.fy(), geometry.cx(), geometry.cy()};
+  } else {
+    const cv::Matx33d& K = geometry.intrinsicMatrix();
+    model.camera = {size.width, size.height, K(0, 0), K(1, 1), K(0, 2), K(1, 2)};
+    model.distortion.coefficients = info.D;
+    if (model.distortion.isZero()) model.distortion.coefficients.clear();
+  }
+  model.camera.validate();
+  return model;
 }
 
 }  // namespace
@@ -61,29 +89,15 @@ CameraModel cameraFromMessage(const sensor_msgs::CameraInfo& info, bool rectifie
                      "the right camera of a stereo pair is not supported: use the left one");
   }
   if (!rectified) requireKnownDistortion(info);
-  image_geometry::PinholeCameraModel geometry;
-  geometry.fromCameraInfo(info);
-  const cv::Size size = geometry.reducedResolution();
-  CameraModel model;
-  if (rectified) {
-    model.camera = {size.width,    size.height,   geometry.fx(),
-                    geometry.fy(), geometry.cx(), geometry.cy()};
-  } else {
-    const cv::Matx33d& K = geometry.intrinsicMatrix();
-    model.camera = {size.width, size.height, K(0, 0), K(1, 1), K(0, 2), K(1, 2)};
-    model.distortion.coefficients = info.D;
-    if (model.distortion.isZero()) model.distortion.coefficients.clear();
-  }
   try {
-    model.camera.validate();
-  } catch (const std::invalid_argument& e) {
+    return readGeometry(info, rectified);
+  } catch (const std::exception& e) {  // also of OpenCV, which image_geometry lets through
     throw InputError(Status::REASON_BAD_CAMERA_INFO, std::string("camera_info: ") + e.what());
   }
-  return model;
 }
 
 void checkImage(const sensor_msgs::Image& image, const Camera& camera) {
-  if (image.header.stamp.isZero() || image.header.frame_id.empty()) {
+  if (image.header.stamp.isZero() || withoutSlash(image.header.frame_id).empty()) {
     throw InputError(Status::REASON_BAD_IMAGE, "the image has no stamp or no frame");
   }
   const auto known = {encodings::RGB8, encodings::BGR8, encodings::RGBA8, encodings::BGRA8,
@@ -124,7 +138,7 @@ const Undistorter& CameraInput::undistorterOf(const CameraModel& model) {
     undistorter_.reset();
     try {
       undistorter_.emplace(model.camera, model.distortion);
-    } catch (const std::invalid_argument& e) {
+    } catch (const std::exception& e) {
       throw InputError(Status::REASON_BAD_CAMERA_INFO, std::string("camera_info: ") + e.what());
     }
     model_ = model;

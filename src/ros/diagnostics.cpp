@@ -55,11 +55,19 @@ void Diagnostics::imageArrived() {
   ++images_;
 }
 
+void Diagnostics::callbackFailed(const std::string& message) {
+  std::lock_guard<std::mutex> lock(mutex_);
+  ++failures_;
+  failure_ = message;
+}
+
 void Diagnostics::fill(diagnostic_updater::DiagnosticStatusWrapper& report) {
   std::lock_guard<std::mutex> lock(mutex_);
   const StateText state = describe(status_.state);
   report.summary(state.level,
                  std::string(state.name) + (status_.message.empty() ? "" : ": " + status_.message));
+  if (!failure_.empty()) report.mergeSummary(Level::ERROR, failure_);
+  failure_.clear();
   const ros::WallTime now = ros::WallTime::now();
   const double seconds = std::max(1e-3, (now - since_).toSec());
   report.add("object", status_.object.empty() ? std::string("none") : status_.object);
@@ -69,6 +77,7 @@ void Diagnostics::fill(diagnostic_updater::DiagnosticStatusWrapper& report) {
   report.addf("score", "%.3f", status_.score);
   report.add("refined images", status_.processed);
   report.add("dropped images", status_.dropped);
+  report.add("exceptions", failures_);
   images_ = 0;
   processed_before_ = status_.processed;
   since_ = now;

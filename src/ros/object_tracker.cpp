@@ -33,21 +33,26 @@ std::pair<std::uint8_t, std::string> verdict(const Refinement& refinement, doubl
 
 ObjectTracker::ObjectTracker(const PoseRefinerParameters& parameters,
                              std::unique_ptr<ObjectSearch> search, tf2::BufferCore* transforms,
-                             Report report)
+                             Report report, Clock clock)
     : parameters_(parameters),
       transforms_(transforms),
       report_(std::move(report)),
+      clock_(std::move(clock)),
       search_(std::move(search)),
       input_(parameters.image_is_rectified),
       tf_(*transforms, parameters.frames),
       state_(parameters.rules) {}
 
-bool ObjectTracker::clockIs(const ros::Time& now) {
+std::uint32_t ObjectTracker::readClock() {
+  // Read under the lock: a thread that is held up between reading and telling would come with a
+  // time of before that of another thread.
   std::lock_guard<std::mutex> lock(mutex_);
-  if (!state_.clockIs(now)) return false;
-  running_.requestStop();
-  transforms_->clear();
-  return true;
+  if (state_.clockIs(clock_())) {
+    ++clock_jumps_;
+    running_.requestStop();
+    transforms_->clear();
+  }
+  return clock_jumps_;
 }
 
 std::optional<std::string> ObjectTracker::refusal(const sensor_msgs::Image& image,
@@ -131,11 +136,6 @@ void ObjectTracker::stop() {
   running_.requestStop();
 }
 
-std::string ObjectTracker::objectName() const {
-  std::lock_guard<std::mutex> lock(mutex_);
-  return field_ ? field_->metadata.name : std::string();
-}
-
 RefinementStatus ObjectTracker::statusNow(const std_msgs::Header& header) const {
   std::lock_guard<std::mutex> lock(mutex_);
   RefinementStatus status;
@@ -156,42 +156,64 @@ void ObjectTracker::reportChange(const std_msgs::Header& header) {
   report_(status);
 }
 
+/// Nothing: the image came before time jumped back.
+std::optional<FrameDecision> ObjectTracker::decide(const CameraFrame& frame,
+                                                   const std_msgs::Header& header,
+                                                   const StopToken& stop) {
+  std::lock_guard<std::mutex> lock(mutex_);
+  if (frame.clock_jumps != clock_jumps_) return std::nullopt;
+  const FrameDecision decision = state_.decide(header.stamp, header.frame_id);
+  running_ = stop;
+  if (stopping_) stop.requestStop();
+  if (decision.clock_jumped) transforms_->clear();
+  return decision;
+}
+
 std::optional<FrameResult> ObjectTracker::process(const CameraFrame& frame) {
-  const std_msgs::Header& header = frame.image->header;
-  FrameDecision decision;
-  StopToken stop;
-  {
-    std::lock_guard<std::mutex> lock(mutex_);
-    decision = state_.decide(header.stamp, header.frame_id);
-    running_ = stop;
-    if (stopping_) stop.requestStop();
-    if (decision.clock_jumped) transforms_->clear();
-  }
+  std_msgs::Header header = frame.image->header;
+  header.frame_id = withoutSlash(header.frame_id);
+  const StopToken stop;
+  const std::optional<FrameDecision> decision = decide(frame, header, stop);
+  if (!decision) return std::nullopt;
   reportChange(header);
-  if (!decision.start) return std::nullopt;
+  if (!decision->start) return std::nullopt;
 
   FrameResult result;
   try {
-    refine(frame, decision, stop, &result);
+    refine(frame, header, *decision, stop, &result);
+  } catch (const InputError& e) {
+    std::lock_guard<std::mutex> lock(mutex_);
+    state_.notTrusted(decision->ticket, e.reason(), e.what());
   } catch (const std::exception& e) {
     std::lock_guard<std::mutex> lock(mutex_);
-    state_.failed(decision.ticket, e.what());
+    state_.failed(decision->ticket, e.what());
   }
   ++processed_;
-  RefinementStatus& status = result.status;
-  status = statusNow(header);
+  result.status = statusOf(result, frame, *decision, header);
+  return result;
+}
+
+/// Status after an image, with what concerns this image alone.
+RefinementStatus ObjectTracker::statusOf(const FrameResult& result, const CameraFrame& frame,
+                                         const FrameDecision& decision,
+                                         const std_msgs::Header& header) {
+  RefinementStatus status = statusNow(header);
   reported_ = Condition{status.state, status.reason, status.message};
   if (status.reason == Status::REASON_NONE && !result.no_transform.empty()) {
     status.reason = Status::REASON_NO_TRANSFORM;
     status.message = result.no_transform;
+  } else if (status.reason == Status::REASON_NONE && decision.initial_pose_ignored) {
+    status.reason = Status::REASON_PRIOR_IGNORED;
+    status.message = "the object is tracked: an initial pose was ignored (~initial_pose_policy)";
   }
   status.score = static_cast<float>(result.refinement.score);
   status.visible_fraction = static_cast<float>(result.refinement.visible_fraction);
   status.latency_s = static_cast<float>((ros::WallTime::now() - frame.arrival).toSec());
-  status.image_age_s = static_cast<float>(ros::Time::now().toSec() - header.stamp.toSec());
-  return result;
+  status.image_age_s = static_cast<float>(clock_().toSec() - header.stamp.toSec());
+  return status;
 }
 
+/// @throws InputError for a covariance that asks for the impossible.
 Prior ObjectTracker::priorFrom(const StartPose& start, const Pose& T_C_O) const {
   const FieldMetadata& object = field_->metadata;
   const SearchSettings& settings = start.tracked ? parameters_.tracking : parameters_.initial;
@@ -203,13 +225,34 @@ Prior ObjectTracker::priorFrom(const StartPose& start, const Pose& T_C_O) const 
   if (start.translation_m > 0) {
     prior.translation = start.translation_m / (object.metres_per_unit * object.diameter);
   }
+  try {
+    prior.validate();
+  } catch (const std::invalid_argument& e) {
+    throw InputError(Status::REASON_PRIOR_BAD_COVARIANCE,
+                     std::string("the covariance asks for too wide a search: ") + e.what());
+  }
   return prior;
 }
 
-void ObjectTracker::refine(const CameraFrame& frame, const FrameDecision& decision,
-                           const StopToken& stop, FrameResult* result) {
-  const std_msgs::Header& header = frame.image->header;
+/// The start as the library has it; nothing: it cannot be used, and the state says why.
+std::optional<Prior> ObjectTracker::prepare(const std_msgs::Header& header,
+                                            const FrameDecision& decision, const StopToken& stop) {
   const StartPose& start = *decision.start;
+  try {
+    return priorFrom(start, tf_.startInCamera(start, header.frame_id, header.stamp, stop));
+  } catch (const InputError& e) {
+    const bool unknown_frame = e.reason() == Status::REASON_NO_TRANSFORM && !start.tracked;
+    std::lock_guard<std::mutex> lock(mutex_);
+    state_.startRefused(decision.ticket,
+                        unknown_frame ? std::uint8_t{Status::REASON_PRIOR_NO_FRAME} : e.reason(),
+                        e.what());
+    return std::nullopt;
+  }
+}
+
+void ObjectTracker::refine(const CameraFrame& frame, const std_msgs::Header& header,
+                           const FrameDecision& decision, const StopToken& stop,
+                           FrameResult* result) {
   // Looked up now: when the refinement is done, the buffer may have forgotten.
   std::optional<Pose> T_W_C;
   try {
@@ -217,33 +260,28 @@ void ObjectTracker::refine(const CameraFrame& frame, const FrameDecision& decisi
   } catch (const InputError& e) {
     result->no_transform = e.what();
   }
-  Pose T_C_O;
-  try {
-    T_C_O = tf_.startInCamera(start, header.frame_id, header.stamp, stop);
-  } catch (const InputError& e) {
-    std::lock_guard<std::mutex> lock(mutex_);
-    state_.startRefused(decision.ticket, e.what());
-    return;
-  }
+  const std::optional<Prior> prior = prepare(header, decision, stop);
+  if (!prior) return;
   result->field = field_;
   result->observation =
       std::make_shared<const Observation>(input_.observe(*frame.image, *frame.info));
-  result->refinement =
-      search_->search(*result->observation, priorFrom(start, T_C_O), start.tracked, stop);
-  const bool trusted = conclude(header, decision.ticket, result->refinement);
-  if (T_W_C) place(header, *T_W_C, trusted, result);
+  result->refinement = search_->search(*result->observation, *prior, decision.start->tracked, stop);
+  const Trust trust = conclude(header, decision.ticket, result->refinement);
+  result->found = trust != Trust::kOutdated && result->refinement.outcome == Outcome::kRefined;
+  if (T_W_C && result->found) place(header, *T_W_C, trust == Trust::kTrusted, result);
 }
 
-bool ObjectTracker::conclude(const std_msgs::Header& header, std::uint64_t ticket,
-                             const Refinement& refinement) {
+ObjectTracker::Trust ObjectTracker::conclude(const std_msgs::Header& header, std::uint64_t ticket,
+                                             const Refinement& refinement) {
   const auto [reason, message] = verdict(refinement, parameters_.rules.min_score);
   const Pose T_C_O = objectInCamera(refinement.T_O_C, field_->metadata.metres_per_unit);
   std::lock_guard<std::mutex> lock(mutex_);
   if (reason == Status::REASON_NONE) {
-    return state_.trusted(ticket, T_C_O, header.frame_id, header.stamp);
+    const bool current = state_.trusted(ticket, T_C_O, header.frame_id, header.stamp);
+    return current ? Trust::kTrusted : Trust::kOutdated;
   }
-  state_.notTrusted(ticket, reason, message);
-  return false;
+  const bool current = state_.notTrusted(ticket, reason, message);
+  return current ? Trust::kNotTrusted : Trust::kOutdated;
 }
 
 void ObjectTracker::place(const std_msgs::Header& header, const Pose& T_W_C, bool trusted,

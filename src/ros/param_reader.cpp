@@ -141,10 +141,10 @@ ParamReader ParamReader::group(const std::string& name) {
   return reader;
 }
 
-std::vector<ParamReader> ParamReader::list(const std::string& name) {
-  std::vector<ParamReader> readers;
+std::optional<std::vector<ParamReader>> ParamReader::list(const std::string& name) {
   const XmlRpcValue* found = find(name);
-  if (!found) return readers;
+  if (!found) return std::nullopt;
+  std::vector<ParamReader> readers;
   requireType(pathOf(name), XmlRpcValue::TypeArray, *found);
   for (int i = 0; i < found->size(); ++i) {
     readers.emplace_back((*found)[i], pathOf(name) + "[" + std::to_string(i) + "]");

@@ -7,6 +7,8 @@
 #include <stdexcept>
 #include <vector>
 
+#include "nerf_pose_refiner/ros/pose_conversions.h"
+
 namespace nerf_pose_refiner {
 namespace {
 
@@ -44,9 +46,10 @@ void getChoice(ParamReader& read, const std::string& name, const std::map<std::s
 }
 
 void readStages(ParamReader& read, std::vector<AlignStageSettings>& stages) {
-  std::vector<ParamReader> readers = read.list("stages");
-  if (!readers.empty()) stages.clear();
-  for (ParamReader& reader : readers) {
+  std::optional<std::vector<ParamReader>> readers = read.list("stages");
+  if (!readers) return;  // the preset's stay
+  stages.clear();
+  for (ParamReader& reader : *readers) {
     AlignStageSettings stage;
     reader.get("object_px", stage.object_px);
     reader.get("hypotheses", stage.hypotheses);
@@ -129,6 +132,9 @@ void readFrames(ParamReader& read, FrameSettings& frames) {
   read.get("object_frame", frames.object_frame);
   read.get("output_frame", frames.output_frame);
   read.get("fixed_frame", frames.fixed_frame);
+  for (std::string* name : {&frames.object_frame, &frames.output_frame, &frames.fixed_frame}) {
+    *name = withoutSlash(*name);
+  }
   read.get("publish_tf", frames.publish_tf);
   read.get("tf_timeout_s", frames.tf_timeout_s);
   read.get("tf_cache_s", frames.tf_cache_s);

@@ -22,11 +22,11 @@ double searchWidth(const Eigen::Matrix<double, 6, 6>& covariance, int block) {
   return 2 * std::sqrt(std::max(0.0, variance));
 }
 
+}  // namespace
+
 std::string withoutSlash(const std::string& frame_id) {
   return !frame_id.empty() && frame_id[0] == '/' ? frame_id.substr(1) : frame_id;
 }
-
-}  // namespace
 
 Pose objectInCamera(const Pose& T_O_C, double metres_per_unit) {
   Pose T_C_O = T_O_C.inverse();
@@ -122,7 +122,7 @@ PoseHypothesisArray toMessage(const HypothesisTable& hypotheses, const Pose& T_W
   double sum = 0;
   double least = 0;
   for (const Hypothesis& hypothesis : hypotheses) {
-    if (hypothesis.state != HypothesisState::kLive) continue;
+    if (hypothesis.state != HypothesisState::kLive || !std::isfinite(hypothesis.loss)) continue;
     if (message.hypotheses.empty()) least = hypothesis.loss;
     PoseHypothesis entry;
     entry.pose = toMessage(T_W_C * objectInCamera(hypothesis.T_O_C, metres_per_unit));

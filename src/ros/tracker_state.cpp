@@ -49,8 +49,16 @@ void TrackerState::modelFailed(std::uint8_t reason, const std::string& message) 
 
 void TrackerState::offer(const StartPose& initial_pose) {
   if (!enabled_) return;
+  const bool another = prior_.has_value();
   prior_ = initial_pose;
-  if (condition_.state == Status::STATE_LOST) become(Status::STATE_WAITING);
+  // What is said of images that cannot be used goes on being said; so does what is wrong with one
+  // initial pose after the other.
+  Condition& condition = before_refusal_ ? *before_refusal_ : condition_;
+  if (condition.state == Status::STATE_LOST ||
+      (condition.state == Status::STATE_WAITING && !another)) {
+    condition = {Status::STATE_WAITING, Status::REASON_NONE,
+                 "an initial pose came: waiting for an image that is not older"};
+  }
 }
 
 void TrackerState::refuseInitialPose(std::uint8_t reason, const std::string& message) {
@@ -156,13 +164,13 @@ void TrackerState::countFailure(std::uint8_t reason, const std::string& message)
   become(last_ ? Status::STATE_TRACKING : Status::STATE_LOST, reason, message);
 }
 
-void TrackerState::startRefused(std::uint64_t ticket, const std::string& message) {
+void TrackerState::startRefused(std::uint64_t ticket, std::uint8_t reason,
+                                const std::string& message) {
   if (!end(ticket)) return;
   if (running_tracked_) {
-    countFailure(Status::REASON_NO_TRANSFORM, message);
+    countFailure(reason, message);
   } else {
-    become(last_ ? Status::STATE_TRACKING : Status::STATE_WAITING, Status::REASON_PRIOR_NO_FRAME,
-           message);
+    become(last_ ? Status::STATE_TRACKING : Status::STATE_WAITING, reason, message);
   }
 }
 
@@ -184,9 +192,11 @@ bool TrackerState::trusted(std::uint64_t ticket, const Pose& T_C_O, const std::s
   return true;
 }
 
-void TrackerState::notTrusted(std::uint64_t ticket, std::uint8_t reason,
+bool TrackerState::notTrusted(std::uint64_t ticket, std::uint8_t reason,
                               const std::string& message) {
-  if (end(ticket)) countFailure(reason, message);
+  if (!end(ticket)) return false;
+  countFailure(reason, message);
+  return true;
 }
 
 void TrackerState::failed(std::uint64_t ticket, const std::string& message) {

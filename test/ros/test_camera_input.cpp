@@ -5,6 +5,7 @@
 #include <nerf_pose_refiner/RefinementStatus.h>
 
 #include <functional>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -130,6 +131,35 @@ TEST(CameraFromMessage, RefusesWhatItCannotUse) {
   EXPECT_EQ(reasonFor(info, false), Status::REASON_BAD_CAMERA_INFO);
 }
 
+TEST(CameraFromMessage, RefusesDistortionOfTheWrongLength) {
+  for (const std::size_t n : {1u, 2u, 3u, 6u, 7u, 9u, 20u}) {
+    sensor_msgs::CameraInfo info = someInfo();
+    info.D.assign(n, 0.01);
+    EXPECT_EQ(reasonFor(info, false), Status::REASON_BAD_CAMERA_INFO) << n;
+    EXPECT_EQ(reasonFor(info, true), Status::REASON_NONE) << n << ", which P does not need";
+  }
+  for (const std::size_t n : {0u, 4u, 5u, 8u}) {
+    sensor_msgs::CameraInfo info = someInfo();
+    info.D.assign(n, 0.01);
+    EXPECT_EQ(reasonFor(info, false), Status::REASON_NONE) << n;
+  }
+  sensor_msgs::CameraInfo info = someInfo();
+  info.D[1] = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_EQ(reasonFor(info, false), Status::REASON_BAD_CAMERA_INFO);
+}
+
+// image_geometry rectifies such a region itself, and OpenCV throws at the length of D.
+TEST(CameraFromMessage, RefusesARegionThatCannotBeRectified) {
+  for (const bool rectified : {false, true}) {
+    sensor_msgs::CameraInfo info = someInfo();
+    info.D = {0.1, 0, 0};
+    info.roi.width = 4;
+    info.roi.height = 3;
+    info.roi.do_rectify = true;
+    EXPECT_EQ(reasonFor(info, rectified), Status::REASON_BAD_CAMERA_INFO) << rectified;
+  }
+}
+
 TEST(CheckImage, RefusesWhatItCannotUse) {
   EXPECT_EQ(reasonFor(someImage("rgb8")), Status::REASON_NONE);
   sensor_msgs::Image image = someImage("rgb8");
@@ -152,6 +182,8 @@ TEST(CheckImage, RefusesWhatItCannotUse) {
   EXPECT_EQ(reasonFor(image), Status::REASON_BAD_IMAGE);
   image = someImage("rgb8");
   image.header.frame_id.clear();
+  EXPECT_EQ(reasonFor(image), Status::REASON_BAD_IMAGE);
+  image.header.frame_id = "/";
   EXPECT_EQ(reasonFor(image), Status::REASON_BAD_IMAGE);
   image = someImage("rgb8");
   image.width = 7;

@@ -63,6 +63,10 @@ TEST_F(DecodeImagesTest, OutlivesDataThatIsNoImage) {
   input_.publish(broken);
   broken.data.clear();
   input_.publish(broken);
+  // A header that asks for more than OpenCV gives: it throws.
+  const std::string huge = "P6 2000000 2000000 255\n";
+  broken.data.assign(huge.begin(), huge.end());
+  input_.publish(broken);
   input_.publish(compressed("png", 2));
   const auto image = output_.wait();
   ASSERT_TRUE(image);

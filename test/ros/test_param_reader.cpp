@@ -62,7 +62,7 @@ TEST(ParamReader, KeepsDefaultsOfWhatIsAbsent) {
   double score = 0.5;
   read.group("tracker").get("min_score", score);
   EXPECT_EQ(score, 0.5);
-  EXPECT_TRUE(read.list("stages").empty());
+  EXPECT_FALSE(read.list("stages"));
   EXPECT_TRUE(read.unknown().empty());
   EXPECT_EQ(read.log(), (std::vector<std::string>{"~threads: 5", "~tracker/min_score: 0.5"}));
 }
@@ -113,7 +113,7 @@ TEST(ParamReader, NamesUnknownKeysAndTheNearestKnownOne) {
 
 TEST(ParamReader, ReadsListsOfGroups) {
   ParamReader read(sample(), "~refiner");
-  std::vector<ParamReader> stages = read.list("stages");
+  std::vector<ParamReader> stages = read.list("stages").value();
   ASSERT_EQ(stages.size(), 2u);
   double blur = 0;
   stages[1].get("blur", blur);

@@ -129,7 +129,20 @@ TEST(Parameters, MistakesAreNamed) {
   expect("~instruction_set", errorFor([](auto* v) { (*v)["instruction_set"] = "mmx"; }));
   expect("no preset 'fast'", errorFor([](auto* v) { (*v)["refiner"]["preset"] = "fast"; }));
   expect("~threads must be a whole number", errorFor([](auto* v) { (*v)["threads"] = "two"; }));
+  expect("stages is empty", errorFor([](auto* v) { (*v)["tracker"]["stages"].setSize(0); }));
   expect("steps", errorFor([](auto* v) { (*v)["register"]["steps"] = 0; }));
+}
+
+TEST(Parameters, FramesLoseTheSlashOfTf1) {
+  XmlRpc::XmlRpcValue values;
+  values["object_frame"] = "/mug";
+  values["output_frame"] = "/base";
+  values["fixed_frame"] = "world";
+  ParamReader reader(values, "~");
+  const FrameSettings frames = readParameters(reader).frames;
+  EXPECT_EQ(frames.object_frame, "mug");
+  EXPECT_EQ(frames.output_frame, "base");
+  EXPECT_EQ(frames.fixed_frame, "world");
 }
 
 TEST(Parameters, AStrayKeyAtTheTopIsReportedAndNoMore) {

@@ -137,7 +137,7 @@ TEST(PoseConversions, WeighsHypotheses) {
   HypothesisTable table(3);
   table[0].loss = 0.1;
   table[0].T_O_C = Pose(Eigen::Matrix3d::Identity(), {0, 0, -10});
-  table[1].state = HypothesisState::kMerged;
+  table[1].state = HypothesisState::kOutOfImage;
   table[2].loss = 0.1 * (1 + std::log(3.0));  // a third of the weight of the first
   const Pose T_W_C(Eigen::Matrix3d::Identity(), {5, 0, 0});
   const PoseHypothesisArray message = toMessage(table, T_W_C, 0.1);
@@ -161,6 +161,22 @@ TEST(PoseConversions, WeighsHypothesesOfNegativeLoss) {
   const PoseHypothesisArray message = toMessage(table, Pose(), 1);
   EXPECT_NEAR(message.hypotheses[0].weight, 0.8, 1e-6);
   EXPECT_NEAR(message.hypotheses[1].weight, 0.2, 1e-6);
+}
+
+TEST(PoseConversions, LeavesOutWhatWasNeverMeasured) {
+  HypothesisTable table(2);
+  table[0].loss = 0.2;
+  table[1].loss = std::numeric_limits<double>::infinity();
+  const PoseHypothesisArray message = toMessage(table, Pose(), 1);
+  ASSERT_EQ(message.hypotheses.size(), 1u);
+  EXPECT_EQ(message.hypotheses[0].weight, 1);
+}
+
+TEST(PoseConversions, TakesTheSlashOffAFrame) {
+  EXPECT_EQ(withoutSlash("/camera"), "camera");
+  EXPECT_EQ(withoutSlash("camera/left"), "camera/left");
+  EXPECT_EQ(withoutSlash("/"), "");
+  EXPECT_EQ(withoutSlash(""), "");
 }
 
 TEST(PoseConversions, SurvivesATableWithoutHypotheses) {

@@ -90,10 +90,19 @@ TEST_F(TfBridgeTest, WaitsForATransformThatIsLate) {
   frames_.tf_timeout_s = 10;
   frames_.output_frame = "base";
   const ros::Time soon(12);
-  std::thread late([&] { add("base", "camera", soon, 5); });
-  const double x = TfBridge(buffer_, frames_).cameraInOutput("camera", soon, StopToken()).t.x();
+  constexpr std::chrono::milliseconds kLate(100);
+  const auto start = std::chrono::steady_clock::now();
+  std::thread late([&] {
+    std::this_thread::sleep_until(start + kLate);
+    add("base", "camera", soon, 5);
+  });
+  double x = 0;
+  EXPECT_NO_THROW(x = TfBridge(buffer_, frames_).cameraInOutput("camera", soon, StopToken()).t.x());
+  const auto waited = std::chrono::steady_clock::now() - start;
   late.join();
   EXPECT_NEAR(x, 5, 1e-12);
+  EXPECT_GE(waited, kLate) << "it was not there before";
+  EXPECT_LT(waited, std::chrono::seconds(5)) << "it does not wait on when it is there";
 }
 
 TEST_F(TfBridgeTest, WaitsNoLongerThanItMay) {

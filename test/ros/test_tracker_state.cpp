@@ -48,7 +48,7 @@ class TrackerStateTest : public testing::Test {
     Pose pose;
     pose.t.x() = x;
     ASSERT_TRUE(state_.trusted(decision.ticket, pose, kCamera, at(seconds)));
-    ASSERT_TRUE(state_.tracking());
+    expect(Status::STATE_TRACKING, Status::REASON_NONE);
   }
 
   void expect(std::uint8_t state, std::uint8_t reason) const {
@@ -126,6 +126,24 @@ TEST_F(TrackerStateTest, TakesAPoseWithoutStampForTheNextImage) {
   EXPECT_TRUE(image(500).start);
 }
 
+TEST_F(TrackerStateTest, SaysThatAnInitialPoseCame) {
+  state_.offer(poseAt(at(1)));
+  expect(Status::STATE_WAITING, Status::REASON_NONE);
+  EXPECT_NE(state_.condition().message.find("initial pose came"), std::string::npos);
+  image(0.9);
+  state_.offer(poseAt(at(1)));
+  expect(Status::STATE_WAITING, Status::REASON_PRIOR_IN_FUTURE);
+  EXPECT_TRUE(image(1).start);
+  EXPECT_TRUE(state_.condition().message.empty());
+
+  restart();
+  state_.imageRefused(Status::REASON_UNCALIBRATED, "");
+  state_.offer(poseAt(ros::Time()));
+  expect(Status::STATE_WAITING, Status::REASON_UNCALIBRATED);
+  state_.imageArrived();
+  EXPECT_NE(state_.condition().message.find("initial pose came"), std::string::npos);
+}
+
 TEST_F(TrackerStateTest, TakesTheNewestInitialPose) {
   state_.offer(poseAt(at(0), 1));
   state_.offer(poseAt(at(0), 2));
@@ -151,7 +169,7 @@ TEST_F(TrackerStateTest, TakesInitialPosesWhileTrackingIfAsked) {
   EXPECT_FALSE(decision.start->tracked);
   EXPECT_EQ(decision.start->T_P_O.t.x(), 9);
   // Nothing came of it: the track goes on from where it was.
-  state_.startRefused(decision.ticket, "no such frame");
+  state_.startRefused(decision.ticket, Status::REASON_PRIOR_NO_FRAME, "no such frame");
   expect(Status::STATE_TRACKING, Status::REASON_PRIOR_NO_FRAME);
   EXPECT_EQ(image(0.2).start->T_P_O.t.x(), 0.4);
 }
@@ -197,7 +215,7 @@ TEST_F(TrackerStateTest, RefinesAnImageOnce) {
   track(0.1);
   EXPECT_FALSE(image(0.1).start) << "the same stamp again";
   EXPECT_FALSE(image(0.05).start) << "an image that came late";
-  EXPECT_TRUE(state_.tracking());
+  expect(Status::STATE_TRACKING, Status::REASON_NONE);
 }
 
 TEST_F(TrackerStateTest, ForgetsAllWhenImagesGoBackInTime) {
@@ -221,7 +239,7 @@ TEST_F(TrackerStateTest, ForgetsAllWhenTheClockGoesBack) {
   EXPECT_TRUE(state_.clockIs(at(0)));
   expect(Status::STATE_WAITING, Status::REASON_CLOCK_JUMPED);
   EXPECT_FALSE(state_.trusted(running.ticket, Pose(), kCamera, at(10.1)));
-  EXPECT_FALSE(state_.tracking());
+  expect(Status::STATE_WAITING, Status::REASON_CLOCK_JUMPED);
   EXPECT_FALSE(state_.clockIs(at(0.1)));
 }
 
@@ -259,7 +277,7 @@ TEST_F(TrackerStateTest, NeverLosesATrackForLackOfImagesIfAsked) {
   state_.offer(poseAt(at(0)));
   track(0);
   state_.clockIs(at(1000));
-  EXPECT_TRUE(state_.tracking());
+  expect(Status::STATE_TRACKING, Status::REASON_NONE);
 }
 
 TEST_F(TrackerStateTest, ForgetsAllOnRequest) {
@@ -269,9 +287,9 @@ TEST_F(TrackerStateTest, ForgetsAllOnRequest) {
   state_.reset();
   expect(Status::STATE_WAITING, Status::REASON_RESET);
   EXPECT_FALSE(state_.trusted(running.ticket, Pose(), kCamera, at(0.1)));
-  state_.notTrusted(running.ticket, Status::REASON_LOW_SCORE, "");
+  EXPECT_FALSE(state_.notTrusted(running.ticket, Status::REASON_LOW_SCORE, ""));
   state_.failed(running.ticket, "");
-  state_.startRefused(running.ticket, "");
+  state_.startRefused(running.ticket, Status::REASON_NO_TRANSFORM, "");
   expect(Status::STATE_WAITING, Status::REASON_RESET);
   EXPECT_FALSE(image(0.2).start);
 }

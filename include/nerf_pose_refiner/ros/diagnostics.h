@@ -21,6 +21,8 @@ class Diagnostics {
   void statusIs(const RefinementStatus& status);
   /// An image came. Any thread.
   void imageArrived();
+  /// A callback, or the worker, ended with an exception. Any thread.
+  void callbackFailed(const std::string& message);
 
  private:
   void fill(diagnostic_updater::DiagnosticStatusWrapper& report);
@@ -30,7 +32,9 @@ class Diagnostics {
   float latency_s_ = 0;  ///< of the last refined image
   std::uint32_t images_ = 0;
   std::uint32_t processed_before_ = 0;
-  ros::WallTime since_;  ///< images_ are counted from then on
+  std::uint32_t failures_ = 0;  ///< of callbacks
+  std::string failure_;         ///< the last one's, since the last report
+  ros::WallTime since_;         ///< images_ are counted from then on
 
   diagnostic_updater::Updater updater_;
   ros::WallTimer timer_;

@@ -32,12 +32,6 @@ class FrameMailbox {
     return std::exchange(item_, std::nullopt);
   }
 
-  /// Throws away what is in the slot, uncounted.
-  void clear() {
-    std::lock_guard<std::mutex> lock(mutex_);
-    item_.reset();
-  }
-
   std::uint32_t dropped() const {
     std::lock_guard<std::mutex> lock(mutex_);
     return dropped_;

@@ -28,6 +28,7 @@ struct CameraFrame {
   sensor_msgs::ImageConstPtr image;
   sensor_msgs::CameraInfoConstPtr info;
   ros::WallTime arrival;
+  std::uint32_t clock_jumps = 0;  ///< as readClock said when it came
 };
 
 /// What came of one refined image.
@@ -39,6 +40,7 @@ struct FrameResult {
   std::shared_ptr<const Observation> observation;  ///< what was looked at; null: nothing
   std::shared_ptr<const Field> field;              ///< what was looked for
   Refinement refinement;
+  bool found = false;  ///< refinement.T_O_C is where the object was found, trusted or not
 };
 
 /// Follows one object from image to image. One thread, the worker, calls `process` and
@@ -47,14 +49,16 @@ class ObjectTracker {
  public:
   /// Called by the worker with each change of the state that does not end a refinement.
   using Report = std::function<void(const RefinementStatus&)>;
+  using Clock = std::function<ros::Time()>;
 
   /// @param transforms filled by another thread; outlives this object.
+  /// @param clock the ROS clock.
   ObjectTracker(const PoseRefinerParameters& parameters, std::unique_ptr<ObjectSearch> search,
-                tf2::BufferCore* transforms, Report report);
+                tf2::BufferCore* transforms, Report report, Clock clock = ros::Time::now);
 
-  /// Tells the time of the ROS clock, with each message and now and then.
-  /// @return true if it jumped back: images that were not yet processed are worthless.
-  bool clockIs(const ros::Time& now);
+  /// Reads the clock: to be called with each message, before it is used, and now and then.
+  /// @return how often the clock has jumped back so far. An image of before a jump is worthless.
+  std::uint32_t readClock();
 
   /// Whether an image may be processed; if not, ~status will say why.
   /// @return nothing if it may, else the reason in words.
@@ -74,12 +78,11 @@ class ObjectTracker {
   /// Interrupts a refinement under way, for good: before the worker is joined.
   void stop();
 
-  std::string objectName() const;  ///< empty: none
-
   /// @name By the worker.
   /// @{
   void applyModels();
-  /// Refines an image if there is a pose to start from. The caller publishes what came of it.
+  /// Refines an image if there is a pose to start from and time did not jump back since it came.
+  /// The caller publishes what came of it.
   std::optional<FrameResult> process(const CameraFrame& frame);
   /// Reports the state if it changed since the last report.
   void reportChange(const std_msgs::Header& header);
@@ -91,17 +94,27 @@ class ObjectTracker {
     std::promise<void> done;
   };
 
+  enum class Trust { kOutdated, kNotTrusted, kTrusted };
+
+  std::optional<FrameDecision> decide(const CameraFrame& frame, const std_msgs::Header& header,
+                                      const StopToken& stop);
+  std::optional<Prior> prepare(const std_msgs::Header& header, const FrameDecision& decision,
+                               const StopToken& stop);
   Prior priorFrom(const StartPose& start, const Pose& T_C_O) const;
-  void refine(const CameraFrame& frame, const FrameDecision& decision, const StopToken& stop,
-              FrameResult* result);
-  bool conclude(const std_msgs::Header& header, std::uint64_t ticket, const Refinement& refinement);
+  void refine(const CameraFrame& frame, const std_msgs::Header& header,
+              const FrameDecision& decision, const StopToken& stop, FrameResult* result);
+  Trust conclude(const std_msgs::Header& header, std::uint64_t ticket,
+                 const Refinement& refinement);
   void place(const std_msgs::Header& header, const Pose& T_W_C, bool trusted,
              FrameResult* result) const;
+  RefinementStatus statusOf(const FrameResult& result, const CameraFrame& frame,
+                            const FrameDecision& decision, const std_msgs::Header& header);
   RefinementStatus statusNow(const std_msgs::Header& header) const;
 
   const PoseRefinerParameters parameters_;
   tf2::BufferCore* transforms_;
   Report report_;
+  Clock clock_;
 
   // The worker's own.
   std::unique_ptr<ObjectSearch> search_;
@@ -112,6 +125,7 @@ class ObjectTracker {
 
   mutable std::mutex mutex_;  ///< guards all below; field_ is written by the worker alone
   TrackerState state_;
+  std::uint32_t clock_jumps_ = 0;
   StopToken running_;  ///< of the refinement under way
   bool stopping_ = false;
   std::shared_ptr<const Field> field_;  ///< in use

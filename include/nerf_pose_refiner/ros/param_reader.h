@@ -6,6 +6,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <set>
 #include <string>
 #include <vector>
@@ -40,8 +41,8 @@ class ParamReader {
   /// A group below this one; empty if it is absent.
   ParamReader group(const std::string& name);
 
-  /// A list of groups; empty if it is absent.
-  std::vector<ParamReader> list(const std::string& name);
+  /// A list of groups, which may be empty; nothing if it is absent.
+  std::optional<std::vector<ParamReader>> list(const std::string& name);
 
   /// One line for each key that nobody asked for, with the nearest name that exists.
   std::vector<std::string> unknown() const;

@@ -7,11 +7,16 @@
 #include <geometry_msgs/TransformStamped.h>
 #include <nerf_pose_refiner/PoseHypothesisArray.h>
 
+#include <string>
+
 #include "nerf_pose_refiner/engine/hypotheses.h"
 #include "nerf_pose_refiner/geometry/pose.h"
 #include "nerf_pose_refiner/ros/tracker_state.h"
 
 namespace nerf_pose_refiner {
+
+/// A frame as TF2 names it: TF1 put a slash before the name, and old drivers and bags still do.
+std::string withoutSlash(const std::string& frame_id);
 
 /// The library's pose as ROS has it: T_C_O in metres, of T_O_C in model units.
 Pose objectInCamera(const Pose& T_O_C, double metres_per_unit);
@@ -37,8 +42,8 @@ StartPose startFromMessage(const geometry_msgs::PoseStamped& message);
 /// @throws InputError also for a covariance that is not finite or has a negative variance.
 StartPose startFromMessage(const geometry_msgs::PoseWithCovarianceStamped& message);
 
-/// Live hypotheses of one image as poses in frame W, weighted by exp(-(loss - least) / |least|):
-/// the best first, and losses may be negative.
+/// Live, measured hypotheses of one image as poses in frame W, weighted by exp(-(loss - least) /
+/// |least|): the best first, and losses may be negative.
 /// @param T_W_C the camera in W [m]. Header and object's name are left to the caller.
 PoseHypothesisArray toMessage(const HypothesisTable& hypotheses, const Pose& T_W_C,
                               double metres_per_unit);

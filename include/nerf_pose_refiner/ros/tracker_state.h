@@ -76,13 +76,14 @@ class TrackerState {
   /// Decides on an image. If there is a start, a refinement begins.
   FrameDecision decide(const ros::Time& stamp, const std::string& frame_id);
 
-  /// The start could not be carried to the image's time and frame.
-  void startRefused(std::uint64_t ticket, const std::string& message);
-  /// A refinement ended well. @return false if it is out of date: drop the result.
+  /// The start cannot be used: the reason counts against the track or the initial pose.
+  void startRefused(std::uint64_t ticket, std::uint8_t reason, const std::string& message);
+  /// A refinement ended well. @return false if it is out of date, after a reset say: drop the
+  /// result.
   bool trusted(std::uint64_t ticket, const Pose& T_C_O, const std::string& frame_id,
                const ros::Time& stamp);
-  /// A refinement ended without a pose to believe in.
-  void notTrusted(std::uint64_t ticket, std::uint8_t reason, const std::string& message);
+  /// A refinement ended without a pose to believe in. @return false if it is out of date.
+  bool notTrusted(std::uint64_t ticket, std::uint8_t reason, const std::string& message);
   /// A refinement ended with an exception.
   void failed(std::uint64_t ticket, const std::string& message);
 
@@ -92,7 +93,6 @@ class TrackerState {
   void setEnabled(bool enabled);
 
   const Condition& condition() const { return condition_; }
-  bool tracking() const { return last_.has_value(); }
 
  private:
   void become(std::uint8_t state, std::uint8_t reason = RefinementStatus::REASON_NONE,
