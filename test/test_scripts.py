@@ -1,6 +1,9 @@
 #!/usr/bin/env python3
 # Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 """Checks the shell scripts: their form, and that they install only what is missing, and only when allowed."""
+import ast
+import glob
+import importlib.util
 import os
 import stat
 import subprocess
@@ -9,6 +12,8 @@ import unittest
 
 TOP = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 SCRIPTS = os.path.join(TOP, 'scripts')
+SOURCES = ('.cpp', '.h', '.inl', '.cu', '.cuh', '.cmake', '.py', '.msg', '.srv', '.launch', '.test', '.yaml', '.xml')
+OWN_MODULES = ('nerf_pose_refiner', 'pose_evaluation')
 
 
 def run(*command, **environment):
@@ -46,7 +51,6 @@ class Form(unittest.TestCase):
             self.assertIn('--yes', result.stdout)
             self.assertEqual(run(script, '--no-such-option').returncode, 2)
 
-
     def test_another_python_leaves_the_path(self):
         with tempfile.TemporaryDirectory() as folder:
             os.symlink('/bin/true', os.path.join(folder, 'python3'))
@@ -55,9 +59,55 @@ class Form(unittest.TestCase):
             self.assertEqual(result.stdout.split('\n')[:2],
                              ['/usr/bin:/bin:/no such folder', '/usr/bin/python3'], result.stderr)
 
+    def test_every_source_says_whose_it_is(self):
+        for folder, folders, names in os.walk(TOP):
+            folders[:] = [name for name in folders if not name.startswith('.') and name not in ('build', 'out')]
+            for name in names:
+                path = os.path.join(folder, name)
+                if name.endswith(SOURCES) or (os.access(path, os.X_OK) and not name.endswith('.png')):
+                    with open(path, encoding='utf-8') as file:
+                        self.assertIn('(c) 2026, the nerf_pose_refiner authors', ''.join(file.readlines()[:4]), path)
 
-class Installing(unittest.TestCase):
-    """The installation against programs that only write down how they were called."""
+
+class Dependencies(unittest.TestCase):
+    """What the Python programs import is named where it is installed from."""
+
+    def imports(self):
+        """Modules that are neither the standard library's nor this package's own."""
+        paths = [path for pattern in ('test/**/*.py', 'scripts/lib/*.py', 'demo/make_bag.py')
+                 for path in glob.glob(os.path.join(TOP, pattern), recursive=True)]
+        for path in paths:
+            with open(path, encoding='utf-8') as file:
+                tree = ast.parse(file.read())
+            for node in ast.walk(tree):
+                if isinstance(node, ast.Import):
+                    names = [alias.name for alias in node.names]
+                elif isinstance(node, ast.ImportFrom):
+                    names = [node.module]
+                else:
+                    continue
+                for name in (name.split('.')[0] for name in names):
+                    spec = importlib.util.find_spec(name)
+                    if name not in OWN_MODULES and (not spec or '-packages' in (spec.origin or '')):
+                        yield name
+
+    def test_imports_are_dependencies(self):
+        with open(os.path.join(TOP, 'package.xml'), encoding='utf-8') as file:
+            package = file.read()
+        with open(os.path.join(SCRIPTS, 'packages_debian.txt'), encoding='utf-8') as file:
+            debian = file.read().split('\n')
+        found = set(self.imports())
+        self.assertIn('rosbag', found)
+        for module in found:
+            name = 'python3-' + {'cv2': 'opencv'}.get(module, module.replace('_', '-'))
+            key = name if module in ('cv2', 'numpy') else module  # of rosdep
+            self.assertTrue(any(f'<{kind}>{key}<' in package for kind in ('test_depend', 'depend', 'exec_depend')),
+                            f'package.xml does not name {key}')
+            self.assertIn(name, debian)
+
+
+class AmongFakes(unittest.TestCase):
+    """Scripts among programs that only write down how they were called."""
 
     def setUp(self):
         self.folder = tempfile.TemporaryDirectory()
@@ -77,6 +127,25 @@ class Installing(unittest.TestCase):
             file.write(f'#!/bin/bash\necho "{name} $*" >>"{self.calls_file}"\n{body}\n')
         os.chmod(path, os.stat(path).st_mode | stat.S_IXUSR)
 
+    def installed_packages(self, missing=()):
+        with open(os.path.join(SCRIPTS, 'packages_debian.txt'), encoding='utf-8') as file:
+            names = [line.strip() for line in file if not line.startswith('#')]
+        self.program('dpkg-query', '\n'.join(
+            f'echo "installed {name}"' for name in names if name not in missing))
+
+
+class Testing(AmongFakes):
+    def test_no_test_that_matches_is_an_error(self):
+        self.installed_packages()
+        self.program('cmake', '')
+        self.program('ctest', 'echo "No tests were found!!!"')
+        result = run(os.path.join(SCRIPTS, 'test'), '--build', os.path.join(self.folder.name, 'build'),
+                     '--only', 'nothing', PATH=f'{self.bin}:/usr/bin:/bin')
+        self.assertIn('no tests were run', result.stderr)
+        self.assertEqual(result.returncode, 1)
+
+
+class Installing(AmongFakes):
     def install(self, yes, function='install_with_apt'):
         """What was called, and how it ended."""
         result = run('bash', '-euo', 'pipefail', '-c',
@@ -88,12 +157,6 @@ class Installing(unittest.TestCase):
             with open(self.calls_file, encoding='utf-8') as file:
                 calls = [line.strip() for line in file]
         return [call for call in calls if not call.startswith('dpkg-query')], result
-
-    def installed_packages(self, missing=()):
-        with open(os.path.join(SCRIPTS, 'packages_debian.txt'), encoding='utf-8') as file:
-            names = [line.strip() for line in file if not line.startswith('#')]
-        self.program('dpkg-query', '\n'.join(
-            f'echo "installed {name}"' for name in names if name not in missing))
 
     def test_nothing_missing(self):
         self.installed_packages()

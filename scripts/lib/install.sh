@@ -28,7 +28,7 @@ is_debian_12() {
 # Of the packages in scripts/packages_debian.txt, those that are not installed.
 missing_packages() {
   local wanted installed
-  wanted=$(grep -v '^#' "$TOP/scripts/packages_debian.txt" | sort)
+  wanted=$(grep -Ev '^(#|$)' "$TOP/scripts/packages_debian.txt" | sort)
   # shellcheck disable=SC2086 # one word a package
   installed=$({ dpkg-query -W -f='${db:Status-Status} ${Package}\n' $wanted 2>/dev/null || true; } |
     sed -n 's/^installed //p' | sort)
