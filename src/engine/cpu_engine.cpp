@@ -48,7 +48,8 @@ Rendering CpuEngine::render(const LoadedField& field, const Camera& camera, cons
 std::unique_ptr<FieldTrainer> CpuEngine::trainer(const FieldConfig& config, const Box& box,
                                                  std::vector<TrainingView> views,
                                                  const TrainingPlan& plan) {
-  return std::make_unique<CpuTrainer>(config, box, std::move(views), plan, *kernels_, threads_);
+  return std::make_unique<CpuTrainer>(config, box, std::move(views), plan, *kernels_, threads_,
+                                      &work_);
 }
 
 const RayRenderer& rayRenderer(const LoadedField& field) {

@@ -90,7 +90,7 @@ void CpuField::renderRays(const Ray* rays, int n, const RenderOptions& options, 
     enter(rays + first, size, options, batch);
     while (!batch->finished()) {
       batch->advance(view_, options.min_transmittance);
-      batch->addColours(view_, sums);
+      batch->addColours(view_, options.min_weight, sums);
     }
     for (int r = 0; r < size; ++r) {
       results[first + r] = resultOf(rays[first + r], sums[r], cube_.side);
@@ -111,7 +111,7 @@ void CpuField::pullRays(const Ray* rays, int n, const RenderOptions& options,
   while (first < n) {
     const int size = std::min(group, n - first);
     enter(rays + first, size, options, batch);
-    if (!batch->forward(view_, options.min_transmittance, sums)) {
+    if (!batch->forward(view_, options.min_transmittance, options.min_weight, sums)) {
       group = size / 2;  // too many samples to keep: again with fewer rays
       continue;
     }
@@ -122,6 +122,7 @@ void CpuField::pullRays(const Ray* rays, int n, const RenderOptions& options,
     std::fill(pulls + first, pulls + first + size, RayPull{});
     pullPositions(rays + first, direction_gradient, batch, pulls + first);
     addWork(*batch, size, work);
+    addPullWork(*batch, work);
     first += size;
     group = kPullRaysPerGroup;
   }
@@ -172,6 +173,13 @@ void CpuField::addWork(const RayBatch& batch, int rays, Work* work) const {
   work->colour_samples += batch.colourEvaluations();
   work->gathers += networks_.gathersPerSample() * densities;
   work->flops += networks_.densityFlops() * densities + networks_.colourFlops() * colours;
+}
+
+/// The way back to the positions reads the grid again and costs as much as the way there.
+void CpuField::addPullWork(const RayBatch& batch, Work* work) const {
+  const double columns = static_cast<double>(batch.columns().size());
+  work->gathers += networks_.gathersPerSample() * columns;
+  work->flops += (networks_.densityFlops() + networks_.colourFlops()) * columns;
 }
 
 std::shared_ptr<const RayRenderer> makeCpuField(std::shared_ptr<const Field> field,

@@ -47,6 +47,7 @@ class CpuField : public RayRenderer {
   void pullPositions(const Ray* rays, bool direction_gradient, RayBatch* batch,
                      RayPull* pulls) const;
   void addWork(const RayBatch& batch, int rays, Work* work) const;
+  void addPullWork(const RayBatch& batch, Work* work) const;
 
   std::shared_ptr<const Field> field_;
   CpuNetworks networks_;

@@ -72,9 +72,9 @@ void CpuNetworks::assign(const std::vector<float>& density_weights,
   scatterWeights(colour_weights.data(), &colour);
 }
 
-double CpuNetworks::densityFlops() const {
-  return 2.0 * gathersPerSample() * features + networkFlops(density);
-}
+double CpuNetworks::interpolationFlops() const { return 2.0 * gathersPerSample() * features; }
+
+double CpuNetworks::densityFlops() const { return interpolationFlops() + networkFlops(density); }
 
 double CpuNetworks::colourFlops() const { return networkFlops(colour); }
 

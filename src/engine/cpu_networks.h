@@ -35,7 +35,8 @@ struct CpuNetworks {
   void assign(const std::vector<float>& density_weights, const std::vector<float>& colour_weights);
 
   double gathersPerSample() const { return 8.0 * static_cast<double>(levels.size()); }
-  double densityFlops() const;  ///< of a sample: interpolation and density network
+  double interpolationFlops() const;  ///< of a sample
+  double densityFlops() const;        ///< of a sample: interpolation and density network
   double colourFlops() const;
 };
 

@@ -56,7 +56,7 @@ CpuTrainer::Slot::Slot(const CpuNetworks& networks) {
 }
 
 CpuTrainer::CpuTrainer(const FieldConfig& config, const Box& box, std::vector<TrainingView> views,
-                       const TrainingPlan& plan, const CpuKernels& kernels, int threads)
+                       const TrainingPlan& plan, const CpuKernels& kernels, int threads, Work* work)
     : config_((config.validate(), config)),
       box_(box),
       cube_(box),
@@ -64,6 +64,7 @@ CpuTrainer::CpuTrainer(const FieldConfig& config, const Box& box, std::vector<Tr
       plan_(plan),
       kernels_(&kernels),
       threads_(threads),
+      work_(work),
       networks_(config),
       grid_(static_cast<std::size_t>(networks_.levels.back().offset +
                                      networks_.levels.back().entries) *
@@ -157,7 +158,10 @@ bool CpuTrainer::trainGroup(RayBatch* batch, Slot* slot, std::uint64_t first_ray
     batch->rays().jitter[r] = randomUniform(stepSeed(), kStreamRay, index * 8 + 6);
   }
   batch->begin(view_, cube_.space(config_.step, config_.cone_angle, &occupancy_.mask()), rays);
-  if (!batch->forward(view_, kMinTransmittance, sums)) return false;
+  const bool complete = batch->forward(view_, kMinTransmittance, 0, sums);  // all can learn
+  countForward(batch->densityEvaluations(), batch->colourEvaluations(), &slot->work);
+  if (!complete) return false;
+  slot->work.rays += static_cast<std::uint64_t>(rays);
 
   const float scale = 1.0f / (3.0f * static_cast<float>(rays_per_step_));
   for (int r = 0; r < rays; ++r) {
@@ -174,8 +178,26 @@ bool CpuTrainer::trainGroup(RayBatch* batch, Slot* slot, std::uint64_t first_ray
   }
   batch->backward(view_, gradients, &slot->weight_gradients);
   slot->samples += batch->densityEvaluations();
+  countBackward(batch->columns().size(), &slot->work);
   keepEncodingGradient(&batch->pool(), static_cast<int>(batch->columns().size()), slot);
   return true;
+}
+
+void CpuTrainer::countForward(std::uint64_t densities, std::uint64_t colours, Work* work) const {
+  const double n = static_cast<double>(densities), m = static_cast<double>(colours);
+  work->samples += densities;
+  work->colour_samples += colours;
+  work->gathers += networks_.gathersPerSample() * n;
+  work->flops += networks_.densityFlops() * n + networks_.colourFlops() * m;
+}
+
+/// A layer's way back costs as much as its way there for its inputs, and again for its weights;
+/// interpolation only once.
+void CpuTrainer::countBackward(std::uint64_t columns, Work* work) const {
+  const double n = static_cast<double>(columns);
+  work->gathers += networks_.gathersPerSample() * n;
+  work->flops += n * (2 * (networks_.densityFlops() + networks_.colourFlops()) -
+                      networks_.interpolationFlops());
 }
 
 void CpuTrainer::keepEncodingGradient(SamplePool* pool, int columns, Slot* slot) {
@@ -223,6 +245,8 @@ void CpuTrainer::pushEmptySpaceDown(SamplePool* pool, Slot* slot, int slot_index
   }
   pool->evaluateColour(view_, kEmptyPoints);
   pool->backward(view_, kEmptyPoints, &slot->weight_gradients);
+  countForward(kEmptyPoints, kEmptyPoints, &slot->work);
+  countBackward(kEmptyPoints, &slot->work);
   keepEncodingGradient(pool, kEmptyPoints, slot);
 }
 
@@ -232,6 +256,7 @@ void CpuTrainer::runSlot(int index, int first_ray, int rays) {
   slot.used_blocks = 0;
   slot.loss = 0;
   slot.samples = 0;
+  slot.work = Work();
   for (std::vector<float>& gradient : slot.weight_gradients) {
     std::fill(gradient.begin(), gradient.end(), 0.0f);
   }
@@ -290,7 +315,7 @@ void CpuTrainer::updateNetworks(float learning_rate) {
 
 double CpuTrainer::step(double progress) {
   if (steps_ >= kOccupancyStart && steps_ % kOccupancyInterval == 0) {
-    occupancy_.update(view_, networks_, steps_, threads_);
+    occupancy_.update(view_, networks_, steps_, threads_, work_);
   }
   const int rays_per_slot = rays_per_step_ / kSlots;
   parallelFor(threads_, kSlots, [&](int s) { runSlot(s, s * rays_per_slot, rays_per_slot); });
@@ -300,10 +325,13 @@ double CpuTrainer::step(double progress) {
   updateNetworks(learning_rate);
   double loss = 0;
   std::uint64_t samples = 0;
+  Work work;
   for (const Slot& slot : slots_) {
     loss += slot.loss;
     samples += slot.samples;
+    work += slot.work;
   }
+  *work_ += work;
   ++steps_;
   const double samples_per_ray = std::max(0.5, static_cast<double>(samples) / rays_per_step_);
   const double wanted = plan_.samples_per_step / samples_per_ray;
@@ -322,7 +350,7 @@ Field CpuTrainer::snapshot(const StopToken& stop) {
   gatherWeights(networks_.density, field.density_weights.data());
   gatherWeights(networks_.colour, field.colour_weights.data());
   std::vector<float> cell_opacity;
-  field.occupancy = occupancy_.dense(view_, networks_, threads_, stop, &cell_opacity);
+  field.occupancy = occupancy_.dense(view_, networks_, threads_, stop, &cell_opacity, work_);
   const MatterExtent extent = measureMatter(field, cell_opacity);
   field.metadata.centre = extent.centre;
   field.metadata.diameter = extent.diameter;

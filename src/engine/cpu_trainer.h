@@ -7,6 +7,7 @@
 #include "cpu_field.h"
 #include "cpu_kernels.h"
 #include "cpu_networks.h"
+#include "nerf_pose_refiner/engine/engine.h"
 #include "nerf_pose_refiner/engine/training.h"
 #include "pixel_window.h"
 #include "ray_batch.h"
@@ -20,8 +21,9 @@ namespace nerf_pose_refiner {
 /// entries are owned by their level.
 class CpuTrainer : public FieldTrainer {
  public:
+  /// @param work is added to, as long as the trainer lives.
   CpuTrainer(const FieldConfig& config, const Box& box, std::vector<TrainingView> views,
-             const TrainingPlan& plan, const CpuKernels& kernels, int threads);
+             const TrainingPlan& plan, const CpuKernels& kernels, int threads, Work* work);
 
   double step(double progress) override;
   int stepsDone() const override { return steps_; }
@@ -46,7 +48,8 @@ class CpuTrainer : public FieldTrainer {
     std::vector<Block> blocks;
     std::size_t used_blocks = 0;
     double loss = 0;
-    std::uint64_t samples = 0;
+    std::uint64_t samples = 0;  ///< of the rays
+    Work work;                  ///< all of it
     explicit Slot(const CpuNetworks& networks);
   };
   struct TrainingRay {
@@ -63,6 +66,8 @@ class CpuTrainer : public FieldTrainer {
   void runSlot(int slot, int first_ray, int rays);
   bool trainGroup(RayBatch* batch, Slot* slot, std::uint64_t first_ray, int rays);
   void pushEmptySpaceDown(SamplePool* pool, Slot* slot, int slot_index);
+  void countForward(std::uint64_t densities, std::uint64_t colours, Work* work) const;
+  void countBackward(std::uint64_t columns, Work* work) const;
   void keepEncodingGradient(SamplePool* pool, int columns, Slot* slot);
   void updateGridLevel(int level, float learning_rate);
   void updateNetworks(float learning_rate);
@@ -76,6 +81,7 @@ class CpuTrainer : public FieldTrainer {
   TrainingPlan plan_;
   const CpuKernels* kernels_;
   int threads_;
+  Work* work_;
 
   CpuNetworks networks_;
   Parameters grid_;

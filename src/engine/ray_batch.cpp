@@ -8,9 +8,8 @@
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr int kSamplesPerPass = 4;         // of a ray, before its transmittance is looked at again
-constexpr int kPoolCapacity = 8192;        // columns: more than the longest ray has samples
-constexpr float kColourThreshold = 1e-4f;  // lighter samples add less than a tenth of an 8-bit step
+constexpr int kSamplesPerPass = 4;   // of a ray, before its transmittance is looked at again
+constexpr int kPoolCapacity = 8192;  // columns: more than the longest ray has samples
 
 }  // namespace
 
@@ -146,10 +145,10 @@ void RayBatch::weighSamples(const FieldView& field, int first, int count, float 
   active_.resize(kept);
 }
 
-void RayBatch::addColours(const FieldView& field, Sums* sums) {
+void RayBatch::addColours(const FieldView& field, float min_weight, Sums* sums) {
   coloured_.clear();
   for (int s = 0; s < static_cast<int>(columns_.size()); ++s) {
-    if (columns_[s].weight > kColourThreshold) coloured_.push_back(s);
+    if (columns_[s].ray >= 0 && columns_[s].weight >= min_weight) coloured_.push_back(s);
   }
   const int count = static_cast<int>(coloured_.size());
   for (int i = 0; i < count; ++i) {
@@ -167,7 +166,8 @@ void RayBatch::addColours(const FieldView& field, Sums* sums) {
   columns_.clear();
 }
 
-bool RayBatch::forward(const FieldView& field, float min_transmittance, Sums* sums) {
+bool RayBatch::forward(const FieldView& field, float min_transmittance, float min_weight,
+                       Sums* sums) {
   while (!finished()) {
     if (advance(field, min_transmittance)) continue;
     if (rays_.size() > 1) return false;
@@ -183,8 +183,9 @@ bool RayBatch::forward(const FieldView& field, float min_transmittance, Sums* su
   colour_evaluations_ += static_cast<std::uint64_t>(count);
   std::fill(sums, sums + rays_.size(), Sums{});
   for (int s = 0; s < count; ++s) {
-    const Column& column = columns_[s];
+    Column& column = columns_[s];
     if (column.ray < 0) continue;
+    if (column.weight < min_weight) column.weight = column.transmittance_behind = 0;
     Sums& sum = sums[column.ray];
     for (int c = 0; c < 3; ++c) sum.rgb[c] += column.weight * pool_.rgb(c)[s];
     sum.alpha += column.weight;

@@ -26,8 +26,8 @@ class RayBatch {
   struct Column {
     int ray;  ///< -1: padding
     RaySample sample;
-    float weight;  ///< transmittance in front * opacity
-    float transmittance_behind;
+    float weight;                ///< transmittance in front * opacity
+    float transmittance_behind;  ///< its derivative by the thickness; both 0 if it is left out
   };
   /// Sums over a ray's samples.
   struct Sums {
@@ -58,12 +58,13 @@ class RayBatch {
   bool finished() const { return active_.empty(); }
 
   /// Columns taken since the last call are coloured and added to the sums; their memory is free
-  /// again. For rendering.
-  void addColours(const FieldView& field, Sums* sums);
+  /// again. For rendering. @param min_weight lighter ones are left out.
+  void addColours(const FieldView& field, float min_weight, Sums* sums);
 
   /// Takes all samples of all rays, keeps what is computed for them, and fills sums.
+  /// @param min_weight lighter ones are left out of the sums (and hide what is behind them still).
   /// @return false if they do not fit into the pool; a single ray is cut off instead.
-  bool forward(const FieldView& field, float min_transmittance, Sums* sums);
+  bool forward(const FieldView& field, float min_transmittance, float min_weight, Sums* sums);
 
   /// After forward: from the derivatives of a loss with respect to the sums of every ray, back to
   /// the samples' encodings and harmonics. @param weight_gradients see SamplePool::backward.

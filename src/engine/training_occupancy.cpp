@@ -25,7 +25,10 @@ constexpr int kChunk = 1024;               // points that are evaluated together
 /// Densities at many points: `position(i, p)` gives point i in N, `take(i, density)` its density.
 template <typename Position, typename Take>
 void evaluatePoints(const FieldView& field, const CpuNetworks& networks, int sh_degree, int n,
-                    int threads, const Position& position, const Take& take) {
+                    int threads, const Position& position, const Take& take, Work* work) {
+  work->samples += static_cast<std::uint64_t>(n);
+  work->gathers += networks.gathersPerSample() * n;
+  work->flops += networks.densityFlops() * n;
   const int chunks = (n + kChunk - 1) / kChunk;
   const int workers = std::max(1, std::min(threads, chunks));
   parallelFor(threads, workers, [&](int worker) {
@@ -94,7 +97,7 @@ bool TrainingOccupancy::occupied(const float p_N[3]) const {
 }
 
 void TrainingOccupancy::update(const FieldView& field, const CpuNetworks& networks, int step,
-                               int threads) {
+                               int threads, Work* work) {
   const int n = config_.occupancy_resolution;
   const float cell_size = 1.0f / static_cast<float>(n);
   const std::size_t offset =
@@ -113,7 +116,7 @@ void TrainingOccupancy::update(const FieldView& field, const CpuNetworks& networ
           p[a] = (static_cast<float>(c[a]) + jitter) * cell_size;
         }
       },
-      [&](int i, float density) { seen[i] = density; });
+      [&](int i, float density) { seen[i] = density; }, work);
   for (float& density : density_) density *= std::pow(kFading, 1.0f / kShare);
   for (int i = 0; i < count; ++i) {
     float& density = density_[offset + static_cast<std::size_t>(i) * kShare];
@@ -128,7 +131,7 @@ void TrainingOccupancy::update(const FieldView& field, const CpuNetworks& networ
 
 OccupancyGrid TrainingOccupancy::dense(const FieldView& field, const CpuNetworks& networks,
                                        int threads, const StopToken& stop,
-                                       std::vector<float>* cell_opacity) const {
+                                       std::vector<float>* cell_opacity, Work* work) const {
   const int n = config_.occupancy_resolution;
   const float cell_size = 1.0f / static_cast<float>(n);
   constexpr int kPoints = kPointsPerAxis * kPointsPerAxis * kPointsPerAxis;
@@ -150,7 +153,7 @@ OccupancyGrid TrainingOccupancy::dense(const FieldView& field, const CpuNetworks
             p[a] = (static_cast<float>(c[a]) + within) * cell_size;
           }
         },
-        [&](int i, float value) { density[i] = value; });
+        [&](int i, float value) { density[i] = value; }, work);
     for (int i = 0; i < cells; ++i) {
       float highest = 0, mean = 0;
       for (int k = 0; k < kPoints; ++k) {

@@ -5,6 +5,7 @@
 #include <memory>
 #include <vector>
 
+#include "nerf_pose_refiner/engine/engine.h"
 #include "nerf_pose_refiner/tasks/stop_token.h"
 #include "ray_march.h"
 #include "sample_pool.h"
@@ -24,13 +25,15 @@ class TrainingOccupancy {
   bool occupied(const float p_N[3]) const;
 
   /// Looks at a share of the region's cells, each at a random point; densities that were seen
-  /// before fade. Then decides anew which cells are occupied.
-  void update(const FieldView& field, const CpuNetworks& networks, int step, int threads);
+  /// before fade. Then decides anew which cells are occupied. @param work is added to.
+  void update(const FieldView& field, const CpuNetworks& networks, int step, int threads,
+              Work* work);
 
   /// Looks at every cell that touches the box at several points. @param cell_opacity of the way
-  /// through each cell, by its mean density. @return the occupied cells, dilated by one.
+  /// through each cell, by its mean density. @param work is added to.
+  /// @return the occupied cells, dilated by one. @throws Stopped.
   OccupancyGrid dense(const FieldView& field, const CpuNetworks& networks, int threads,
-                      const StopToken& stop, std::vector<float>* cell_opacity) const;
+                      const StopToken& stop, std::vector<float>* cell_opacity, Work* work) const;
 
  private:
   FieldConfig config_;

@@ -242,24 +242,47 @@ TEST(CpuField, RaysOfManySamplesArePulledInSmallerGroups) {
   }
 }
 
+// The paper's mode descends on what is scored: the same samples count for both.
 TEST(CpuField, PullSeesWhatIsRendered) {
-  const Field field = randomField(smallConfig(), 3);
+  Field field = randomField(smallConfig(), 3);
+  field.config.step = 0.002f;  // most samples are faint
   const auto scene = load(field);
   const Rays rays = randomRays(field, 100);
-  const Results rendered = render(*scene, rays, everything());
-  std::vector<RayPull> pulls(rays.size());
-  const auto compare = [&](int i, const RayResult& seen) -> RayLossGradient {
-    // Faint samples, of less than 1e-4 each, are coloured here as well.
-    for (int c = 0; c < 3; ++c) EXPECT_NEAR(seen.rgb[c], rendered[i].rgb[c], 1e-3);
-    EXPECT_NEAR(seen.alpha, rendered[i].alpha, 1e-3);
-    for (int c = 0; c < 3; ++c) EXPECT_NEAR(seen.point[c], rendered[i].point[c], 4e-3);
-    return {{0, 0, 0}, 0};
-  };
-  Work work;
-  scene->pullRays(rays.data(), 100, everything(), false, compare, pulls.data(), &work);
-  for (const RayPull& p : pulls) {
-    for (int a = 0; a < 3; ++a) EXPECT_EQ(std::abs(p.force[a]) + std::abs(p.torque[a]), 0);
+  RenderOptions strict;
+  strict.min_weight = 3e-3f;
+  for (const RenderOptions& options : {everything(), RenderOptions(), strict}) {
+    const Results rendered = render(*scene, rays, options);
+    std::vector<RayPull> pulls(rays.size());
+    const auto compare = [&](int i, const RayResult& seen) -> RayLossGradient {
+      for (int c = 0; c < 3; ++c) EXPECT_NEAR(seen.rgb[c], rendered[i].rgb[c], 1e-5);
+      EXPECT_NEAR(seen.alpha, rendered[i].alpha, 1e-5);
+      for (int c = 0; c < 3; ++c) EXPECT_NEAR(seen.point[c], rendered[i].point[c], 4e-5);
+      return {{0, 0, 0}, 0};
+    };
+    Work work;
+    scene->pullRays(rays.data(), 100, options, false, compare, pulls.data(), &work);
+    for (const RayPull& p : pulls) {
+      for (int a = 0; a < 3; ++a) EXPECT_EQ(std::abs(p.force[a]) + std::abs(p.torque[a]), 0);
+    }
   }
+}
+
+TEST(CpuField, FaintSamplesDoNotCount) {
+  Field field = randomField(smallConfig(), 3);
+  const auto scene = load(field);
+  const Rays rays = randomRays(field, 200);
+  const Results whole = render(*scene, rays, everything());
+  RenderOptions options = everything();
+  options.min_weight = 0.05f;
+  const Results heavy = render(*scene, rays, options);
+  int fewer = 0;
+  for (std::size_t i = 0; i < rays.size(); ++i) {
+    EXPECT_LE(heavy[i].alpha, whole[i].alpha + 1e-6f);
+    const bool none_left = heavy[i].alpha == 0;
+    EXPECT_TRUE(none_left || heavy[i].alpha >= options.min_weight);
+    fewer += heavy[i].alpha < whole[i].alpha - 1e-3f;
+  }
+  EXPECT_GT(fewer, 20);
 }
 
 // --- errors

@@ -224,6 +224,7 @@ std::vector<Vector6d> enginePulls(const RayRenderer& scene, const std::vector<Ca
   for (const Case& c : cases) rays.push_back(c.ray);
   RenderOptions options;
   options.min_transmittance = 0;
+  options.min_weight = 0;
   options.use_occupancy = false;
   std::vector<RayPull> pulls(cases.size());
   const auto gradient = [&](int i, const RayResult& ray) -> RayLossGradient {

@@ -32,6 +32,7 @@ inline Results render(const RayRenderer& scene, const Rays& rays, const RenderOp
 inline RenderOptions everything() {
   RenderOptions options;
   options.min_transmittance = 0;
+  options.min_weight = 0;
   options.use_occupancy = false;
   return options;
 }

@@ -23,8 +23,8 @@ struct Work {
   std::uint64_t rays = 0;
   std::uint64_t samples = 0;         ///< evaluations of the density (hash grid and density network)
   std::uint64_t colour_samples = 0;  ///< evaluations of the colour network
-  double gathers = 0;                ///< grid entries read
-  double flops = 0;                  ///< of interpolation and networks
+  double gathers = 0;                ///< grid entries read, or changed by a gradient
+  double flops = 0;                  ///< of interpolation and networks, there and back
 
   Work& operator+=(const Work& other);
 };
@@ -37,6 +37,7 @@ struct RenderOptions {
   float near = 0;                   ///< nothing nearer is seen [model units along the ray]
   float step_scale = 1;             ///< multiplies the field's sample intervals
   float min_transmittance = 1e-4f;  ///< a ray ends when less than this is left
+  float min_weight = 1e-4f;         ///< lighter samples count for nothing; a tenth of an 8-bit step
   bool use_occupancy = true;        ///< skip what the occupancy grid calls empty
 };
 
@@ -84,7 +85,7 @@ class Engine {
   virtual Rendering render(const LoadedField& field, const Camera& camera, const Pose& T_O_C,
                            const RenderOptions& options, const StopToken& stop) = 0;
 
-  /// A trainer of one field; it keeps the images.
+  /// A trainer of one field; it keeps the images. The engine must live longer.
   virtual std::unique_ptr<FieldTrainer> trainer(const FieldConfig& config, const Box& box,
                                                 std::vector<TrainingView> views,
                                                 const TrainingPlan& plan) = 0;
