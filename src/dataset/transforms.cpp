@@ -9,8 +9,10 @@
 #include <vector>
 
 #include "nerf_pose_refiner/dataset/dataset.h"
+#include "nerf_pose_refiner/dataset/path_below.h"
 #include "nerf_pose_refiner/image/io.h"
 #include "nerf_pose_refiner/image/undistort.h"
+#include "nerf_pose_refiner/tasks/parallel.h"
 #include "transforms_json.h"
 
 namespace nerf_pose_refiner {
@@ -23,23 +25,41 @@ std::string sizeText(double width, double height) {
 }
 
 /// The JSON file that a user means by a path.
-fs::path jsonPath(const fs::path& path) {
+fs::path jsonPath(const fs::path& path, const DatasetOptions& options) {
   if (!fs::is_directory(path)) return path;
   for (const char* name : {"transforms.json", "transforms_train.json"}) {
-    if (fs::exists(path / name)) return path / name;
+    if (!fs::exists(path / name)) continue;
+    if (options.confined) pathBelow(path.string(), name);
+    return path / name;
   }
   throw std::runtime_error("'" + path.string() +
                            "' holds neither transforms.json nor transforms_train.json");
 }
 
-/// NeRF Synthetic leaves the ending away.
-std::string imagePath(const fs::path& folder, const TransformsFrame& frame) {
-  const std::string path = (folder / frame.file_path).lexically_normal().string();
-  for (const char* ending : {"", ".png", ".jpg", ".jpeg", ".PNG", ".JPG", ".JPEG"}) {
-    if (fs::is_regular_file(path + ending)) return path + ending;
+/// Files that a transforms.json names.
+class Files {
+ public:
+  Files(const fs::path& folder, bool confined) : folder_(folder), confined_(confined) {}
+
+  std::string find(const std::string& path) const {
+    return confined_ ? pathBelow(folder_.empty() ? "." : folder_.string(), path)
+                     : (folder_ / path).lexically_normal().string();
   }
-  throw std::runtime_error("there is no file '" + path + "', with or without .png, .jpg or .jpeg");
-}
+
+  /// NeRF Synthetic leaves the ending away.
+  std::string findPicture(const std::string& path) const {
+    for (const char* ending : {"", ".png", ".jpg", ".jpeg", ".PNG", ".JPG", ".JPEG"}) {
+      const std::string file = find(path + ending);
+      if (fs::is_regular_file(file)) return file;
+    }
+    throw std::runtime_error("there is no file '" + find(path) +
+                             "', with or without .png, .jpg or .jpeg");
+  }
+
+ private:
+  fs::path folder_;
+  bool confined_;
+};
 
 /// Camera of a frame, pixel centres integers.
 Camera cameraOf(const TransformsFrame& frame, int width, int height) {
@@ -113,19 +133,19 @@ struct LoadedView {
   bool has_transparency = false;   // somewhere
 };
 
-LoadedView loadView(const fs::path& folder, const TransformsFrame& frame,
+LoadedView loadView(const Files& files, const TransformsFrame& frame,
                     UndistorterCache* undistorters) {
   LoadedView loaded;
   PosedView& view = loaded.view;
-  view.name = imagePath(folder, frame);
+  view.name = files.findPicture(frame.file_path);
   view.T_O_C = frame.T_O_C;
   const Image8 image = readImage(view.name);
-  view.camera = cameraOf(frame, image.width, image.height);
+  view.photo_camera = cameraOf(frame, image.width, image.height);
+  view.camera = view.photo_camera;
+  view.distortion = frame.distortion;
   loaded.has_alpha_channel = image.channels == 4 || !frame.mask_path.empty();
   Image8 rgba = withAlpha(image);
-  if (!frame.mask_path.empty()) {
-    applyMask((folder / frame.mask_path).lexically_normal().string(), &rgba);
-  }
+  if (!frame.mask_path.empty()) applyMask(files.find(frame.mask_path), &rgba);
   if (!frame.distortion.isZero()) {
     const auto undistorter = undistorters->get(view.camera, frame.distortion);
     rgba = undistorter->undistort(rgba);
@@ -139,32 +159,29 @@ LoadedView loadView(const fs::path& folder, const TransformsFrame& frame,
 }
 
 /// All views, in parallel. The first frame that fails is the one that is reported.
-std::vector<LoadedView> loadViews(const fs::path& folder,
-                                  const std::vector<TransformsFrame>& frames) {
-  const int n = static_cast<int>(frames.size());
-  std::vector<LoadedView> views(n);
-  std::vector<std::string> errors(n);  // exceptions must not leave the parallel region
+std::vector<LoadedView> loadViews(const Files& files, const std::vector<TransformsFrame>& frames,
+                                  int threads, const StopToken& stop) {
+  std::vector<LoadedView> views(frames.size());
   UndistorterCache undistorters;
-#pragma omp parallel for schedule(dynamic)
-  for (int i = 0; i < n; ++i) {
+  parallelFor(threadCount(threads), static_cast<int>(frames.size()), [&](int i) {
+    stop.check();
     try {
-      views[i] = loadView(folder, frames[i], &undistorters);
+      views[i] = loadView(files, frames[i], &undistorters);
     } catch (const std::exception& error) {
-      errors[i] = frames[i].where + ": " + error.what();
+      throw std::runtime_error(frames[i].where + ": " + error.what());
     }
-  }
-  for (const std::string& error : errors) {
-    if (!error.empty()) throw std::runtime_error(error);
-  }
+  });
   return views;
 }
 
 }  // namespace
 
-Dataset loadTransforms(const std::string& path) {
-  const fs::path json_path = jsonPath(path);
+Dataset loadTransforms(const std::string& path, const DatasetOptions& options,
+                       const StopToken& stop) {
+  const fs::path json_path = jsonPath(path, options);
   const TransformsFile file = readTransformsJson(json_path.string());
-  const std::vector<LoadedView> views = loadViews(json_path.parent_path(), file.frames);
+  const std::vector<LoadedView> views = loadViews(Files(json_path.parent_path(), options.confined),
+                                                  file.frames, options.threads, stop);
 
   Dataset dataset;
   dataset.folder = json_path.parent_path().string();

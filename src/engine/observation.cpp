@@ -1,12 +1,13 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include "nerf_pose_refiner/engine/observation.h"
 
-#include <cmath>
 #include <stdexcept>
 #include <string>
 
 namespace nerf_pose_refiner {
 namespace {
+
+constexpr float kTolerance = 1e-4f;  // of the range 0..1: rounding of a blend or a resampling
 
 void requireImage(const char* name, const Image& image, const Camera& camera, int channels) {
   const auto size = [](int width, int height, int depth) {
@@ -21,8 +22,9 @@ void requireImage(const char* name, const Image& image, const Camera& camera, in
                                 size(camera.width, camera.height, channels));
   }
   for (float value : image.values) {
-    if (!std::isfinite(value)) {
-      throw std::invalid_argument(std::string("Observation::") + name + " is not finite");
+    if (!(value >= -kTolerance && value <= 1 + kTolerance)) {
+      throw std::invalid_argument(std::string("Observation::") + name + " holds " +
+                                  std::to_string(value) + ", must be in 0..1");
     }
   }
 }
@@ -35,8 +37,9 @@ void Observation::validate() const {
   const bool needs_alpha = background == Background::kKnownAlpha || background == Background::kMask;
   if (needs_alpha || !alpha.empty()) requireImage("alpha", alpha, camera, 1);
   if (!weight.empty()) requireImage("weight", weight, camera, 1);
-  if (background == Background::kKnownColour && !background_colour.allFinite()) {
-    throw std::invalid_argument("Observation::background_colour is not finite");
+  const auto colour = background_colour.array();
+  if (background == Background::kKnownColour && !((colour >= 0) && (colour <= 1)).all()) {
+    throw std::invalid_argument("Observation::background_colour is not in 0..1");
   }
 }
 

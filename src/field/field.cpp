@@ -3,12 +3,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <stdexcept>
 
 namespace nerf_pose_refiner {
 namespace {
 
 constexpr double kSqrt3 = 1.7320508075688772;
+constexpr float kShortestStep = 1e-4f;  // 17,000 samples on the longest ray: more takes for ever
 
 void require(bool condition, const std::string& what) {
   if (!condition) throw std::invalid_argument(what);
@@ -61,6 +63,21 @@ FieldConfig paperConfig() {
 
 }  // namespace
 
+bool Box::meets(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction) const {
+  double enter = 0, leave = std::numeric_limits<double>::infinity();
+  for (int a = 0; a < 3; ++a) {
+    if (direction[a] == 0) {
+      if (origin[a] < min[a] || origin[a] > max[a]) return false;
+      continue;
+    }
+    const double t0 = (min[a] - origin[a]) / direction[a];
+    const double t1 = (max[a] - origin[a]) / direction[a];
+    enter = std::max(enter, std::min(t0, t1));
+    leave = std::min(leave, std::max(t0, t1));
+  }
+  return enter <= leave;
+}
+
 FieldConfig FieldConfig::named(const std::string& profile) {
   if (profile == "cpu") return FieldConfig();
   if (profile == "paper") return paperConfig();
@@ -85,8 +102,9 @@ void FieldConfig::validate() const {
   requireInRange("colour_width", colour_width, 1, 256);
   requireInRange("colour_hidden_layers", colour_hidden_layers, 1, 8);
   requireInRange("sh_degree", sh_degree, 1, 4);
-  require(step > 0 && step <= 1,
-          "FieldConfig::step is " + std::to_string(step) + ", must be in (0, 1]");
+  require(step >= kShortestStep && step <= 1, "FieldConfig::step is " + std::to_string(step) +
+                                                  ", must be in " + std::to_string(kShortestStep) +
+                                                  "..1");
   require(cone_angle >= 0 && cone_angle < 1,
           "FieldConfig::cone_angle is " + std::to_string(cone_angle) + ", must be in [0, 1)");
   requireInRange("occupancy_resolution", occupancy_resolution, 8, 1024);

@@ -32,9 +32,32 @@ std::vector<std::uint8_t> readBytes(const std::string& path) {
   return bytes;
 }
 
+/// Whether a JPEG (ITU-T T.81) was cut off: its segments, or the coded data behind them, end before
+/// the marker "end of image". The decoder would fill the rest with grey and say nothing.
+bool isCutOffJpeg(const std::vector<std::uint8_t>& bytes) {
+  constexpr std::uint8_t kMarker = 0xff, kStartOfImage = 0xd8, kEndOfImage = 0xd9;
+  if (bytes.size() < 3 || bytes[0] != kMarker || bytes[1] != kStartOfImage) return false;
+  std::size_t i = 2;
+  while (i + 1 < bytes.size()) {
+    const std::uint8_t code = bytes[i + 1];
+    if (bytes[i] != kMarker || code == 0 || code == kMarker) {
+      ++i;  // coded data, a stuffed byte in it, or padding
+    } else if (code == kEndOfImage) {
+      return false;
+    } else if (code == 0x01 || (code >= 0xd0 && code <= 0xd7)) {
+      i += 2;  // markers without a segment
+    } else {
+      if (i + 3 >= bytes.size()) return true;
+      i += 2 + (bytes[i + 2] << 8 | bytes[i + 3]);  // a thumbnail inside has an end of its own
+    }
+  }
+  return true;
+}
+
 /// Decodes to 8 bits per channel; channels as in the file.
 cv::Mat decode(const std::string& path, int flags) {
   const std::vector<std::uint8_t> bytes = readBytes(path);
+  if (isCutOffJpeg(bytes)) fail("cannot read image", path, "a JPEG whose end is missing");
   cv::Mat image;
   try {
     image = cv::imdecode(bytes, flags);

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <cstring>
+#include <sstream>
 #include <stdexcept>
 
 #include "nerf_pose_refiner/image/colour.h"
@@ -18,6 +18,7 @@ using Clock = std::chrono::steady_clock;
 
 constexpr double kProgressInterval_s = 0.5;
 constexpr double kQualityInterval = 0.1;  // of the training, between looks at the held-out views
+constexpr double kMostPsnr_db = 100;      // of two pictures that are equal
 
 double secondsSince(Clock::time_point start) {
   return std::chrono::duration<double>(Clock::now() - start).count();
@@ -35,30 +36,64 @@ void split(const std::vector<PosedView>& views, int held_out, std::vector<PosedV
   }
 }
 
-/// Error of a rendering on black against a view: PSNR over the picture, and the root mean square
-/// error where the view shows the object.
+/// Where a view says what there is. One with transparency does so everywhere; one without shows
+/// whatever lies behind the box as well, and counts only where the box can be seen.
+std::vector<std::uint8_t> tellingPixels(const PosedView& view, const Box& box) {
+  const std::vector<std::uint8_t>& rgba = view.rgba->values;
+  std::vector<std::uint8_t> telling(view.rgba->pixels(), 1);
+  for (std::size_t i = 3; i < rgba.size(); i += 4) {
+    if (rgba[i] < 255) return telling;
+  }
+  for (int y = 0; y < view.camera.height; ++y) {
+    for (int x = 0; x < view.camera.width; ++x) {
+      const Eigen::Vector3d direction_O = view.T_O_C.R * view.camera.direction(x, y);
+      telling[static_cast<std::size_t>(y) * view.camera.width + x] =
+          box.meets(view.T_O_C.t, direction_O);
+    }
+  }
+  return telling;
+}
+
+/// Error of a rendering on black against a view.
 struct ViewError {
-  double psnr_db;
-  double inside_rms;
+  double psnr_db;     ///< at most kMostPsnr_db
+  double inside_rms;  ///< where the view shows the object
 };
 
 ViewError viewError(Engine* engine, const LoadedField& field, const PosedView& view,
                     const StopToken& stop) {
   const PremultipliedImage truth = premultiply(*view.rgba);
+  const std::vector<std::uint8_t> telling = tellingPixels(view, field.field().box);
   const Rendering rendering = engine->render(field, view.camera, view.T_O_C, RenderOptions(), stop);
-  double total = 0;
-  int inside = 0;
-  for (int y = 0; y < view.camera.height; ++y) {
-    for (int x = 0; x < view.camera.width; ++x) {
-      if (truth.alpha.at(x, y, 0) < 0.5f) continue;
-      ++inside;
-      for (int c = 0; c < 3; ++c) {
-        const double error = rendering.colour.at(x, y, c) - truth.colour.at(x, y, c);
-        total += error * error;
-      }
+  double squares = 0, inside_squares = 0;
+  std::size_t pixels = 0, inside = 0;
+  for (std::size_t i = 0; i < telling.size(); ++i) {
+    if (!telling[i]) continue;
+    double pixel_squares = 0;
+    for (int c = 0; c < 3; ++c) {
+      const double error = rendering.colour.values[3 * i + c] - truth.colour.values[3 * i + c];
+      pixel_squares += error * error;
     }
+    squares += pixel_squares;
+    ++pixels;
+    if (truth.alpha.values[i] < 0.5f) continue;
+    inside_squares += pixel_squares;
+    ++inside;
   }
-  return {psnr(rendering.colour, truth.colour), std::sqrt(total / std::max(1, 3 * inside))};
+  const auto mean = [](double sum, std::size_t n) {
+    return n > 0 ? sum / (3.0 * static_cast<double>(n)) : 0;
+  };
+  return {std::min(kMostPsnr_db, -10 * std::log10(mean(squares, pixels))),
+          std::sqrt(mean(inside_squares, inside))};
+}
+
+/// Whether a view can tell how good a model is: it shows the object, or the box that holds it.
+bool isTelling(const PosedView& view, const Box& box) {
+  const std::vector<std::uint8_t> telling = tellingPixels(view, box);
+  for (std::size_t i = 0; i < telling.size(); ++i) {
+    if (telling[i] && view.rgba->values[4 * i + 3] > 0) return true;
+  }
+  return false;
 }
 
 /// One run of a trainer: steps until the time, the steps or the quality are reached.
@@ -125,7 +160,7 @@ class TrainingRun {
   double loss_ = 0, psnr_db_ = 0;
 };
 
-/// How well held-out views are shown at their true poses: the scale for scores of new images.
+/// How well held-out views are shown at their true poses.
 void measureQuality(Engine* engine, const std::vector<PosedView>& held_out, const StopToken& stop,
                     Field* field) {
   if (held_out.empty()) return;
@@ -144,6 +179,15 @@ void measureQuality(Engine* engine, const std::vector<PosedView>& held_out, cons
   field->metadata.score.stddev_loss = std::sqrt(std::max(0.0, squares / n - sum * sum / (n * n)));
 }
 
+void requireBox(const Dataset& dataset) {
+  if (!dataset.has_box) return;
+  const Eigen::Vector3d &low = dataset.box_min, &high = dataset.box_max;
+  if (low.allFinite() && high.allFinite() && (low.array() < high.array()).all()) return;
+  std::ostringstream text;
+  text << "the box from " << low.transpose() << " to " << high.transpose() << " is empty";
+  throw std::invalid_argument(text.str());
+}
+
 }  // namespace
 
 void RegistrationSettings::validate() const {
@@ -158,6 +202,7 @@ void RegistrationSettings::validate() const {
   require(max_seconds >= 0, "max_seconds", max_seconds, "at least 0");
   require(target_psnr_db >= 0, "target_psnr_db", target_psnr_db, "at least 0");
   require(held_out >= 0, "held_out", held_out, "at least 0");
+  require(threads >= 0, "threads", threads, "0 (all cores) or more");
   require(metres_per_unit >= 0 && std::isfinite(metres_per_unit), "metres_per_unit",
           metres_per_unit, "0 (as the dataset says) or more");
   require(plan.samples_per_step >= 1024, "samples_per_step", plan.samples_per_step,
@@ -172,10 +217,14 @@ Field registerObject(Engine* engine, const Dataset& dataset, const RegistrationS
                      const std::function<void(const RegistrationProgress&)>& progress,
                      const StopToken& stop) {
   settings.validate();
+  requireBox(dataset);
+  const FieldConfig config = FieldConfig::named(settings.profile);
+  Hull hull = visualHull(dataset, config.occupancy_resolution, settings.threads, stop);
   std::vector<PosedView> training, held_out;
   split(dataset.views, settings.held_out, &training, &held_out);
-  const FieldConfig config = FieldConfig::named(settings.profile);
-  Hull hull = visualHull(dataset, config.occupancy_resolution, stop);
+  held_out.erase(std::remove_if(held_out.begin(), held_out.end(),
+                                [&](const PosedView& view) { return !isTelling(view, hull.box); }),
+                 held_out.end());
 
   TrainingPlan plan = settings.plan;
   plan.region = std::move(hull.region);
@@ -196,13 +245,15 @@ Field registerObject(Engine* engine, const Dataset& dataset, const RegistrationS
   measureQuality(engine, held_out, stop, &field);
   field.metadata.metres_per_unit =
       settings.metres_per_unit > 0 ? settings.metres_per_unit : dataset.metres_per_unit;
-  field.metadata.data_hash = registrationHash(dataset, settings);
+  field.metadata.data_hash = registrationHash(dataset, settings, stop);
   return field;
 }
 
-std::string registrationHash(const Dataset& dataset, const RegistrationSettings& settings) {
+std::string registrationHash(const Dataset& dataset, const RegistrationSettings& settings,
+                             const StopToken& stop) {
   Checksum checksum;
   for (const PosedView& view : dataset.views) {
+    stop.check();
     checksum.add(view.rgba->values.data(), view.rgba->values.size());
     for (const double number : {view.camera.fx, view.camera.fy, view.camera.cx, view.camera.cy}) {
       checksum.add(&number, sizeof number);

@@ -4,9 +4,11 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <stdexcept>
 
 #include "nerf_pose_refiner/field/matter.h"
+#include "nerf_pose_refiner/tasks/parallel.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -14,6 +16,9 @@ namespace {
 constexpr int kCoarseResolution = 64;  // for the first, generous box
 constexpr int kOpaque = 13;            // alpha of 255 that shows the object: 5 %
 constexpr double kMarginCells = 2;     // around the hull
+
+/// A pixel's number, however far outside of the picture the point lies.
+int pixelAt(double whole) { return static_cast<int>(std::min(1e9, std::max(-1e9, whole))); }
 
 /// Numbers of opaque pixels in upright rectangles of a silhouette, by a summed-area table.
 class Silhouette {
@@ -26,19 +31,19 @@ class Silhouette {
       int row = 0;
       for (int x = 0; x < width_; ++x) {
         row += rgba.at(x, y, 3) >= kOpaque;
-        sum(x + 1, y + 1) = sum(x + 1, y) + row;
+        sums_[index(x + 1, y + 1)] = sum(x + 1, y) + row;
       }
     }
   }
 
   /// True if an opaque pixel lies on the picture's border: the object may reach out of it.
-  bool touchesBorder() {
+  bool touchesBorder() const {
     return touches(0, 0, width_ - 1, 0) || touches(0, height_ - 1, width_ - 1, height_ - 1) ||
            touches(0, 0, 0, height_ - 1) || touches(width_ - 1, 0, width_ - 1, height_ - 1);
   }
 
   /// True if a pixel of the rectangle (clipped to the picture) is opaque.
-  bool touches(int x0, int y0, int x1, int y1) {
+  bool touches(int x0, int y0, int x1, int y1) const {
     x0 = std::max(0, x0), y0 = std::max(0, y0);
     x1 = std::min(width_ - 1, x1), y1 = std::min(height_ - 1, y1);
     if (x0 > x1 || y0 > y1) return false;
@@ -46,15 +51,42 @@ class Silhouette {
   }
 
  private:
-  int& sum(int x, int y) { return sums_[static_cast<std::size_t>(y) * (width_ + 1) + x]; }
+  std::size_t index(int x, int y) const { return static_cast<std::size_t>(y) * (width_ + 1) + x; }
+  int sum(int x, int y) const { return sums_[index(x, y)]; }
 
   int width_, height_;
   std::vector<int> sums_;
 };
 
-/// The point nearest to the optical axes of all cameras, and the radius of the sphere around it
-/// that all of them hold.
-Box boxSeenByAll(const std::vector<PosedView>& views) {
+/// What a view tells of where the object is.
+struct Witness {
+  Camera camera;
+  Pose T_C_O;
+  Silhouette silhouette;
+  bool cut_off;  ///< the object may reach out of the picture
+
+  explicit Witness(const PosedView& view)
+      : camera(view.camera),
+        T_C_O(view.T_O_C.inverse()),
+        silhouette(*view.rgba),
+        cut_off(silhouette.touchesBorder()) {}
+};
+
+std::vector<Witness> witnessesOf(const std::vector<PosedView>& views, int threads,
+                                 const StopToken& stop) {
+  std::vector<std::unique_ptr<Witness>> made(views.size());
+  parallelFor(threads, static_cast<int>(views.size()), [&](int i) {
+    stop.check();
+    made[i] = std::make_unique<Witness>(views[i]);
+  });
+  std::vector<Witness> witnesses;
+  for (std::unique_ptr<Witness>& witness : made) witnesses.push_back(std::move(*witness));
+  return witnesses;
+}
+
+/// A generous first box: a cube around the point nearest to all optical axes. Half its side is the
+/// longest half diagonal of what the pictures show at that point's distance.
+Box boxOfPictures(const std::vector<PosedView>& views) {
   Eigen::Matrix3d A = 1e-9 * Eigen::Matrix3d::Identity();
   Eigen::Vector3d b = Eigen::Vector3d::Zero();
   for (const PosedView& view : views) {
@@ -73,61 +105,81 @@ Box boxSeenByAll(const std::vector<PosedView>& views) {
   return {centre - Eigen::Vector3d::Constant(radius), centre + Eigen::Vector3d::Constant(radius)};
 }
 
-/// True if a cell around `middle` has a part in the box.
-bool overlaps(const Box& box, const Eigen::Vector3d& middle, double cell) {
-  return ((middle.array() + 0.5 * cell > box.min.array()) &&
-          (middle.array() - 0.5 * cell < box.max.array()))
-      .all();
+/// The cells of a box's cube, and what is known of each.
+struct Cells {
+  Cells(const Box& of, int resolution)
+      : box(of),
+        n(resolution),
+        size((of.max - of.min).maxCoeff() / resolution),
+        corner(0.5 * (of.min + of.max) - Eigen::Vector3d::Constant(0.5 * n * size)),
+        alive(static_cast<std::size_t>(n) * n * n, 1),
+        seen(alive.size(), 0) {}
+
+  Box box;
+  int n;        ///< along the cube
+  double size;  ///< [model units]
+  Eigen::Vector3d corner;
+  std::vector<std::uint8_t> alive;  ///< [z][y][x]: no view denies it so far
+  std::vector<std::uint16_t> seen;  ///< views that hold it
+
+  std::size_t index(int x, int y, int z) const {
+    return (static_cast<std::size_t>(z) * n + y) * n + x;
+  }
+  Eigen::Vector3d middle(int x, int y, int z) const {
+    return corner + size * Eigen::Vector3d(x + 0.5, y + 0.5, z + 0.5);
+  }
+  bool overlapsBox(const Eigen::Vector3d& middle) const {
+    return ((middle.array() + 0.5 * size > box.min.array()) &&
+            (middle.array() - 0.5 * size < box.max.array()))
+        .all();
+  }
+};
+
+/// Lets a view judge the cells of one slice. A cell is taken for the ball around it.
+void judgeSlice(const Witness& view, int z, Cells* cells) {
+  const double radius = 0.5 * std::sqrt(3.0) * cells->size;
+  for (int y = 0; y < cells->n; ++y) {
+    for (int x = 0; x < cells->n; ++x) {
+      const std::size_t i = cells->index(x, y, z);
+      if (!cells->alive[i]) continue;
+      const Eigen::Vector3d p_C = view.T_C_O * cells->middle(x, y, z);
+      if (p_C.z() <= radius) continue;
+      const Eigen::Vector2d centre = view.camera.project(p_C);
+      const double reach = radius * std::max(view.camera.fx, view.camera.fy) / p_C.z();
+      if (view.cut_off && (centre.x() - reach < -0.5 || centre.y() - reach < -0.5 ||
+                           centre.x() + reach > view.camera.width - 0.5 ||
+                           centre.y() + reach > view.camera.height - 0.5)) {
+        continue;  // not wholly inside: this view cannot deny it
+      }
+      ++cells->seen[i];
+      cells->alive[i] = view.silhouette.touches(
+          pixelAt(std::floor(centre.x() - reach)), pixelAt(std::floor(centre.y() - reach)),
+          pixelAt(std::ceil(centre.x() + reach)), pixelAt(std::ceil(centre.y() + reach)));
+    }
+  }
 }
 
 /// Cells of the box that no silhouette denies, in a grid over the box's cube.
-OccupancyGrid carve(const std::vector<PosedView>& views, const Box& box, int n,
+OccupancyGrid carve(const std::vector<Witness>& views, const Box& box, int n, int threads,
                     const StopToken& stop) {
-  const double side = (box.max - box.min).maxCoeff(), cell = side / n;
-  const Eigen::Vector3d corner = 0.5 * (box.min + box.max) - Eigen::Vector3d::Constant(0.5 * side);
-  const std::size_t cells = static_cast<std::size_t>(n) * n * n;
-  std::vector<std::uint8_t> alive(cells, 1);
-  std::vector<std::uint16_t> seen(cells, 0);
-  for (const PosedView& view : views) {
-    stop.check();
-    Silhouette silhouette(*view.rgba);
-    const bool cut_off = silhouette.touchesBorder();
-    const Pose T_C_O = view.T_O_C.inverse();
-    const double radius = 0.5 * std::sqrt(3.0) * cell;
-#pragma omp parallel for schedule(static)
-    for (int z = 0; z < n; ++z) {
-      for (int y = 0; y < n; ++y) {
-        for (int x = 0; x < n; ++x) {
-          const std::size_t i = (static_cast<std::size_t>(z) * n + y) * n + x;
-          if (!alive[i]) continue;
-          const Eigen::Vector3d p_O = corner + cell * Eigen::Vector3d(x + 0.5, y + 0.5, z + 0.5);
-          if (!overlaps(box, p_O, cell)) {
-            alive[i] = 0;
-            continue;
-          }
-          const Eigen::Vector3d p_C = T_C_O * p_O;
-          if (p_C.z() <= radius) continue;
-          const Eigen::Vector2d centre = view.camera.project(p_C);
-          const double reach = radius * std::max(view.camera.fx, view.camera.fy) / p_C.z();
-          if (cut_off && (centre.x() - reach < -0.5 || centre.y() - reach < -0.5 ||
-                          centre.x() + reach > view.camera.width - 0.5 ||
-                          centre.y() + reach > view.camera.height - 0.5)) {
-            continue;  // not wholly inside: this view cannot deny it
-          }
-          ++seen[i];
-          alive[i] = silhouette.touches(static_cast<int>(std::floor(centre.x() - reach)),
-                                        static_cast<int>(std::floor(centre.y() - reach)),
-                                        static_cast<int>(std::ceil(centre.x() + reach)),
-                                        static_cast<int>(std::ceil(centre.y() + reach)));
-        }
+  Cells cells(box, n);
+  parallelFor(threads, n, [&](int z) {
+    for (int y = 0; y < n; ++y) {
+      for (int x = 0; x < n; ++x) {
+        cells.alive[cells.index(x, y, z)] = cells.overlapsBox(cells.middle(x, y, z));
       }
     }
-  }
-  OccupancyGrid grid{n, std::vector<std::uint8_t>(cells / 8, 0)};
+    for (const Witness& view : views) {
+      stop.check();
+      judgeSlice(view, z, &cells);
+    }
+  });
+  OccupancyGrid grid{n, std::vector<std::uint8_t>(cells.alive.size() / 8, 0)};
   const std::size_t enough = std::max<std::size_t>(1, views.size() / 4);
-  for (std::size_t i = 0; i < cells; ++i) {
-    if (alive[i] && seen[i] >= enough)
+  for (std::size_t i = 0; i < cells.alive.size(); ++i) {
+    if (cells.alive[i] && cells.seen[i] >= enough) {
       grid.bits[i >> 3] |= static_cast<std::uint8_t>(1u << (i & 7));
+    }
   }
   return grid;
 }
@@ -159,7 +211,7 @@ Box tightBox(const OccupancyGrid& grid, const Box& box, const std::string& folde
 
 }  // namespace
 
-Hull visualHull(const Dataset& dataset, int resolution, const StopToken& stop) {
+Hull visualHull(const Dataset& dataset, int resolution, int threads, const StopToken& stop) {
   if (dataset.views.empty()) throw std::runtime_error(dataset.folder + ": no views");
   const Box given{dataset.box_min, dataset.box_max};
   if (!dataset.has_alpha) {
@@ -169,12 +221,14 @@ Hull visualHull(const Dataset& dataset, int resolution, const StopToken& stop) {
     }
     return {given, OccupancyGrid{}};
   }
-  Box box = dataset.has_box ? given : boxSeenByAll(dataset.views);
+  const int count = threadCount(threads);
+  const std::vector<Witness> views = witnessesOf(dataset.views, count, stop);
+  Box box = dataset.has_box ? given : boxOfPictures(dataset.views);
   // Twice: the second pass has finer cells, for the box is tighter.
   for (int pass = 0; pass < 2; ++pass) {
-    box = tightBox(carve(dataset.views, box, kCoarseResolution, stop), box, dataset.folder);
+    box = tightBox(carve(views, box, kCoarseResolution, count, stop), box, dataset.folder);
   }
-  return {box, dilated(carve(dataset.views, box, resolution, stop))};
+  return {box, dilated(carve(views, box, resolution, count, stop))};
 }
 
 }  // namespace nerf_pose_refiner

@@ -5,6 +5,8 @@
 #include <stdexcept>
 #include <utility>
 
+#include "nerf_pose_refiner/dataset/path_below.h"
+
 namespace nerf_pose_refiner {
 namespace {
 
@@ -45,7 +47,11 @@ RegisteredObject ObjectRegistration::run(const RegisterObject::Request& request,
   requireLength("max_seconds", request.max_seconds);
   if (dataset_root_.empty()) throw std::invalid_argument("~dataset_root is not set");
 
-  Dataset dataset = loadTransforms(pathBelow(dataset_root_, request.dataset));
+  // The request comes over the network: nothing outside of the folder is read for it.
+  DatasetOptions confined;
+  confined.threads = settings_.threads;
+  confined.confined = true;
+  Dataset dataset = loadTransforms(pathBelow(dataset_root_, request.dataset), confined, stop);
   applyBox(request, &dataset);
   RegistrationSettings settings = settings_;
   if (request.max_seconds > 0) settings.max_seconds = request.max_seconds;
@@ -59,7 +65,7 @@ RegisteredObject ObjectRegistration::run(const RegisterObject::Request& request,
   if (!request.force_retrain) {
     const std::shared_ptr<const Field> existing = store_.find(request.name);
     registered.loaded_existing =
-        existing && existing->metadata.data_hash == registrationHash(dataset, settings);
+        existing && existing->metadata.data_hash == registrationHash(dataset, settings, stop);
     registered.field = registered.loaded_existing ? existing : nullptr;
   }
   if (!registered.field) {

@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <stdexcept>
 
+#include "nerf_pose_refiner/dataset/path_below.h"
 #include "nerf_pose_refiner/field/model_file.h"
 #include "nerf_pose_refiner/ros/input_error.h"
 
@@ -17,38 +18,7 @@ namespace {
 namespace fs = std::filesystem;
 using Status = RefinementStatus;
 
-/// Whether a normalised path is `root` or below it, name by name.
-bool isBelow(const fs::path& path, const fs::path& root) {
-  return std::mismatch(root.begin(), root.end(), path.begin(), path.end()).first == root.end();
-}
-
-/// Whether a part of a path, with all links resolved that lead somewhere, is a link to nowhere.
-bool holdsLink(const fs::path& path) {
-  fs::path part;
-  for (const fs::path& name : path) {
-    part /= name;
-    if (fs::is_symlink(fs::symlink_status(part))) return true;
-  }
-  return false;
-}
-
 }  // namespace
-
-std::string pathBelow(const std::string& root, const std::string& relative) {
-  if (root.empty()) throw std::invalid_argument("no root folder is set for '" + relative + "'");
-  const fs::path wanted(relative);
-  if (relative.empty() || wanted.is_absolute() ||
-      std::find(wanted.begin(), wanted.end(), "..") != wanted.end()) {
-    throw std::invalid_argument("the path '" + relative + "' must be relative and without '..'");
-  }
-  fs::path base = fs::weakly_canonical(fs::absolute(root));
-  if (!base.has_filename()) base = base.parent_path();  // a slash at the end counts as a name
-  const fs::path path = fs::weakly_canonical(base / wanted);
-  if (!isBelow(path, base) || holdsLink(path)) {
-    throw std::invalid_argument("the path '" + relative + "' leads out of " + root);
-  }
-  return path.string();
-}
 
 void requireObjectName(const std::string& name) {
   const auto plain = [](unsigned char c) {

@@ -206,6 +206,7 @@ PoseRefinerParameters readParameters(ParamReader& reader, const PoseRefinerParam
 
   ParamReader registration = reader.group("register");
   readRegistration(registration, p.registration);
+  p.registration.threads = p.threads;
   p.validate();
   return p;
 }

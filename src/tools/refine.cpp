@@ -8,10 +8,9 @@
 #include "nerf_pose_refiner/evaluate/pose_error.h"
 #include "nerf_pose_refiner/evaluate/start.h"
 #include "nerf_pose_refiner/field/model_file.h"
-#include "nerf_pose_refiner/image/colour.h"
 #include "nerf_pose_refiner/image/io.h"
-#include "nerf_pose_refiner/image/undistort.h"
 #include "nerf_pose_refiner/refine/refiner.h"
+#include "refine_case.h"
 #include "tool.h"
 
 // A model file, a picture and a rough pose to a refined pose.
@@ -39,16 +38,6 @@ struct RefineOptions {
   std::uint64_t seed = 1;
   bool json = false;
   EngineOptions engine;
-};
-
-// A picture, where the search starts, and the truth if it is known.
-struct Case {
-  std::string name;
-  Image8 picture;  // RGB or RGBA with straight alpha
-  Image8 mask;     // empty: none
-  Camera camera;
-  Pose start_T_O_C;
-  std::optional<Pose> true_T_O_C;
 };
 
 void declareInput(CLI::App* app, RefineOptions* options) {
@@ -118,20 +107,15 @@ void declare(CLI::App* app, RefineOptions* options) {
   app->add_flag("--json", options->json, "Print the result as JSON");
 }
 
-Case caseOfImage(const RefineOptions& options) {
+RefineCase caseOfImage(const RefineOptions& options) {
   if (options.intrinsics.empty() || options.pose.empty()) {
     throw std::invalid_argument("give --intrinsics and --pose with an image");
   }
-  Case result;
+  const Image8 photo = readImage(options.image);
+  RefineCase result = caseOfPhoto(photo, options.mask.empty() ? Image8() : readMask(options.mask),
+                                  cameraFromNumbers(options.intrinsics, photo.width, photo.height),
+                                  Distortion{options.distortion});
   result.name = options.image;
-  result.picture = readImage(options.image);
-  if (!options.mask.empty()) result.mask = readMask(options.mask);
-  const Camera camera =
-      cameraFromNumbers(options.intrinsics, result.picture.width, result.picture.height);
-  const Undistorter undistorter(camera, Distortion{options.distortion});
-  result.picture = undistorter.undistort(result.picture);
-  if (!result.mask.empty()) result.mask = undistorter.undistort(result.mask);
-  result.camera = undistorter.camera();
   result.start_T_O_C = poseFromNumbers(options.pose).inverse();
   return result;
 }
@@ -143,46 +127,15 @@ const PosedView& findView(const Dataset& dataset, const std::string& name) {
   throw std::invalid_argument("no view '" + name + "' in " + dataset.folder);
 }
 
-Case caseOfView(const RefineOptions& options, const FieldMetadata& object) {
-  const Dataset dataset = loadTransforms(options.transforms);
+RefineCase caseOfDataset(const RefineOptions& options, const FieldMetadata& object,
+                         const StopToken& stop) {
+  const Dataset dataset = loadTransforms(options.transforms, options.engine.datasetOptions(), stop);
   const PosedView& view = findView(dataset, options.view);
   const StartSpread spread = {options.start_rotation_deg / kDegreesPerRad,
                               options.start_translation * object.diameter, true};
-  Case result;
-  result.name = view.name;
-  result.picture = *view.rgba;
-  if (!options.mask.empty()) result.mask = readMask(options.mask);
-  result.camera = view.camera;
+  RefineCase result = caseOfView(view, options.mask.empty() ? Image8() : readMask(options.mask));
   result.start_T_O_C = perturbedStart(view.T_O_C, spread, object.centre, options.seed, 0);
-  result.true_T_O_C = view.T_O_C;
   return result;
-}
-
-bool hasAlpha(const Image8& picture) {
-  if (picture.channels != 4) return false;
-  for (std::size_t i = 3; i < picture.values.size(); i += 4) {
-    if (picture.values[i] != 255) return true;
-  }
-  return false;
-}
-
-Observation observationOf(const Case& input, const std::vector<float>& background) {
-  const PremultipliedImage picture = premultiply(input.picture);
-  Observation observation;
-  observation.camera = input.camera;
-  observation.image = picture.colour;
-  if (!input.mask.empty()) {
-    observation.background = Background::kMask;
-    observation.alpha = toFloat(input.mask);
-  } else if (!background.empty()) {
-    observation.background = Background::kKnownColour;
-    observation.background_colour = {background[0], background[1], background[2]};
-    observation.image = composite(picture, {background[0], background[1], background[2]});
-  } else if (hasAlpha(input.picture)) {
-    observation.background = Background::kKnownAlpha;
-    observation.alpha = picture.alpha;
-  }
-  return observation;
 }
 
 const char* nameOf(Outcome outcome) {
@@ -205,7 +158,7 @@ nlohmann::json errorJson(const PoseError& error, double diameter) {
           {"pixels", error.pixels}};
 }
 
-nlohmann::json resultJson(const Case& input, const Refinement& result,
+nlohmann::json resultJson(const RefineCase& input, const Refinement& result,
                           const FieldMetadata& object) {
   const Pose T_C_O = result.T_O_C.inverse();
   nlohmann::json document = {{"image", input.name},
@@ -261,7 +214,8 @@ void refine(const RefineOptions& options, const StopToken& stop) {
   }
   const auto field = std::make_shared<const Field>(loadModel(options.model));
   const FieldMetadata& object = field->metadata;
-  const Case input = options.image.empty() ? caseOfView(options, object) : caseOfImage(options);
+  const RefineCase input =
+      options.image.empty() ? caseOfDataset(options, object, stop) : caseOfImage(options);
   RefinerSettings settings = RefinerSettings::named(options.preset);
   settings.seed = options.seed;
   const std::shared_ptr<Engine> engine = options.engine.make();

@@ -2,6 +2,8 @@
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
+#include <filesystem>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -18,6 +20,7 @@ namespace nerf_pose_refiner {
 namespace {
 
 constexpr float kDepthAlpha = 0.5f;  // fainter pixels have no depth
+constexpr const char* kDepthSuffix = "_depth";
 
 struct RenderToolOptions {
   std::string model;
@@ -46,7 +49,7 @@ void declare(CLI::App* app, RenderToolOptions* options) {
               kExitCodes);
   app->add_option("model", options->model, "Model file")->required()->check(CLI::ExistingFile);
   app->add_option("-o,--output", options->output,
-                  "PNG to write; with --transforms: the folder for them, which must exist");
+                  "PNG to write; with --transforms: the folder for them");
   auto* transforms =
       app->add_option("--transforms", options->transforms, "A transforms.json: renders its views")
           ->check(CLI::ExistingPath);
@@ -72,8 +75,10 @@ void declare(CLI::App* app, RenderToolOptions* options) {
   app->add_flag("--json", options->json, "Print the result as JSON");
 }
 
-std::vector<PosedView> viewsOf(const RenderToolOptions& options) {
-  if (!options.transforms.empty()) return loadTransforms(options.transforms).views;
+std::vector<PosedView> viewsOf(const RenderToolOptions& options, const StopToken& stop) {
+  if (!options.transforms.empty()) {
+    return loadTransforms(options.transforms, options.engine.datasetOptions(), stop).views;
+  }
   if (options.pose.empty() || options.intrinsics.empty() || options.size.empty()) {
     throw std::invalid_argument("give --transforms, or --pose with --intrinsics and --size");
   }
@@ -110,24 +115,47 @@ Image depthOf(const Rendering& rendering, const Pose& T_O_C, double metres_per_u
   return depth;
 }
 
+/// Of the pictures of a view, without the ending.
+std::string outputStem(const RenderToolOptions& options, const PosedView& view) {
+  if (!options.transforms.empty()) return options.output + '/' + fileStem(view.name);
+  std::filesystem::path path(options.output);
+  if (path.extension() == ".png") path.replace_extension();
+  return path.string();
+}
+
+/// Views may have equal names in different folders, or depths and pictures may.
+void requireDistinctOutputs(const RenderToolOptions& options, const std::vector<PosedView>& views) {
+  if (options.output.empty()) return;
+  std::set<std::string> stems;
+  for (const PosedView& view : views) {
+    const std::string stem = outputStem(options, view);
+    const bool new_depth = !options.depth || stems.insert(stem + kDepthSuffix).second;
+    if (!stems.insert(stem).second || !new_depth) {
+      throw std::runtime_error("two views would be written to " + stem + ".png; one is " +
+                               view.name);
+    }
+  }
+}
+
 void write(const RenderToolOptions& options, const Rendering& rendering, const PosedView& view,
            double metres_per_unit) {
   if (options.output.empty()) return;
-  const std::string stem = options.transforms.empty()
-                               ? options.output.substr(0, options.output.rfind(".png"))
-                               : options.output + '/' + fileStem(view.name);
+  const std::string stem = outputStem(options, view);
   const PremultipliedImage picture = {rendering.colour, rendering.alpha};
   const std::vector<float>& b = options.background;
   writePng(b.empty() ? straightBytes(picture) : toBytes(composite(picture, {b[0], b[1], b[2]})),
            stem + ".png");
   if (options.depth) {
-    writeDepthPng(depthOf(rendering, view.T_O_C, metres_per_unit), stem + "_depth.png");
+    writeDepthPng(depthOf(rendering, view.T_O_C, metres_per_unit), stem + kDepthSuffix + ".png");
   }
 }
 
 void check(const RenderToolOptions& options, const Field& field) {
   if (options.output.empty() && !options.psnr) {
     throw std::invalid_argument("nothing to do: give --output or --psnr");
+  }
+  if (!options.output.empty() && !options.transforms.empty()) {
+    std::filesystem::create_directories(options.output);
   }
   if (!options.output.empty()) {
     requireWritable(options.transforms.empty() ? options.output : options.output + '/');
@@ -160,7 +188,8 @@ void render(const RenderToolOptions& options, const StopToken& stop) {
   check(options, *field);
   const std::shared_ptr<Engine> engine = options.engine.make();
   const std::shared_ptr<const LoadedField> loaded = engine->load(field);
-  const std::vector<PosedView> views = viewsOf(options);
+  const std::vector<PosedView> views = viewsOf(options, stop);
+  requireDistinctOutputs(options, views);
   nlohmann::json rows = nlohmann::json::array();
   ProgressLine line;
   for (const PosedView& view : views) {

@@ -10,6 +10,7 @@
 #include <csignal>
 #include <cstdio>
 #include <cstring>
+#include <filesystem>
 #include <iostream>
 #include <stdexcept>
 
@@ -53,15 +54,22 @@ int runApp(CLI::App* app, int argc, char** argv,
   }
 }
 
-std::string fileName(const std::string& path) { return path.substr(path.find_last_of('/') + 1); }
+std::string fileName(const std::string& path) {
+  return std::filesystem::path(path).filename().string();
+}
 
 std::string fileStem(const std::string& path) {
-  const std::string name = fileName(path);
-  return name.substr(0, name.find('.'));
+  return std::filesystem::path(path).stem().string();
+}
+
+DatasetOptions EngineOptions::datasetOptions() const {
+  DatasetOptions options;
+  options.threads = threads;
+  return options;
 }
 
 void EngineOptions::addTo(CLI::App* app) {
-  app->add_option("--threads", threads, "Threads of the CPU engine; 0: all cores")
+  app->add_option("--threads", threads, "Threads to work with; 0: all cores")
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();
   app->add_option("--instruction-set", instruction_set, "Of the CPU engine: auto, baseline, avx2")

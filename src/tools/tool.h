@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "nerf_pose_refiner/dataset/dataset.h"
 #include "nerf_pose_refiner/engine/engine.h"
 #include "nerf_pose_refiner/geometry/camera.h"
 #include "nerf_pose_refiner/geometry/pose.h"
@@ -25,7 +26,7 @@ constexpr const char* kExitCodes = "Exit code: 0 done, 1 failed, 2 wrong usage."
 /// @return the exit code.
 int runApp(CLI::App* app, int argc, char** argv, const std::function<void(const StopToken&)>& body);
 
-/// The file name of a path, and the same without its extensions.
+/// The file name of a path, and the same without its last extension.
 std::string fileName(const std::string& path);
 std::string fileStem(const std::string& path);
 
@@ -46,6 +47,7 @@ struct EngineOptions {
 
   void addTo(CLI::App* app);
   std::shared_ptr<Engine> make() const { return makeCpuEngine(threads, instruction_set); }
+  DatasetOptions datasetOptions() const;
 };
 
 /// A line on stderr that is drawn over again, and only where somebody sees it: on a terminal.

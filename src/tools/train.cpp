@@ -70,13 +70,19 @@ void report(const TrainOptions& options, const Field& field, double seconds) {
                {"seconds", seconds},
                {"psnr_db", metadata.psnr_db},
                {"held_out_views", metadata.score.views},
+               {"colour_error", metadata.score.mean_loss},
+               {"colour_error_stddev", metadata.score.stddev_loss},
                {"diameter", metadata.diameter},
                {"metres_per_unit", metadata.metres_per_unit}});
     return;
   }
   std::printf("%s: %llu steps in %.1f s", options.model.c_str(),
               static_cast<unsigned long long>(metadata.training_steps), seconds);
-  if (metadata.psnr_db > 0) std::printf(", PSNR %.2f dB on held-out views", metadata.psnr_db);
+  if (metadata.score.views > 0) {
+    std::printf(", PSNR %.2f dB on %d held-out views (colours of the object off by %.3f +- %.3f)",
+                metadata.psnr_db, metadata.score.views, metadata.score.mean_loss,
+                metadata.score.stddev_loss);
+  }
   std::printf(", diameter %.4g units", metadata.diameter);
   if (metadata.metres_per_unit > 0) {
     std::printf(" = %.4g m\n", metadata.diameter * metadata.metres_per_unit);
@@ -87,12 +93,14 @@ void report(const TrainOptions& options, const Field& field, double seconds) {
 
 void train(const TrainOptions& options, const StopToken& stop) {
   requireWritable(options.model);
-  Dataset dataset = loadTransforms(options.dataset);
+  Dataset dataset = loadTransforms(options.dataset, options.engine.datasetOptions(), stop);
   if (!options.box.empty()) {
     dataset.has_box = true;
     dataset.box_min = {options.box[0], options.box[1], options.box[2]};
     dataset.box_max = {options.box[3], options.box[4], options.box[5]};
   }
+  RegistrationSettings settings = options.settings;
+  settings.threads = options.engine.threads;
   double seconds = 0;
   Field field;
   {
@@ -105,7 +113,7 @@ void train(const TrainOptions& options, const StopToken& stop) {
       line.show(progress.steps > 0 ? static_cast<double>(progress.step) / progress.steps : 0, text);
       seconds = progress.seconds;
     };
-    field = registerObject(options.engine.make().get(), dataset, options.settings, show, stop);
+    field = registerObject(options.engine.make().get(), dataset, settings, show, stop);
   }
   field.metadata.name = options.name.empty() ? fileStem(options.model) : options.name;
   saveModel(field, options.model);

@@ -220,6 +220,16 @@ TEST_F(Transforms, BadPictures) {
   expectRefused("frame 1", folder.file("images/b.png"), "damaged");
 }
 
+TEST_F(Transforms, NoPictureIsReadAfterAStop) {
+  for (const char* name : {"a", "b"}) {
+    folder.write(std::string("images/") + name + ".png", "no picture");  // reading it would show
+  }
+  const StopToken stop;
+  stop.requestStop();
+  const std::string path = folder.write("transforms.json", scene.dump());
+  EXPECT_THROW(loadTransforms(path, DatasetOptions(), stop), Stopped);
+}
+
 TEST_F(Transforms, WrongSizes) {
   scene["fl_x"] = 20;
   scene["w"] = 16;

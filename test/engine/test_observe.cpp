@@ -75,7 +75,7 @@ TEST(Observe, ignoredPixelsDoNotBleed) {
   Observation observation = plainObservation();
   observation.weight = Image(4, 2, 1, 1.0f);
   observation.weight.at(2, 0, 0) = 0;
-  observation.image.at(2, 0, 0) = 100;
+  observation.image.at(2, 0, 0) = 1;
   const auto observed = engine->observe(observation, {{observation.camera, 1.0}});
   EXPECT_NEAR(observedLevel(*observed, 0).blurred.at(1, 0, 0), 0.5, 1e-6);
 }
@@ -102,7 +102,21 @@ TEST(Observe, faultsAreNamed) {
   expectError<std::invalid_argument>([&] { observe(no_alpha); }, "alpha");
   Observation broken = plainObservation();
   broken.image.values[5] = NAN;
-  expectError<std::invalid_argument>([&] { observe(broken); }, "image", "not finite");
+  expectError<std::invalid_argument>([&] { observe(broken); }, "image", "nan");
+  Observation burnt = plainObservation();
+  burnt.image.values[5] = 1.5f;
+  expectError<std::invalid_argument>([&] { observe(burnt); }, "image holds 1.5", "0..1");
+  Observation negative = plainObservation();
+  negative.weight = Image(4, 2, 1, -1.0f);
+  expectError<std::invalid_argument>([&] { observe(negative); }, "weight holds -1");
+  Observation bytes = plainObservation();
+  bytes.background = Background::kMask;
+  bytes.alpha = Image(4, 2, 1, 255.0f);
+  expectError<std::invalid_argument>([&] { observe(bytes); }, "alpha holds 255");
+  Observation coloured = plainObservation();
+  coloured.background = Background::kKnownColour;
+  coloured.background_colour = {0, NAN, 0};
+  expectError<std::invalid_argument>([&] { observe(coloured); }, "background_colour");
 }
 
 }  // namespace

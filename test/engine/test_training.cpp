@@ -42,7 +42,7 @@ const Dataset& dataset() {
 
 const Hull& hull() {
   static const Hull hull =
-      visualHull(dataset(), trainingConfig().occupancy_resolution, StopToken());
+      visualHull(dataset(), trainingConfig().occupancy_resolution, 0, StopToken());
   return hull;
 }
 

@@ -122,9 +122,22 @@ TEST(FieldConfig, RefusesWhatIsOutOfRange) {
   expectRefused([](FieldConfig* c) { c->colour_hidden_layers = 9; }, "colour_hidden_layers");
   expectRefused([](FieldConfig* c) { c->sh_degree = 5; }, "sh_degree");
   expectRefused([](FieldConfig* c) { c->step = 0; }, "step");
+  expectRefused([](FieldConfig* c) { c->step = 1e-30f; }, "step");  // a ray would never end
   expectRefused([](FieldConfig* c) { c->step = std::numeric_limits<float>::quiet_NaN(); }, "step");
   expectRefused([](FieldConfig* c) { c->cone_angle = -0.1f; }, "cone_angle");
   expectRefused([](FieldConfig* c) { c->occupancy_resolution = 100; }, "occupancy_resolution");
+}
+
+TEST(Box, RaysThatMeetIt) {
+  const Box box{{-1, -2, -3}, {1, 2, 3}};
+  EXPECT_TRUE(box.meets({0, 0, -10}, {0, 0, 1}));
+  EXPECT_FALSE(box.meets({0, 0, -10}, {0, 0, -1}));  // it lies behind
+  EXPECT_TRUE(box.meets({0, 0, 0}, {0, 0, -5}));     // from inside
+  EXPECT_FALSE(box.meets({1.5, 0, -10}, {0, 0, 1}));
+  EXPECT_FALSE(box.meets({1.5, 0, -10}, {0.1, 0, 1}));
+  EXPECT_TRUE(box.meets({1.5, 0, -10}, {-0.1, 0, 1}));  // x is 0.8 to 0.2 between the z faces
+  EXPECT_FALSE(box.meets({-3, -2.5, 0}, {1, 0.1, 0}));  // leaves x before it enters y
+  EXPECT_TRUE(box.meets({-3, -2.5, 0}, {1, 0.3, 0}));   // enters y after 1.7, leaves x after 4
 }
 
 TEST(OccupancyGrid, BitsAreInXFastestOrder) {

@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <stdexcept>
 
@@ -144,6 +145,32 @@ TEST(ImageIo, BadFilesAreNamed) {
   writePng(pattern(64, 64, 3), whole);
   const std::string bytes = readFile(whole);
   expectBad(folder.write("cut.png", bytes.substr(0, bytes.size() / 2)), "damaged");
+}
+
+TEST(ImageIo, JpegsThatWereCutOffAreRefused) {
+  const TemporaryFolder folder;
+  cv::Mat noise(64, 64, CV_8UC3);
+  cv::randu(noise, 0, 256);
+  std::vector<std::uint8_t> thumbnail, bytes;
+  ASSERT_TRUE(cv::imencode(".jpg", noise(cv::Rect(0, 0, 8, 8)), thumbnail));
+  for (const bool progressive : {false, true}) {
+    ASSERT_TRUE(cv::imencode(
+        ".jpg", noise, bytes,
+        {cv::IMWRITE_JPEG_PROGRESSIVE, progressive, cv::IMWRITE_JPEG_RST_INTERVAL, 2}));
+    // A thumbnail, which has an end of its own, in a segment of the application's.
+    std::string text(bytes.begin(), bytes.begin() + 2);
+    const std::size_t length = thumbnail.size() + 2;
+    text += {'\xff', '\xe1', static_cast<char>(length >> 8), static_cast<char>(length & 255)};
+    text.append(thumbnail.begin(), thumbnail.end());
+    text.append(bytes.begin() + 2, bytes.end());
+    EXPECT_NO_THROW(readImage(folder.write("whole.jpg", text)));
+    EXPECT_NO_THROW(readImage(folder.write("more.jpg", text + std::string(100, '\0'))));
+    for (const std::size_t size : {text.size() - 1, text.size() - 2, text.size() * 9 / 10}) {
+      const std::string path = folder.write("cut.jpg", text.substr(0, size));
+      expectError<std::runtime_error>([&] { readImage(path); }, path, "end is missing");
+      expectError<std::runtime_error>([&] { readMask(path); }, path, "end is missing");
+    }
+  }
 }
 
 TEST(ImageIo, WritingTellsWhatIsWrong) {

@@ -73,7 +73,7 @@ Dataset datasetOf(const Ball& ball, double focal = kWide) {
   return datasetOf([&](int) { return ball; }, focal);
 }
 
-Hull hullOf(const Dataset& dataset) { return visualHull(dataset, kResolution, StopToken()); }
+Hull hullOf(const Dataset& dataset) { return visualHull(dataset, kResolution, 0, StopToken()); }
 
 // The box holds the ball and is at most `slack` wider to every side.
 void expectTight(const Box& box, const Ball& ball, double slack) {
@@ -220,7 +220,7 @@ TEST(VisualHull, NeedsViews) {
 TEST(VisualHull, CanBeStopped) {
   StopToken stop;
   stop.requestStop();
-  EXPECT_THROW(visualHull(datasetOf(Ball()), kResolution, stop), Stopped);
+  EXPECT_THROW(visualHull(datasetOf(Ball()), kResolution, 0, stop), Stopped);
 }
 
 }  // namespace

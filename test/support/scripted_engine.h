@@ -30,7 +30,8 @@ class ScriptedEngine final : public RecordingEngine {
   TrainingPlan plan;
   std::vector<double> progress;  ///< given to each step
   int step_ms = 0;               ///< that a step takes
-  double diameter = 1;           ///< of the trained object
+  Field model;                   ///< what is trained, but for box, steps and
+  double diameter = 1;           ///< its diameter
   std::function<double(int, const Pose&)> error = [](int, const Pose&) { return 0.1; };
 
   std::shared_ptr<const LoadedField> load(std::shared_ptr<const Field> field) override {
@@ -68,7 +69,8 @@ class ScriptedEngine final : public RecordingEngine {
     Field finish(const StopToken& stop) override { return snapshot(stop); }
     Field snapshot(const StopToken& stop) override {
       stop.check();
-      Field field;
+      Field field = engine_->model;
+      field.box = engine_->box;
       field.metadata.diameter = engine_->diameter;
       field.metadata.training_steps = static_cast<std::uint64_t>(stepsDone());
       return field;

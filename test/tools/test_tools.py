@@ -6,6 +6,8 @@
 """
 import json
 import os
+import select
+import shlex
 import shutil
 import signal
 import struct
@@ -28,6 +30,23 @@ def run(*arguments):
 
 def path(name):
     return os.path.join(FOLDER, name)
+
+
+def read_until(terminal, text):
+    """Reads what a process writes until a text has come; None: to its end."""
+    output = b''
+    deadline = time.monotonic() + 60
+    while text is None or text not in output:
+        if not select.select([terminal], [], [], max(0, deadline - time.monotonic()))[0]:
+            raise TimeoutError(output)
+        try:
+            piece = os.read(terminal, 4096)
+        except OSError:  # Linux' way to say that nobody writes any more
+            piece = b''
+        if not piece:
+            break
+        output += piece
+    return output
 
 
 def png_header(file_name):
@@ -70,16 +89,77 @@ class CommandLine(unittest.TestCase):
         self.assertEqual(result.returncode, 1, result)
         self.assertIn('missing', result.stderr)
 
+    def test_a_box_that_is_none(self):
+        for box in (('1', '1', '1', '0', '0', '0'), ('0', '0', '0', '1', '1', 'nan')):
+            self.check_usage_error(TRAIN, PHOTOS, '-o', path('x.safetensors'), '--box', *box)
+        self.assertFalse(os.path.exists(path('x.safetensors')))
+
     def test_interrupt(self):
         model = path('interrupted.safetensors')
-        process = subprocess.Popen([TRAIN, PHOTOS, '-o', model], stdout=subprocess.PIPE,
-                                   stderr=subprocess.PIPE, universal_newlines=True)
-        time.sleep(2)
+        terminal, stderr = os.openpty()  # progress is drawn for somebody who sees it
+        process = subprocess.Popen([TRAIN, PHOTOS, '-o', model], stdout=subprocess.DEVNULL,
+                                   stderr=stderr)
+        os.close(stderr)
+        self.addCleanup(os.close, terminal)
+        output = read_until(terminal, b'training')
         process.send_signal(signal.SIGINT)
-        _, error = process.communicate(timeout=30)
-        self.assertEqual(process.returncode, 1, error)
-        self.assertIn('stopped', error)
+        output += read_until(terminal, None)
+        self.assertEqual(process.wait(timeout=30), 1, output)
+        self.assertIn(b'stopped', output)
         self.assertFalse(os.path.exists(model))
+
+
+def examples_of_readme():
+    """The command lines of README's section on the tools: (tool, arguments)."""
+    with open(os.path.join(TOP, 'README.md'), encoding='utf-8') as file:
+        lines = file.read().splitlines()
+    words = [shlex.split(line) for line in lines if line.startswith('    rosrun nerf_pose_refiner ')]
+    return [(line[2], line[3:]) for line in words]
+
+
+def examples_of_help(tool):
+    """The command lines that a tool's help shows: lists of arguments."""
+    lines = run(tool, '--help').stdout.splitlines()
+    name = os.path.basename(tool)
+    return [shlex.split(line)[1:] for line in lines if line.startswith(f'  {name} ')]
+
+
+class Examples(unittest.TestCase):
+    """What the README and the tools' help show can be typed as it stands."""
+
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = path('examples')
+        shutil.rmtree(cls.folder, ignore_errors=True)
+        os.makedirs(os.path.join(cls.folder, 'photos'))
+        os.symlink(PHOTOS, os.path.join(cls.folder, 'photos', 'mug'))
+        shutil.copy(os.path.join(PHOTOS, 'test', 'view_003.png'),
+                    os.path.join(cls.folder, 'photo.jpg'))  # what it is the bytes tell
+
+    def run_example(self, tool, arguments):
+        short = ('--steps', str(STEPS)) if tool == TRAIN else ()
+        result = subprocess.run([tool, *arguments, *short], stdout=subprocess.PIPE,
+                                stderr=subprocess.PIPE, universal_newlines=True, timeout=300,
+                                cwd=self.folder)
+        return result.returncode, result.stderr
+
+    def test_readme(self):
+        tools = {'train': TRAIN, 'render': RENDER, 'refine': REFINE}
+        examples = examples_of_readme()
+        self.assertEqual({name for name, _ in examples}, set(tools))
+        for name, arguments in examples:  # the first makes the model of the others
+            with self.subTest(tool=name):
+                self.assertEqual(self.run_example(tools[name], arguments), (0, ''))
+
+    def test_their_help(self):
+        for tool in (TRAIN, RENDER, REFINE):  # the first makes the model of the others
+            examples = examples_of_help(tool)
+            self.assertTrue(examples, tool)
+            for arguments in examples:
+                with self.subTest(tool=tool, arguments=arguments):
+                    status, error = self.run_example(tool, arguments)
+                    # A made-up pose of a made-up photo need not be found.
+                    self.assertIn(status, (0, 1) if 'photo.jpg' in arguments else (0,), error)
 
 
 class WholePath(unittest.TestCase):
@@ -111,6 +191,46 @@ class WholePath(unittest.TestCase):
         self.assertGreater(mean, 20)
         self.assertEqual(png_header(os.path.join(out, 'view_003.png')), (80, 80, 8, 6))
         self.assertEqual(png_header(os.path.join(out, 'view_003_depth.png')), (80, 80, 16, 0))
+
+    def test_render_makes_its_folder(self):
+        out = path('new/folder')
+        shutil.rmtree(path('new'), ignore_errors=True)
+        result = run(RENDER, self.model, '--transforms', TEST_VIEWS, '--max-size', '20', '-o', out)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertEqual(len(os.listdir(out)), 8)
+
+    def write_views(self, folder, names):
+        """A transforms.json of copies of one view under other names."""
+        with open(TEST_VIEWS, encoding='utf-8') as file:
+            scene = json.load(file)
+        frame = scene['frames'][0]
+        scene['frames'] = [{**frame, 'file_path': name} for name in names]
+        for name in names:
+            os.makedirs(os.path.dirname(os.path.join(folder, name)), exist_ok=True)
+            shutil.copy(os.path.join(PHOTOS, frame['file_path']), os.path.join(folder, name))
+        views = os.path.join(folder, 'transforms.json')
+        with open(views, 'w', encoding='utf-8') as file:
+            json.dump(scene, file)
+        return views
+
+    def test_render_names_pictures_by_all_but_the_last_extension(self):
+        folder, out = path('dotted'), path('dotted_out')
+        shutil.rmtree(out, ignore_errors=True)
+        views = self.write_views(folder, ['frame.0001.png', 'frame.0002.png'])
+        result = run(RENDER, self.model, '--transforms', views, '--max-size', '20', '-o', out)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertEqual(sorted(os.listdir(out)), ['frame.0001.png', 'frame.0002.png'])
+
+    def test_render_overwrites_nothing_of_its_own(self):
+        folder, out = path('twins'), path('twins_out')
+        for names in (['left/view.png', 'right/view.png'], ['view.png', 'view_depth.png']):
+            shutil.rmtree(out, ignore_errors=True)
+            views = self.write_views(folder, names)
+            result = run(RENDER, self.model, '--transforms', views, '--max-size', '20', '--depth',
+                         '-o', out)
+            self.assertEqual(result.returncode, 1, result)
+            self.assertIn('two views would be written to', result.stderr)
+            self.assertEqual(os.listdir(out), [])
 
     def test_render_a_pose_on_a_background(self):
         picture = path('picture.png')

@@ -8,6 +8,7 @@
 #include "nerf_pose_refiner/geometry/camera.h"
 #include "nerf_pose_refiner/geometry/pose.h"
 #include "nerf_pose_refiner/image/image.h"
+#include "nerf_pose_refiner/tasks/stop_token.h"
 
 namespace nerf_pose_refiner {
 
@@ -17,7 +18,9 @@ struct PosedView {
   std::string name;                    ///< the file's path, for messages
   std::shared_ptr<const Image8> rgba;  ///< [h][w][4], straight alpha; 255 where nothing is known
   Camera camera;
-  Pose T_O_C;  ///< camera in the object's model frame, model units
+  Pose T_O_C;             ///< camera in the object's model frame, model units
+  Camera photo_camera;    ///< of the file's picture: `camera`, where there is no distortion
+  Distortion distortion;  ///< that was taken out; a mask drawn on the photo needs the same
 };
 
 /// Posed photos of one object.
@@ -31,6 +34,14 @@ struct Dataset {
   double metres_per_unit = 0;  ///< 0: unknown
 };
 
+/// How a dataset is read.
+struct DatasetOptions {
+  int threads = 0;  ///< that read pictures; 0: all cores
+  /// Refuses pictures and masks that are not below the folder of the transforms.json: absolute
+  /// paths, "..", links that lead out. For datasets of somebody who may not read all files.
+  bool confined = false;
+};
+
 /// Reads a transforms.json as NeRF Synthetic and instant-ngp write it.
 ///
 /// `path` is the JSON file, or a folder that holds transforms.json or transforms_train.json.
@@ -42,10 +53,12 @@ struct Dataset {
 /// that frame. Opacity comes from an alpha channel, a `mask_path` of the frame, or both multiplied.
 /// The box is `object_aabb` or `aabb`, [[min], [max]] in the units of the poses, and
 /// `metres_per_unit` their scale. Other keys are ignored.
+/// @param stop looked at between pictures.
 /// @throws std::runtime_error naming the file and the frame: for a picture or mask that is missing,
-/// damaged or of another size, a matrix that is not finite or not rigid, intrinsics that are
-/// missing or make no sense, a camera that is no pinhole, alpha in some frames only, no frames,
-/// broken JSON.
-Dataset loadTransforms(const std::string& path);
+/// damaged, of another size or not allowed, a matrix that is not finite or not rigid, intrinsics
+/// that are missing or make no sense, a camera that is no pinhole, alpha in some frames only, no
+/// frames, broken JSON. Stopped.
+Dataset loadTransforms(const std::string& path, const DatasetOptions& options = {},
+                       const StopToken& stop = {});
 
 }  // namespace nerf_pose_refiner

@@ -12,6 +12,9 @@ namespace nerf_pose_refiner {
 struct Box {
   Eigen::Vector3d min = Eigen::Vector3d::Constant(-0.5);
   Eigen::Vector3d max = Eigen::Vector3d::Constant(0.5);
+
+  /// Whether the ray from a point in a direction (of any length) meets the box.
+  bool meets(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction) const;
 };
 
 /// Shape of a hash-grid radiance field (Mueller et al. 2022) and how rays are sampled in it.
@@ -32,7 +35,7 @@ struct FieldConfig {
   int colour_hidden_layers = 1;  ///< >= 1
   int sh_degree = 4;             ///< spherical harmonics of the direction, 1..4 (degree^2 numbers)
 
-  float step = 1.7320508f / 512;   ///< length of a sample's interval at the camera
+  float step = 1.7320508f / 512;   ///< length of a sample's interval at the camera, 1e-4..1
   float cone_angle = 0;            ///< intervals grow as max(step, cone_angle * distance)
   int occupancy_resolution = 128;  ///< cells along the cube, a multiple of 8
 
@@ -70,10 +73,12 @@ struct OccupancyGrid {
   }
 };
 
-/// How the right pose scores on held-out views, so that a score can be judged on a new image.
+/// How far a rendering is from a photo where nothing is wrong: the held-out views at their true
+/// poses. A refined pose whose colours differ much more is wrong, or the light or the object is
+/// another.
 struct ScoreStatistics {
   int views = 0;         ///< 0: unknown
-  double mean_loss = 0;  ///< robust colour loss of the held-out views at their true poses
+  double mean_loss = 0;  ///< root mean square colour error where a view shows the object; its mean
   double stddev_loss = 0;
 };
 
@@ -81,7 +86,7 @@ struct ScoreStatistics {
 struct FieldMetadata {
   std::string name;
   double metres_per_unit = 0;  ///< 0: unknown
-  double diameter = 0;         ///< of the matter, model units: the extent of the occupied cells
+  double diameter = 0;         ///< of the matter, model units: the extent of the opaque cells
   Eigen::Vector3d centre = Eigen::Vector3d::Zero();  ///< opacity-weighted mean, model units
   double psnr_db = 0;  ///< mean over held-out views on black; 0: none were held out
   ScoreStatistics score;

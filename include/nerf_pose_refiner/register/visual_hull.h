@@ -18,9 +18,9 @@ struct Hull {
 /// A cell stays if every view that holds it shows some of the object there, and a quarter of the
 /// views hold it. A picture without anything opaque on its border holds the whole object, so all
 /// of space; any other holds what lies inside. Without alpha the dataset's own box is taken, whole.
-/// @param resolution of the region's grid, a multiple of 8.
+/// @param resolution of the region's grid, a multiple of 8. @param threads 0: all cores.
 /// @throws std::runtime_error if there is neither alpha nor a box, or if the silhouettes have no
-/// common volume (poses that do not belong to the images, say).
-Hull visualHull(const Dataset& dataset, int resolution, const StopToken& stop);
+/// common volume (poses that do not belong to the images, say). Stopped.
+Hull visualHull(const Dataset& dataset, int resolution, int threads, const StopToken& stop);
 
 }  // namespace nerf_pose_refiner

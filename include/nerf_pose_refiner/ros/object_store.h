@@ -8,11 +8,6 @@
 
 namespace nerf_pose_refiner {
 
-/// A path below `root`, for names that come over the network.
-/// @throws std::invalid_argument if `root` is empty or `relative` is empty, absolute, holds "..",
-/// or leads out of `root` through a symbolic link.
-std::string pathBelow(const std::string& root, const std::string& relative);
-
 /// @throws std::invalid_argument unless the name is made of letters, digits, "_", "-" and ".", of
 /// at most 100 characters, the first being a letter or a digit.
 void requireObjectName(const std::string& name);

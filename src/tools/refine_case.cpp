@@ -1,0 +1,79 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "refine_case.h"
+
+#include "nerf_pose_refiner/image/colour.h"
+#include "nerf_pose_refiner/image/undistort.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+bool hasTransparency(const Image8& picture) {
+  if (picture.channels != 4) return false;
+  for (std::size_t i = 3; i < picture.values.size(); i += 4) {
+    if (picture.values[i] != 255) return true;
+  }
+  return false;
+}
+
+/// The colours as the camera saw them, whatever the alpha, [h][w][3].
+Image straightColour(const Image8& picture) {
+  Image colour(picture.width, picture.height, 3);
+  for (std::size_t i = 0; i < picture.pixels(); ++i) {
+    for (int c = 0; c < 3; ++c) {
+      const std::uint8_t value = picture.values[picture.channels * i + c];
+      colour.values[3 * i + c] = static_cast<float>(value) / 255.0f;
+    }
+  }
+  return colour;
+}
+
+}  // namespace
+
+RefineCase caseOfPhoto(const Image8& photo, const Image8& mask, const Camera& camera,
+                       const Distortion& distortion) {
+  const Undistorter undistorter(camera, distortion);
+  RefineCase result;
+  result.picture = undistorter.undistort(photo);
+  if (!mask.empty()) result.mask = undistorter.undistort(mask);
+  result.camera = undistorter.camera();
+  return result;
+}
+
+RefineCase caseOfView(const PosedView& view, const Image8& mask) {
+  RefineCase result;
+  result.name = view.name;
+  result.picture = *view.rgba;
+  if (!mask.empty()) {
+    result.mask = Undistorter(view.photo_camera, view.distortion).undistort(mask);
+  }
+  result.camera = view.camera;
+  result.true_T_O_C = view.T_O_C;
+  return result;
+}
+
+Observation observationOf(const RefineCase& input, const std::vector<float>& background) {
+  const PremultipliedImage picture = premultiply(input.picture);
+  Observation observation;
+  observation.camera = input.camera;
+  if (!input.mask.empty()) {
+    observation.background = Background::kMask;
+    observation.image = straightColour(input.picture);
+    observation.alpha = toFloat(input.mask);
+    for (std::size_t i = 0; i < observation.alpha.values.size(); ++i) {
+      observation.alpha.values[i] *= picture.alpha.values[i];
+    }
+  } else if (!background.empty()) {
+    observation.background = Background::kKnownColour;
+    observation.background_colour = {background[0], background[1], background[2]};
+    observation.image = composite(picture, {background[0], background[1], background[2]});
+  } else if (hasTransparency(input.picture)) {
+    observation.background = Background::kKnownAlpha;
+    observation.image = picture.colour;
+    observation.alpha = picture.alpha;
+  } else {
+    observation.image = picture.colour;
+  }
+  return observation;
+}
+
+}  // namespace nerf_pose_refiner

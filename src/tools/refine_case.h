@@ -1,0 +1,37 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "nerf_pose_refiner/dataset/dataset.h"
+#include "nerf_pose_refiner/engine/observation.h"
+
+namespace nerf_pose_refiner {
+
+/// A picture to be explained, where the search starts, and the truth if it is known.
+struct RefineCase {
+  std::string name;
+  Image8 picture;  ///< undistorted: RGB, or RGBA with straight alpha
+  Image8 mask;     ///< undistorted, [h][w][1]; empty: none
+  Camera camera;
+  Pose start_T_O_C;
+  std::optional<Pose> true_T_O_C;
+};
+
+/// A photo as the camera took it, with a mask drawn on it.
+/// @param mask empty: none. @throws std::invalid_argument if a size is not the camera's.
+RefineCase caseOfPhoto(const Image8& photo, const Image8& mask, const Camera& camera,
+                       const Distortion& distortion);
+
+/// A view of a dataset, with a mask drawn on the photo in the view's file.
+/// @param mask empty: none. @throws std::invalid_argument if its size is not the photo's.
+RefineCase caseOfView(const PosedView& view, const Image8& mask);
+
+/// What the case tells of the background: a mask (and the picture's own alpha, if it has one), or
+/// else one colour (three numbers, 0..1; empty: none), or else transparency of the picture, or else
+/// nothing.
+Observation observationOf(const RefineCase& input, const std::vector<float>& background);
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,168 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "nerf_pose_refiner/ros/object_registration.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <filesystem>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+#include <string>
+
+#include "nerf_pose_refiner/image/io.h"
+#include "support/expect_error.h"
+#include "support/scripted_engine.h"
+#include "support/small_field.h"
+#include "support/temporary_folder.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::json;
+
+/// Photos of an object in a box below "photos/mug", and an engine that makes believe to train.
+class Registration : public testing::Test {
+ protected:
+  Registration() {
+    settings.steps = 2;
+    scene = {{"camera_angle_x", 1.0},
+             {"aabb", {{-1, -1, -1}, {1, 1, 1}}},
+             {"metres_per_unit", 0.1},
+             {"frames", Json::array()}};
+    for (int i = 0; i < 3; ++i) {
+      const std::string name = std::to_string(i) + ".png";
+      writePng(Image8(8, 6, 3, static_cast<std::uint8_t>(90 + i)),
+               folder.file("photos/mug/" + name));
+      scene["frames"].push_back(
+          {{"file_path", name},
+           {"transform_matrix", {{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 4}, {0, 0, 0, 1}}}});
+    }
+    request.name = "cup";
+    request.dataset = "mug";
+  }
+
+  RegisteredObject run(const StopToken& stop = {}) {
+    folder.write("photos/mug/transforms.json", scene.dump());
+    const auto make_engine = [this] {
+      engine = std::make_shared<ScriptedEngine>();
+      engine->model = smallField();
+      ++engines;
+      return engine;
+    };
+    return ObjectRegistration(dataset_root, settings, store(), make_engine).run(request, {}, stop);
+  }
+
+  ObjectStore store() const { return ObjectStore(folder.path() + "/models"); }
+  bool trained() {
+    const int before = engines;
+    const bool loaded = run().loaded_existing;
+    EXPECT_EQ(engines - before, loaded ? 0 : 1);
+    return !loaded;
+  }
+  template <typename... Parts>
+  void expectRefused(const Parts&... parts) {
+    expectError<std::exception>([this] { run(); }, parts...);
+    EXPECT_EQ(engines, 0);
+    EXPECT_FALSE(fs::exists(folder.path() + "/models/cup.safetensors"));
+  }
+
+  TemporaryFolder folder;
+  std::string dataset_root = folder.path() + "/photos";
+  RegistrationSettings settings;
+  RegisterObject::Request request;
+  Json scene;
+  std::shared_ptr<ScriptedEngine> engine;
+  int engines = 0;
+};
+
+TEST_F(Registration, TrainsSavesAndNames) {
+  const RegisteredObject made = run();
+  EXPECT_FALSE(made.loaded_existing);
+  EXPECT_EQ(made.field->metadata.name, "cup");
+  EXPECT_EQ(made.field->metadata.metres_per_unit, 0.1);
+  EXPECT_EQ(engine->progress.size(), 2u);
+  EXPECT_EQ(engine->box.max, Eigen::Vector3d(1, 1, 1));
+  const auto saved = store().load("cup");
+  EXPECT_EQ(saved->grid, made.field->grid);
+  EXPECT_EQ(saved->metadata.data_hash, made.field->metadata.data_hash);
+}
+
+TEST_F(Registration, LoadsWhatIsThereAlready) {
+  EXPECT_TRUE(trained());
+  EXPECT_FALSE(trained());
+  request.force_retrain = true;
+  EXPECT_TRUE(trained());
+}
+
+TEST_F(Registration, TrainsAgainWhenSomethingIsDifferent) {
+  EXPECT_TRUE(trained());
+  request.metres_per_unit = 0.2;
+  EXPECT_TRUE(trained());
+  EXPECT_FALSE(trained());
+  request.box_max.x = request.box_max.y = request.box_max.z = 0.5;
+  EXPECT_TRUE(trained());
+  EXPECT_EQ(engine->box.min, Eigen::Vector3d(0, 0, 0));
+  request.max_seconds = 100;
+  EXPECT_TRUE(trained());
+  writePng(Image8(8, 6, 3, 0), folder.file("photos/mug/1.png"));
+  EXPECT_TRUE(trained());
+  settings.threads = 1;  // changes nothing
+  EXPECT_FALSE(trained());
+}
+
+TEST_F(Registration, AScaleMustBeKnown) {
+  scene.erase("metres_per_unit");
+  expectRefused("'mug'", "set metres_per_unit");
+  request.metres_per_unit = 0.25;
+  EXPECT_EQ(run().field->metadata.metres_per_unit, 0.25);
+}
+
+TEST_F(Registration, RefusesRequestsThatMakeNoSense) {
+  const RegisterObject::Request good = request;
+  request.name = "../cup";
+  expectRefused("../cup");
+  request = good;
+  request.dataset = "../mug";
+  expectRefused("../mug");
+  request.dataset = "tub";
+  expectRefused("tub");
+  request = good;
+  request.max_seconds = -1;
+  expectRefused("max_seconds");
+  request = good;
+  request.metres_per_unit = std::nan("");
+  expectRefused("metres_per_unit");
+  request = good;
+  request.box_min.y = 1;
+  expectRefused("box_max");
+  request = good;
+  dataset_root.clear();
+  expectRefused("~dataset_root");
+}
+
+// A request comes over the network: the transforms.json it names must not read all files there are.
+TEST_F(Registration, ReadsNoPhotosOutsideOfTheirFolder) {
+  writePng(Image8(8, 6, 3, 7), folder.file("secret.png"));
+  fs::create_symlink(folder.path() + "/secret.png", folder.file("photos/mug/link.png"));
+  for (const std::string path :
+       {folder.path() + "/secret.png", std::string("../../secret.png"), std::string("link.png")}) {
+    scene["frames"][1]["file_path"] = path;
+    expectRefused("frame 1", path);
+    scene["frames"][1]["file_path"] = "1.png";
+    scene["frames"][1]["mask_path"] = path;
+    expectRefused("frame 1", path);
+    scene["frames"][1].erase("mask_path");
+  }
+}
+
+TEST_F(Registration, CanBeStoppedWhileItReads) {
+  const StopToken stop;
+  stop.requestStop();
+  EXPECT_THROW(run(stop), Stopped);
+  EXPECT_EQ(engines, 0);
+}
+
+}  // namespace
+}  // namespace nerf_pose_refiner

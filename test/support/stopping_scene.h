@@ -1,0 +1,60 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <algorithm>
+#include <atomic>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <utility>
+
+#include "nerf_pose_refiner/engine/ray_renderer.h"
+
+namespace nerf_pose_refiner {
+
+/// Another scene whose rays are counted; asks for a stop when so many have been cast. What is done
+/// after that is counted apart: a measure of how soon a stop is heeded that no load disturbs.
+class StoppingScene final : public RayRenderer {
+ public:
+  StoppingScene(std::shared_ptr<const LoadedField> scene, std::uint64_t stop_after)
+      : scene_(std::move(scene)),
+        renderer_(dynamic_cast<const RayRenderer&>(*scene_)),
+        stop_after_(stop_after) {}
+
+  const StopToken stop;
+
+  std::uint64_t rays() const { return rays_; }
+  std::uint64_t raysAfterTheStop() const { return late_rays_; }  ///< of calls that began after it
+  int mostRaysOfACall() const { return most_; }
+
+  const Field& field() const override { return renderer_.field(); }
+
+  void renderRays(const Ray* rays, int n, const RenderOptions& options, RayResult* results,
+                  Work* work) const override {
+    count(n);
+    renderer_.renderRays(rays, n, options, results, work);
+  }
+
+  void pullRays(const Ray* rays, int n, const RenderOptions& options, bool direction_gradient,
+                const std::function<RayLossGradient(int, const RayResult&)>& loss_gradient,
+                RayPull* pulls, Work* work) const override {
+    count(n);
+    renderer_.pullRays(rays, n, options, direction_gradient, loss_gradient, pulls, work);
+  }
+
+ private:
+  void count(int n) const {
+    if (stop.stopRequested()) late_rays_ += static_cast<std::uint64_t>(n);
+    for (int most = most_; most < n && !most_.compare_exchange_weak(most, n);) {
+    }
+    if ((rays_ += static_cast<std::uint64_t>(n)) >= stop_after_) stop.requestStop();
+  }
+
+  std::shared_ptr<const LoadedField> scene_;
+  const RayRenderer& renderer_;
+  std::uint64_t stop_after_;
+  mutable std::atomic<std::uint64_t> rays_{0}, late_rays_{0};
+  mutable std::atomic<int> most_{0};
+};
+
+}  // namespace nerf_pose_refiner
