@@ -26,8 +26,8 @@ struct Observation {
   Background background = Background::kUnknown;
   Eigen::Vector3f background_colour = Eigen::Vector3f::Zero();  ///< for kKnownColour
 
-  /// @throws std::invalid_argument naming what is missing, of a wrong size, not finite or not in its
-  /// range.
+  /// @throws std::invalid_argument naming what is missing, of a wrong size, not finite or not in
+  /// its range.
   void validate() const;
 };
 

@@ -10,7 +10,8 @@ namespace nerf_pose_refiner {
 /// Reads a PNG or JPEG (or what else OpenCV decodes) as RGB, or as RGBA with straight alpha if the
 /// file has an alpha channel. Grey becomes RGB, 16 bits are rounded to 8. The picture is not turned
 /// by its EXIF orientation, for neither are the intrinsics that belong to it.
-/// @throws std::runtime_error naming the path and what is wrong with it (missing, cut off, damaged).
+/// @throws std::runtime_error naming the path and what is wrong with it (missing, cut off,
+/// damaged).
 Image8 readImage(const std::string& path);
 
 /// Reads a mask as [h][w][1]: 0 outside, 255 on the object, in between at its rim. A file that
