@@ -12,14 +12,13 @@
 #include "nerf_pose_refiner/evaluate/pose_error.h"
 #include "nerf_pose_refiner/evaluate/start.h"
 #include "nerf_pose_refiner/field/model_file.h"
-#include "nerf_pose_refiner/image/colour.h"
-#include "nerf_pose_refiner/image/io.h"
-#include "nerf_pose_refiner/image/resample.h"
-#include "nerf_pose_refiner/maths/random.h"
 #include "nerf_pose_refiner/refine/refiner.h"
+#include "nerf_pose_refiner/tasks/parallel.h"
+#include "trial_observation.h"
+#include "work_report.h"
 
 // Trials of pose refinement: views of a dataset, each started from wrong poses. Prints a line a
-// trial and a summary.
+// trial, with its work and its share of the machine's floor, and a summary.
 
 namespace nerf_pose_refiner {
 namespace {
@@ -28,16 +27,13 @@ constexpr double kDegree = 3.14159265358979323846 / 180;
 
 struct Options {
   std::string model, dataset;
-  std::string protocol = "paper", background = "white", preset = "align";
-  std::vector<std::string> photos;
+  std::string protocol = "paper", preset = "align";
+  TrialObservation observation;
   int views = 5, starts = 5, first_view = 0, threads = 0;
   std::uint64_t seed = 1;
   std::string instruction_set = "auto";
   double rotation_deg = 15, translation = -1;  // -1: the protocol's
   double search_deg = -1, search_translation = -1;
-  double light = 0;     // half width of the gain per channel around 1
-  double occluder = 0;  // share of the object's box that a square covers
-  double noise = 0;
   double unit = 1;           // of the paper [model units]; 0: a share of the object
   int samples_per_step = 0;  // of the paper's mode; 0: the preset's
   std::string loss = lossName(DescentPlan().loss);
@@ -48,6 +44,7 @@ struct Trial {
   int view = 0, start = 0;
   PoseError before, after;
   Refinement refinement;
+  FloorShare share;
 };
 
 // The pose errors that a protocol starts from, how wide it searches, and what it accepts.
@@ -83,93 +80,6 @@ Protocol protocolOf(const Options& options, double diameter) {
   return protocol;
 }
 
-// A photo that fills the picture, its middle cut out.
-Image photoOfSize(const std::string& path, const Camera& camera) {
-  const Image photo = toFloat(readImage(path));
-  const double scale = std::max(static_cast<double>(camera.width) / photo.width,
-                                static_cast<double>(camera.height) / photo.height);
-  Camera from{photo.width, photo.height, 1, 1, (photo.width - 1) / 2.0, (photo.height - 1) / 2.0};
-  Camera to{camera.width,
-            camera.height,
-            scale,
-            scale,
-            (camera.width - 1) / 2.0,
-            (camera.height - 1) / 2.0};
-  return resample(photo, from, to);
-}
-
-// Another light: gain in 1 +- light per channel and an offset; the object's alone.
-void relight(const Options& options, std::uint64_t index, Image* colour, const Image& alpha) {
-  for (int c = 0; c < 3; ++c) {
-    const auto draw = [&](int k) {
-      return 2 * randomUniform(options.seed, 77, 6 * index + 2 * c + k) - 1;
-    };
-    const float gain = 1 + static_cast<float>(options.light) * draw(0);
-    const float bias = static_cast<float>(options.light) / 6 * draw(1);
-    for (std::size_t i = 0; i < alpha.pixels(); ++i) {
-      float& value = colour->values[3 * i + c];
-      value = std::min(std::max(gain * value + bias * alpha.values[i], 0.0f), alpha.values[i]);
-    }
-  }
-}
-
-// A dark square over a share of the object's box.
-void occlude(const Options& options, std::uint64_t index, const Image& alpha, Image* image) {
-  int x0 = alpha.width, y0 = alpha.height, x1 = 0, y1 = 0;
-  for (int y = 0; y < alpha.height; ++y) {
-    for (int x = 0; x < alpha.width; ++x) {
-      if (alpha.at(x, y, 0) < 0.5f) continue;
-      x0 = std::min(x0, x), x1 = std::max(x1, x), y0 = std::min(y0, y), y1 = std::max(y1, y);
-    }
-  }
-  if (x1 < x0) return;
-  const double side = std::sqrt(options.occluder * (x1 - x0) * (y1 - y0));
-  const int left =
-      x0 + static_cast<int>((x1 - x0 - side) * randomUniform(options.seed, 78, 2 * index));
-  const int top =
-      y0 + static_cast<int>((y1 - y0 - side) * randomUniform(options.seed, 78, 2 * index + 1));
-  for (int y = std::max(0, top); y < std::min<int>(alpha.height, top + side); ++y) {
-    for (int x = std::max(0, left); x < std::min<int>(alpha.width, left + side); ++x) {
-      const float stripe = (x / 8 + y / 8) % 2 ? 0.35f : 0.25f;
-      for (int c = 0; c < 3; ++c) image->at(x, y, c) = stripe + 0.05f * c;
-    }
-  }
-}
-
-Observation observe(const Options& options, const PosedView& view, std::uint64_t index) {
-  PremultipliedImage picture = premultiply(*view.rgba);
-  Observation observation;
-  observation.camera = view.camera;
-  if (options.light > 0) relight(options, index, &picture.colour, picture.alpha);
-  if (options.background == "alpha") {
-    observation.background = Background::kKnownAlpha;
-    observation.image = picture.colour;
-    observation.alpha = picture.alpha;
-  } else if (options.background == "white") {
-    observation.background = Background::kKnownColour;
-    observation.background_colour = Eigen::Vector3f::Ones();
-    observation.image = composite(picture, {1, 1, 1});
-  } else {
-    const Image photo = photoOfSize(options.photos.at(index % options.photos.size()), view.camera);
-    observation.image = picture.colour;
-    for (std::size_t i = 0; i < photo.values.size(); ++i) {
-      observation.image.values[i] += (1 - picture.alpha.values[i / 3]) * photo.values[i];
-    }
-    observation.background =
-        options.background == "mask" ? Background::kMask : Background::kUnknown;
-    if (options.background == "mask") observation.alpha = picture.alpha;
-  }
-  if (options.occluder > 0) occlude(options, index, picture.alpha, &observation.image);
-  if (options.noise > 0) {
-    for (std::size_t i = 0; i < observation.image.values.size(); ++i) {
-      float sum = -6;
-      for (int k = 0; k < 12; ++k) sum += randomUniform(options.seed, 79 + index, 12 * i + k);
-      observation.image.values[i] += static_cast<float>(options.noise) * sum;
-    }
-  }
-  return observation;
-}
-
 nlohmann::json toJson(const Trial& trial) {
   const Refinement& r = trial.refinement;
   return {{"view", trial.view},
@@ -187,7 +97,8 @@ nlohmann::json toJson(const Trial& trial) {
           {"seconds", r.seconds},
           {"samples", r.work.samples},
           {"gathers", r.work.gathers},
-          {"flops", r.work.flops}};
+          {"flops", r.work.flops},
+          {"share_of_floor", trial.share.of_larger}};
 }
 
 double median(std::vector<double> values) {
@@ -233,7 +144,10 @@ nlohmann::json summaryOf(const std::vector<Trial>& trials, const Protocol& proto
        medianOf(trials, [](const Trial& t) { return double(t.refinement.work.samples); })},
       {"median_gathers",
        medianOf(trials, [](const Trial& t) { return t.refinement.work.gathers; })},
-      {"median_flops", medianOf(trials, [](const Trial& t) { return t.refinement.work.flops; })}};
+      {"median_flops", medianOf(trials, [](const Trial& t) { return t.refinement.work.flops; })},
+      {"median_share_of_floor", medianOf(trials, [](const Trial& t) { return t.share.of_larger; })},
+      {"median_share_of_floor_without_overlap",
+       medianOf(trials, [](const Trial& t) { return t.share.of_sum; })}};
 }
 
 void print(const Options& options, const Trial& trial, const PosedView& view,
@@ -245,10 +159,11 @@ void print(const Options& options, const Trial& trial, const PosedView& view,
   const Refinement& r = trial.refinement;
   std::printf(
       "view %2d start %d: %5.1f deg %.3f u -> %6.2f deg %.4f u (object %.4f u, %.2f px)  "
-      "score %.2f  %5.2f s  %5.1f M samples\n",
+      "score %.2f  %5.2f s  %5.1f M samples, %.2f G gathers, %.1f GFLOP, %.2f of the floor\n",
       trial.view, trial.start, trial.before.rotation_rad / kDegree, trial.before.camera_offset,
       trial.after.rotation_rad / kDegree, trial.after.camera_offset, trial.after.object_offset,
-      trial.after.pixels, r.score, r.seconds, static_cast<double>(r.work.samples) / 1e6);
+      trial.after.pixels, r.score, r.seconds, static_cast<double>(r.work.samples) / 1e6,
+      1e-9 * r.work.gathers, 1e-9 * r.work.flops, trial.share.of_larger);
   if (options.trace) {
     for (const TraceEntry& t : r.trace) {
       const PoseError e = poseError(t.best_T_O_C, view.T_O_C, centre, view.camera);
@@ -261,20 +176,46 @@ void print(const Options& options, const Trial& trial, const PosedView& view,
   std::fflush(stdout);
 }
 
-int run(const Options& options) {
-  const std::shared_ptr<Engine> engine = makeCpuEngine(options.threads, options.instruction_set);
-  const auto field = engine->load(std::make_shared<Field>(loadModel(options.model)));
-  const FieldMetadata& object = field->field().metadata;
-  const Dataset dataset = loadTransforms(options.dataset);
+RefinerSettings settingsOf(const Options& options, double diameter) {
   RefinerSettings settings = RefinerSettings::named(options.preset);
   settings.compare_contrast = !options.colours;
   settings.seed = options.seed;
-  settings.inversion.unit = unitOf(options, object.diameter);
+  settings.inversion.unit = unitOf(options, diameter);
   settings.inversion.descent.loss = lossFromName(options.loss);
   if (options.samples_per_step > 0) {
     settings.inversion.descent.samples_per_step = options.samples_per_step;
   }
-  Refiner refiner(engine, settings);
+  return settings;
+}
+
+Trial runTrial(const Options& options, const Protocol& protocol, Refiner* refiner,
+               const LoadedField& field, const PosedView& view, const Observation& observation,
+               std::uint64_t index) {
+  const Eigen::Vector3d& centre = field.field().metadata.centre;
+  Prior prior;
+  prior.T_O_C = perturbedStart(view.T_O_C, protocol.start, centre, options.seed, index);
+  prior.rotation_rad = protocol.search_rotation_rad;
+  prior.translation = protocol.search_translation;
+  prior.rotate_about_object = protocol.start.about_object;
+  Trial trial;
+  trial.refinement = refiner->refine(field, observation, prior);
+  trial.before = poseError(prior.T_O_C, view.T_O_C, centre, view.camera);
+  trial.after = poseError(trial.refinement.T_O_C, view.T_O_C, centre, view.camera);
+  return trial;
+}
+
+void run(const Options& options) {
+  const std::shared_ptr<Engine> engine = makeCpuEngine(options.threads, options.instruction_set);
+  const auto field = engine->load(std::make_shared<Field>(loadModel(options.model)));
+  const FieldMetadata& object = field->field().metadata;
+  const std::size_t table_bytes = field->field().grid.size() * sizeof(std::uint16_t);
+  const int threads = threadCount(options.threads);
+  DatasetOptions reading;
+  reading.threads = threads;
+  const Dataset dataset = loadTransforms(options.dataset, reading);
+  TrialObservation disturbance = options.observation;
+  disturbance.seed = options.seed;
+  Refiner refiner(engine, settingsOf(options, object.diameter));
   const Protocol protocol = protocolOf(options, object.diameter);
 
   const int available = static_cast<int>(dataset.views.size());
@@ -283,20 +224,15 @@ int run(const Options& options) {
   for (int v = 0; v < views; ++v) {
     const int index = (options.first_view + v * available / views) % available;
     const PosedView& view = dataset.views[index];
-    const Observation observation = observe(options, view, v);
+    const Observation observation = disturbance.of(view, v);
+    const Floor floor = measureFloor(threads, table_bytes);  // it moves with the machine's load
+    if (!options.json) printFloor(floor, table_bytes);
     for (int s = 0; s < options.starts; ++s) {
-      Trial trial;
+      Trial trial = runTrial(options, protocol, &refiner, *field, view, observation,
+                             static_cast<std::uint64_t>(v) * 1000 + s);
       trial.view = index;
       trial.start = s;
-      Prior prior;
-      prior.T_O_C = perturbedStart(view.T_O_C, protocol.start, object.centre, options.seed,
-                                   static_cast<std::uint64_t>(v) * 1000 + s);
-      prior.rotation_rad = protocol.search_rotation_rad;
-      prior.translation = protocol.search_translation;
-      prior.rotate_about_object = protocol.start.about_object;
-      trial.refinement = refiner.refine(*field, observation, prior);
-      trial.before = poseError(prior.T_O_C, view.T_O_C, object.centre, view.camera);
-      trial.after = poseError(trial.refinement.T_O_C, view.T_O_C, object.centre, view.camera);
+      trial.share = floorShare(trial.refinement.work, trial.refinement.seconds, floor);
       print(options, trial, view, object.centre);
       trials.push_back(trial);
     }
@@ -304,70 +240,91 @@ int run(const Options& options) {
   nlohmann::json summary = summaryOf(trials, protocol);
   summary["engine"] = engine->describe();
   summary["object"] = object.name;
+  summary["peak_memory_mib"] = peakMemory_MiB();
   std::printf("%s\n", options.json ? summary.dump().c_str() : summary.dump(2).c_str());
-  return 0;
+}
+
+void declareStarts(CLI::App* app, Options* options) {
+  app->add_option("--protocol", options->protocol,
+                  "paper: camera turned about itself and moved; robot: object turned about its "
+                  "centre and moved")
+      ->check(CLI::IsMember({"paper", "robot"}))
+      ->capture_default_str();
+  app->add_option("--views", options->views, "Evenly spread over the dataset")
+      ->capture_default_str();
+  app->add_option("--first-view", options->first_view)->capture_default_str();
+  app->add_option("--starts", options->starts, "Starts of each view")->capture_default_str();
+  app->add_option("--rotation-deg", options->rotation_deg, "Of the starts, half width per axis")
+      ->capture_default_str();
+  app->add_option("--translation", options->translation,
+                  "Of the starts, half width per axis; paper: units (0.25), robot: diameters "
+                  "(0.15)");
+  app->add_option("--search-deg", options->search_deg,
+                  "Half width of the search; default: starts'");
+  app->add_option("--search-translation", options->search_translation,
+                  "Half width of the search, in the unit of --translation");
+}
+
+void declareObservation(CLI::App* app, TrialObservation* observation) {
+  app->add_option("--background", observation->background,
+                  "white: known colour; alpha: known; mask: a photo, and a mask; photo: unknown")
+      ->check(CLI::IsMember({"white", "alpha", "mask", "photo"}))
+      ->capture_default_str();
+  app->add_option("--photos", observation->photos, "Pictures to put behind the object, in turn");
+  app->add_option("--light", observation->light, "Gain of the object per channel: 1 +- this");
+  app->add_option("--occluder", observation->occluder,
+                  "Square over this share of the object's box");
+  app->add_option("--noise", observation->noise, "Standard deviation of added Gaussian noise");
+}
+
+void declareRefiner(CLI::App* app, Options* options) {
+  app->add_option("--preset", options->preset, "Of the refiner")
+      ->check(CLI::IsMember(RefinerSettings::presetNames()))
+      ->capture_default_str();
+  app->add_option("--seed", options->seed)->capture_default_str();
+  app->add_option("--threads", options->threads, "0: all cores")->capture_default_str();
+  app->add_option("--instruction-set", options->instruction_set, "auto, baseline or avx2")
+      ->capture_default_str();
+  app->add_option(
+         "--unit", options->unit,
+         "Length of one of the paper's units [model units]: 1 in the NeRF Synthetic scenes; "
+         "0: the object spans 2.5 of them")
+      ->capture_default_str();
+  app->add_option("--samples-per-step", options->samples_per_step,
+                  "The paper's mode: samples a step, of all hypotheses; 0: the preset's");
+  app->add_option("--loss", options->loss, "The paper's mode: one of the seven")
+      ->capture_default_str();
+  app->add_flag("--colours", options->colours,
+                "Unknown background: compare colours, not contrasts (plain objects)");
+}
+
+void check(const Options& options) {
+  const std::string& background = options.observation.background;
+  if ((background == "photo" || background == "mask") && options.observation.photos.empty()) {
+    throw std::invalid_argument("--background " + background + " needs --photos");
+  }
 }
 
 }  // namespace
 }  // namespace nerf_pose_refiner
 
 int main(int argc, char** argv) {
-  using nerf_pose_refiner::RefinerSettings;
-  nerf_pose_refiner::Options options;
+  using namespace nerf_pose_refiner;
+  Options options;
   CLI::App app("Trials of pose refinement: views of a dataset, each started from wrong poses.");
   app.add_option("model", options.model, "Model file")->required();
   app.add_option("dataset", options.dataset, "transforms.json with the views to be refined")
       ->required();
-  app.add_option("--protocol", options.protocol,
-                 "paper: camera turned about itself and moved; robot: object turned about its "
-                 "centre and moved")
-      ->check(CLI::IsMember({"paper", "robot"}))
-      ->capture_default_str();
-  app.add_option("--background", options.background,
-                 "white: known colour; alpha: known; mask: a photo, and a mask; photo: unknown")
-      ->check(CLI::IsMember({"white", "alpha", "mask", "photo"}))
-      ->capture_default_str();
-  app.add_option("--photos", options.photos, "Pictures to put behind the object, in turn");
-  app.add_option("--preset", options.preset, "Of the refiner")
-      ->check(CLI::IsMember(RefinerSettings::presetNames()))
-      ->capture_default_str();
-  app.add_option("--views", options.views, "Evenly spread over the dataset")->capture_default_str();
-  app.add_option("--first-view", options.first_view)->capture_default_str();
-  app.add_option("--starts", options.starts, "Starts of each view")->capture_default_str();
-  app.add_option("--rotation-deg", options.rotation_deg, "Of the starts, half width per axis")
-      ->capture_default_str();
-  app.add_option("--translation", options.translation,
-                 "Of the starts, half width per axis; paper: units (0.25), robot: diameters "
-                 "(0.15)");
-  app.add_option("--search-deg", options.search_deg, "Half width of the search; default: starts'");
-  app.add_option("--search-translation", options.search_translation,
-                 "Half width of the search, in the unit of --translation");
-  app.add_option("--light", options.light, "Gain of the object per channel: 1 +- this");
-  app.add_option("--occluder", options.occluder, "Square over this share of the object's box");
-  app.add_option("--noise", options.noise, "Standard deviation of added Gaussian noise");
-  app.add_option("--seed", options.seed)->capture_default_str();
-  app.add_option("--threads", options.threads, "0: all cores")->capture_default_str();
-  app.add_option("--instruction-set", options.instruction_set, "auto, baseline or avx2")
-      ->capture_default_str();
-  app.add_option(
-         "--unit", options.unit,
-         "Length of one of the paper's units [model units]: 1 in the NeRF Synthetic scenes; "
-         "0: the object spans 2.5 of them")
-      ->capture_default_str();
-  app.add_option("--samples-per-step", options.samples_per_step,
-                 "The paper's mode: samples a step, of all hypotheses; 0: the preset's");
-  app.add_option("--loss", options.loss, "The paper's mode: one of the seven")
-      ->capture_default_str();
+  declareStarts(&app, &options);
+  declareObservation(&app, &options.observation);
+  declareRefiner(&app, &options);
   app.add_flag("--json", options.json, "One JSON object a line, the summary last");
   app.add_flag("--trace", options.trace, "Show every stage");
-  app.add_flag("--colours", options.colours,
-               "Unknown background: compare colours, not contrasts (plain objects)");
   CLI11_PARSE(app, argc, argv);
   try {
-    if ((options.background == "photo" || options.background == "mask") && options.photos.empty()) {
-      throw std::invalid_argument("--background " + options.background + " needs --photos");
-    }
-    return nerf_pose_refiner::run(options);
+    check(options);
+    run(options);
+    return 0;
   } catch (const std::exception& e) {
     std::fprintf(stderr, "align_trials: %s\n", e.what());
     return 1;
