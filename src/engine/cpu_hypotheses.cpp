@@ -51,7 +51,7 @@ bool isDuplicate(const Hypothesis& a, const Hypothesis& b, const SelectPlan& pla
          rotationDistance(a.T_O_C.R, b.T_O_C.R) < plan.merge_rotation_rad;
 }
 
-// Best first; marks live hypotheses that stand where a better one does, and forgets the flagged.
+// The best, without the flagged ones and those that stand where a better one does.
 std::vector<CpuHypothesis> survivorsOf(const std::vector<CpuHypothesis>& sorted,
                                        const SelectPlan& plan) {
   std::vector<CpuHypothesis> survivors;

@@ -54,7 +54,8 @@ inline float halfBitsToFloat(uint16_t half) {
   return (half & 0x8000u) ? -value : value;
 }
 
-// Finite values below 65504 only: the table's entries are clamped by the optimiser's small steps.
+// Finite values below 65504 only: the table's entries stay far from it, for the optimiser's steps
+// are small. (A model with others is refused when it is saved or loaded.)
 inline uint16_t floatToHalfBits(float value) {
   uint32_t bits;
   memcpy(&bits, &value, sizeof bits);

@@ -50,6 +50,11 @@ TEST(PixelWindow, IsThePictureIfACornerIsBehindTheCamera) {
   expectWindow(windowFrom(0.6, 0, 0.4), 0, 0, 64, 48);
 }
 
+TEST(PixelWindow, IsEmptyIfTheWholeBoxIsBehindTheCamera) {
+  EXPECT_TRUE(windowFrom(0, 0, 2).empty());
+  EXPECT_TRUE(windowFrom(7, -3, 1.5).empty());
+}
+
 // What a box shows stands in its window, and no row or column of the window is empty.
 TEST(PixelWindow, HoldsEveryPointOfTheBoxAndNoMore) {
   for (std::uint64_t seed = 0; seed < 200; ++seed) {

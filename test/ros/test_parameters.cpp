@@ -95,6 +95,13 @@ TEST(Parameters, StagesReachTheirPlace) {
   EXPECT_EQ(stages[0].step_scale, 1.75);
 }
 
+TEST(Parameters, ThreadsAreThoseOfARegistrationToo) {
+  XmlRpc::XmlRpcValue values;
+  values["threads"] = 3;
+  ParamReader reader(values, "~");
+  EXPECT_EQ(readParameters(reader).registration.threads, 3);
+}
+
 TEST(Parameters, PresetsBringTheirStages) {
   XmlRpc::XmlRpcValue values;
   values["tracker"]["preset"] = "align";

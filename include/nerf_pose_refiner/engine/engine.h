@@ -100,7 +100,7 @@ class Engine {
   virtual void scatter(HypothesisBatch* batch, const Pose& prior_T_O_C,
                        const ScatterPlan& plan) = 0;
 
-  /// Direct alignment of every live hypothesis on one level (docs: align_stage in plans.h).
+  /// Direct alignment of every live hypothesis on one level (@see AlignStage).
   virtual void align(HypothesisBatch* batch, const LoadedField& field,
                      const LoadedObservation& observation, int level, const AlignStage& stage,
                      const StopToken& stop) = 0;

@@ -14,8 +14,8 @@ struct PixelWindow {
   NPR_HOST_DEVICE bool empty() const { return width <= 0 || height <= 0; }
 };
 
-/// The pixels of a picture whose areas can show something of a box in O: all of the picture if a
-/// corner of the box lies behind the camera, none if the box is outside of the picture.
+/// The pixels of a picture whose areas can show something of a box in O: all of the picture if some
+/// corners of the box lie behind the camera, none if all do or the box is outside of the picture.
 NPR_HOST_DEVICE inline PixelWindow boxWindow(const Pinhole<double>& K, int width, int height,
                                              const CameraPose<double>& pose,
                                              const double box_min[3], const double box_max[3]) {
@@ -23,12 +23,16 @@ NPR_HOST_DEVICE inline PixelWindow boxWindow(const Pinhole<double>& K, int width
                                  box_max[2] - box_min[2]};
   const Vec3<double> t = -transposedTimes(pose.R, pose.o);
   double low_u = width, low_v = height, high_u = -1, high_v = -1;
+  int behind = 0;
   for (int corner = 0; corner < 8; ++corner) {
     const Vec3<double> p_O = {corner & 1 ? box_max[0] : box_min[0],
                               corner & 2 ? box_max[1] : box_min[1],
                               corner & 4 ? box_max[2] : box_min[2]};
     const Vec3<double> p_C = transposedTimes(pose.R, p_O) + t;
-    if (p_C.z <= 1e-6 * norm(diagonal)) return {0, 0, width, height};
+    if (p_C.z <= 1e-6 * norm(diagonal)) {
+      ++behind;
+      continue;
+    }
     const Pixel<double> pixel = project(K, p_C);
     low_u = std::min(low_u, pixel.u);
     low_v = std::min(low_v, pixel.v);
@@ -36,6 +40,8 @@ NPR_HOST_DEVICE inline PixelWindow boxWindow(const Pinhole<double>& K, int width
     high_v = std::max(high_v, pixel.v);
   }
   PixelWindow window;
+  if (behind == 8) return window;
+  if (behind > 0) return {0, 0, width, height};
   if (low_u > width || low_v > height || high_u < -1 || high_v < -1) return window;
   // A pixel's area reaches half a pixel to each side of its centre.
   window.x = static_cast<int>(std::floor(std::max(0.0, low_u + 0.5)));

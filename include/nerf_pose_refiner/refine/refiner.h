@@ -44,7 +44,7 @@ struct TraceEntry {
 struct Refinement {
   Outcome outcome = Outcome::kDiverged;
   Pose T_O_C;                   ///< best pose, model units
-  double score = 0;             ///< 0..1, higher is better: calibrated on held-out views
+  double score = 0;             ///< 0..1, higher is better; @see Hypothesis::score
   double visible_fraction = 0;  ///< 0..1
   HypothesisTable hypotheses;   ///< all that were followed to the last stage, best first
   std::vector<TraceEntry> trace;
