@@ -1,6 +1,6 @@
 # Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-# The CUDA engine, where a CUDA compiler is found: a static library inside the shared one, so that
-# nobody links CUDA's libraries who links this package's. All of its sources are in cuda/.
+# The CUDA engine, where a CUDA compiler is found. Its objects are part of the library, and CUDA's
+# runtime is linked statically: nobody links CUDA who links this package. Its sources are in cuda/.
 #
 # CMAKE_CUDA_ARCHITECTURES chooses the GPUs that it is compiled for. By default all from 7.5 to 9.0,
 # and code that later ones compile themselves.
@@ -23,7 +23,7 @@ find_package(CUDAToolkit 11.8 REQUIRED)
 message(STATUS "CUDA engine: ${CMAKE_CUDA_COMPILER_VERSION}, for ${CMAKE_CUDA_ARCHITECTURES}")
 
 set(npr_cuda ${PROJECT_NAME}_cuda)
-add_library(${npr_cuda} STATIC
+add_library(${npr_cuda} OBJECT
   cuda/align.cu
   cuda/cuda_align.cpp
   cuda/cuda_descend.cpp
@@ -47,5 +47,6 @@ target_compile_options(${npr_cuda} PRIVATE
     -Xcompiler=-Werror>)
 target_include_directories(${npr_cuda} PRIVATE include src)
 target_link_libraries(${npr_cuda} PRIVATE Eigen3::Eigen CUDA::cudart_static)
-target_link_libraries(${PROJECT_NAME} PRIVATE ${npr_cuda})
+target_sources(${PROJECT_NAME} PRIVATE $<TARGET_OBJECTS:${npr_cuda}>)
+target_link_libraries(${PROJECT_NAME} PRIVATE CUDA::cudart_static)
 target_compile_definitions(${PROJECT_NAME} PRIVATE NPR_HAVE_CUDA)

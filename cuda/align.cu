@@ -167,7 +167,7 @@ __global__ void startKernel(CudaSearches searches, CudaHypotheses batch, Alignme
   const int v = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
   if (v >= searches.view_count) return;
   searches.active[v] = 0;
-  searches.searches[v].evaluations = 0;
+  searches.searches[v].judged = false;
   searches.searches[v].done = true;
   if (v >= *batch.count) return;
   CudaHypothesis& h = batch.items[v];
@@ -184,7 +184,7 @@ __global__ void finishKernel(CudaSearches searches, CudaHypotheses batch) {
   const int v = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
   if (v >= searches.view_count || v >= *batch.count) return;
   const AlignmentSearch& search = searches.searches[v];
-  if (search.evaluations == 0) return;
+  if (!search.judged) return;
   CudaHypothesis& h = batch.items[v];
   const AlignmentSumsOf<double>& sums = search.sums;
   h.pose = search.best;

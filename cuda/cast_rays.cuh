@@ -18,16 +18,14 @@ namespace nerf_pose_refiner {
 template <typename Source>
 __device__ inline bool findSamples(const OccupancyView& occupancy, Source* source, RayGroup* ray,
                                    bool* fresh) {
-  constexpr int kMostTurns = 12;
+  constexpr int kMostTurns = 4;  // then those that have samples go on
   for (int turn = 0; turn < kMostTurns; ++turn) {
     if (source->turnOver(*ray)) {
       source->start(ray);
       *fresh = true;
     }
     takeSamples(occupancy, source->active() && !ray->ended && ray->count < kRaySamples, ray);
-    const bool ready = source->active()
-                           ? ray->count == kRaySamples || (ray->ended && ray->count > 0)
-                           : source->exhausted();
+    const bool ready = source->active() ? hasFullGroup(*ray) : source->exhausted();
     if (__all_sync(kWholeWarp, ready)) break;
   }
   return !__all_sync(kWholeWarp, !source->active() && source->exhausted());
@@ -55,21 +53,23 @@ __device__ inline LaneWork castRays(const CudaFieldView& field, const MarchSpace
     bool fresh = false;
     if (!findSamples(space.occupancy, source, &ray, &fresh)) break;
     needs_harmonics = needs_harmonics || fresh;
-    const bool valid = laneSlot() < ray.count;
-    if (!__any_sync(kWholeWarp, valid)) continue;
+    const bool ready = source->active() && hasFullGroup(ray);
+    if (!__any_sync(kWholeWarp, ready)) continue;
+    const bool valid = ready && laneSlot() < ray.count;
     if (valid) {
       float p[3];
-#pragma unroll
-      for (int a = 0; a < 3; ++a) p[a] = ray.lattice.origin[a] + ray.t * ray.lattice.direction[a];
+      samplePosition(ray, p);
       encode<false>(field, p, memory.row(), nullptr, 0);
       if (needs_harmonics && laneSlot() == 0) {
         writeHarmonics(ray.lattice.direction, field.sh_degree, harmonics);
       }
     }
-    needs_harmonics = needs_harmonics && ray.count == 0;
-    work.samples += valid;
+    needs_harmonics = needs_harmonics && !ready;
     const float density = expf(fminf(networks.template density<false>(), 30.0f));
-    const SampleWeight sample = weighSamples(density, min_transmittance, &ray);
+    const SampleWeight sample = weighSamples(density, min_transmittance, ready, &ray);
+    // In fours, as the CPU engine takes and counts them: budgets must agree.
+    const bool first_seen = __shfl_sync(kWholeWarp, sample.seen, laneSlot() & ~3, kRaySamples);
+    work.samples += valid && first_seen;
     const bool heavy = sample.weight > colour_threshold;
     if (!__any_sync(kWholeWarp, heavy)) continue;
     const float3 rgb = networks.template colour<false>(kRaySamples);

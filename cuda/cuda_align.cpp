@@ -76,9 +76,8 @@ CudaEngine::Stage CudaEngine::prepareStage(const CudaBatch& batch, const CudaFie
 
   Stage made = {};
   made.field = &field;
-  made.render = renderTask(field, level.camera, batch.bound);
+  made.render = renderTask(field, level.camera, batch.bound, stage.rays_per_side);
   made.render.active = active_.data();
-  made.render.rays_per_side = stage.rays_per_side;
   made.render.step_scale = stage.step_scale;
   made.render.min_transmittance = stage.min_transmittance;
   scratch_.reserve(pictures_.capacity());

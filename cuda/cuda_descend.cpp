@@ -46,6 +46,7 @@ DescentTask CudaEngine::descentTask(CudaBatch* batch, const CudaField& field,
   clock_.reserve(1);
   records_.reserve(static_cast<std::size_t>(most_rays));
   forces_.reserve(static_cast<std::size_t>(most_rays));
+  ray_hits_.reserve(static_cast<std::size_t>(most_rays));
   task.batch = batch->view();
   task.live = live_.data();
   task.samples_per_ray = batch->samplesPerRay();
@@ -53,6 +54,7 @@ DescentTask CudaEngine::descentTask(CudaBatch* batch, const CudaField& field,
   task.clock = clock_.data();
   task.records = records_.data();
   task.forces = forces_.data();
+  task.hits = ray_hits_.data();
   task.most_rays = most_rays;
   task.costs = field.costs();
   task.work = meter_.data();

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <stdexcept>
 
 #include "nerf_pose_refiner/engine/make_engine.h"
@@ -91,7 +92,7 @@ CudaEngine::CudaEngine(int device)
       batches_(std::make_shared<Workspaces<CudaBatchMemory>>(
           [] { return std::make_unique<CudaBatchMemory>(); })) {
   meter_.clear(1, stream_);
-  tiles_.reserve(2);
+  hit_count_.reserve(2);
   pinned_count_.reserve(1);
   pinned_work_.reserve(1);
 }
@@ -138,22 +139,30 @@ CudaBatch& CudaEngine::own(HypothesisBatch* batch) const {
   return *found;
 }
 
-RenderTask CudaEngine::renderTask(const CudaField& field, const CudaCamera& camera, int views) {
+RenderTask CudaEngine::renderTask(const CudaField& field, const CudaCamera& camera, int views,
+                                  int rays_per_side) {
   const auto n = static_cast<std::size_t>(views);
   const std::size_t pixels = n * static_cast<std::size_t>(camera.width) * camera.height;
   views_.reserve(n);
   poses_.reserve(n);
   pictures_.reserve(2 * pixels);
+  const std::size_t rays = pixels * static_cast<std::size_t>(rays_per_side * rays_per_side);
+  if (rays > std::numeric_limits<unsigned>::max() / 2) {
+    throw std::invalid_argument("too many rays to be rendered at once: " + std::to_string(rays));
+  }
+  hits_.reserve(rays);
+  if (rays_per_side > 1) rays_.reserve(2 * rays);
   RenderTask task = {};
   task.camera = camera;
   task.poses = poses_.data();
   task.view_count = views;
-  task.rays_per_side = 1;
+  task.rays_per_side = rays_per_side;
   task.step_scale = 1;
   task.use_occupancy = true;
   task.views = views_.data();
-  task.tiles = tiles_.data();
+  task.hits = {hits_.data(), hit_count_.data()};
   task.pictures = pictures_.data();
+  task.rays = rays_per_side > 1 ? rays_.data() : pictures_.data();
   task.costs = field.costs();
   task.work = meter_.data();
   return task;
@@ -180,7 +189,7 @@ Rendering CudaEngine::render(const LoadedField& field, const Camera& camera, con
   if (!T_O_C.isFinite()) throw std::invalid_argument("render: the pose is not finite");
   stop.check();
   const CudaField& loaded = own(field);
-  RenderTask task = renderTask(loaded, plainCamera(camera), 1);
+  RenderTask task = renderTask(loaded, plainCamera(camera), 1, 1);
   task.near = options.near;
   task.step_scale = options.step_scale;
   task.min_transmittance = options.min_transmittance;
@@ -226,8 +235,9 @@ std::unique_ptr<HypothesisBatch> CudaEngine::batch(int capacity) {
   }
   auto made = std::make_unique<CudaBatch>(batches_, device_, capacity);
   NPR_CUDA_CHECK(cudaMemsetAsync(made->view().count, 0, sizeof(int), stream_));
-  NPR_CUDA_CHECK(cudaMemsetAsync(
-      made->view().items, 0, static_cast<std::size_t>(capacity) * sizeof(CudaHypothesis), stream_));
+  const std::size_t bytes = static_cast<std::size_t>(capacity) * sizeof(CudaHypothesis);
+  NPR_CUDA_CHECK(cudaMemsetAsync(made->view().items, 0, bytes, stream_));
+  NPR_CUDA_CHECK(cudaMemsetAsync(made->view().scratch, 0, bytes, stream_));
   const double unknown = -1;
   NPR_CUDA_CHECK(cudaMemcpyAsync(made->samplesPerRay(), &unknown, sizeof unknown,
                                  cudaMemcpyHostToDevice, stream_));
@@ -262,6 +272,7 @@ void CudaEngine::select(HypothesisBatch* batch, const SelectPlan& plan) {
   CudaSelectPlan plain;
   plain.keep = plan.keep;
   plain.offspring = plan.offspring;
+  plain.redraw = plan.redraw;
   plain.merge_rotation_rad = plan.merge_rotation_rad;
   plain.merge_translation = plan.merge_translation;
   plain.jitter = {plainVector(Eigen::Vector3d::Constant(plan.rotation_jitter_rad)),

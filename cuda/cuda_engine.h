@@ -123,7 +123,8 @@ class CudaEngine final : public Engine {
                          CudaObservedImage* uploaded);
   void observeLevel(const CudaObservedImage& image, const ImageLevel& plan, double scale,
                     CudaLevel* level);
-  RenderTask renderTask(const CudaField& field, const CudaCamera& camera, int views);
+  RenderTask renderTask(const CudaField& field, const CudaCamera& camera, int views,
+                        int rays_per_side);
   Stage prepareStage(const CudaBatch& batch, const CudaField& field,
                      const CudaObservation& observation, int level, const AlignStage& stage);
   DescentTask descentTask(CudaBatch* batch, const CudaField& field,
@@ -141,8 +142,9 @@ class CudaEngine final : public Engine {
   // Workspaces; they grow and stay.
   DeviceBuffer<float> image_, alpha_, weight_, kernel_;
   DeviceBuffer<CudaView> views_;
-  DeviceBuffer<unsigned> tiles_;
-  DeviceBuffer<float4> pictures_, scratch_;
+  DeviceBuffer<RayHit> hits_;
+  DeviceBuffer<unsigned> hit_count_;
+  DeviceBuffer<float4> pictures_, scratch_, rays_;
   DeviceBuffer<CameraPose<double>> poses_;
   DeviceBuffer<AlignmentSearch> searches_;
   DeviceBuffer<int> active_;
@@ -152,6 +154,7 @@ class CudaEngine final : public Engine {
   DeviceBuffer<DescentClock> clock_;
   DeviceBuffer<RayRecord> records_;
   DeviceBuffer<RayForce> forces_;
+  DeviceBuffer<RayHit> ray_hits_;
   CudaGraph descent_graph_;
   DeviceBuffer<CudaWork> meter_;
   PinnedBuffer<float4> pinned_picture_;

@@ -5,6 +5,7 @@
 #include "launch.cuh"
 #include "nerf_pose_refiner/maths/pixel_loss.h"
 #include "nerf_pose_refiner/maths/random.h"
+#include "ray_hits.cuh"
 
 // Rays of the paper's mode, for all hypotheses at once. First all of them are cast, which gives the
 // loss; then those that saw something are walked along again and pull. No gradient of a parameter
@@ -14,36 +15,8 @@ namespace nerf_pose_refiner {
 namespace {
 
 constexpr int kCastThreads = 128;
-constexpr int kPullThreads = 256;
-constexpr unsigned kRaysPerTake = 32;  // that a warp takes at once
-
-/// Rays that a warp has taken, the same in all of its lanes, and the group's own.
-struct RayQueue {
-  unsigned next = 0, end = 0;
-  bool exhausted = false;
-  bool active = false;
-  unsigned id = 0;  // of the group's ray
-
-  /// Gives groups without a ray their next. @return whether this group got one.
-  __device__ bool take(unsigned* counter, unsigned all) {
-    const unsigned leaders = __ballot_sync(kWholeWarp, !active && laneSlot() == 0);
-    if (leaders == 0) return false;
-    if (next >= end && !exhausted) {
-      if (threadIdx.x % 32 == 0) next = atomicAdd(counter, kRaysPerTake);
-      next = __shfl_sync(kWholeWarp, next, 0);
-      end = min(next + kRaysPerTake, all);
-      exhausted = next >= all;
-    }
-    if (exhausted) return false;
-    const int first_lane = threadIdx.x % 32 - laneSlot();
-    const unsigned mine = next + __popc(leaders & ((1u << first_lane) - 1));
-    next += __popc(leaders);
-    if (active || mine >= end) return false;
-    id = mine;
-    active = true;
-    return true;
-  }
-};
+constexpr int kPullThreads = 384;
+constexpr int kFindThreads = 256;
 
 /// The pixel that a ray goes through: the same for every hypothesis.
 __device__ int pixelOf(const DescentTask& task, unsigned id) {
@@ -52,8 +25,8 @@ __device__ int pixelOf(const DescentTask& task, unsigned id) {
   return static_cast<int>(randomIndex(task.seed, stream, id % task.clock->rays, pixels));
 }
 
-__device__ void startRay(const CudaFieldView& field, const DescentTask& task,
-                         const MarchSpace& space, unsigned id, RayGroup* ray) {
+__device__ RayLattice rayOf(const CudaFieldView& field, const DescentTask& task,
+                            const MarchSpace& space, unsigned id) {
   const int pixel = pixelOf(task, id);
   const CameraPose<double>& pose = task.batch.items[task.live[id / task.clock->rays]].pose;
   const float x = static_cast<float>((pixel % task.camera.width - task.camera.cx) / task.camera.fx);
@@ -68,30 +41,70 @@ __device__ void startRay(const CudaFieldView& field, const DescentTask& task,
                  static_cast<float>(pose.R.m[a][2]));
     origin[a] = (static_cast<float>(position[a]) - field.origin[a]) / field.side;
   }
-  ray->start(origin, direction, space, 0);
+  return RayLattice(origin, direction, space, 0);
 }
 
-/// Rays on their way forward; @see findSamples.
+/// What a ray saw, compared with its pixel.
+__device__ void recordRay(const DescentTask& task, unsigned id, const float rgb[3], float alpha) {
+  const int pixel = pixelOf(task, id);
+  const float4 seen = task.image[pixel];
+  const float observed[3] = {seen.x, seen.y, seen.z};
+  const PixelLossTerm term =
+      task.background_known
+          ? lossBeforeKnown(task.loss, rgb, alpha, task.background, observed, task.weight[pixel])
+          : lossBeforeUnknown(task.loss, rgb, alpha, observed, task.weight[pixel]);
+  RayRecord r;
+  r.value = term.alpha * alpha;
+  for (int c = 0; c < 3; ++c) {
+    r.rgb[c] = term.rgb[c];
+    r.value += term.rgb[c] * rgb[c];
+  }
+  r.alpha = term.alpha;
+  r.loss = term.loss;
+  r.weight = term.weight;
+  task.records[id] = r;
+}
+
+/// Threads take rays: lists those that meet matter; the others have seen all that they will.
+__global__ void __launch_bounds__(kFindThreads)
+    findRaysKernel(const __grid_constant__ CudaFieldView field,
+                   const __grid_constant__ DescentTask task,
+                   const __grid_constant__ MarchSpace space) {
+  const unsigned all = static_cast<unsigned>(task.clock->live) * task.clock->rays;
+  const unsigned first = blockIdx.x * blockDim.x + threadIdx.x - threadIdx.x % 32;
+  for (unsigned base = first; base < all; base += gridDim.x * blockDim.x) {  // whole warps
+    const unsigned id = base + threadIdx.x % 32;
+    RayInterval interval = {0, 0, 0};
+    const bool found =
+        id < all && findMatter(rayOf(field, task, space, id), space.occupancy, &interval);
+    appendHit({task.hits, &task.clock->found}, found, {id, static_cast<unsigned>(interval.k)});
+    if (id < all && !found) {
+      const float nothing[3] = {0, 0, 0};
+      recordRay(task, id, nothing, 0);
+      task.forces[id] = RayForce();
+    }
+  }
+  // The rays themselves are counted here.
+  if (blockIdx.x == 0 && threadIdx.x == 0) {
+    atomicAdd(&task.work->rays, static_cast<unsigned long long>(all));
+  }
+}
+
+/// Listed rays on their way forward; @see findSamples.
 struct CastSource {
   const CudaFieldView& field;
   const DescentTask& task;
   const MarchSpace& space;
-  unsigned all;
-  RayQueue queue;
-  unsigned rays = 0;
+  HitQueue queue;
 
   __device__ CastSource(const CudaFieldView& the_field, const DescentTask& the_task,
                         const MarchSpace& the_space)
-      : field(the_field),
-        task(the_task),
-        space(the_space),
-        all(static_cast<unsigned>(the_task.clock->live) * the_task.clock->rays) {}
+      : field(the_field), task(the_task), space(the_space) {}
 
   __device__ bool active() const { return queue.active; }
   __device__ bool exhausted() const { return queue.exhausted; }
   __device__ void start(RayGroup* ray) {
-    startRay(field, task, space, queue.id, ray);
-    rays += laneSlot() == 0;
+    ray->start(rayOf(field, task, space, queue.hit.id), static_cast<int>(queue.hit.first));
   }
 
   __device__ bool turnOver(const RayGroup& ray) {
@@ -100,39 +113,17 @@ struct CastSource {
       const float rgb[3] = {groupSum(ray.rgb[0]), groupSum(ray.rgb[1]), groupSum(ray.rgb[2])};
       const float alpha = groupSum(ray.alpha);
       if (done) {
-        if (laneSlot() == 0) record(rgb, alpha);
+        if (laneSlot() == 0) recordRay(task, queue.hit.id, rgb, alpha);
         queue.active = false;
       }
     }
-    return queue.take(&task.clock->next_cast, all);
-  }
-
-  __device__ void record(const float rgb[3], float alpha) const {
-    const int pixel = pixelOf(task, queue.id);
-    const float4 seen = task.image[pixel];
-    const float observed[3] = {seen.x, seen.y, seen.z};
-    const PixelLossTerm term =
-        task.background_known
-            ? lossBeforeKnown(task.loss, rgb, alpha, task.background, observed, task.weight[pixel])
-            : lossBeforeUnknown(task.loss, rgb, alpha, observed, task.weight[pixel]);
-    const float pulls = alpha > 0 ? 1.0f : 0.0f;  // a ray that met nothing has nothing to pull
-    RayRecord r;
-    r.value = 0;
-    for (int c = 0; c < 3; ++c) {
-      r.rgb[c] = pulls * term.rgb[c];
-      r.value += r.rgb[c] * rgb[c];
-    }
-    r.alpha = pulls * term.alpha;
-    r.value += r.alpha * alpha;
-    r.loss = term.loss;
-    r.weight = term.weight;
-    task.records[queue.id] = r;
+    return queue.take({task.hits, &task.clock->found}, &task.clock->cast);
   }
 };
 
 /// A persistent grid: warps take rays until there are none.
 template <int W>
-__global__ void __launch_bounds__(kCastThreads, W == 32 ? 4 : 3)
+__global__ void __launch_bounds__(kCastThreads, 4)
     castKernel(const __grid_constant__ CudaFieldView field,
                const __grid_constant__ DescentTask task, const __grid_constant__ MarchSpace space,
                float min_transmittance, float colour_threshold) {
@@ -145,32 +136,28 @@ __global__ void __launch_bounds__(kCastThreads, W == 32 ? 4 : 3)
   if (threadIdx.x % 32 == 0 && samples > 0) {
     atomicAdd(&task.clock->samples, static_cast<unsigned long long>(samples));
   }
-  addWork(task.costs, source.rays, work.samples, work.colours, task.work);
+  addWork(task.costs, work.samples, work.colours, task.work);
 }
 
-/// Rays that pull; @see findSamples.
+/// Listed rays that pull; @see findSamples.
 struct PullSource {
   const CudaFieldView& field;
   const DescentTask& task;
   const MarchSpace& space;
-  unsigned all;
-  RayQueue queue;
+  HitQueue queue;
   RayRecord record;
   float in_front = 0;  // what the samples so far contributed to record.value
   RayForce sum = {};   // over this lane's samples, in units of N
 
   __device__ PullSource(const CudaFieldView& the_field, const DescentTask& the_task,
                         const MarchSpace& the_space)
-      : field(the_field),
-        task(the_task),
-        space(the_space),
-        all(static_cast<unsigned>(the_task.clock->live) * the_task.clock->rays) {}
+      : field(the_field), task(the_task), space(the_space) {}
 
   __device__ bool active() const { return queue.active; }
   __device__ bool exhausted() const { return queue.exhausted; }
 
   __device__ void start(RayGroup* ray) {
-    startRay(field, task, space, queue.id, ray);
+    ray->start(rayOf(field, task, space, queue.hit.id), static_cast<int>(queue.hit.first));
     in_front = 0;
     sum = RayForce();
   }
@@ -185,16 +172,16 @@ struct PullSource {
         total.torque[a] = groupSum(sum.torque[a]);
       }
       if (done) {
-        if (laneSlot() == 0) task.forces[queue.id] = total;
+        if (laneSlot() == 0) task.forces[queue.hit.id] = total;
         queue.active = false;
       }
     }
-    if (!queue.take(&task.clock->next_pull, all)) return false;
-    record = task.records[queue.id];
+    if (!queue.take({task.hits, &task.clock->found}, &task.clock->pulled)) return false;
+    record = task.records[queue.hit.id];
     const bool pulls =
         record.rgb[0] != 0 || record.rgb[1] != 0 || record.rgb[2] != 0 || record.alpha != 0;
     if (!pulls) {
-      if (laneSlot() == 0) task.forces[queue.id] = RayForce();
+      if (laneSlot() == 0) task.forces[queue.hit.id] = RayForce();
       queue.active = false;
     }
     return pulls;
@@ -241,6 +228,8 @@ struct PullSource {
   }
 };
 
+constexpr float kLeastGradient = 1e-20f;  // what is less pulls at nothing, and has no inverse
+
 /// A persistent grid, as castKernel. Every sample's gradient goes back scaled to one and is scaled
 /// again behind: halves hold it, however small it is.
 template <int W>
@@ -258,25 +247,25 @@ __global__ void __launch_bounds__(kPullThreads, 1)
     bool fresh = false;
     if (!findSamples(space.occupancy, &source, &ray, &fresh)) break;
     needs_harmonics = needs_harmonics || fresh;
-    const bool valid = laneSlot() < ray.count;
-    if (!__any_sync(kWholeWarp, valid)) continue;
+    const bool ready = source.active() && hasFullGroup(ray);
+    if (!__any_sync(kWholeWarp, ready)) continue;
+    const bool valid = ready && laneSlot() < ray.count;
     if (valid) {
       float p[3];
-#pragma unroll
-      for (int a = 0; a < 3; ++a) p[a] = ray.lattice.origin[a] + ray.t * ray.lattice.direction[a];
+      samplePosition(ray, p);
       encode<true>(field, p, memory.row(), memory.slopeRow(), memory.slopePlane());
       if (needs_harmonics && laneSlot() == 0) {
         writeHarmonics(ray.lattice.direction, field.sh_degree, harmonics);
       }
     }
-    needs_harmonics = needs_harmonics && ray.count == 0;
+    needs_harmonics = needs_harmonics && !ready;
     const float density = expf(fminf(networks.template density<true>(), 30.0f));
     const float length = ray.length;
-    const SampleWeight sample = weighSamples(density, min_transmittance, &ray);
+    const SampleWeight sample = weighSamples(density, min_transmittance, ready, &ray);
     const float3 rgb = networks.template colour<true>(kRaySamples);
     const float4 g = source.logitGradient(sample, density, length, rgb);
     const float scale = fmaxf(fmaxf(fabsf(g.x), fabsf(g.y)), fmaxf(fabsf(g.z), fabsf(g.w)));
-    const bool pulls = scale > 0 && isfinite(scale);
+    const bool pulls = scale > kLeastGradient && isfinite(scale);
     if (!__any_sync(kWholeWarp, pulls)) continue;
     const float inverse = pulls ? 1 / scale : 0.0f;
     float by_harmonics[kHarmonics] = {};
@@ -304,6 +293,7 @@ constexpr float kMinTransmittance = 1e-4f;  // as RenderOptions has it
 
 void castAll(const CudaFieldView& field, const DescentTask& task, float colour_threshold,
              cudaStream_t stream) {
+  launchPersistent(findRaysKernel, kFindThreads, 0, stream, field, task, marchSpace(field, 1));
   const int bytes = SharedLayout(field.shape, kRaySamples, false).bytes(kCastThreads / 32);
   const auto kernel = field.shape.width == 32 ? castKernel<32> : castKernel<64>;
   launchPersistent(kernel, kCastThreads, bytes, stream, field, task, marchSpace(field, 1),

@@ -24,13 +24,14 @@ struct RayForce {
   float force[3], torque[3];
 };
 
-/// What steps hand on to each other, on the device.
+/// Rays and hits of a step are numbered hypothesis after hypothesis. What steps hand on to each
+/// other, on the device.
 struct DescentClock {
-  int step;                       ///< the one under way
-  int live;                       ///< hypotheses that are followed
-  int rays;                       ///< of each of them, in this step
-  unsigned next_cast, next_pull;  ///< rays that were taken by warps
-  unsigned long long samples;     ///< of this step so far
+  int step;                      ///< the one under way
+  int live;                      ///< hypotheses that are followed
+  int rays;                      ///< of each of them, in this step
+  unsigned found, cast, pulled;  ///< rays that meet matter; those that were taken by warps
+  unsigned long long samples;    ///< of this step so far
 };
 
 /// A sequence of steps of parallel inversion. @see DescentPlan
@@ -60,6 +61,7 @@ struct DescentTask {
   DescentClock* clock;
   RayRecord* records;  ///< [capacity of rays], hypothesis after hypothesis
   RayForce* forces;
+  RayHit* hits;   ///< [capacity of rays]
   int most_rays;  ///< room for rays of all hypotheses
   CudaCosts costs;
   CudaWork* work;

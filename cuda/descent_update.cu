@@ -29,7 +29,7 @@ __global__ void startKernel(DescentTask task, int first_step) {
 __global__ void beginKernel(DescentTask task) {
   DescentClock* clock = task.clock;
   ++clock->step;
-  clock->next_cast = clock->next_pull = 0;
+  clock->found = clock->cast = clock->pulled = 0;
   clock->samples = 0;
   if (clock->live == 0) return;
   const double measured = *task.samples_per_ray;

@@ -8,12 +8,11 @@ namespace nerf_pose_refiner {
 namespace {
 
 constexpr int kThreads = 128;
-constexpr int kBackwardThreads = 256;
+constexpr int kBackwardThreads = 384;
 
 /// Warps take 32 samples at a time, one after the other in a fixed order.
 template <int W, bool kBackward>
-__global__ void __launch_bounds__(kBackward ? kBackwardThreads : kThreads,
-                                  kBackward ? 1 : (W == 32 ? 4 : 3))
+__global__ void __launch_bounds__(kBackward ? kBackwardThreads : kThreads, kBackward ? 1 : 4)
     evaluateKernel(const __grid_constant__ CudaFieldView field,
                    const __grid_constant__ EvaluationTask task) {
   const WarpMemory memory = enterBlock(field, 1, kBackward);
@@ -38,7 +37,7 @@ __global__ void __launch_bounds__(kBackward ? kBackwardThreads : kThreads,
     g = make_float4(g.x * rgb.x * (1 - rgb.x), g.y * rgb.y * (1 - rgb.y), g.z * rgb.z * (1 - rgb.z),
                     g.w * density);
     const float scale = fmaxf(fmaxf(fabsf(g.x), fabsf(g.y)), fmaxf(fabsf(g.z), fabsf(g.w)));
-    const float inverse = scale > 0 ? 1 / scale : 0.0f;
+    const float inverse = scale > 1e-20f ? 1 / scale : 0.0f;  // of less there is no inverse
     networks.backward(make_float4(inverse * g.x, inverse * g.y, inverse * g.z, inverse * g.w),
                       nullptr);
     float gradient[3];

@@ -56,7 +56,7 @@ struct GridCell {
 };
 
 __device__ inline float splitCell(float x, float resolution, std::uint32_t* cell) {
-  const float scaled = fminf(fmaxf(x * resolution, 0.0f), resolution);
+  const float scaled = fminf(fmaxf(__fmul_rn(x, resolution), 0.0f), resolution);
   const float whole = fminf(floorf(scaled), resolution - 1);  // the last cell holds the far face
   *cell = static_cast<std::uint32_t>(whole);
   return scaled - whole;
@@ -146,21 +146,20 @@ __device__ inline void interpolate(const void* grid, const CudaGridLevel& level,
   }
 #pragma unroll
   for (int r = 0; r < 4; ++r) {
-    const float w = wy[r & 1] * wz[r >> 1];
+    const float w = __fmul_rn(wy[r & 1], wz[r >> 1]);
     float a[F], b[F];
     GridEntry<F>::unpack(low[r], a);
     GridEntry<F>::unpack(high[r], b);
-    if (slopes == nullptr) {
-      const float wa = w * (1 - cell.fx), wb = w * cell.fx;
+    // Written out, so that features have the same bits with slopes and without.
+    const float wa = __fmul_rn(w, 1 - cell.fx), wb = __fmul_rn(w, cell.fx);
 #pragma unroll
-      for (int f = 0; f < F; ++f) out[f] += wa * a[f] + wb * b[f];
-    } else {
+    for (int f = 0; f < F; ++f) out[f] = __fmaf_rn(wb, b[f], __fmaf_rn(wa, a[f], out[f]));
+    if (slopes != nullptr) {
       const float sy = r & 1 ? wz[r >> 1] : -wz[r >> 1];
       const float sz = r >> 1 ? wy[r & 1] : -wy[r & 1];
 #pragma unroll
       for (int f = 0; f < F; ++f) {
         const float along = b[f] - a[f], v = a[f] + cell.fx * along;
-        out[f] += w * v;
         slopes->x[f] += w * along;
         slopes->y[f] += sy * v;
         slopes->z[f] += sz * v;

@@ -105,11 +105,13 @@ __global__ void selectKernel(CudaHypotheses batch, CudaSelectPlan plan) {
   }
 
   const int kept = survivors;
-  const int redrawn = min(plan.keep, kept + flagged);
+  const int redrawn = min(plan.keep, kept + (plan.redraw ? flagged : 0));
   const int total = kept == 0 ? 0 : min(max(kept, max(plan.offspring, redrawn)), batch.capacity);
   for (int i = kept + thread; i < total; i += kSelectThreads) {
-    batch.scratch[i] =
+    CudaHypothesis child =
         freshHypothesis(drawnAround(batch.scratch[i % kept].pose, plan.jitter, plan.seed, i));
+    child.loss = HUGE_VAL;  // not known yet: no better than any that was looked at
+    batch.scratch[i] = child;
   }
   __syncthreads();
   for (int i = thread; i < total; i += kSelectThreads) batch.items[i] = batch.scratch[i];

@@ -54,6 +54,7 @@ void scatterHypotheses(const CudaHypotheses& batch, const CameraPose<double>& pr
 /// @see SelectPlan
 struct CudaSelectPlan {
   int keep, offspring;
+  bool redraw;
   double merge_rotation_rad, merge_translation;
   PoseSpread jitter;
   std::uint64_t seed;

@@ -1,8 +1,10 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
 #include <map>
 #include <stdexcept>
 #include <string>
 #include <tuple>
+#include <utility>
 
 #include "cuda_error.h"
 
@@ -22,8 +24,11 @@ int residentBlocks(const void* kernel, int threads, int shared_bytes) {
     throw std::runtime_error("CUDA: the field's networks need " + std::to_string(shared_bytes) +
                              " bytes of shared memory, this device has " + std::to_string(allowed));
   }
-  NPR_CUDA_CHECK(
-      cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, shared_bytes));
+  // The limit belongs to the kernel and must not fall below what another field needs.
+  thread_local std::map<std::pair<int, const void*>, int> largest;
+  int& limit = largest[{device, kernel}];
+  limit = std::max(limit, shared_bytes);
+  NPR_CUDA_CHECK(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, limit));
   NPR_CUDA_CHECK(
       cudaOccupancyMaxActiveBlocksPerMultiprocessor(&per_processor, kernel, threads, shared_bytes));
   blocks = processors * (per_processor > 0 ? per_processor : 1);
@@ -34,7 +39,9 @@ int threadsThatFit(int threads, int block_bytes, int warp_bytes) {
   int device = 0, allowed = 0;
   NPR_CUDA_CHECK(cudaGetDevice(&device));
   NPR_CUDA_CHECK(cudaDeviceGetAttribute(&allowed, cudaDevAttrMaxSharedMemoryPerBlockOptin, device));
-  while (threads > 32 && block_bytes + threads / 32 * warp_bytes > allowed) threads /= 2;
+  while (threads > 32 && block_bytes + threads / 32 * warp_bytes > allowed) {
+    threads = std::max(32, threads / 64 * 32);
+  }
   return threads;
 }
 

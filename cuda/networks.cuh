@@ -85,7 +85,8 @@ __device__ inline void writeHarmonics(const float direction[3], int degree, __ha
 template <int W>
 class WarpNetworks {
  public:
-  static constexpr int NT = W / 8, KT = W / 16;
+  static constexpr int NT = W / 8, KT = W / 16;  // tiles of neurons, as outputs and as inputs
+  static constexpr int kPart = 4;                // tiles that are summed at a time
 
   __device__ WarpNetworks(const CudaNetworkShape& shape, const WarpMemory& memory)
       : shape_(shape), memory_(memory) {}
@@ -97,20 +98,18 @@ class WarpNetworks {
     __syncwarp();
     const uint2* weights = memory_.forward;
     const int lane = memory_.lane;
-    TileSums<NT> sums;
-    clearSums(&sums);
-    for (int k = 0; k < shape_.encoding_tiles; ++k, weights += NT * 32) {
-      std::uint32_t a0[4], a1[4];
-      const __half* address =
-          memory_.encoding + lane % 16 * memory_.stride + 16 * k + lane / 16 * 8;
-      loadTile(a0, address);
-      loadTile(a1, address + 16 * memory_.stride);
-      multiplyInputs(a0, a1, weights, lane, &sums);
-    }
-    TileInputs<KT> in = activate<kKeep>(&sums, 0);
+    TileInputs<KT> in = hiddenLayer<kKeep>(0, [&](int n, TileSums<kPart>* sums) {
+      const __half* address = memory_.encoding + lane % 16 * memory_.stride + lane / 16 * 8;
+      for (int k = 0; k < shape_.encoding_tiles; ++k, address += 16) {
+        std::uint32_t a0[4], a1[4];
+        loadTile(a0, address);
+        loadTile(a1, address + 16 * memory_.stride);
+        multiplyInputs(a0, a1, weights + (k * NT + n) * 32, lane, sums);
+      }
+    });
+    weights += shape_.encoding_tiles * NT * 32;
     for (int l = 1; l < shape_.density_hidden; ++l, weights += KT * NT * 32) {
-      multiplyLayer(in, weights, lane, &sums);
-      in = activate<kKeep>(&sums, l);
+      in = hiddenLayer<kKeep>(l, fromRegisters(in, weights));
     }
     TileSums<2> last;
     multiplyLayer(in, weights, lane, &last);
@@ -134,21 +133,19 @@ class WarpNetworks {
   template <bool kKeep>
   __device__ float3 colour(int samples_per_ray) {
     const int lane = memory_.lane;
-    TileSums<NT> sums;
-    clearSums(&sums);
     const uint2* weights = colour_weights_;
-    multiplyInputs(geometry_.a[0][0], geometry_.a[1][0], weights, lane, &sums);
-    weights += NT * 32;
-    std::uint32_t a0[4], a1[4];
-    const int half = lane / 16 * 8;
-    loadTile(a0, memory_.harmonics + lane % 16 / samples_per_ray * kHarmonics + half);
-    loadTile(a1, memory_.harmonics + (16 + lane % 16) / samples_per_ray * kHarmonics + half);
-    multiplyInputs(a0, a1, weights, lane, &sums);
-    weights += NT * 32;
-    TileInputs<KT> in = activate<kKeep>(&sums, shape_.density_hidden);
+    TileInputs<KT> in =
+        hiddenLayer<kKeep>(shape_.density_hidden, [&](int n, TileSums<kPart>* sums) {
+          multiplyInputs(geometry_.a[0][0], geometry_.a[1][0], weights + n * 32, lane, sums);
+          const __half* harmonics = memory_.harmonics + lane / 16 * 8;
+          std::uint32_t a0[4], a1[4];
+          loadTile(a0, harmonics + lane % 16 / samples_per_ray * kHarmonics);
+          loadTile(a1, harmonics + (16 + lane % 16) / samples_per_ray * kHarmonics);
+          multiplyInputs(a0, a1, weights + (NT + n) * 32, lane, sums);
+        });
+    weights += 2 * NT * 32;
     for (int l = 1; l < shape_.colour_hidden; ++l, weights += KT * NT * 32) {
-      multiplyLayer(in, weights, lane, &sums);
-      in = activate<kKeep>(&sums, shape_.density_hidden + l);
+      in = hiddenLayer<kKeep>(shape_.density_hidden + l, fromRegisters(in, weights));
     }
     TileSums<1> last;
     multiplyLayer(in, weights, lane, &last);
@@ -179,13 +176,10 @@ class WarpNetworks {
     __syncwarp();
     const uint2* weights = memory_.transposed;
     TileInputs<1> top = colourGradient();
-    TileSums<NT> sums;
-    multiplyLayer(top, weights, lane, &sums);
+    TileInputs<KT> in = hiddenGradient(shape_.hiddenLayers() - 1, fromRegisters(top, weights));
     weights += NT * 32;
-    TileInputs<KT> in = deactivate(&sums, shape_.hiddenLayers() - 1);
     for (int l = shape_.colour_hidden - 2; l >= 0; --l, weights += KT * NT * 32) {
-      multiplyLayer(in, weights, lane, &sums);
-      in = deactivate(&sums, shape_.density_hidden + l);
+      in = hiddenGradient(shape_.density_hidden + l, fromRegisters(in, weights));
     }
     if (harmonics_gradient) harmonicsGradient(in, weights, harmonics_gradient);
     TileSums<2> geometry;
@@ -203,12 +197,10 @@ class WarpNetworks {
       }
     }
     top = toInputs(geometry);
-    multiplyLayer(top, weights, lane, &sums);
+    in = hiddenGradient(shape_.density_hidden - 1, fromRegisters(top, weights));
     weights += NT * 32;
-    in = deactivate(&sums, shape_.density_hidden - 1);
     for (int l = shape_.density_hidden - 2; l >= 0; --l, weights += KT * NT * 32) {
-      multiplyLayer(in, weights, lane, &sums);
-      in = deactivate(&sums, l);
+      in = hiddenGradient(l, fromRegisters(in, weights));
     }
     encodingGradient(in, weights);
   }
@@ -216,24 +208,63 @@ class WarpNetworks {
  private:
   __device__ static float sigmoid(float x) { return 1.0f / (1.0f + expf(-x)); }
 
-  /// ReLU; if the way back is to come, remembers where it let through.
-  template <bool kKeep>
-  __device__ TileInputs<KT> activate(TileSums<NT>* sums, int hidden_layer) {
-    if (kKeep) {
-      std::uint32_t bits[2];
-      positiveBits(*sums, bits);
-      memory_.masks[(hidden_layer * 2 + 0) * 32 + memory_.lane] = bits[0];
-      memory_.masks[(hidden_layer * 2 + 1) * 32 + memory_.lane] = bits[1];
+  /// Products with inputs that stand in registers, for hiddenLayer and hiddenGradient.
+  template <int K>
+  struct FromRegisters {
+    const TileInputs<K>& in;
+    const uint2* weights;
+    int lane;
+
+    __device__ void operator()(int n, TileSums<kPart>* sums) const {
+#pragma unroll
+      for (int k = 0; k < K; ++k) {
+        multiplyInputs(in.a[0][k], in.a[1][k], weights + (k * NT + n) * 32, lane, sums);
+      }
     }
-    applyRelu(sums);
-    return toInputs(*sums);
+  };
+  template <int K>
+  __device__ FromRegisters<K> fromRegisters(const TileInputs<K>& in, const uint2* weights) const {
+    return {in, weights, memory_.lane};
   }
 
-  __device__ TileInputs<KT> deactivate(TileSums<NT>* sums, int hidden_layer) {
-    const std::uint32_t bits[2] = {memory_.masks[(hidden_layer * 2 + 0) * 32 + memory_.lane],
-                                   memory_.masks[(hidden_layer * 2 + 1) * 32 + memory_.lane]};
-    applyBits(bits, sums);
-    return toInputs(*sums);
+  /// A hidden layer, a part of its neurons at a time: the sums of all would crowd the registers.
+  /// If the way back is to come, remembers where the ReLU let through.
+  /// @param multiply adds the products for the tiles from n on.
+  template <bool kKeep, typename Multiply>
+  __device__ TileInputs<KT> hiddenLayer(int layer, const Multiply& multiply) {
+    TileInputs<KT> out;
+    std::uint32_t bits[2] = {0, 0};
+#pragma unroll
+    for (int n = 0; n < NT; n += kPart) {
+      TileSums<kPart> sums;
+      clearSums(&sums);
+      multiply(n, &sums);
+      if (kKeep) addPositiveBits(sums, n, bits);
+      applyRelu(&sums);
+      placeInputs(sums, n / 2, &out);
+    }
+    if (kKeep) {
+      memory_.masks[(layer * 2 + 0) * 32 + memory_.lane] = bits[0];
+      memory_.masks[(layer * 2 + 1) * 32 + memory_.lane] = bits[1];
+    }
+    return out;
+  }
+
+  /// The way back through a hidden layer's ReLU.
+  template <typename Multiply>
+  __device__ TileInputs<KT> hiddenGradient(int layer, const Multiply& multiply) {
+    TileInputs<KT> out;
+    const std::uint32_t bits[2] = {memory_.masks[(layer * 2 + 0) * 32 + memory_.lane],
+                                   memory_.masks[(layer * 2 + 1) * 32 + memory_.lane]};
+#pragma unroll
+    for (int n = 0; n < NT; n += kPart) {
+      TileSums<kPart> sums;
+      clearSums(&sums);
+      multiply(n, &sums);
+      applyBits(bits, n, &sums);
+      placeInputs(sums, n / 2, &out);
+    }
+    return out;
   }
 
   /// Gradients of the colour logits as inputs of a layer: columns 0..2 of 16.

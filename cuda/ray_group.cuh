@@ -9,8 +9,8 @@ namespace nerf_pose_refiner {
 
 /// Lanes that walk along one ray together, each with a sample of its own: neighbours along a ray
 /// read the same entries of the grid. So many samples are taken before the transmittance is looked
-/// at again.
-constexpr int kRaySamples = 4;
+/// at again: with fewer, long rays take many rounds, and with more, short ones waste them.
+constexpr int kRaySamples = 8;
 constexpr int kRaysPerWarp = 32 / kRaySamples;
 constexpr float kColourThreshold = 1e-4f;  // lighter samples add less than a tenth of an 8-bit step
 
@@ -33,15 +33,30 @@ struct RayGroup {
   float t = 0, length = 0;                         ///< this lane's sample
   float rgb[3] = {0, 0, 0}, alpha = 0, depth = 0;  ///< sums over this lane's samples
 
-  __device__ void start(const float origin[3], const float direction[3], const MarchSpace& space,
-                        float jitter) {
-    lattice = RayLattice(origin, direction, space, jitter);
-    next = count = 0;
+  /// @param first interval to look at: there is no matter before it.
+  __device__ void start(const RayLattice& along, int first) {
+    lattice = along;
+    next = first;
+    count = 0;
     ended = !(lattice.entry < lattice.exit);
     transmittance = 1;
     rgb[0] = rgb[1] = rgb[2] = alpha = depth = 0;
   }
 };
+
+/// Whether a ray's samples are to be evaluated: as many as there is room for, or its last. So they
+/// form the same groups whatever else the warp does, and sums have the same bits every time.
+__device__ inline bool hasFullGroup(const RayGroup& ray) {
+  return ray.count == kRaySamples || (ray.ended && ray.count > 0);
+}
+
+/// The lane's sample, in N.
+__device__ inline void samplePosition(const RayGroup& ray, float p[3]) {
+#pragma unroll
+  for (int a = 0; a < 3; ++a) {
+    p[a] = __fmaf_rn(ray.t, ray.lattice.direction[a], ray.lattice.origin[a]);
+  }
+}
 
 /// Position of the lane in its group.
 __device__ inline int laneSlot() { return threadIdx.x % kRaySamples; }
@@ -111,10 +126,12 @@ struct SampleWeight {
 };
 
 /// Weighs the samples at hand, whose densities were just evaluated, and takes them off; ends rays
-/// that nothing is left of. All lanes of a warp take part.
-__device__ inline SampleWeight weighSamples(float density, float min_transmittance, RayGroup* ray) {
+/// that nothing is left of. All lanes of a warp take part. @param ready whether the group's samples
+/// are looked at: those of others stay at hand.
+__device__ inline SampleWeight weighSamples(float density, float min_transmittance, bool ready,
+                                            RayGroup* ray) {
   const int slot = laneSlot();
-  const bool valid = slot < ray->count;
+  const bool valid = ready && slot < ray->count;
   const float passing = valid ? expf(fminf(-density * ray->length, 30.0f)) : 1.0f;
   float product = passing;
 #pragma unroll
@@ -133,6 +150,7 @@ __device__ inline SampleWeight weighSamples(float density, float min_transmittan
   for (int away = 1; away < kRaySamples; away *= 2) {
     lowest = fminf(lowest, __shfl_xor_sync(kWholeWarp, lowest, away, kRaySamples));
   }
+  if (!ready) return result;
   ray->transmittance = lowest;
   ray->count = 0;
   if (lowest < min_transmittance) ray->ended = true;
@@ -149,17 +167,15 @@ __device__ inline float groupSum(float x) {
 }
 
 /// Adds what a warp's lanes counted to the engine's meter. All lanes take part.
-__device__ inline void addWork(const CudaCosts& costs, unsigned rays, unsigned samples,
-                               unsigned colours, CudaWork* work) {
+__device__ inline void addWork(const CudaCosts& costs, unsigned samples, unsigned colours,
+                               CudaWork* work) {
 #pragma unroll
   for (int away = 1; away < 32; away *= 2) {
-    rays += __shfl_xor_sync(kWholeWarp, rays, away);
     samples += __shfl_xor_sync(kWholeWarp, samples, away);
     colours += __shfl_xor_sync(kWholeWarp, colours, away);
   }
-  if (threadIdx.x % 32 != 0 || rays + samples == 0) return;
+  if (threadIdx.x % 32 != 0 || samples == 0) return;
   const unsigned long long s = samples, c = colours;
-  atomicAdd(&work->rays, static_cast<unsigned long long>(rays));
   atomicAdd(&work->samples, s);
   atomicAdd(&work->colour_samples, c);
   atomicAdd(&work->gathers, s * costs.gathers_per_sample);

@@ -4,149 +4,51 @@
 #include "cast_rays.cuh"
 #include "launch.cuh"
 #include "nerf_pose_refiner/maths/pixel_window.h"
+#include "ray_hits.cuh"
 
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr int kPlanThreads = 1024;
+constexpr int kWindowThreads = 64;
+constexpr int kFindThreads = 128;
 constexpr int kRenderThreads = 128;
+constexpr int kTileWidth = 8, kTileHeight = 4;  // pixels of a warp that looks for hits
 
-/// Exclusive sums over a block of kPlanThreads. @return the sum of those before; *total of all.
-__device__ unsigned exclusiveSum(unsigned value, unsigned* total) {
-  __shared__ unsigned warp_sums[kPlanThreads / 32];
-  const int lane = threadIdx.x % 32, warp = threadIdx.x / 32;
-  unsigned sum = value;
-  for (int away = 1; away < 32; away *= 2) {
-    const unsigned other = __shfl_up_sync(kWholeWarp, sum, away);
-    if (lane >= away) sum += other;
+/// A thread per view: its window.
+__global__ void windowKernel(const __grid_constant__ CudaFieldView field,
+                             const __grid_constant__ RenderTask task) {
+  const int i = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
+  if (i < 2) task.hits.counts[i] = 0;
+  if (i >= task.view_count) return;
+  CudaView view = {};
+  if (task.active == nullptr || task.active[i]) {
+    const Pinhole<double> K = {task.camera.fx, task.camera.fy, task.camera.cx, task.camera.cy};
+    const CameraPose<double> pose = task.poses[i];
+    const PixelWindow window =
+        boxWindow(K, task.camera.width, task.camera.height, pose, field.box_O_min, field.box_O_max);
+    for (int k = 0; k < 9; ++k) view.R[k] = static_cast<float>(pose.R.m[k / 3][k % 3]);
+    view.o[0] = static_cast<float>(pose.o.x);
+    view.o[1] = static_cast<float>(pose.o.y);
+    view.o[2] = static_cast<float>(pose.o.z);
+    view.x = window.x;
+    view.y = window.y;
+    view.width = window.width;
+    view.height = window.height;
   }
-  if (lane == 31) warp_sums[warp] = sum;
-  __syncthreads();
-  unsigned before = 0;
-  *total = 0;
-  for (int w = 0; w < kPlanThreads / 32; ++w) {
-    if (w < warp) before += warp_sums[w];
-    *total += warp_sums[w];
-  }
-  __syncthreads();
-  return before + sum - value;
+  task.views[i] = view;
 }
 
-/// Windows and tiles of all views. One block.
-__global__ void planTilesKernel(const __grid_constant__ CudaFieldView field,
-                                const __grid_constant__ RenderTask task) {
-  const Pinhole<double> K = {task.camera.fx, task.camera.fy, task.camera.cx, task.camera.cy};
-  unsigned tiles_so_far = 0;
-  for (int first = 0; first < task.view_count; first += kPlanThreads) {
-    const int i = first + static_cast<int>(threadIdx.x);
-    PixelWindow window;
-    CudaView view = {};
-    if (i < task.view_count && (task.active == nullptr || task.active[i])) {
-      const CameraPose<double> pose = task.poses[i];
-      window = boxWindow(K, task.camera.width, task.camera.height, pose, field.box_O_min,
-                         field.box_O_max);
-      for (int k = 0; k < 9; ++k) view.R[k] = static_cast<float>(pose.R.m[k / 3][k % 3]);
-      view.o[0] = static_cast<float>(pose.o.x);
-      view.o[1] = static_cast<float>(pose.o.y);
-      view.o[2] = static_cast<float>(pose.o.z);
-    }
-    unsigned tiles = 0;
-    if (!window.empty()) {
-      view.x = window.x;
-      view.y = window.y;
-      view.width = window.width;
-      view.height = window.height;
-      view.tiles_x = (window.width + kTilePixels - 1) / kTilePixels;
-      tiles = view.tiles_x * ((window.height + kTilePixels - 1) / kTilePixels);
-    }
-    unsigned total;
-    view.first_tile = tiles_so_far + exclusiveSum(tiles, &total);
-    if (i < task.view_count) task.views[i] = view;
-    tiles_so_far += total;
-  }
-  if (threadIdx.x == 0) {
-    task.tiles[0] = tiles_so_far;
-    task.tiles[1] = 0;
-  }
-}
-
-/// The view that a tile belongs to: the last that does not begin behind it and is not empty.
-__device__ int viewOfTile(const RenderTask& task, unsigned tile) {
-  int low = 0, high = task.view_count - 1;
-  while (low < high) {
-    const int middle = (low + high + 1) / 2;
-    if (task.views[middle].first_tile <= tile) {
-      low = middle;
-    } else {
-      high = middle - 1;
-    }
-  }
-  return low;
-}
-
-/// The square of pixels that a warp is at work on, the same in all of its lanes.
-struct Tile {
-  int view = 0, x0 = 0, y0 = 0, x1 = 0, y1 = 0;
-  int next = kTilePixels * kTilePixels;  // pixel, in Z-order
-  bool exhausted = false;                // there are no more tiles
-};
-
-__device__ void takeTile(const RenderTask& task, Tile* tile) {
-  unsigned index = 0;
-  if (threadIdx.x % 32 == 0) index = atomicAdd(&task.tiles[1], 1u);
-  index = __shfl_sync(kWholeWarp, index, 0);
-  if (index >= task.tiles[0]) {
-    tile->exhausted = true;
-    return;
-  }
-  tile->view = viewOfTile(task, index);
-  const CudaView& view = task.views[tile->view];
-  const int i = static_cast<int>(index - view.first_tile);
-  tile->x0 = view.x + i % view.tiles_x * kTilePixels;
-  tile->y0 = view.y + i / view.tiles_x * kTilePixels;
-  tile->x1 = view.x + view.width;
-  tile->y1 = view.y + view.height;
-  tile->next = 0;
-}
-
-/// The pixel that a group of lanes renders, and the sums over its rays.
-struct PixelTask {
-  bool active = false;
-  int view = 0, x = 0, y = 0;
-  int ray = 0;           // of the pixel's
-  float4 colour, point;  // as they are stored
-};
-
-/// Gives the groups that have none their next pixels. @return whether this group got one.
-__device__ bool takePixel(const RenderTask& task, Tile* tile, PixelTask* pixel) {
-  const unsigned leaders = __ballot_sync(kWholeWarp, !pixel->active && laneSlot() == 0);
-  if (leaders == 0) return false;
-  if (tile->next >= kTilePixels * kTilePixels && !tile->exhausted) takeTile(task, tile);
-  if (tile->exhausted) return false;
-  const int first_lane = threadIdx.x % 32 - laneSlot();
-  const int i = tile->next + __popc(leaders & ((1u << first_lane) - 1));
-  tile->next += __popc(leaders);
-  if (pixel->active || i >= kTilePixels * kTilePixels) return false;
-  pixel->x = tile->x0 + ((i & 1) | (i >> 1 & 2) | (i >> 2 & 4));
-  pixel->y = tile->y0 + ((i >> 1 & 1) | (i >> 2 & 2) | (i >> 3 & 4));
-  if (pixel->x >= tile->x1 || pixel->y >= tile->y1) return false;
-  pixel->active = true;
-  pixel->view = tile->view;
-  pixel->ray = 0;
-  pixel->colour = make_float4(0, 0, 0, 0);
-  pixel->point = make_float4(0, 0, 0, 1);
-  return true;
-}
-
-__device__ void startRay(const CudaFieldView& field, const RenderTask& task,
-                         const MarchSpace& space, const PixelTask& pixel, RayGroup* ray) {
-  const CudaView& view = task.views[pixel.view];
+/// Ray `index` of a pixel's lattice of rays.
+__device__ RayLattice rayOf(const CudaFieldView& field, const RenderTask& task,
+                            const MarchSpace& space, int view_index, int pixel_x, int pixel_y,
+                            int index) {
+  const CudaView& view = task.views[view_index];
   const int side = task.rays_per_side;
   const float share = 1.0f / static_cast<float>(side);
   const float u =
-      static_cast<float>(pixel.x) - 0.5f + (static_cast<float>(pixel.ray % side) + 0.5f) * share;
+      static_cast<float>(pixel_x) - 0.5f + (static_cast<float>(index % side) + 0.5f) * share;
   const float v =
-      static_cast<float>(pixel.y) - 0.5f + (static_cast<float>(pixel.ray / side) + 0.5f) * share;
+      static_cast<float>(pixel_y) - 0.5f + (static_cast<float>(index / side) + 0.5f) * share;
   const float x = (u - static_cast<float>(task.camera.cx)) / static_cast<float>(task.camera.fx);
   const float y = (v - static_cast<float>(task.camera.cy)) / static_cast<float>(task.camera.fy);
   const float scale = rsqrtf(x * x + y * y + 1);
@@ -156,82 +58,119 @@ __device__ void startRay(const CudaFieldView& field, const RenderTask& task,
     direction[a] = scale * (view.R[3 * a] * x + view.R[3 * a + 1] * y + view.R[3 * a + 2]);
     origin[a] = (view.o[a] - field.origin[a]) / field.side;
   }
-  ray->start(origin, direction, space, 0);
+  return RayLattice(origin, direction, space, 0);
 }
 
-/// Adds a ray that has ended to its pixel.
-__device__ void addRay(const CudaFieldView& field, const RenderTask& task, const RayGroup& ray,
-                       float3 rgb, float alpha, float depth, PixelTask* pixel) {
+/// A thread per pixel of the picture, blockIdx.y is the view: lists the rays that meet matter. A
+/// warp looks at a tile of kTileWidth x kTileHeight pixels. A ray's id is its place in task.rays.
+__global__ void findRaysKernel(const __grid_constant__ CudaFieldView field,
+                               const __grid_constant__ RenderTask task,
+                               const __grid_constant__ MarchSpace space) {
+  const int view_index = static_cast<int>(blockIdx.y);
+  const CudaView& view = task.views[view_index];
+  const int tiles_x = (view.width + kTileWidth - 1) / kTileWidth;
+  const int tiles_y = (view.height + kTileHeight - 1) / kTileHeight;
+  const int tile = static_cast<int>((blockIdx.x * blockDim.x + threadIdx.x) / 32);
+  if (tile >= tiles_x * tiles_y) return;  // a whole warp
+  const int lane = threadIdx.x % 32;
+  const int in_x = tile % tiles_x * kTileWidth + lane % kTileWidth;
+  const int in_y = tile / tiles_x * kTileHeight + lane / kTileWidth;
+  const bool inside = in_x < view.width && in_y < view.height;
+  const int x = view.x + in_x, y = view.y + in_y;
   const int rays = task.rays_per_side * task.rays_per_side;
-  const float share = 1.0f / static_cast<float>(rays);
-  pixel->colour.x += share * rgb.x;
-  pixel->colour.y += share * rgb.y;
-  pixel->colour.z += share * rgb.z;
-  pixel->colour.w += share * alpha;
-  // The ray in model units, seen from the object's centre.
-  float* point = &pixel->point.x;
-#pragma unroll
-  for (int a = 0; a < 3; ++a) {
-    const float origin = ray.lattice.origin[a] * field.side +
-                         (field.origin[a] - static_cast<float>(field.centre[a]));
-    point[a] += share * (alpha * origin + depth * field.side * ray.lattice.direction[a]);
+  for (int i = 0; i < rays; ++i) {
+    RayInterval interval = {0, 0, 0};
+    const bool found = inside && findMatter(rayOf(field, task, space, view_index, x, y, i),
+                                            space.occupancy, &interval);
+    const int pixel = (view_index * task.camera.height + y) * task.camera.width + x;
+    appendHit(task.hits, found,
+              {static_cast<unsigned>(pixel * rays + i), static_cast<unsigned>(interval.k)});
   }
+  const unsigned pixels = __popc(__ballot_sync(kWholeWarp, inside));
+  if (lane == 0) atomicAdd(&task.work->rays, static_cast<unsigned long long>(pixels * rays));
 }
 
-/// Rays of the pixels of tiles; @see findSamples.
-struct TileSource {
+/// Rays that were listed; @see findSamples.
+struct PictureSource {
   const CudaFieldView& field;
   const RenderTask& task;
   const MarchSpace& space;
-  Tile tile;
-  PixelTask pixel;
-  unsigned rays = 0;
+  HitQueue queue;
 
-  __device__ TileSource(const CudaFieldView& the_field, const RenderTask& the_task,
-                        const MarchSpace& the_space)
+  __device__ PictureSource(const CudaFieldView& the_field, const RenderTask& the_task,
+                           const MarchSpace& the_space)
       : field(the_field), task(the_task), space(the_space) {}
 
-  __device__ bool active() const { return pixel.active; }
-  __device__ bool exhausted() const { return tile.exhausted; }
+  __device__ bool active() const { return queue.active; }
+  __device__ bool exhausted() const { return queue.exhausted; }
   __device__ void start(RayGroup* ray) {
-    startRay(field, task, space, pixel, ray);
-    rays += laneSlot() == 0;
+    const int rays = task.rays_per_side * task.rays_per_side;
+    const int pixel = static_cast<int>(queue.hit.id) / rays;
+    const int row = pixel / task.camera.width;
+    ray->start(rayOf(field, task, space, row / task.camera.height, pixel % task.camera.width,
+                     row % task.camera.height, static_cast<int>(queue.hit.id) % rays),
+               static_cast<int>(queue.hit.first));
   }
 
   __device__ bool turnOver(const RayGroup& ray) {
-    bool fresh = false;
-    const bool done = pixel.active && ray.ended && ray.count == 0;
+    const bool done = queue.active && ray.ended && ray.count == 0;
     if (__any_sync(kWholeWarp, done)) {
       const float3 rgb = {groupSum(ray.rgb[0]), groupSum(ray.rgb[1]), groupSum(ray.rgb[2])};
       const float alpha = groupSum(ray.alpha), depth = groupSum(ray.depth);
-      if (done) {
-        addRay(field, task, ray, rgb, alpha, depth, &pixel);
-        fresh = ++pixel.ray < task.rays_per_side * task.rays_per_side;
-        if (!fresh) writePixel();
-      }
+      if (done) write(ray, rgb, alpha, depth);
     }
-    return takePixel(task, &tile, &pixel) || fresh;
+    return queue.take(task.hits, &task.hits.counts[1]);
   }
 
-  __device__ void writePixel() {
-    const std::size_t row = static_cast<std::size_t>(pixel.view) * task.camera.height + pixel.y;
-    float4* to = task.pictures + 2 * (row * task.camera.width + pixel.x);
-    if (laneSlot() == 0) to[0] = pixel.colour;
-    if (laneSlot() == 1) to[1] = pixel.point;
-    pixel.active = false;
+  __device__ void write(const RayGroup& ray, float3 rgb, float alpha, float depth) {
+    // The ray in model units, seen from the object's centre.
+    float seen[3];
+#pragma unroll
+    for (int a = 0; a < 3; ++a) {
+      const float origin = ray.lattice.origin[a] * field.side +
+                           (field.origin[a] - static_cast<float>(field.centre[a]));
+      seen[a] = alpha * origin + depth * field.side * ray.lattice.direction[a];
+    }
+    float4* to = task.rays + 2 * static_cast<std::size_t>(queue.hit.id);
+    if (laneSlot() == 0) to[0] = make_float4(rgb.x, rgb.y, rgb.z, alpha);
+    if (laneSlot() == 1) to[1] = make_float4(seen[0], seen[1], seen[2], 1);
+    queue.active = false;
   }
 };
 
-/// A persistent grid: warps take tiles until there are none.
+/// A thread per pixel, blockIdx.y is the view: the mean of its rays.
+__global__ void poolRaysKernel(const __grid_constant__ RenderTask task) {
+  const int pixels = task.camera.width * task.camera.height;
+  const int i = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
+  if (i >= pixels || (task.active != nullptr && !task.active[blockIdx.y])) return;
+  const std::size_t pixel = static_cast<std::size_t>(blockIdx.y) * pixels + i;
+  const int rays = task.rays_per_side * task.rays_per_side;
+  const float share = 1.0f / static_cast<float>(rays);
+  float4 colour = make_float4(0, 0, 0, 0), point = colour;
+  for (int k = 0; k < rays; ++k) {
+    const float4 c = task.rays[2 * (pixel * rays + k)], p = task.rays[2 * (pixel * rays + k) + 1];
+    colour.x += share * c.x;
+    colour.y += share * c.y;
+    colour.z += share * c.z;
+    colour.w += share * c.w;
+    point.x += share * p.x;
+    point.y += share * p.y;
+    point.z += share * p.z;
+  }
+  task.pictures[2 * pixel] = colour;
+  task.pictures[2 * pixel + 1] = point;
+}
+
+/// A persistent grid: warps take rays until there are none.
 template <int W>
-__global__ void __launch_bounds__(kRenderThreads, W == 32 ? 4 : 3)
+__global__ void __launch_bounds__(kRenderThreads, 4)
     renderKernel(const __grid_constant__ CudaFieldView field,
                  const __grid_constant__ RenderTask task,
                  const __grid_constant__ MarchSpace space) {
-  TileSource source(field, task, space);
+  PictureSource source(field, task, space);
   const LaneWork work =
       castRays<W>(field, space, task.min_transmittance, kColourThreshold, &source);
-  addWork(task.costs, source.rays, work.samples, work.colours, task.work);
+  addWork(task.costs, work.samples, work.colours, task.work);
 }
 
 }  // namespace
@@ -241,14 +180,26 @@ void renderPictures(const CudaFieldView& field, const RenderTask& task, cudaStre
   space.near = task.near / field.side;
   if (!task.use_occupancy) space.occupancy = OccupancyView();
 
-  const std::size_t pixels =
-      static_cast<std::size_t>(task.view_count) * task.camera.width * task.camera.height;
-  NPR_CUDA_CHECK(cudaMemsetAsync(task.pictures, 0, pixels * 2 * sizeof(float4), stream));
-  planTilesKernel<<<1, kPlanThreads, 0, stream>>>(field, task);
+  const int rays = task.rays_per_side * task.rays_per_side;
+  const int pixels = task.camera.width * task.camera.height;
+  const std::size_t all = static_cast<std::size_t>(task.view_count) * pixels * rays;
+  NPR_CUDA_CHECK(cudaMemsetAsync(task.rays, 0, all * 2 * sizeof(float4), stream));
+  const int blocks = (task.view_count + kWindowThreads - 1) / kWindowThreads;
+  windowKernel<<<blocks, kWindowThreads, 0, stream>>>(field, task);
+  NPR_CUDA_CHECK(cudaGetLastError());
+  const int tiles = ((task.camera.width + kTileWidth - 1) / kTileWidth) *
+                    ((task.camera.height + kTileHeight - 1) / kTileHeight);
+  constexpr int kWarps = kFindThreads / 32;
+  const dim3 grid((tiles + kWarps - 1) / kWarps, task.view_count);
+  findRaysKernel<<<grid, kFindThreads, 0, stream>>>(field, task, space);
   NPR_CUDA_CHECK(cudaGetLastError());
   const int bytes = SharedLayout(field.shape, kRaySamples, false).bytes(kRenderThreads / 32);
   const auto kernel = field.shape.width == 32 ? renderKernel<32> : renderKernel<64>;
   launchPersistent(kernel, kRenderThreads, bytes, stream, field, task, space);
+  if (rays == 1) return;
+  const dim3 pool_grid((pixels + kFindThreads - 1) / kFindThreads, task.view_count);
+  poolRaysKernel<<<pool_grid, kFindThreads, 0, stream>>>(task);
+  NPR_CUDA_CHECK(cudaGetLastError());
 }
 
 }  // namespace nerf_pose_refiner

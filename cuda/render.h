@@ -19,14 +19,15 @@ struct RenderTask {
   float step_scale, min_transmittance;
   bool use_occupancy;
 
-  CudaView* views;   ///< [views], workspace
-  unsigned* tiles;   ///< [2]: all, next; workspace
+  CudaView* views;  ///< [views], workspace
+  RayHits hits;     ///< [rays of all pictures], workspace
+  float4* rays;     ///< [views][h][w][rays of a pixel][2], workspace; `pictures` if that is one ray
   float4* pictures;  ///< [views][h][w][2]: premultiplied RGB, opacity; opacity * (point - centre)
   CudaCosts costs;
   CudaWork* work;
 };
 
-/// Enqueues the rendering of pictures. Windows and tiles are found on the device.
+/// Enqueues the rendering of pictures. What of them shows the object is found on the device.
 void renderPictures(const CudaFieldView& field, const RenderTask& task, cudaStream_t stream);
 
 }  // namespace nerf_pose_refiner

@@ -17,8 +17,18 @@ struct CudaCamera {
 struct CudaView {
   float R[9], o[3];         ///< T_O_C
   int x, y, width, height;  ///< window [px]; empty: nothing to render
-  int tiles_x;              ///< tiles of kTilePixels^2 in a row of the window
-  unsigned first_tile;      ///< of all views' tiles
+};
+
+/// A ray that meets matter.
+struct RayHit {
+  unsigned id;
+  unsigned first;  ///< interval where the matter may begin
+};
+
+/// A list of them, which grows as they are found and is then dealt out to warps.
+struct RayHits {
+  RayHit* items;
+  unsigned* counts;  ///< [2]: found, taken
 };
 
 /// What engines count; @see Work.
@@ -30,7 +40,5 @@ struct CudaWork {
 struct CudaCosts {
   unsigned gathers_per_sample, flops_per_sample, flops_per_colour;
 };
-
-constexpr int kTilePixels = 8;  // side of the square of pixels that a warp takes at once
 
 }  // namespace nerf_pose_refiner

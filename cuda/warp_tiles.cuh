@@ -127,30 +127,46 @@ __device__ inline void applyRelu(TileSums<NT>* sums) {
   }
 }
 
-/// Which of a lane's sums are positive: bit 4 n + i of word m. NT <= 8.
-template <int NT>
-__device__ inline void positiveBits(const TileSums<NT>& sums, std::uint32_t (&bits)[2]) {
+/// Writes sums as the next layer's inputs [first, first + NT / 2).
+template <int NT, int KT>
+__device__ inline void placeInputs(const TileSums<NT>& sums, int first, TileInputs<KT>* in) {
+  const TileInputs<NT / 2> part = toInputs(sums);
 #pragma unroll
   for (int m = 0; m < 2; ++m) {
-    bits[m] = 0;
 #pragma unroll
-    for (int n = 0; n < NT; ++n) {
+    for (int k = 0; k < NT / 2; ++k) {
 #pragma unroll
-      for (int i = 0; i < 4; ++i) bits[m] |= (sums.c[m][n][i] > 0 ? 1u : 0u) << (4 * n + i);
+      for (int i = 0; i < 4; ++i) in->a[m][first + k][i] = part.a[m][k][i];
     }
   }
 }
 
-/// Clears the sums whose bit is 0.
+/// Notes which of a lane's sums are positive: bit 4 (first + n) + i of word m. At most 8 tiles.
 template <int NT>
-__device__ inline void applyBits(const std::uint32_t (&bits)[2], TileSums<NT>* sums) {
+__device__ inline void addPositiveBits(const TileSums<NT>& sums, int first,
+                                       std::uint32_t (&bits)[2]) {
 #pragma unroll
   for (int m = 0; m < 2; ++m) {
 #pragma unroll
     for (int n = 0; n < NT; ++n) {
 #pragma unroll
       for (int i = 0; i < 4; ++i) {
-        if ((bits[m] >> (4 * n + i) & 1u) == 0) sums->c[m][n][i] = 0;
+        bits[m] |= (sums.c[m][n][i] > 0 ? 1u : 0u) << (4 * (first + n) + i);
+      }
+    }
+  }
+}
+
+/// Clears the sums whose bit is 0.
+template <int NT>
+__device__ inline void applyBits(const std::uint32_t (&bits)[2], int first, TileSums<NT>* sums) {
+#pragma unroll
+  for (int m = 0; m < 2; ++m) {
+#pragma unroll
+    for (int n = 0; n < NT; ++n) {
+#pragma unroll
+      for (int i = 0; i < 4; ++i) {
+        if ((bits[m] >> (4 * (first + n) + i) & 1u) == 0) sums->c[m][n][i] = 0;
       }
     }
   }

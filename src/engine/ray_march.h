@@ -71,30 +71,20 @@ class RayMarcher {
   }
 
   /// Goes on at interval k: those before it are known to be empty.
-  void skipTo(int k) { k_ = k; }
+  void skipTo(int k) { interval_.k = k; }
 
   /// The next sample. @return false at the end of the ray.
   bool next(RaySample* sample) {
-    while (true) {
-      const float begin = std::max(lattice_.start(k_), lattice_.entry);
-      const float end = std::min(lattice_.start(k_ + 1), lattice_.exit);
-      if (!(begin < lattice_.exit)) return false;
-      const float middle = 0.5f * (begin + end);
-      float leave;
-      if (occupancy_.bits == nullptr || occupancy_.occupied(lattice_, middle, &leave)) {
-        *sample = {middle, end - begin};
-        ++k_;
-        return true;
-      }
-      // The first interval whose middle may lie behind the empty cell.
-      k_ = std::max(k_ + 1, lattice_.indexOf(leave));
-    }
+    if (!findMatter(lattice_, occupancy_, &interval_)) return false;
+    *sample = {0.5f * (interval_.begin + interval_.end), interval_.end - interval_.begin};
+    ++interval_.k;
+    return true;
   }
 
  private:
   RayLattice lattice_;
   OccupancyView occupancy_;
-  int k_ = 0;  ///< next interval to look at
+  RayInterval interval_ = {0, 0, 0};  ///< next to look at
 };
 
 }  // namespace nerf_pose_refiner

@@ -3,7 +3,7 @@
 
 #include "cuda_test.h"
 #include "nerf_pose_refiner/refine/refiner.h"
-#include "textured_ball.h"
+#include "test_object.h"
 
 // Direct alignment of the CUDA engine against the CPU engine's, from the same plans.
 
@@ -19,6 +19,8 @@ class CudaAlign : public CudaTest {
   void SetUp() override {
     CudaTest::SetUp();
     if (cuda == nullptr) return;
+    field = std::make_shared<Field>(learnedObject());
+    truth = cameraBefore(*field, 2.5 * field->metadata.diameter);
     on_cpu = cpu->load(field);
     on_cuda = cuda->load(field);
   }
@@ -32,8 +34,8 @@ class CudaAlign : public CudaTest {
     return observe(cpu.get(), *on_cpu, someCamera(), truth, background);
   }
 
-  std::shared_ptr<const Field> field = std::make_shared<Field>(texturedBalls());
-  Pose truth = cameraBefore(*field, 4);
+  std::shared_ptr<const Field> field;
+  Pose truth;
   std::shared_ptr<const LoadedField> on_cpu, on_cuda;
 };
 
@@ -41,7 +43,7 @@ ScatterPlan scatterPlan(const Field& field, bool about_object) {
   ScatterPlan plan;
   plan.count = 24;
   plan.rotation_rad = {0.2, 0.1, 0.15};
-  plan.translation = {0.1, 0.2, 0.05};
+  plan.translation = 0.1 * field.metadata.diameter * Eigen::Vector3d(1, 2, 0.5);
   plan.rotate_about_object = about_object;
   plan.object_centre = field.metadata.centre;
   plan.seed = 12345678901ull;
@@ -74,9 +76,9 @@ TEST_F(CudaAlign, scoresAndSelectsAsTheCpu) {
   select.keep = 6;
   select.offspring = 20;
   select.rotation_jitter_rad = 0.05;
-  select.translation_jitter = 0.02;
+  select.translation_jitter = 0.02 * field->metadata.diameter;
   select.merge_rotation_rad = 0.05;
-  select.merge_translation = 0.1;
+  select.merge_translation = 0.05 * field->metadata.diameter;
   select.object_centre = field->metadata.centre;
   select.seed = 7;
   HypothesisTable scored[2], selected[2];

@@ -3,8 +3,7 @@
 #include <cmath>
 
 #include "cuda_test.h"
-#include "nerf_pose_refiner/refine/refiner.h"
-#include "textured_ball.h"
+#include "test_object.h"
 
 // The paper's mode of the CUDA engine against the CPU engine's, from the same plans.
 
@@ -20,6 +19,8 @@ class CudaDescend : public CudaTest {
   void SetUp() override {
     CudaTest::SetUp();
     if (cuda == nullptr) return;
+    field = std::make_shared<Field>(learnedObject());
+    truth = cameraBefore(*field, 2.5 * field->metadata.diameter);
     on_cpu = cpu->load(field);
     on_cuda = cuda->load(field);
   }
@@ -34,13 +35,13 @@ class CudaDescend : public CudaTest {
     ScatterPlan plan;
     plan.count = count;
     plan.rotation_rad.setConstant(0.05);
-    plan.translation.setConstant(0.05);
+    plan.translation.setConstant(0.02 * field->metadata.diameter);
     engine->scatter(batch.get(), disturbed(truth, *field, 4, 0.05), plan);
     return batch;
   }
 
-  std::shared_ptr<const Field> field = std::make_shared<Field>(texturedBalls());
-  Pose truth = cameraBefore(*field, 4);
+  std::shared_ptr<const Field> field;
+  Pose truth;
   std::shared_ptr<const LoadedField> on_cpu, on_cuda;
 };
 
@@ -70,7 +71,7 @@ TEST_F(CudaDescend, pullsAsTheCpu) {
                                     Background::kUnknown};
   for (const Background background : backgrounds) {
     const Observation seen = observe(cpu.get(), *on_cpu, someCamera(), truth, background);
-    for (const Loss loss : {Loss::kL2, Loss::kSmape, Loss::kMape}) {
+    for (const Loss loss : {Loss::kL2, Loss::kSmoothL1, Loss::kRelativeL2}) {
       for (const bool direction : {false, true}) {
         SCOPED_TRACE(lossName(loss));
         DescentPlan plan = gradientPlan();
@@ -100,7 +101,7 @@ TEST_F(CudaDescend, pullsAsTheCpu) {
           const double cosine = a.dot(b) / (a.norm() * b.norm());
           least = std::min(least, cosine);
           EXPECT_GE(cosine, 0.999);
-          EXPECT_NEAR(a.norm(), b.norm(), 0.01 * a.norm());
+          EXPECT_NEAR(a.norm(), b.norm(), 0.05 * a.norm());
         }
         std::printf("  background %d, %s: least cosine %.6f\n", static_cast<int>(background),
                     lossName(loss), least);
@@ -125,41 +126,36 @@ TEST_F(CudaDescend, measuresAsTheCpu) {
   }
 }
 
-TEST_F(CudaDescend, bothEnginesEndAtTheSamePose) {
+// With a large epsilon Adam goes along the gradient. (With a small one the first updates take its
+// signs, and rounding decides where it is nearly zero.)
+TEST_F(CudaDescend, bothEnginesEndAtTheSamePoses) {
   const Observation seen =
       observe(cpu.get(), *on_cpu, someCamera(), truth, Background::kKnownAlpha);
-  Prior prior;
-  prior.T_O_C = disturbed(truth, *field, 1.5, 0.02);
-  RefinerSettings settings = RefinerSettings::named("paper");
-  settings.inversion.hypotheses = 4;
-  settings.inversion.first_steps = 160;
-  settings.inversion.rounds = 1;
-  settings.inversion.round_steps = 240;
-  settings.inversion.spread_rotation_rad = 0.01;
-  settings.inversion.spread_translation = 0.01;
-  settings.inversion.jitter_rotation_rad = 0.002;
-  settings.inversion.jitter_translation = 0.002;
-  settings.inversion.descent.samples_per_step = 8192;
-  settings.inversion.descent.decay_updates = 25;
-  settings.inversion.descent.score_steps = 64;
-  Refinement found[2];
-  for (auto* engine : {&cpu, &cuda}) {
-    const std::shared_ptr<Engine> shared(engine->get(), [](Engine*) {});
-    Refiner refiner(shared, settings);
-    found[engine == &cuda] = refiner.refine(loaded(**engine), seen, prior);
-    ASSERT_EQ(found[engine == &cuda].outcome, Outcome::kRefined);
+  DescentPlan plan;
+  plan.samples_per_step = 1 << 14;
+  plan.epsilon = 0.02;
+  plan.length_unit = 1.2 * field->metadata.diameter;
+  plan.decay_updates = 8;
+  plan.score_steps = 32;
+  HypothesisTable tables[2], starts;
+  for (Engine* engine : {cpu.get(), cuda.get()}) {
+    const auto observed = engine->observe(seen, {{someCamera(), 0}});
+    const auto batch = scattered(engine, 6);
+    starts = engine->read(*batch);
+    engine->descend(batch.get(), loaded(*engine), *observed, 0, plan, 0, 50, {});
+    engine->descend(batch.get(), loaded(*engine), *observed, 0, plan, 50, 46, {});
+    tables[engine == cuda.get()] = engine->read(*batch);
   }
-  const double angle = rotationDistance(found[0].T_O_C.R, found[1].T_O_C.R) / kDegree;
-  const double distance = (found[0].T_O_C.t - found[1].T_O_C.t).norm() / field->metadata.diameter;
-  const double error = rotationDistance(found[0].T_O_C.R, truth.R) / kDegree;
-  std::printf("  apart %.4f deg, %.5f diameters; from the truth %.4f deg, seconds %.3f %.3f\n",
-              angle, distance, error, found[0].seconds, found[1].seconds);
-  EXPECT_LT(error, 0.1);
-  EXPECT_LT(angle, 0.02);
-  EXPECT_LT(distance, 1e-3);
-  EXPECT_NEAR(static_cast<double>(found[0].work.samples),
-              static_cast<double>(found[1].work.samples),
-              0.02 * static_cast<double>(found[0].work.samples));
+  double moved = 0;
+  for (std::size_t i = 0; i < starts.size(); ++i) {
+    const Pose &a = tables[0][i].T_O_C, &b = tables[1][i].T_O_C;
+    EXPECT_LT(rotationDistance(a.R, b.R) / kDegree, 0.02);
+    EXPECT_LT((a.t - b.t).norm(), 1e-3 * field->metadata.diameter);
+    EXPECT_NEAR(tables[0][i].loss, tables[1][i].loss, 0.03 * tables[0][i].loss);
+    EXPECT_EQ(tables[1][i].iterations, 24);
+    moved = std::max(moved, (a.t - starts[i].T_O_C.t).norm());
+  }
+  EXPECT_GT(moved, 0.01 * field->metadata.diameter);
 }
 
 TEST_F(CudaDescend, theSameBitsEveryTime) {

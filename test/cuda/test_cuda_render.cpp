@@ -3,7 +3,7 @@
 
 #include "cuda_test.h"
 #include "nerf_pose_refiner/image/colour.h"
-#include "textured_ball.h"
+#include "test_object.h"
 
 // Renderings of the CUDA engine against the CPU engine's, which works in single precision: halves
 // in the networks and the table's own rounding leave a few thousandths.
@@ -116,11 +116,11 @@ TEST_F(CudaRender, emptySpaceIsSkippedAsOnTheCpu) {
 }
 
 TEST_F(CudaRender, aCameraInsideOfTheBoxAndOneThatLooksAway) {
-  Field field = texturedBalls();
+  const Field field = learnedObject();
   const auto shared = std::make_shared<Field>(field);
-  Pose inside = cameraBefore(field, 0.05);
+  const Pose inside = cameraBefore(field, 0.05);
   compare(field, someCamera(), inside, {});
-  Pose away = cameraBefore(field, 4);
+  Pose away = cameraBefore(field, 4 * field.cubeSide());
   away.R.col(0) *= -1;
   away.R.col(2) *= -1;
   const Rendering nothing = cuda->render(*cuda->load(shared), someCamera(), away, {}, {});
@@ -128,8 +128,8 @@ TEST_F(CudaRender, aCameraInsideOfTheBoxAndOneThatLooksAway) {
 }
 
 TEST_F(CudaRender, theSameBitsEveryTime) {
-  const auto field = cuda->load(std::make_shared<Field>(texturedBalls()));
-  const Pose pose = cameraBefore(field->field(), 4);
+  const auto field = cuda->load(std::make_shared<Field>(learnedObject()));
+  const Pose pose = cameraBefore(field->field(), 2.5 * field->field().metadata.diameter);
   const Camera camera = someCamera().scaled(5);
   const Rendering once = cuda->render(*field, camera, pose, {}, {});
   for (int i = 0; i < 3; ++i) {

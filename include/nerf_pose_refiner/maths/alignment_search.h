@@ -37,6 +37,7 @@ struct AlignmentSearch {
   double damping;
   int evaluations;
   bool done;
+  bool judged;  ///< whether `best` was looked at
   HypothesisState state;
 };
 
@@ -108,6 +109,7 @@ NPR_HOST_DEVICE inline AlignmentSearch startSearch(const AlignmentRules& rules,
   search.loss = HUGE_VAL;
   search.damping = kFirstDamping;
   search.evaluations = 0;
+  search.judged = false;
   search.state = !isFinite(pose)               ? HypothesisState::kNotFinite
                  : isBehindCamera(rules, pose) ? HypothesisState::kBehindCamera
                                                : HypothesisState::kLive;
@@ -117,6 +119,7 @@ NPR_HOST_DEVICE inline AlignmentSearch startSearch(const AlignmentRules& rules,
 
 NPR_HOST_DEVICE inline void acceptTrial(const AlignmentSumsOf<double>& sums,
                                         AlignmentSearch* search) {
+  search->judged = true;
   search->best = search->trial;
   search->light = search->trial_light;
   search->sums = sums;

@@ -123,4 +123,29 @@ struct OccupancyView {
   }
 };
 
+/// An interval of a ray: its number, and the part of it inside of the box.
+struct RayInterval {
+  int k;
+  float begin, end;
+};
+
+/// Goes from interval->k on to the first whose middle lies where there is matter.
+/// @return false if there is none before the ray leaves the box.
+NPR_HOST_DEVICE inline bool findMatter(const RayLattice& ray, const OccupancyView& occupancy,
+                                       RayInterval* interval) {
+  while (true) {
+    const int k = interval->k;
+    interval->begin = std::max(ray.start(k), ray.entry);
+    interval->end = std::min(ray.start(k + 1), ray.exit);
+    if (!(interval->begin < ray.exit)) return false;
+    float leave;
+    if (occupancy.bits == nullptr ||
+        occupancy.occupied(ray, 0.5f * (interval->begin + interval->end), &leave)) {
+      return true;
+    }
+    // The first interval whose middle may lie behind the empty cell.
+    interval->k = std::max(k + 1, ray.indexOf(leave));
+  }
+}
+
 }  // namespace nerf_pose_refiner

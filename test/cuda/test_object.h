@@ -34,24 +34,8 @@ inline void carveBalls(Field* field) {
   field->metadata.diameter = 2.4 * radius * field->cubeSide();
 }
 
-/// An object of smooth, random colours: two balls of thick fog.
-inline Field texturedBalls() {
-  FieldConfig config;
-  config.levels = 4;
-  config.features = 4;
-  config.log2_table_size = 12;
-  config.base_resolution = 4;
-  config.finest_resolution = 24;
-  config.occupancy_resolution = 64;
-  config.step = 0.01f;
-  Field field = randomField(config, 5);
-  // Thick everywhere: the density's logit is a sum over positive activations.
-  const std::size_t outputs = static_cast<std::size_t>(1 + config.geometry_features);
-  const std::size_t row = field.density_weights.size() - outputs * config.density_width;
-  for (int i = 0; i < config.density_width; ++i) field.density_weights[row + i] = 0.9f;
-  carveBalls(&field);
-  return field;
-}
+/// The analytic scene as a small field learns it on the CPU; made once, when first asked for.
+const Field& learnedObject();
 
 /// A camera that looks at the field's centre from a distance, turned by a little.
 inline Pose cameraBefore(const Field& field, double distance) {

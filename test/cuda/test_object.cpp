@@ -1,0 +1,36 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "test_object.h"
+
+#include "nerf_pose_refiner/register/visual_hull.h"
+#include "support/analytic_dataset.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+Field learn() {
+  constexpr int kViews = 60, kSize = 64, kSteps = 800;
+  FieldConfig config;
+  config.levels = 6;
+  config.log2_table_size = 15;
+  config.base_resolution = 8;
+  config.finest_resolution = 96;
+  config.step = 1.7320508f / 192;
+  config.occupancy_resolution = 64;
+  const Dataset photos = analyticDataset(kViews, kSize);
+  const Hull hull = visualHull(photos, config.occupancy_resolution, 0, StopToken());
+  TrainingPlan plan;
+  plan.samples_per_step = 8192;
+  plan.region = hull.region;
+  const auto trainer = makeCpuEngine()->trainer(config, hull.box, trainingViews(photos), plan);
+  for (int i = 0; i < kSteps; ++i) trainer->step(static_cast<double>(i) / kSteps);
+  return trainer->finish(StopToken());
+}
+
+}  // namespace
+
+const Field& learnedObject() {
+  static const Field learned = learn();
+  return learned;
+}
+
+}  // namespace nerf_pose_refiner
