@@ -40,9 +40,9 @@ TEST(TakeContrast, ofOneColourIsNone) {
   }
 }
 
-// A step between halves of 0.3 and 0.7 under a window of 6 px. Half a pixel beside the step the mean
-// is 0.5 + 0.2 erf(0.5 / 6 / sqrt(2)) = 0.5133, the variance 0.2^2 - 0.0133^2, and 0.03^2 is taken
-// for noise: 0.2 * (0.7 - 0.5133) / 0.2018.
+// A step between halves of 0.3 and 0.7 under a window of 6 px. Half a pixel beside the step the
+// mean is 0.5 + 0.2 erf(0.5 / 6 / sqrt(2)) = 0.5133, the variance 0.2^2 - 0.0133^2, and 0.03^2 is
+// taken for noise: 0.2 * (0.7 - 0.5133) / 0.2018.
 TEST(TakeContrast, ofAStep) {
   Image picture(64, 64, kPictureChannels);
   for (int y = 0; y < 64; ++y) {
