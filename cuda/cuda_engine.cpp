@@ -222,9 +222,11 @@ Rendering CudaEngine::render(const LoadedField& field, const Camera& camera, con
   return rendering;
 }
 
-std::unique_ptr<FieldTrainer> CudaEngine::trainer(const FieldConfig&, const Box&,
-                                                  std::vector<TrainingView>, const TrainingPlan&) {
-  throw std::runtime_error("the CUDA engine cannot train yet: train with the CPU engine");
+// On the CPU: there are no kernels that train yet. The field that comes of it is any engine's.
+std::unique_ptr<FieldTrainer> CudaEngine::trainer(const FieldConfig& config, const Box& box,
+                                                  std::vector<TrainingView> views,
+                                                  const TrainingPlan& plan) {
+  return makeCpuEngine()->trainer(config, box, std::move(views), plan);
 }
 
 std::unique_ptr<HypothesisBatch> CudaEngine::batch(int capacity) {

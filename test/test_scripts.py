@@ -44,7 +44,7 @@ class Form(unittest.TestCase):
             self.assertEqual(result.returncode, 0, result.stderr)
 
     def test_help_and_wrong_usage(self):
-        for name in ('demo', 'test'):
+        for name in ('demo', 'gpu_check', 'test'):
             script = os.path.join(SCRIPTS, name)
             result = run(script, '--help')
             self.assertEqual(result.returncode, 0, result.stderr)

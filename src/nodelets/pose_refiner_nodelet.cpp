@@ -16,6 +16,7 @@
 #include <string>
 #include <thread>
 
+#include "nerf_pose_refiner/engine/make_engine.h"
 #include "nerf_pose_refiner/ros/diagnostics.h"
 #include "nerf_pose_refiner/ros/error_of.h"
 #include "nerf_pose_refiner/ros/frame_mailbox.h"
@@ -125,8 +126,9 @@ void PoseRefinerNodelet::start() {
   ros::NodeHandle& nh = getNodeHandle();
   ros::NodeHandle& pnh = getPrivateNodeHandle();
   const PoseRefinerParameters& p = parameters_;
-  const auto make_engine = [threads = p.threads, set = p.instruction_set] {
-    return std::shared_ptr<Engine>(makeCpuEngine(threads, set));
+  const auto make_engine = [choice =
+                                EngineChoice{p.backend, p.threads, p.instruction_set, p.device}] {
+    return std::shared_ptr<Engine>(makeEngine(choice));
   };
   const auto make_overlay_engine = [set = p.instruction_set] {
     return std::shared_ptr<Engine>(makeCpuEngine(1, set));

@@ -161,6 +161,7 @@ PoseRefinerParameters::PoseRefinerParameters() {
 
 void PoseRefinerParameters::validate() const {
   requireNotNegative("~threads", threads);
+  requireNotNegative("~device", device);
   requireNotNegative("~tf_timeout_s", frames.tf_timeout_s);
   requirePositive("~tf_cache_s", frames.tf_cache_s);
   requirePositive("~initial_pose_max_age_s", rules.initial_pose_max_age_s);
@@ -181,6 +182,9 @@ PoseRefinerParameters readParameters(ParamReader& reader, const PoseRefinerParam
   reader.get("dataset_root", p.dataset_root);
   reader.get("image_transport", p.image_transport);
   reader.get("image_is_rectified", p.image_is_rectified);
+  getChoice<std::string>(reader, "backend", {{"auto", "auto"}, {"cpu", "cpu"}, {"cuda", "cuda"}},
+                         p.backend);
+  reader.get("device", p.device);
   reader.get("threads", p.threads);
   getChoice<std::string>(reader, "instruction_set",
                          {{"auto", "auto"}, {"avx2", "avx2"}, {"baseline", "baseline"}},

@@ -69,6 +69,13 @@ DatasetOptions EngineOptions::datasetOptions() const {
 }
 
 void EngineOptions::addTo(CLI::App* app) {
+  app->add_option("--backend", backend,
+                  "Processor: cpu, cuda, or auto (cuda where that works, else cpu)")
+      ->check(CLI::IsMember({"auto", "cpu", "cuda"}))
+      ->capture_default_str();
+  app->add_option("--device", device, "Number of the GPU, for cuda")
+      ->check(CLI::Range(0, 1024))
+      ->capture_default_str();
   app->add_option("--threads", threads, "Threads to work with; 0: all cores")
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "nerf_pose_refiner/dataset/dataset.h"
-#include "nerf_pose_refiner/engine/engine.h"
+#include "nerf_pose_refiner/engine/make_engine.h"
 #include "nerf_pose_refiner/geometry/camera.h"
 #include "nerf_pose_refiner/geometry/pose.h"
 #include "nerf_pose_refiner/tasks/stop_token.h"
@@ -42,11 +42,15 @@ int runTool(int argc, char** argv, void (*declare)(CLI::App*, Options*),
 
 /// Which engine, and how much of the machine it takes.
 struct EngineOptions {
+  std::string backend = "cpu";
+  int device = 0;
   int threads = 0;
   std::string instruction_set = "auto";
 
   void addTo(CLI::App* app);
-  std::shared_ptr<Engine> make() const { return makeCpuEngine(threads, instruction_set); }
+  std::shared_ptr<Engine> make() const {
+    return makeEngine({backend, threads, instruction_set, device});
+  }
   DatasetOptions datasetOptions() const;
 };
 

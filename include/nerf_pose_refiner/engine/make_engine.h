@@ -23,8 +23,9 @@ struct EngineChoice {
 /// it is too old. Empty: it works.
 std::string whyNoCuda(int device = 0);
 
-/// An engine on a CUDA device. Calls only enqueue; `read`, `render` and the trainer wait. `work`
-/// is as of the last wait.
+/// An engine on a CUDA device. It trains on the CPU, and aligns only before a background that is
+/// known (colour, alpha or a mask), as it has no kernels for the rest yet. Calls only enqueue;
+/// `read`, `render` and the trainer wait. `work` is as of the last wait.
 /// @throws std::runtime_error saying what whyNoCuda says.
 std::unique_ptr<Engine> makeCudaEngine(int device = 0);
 
