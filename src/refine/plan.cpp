@@ -15,6 +15,7 @@ constexpr double kStepPixels = 0.1;       // a step that moves the rim by less e
 constexpr double kLastStepPixels = 0.02;  // ... and the last one
 constexpr double kSurroundings =
     0.2;  // around the object where the background is learned, diameters
+constexpr double kLeastContrastPixels = 48;  // across the object: fewer show too little to compare
 
 bool learnsBackground(const Observation& observation) {
   return observation.background == Background::kUnknown;
@@ -150,13 +151,15 @@ std::optional<AlignmentPlan> planAlignment(const RefinerSettings& settings,
   setLimits(prior, object, &plan.scatter);
   for (std::size_t i = 0; i < settings.stages.size(); ++i) {
     const AlignStageSettings& stage = settings.stages[i];
-    const Camera camera = levelCamera(observation.camera, seen, stage.object_px);
-    plan.levels.push_back({camera, stage.blur_px});
     const bool last = i + 1 == settings.stages.size();
+    const AlignStage align = alignStage(settings, stage, observation.background, last);
+    const double least_px = align.compare_contrast ? kLeastContrastPixels : 0;
+    const Camera camera =
+        levelCamera(observation.camera, seen, std::max(stage.object_px, least_px));
+    plan.levels.push_back({camera, stage.blur_px});
     const double object_px = seen.diameter_px * camera.fx / observation.camera.fx;
     plan.stages.push_back({std::to_string(std::lround(object_px)) + " px", static_cast<int>(i),
-                           alignStage(settings, stage, observation.background, last),
-                           selectPlan(settings, i, object_px, prior, object)});
+                           align, selectPlan(settings, i, object_px, prior, object)});
   }
   return plan;
 }

@@ -46,8 +46,8 @@ AlignStageSettings stage(double object_px, int hypotheses, int iterations, int r
 RefinerSettings RefinerSettings::named(const std::string& preset) {
   RefinerSettings settings;
   if (preset == "align") {
-    settings.stages = {stage(48, 48, 10, 2, 1.0, 4), stage(128, 8, 10, 1, 1.0, 2),
-                       stage(256, 2, 8, 1, 1.0, 1)};
+    settings.stages = {stage(32, 64, 10, 2, 1.0, 4), stage(64, 12, 10, 2, 1.0, 4),
+                       stage(128, 4, 10, 1, 1.0, 2), stage(256, 2, 8, 1, 1.0, 1)};
   } else if (preset == "track") {
     settings.stages = {stage(64, 4, 6, 1, 1.0, 4), stage(128, 1, 6, 1, 1.0, 2)};
   } else if (preset == "paper") {

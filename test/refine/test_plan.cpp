@@ -124,6 +124,19 @@ TEST(PlanAlignment, followsTheSettings) {
   }
 }
 
+TEST(PlanAlignment, contrastsAreComparedAt48PixelsAtLeast) {
+  RefinerSettings settings = RefinerSettings::named("align");
+  const auto across = [&](Background background) {
+    const auto plan =
+        planAlignment(settings, observationOf(background), priorAt(0, 10), objectOfDiameter(2));
+    return plan->levels[0].camera.fx * 2 / 10;
+  };
+  EXPECT_NEAR(across(Background::kKnownColour), 32, 1e-9);
+  EXPECT_NEAR(across(Background::kUnknown), 48, 1e-9);
+  settings.compare_contrast = false;
+  EXPECT_NEAR(across(Background::kUnknown), 32, 1e-9);
+}
+
 TEST(PlanAlignment, drawsAnewButAfterTheLastStage) {
   RefinerSettings settings = RefinerSettings::named("align");
   const auto planned = [&] {

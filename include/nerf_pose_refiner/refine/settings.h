@@ -17,7 +17,8 @@ enum class Method {
 
 /// One stage of direct alignment as a user writes it: sizes relative to the object.
 struct AlignStageSettings {
-  double object_px = 32;  ///< the object's diameter spans so many pixels in this stage
+  double object_px = 32;  ///< the object's diameter spans so many pixels in this stage; 48 at least
+                          ///< while contrasts are compared
   int hypotheses = 64;    ///< followed in this stage
   int iterations = 10;    ///< at most
   int rays_per_side = 1;  ///< rays_per_side^2 rays a pixel
