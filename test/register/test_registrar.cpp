@@ -13,29 +13,11 @@
 
 #include "support/analytic_dataset.h"
 #include "support/expect_error.h"
+#include "support/grey_dataset.h"
 #include "support/scripted_engine.h"
 
 namespace nerf_pose_refiner {
 namespace {
-
-// Grey views without alpha; view i stands at x = i, inside of the box.
-Dataset greyDataset(int count) {
-  Dataset dataset;
-  dataset.folder = "grey";
-  dataset.has_box = true;
-  dataset.box_min = {-1, -2, -3};
-  dataset.box_max = {60, 2, 3};
-  for (int i = 0; i < count; ++i) {
-    PosedView view;
-    auto rgba = std::make_shared<Image8>(4, 4, 4, 128);
-    for (int p = 0; p < 16; ++p) rgba->values[4 * p + 3] = 255;
-    view.rgba = rgba;
-    view.camera = {4, 4, 5, 5, 1.5, 1.5};
-    view.T_O_C.t.x() = i;
-    dataset.views.push_back(view);
-  }
-  return dataset;
-}
 
 RegistrationSettings fewSteps(int steps) {
   RegistrationSettings settings;
@@ -323,76 +305,6 @@ TEST(RegistrationSettings, NamesWhatIsOutOfRange) {
   S unknown;
   unknown.profile = "gpu";
   expectError<std::invalid_argument>([&] { unknown.validate(); }, "'gpu'", "cpu, paper");
-}
-
-// --- the hash
-
-using Change = std::function<void(Dataset*, RegistrationSettings*)>;
-
-std::string hashAfter(const Change& change) {
-  Dataset dataset = greyDataset(3);
-  RegistrationSettings settings;
-  change(&dataset, &settings);
-  return registrationHash(dataset, settings);
-}
-
-TEST(RegistrationHash, ChangesWithWhateverChangesTheModel) {
-  using D = Dataset;
-  using S = RegistrationSettings;
-  const std::vector<Change> changes = {
-      [](D*, S*) {},
-      [](D* d, S*) {
-        auto rgba = std::make_shared<Image8>(*d->views[1].rgba);
-        rgba->at(2, 3, 1) ^= 1;
-        d->views[1].rgba = rgba;
-      },
-      [](D* d, S*) { d->views[1].T_O_C.t.y() += 1e-9; },
-      [](D* d, S*) { d->views[2].T_O_C.R(0, 1) += 1e-9; },
-      [](D* d, S*) { d->views[0].camera.fx += 1e-9; },
-      [](D* d, S*) { d->views[0].camera.cy += 1e-9; },
-      [](D* d, S*) { std::swap(d->views[0], d->views[1]); },
-      [](D* d, S*) { d->views.pop_back(); },
-      [](D* d, S*) { d->has_alpha = true; },
-      [](D* d, S*) { d->has_box = false; },
-      [](D* d, S*) { d->box_max.z() += 1e-9; },
-      [](D* d, S*) { d->metres_per_unit = 1; },
-      [](D*, S* s) { s->metres_per_unit = 1; },
-      [](D*, S* s) { s->profile = "paper"; },
-      [](D*, S* s) { ++s->steps; },
-      [](D*, S* s) { s->max_seconds = 60; },
-      [](D*, S* s) { s->target_psnr_db = 30; },
-      [](D*, S* s) { ++s->held_out; },
-      [](D*, S* s) { ++s->seed; },
-      [](D*, S* s) { ++s->plan.samples_per_step; },
-      [](D*, S* s) { s->plan.learning_rate *= 2; },
-      [](D*, S* s) { s->plan.final_learning_rate_factor *= 2; },
-  };
-  std::set<std::string> hashes;
-  for (const Change& change : changes) hashes.insert(hashAfter(change));
-  EXPECT_EQ(hashes.size(), changes.size());
-}
-
-TEST(RegistrationHash, DoesNotChangeWithAnythingElse) {
-  const std::string expected = hashAfter([](Dataset*, RegistrationSettings*) {});
-  const auto other = [](Dataset* dataset, RegistrationSettings* settings) {
-    dataset->folder = "elsewhere";
-    for (PosedView& view : dataset->views) {
-      view.name = "renamed";
-      view.rgba = std::make_shared<Image8>(*view.rgba);
-    }
-    settings->threads = 3;
-    settings->plan.seed = 5;  // these are set by the registration itself
-    settings->plan.random_background = false;
-    settings->plan.region = {8, std::vector<std::uint8_t>(64, 255)};
-  };
-  EXPECT_EQ(hashAfter(other), expected);
-  EXPECT_FALSE(expected.empty());
-}
-
-TEST(RegistrationHash, CanBeStopped) {
-  const StopToken stop;
-  stop.requestStop();
-  EXPECT_THROW(registrationHash(greyDataset(3), RegistrationSettings(), stop), Stopped);
 }
 
 TEST(MeanPsnr, NeedsViews) {
