@@ -121,9 +121,7 @@ __global__ void advanceKernel(CudaSearches searches, AlignmentRules rules, int c
   const auto& sums = *reinterpret_cast<const AlignmentSumsOf<double>*>(numbers);
   AlignmentSearch* search = &searches.searches[v];
   if (only_score) {
-    search->state = stateOf(rules, search->trial, sums);
-    acceptTrial(sums, search);
-    search->done = true;
+    scoreSearch(rules, sums, search);
   } else {
     advanceSearch(rules, sums, search);
   }

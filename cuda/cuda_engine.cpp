@@ -22,17 +22,6 @@ cudaDeviceProp propertiesOf(int device) {
 
 }  // namespace
 
-Vec3<double> plainVector(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
-
-CameraPose<double> plainPose(const Pose& T_O_C) {
-  CameraPose<double> pose;
-  for (int i = 0; i < 3; ++i) {
-    for (int j = 0; j < 3; ++j) pose.R.m[i][j] = T_O_C.R(i, j);
-  }
-  pose.o = plainVector(T_O_C.t);
-  return pose;
-}
-
 CudaCamera plainCamera(const Camera& camera) {
   return {camera.fx, camera.fy, camera.cx, camera.cy, camera.width, camera.height};
 }
@@ -304,10 +293,7 @@ HypothesisTable CudaEngine::read(const HypothesisBatch& batch) {
   for (std::size_t k = 0; k < table.size(); ++k) {
     const CudaHypothesis& from = pinned_hypotheses_.data()[k];
     Hypothesis& to = table[k];
-    for (int i = 0; i < 3; ++i) {
-      for (int j = 0; j < 3; ++j) to.T_O_C.R(i, j) = from.pose.R.m[i][j];
-    }
-    to.T_O_C.t = {from.pose.o.x, from.pose.o.y, from.pose.o.z};
+    to.T_O_C = poseOf(from.pose);
     to.state = from.state;
     to.loss = from.loss;
     to.visible_fraction = from.visible_fraction;

@@ -9,6 +9,7 @@
 #include "cuda_field.h"
 #include "descend.h"
 #include "device_memory.h"
+#include "engine/plain_pose.h"
 #include "engine/workspaces.h"
 #include "hypotheses.h"
 #include "nerf_pose_refiner/engine/engine.h"
@@ -164,9 +165,7 @@ class CudaEngine final : public Engine {
   Work work_;
 };
 
-/// A pose as kernels see it.
-CameraPose<double> plainPose(const Pose& T_O_C);
-Vec3<double> plainVector(const Eigen::Vector3d& v);
+/// A camera as kernels see it.
 CudaCamera plainCamera(const Camera& camera);
 
 }  // namespace nerf_pose_refiner

@@ -1,7 +1,6 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <limits>
 #include <vector>
 
 #include "alignment_system.h"
@@ -17,10 +16,6 @@ struct Evaluation {
   Image picture, scratch;
   Image behind;  ///< for contrasts: what the observation shows beside the rendered object
   AlignmentSums sums;
-
-  double loss() const {
-    return sums.weight > 0 ? sums.cost / sums.weight : std::numeric_limits<double>::infinity();
-  }
 };
 
 /// One stage: the poses' common target, and how pictures of them are made and compared with it.

@@ -126,6 +126,15 @@ NPR_HOST_DEVICE inline void acceptTrial(const AlignmentSumsOf<double>& sums,
   search->loss = lossOf(sums);
 }
 
+/// Takes the trial as it is, and ends the search.
+NPR_HOST_DEVICE inline void scoreSearch(const AlignmentRules& rules,
+                                        const AlignmentSumsOf<double>& sums,
+                                        AlignmentSearch* search) {
+  search->state = stateOf(rules, search->trial, sums);
+  acceptTrial(sums, search);
+  search->done = true;
+}
+
 /// Proposes the next pose to try; false if the step is too small to matter or cannot be computed.
 NPR_HOST_DEVICE inline bool proposeTrial(const AlignmentRules& rules, AlignmentSearch* search) {
   while (search->damping <= kMostDamping) {
