@@ -14,12 +14,22 @@ if(NOT CMAKE_CUDA_COMPILER)
   message(STATUS "No CUDA engine: there is no CUDA compiler (set CUDACXX to an nvcc)")
   return()
 endif()
+# Asked before the language is enabled, for an old compiler fails at that.
+execute_process(COMMAND ${CMAKE_CUDA_COMPILER} --version
+  OUTPUT_VARIABLE npr_nvcc_version ERROR_QUIET)
+string(REGEX MATCH "release [0-9]+\\.[0-9]+" npr_nvcc_version "${npr_nvcc_version}")
+string(REPLACE "release " "" npr_nvcc_version "${npr_nvcc_version}")
+if(npr_nvcc_version VERSION_LESS 11.8)
+  message(STATUS "No CUDA engine: it wants CUDA 11.8, ${CMAKE_CUDA_COMPILER} is of "
+    "'${npr_nvcc_version}'")
+  return()
+endif()
 if(NOT DEFINED CMAKE_CUDA_ARCHITECTURES)
   # Named, for a container's build has no GPU to ask.
   set(CMAKE_CUDA_ARCHITECTURES 75-real 80-real 86-real 87-real 89-real 90)
 endif()
 enable_language(CUDA)
-find_package(CUDAToolkit 11.8 REQUIRED)
+find_package(CUDAToolkit REQUIRED)
 message(STATUS "CUDA engine: ${CMAKE_CUDA_COMPILER_VERSION}, for ${CMAKE_CUDA_ARCHITECTURES}")
 
 set(npr_cuda ${PROJECT_NAME}_cuda)
@@ -48,5 +58,6 @@ target_compile_options(${npr_cuda} PRIVATE
 target_include_directories(${npr_cuda} PRIVATE include src)
 target_link_libraries(${npr_cuda} PRIVATE Eigen3::Eigen CUDA::cudart_static)
 target_sources(${PROJECT_NAME} PRIVATE $<TARGET_OBJECTS:${npr_cuda}>)
+set_target_properties(${PROJECT_NAME} PROPERTIES CUDA_ARCHITECTURES "${CMAKE_CUDA_ARCHITECTURES}")
 target_link_libraries(${PROJECT_NAME} PRIVATE CUDA::cudart_static)
 target_compile_definitions(${PROJECT_NAME} PRIVATE NPR_HAVE_CUDA)
