@@ -114,24 +114,29 @@ void runTrials(const Options& options, const std::shared_ptr<Engine>& engine,
   printTable(options.preset.c_str(), results, 5, 0.05);
 }
 
-/// A camera on its way around the object, its pictures rendered; each is found from the last.
+/// A camera on its way around the object, which circles through its pictures; they are rendered,
+/// and each pose is found from the last.
 void follow(const Options& options, const std::shared_ptr<Engine>& engine,
             const LoadedField& field) {
+  constexpr double kTurn = 0.13;  // of the circle, a frame [rad]
   const FieldMetadata& object = field.field().metadata;
   const Camera camera = {640, 480, 700, 700, 319.5, 239.5};
+  const double radius = options.frame_share / kTurn;
   Refiner refiner(engine, RefinerSettings::named("track"));
   std::vector<Result> results;
   Pose truth, last;
-  truth.t = object.centre - 2.2 * object.diameter * Eigen::Vector3d::UnitZ();
-  last = truth;
-  for (int i = 0; i < options.frames; ++i) {
-    const double phase = 0.13 * i;
+  for (int i = 0; i <= options.frames; ++i) {
+    const double phase = kTurn * i;
     const Eigen::Vector3d axis =
         Eigen::Vector3d(std::sin(phase), 1, 0.5 * std::cos(0.7 * phase)).normalized();
-    const Eigen::Matrix3d turn = expSO3(Eigen::Vector3d(options.frame_deg * kDegree * axis));
-    const Eigen::Vector3d move = options.frame_share * object.diameter *
-                                 Eigen::Vector3d(std::cos(phase), std::sin(phase), 0);
-    truth = {turn * truth.R, object.centre + turn * (truth.t - object.centre) + move};
+    const Eigen::Vector3d object_C =
+        object.diameter * Eigen::Vector3d(radius * std::cos(phase), radius * std::sin(phase), 2.2);
+    truth.R = expSO3(Eigen::Vector3d(options.frame_deg * kDegree * axis)) * truth.R;
+    truth.t = object.centre - truth.R * object_C;
+    if (i == 0) {
+      last = truth;
+      continue;
+    }
     const Rendering rendering = engine->render(field, camera, truth, {}, {});
     Observation observation;
     observation.camera = camera;
