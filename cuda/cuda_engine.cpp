@@ -6,7 +6,6 @@
 #include <limits>
 #include <stdexcept>
 
-#include "nerf_pose_refiner/engine/make_engine.h"
 #include "nerf_pose_refiner/image/filter.h"
 
 namespace nerf_pose_refiner {
@@ -45,11 +44,11 @@ std::string whyNoCuda(int device) {
   return "";
 }
 
-std::unique_ptr<Engine> makeCudaEngine(int device) {
-  const std::string why = whyNoCuda(device);
+std::unique_ptr<Engine> makeCudaEngine(const EngineChoice& choice) {
+  const std::string why = whyNoCuda(choice.device);
   if (!why.empty()) throw std::runtime_error("no CUDA engine: " + why);
-  NPR_CUDA_CHECK(cudaSetDevice(device));
-  return std::make_unique<CudaEngine>(device);
+  NPR_CUDA_CHECK(cudaSetDevice(choice.device));
+  return std::make_unique<CudaEngine>(choice);
 }
 
 const CudaLevel& CudaObservation::level(int index) const {
@@ -74,8 +73,9 @@ CudaBatch::CudaBatch(std::shared_ptr<Workspaces<CudaBatchMemory>> pool, int devi
            capacity};
 }
 
-CudaEngine::CudaEngine(int device)
-    : device_(device),
+CudaEngine::CudaEngine(const EngineChoice& choice)
+    : choice_(choice),
+      device_(choice.device),
       levels_(
           std::make_shared<Workspaces<CudaLevels>>([] { return std::make_unique<CudaLevels>(); })),
       batches_(std::make_shared<Workspaces<CudaBatchMemory>>(
@@ -215,7 +215,14 @@ Rendering CudaEngine::render(const LoadedField& field, const Camera& camera, con
 std::unique_ptr<FieldTrainer> CudaEngine::trainer(const FieldConfig& config, const Box& box,
                                                   std::vector<TrainingView> views,
                                                   const TrainingPlan& plan) {
-  return makeCpuEngine()->trainer(config, box, std::move(views), plan);
+  if (cpu_ == nullptr) cpu_ = makeCpuEngine(choice_.threads, choice_.instruction_set);
+  return cpu_->trainer(config, box, std::move(views), plan);
+}
+
+Work CudaEngine::work() const {
+  Work all = work_;
+  if (cpu_ != nullptr) all += cpu_->work();
+  return all;
 }
 
 std::unique_ptr<HypothesisBatch> CudaEngine::batch(int capacity) {

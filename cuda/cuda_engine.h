@@ -12,7 +12,7 @@
 #include "engine/plain_pose.h"
 #include "engine/workspaces.h"
 #include "hypotheses.h"
-#include "nerf_pose_refiner/engine/engine.h"
+#include "nerf_pose_refiner/engine/make_engine.h"
 #include "picture.h"
 #include "render.h"
 
@@ -85,7 +85,8 @@ class CudaBatch final : public HypothesisBatch {
 /// while is kept from call to call.
 class CudaEngine final : public Engine {
  public:
-  explicit CudaEngine(int device);
+  /// Works on choice.device; trains on a CPU engine of the choice's threads and instruction set.
+  explicit CudaEngine(const EngineChoice& choice);
   ~CudaEngine() override;
 
   std::string describe() const override;
@@ -111,7 +112,7 @@ class CudaEngine final : public Engine {
                const StopToken& stop) override;
   void select(HypothesisBatch* batch, const SelectPlan& plan) override;
   HypothesisTable read(const HypothesisBatch& batch) override;
-  Work work() const override { return work_; }
+  Work work() const override;
 
  private:
   struct Stage;
@@ -135,8 +136,10 @@ class CudaEngine final : public Engine {
   void copyWork();  ///< enqueues its download
   void takeWork();  ///< after a wait
 
+  EngineChoice choice_;
   int device_;
   CudaStream stream_;
+  std::unique_ptr<Engine> cpu_;  ///< trains; made when it is first asked to
   std::shared_ptr<Workspaces<CudaLevels>> levels_;
   std::shared_ptr<Workspaces<CudaBatchMemory>> batches_;
 

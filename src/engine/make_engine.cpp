@@ -18,15 +18,15 @@ void EngineChoice::validate() const {
 #ifndef NPR_HAVE_CUDA
 std::string whyNoCuda(int) { return "this package was built without CUDA"; }
 
-std::unique_ptr<Engine> makeCudaEngine(int device) {
-  throw std::runtime_error("no CUDA engine: " + whyNoCuda(device));
+std::unique_ptr<Engine> makeCudaEngine(const EngineChoice& choice) {
+  throw std::runtime_error("no CUDA engine: " + whyNoCuda(choice.device));
 }
 #endif
 
 std::unique_ptr<Engine> makeEngine(const EngineChoice& choice) {
   choice.validate();
   if (choice.backend == "cuda" || (choice.backend == "auto" && whyNoCuda(choice.device).empty())) {
-    return makeCudaEngine(choice.device);
+    return makeCudaEngine(choice);
   }
   return makeCpuEngine(choice.threads, choice.instruction_set);
 }

@@ -21,7 +21,8 @@ Field learn() {
   TrainingPlan plan;
   plan.samples_per_step = 8192;
   plan.region = hull.region;
-  const auto trainer = makeCpuEngine()->trainer(config, hull.box, trainingViews(photos), plan);
+  const auto engine = makeCpuEngine();
+  const auto trainer = engine->trainer(config, hull.box, trainingViews(photos), plan);
   for (int i = 0; i < kSteps; ++i) trainer->step(static_cast<double>(i) / kSteps);
   return trainer->finish(StopToken());
 }
