@@ -1,5 +1,6 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <stdexcept>
 #include <string>
@@ -41,6 +42,7 @@ bool isLive(const Hypothesis& h) { return h.state == HypothesisState::kLive; }
 
 bool isBetter(const Hypothesis& a, const Hypothesis& b) {
   if (isLive(a) != isLive(b)) return isLive(a);
+  if (std::isnan(a.loss) || std::isnan(b.loss)) return !std::isnan(a.loss) && std::isnan(b.loss);
   return a.loss < b.loss;
 }
 

@@ -52,23 +52,28 @@ TEST_P(AlignmentJacobian, AgreesWithCentralDifferences) {
   target.observed = &picture;  // so that the mean of both pictures' gradients is the rendering's
   target.centre = centre;
   const AlignmentView view = viewOf(target, T_O_C);
-  double dot = 0, predicted_square = 0, rendered_square = 0;
+  // With the rendered change in the place of the residual the normal equations hold its product
+  // with the predicted change, and the square of the latter.
+  NormalEquations6<float> equations;
+  double rendered_square = 0;
   for (int y = 1; y + 1 < kCamera.height; ++y) {
     for (int x = 1; x + 1 < kCamera.width; ++x) {
-      const PixelResidual<float> r = residualAt(target, picture, GainBias<float>(), x, y);
-      const PixelFlow<float> flow = flowAt(view, picture, x, y);
+      PixelResidual<float> r = residualAt(target, picture, GainBias<float>(), x, y);
       for (int c = 0; c < 4; ++c) {
-        float row[6];
-        alignmentRow(flow, r.du[c], r.dv[c], row);
-        const double rendered = (after.at(x, y, c) - before.at(x, y, c)) / (2 * step);
-        dot += row[GetParam()] * rendered;
-        predicted_square += row[GetParam()] * row[GetParam()];
-        rendered_square += rendered * rendered;
+        r.value[c] = static_cast<float>((after.at(x, y, c) - before.at(x, y, c)) / (2 * step));
+        rendered_square += r.value[c] * r.value[c];
       }
+      const float weights[4] = {1, 1, 1, 1};
+      addPixel(flowAt(view, picture, x, y), r, weights, &equations);
     }
   }
-  EXPECT_GT(dot / std::sqrt(predicted_square * rendered_square), GetParam() < 3 ? 0.98 : 0.95);
-  EXPECT_NEAR(std::sqrt(predicted_square / rendered_square), 1.0, 0.15);
+  const int axis = GetParam();
+  const double dot = equations.gradient[axis];
+  const double predicted_square = equations.information[axis * (axis + 3) / 2];
+  // When the camera turns about the object, surfaces of the ball come out behind its edge.
+  const bool turns = axis >= 3;
+  EXPECT_GT(dot / std::sqrt(predicted_square * rendered_square), turns ? 0.96 : 0.998);
+  EXPECT_NEAR(std::sqrt(predicted_square / rendered_square), 1.0, turns ? 0.12 : 0.03);
 }
 
 std::string axisName(const ::testing::TestParamInfo<int>& axis) {

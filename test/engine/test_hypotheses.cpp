@@ -161,6 +161,11 @@ TEST(Select, nothingLivesNothingIsDrawn) {
   EXPECT_TRUE(s.read().empty());
 }
 
+TEST(Read, aLossThatIsNoNumberComesLast) {
+  Selection s({0.3, std::numeric_limits<double>::quiet_NaN(), 0.1});
+  EXPECT_EQ(s.read(), (std::vector<double>{3, 1, 2}));
+}
+
 TEST(Read, bestFirstFlaggedLast) {
   Selection s({0.3, 0.1, 0.2});
   s.hypotheses()[1].state = HypothesisState::kBehindCamera;

@@ -89,6 +89,8 @@ TEST(JudgeContrast, byHand) {
   EXPECT_FALSE(judgeContrast(residualOf(0.17f), 1, 0.2f).agrees);
   // Half covered: residuals are premultiplied, 0.01 / 0.25 = 0.04; the weight is 0.5^5.
   EXPECT_NEAR(judgeContrast(residualOf(0.01f), 0.5f, 0.2f).cost, -0.3 / 32, 1e-7);
+  EXPECT_TRUE(judgeContrast(residualOf(0.039f), 0.5f, 0.2f).agrees);
+  EXPECT_FALSE(judgeContrast(residualOf(0.041f), 0.5f, 0.2f).agrees);
   EXPECT_EQ(judgeContrast(residualOf(0), 0, 0.2f).cost, 0);
 }
 

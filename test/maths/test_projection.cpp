@@ -68,12 +68,5 @@ TEST(Projection, FlowAgreesWithCentralDifferencesOnAllSixAxes) {
   }
 }
 
-TEST(Projection, AlignmentRowChainsTheImageGradient) {
-  const PixelFlow<double> flow = {{1, 2, 3, 4, 5, 6}, {10, 20, 30, 40, 50, 60}};
-  double row[6];
-  alignmentRow(flow, 2.0, -0.5, row);
-  for (int i = 0; i < 6; ++i) EXPECT_DOUBLE_EQ(row[i], -3 * (i + 1));
-}
-
 }  // namespace
 }  // namespace nerf_pose_refiner

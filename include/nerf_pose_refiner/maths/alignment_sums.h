@@ -86,15 +86,13 @@ NPR_HOST_DEVICE inline float interiorWeight(float opacity) {
 }
 
 /// By contrasts before an unknown background. What the object explains better than chance is worth
-/// its pixels, what it explains worse costs them: neither a small silhouette nor a large one is
-/// cheaper as such.
+/// its pixels, what it explains worse costs them: showing less of it is not cheaper as such.
 NPR_HOST_DEVICE inline PixelJudgement judgeContrast(const RobustResidual& robust, float opacity,
                                                     float scale) {
-  // Robust difference of contrasts that have nothing to do with each other; they agree below half.
-  constexpr float kChance = 0.8f;
+  constexpr float kChance = 0.8f;  // robust difference of contrasts that have nothing in common
   const float own = opacity > 1e-2f ? robust.squared / (opacity * opacity) : 0.0f;
-  return {interiorWeight(opacity) * opacity * (own / (own + scale * scale) - kChance),
-          robust.squared < 4 * scale * scale};
+  const float difference = own / (own + scale * scale);
+  return {interiorWeight(opacity) * opacity * (difference - kChance), difference < kChance};
 }
 
 /// Adds a pixel to the sums of its pose. @param equations may be those of a part of the picture.

@@ -6,7 +6,6 @@ namespace nerf_pose_refiner {
 /// Why a hypothesis is no longer followed.
 enum class HypothesisState {
   kLive,
-  kMerged,
   kBehindCamera,
   kOutOfImage,
   kIllConditioned,

@@ -86,11 +86,4 @@ NPR_HOST_DEVICE inline PixelFlow<T> pixelFlow(const Pinhole<T>& K, const CameraP
           {v.x, v.y, v.z, v_turn.x, v_turn.y, v_turn.z}};
 }
 
-/// Row of the Jacobian of one channel: d C / d(v, w) at a fixed pixel.
-/// @param dC_du, dC_dv gradient of the picture [1 / px].
-template <typename T>
-NPR_HOST_DEVICE inline void alignmentRow(const PixelFlow<T>& flow, T dC_du, T dC_dv, T row[6]) {
-  for (int i = 0; i < 6; ++i) row[i] = dC_du * flow.u[i] + dC_dv * flow.v[i];
-}
-
 }  // namespace nerf_pose_refiner
