@@ -5,6 +5,7 @@ import ast
 import glob
 import importlib.util
 import os
+import shutil
 import stat
 import subprocess
 import tempfile
@@ -21,6 +22,20 @@ def run(*command, **environment):
     env.update(environment)
     return subprocess.run(command, env=env, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
                           stderr=subprocess.PIPE, universal_newlines=True, timeout=60)
+
+
+def package_files(top=TOP):
+    """What git knows of; in a copy without a repository everything but build folders and hidden ones."""
+    if os.path.exists(os.path.join(top, '.git')) and shutil.which('git'):
+        listed = run('git', '-C', top, 'ls-files', '-z')
+        if listed.returncode == 0:
+            paths = [os.path.join(top, name) for name in listed.stdout.split('\0') if name]
+            return [path for path in paths if os.path.isfile(path)]  # a removed one may be listed still
+    paths = []
+    for folder, folders, names in os.walk(top):
+        folders[:] = [name for name in folders if not name.startswith('.') and name not in ('build', 'out')]
+        paths += [os.path.join(folder, name) for name in names]
+    return paths
 
 
 def shell_scripts():
@@ -60,13 +75,20 @@ class Form(unittest.TestCase):
                              ['/usr/bin:/bin:/no such folder', '/usr/bin/python3'], result.stderr)
 
     def test_every_source_says_whose_it_is(self):
-        for folder, folders, names in os.walk(TOP):
-            folders[:] = [name for name in folders if not name.startswith('.') and name not in ('build', 'out')]
-            for name in names:
-                path = os.path.join(folder, name)
-                if name.endswith(SOURCES) or (os.access(path, os.X_OK) and not name.endswith('.png')):
-                    with open(path, encoding='utf-8') as file:
-                        self.assertIn('(c) 2026, the nerf_pose_refiner authors', ''.join(file.readlines()[:4]), path)
+        paths = [path for path in package_files()
+                 if path.endswith(SOURCES) or (os.access(path, os.X_OK) and not path.endswith('.png'))]
+        self.assertIn(os.path.abspath(__file__), paths)
+        for path in paths:
+            with open(path, encoding='utf-8') as file:
+                self.assertIn('(c) 2026, the nerf_pose_refiner authors', ''.join(file.readlines()[:4]), path)
+
+    def test_package_files_without_a_repository(self):
+        with tempfile.TemporaryDirectory() as top:
+            for name in ('a.h', 'src/b.cpp', 'build/c.cpp', '.git/d.py'):
+                os.makedirs(os.path.join(top, os.path.dirname(name)), exist_ok=True)
+                with open(os.path.join(top, name), 'w', encoding='utf-8'):
+                    pass
+            self.assertEqual(sorted(package_files(top)), [os.path.join(top, name) for name in ('a.h', 'src/b.cpp')])
 
 
 class Dependencies(unittest.TestCase):
