@@ -74,8 +74,7 @@ struct OccupancyGrid {
 };
 
 /// How far a rendering is from a photo where nothing is wrong: the held-out views at their true
-/// poses. A refined pose whose colours differ much more is wrong, or the light or the object is
-/// another.
+/// poses. The tool `train` reports it; nothing else uses it yet.
 struct ScoreStatistics {
   int views = 0;         ///< 0: unknown
   double mean_loss = 0;  ///< root mean square colour error where a view shows the object; its mean
