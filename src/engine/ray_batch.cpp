@@ -9,7 +9,7 @@ namespace nerf_pose_refiner {
 namespace {
 
 constexpr int kSamplesPerPass = 4;   // of a ray, before its transmittance is looked at again
-constexpr int kPoolCapacity = 8192;  // columns: more than the longest ray has samples
+constexpr int kPoolCapacity = 8192;  // columns: more than the longest ray has, four a sample
 
 }  // namespace
 
