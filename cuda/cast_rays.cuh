@@ -38,11 +38,10 @@ struct LaneWork {
 
 /// Forward through the field, for all rays of a source. Rays that end make room for others, so that
 /// the tensor cores and the gathers always get 32 samples. All lanes of a warp take part.
-/// @param colour_threshold weight of a sample beneath which it is not looked at.
+/// @param min_weight lighter samples are left out of the sums, and only hide what is behind them.
 template <int W, typename Source>
 __device__ inline LaneWork castRays(const CudaFieldView& field, const MarchSpace& space,
-                                    float min_transmittance, float colour_threshold,
-                                    Source* source) {
+                                    float min_transmittance, float min_weight, Source* source) {
   const WarpMemory memory = enterBlock(field, kRaySamples, false);
   WarpNetworks<W> networks(field.shape, memory);
   __half* const harmonics = memory.harmonics + memory.lane / kRaySamples * kHarmonics;
@@ -70,7 +69,7 @@ __device__ inline LaneWork castRays(const CudaFieldView& field, const MarchSpace
     // In fours, as the CPU engine takes and counts them: budgets must agree.
     const bool first_seen = __shfl_sync(kWholeWarp, sample.seen, laneSlot() & ~3, kRaySamples);
     work.samples += valid && first_seen;
-    const bool heavy = sample.weight > colour_threshold;
+    const bool heavy = sample.seen && sample.weight >= min_weight;
     if (!__any_sync(kWholeWarp, heavy)) continue;
     const float3 rgb = networks.template colour<false>(kRaySamples);
     if (heavy) {

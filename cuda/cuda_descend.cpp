@@ -33,6 +33,8 @@ DescentTask CudaEngine::descentTask(CudaBatch* batch, const CudaField& field,
   task.samples_per_step = plan.samples_per_step;
   task.direction_gradient = plan.direction_gradient;
   task.seed = plan.seed;
+  task.min_transmittance = RenderOptions().min_transmittance;
+  task.min_weight = RenderOptions().min_weight;
 
   task.camera = level.camera;
   task.image = level.image.data();

@@ -147,6 +147,7 @@ RenderTask CudaEngine::renderTask(const CudaField& field, const CudaCamera& came
   task.view_count = views;
   task.rays_per_side = rays_per_side;
   task.step_scale = 1;
+  task.min_weight = RenderOptions().min_weight;
   task.use_occupancy = true;
   task.views = views_.data();
   task.hits = {hits_.data(), hit_count_.data()};
@@ -182,6 +183,7 @@ Rendering CudaEngine::render(const LoadedField& field, const Camera& camera, con
   task.near = options.near;
   task.step_scale = options.step_scale;
   task.min_transmittance = options.min_transmittance;
+  task.min_weight = options.min_weight;
   task.use_occupancy = options.use_occupancy;
   const CameraPose<double> pose = plainPose(T_O_C);
   poses_.upload(&pose, 1, stream_);

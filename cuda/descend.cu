@@ -125,10 +125,9 @@ struct CastSource {
 template <int W>
 __global__ void __launch_bounds__(kCastThreads, 4)
     castKernel(const __grid_constant__ CudaFieldView field,
-               const __grid_constant__ DescentTask task, const __grid_constant__ MarchSpace space,
-               float min_transmittance, float colour_threshold) {
+               const __grid_constant__ DescentTask task, const __grid_constant__ MarchSpace space) {
   CastSource source(field, task, space);
-  const LaneWork work = castRays<W>(field, space, min_transmittance, colour_threshold, &source);
+  const LaneWork work = castRays<W>(field, space, task.min_transmittance, task.min_weight, &source);
   unsigned samples = work.samples;
   for (int away = 1; away < 32; away *= 2) {
     samples += __shfl_xor_sync(kWholeWarp, samples, away);
@@ -192,8 +191,9 @@ struct PullSource {
                                   const float3& rgb) {
     const float value =
         record.rgb[0] * rgb.x + record.rgb[1] * rgb.y + record.rgb[2] * rgb.z + record.alpha;
-    const float own = sample.seen ? sample.weight * value : 0.0f;
-    float so_far = own;
+    // Samples that the cast left out only hide what is behind them.
+    const bool heavy = sample.seen && sample.weight >= task.min_weight;
+    float so_far = heavy ? sample.weight * value : 0.0f;
 #pragma unroll
     for (int away = 1; away < kRaySamples; away *= 2) {
       const float other = __shfl_up_sync(kWholeWarp, so_far, away, kRaySamples);
@@ -206,11 +206,11 @@ struct PullSource {
     const float behind = fminf(fmaxf(record.value - in_front - so_far, -most), most);
     in_front += __shfl_sync(kWholeWarp, so_far, kRaySamples - 1, kRaySamples);
     if (!sample.seen) return make_float4(0, 0, 0, 0);
-    const float w = sample.weight;
-    return make_float4(record.rgb[0] * w * rgb.x * (1 - rgb.x),
-                       record.rgb[1] * w * rgb.y * (1 - rgb.y),
-                       record.rgb[2] * w * rgb.z * (1 - rgb.z),
-                       length * (sample.transmittance_behind * value - behind) * density);
+    const float w = heavy ? sample.weight : 0.0f;
+    const float through = heavy ? sample.transmittance_behind * value : 0.0f;
+    return make_float4(
+        record.rgb[0] * w * rgb.x * (1 - rgb.x), record.rgb[1] * w * rgb.y * (1 - rgb.y),
+        record.rgb[2] * w * rgb.z * (1 - rgb.z), length * (through - behind) * density);
   }
 
   /// Adds a sample's pull. @param gradient by its position, in N.
@@ -235,8 +235,7 @@ constexpr float kLeastGradient = 1e-20f;  // what is less pulls at nothing, and 
 template <int W>
 __global__ void __launch_bounds__(kPullThreads, 1)
     pullKernel(const __grid_constant__ CudaFieldView field,
-               const __grid_constant__ DescentTask task, const __grid_constant__ MarchSpace space,
-               float min_transmittance) {
+               const __grid_constant__ DescentTask task, const __grid_constant__ MarchSpace space) {
   const WarpMemory memory = enterBlock(field, kRaySamples, true);
   WarpNetworks<W> networks(field.shape, memory);
   __half* const harmonics = memory.harmonics + memory.lane / kRaySamples * kHarmonics;
@@ -261,7 +260,7 @@ __global__ void __launch_bounds__(kPullThreads, 1)
     needs_harmonics = needs_harmonics && !ready;
     const float density = expf(fminf(networks.template density<true>(), 30.0f));
     const float length = ray.length;
-    const SampleWeight sample = weighSamples(density, min_transmittance, ready, &ray);
+    const SampleWeight sample = weighSamples(density, task.min_transmittance, ready, &ray);
     const float3 rgb = networks.template colour<true>(kRaySamples);
     const float4 g = source.logitGradient(sample, density, length, rgb);
     const float scale = fmaxf(fmaxf(fabsf(g.x), fabsf(g.y)), fmaxf(fabsf(g.z), fabsf(g.w)));
@@ -289,15 +288,11 @@ __global__ void __launch_bounds__(kPullThreads, 1)
   }
 }
 
-constexpr float kMinTransmittance = 1e-4f;  // as RenderOptions has it
-
-void castAll(const CudaFieldView& field, const DescentTask& task, float colour_threshold,
-             cudaStream_t stream) {
+void castAll(const CudaFieldView& field, const DescentTask& task, cudaStream_t stream) {
   launchPersistent(findRaysKernel, kFindThreads, 0, stream, field, task, marchSpace(field, 1));
   const int bytes = SharedLayout(field.shape, kRaySamples, false).bytes(kCastThreads / 32);
   const auto kernel = field.shape.width == 32 ? castKernel<32> : castKernel<64>;
-  launchPersistent(kernel, kCastThreads, bytes, stream, field, task, marchSpace(field, 1),
-                   kMinTransmittance, colour_threshold);
+  launchPersistent(kernel, kCastThreads, bytes, stream, field, task, marchSpace(field, 1));
 }
 
 }  // namespace
@@ -305,12 +300,12 @@ void castAll(const CudaFieldView& field, const DescentTask& task, float colour_t
 void descendOnce(const CudaFieldView& field, const DescentTask& task, int hypotheses,
                  cudaStream_t stream) {
   beginStep(task, stream);
-  castAll(field, task, 0, stream);
+  castAll(field, task, stream);
   const SharedLayout layout(field.shape, kRaySamples, true);
   const auto kernel = field.shape.width == 32 ? pullKernel<32> : pullKernel<64>;
   const int threads = threadsThatFit(kPullThreads, layout.weight_bytes, layout.warp_bytes);
   launchPersistent(kernel, threads, layout.bytes(threads / 32), stream, field, task,
-                   marchSpace(field, 1), kMinTransmittance);
+                   marchSpace(field, 1));
   updatePoses(task, hypotheses, stream);
 }
 
@@ -318,7 +313,7 @@ void measureLosses(const CudaFieldView& field, const DescentTask& task, int pixe
                    cudaStream_t stream) {
   startDescent(task, 0, stream);
   beginMeasuring(task, pixels, stream);
-  castAll(field, task, kColourThreshold, stream);
+  castAll(field, task, stream);
   sumLosses(task, hypotheses, stream);
 }
 

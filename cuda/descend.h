@@ -44,7 +44,8 @@ struct DescentTask {
   int steps_per_update, samples_per_step;
   bool direction_gradient;
   std::uint64_t seed;
-  int scored_from;  ///< steps from here on make the hypotheses' losses
+  int scored_from;                      ///< steps from here on make the hypotheses' losses
+  float min_transmittance, min_weight;  ///< of all rays, @see RenderOptions
 
   // What is compared.
   CudaCamera camera;

@@ -126,6 +126,7 @@ std::vector<double> timeRenderings(const LoadedField& field, const Camera& camer
   task.rays_per_side = 1;
   task.step_scale = 1;
   task.min_transmittance = RenderOptions().min_transmittance;
+  task.min_weight = RenderOptions().min_weight;
   task.use_occupancy = true;
   task.views = view.data();
   task.hits = {hits.data(), hit_count.data()};

@@ -12,7 +12,6 @@ namespace nerf_pose_refiner {
 /// at again: with fewer, long rays take many rounds, and with more, short ones waste them.
 constexpr int kRaySamples = 8;
 constexpr int kRaysPerWarp = 32 / kRaySamples;
-constexpr float kColourThreshold = 1e-4f;  // lighter samples add less than a tenth of an 8-bit step
 
 /// What rays march through, in units of N.
 struct MarchSpace {

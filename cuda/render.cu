@@ -168,8 +168,7 @@ __global__ void __launch_bounds__(kRenderThreads, 4)
                  const __grid_constant__ RenderTask task,
                  const __grid_constant__ MarchSpace space) {
   PictureSource source(field, task, space);
-  const LaneWork work =
-      castRays<W>(field, space, task.min_transmittance, kColourThreshold, &source);
+  const LaneWork work = castRays<W>(field, space, task.min_transmittance, task.min_weight, &source);
   addWork(task.costs, work.samples, work.colours, task.work);
 }
 

@@ -16,7 +16,7 @@ struct RenderTask {
   int view_count;
   int rays_per_side;  ///< rays_per_side^2 rays a pixel, on a regular lattice
   float near;         ///< [model units]
-  float step_scale, min_transmittance;
+  float step_scale, min_transmittance, min_weight;  ///< @see RenderOptions
   bool use_occupancy;
 
   CudaView* views;  ///< [views], workspace

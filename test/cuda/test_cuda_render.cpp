@@ -116,6 +116,14 @@ TEST_F(CudaRender, emptySpaceIsSkippedAsOnTheCpu) {
   }
 }
 
+// A tenth of these samples is lighter than that: the counts of colours tell.
+TEST_F(CudaRender, lightSamplesAreLeftOutAsOnTheCpu) {
+  const Field field = randomField(FieldConfig(), 8);
+  RenderOptions options;
+  options.min_weight = 5e-4f;
+  compare(field, someCamera(), cameraBefore(field, 4), options);
+}
+
 TEST_F(CudaRender, aCameraInsideOfTheBoxAndOneThatLooksAway) {
   const Field field = learnedObject();
   const auto shared = std::make_shared<Field>(field);
