@@ -178,7 +178,9 @@ int main(int argc, char** argv) {
   app.add_option("dataset", options.dataset, "transforms file of the views")->required();
   app.add_option("--backend", options.backend, "auto, cpu or cuda")->capture_default_str();
   app.add_option("--preset", options.preset, "of the refiner")->capture_default_str();
-  app.add_option("--background", options.background, "white or alpha")->capture_default_str();
+  app.add_option("--background", options.background, "white or alpha")
+      ->check(CLI::IsMember({"white", "alpha"}))
+      ->capture_default_str();
   app.add_option("--trials", options.trials)->capture_default_str();
   app.add_option("--frames", options.frames, "rendered frames to be followed");
   app.add_option("--frame-deg", options.frame_deg, "rotation from frame to frame")
