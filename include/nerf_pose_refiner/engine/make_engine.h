@@ -25,7 +25,9 @@ std::string whyNoCuda(int device = 0);
 
 /// An engine on a CUDA device. It trains on the CPU, on the choice's threads, and aligns only
 /// before a background that is known (colour, alpha or a mask), as it has no kernels for the rest
-/// yet. Calls only enqueue; `read`, `render` and the trainer wait. `work` is as of the last wait.
+/// yet. `load`, `render`, `read` and the trainer wait, `descend` does every few steps, so that a
+/// stop is heard; the rest only enqueues. `work` is as of the last `render` or `read`, and the
+/// trainer's.
 /// @param choice its backend is not looked at.
 /// @throws std::runtime_error saying what whyNoCuda says.
 std::unique_ptr<Engine> makeCudaEngine(const EngineChoice& choice = {});
