@@ -126,8 +126,7 @@ void PoseRefinerNodelet::start() {
   ros::NodeHandle& nh = getNodeHandle();
   ros::NodeHandle& pnh = getPrivateNodeHandle();
   const PoseRefinerParameters& p = parameters_;
-  const auto make_engine = [choice =
-                                EngineChoice{p.backend, p.threads, p.instruction_set, p.device}] {
+  const auto make_engine = [choice = p.engineChoice()] {
     return std::shared_ptr<Engine>(makeEngine(choice));
   };
   const auto make_overlay_engine = [set = p.instruction_set] {

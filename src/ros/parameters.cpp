@@ -26,6 +26,13 @@ void requireNotNegative(const std::string& name, double value) {
   if (!(value >= 0) || !std::isfinite(value)) throwRange(name, value, ">= 0");
 }
 
+void requireWidth(const std::string& name, double value, double most) {
+  if (value > 0 && value <= most) return;
+  std::ostringstream range;
+  range << "> 0 and at most " << most;
+  throwRange(name, value, range.str());
+}
+
 /// Reads a word that stands for a value of `choices`.
 template <typename T>
 void getChoice(ParamReader& read, const std::string& name, const std::map<std::string, T>& choices,
@@ -141,8 +148,8 @@ void readFrames(ParamReader& read, FrameSettings& frames) {
 }
 
 void validateSearch(const std::string& group, const SearchSettings& search) {
-  requirePositive("~" + group + "/rotation_deg", search.rotation_deg);
-  requirePositive("~" + group + "/translation", search.translation);
+  requireWidth("~" + group + "/rotation_deg", search.rotation_deg, 180);
+  requireWidth("~" + group + "/translation", search.translation, 100);  // object diameters
   search.refiner.validate();
 }
 
@@ -159,7 +166,16 @@ PoseRefinerParameters::PoseRefinerParameters() {
   tracking.refiner = RefinerSettings::named(tracking.preset);
 }
 
+EngineChoice PoseRefinerParameters::engineChoice() const {
+  return {backend == "auto" ? "cpu" : backend, threads, instruction_set, device};
+}
+
 void PoseRefinerParameters::validate() const {
+  if (backend == "cuda") {
+    throw std::invalid_argument(
+        "parameter ~backend is 'cuda', but the CUDA engine cannot align before the unknown "
+        "background of camera images yet: set cpu or auto");
+  }
   requireNotNegative("~threads", threads);
   requireNotNegative("~device", device);
   requireNotNegative("~tf_timeout_s", frames.tf_timeout_s);

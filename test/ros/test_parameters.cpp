@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <filesystem>
 #include <functional>
+#include <limits>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -100,6 +101,46 @@ TEST(Parameters, ThreadsAreThoseOfARegistrationToo) {
   values["threads"] = 3;
   ParamReader reader(values, "~");
   EXPECT_EQ(readParameters(reader).registration.threads, 3);
+}
+
+TEST(Parameters, AutoIsTheCpuEngine) {
+  XmlRpc::XmlRpcValue values;
+  values["backend"] = "auto";
+  values["threads"] = 3;
+  values["instruction_set"] = "baseline";
+  values["device"] = 2;
+  ParamReader reader(values, "~");
+  const EngineChoice choice = readParameters(reader).engineChoice();
+  EXPECT_EQ(choice.backend, "cpu") << "the background of camera images is unknown";
+  EXPECT_EQ(choice.threads, 3);
+  EXPECT_EQ(choice.instruction_set, "baseline");
+  EXPECT_EQ(choice.device, 2);
+}
+
+TEST(Parameters, TheCudaEngineIsRefused) {
+  const std::string error = errorFor([](auto* v) { (*v)["backend"] = "cuda"; });
+  EXPECT_NE(error.find("~backend is 'cuda'"), std::string::npos) << error;
+  EXPECT_NE(error.find("unknown background"), std::string::npos) << error;
+  EXPECT_EQ(errorFor([](auto* v) { (*v)["backend"] = "cpu"; }), "no error");
+}
+
+TEST(Parameters, AWidthOfTheSearchHasBounds) {
+  for (const std::string group : {"refiner", "tracker"}) {
+    const auto error = [&](const std::string& name, double value) {
+      return errorFor([&](auto* v) { (*v)[group][name] = value; });
+    };
+    EXPECT_EQ(error("rotation_deg", 180), "no error");
+    EXPECT_EQ(error("translation", 100), "no error");
+    EXPECT_EQ(error("rotation_deg", 180.5), "parameter ~" + group +
+                                                "/rotation_deg is 180.5 but must be > 0 and at "
+                                                "most 180");
+    EXPECT_EQ(error("translation", 100.5), "parameter ~" + group +
+                                               "/translation is 100.5 but must be > 0 and at most "
+                                               "100");
+    EXPECT_NE(error("translation", 0), "no error");
+    EXPECT_NE(error("rotation_deg", std::numeric_limits<double>::infinity()), "no error");
+    EXPECT_NE(error("rotation_deg", std::numeric_limits<double>::quiet_NaN()), "no error");
+  }
 }
 
 TEST(Parameters, PresetsBringTheirStages) {

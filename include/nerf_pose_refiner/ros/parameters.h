@@ -3,6 +3,7 @@
 
 #include <string>
 
+#include "nerf_pose_refiner/engine/make_engine.h"
 #include "nerf_pose_refiner/refine/settings.h"
 #include "nerf_pose_refiner/register/registrar.h"
 #include "nerf_pose_refiner/ros/param_reader.h"
@@ -50,7 +51,7 @@ struct PoseRefinerParameters {
   std::string dataset_root;  ///< photos to learn from are read below this folder
   std::string image_transport = "raw";
   bool image_is_rectified = false;
-  std::string backend = "cpu";           ///< auto, cpu or cuda; @see EngineChoice
+  std::string backend = "cpu";           ///< auto or cpu; cuda is refused, @see engineChoice
   int device = 0;                        ///< of the CUDA engine: number of the GPU
   int threads = 0;                       ///< of the CPU engine; 0: all cores
   std::string instruction_set = "auto";  ///< of the CPU engine
@@ -61,6 +62,10 @@ struct PoseRefinerParameters {
   RegistrationSettings registration;
 
   PoseRefinerParameters();
+
+  /// The engine to search and to learn with. What is behind the object in a camera image is
+  /// unknown, and the CUDA engine cannot align before that yet: `auto` is the CPU engine.
+  EngineChoice engineChoice() const;
 
   /// @throws std::invalid_argument naming the parameter and the value that is out of range.
   void validate() const;
