@@ -169,8 +169,8 @@ TEST(Training, ClearsTheSpaceOutsideTheRegion) {
   forEachCell([&](int x, int y, int z) {
     if (in_region(x, y, z)) plan.region.bits[(z * 32 + y) * 4 + x / 8] |= 1 << (x % 8);
   });
-  const auto trainer =
-      makeCpuEngine(1)->trainer(trainingConfig(), box, trainingViews(dataset()), plan);
+  const auto engine = makeCpuEngine(1);
+  const auto trainer = engine->trainer(trainingConfig(), box, trainingViews(dataset()), plan);
   for (int i = 0; i < kSteps / 2; ++i) trainer->step(0);
   const OccupancyGrid grid = trainer->finish(StopToken()).occupancy;
   int outside = 0, left = 0;
@@ -294,8 +294,9 @@ TEST(Training, RefusesARegionOfAnotherResolution) {
 }
 
 TEST(Training, FinishCanBeStopped) {
-  const auto trainer = makeCpuEngine(1)->trainer(trainingConfig(), hull().box,
-                                                 trainingViews(dataset()), trainingPlan());
+  const auto engine = makeCpuEngine(1);
+  const auto trainer =
+      engine->trainer(trainingConfig(), hull().box, trainingViews(dataset()), trainingPlan());
   StopToken stop;
   stop.requestStop();
   EXPECT_THROW(trainer->finish(stop), Stopped);

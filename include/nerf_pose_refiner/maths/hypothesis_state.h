@@ -4,12 +4,6 @@
 namespace nerf_pose_refiner {
 
 /// Why a hypothesis is no longer followed.
-enum class HypothesisState {
-  kLive,
-  kBehindCamera,
-  kOutOfImage,
-  kIllConditioned,
-  kNotFinite
-};
+enum class HypothesisState { kLive, kBehindCamera, kOutOfImage, kIllConditioned, kNotFinite };
 
 }  // namespace nerf_pose_refiner
