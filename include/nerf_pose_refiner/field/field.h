@@ -35,7 +35,7 @@ struct FieldConfig {
   int colour_hidden_layers = 1;  ///< >= 1
   int sh_degree = 4;             ///< spherical harmonics of the direction, 1..4 (degree^2 numbers)
 
-  float step = 1.7320508f / 512;   ///< length of a sample's interval at the camera, 1e-4..1
+  float step = 1.7320508f / 512;   ///< length of a sample's interval at the camera, 1e-3..1
   float cone_angle = 0;            ///< intervals grow as max(step, cone_angle * distance)
   int occupancy_resolution = 128;  ///< cells along the cube, a multiple of 8
 
