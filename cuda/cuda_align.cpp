@@ -4,6 +4,7 @@
 #include <stdexcept>
 
 #include "cuda_engine.h"
+#include "engine/alignment_rules.h"
 #include "nerf_pose_refiner/image/filter.h"
 
 // Direct alignment: every evaluation of a stage is enqueued, searches that are done cost nothing.
@@ -21,22 +22,6 @@ struct CudaEngine::Stage {
 };
 
 namespace {
-
-AlignmentRules rulesOf(const CudaBatch& batch, const CudaField& field, const CudaCamera& camera,
-                       const AlignStage& stage) {
-  const FieldMetadata& object = field.field().metadata;
-  AlignmentRules rules;
-  rules.centre = plainVector(object.centre);
-  rules.diameter = object.diameter;
-  rules.focal_px = camera.fx;
-  rules.max_iterations = stage.max_iterations;
-  rules.max_rotation_rad = stage.max_rotation_rad;
-  rules.max_translation = stage.max_translation;
-  rules.convergence_px = stage.convergence_px;
-  rules.limits = {plainPose(batch.prior_T_O_C), plainVector(batch.scatter.object_centre),
-                  batch.scatter.rotation_limit_rad, batch.scatter.translation_limit};
-  return rules;
-}
 
 CudaAlignmentTarget targetOf(const CudaObservation& observation, const CudaLevel& level,
                              const AlignStage& stage) {
@@ -94,7 +79,8 @@ CudaEngine::Stage CudaEngine::prepareStage(const CudaBatch& batch, const CudaFie
   made.target = targetOf(observation, level, stage);
   made.searches = {searches_.data(), poses_.data(), active_.data(), partial_sums_.data(),
                    batch.bound};
-  made.rules = rulesOf(batch, field, level.camera, stage);
+  made.rules = alignmentRules(field.field().metadata, level.camera.fx, stage, batch.scatter,
+                              batch.prior_T_O_C);
   startSearches(made.searches, batch.view(), made.rules, stream_);
   return made;
 }

@@ -1,9 +1,8 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include <memory>
 
+#include "alignment_rules.h"
 #include "cpu_engine.h"
-#include "nerf_pose_refiner/maths/alignment_search.h"
-#include "plain_pose.h"
 #include "stage_evaluator.h"
 
 // Direct alignment: Gauss-Newton with Levenberg damping on the difference of rendered and observed
@@ -20,18 +19,10 @@ struct Track {
   AlignmentSearch search;
 };
 
-AlignmentRules rulesOf(const StageEvaluator& stage, const AlignStage& plan, const CpuBatch& batch) {
-  AlignmentRules rules;
-  rules.centre = plainVector(stage.target().centre);
-  rules.diameter = stage.diameter();
-  rules.focal_px = stage.target().level->camera.fx;
-  rules.max_iterations = plan.max_iterations;
-  rules.max_rotation_rad = plan.max_rotation_rad;
-  rules.max_translation = plan.max_translation;
-  rules.convergence_px = plan.convergence_px;
-  rules.limits = {plainPose(batch.prior_T_O_C), plainVector(batch.scatter.object_centre),
-                  batch.scatter.rotation_limit_rad, batch.scatter.translation_limit};
-  return rules;
+AlignmentRules rulesOf(const StageEvaluator& evaluator, const AlignStage& stage,
+                       const CpuBatch& batch) {
+  return alignmentRules(evaluator.object(), evaluator.target().level->camera.fx, stage,
+                        batch.scatter, batch.prior_T_O_C);
 }
 
 // Takes what the evaluation found into the search, which says what to try next.

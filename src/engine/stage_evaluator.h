@@ -26,7 +26,7 @@ class StageEvaluator {
 
   void rankByRegions() { target_.rank_by_regions = true; }
   const AlignmentTarget& target() const { return target_; }
-  double diameter() const { return scene_.field().metadata.diameter; }
+  const FieldMetadata& object() const { return scene_.field().metadata; }
 
   void evaluate(const std::vector<Evaluation*>& evaluations);
 

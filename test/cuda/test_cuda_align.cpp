@@ -1,9 +1,8 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include <cmath>
 
-#include "cuda_test.h"
+#include "learned_object_test.h"
 #include "nerf_pose_refiner/refine/refiner.h"
-#include "test_object.h"
 
 // Direct alignment of the CUDA engine against the CPU engine's, from the same plans.
 
@@ -14,29 +13,12 @@ constexpr double kDegree = EIGEN_PI / 180;
 
 Camera someCamera() { return {160, 128, 190, 190, 78.5, 66.25}; }
 
-class CudaAlign : public CudaTest {
+class CudaAlign : public LearnedObjectTest {
  protected:
-  void SetUp() override {
-    CudaTest::SetUp();
-    if (cuda == nullptr) return;
-    field = std::make_shared<Field>(learnedObject());
-    truth = cameraBefore(*field, 2.5 * field->metadata.diameter);
-    on_cpu = cpu->load(field);
-    on_cuda = cuda->load(field);
-  }
-
-  const LoadedField& loaded(const Engine& engine) const {
-    return &engine == cuda.get() ? *on_cuda : *on_cpu;
-  }
-
   /// What both engines are shown: the CPU's rendering.
   Observation observation(Background background) const {
     return observe(cpu.get(), *on_cpu, someCamera(), truth, background);
   }
-
-  std::shared_ptr<const Field> field;
-  Pose truth;
-  std::shared_ptr<const LoadedField> on_cpu, on_cuda;
 };
 
 ScatterPlan scatterPlan(const Field& field, bool about_object) {

@@ -2,8 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "cuda_test.h"
-#include "test_object.h"
+#include "learned_object_test.h"
 
 // The paper's mode of the CUDA engine against the CPU engine's, from the same plans.
 
@@ -14,21 +13,8 @@ constexpr double kDegree = EIGEN_PI / 180;
 
 Camera someCamera() { return {80, 64, 95, 95, 39, 33}; }
 
-class CudaDescend : public CudaTest {
+class CudaDescend : public LearnedObjectTest {
  protected:
-  void SetUp() override {
-    CudaTest::SetUp();
-    if (cuda == nullptr) return;
-    field = std::make_shared<Field>(learnedObject());
-    truth = cameraBefore(*field, 2.5 * field->metadata.diameter);
-    on_cpu = cpu->load(field);
-    on_cuda = cuda->load(field);
-  }
-
-  const LoadedField& loaded(const Engine& engine) const {
-    return &engine == cuda.get() ? *on_cuda : *on_cpu;
-  }
-
   /// Hypotheses around a pose that is off.
   std::unique_ptr<HypothesisBatch> scattered(Engine* engine, int count) const {
     auto batch = engine->batch(count);
@@ -39,10 +25,6 @@ class CudaDescend : public CudaTest {
     engine->scatter(batch.get(), disturbed(truth, *field, 4, 0.05), plan);
     return batch;
   }
-
-  std::shared_ptr<const Field> field;
-  Pose truth;
-  std::shared_ptr<const LoadedField> on_cpu, on_cuda;
 };
 
 /// One step whose move is the gradient itself: Adam's denominator is all epsilon.

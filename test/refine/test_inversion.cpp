@@ -12,6 +12,7 @@
 #include "support/expect_error.h"
 #include "support/fog_scene.h"
 #include "support/recording_engine.h"
+#include "support/small_inversion.h"
 
 // The schedule of the paper's mode, and whole refinements in a scene of fog.
 
@@ -125,22 +126,6 @@ TEST(Inversion, refusesSettingsOutOfRange) {
   expectRefused("descent.decay", [](InversionSettings* s) { s->descent.decay = 0; });
   expectRefused("descent.steps_per_update",
                 [](InversionSettings* s) { s->descent.steps_per_update = 0; });
-}
-
-/// The paper's mode, made small.
-RefinerSettings smallInversion() {
-  RefinerSettings settings = RefinerSettings::named("paper");
-  InversionSettings& s = settings.inversion;
-  s.hypotheses = 12;
-  s.first_steps = 60;
-  s.rounds = 2;
-  s.round_steps = 60;
-  s.descent.samples_per_step = 2048;
-  s.descent.steps_per_update = 2;
-  s.descent.decay_updates = 30;
-  s.descent.score_steps = 20;
-  s.score_pixels = 1000;
-  return settings;
 }
 
 struct Trial {

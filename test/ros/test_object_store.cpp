@@ -26,11 +26,11 @@ Field smallField(const std::string& name, double metres_per_unit) {
   return field;
 }
 
-/// A folder with a folder "root" and a secret beside it.
+/// A folder with a folder "models" and a secret beside it.
 class ObjectStoreTest : public testing::Test {
  protected:
-  ObjectStoreTest() : folder_(temporary_.path()), root_((folder_ / "root").string()) {
-    fs::create_directories(folder_ / "root" / "shelf");
+  ObjectStoreTest() : folder_(temporary_.path()), root_((folder_ / "models").string()) {
+    fs::create_directories(folder_ / "models" / "shelf");
     temporary_.write("secret", "secret");
   }
 
@@ -68,16 +68,17 @@ TEST_F(ObjectStoreTest, GivesBackWhatItWasGiven) {
 
 TEST_F(ObjectStoreTest, CallsAModelByItsFile) {
   ObjectStore(root_).save(smallField("mug", 0.01));
-  fs::rename(folder_ / "root" / "mug.safetensors", folder_ / "root" / "cup.safetensors");
+  fs::rename(folder_ / "models" / "mug.safetensors", folder_ / "models" / "cup.safetensors");
   EXPECT_EQ(ObjectStore(root_).load("cup")->metadata.name, "cup");
 }
 
 TEST_F(ObjectStoreTest, SaysWhyAModelCannotBeUsed) {
   EXPECT_EQ(reasonFor("mug"), Status::REASON_MODEL_UNREADABLE) << "there is none";
-  EXPECT_EQ(reasonFor("../root/mug"), Status::REASON_MODEL_UNREADABLE);
-  temporary_.write("root/broken.safetensors", "not a model");
+  ObjectStore(root_).save(smallField("mug", 0.01));
+  EXPECT_EQ(reasonFor("../models/mug"), Status::REASON_MODEL_UNREADABLE) << "a path, not a name";
+  temporary_.write("models/broken.safetensors", "not a model");
   EXPECT_EQ(reasonFor("broken"), Status::REASON_MODEL_UNREADABLE);
-  fs::create_symlink(folder_ / "secret", folder_ / "root" / "leak.safetensors");
+  fs::create_symlink(folder_ / "secret", folder_ / "models" / "leak.safetensors");
   EXPECT_EQ(reasonFor("leak"), Status::REASON_MODEL_UNREADABLE);
   ObjectStore(root_).save(smallField("unscaled", 0));
   EXPECT_EQ(reasonFor("unscaled"), Status::REASON_MODEL_NO_SCALE);
@@ -88,7 +89,7 @@ TEST_F(ObjectStoreTest, SaysWhyAModelCannotBeUsed) {
 TEST_F(ObjectStoreTest, WritesBelowItsRootOnly) {
   const ObjectStore store(root_);
   EXPECT_THROW(store.save(smallField("../mug", 0.01)), std::invalid_argument);
-  fs::create_symlink(folder_ / "elsewhere", folder_ / "root" / "trap.safetensors");
+  fs::create_symlink(folder_ / "elsewhere", folder_ / "models" / "trap.safetensors");
   EXPECT_THROW(store.save(smallField("trap", 0.01)), std::invalid_argument);
   EXPECT_FALSE(fs::exists(folder_ / "elsewhere"));
 }

@@ -11,32 +11,17 @@
 #include "nerf_pose_refiner/ros/pose_conversions.h"
 #include "support/analytic_scene.h"
 #include "support/fog_scene.h"
+#include "support/small_inversion.h"
 
 namespace nerf_pose_refiner {
 namespace {
 
 constexpr double kMetresPerUnit = 0.1;
 
-/// The paper's preset, made small.
-RefinerSettings smallPaper() {
-  RefinerSettings settings = RefinerSettings::named("paper");
-  InversionSettings& s = settings.inversion;
-  s.hypotheses = 12;
-  s.first_steps = 60;
-  s.rounds = 2;
-  s.round_steps = 60;
-  s.descent.samples_per_step = 2048;
-  s.descent.steps_per_update = 2;
-  s.descent.decay_updates = 30;
-  s.descent.score_steps = 20;
-  s.score_pixels = 1000;
-  return settings;
-}
-
 /// Searches the fog, whatever model it is given.
 class FogSearch final : public ObjectSearch {
  public:
-  FogSearch() : engine_(makeCpuEngine(2)), refiner_(engine_, smallPaper()) {}
+  FogSearch() : engine_(makeCpuEngine(2)), refiner_(engine_, smallInversion()) {}
   void use(std::shared_ptr<const Field>) override {}
   Refinement search(const Observation& observation, const Prior& prior, bool,
                     const StopToken& stop) override {
