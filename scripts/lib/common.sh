@@ -3,7 +3,9 @@
 # What every script here needs. Source it first.
 
 TOP=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
-BUILD_DIR=${XDG_CACHE_HOME:-$HOME/.cache}/nerf_pose_refiner/build
+# Outside of the source tree, and one a checkout: a build folder knows where its sources lie.
+CACHE_DIR=${XDG_CACHE_HOME:-$HOME/.cache}/nerf_pose_refiner/$(cksum <<<"$TOP" | cut -d ' ' -f 1)
+BUILD_DIR=$CACHE_DIR/build
 ASSUME_YES=${CI:-false} # continuous integration has nobody to ask
 
 # catkin's Python modules are those of the system's Python: one of pyenv, conda or a virtual
