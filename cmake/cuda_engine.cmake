@@ -41,13 +41,18 @@ add_library(${npr_cuda} OBJECT
   cuda/cuda_error.cpp
   cuda/cuda_field.cpp
   cuda/cuda_observe.cpp
+  cuda/cuda_trainer.cpp
   cuda/descend.cu
   cuda/descent_update.cu
   cuda/evaluate.cu
   cuda/hypotheses.cu
   cuda/launch.cpp
   cuda/picture.cu
-  cuda/render.cu)
+  cuda/render.cu
+  cuda/train_networks.cu
+  cuda/train_occupancy.cu
+  cuda/train_rays.cu
+  cuda/train_update.cu)
 npr_set_warnings(${npr_cuda})
 set_target_properties(${npr_cuda} PROPERTIES
   CUDA_STANDARD 17 CUDA_STANDARD_REQUIRED ON CUDA_EXTENSIONS OFF POSITION_INDEPENDENT_CODE ON)

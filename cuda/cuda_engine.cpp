@@ -6,7 +6,7 @@
 #include <limits>
 #include <stdexcept>
 
-#include "nerf_pose_refiner/image/filter.h"
+#include "cuda_trainer.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -74,8 +74,7 @@ CudaBatch::CudaBatch(std::shared_ptr<Workspaces<CudaBatchMemory>> pool, int devi
 }
 
 CudaEngine::CudaEngine(const EngineChoice& choice)
-    : choice_(choice),
-      device_(choice.device),
+    : device_(choice.device),
       levels_(
           std::make_shared<Workspaces<CudaLevels>>([] { return std::make_unique<CudaLevels>(); })),
       batches_(std::make_shared<Workspaces<CudaBatchMemory>>(
@@ -213,18 +212,16 @@ Rendering CudaEngine::render(const LoadedField& field, const Camera& camera, con
   return rendering;
 }
 
-// On the CPU: there are no kernels that train yet. The field that comes of it is any engine's.
 std::unique_ptr<FieldTrainer> CudaEngine::trainer(const FieldConfig& config, const Box& box,
                                                   std::vector<TrainingView> views,
                                                   const TrainingPlan& plan) {
-  if (cpu_ == nullptr) cpu_ = makeCpuEngine(choice_.threads, choice_.instruction_set);
-  return cpu_->trainer(config, box, std::move(views), plan);
+  enter();
+  return std::make_unique<CudaTrainer>(config, box, std::move(views), plan, device_, &training_);
 }
 
 Work CudaEngine::work() const {
   Work all = work_;
-  if (cpu_ != nullptr) all += cpu_->work();
-  return all;
+  return all += training_;
 }
 
 std::unique_ptr<HypothesisBatch> CudaEngine::batch(int capacity) {

@@ -85,7 +85,7 @@ class CudaBatch final : public HypothesisBatch {
 /// while is kept from call to call.
 class CudaEngine final : public Engine {
  public:
-  /// Works on choice.device; trains on a CPU engine of the choice's threads and instruction set.
+  /// Works on choice.device; nothing else of the choice matters to it.
   explicit CudaEngine(const EngineChoice& choice);
   ~CudaEngine() override;
 
@@ -136,10 +136,8 @@ class CudaEngine final : public Engine {
   void copyWork();  ///< enqueues its download
   void takeWork();  ///< after a wait
 
-  EngineChoice choice_;
   int device_;
   CudaStream stream_;
-  std::unique_ptr<Engine> cpu_;  ///< trains; made when it is first asked to
   std::shared_ptr<Workspaces<CudaLevels>> levels_;
   std::shared_ptr<Workspaces<CudaBatchMemory>> batches_;
 
@@ -166,6 +164,7 @@ class CudaEngine final : public Engine {
   PinnedBuffer<int> pinned_count_;
   PinnedBuffer<CudaWork> pinned_work_;
   Work work_;
+  Work training_;  ///< of the trainers
 };
 
 /// A camera as kernels see it.

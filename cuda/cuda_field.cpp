@@ -6,8 +6,8 @@
 #include <string>
 
 #include "engine/ray_march.h"
-#include "nerf_pose_refiner/maths/half.h"
 #include "nerf_pose_refiner/maths/hash.h"
+#include "network_layers.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -20,74 +20,27 @@ void require(bool holds, const char* name, int value, const char* range) {
                               name + " = " + std::to_string(value) + ", only for " + range);
 }
 
-/// One layer with its padded size; entry (o, i) of the padded matrix.
-class PaddedLayer {
- public:
-  PaddedLayer(int inputs, int outputs)
-      : inputs_(inputs), outputs_(outputs), values_(static_cast<std::size_t>(inputs) * outputs) {}
-  int inputs() const { return inputs_; }
-  int outputs() const { return outputs_; }
-  float& at(int o, int i) { return values_[static_cast<std::size_t>(o) * inputs_ + i]; }
-  float at(int o, int i) const { return values_[static_cast<std::size_t>(o) * inputs_ + i]; }
-
- private:
-  int inputs_, outputs_;
-  std::vector<float> values_;
-};
-
-/// Reads a network; place(layer, input) says where an input stands among the padded ones.
-template <typename Place>
-std::vector<PaddedLayer> padNetwork(const float* compact, int inputs, int width, int hidden,
-                                    int outputs, int padded_inputs, int padded_width,
-                                    int padded_outputs, const Place& place) {
-  std::vector<PaddedLayer> layers;
-  for (int l = 0; l <= hidden; ++l) {
-    const int true_inputs = l == 0 ? inputs : width;
-    const int true_outputs = l < hidden ? width : outputs;
-    layers.emplace_back(l == 0 ? padded_inputs : padded_width,
-                        l < hidden ? padded_width : padded_outputs);
-    for (int o = 0; o < true_outputs; ++o) {
-      for (int i = 0; i < true_inputs; ++i) {
-        layers.back().at(o, l == 0 ? place(i) : i) = *compact++;
+/// Calls body(padded place, compact place) for every weight of a field, of which the density
+/// network's come first in both.
+template <typename Body>
+void forEachWeight(const FieldConfig& config, const Body& body) {
+  const NetworkLayers layers = {cudaNetworkShape(config)};
+  const int harmonics = config.sh_degree * config.sh_degree;
+  std::size_t compact = 0;
+  for (int l = 0; l < layers.count(); ++l) {
+    const bool colour = l > config.density_hidden_layers, first_colour = layers.isFirstColour(l);
+    const bool last = l == config.density_hidden_layers || l == layers.count() - 1;
+    const int width = colour ? config.colour_width : config.density_width;
+    const int inputs = l == 0         ? config.levels * config.features
+                       : first_colour ? harmonics + config.geometry_features
+                                      : width;
+    const int outputs = !last ? width : colour ? 3 : 1 + config.geometry_features;
+    for (int o = 0; o < outputs; ++o) {
+      for (int i = 0; i < inputs; ++i) {
+        const int place = !first_colour ? i : i < harmonics ? 16 + i : 1 + i - harmonics;
+        body(static_cast<std::size_t>(layers.offset(l) + o * layers.inputs(l) + place), compact++);
       }
     }
-  }
-  return layers;
-}
-
-std::uint32_t halves(float low, float high) {
-  return floatToHalf(low) | static_cast<std::uint32_t>(floatToHalf(high)) << 16;
-}
-
-/// Appends the tiles of a product whose factor is entry(k, n): K / 16 x N / 8 tiles of 32 lanes.
-template <typename Entry>
-void appendTiles(int K, int N, const Entry& entry, std::vector<WeightPair>* tiles) {
-  for (int k0 = 0; k0 < K; k0 += 16) {
-    for (int n0 = 0; n0 < N; n0 += 8) {
-      for (int lane = 0; lane < 32; ++lane) {
-        const int n = n0 + lane / 4, k = k0 + 2 * (lane % 4);
-        tiles->push_back(
-            {halves(entry(k, n), entry(k + 1, n)), halves(entry(k + 8, n), entry(k + 9, n))});
-      }
-    }
-  }
-}
-
-void appendForward(const std::vector<PaddedLayer>& layers, std::vector<WeightPair>* tiles) {
-  for (const PaddedLayer& layer : layers) {
-    appendTiles(
-        layer.inputs(), layer.outputs(), [&](int k, int n) { return layer.at(n, k); }, tiles);
-  }
-}
-
-/// The way back: last layer first, its gradients padded to 16.
-void appendBackward(const std::vector<PaddedLayer>& layers, std::vector<WeightPair>* tiles) {
-  for (std::size_t l = layers.size(); l-- > 0;) {
-    const PaddedLayer& layer = layers[l];
-    const int K = std::max(16, layer.outputs());
-    appendTiles(
-        K, layer.inputs(),
-        [&](int k, int n) { return k < layer.outputs() ? layer.at(k, n) : 0.0f; }, tiles);
   }
 }
 
@@ -117,24 +70,39 @@ CudaCosts cudaCosts(const FieldConfig& config) {
           static_cast<unsigned>(2 * colourWeightCount(config))};
 }
 
+std::vector<float> padWeights(const FieldConfig& config, const std::vector<float>& density_weights,
+                              const std::vector<float>& colour_weights) {
+  std::vector<float> padded(
+      static_cast<std::size_t>(NetworkLayers{cudaNetworkShape(config)}.weights()), 0.0f);
+  forEachWeight(config, [&](std::size_t place, std::size_t i) {
+    const std::size_t n = density_weights.size();
+    padded[place] = i < n ? density_weights[i] : colour_weights[i - n];
+  });
+  return padded;
+}
+
+void compactWeights(const FieldConfig& config, const std::vector<float>& padded,
+                    std::vector<float>* density_weights, std::vector<float>* colour_weights) {
+  const std::size_t n = densityWeightCount(config);
+  density_weights->resize(n);
+  colour_weights->resize(colourWeightCount(config));
+  forEachWeight(config, [&](std::size_t place, std::size_t i) {
+    (i < n ? (*density_weights)[i] : (*colour_weights)[i - n]) = padded[place];
+  });
+}
+
 std::vector<WeightPair> packWeights(const FieldConfig& config,
                                     const std::vector<float>& density_weights,
                                     const std::vector<float>& colour_weights) {
-  const CudaNetworkShape shape = cudaNetworkShape(config);
-  const int harmonics = config.sh_degree * config.sh_degree;
-  const std::vector<PaddedLayer> density =
-      padNetwork(density_weights.data(), config.levels * config.features, config.density_width,
-                 config.density_hidden_layers, 1 + config.geometry_features,
-                 16 * shape.encoding_tiles, shape.width, 16, [](int i) { return i; });
-  const std::vector<PaddedLayer> colour =
-      padNetwork(colour_weights.data(), harmonics + config.geometry_features, config.colour_width,
-                 config.colour_hidden_layers, 3, 32, shape.width, 8,
-                 [&](int i) { return i < harmonics ? 16 + i : 1 + i - harmonics; });
+  const NetworkLayers layers = {cudaNetworkShape(config)};
+  const std::vector<float> padded = padWeights(config, density_weights, colour_weights);
   std::vector<WeightPair> tiles;
-  appendForward(density, &tiles);
-  appendForward(colour, &tiles);
-  appendBackward(colour, &tiles);
-  appendBackward(density, &tiles);
+  for (int i = 0; i < 32 * layers.shape.forwardTiles(); ++i) {
+    tiles.push_back(forwardPair(layers, padded.data(), i / 32, i % 32));
+  }
+  for (int i = 0; i < 32 * layers.shape.backwardTiles(); ++i) {
+    tiles.push_back(transposedPair(layers, padded.data(), i / 32, i % 32));
+  }
   return tiles;
 }
 

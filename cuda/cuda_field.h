@@ -45,6 +45,12 @@ CudaCosts cudaCosts(const FieldConfig& config);
 /// Fills what depends on shape and box alone: levels, networks, cube, steps.
 CudaFieldView cudaFieldView(const FieldConfig& config, const Box& box);
 
+/// Weights of a field as NetworkLayers has them, and back.
+std::vector<float> padWeights(const FieldConfig& config, const std::vector<float>& density_weights,
+                              const std::vector<float>& colour_weights);
+void compactWeights(const FieldConfig& config, const std::vector<float>& padded,
+                    std::vector<float>* density_weights, std::vector<float>* colour_weights);
+
 /// Weights as the tensor cores want them: forward tiles, then the transposed ones.
 std::vector<WeightPair> packWeights(const FieldConfig& config,
                                     const std::vector<float>& density_weights,

@@ -1,92 +1,21 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include "hash_encoding.cuh"
-#include "nerf_pose_refiner/maths/spherical_harmonics.h"
+#include "warp_memory.cuh"
 #include "warp_tiles.cuh"
 
 namespace nerf_pose_refiner {
 
-constexpr int kHarmonics = 16;
-
-/// What a warp that evaluates the networks keeps in shared memory, for 32 samples.
-struct WarpMemory {
-  const uint2* forward;     ///< all warps' weights
-  const uint2* transposed;  ///< null if there is no way back
-  __half* encoding;         ///< [32][stride]; on the way back its gradient
-  __half* slopes;           ///< [3][32][stride]
-  __half* harmonics;        ///< [32 / samples of a ray][16], of the rays
-  float4* out;              ///< [32]
-  std::uint32_t* masks;     ///< [hidden layers][2][32]: where activations are positive
-  int stride;               ///< of a row: eight halves more than it holds, against bank conflicts
-  int lane;
-
-  __device__ __half* row() const { return encoding + lane * stride; }
-  __device__ __half* slopeRow() const { return slopes + lane * stride; }
-  __device__ int slopePlane() const { return 32 * stride; }
-};
-
-/// Bytes of shared memory, in the order weights, then each warp's own.
-struct SharedLayout {
-  int weight_bytes, warp_bytes;
-  int stride;
-  bool backward;
-
-  __host__ __device__ SharedLayout(const CudaNetworkShape& shape, int samples_per_ray,
-                                   bool with_backward)
-      : stride(16 * shape.encoding_tiles + 8), backward(with_backward) {
-    const int tiles = shape.forwardTiles() + (backward ? shape.backwardTiles() : 0);
-    weight_bytes = tiles * 32 * static_cast<int>(sizeof(WeightPair));
-    warp_bytes = 32 * stride * 2 * (backward ? 4 : 1) + 32 / samples_per_ray * kHarmonics * 2 +
-                 32 * static_cast<int>(sizeof(float4)) +
-                 (backward ? shape.hiddenLayers() * 2 * 32 * 4 : 0);
-  }
-  __host__ __device__ int bytes(int warps) const { return weight_bytes + warps * warp_bytes; }
-};
-
-/// Copies the weights into shared memory and deals the rest to the warps. All threads of a block.
-__device__ inline WarpMemory enterBlock(const CudaFieldView& field, int samples_per_ray,
-                                        bool backward) {
-  extern __shared__ uint4 shared_memory[];
-  const SharedLayout layout(field.shape, samples_per_ray, backward);
-  uint2* weights = reinterpret_cast<uint2*>(shared_memory);
-  const int forward = field.shape.forwardTiles() * 32;
-  const int all = layout.weight_bytes / static_cast<int>(sizeof(uint2));
-  for (int i = threadIdx.x; i < all; i += blockDim.x) {
-    const WeightPair w = i < forward ? field.forward[i] : field.transposed[i - forward];
-    weights[i] = make_uint2(w.x, w.y);
-  }
-  WarpMemory memory;
-  char* own = reinterpret_cast<char*>(shared_memory) + layout.weight_bytes +
-              threadIdx.x / 32 * layout.warp_bytes;
-  memory.forward = weights;
-  memory.transposed = backward ? weights + forward : nullptr;
-  memory.stride = layout.stride;
-  memory.out = reinterpret_cast<float4*>(own);
-  memory.harmonics = reinterpret_cast<__half*>(memory.out + 32);
-  memory.encoding = memory.harmonics + 32 / samples_per_ray * kHarmonics;
-  memory.slopes = memory.encoding + 32 * layout.stride;
-  memory.masks = reinterpret_cast<std::uint32_t*>(memory.slopes + 3 * 32 * layout.stride);
-  memory.lane = threadIdx.x % 32;
-  __syncthreads();
-  return memory;
-}
-
-/// Writes the harmonics of a ray's direction (which is the same in N and O).
-__device__ inline void writeHarmonics(const float direction[3], int degree, __half* to) {
-  float h[kHarmonics] = {};
-  sphericalHarmonics(direction[0], direction[1], direction[2], degree, h);
-  reinterpret_cast<uint4*>(to)[0] = packEight(h);
-  reinterpret_cast<uint4*>(to)[1] = packEight(h + 8);
-}
-
 /// The two networks of a field for a warp's 32 samples, hidden layers W wide. Every lane holds a
 /// sample; all lanes must take part in every call.
-template <int W>
+/// @tparam kTrain keeps what the weights' gradients are made of, one sample a ray.
+template <int W, bool kTrain = false>
 class WarpNetworks {
  public:
   static constexpr int NT = W / 8, KT = W / 16;  // tiles of neurons, as outputs and as inputs
   static constexpr int kPart = 4;                // tiles that are summed at a time
+  /// Of the harmonics' rows; in training they are a part of the colour network's inputs.
+  static constexpr int kHarmonicsStride = kTrain ? 40 : kHarmonics;
 
   __device__ WarpNetworks(const CudaNetworkShape& shape, const WarpMemory& memory)
       : shape_(shape), memory_(memory) {}
@@ -124,6 +53,7 @@ class WarpNetworks {
       }
     }
     geometry_ = toInputs(last);
+    if constexpr (kTrain) keepInputs(geometry_, shape_.density_hidden + 1);
     __syncwarp();
     return memory_.out[lane].w;
   }
@@ -139,8 +69,8 @@ class WarpNetworks {
           multiplyInputs(geometry_.a[0][0], geometry_.a[1][0], weights + n * 32, lane, sums);
           const __half* harmonics = memory_.harmonics + lane / 16 * 8;
           std::uint32_t a0[4], a1[4];
-          loadTile(a0, harmonics + lane % 16 / samples_per_ray * kHarmonics);
-          loadTile(a1, harmonics + (16 + lane % 16) / samples_per_ray * kHarmonics);
+          loadTile(a0, harmonics + lane % 16 / samples_per_ray * kHarmonicsStride);
+          loadTile(a1, harmonics + (16 + lane % 16) / samples_per_ray * kHarmonicsStride);
           multiplyInputs(a0, a1, weights + (NT + n) * 32, lane, sums);
         });
     weights += 2 * NT * 32;
@@ -170,12 +100,32 @@ class WarpNetworks {
   /// logits (x, y, z) and density logit (w) to its encoding, whose row gets the gradient.
   /// @param harmonics_gradient null, or the lane's 16 numbers.
   __device__ void backward(const float4& gradient, float* harmonics_gradient) {
+    const uint2* weights;
+    const TileInputs<KT> in = hiddenBackward(gradient, harmonics_gradient, &weights);
+    encodingGradient(in, weights);
+  }
+
+  /// The same in training: block_work() uses the planes while they are whole, before the encoding's
+  /// rows get the gradient. It may wait for the block.
+  template <typename BlockWork>
+  __device__ void trainBackward(const float4& gradient, const BlockWork& block_work) {
+    const uint2* weights;
+    const TileInputs<KT> in = hiddenBackward(gradient, nullptr, &weights);
+    block_work();
+    encodingGradient(in, weights);
+  }
+
+ private:
+  /// Back to the first hidden layer; @param first_weights those of the layer before it.
+  __device__ TileInputs<KT> hiddenBackward(const float4& gradient, float* harmonics_gradient,
+                                           const uint2** first_weights) {
     const int lane = memory_.lane;
     __syncwarp();
     memory_.out[lane] = gradient;
     __syncwarp();
     const uint2* weights = memory_.transposed;
     TileInputs<1> top = colourGradient();
+    if constexpr (kTrain) keepGradients(top, shape_.hiddenLayers() + 1);
     TileInputs<KT> in = hiddenGradient(shape_.hiddenLayers() - 1, fromRegisters(top, weights));
     weights += NT * 32;
     for (int l = shape_.colour_hidden - 2; l >= 0; --l, weights += KT * NT * 32) {
@@ -197,15 +147,16 @@ class WarpNetworks {
       }
     }
     top = toInputs(geometry);
+    if constexpr (kTrain) keepGradients(top, shape_.density_hidden);
     in = hiddenGradient(shape_.density_hidden - 1, fromRegisters(top, weights));
     weights += NT * 32;
     for (int l = shape_.density_hidden - 2; l >= 0; --l, weights += KT * NT * 32) {
       in = hiddenGradient(l, fromRegisters(in, weights));
     }
-    encodingGradient(in, weights);
+    *first_weights = weights;
+    return in;
   }
 
- private:
   __device__ static float sigmoid(float x) { return 1.0f / (1.0f + expf(-x)); }
 
   /// Products with inputs that stand in registers, for hiddenLayer and hiddenGradient.
@@ -247,6 +198,9 @@ class WarpNetworks {
       memory_.masks[(layer * 2 + 0) * 32 + memory_.lane] = bits[0];
       memory_.masks[(layer * 2 + 1) * 32 + memory_.lane] = bits[1];
     }
+    // What a hidden layer of the colour network gives goes into the second layer behind it: the
+    // density network's last one stands between.
+    if constexpr (kTrain) keepInputs(out, layer + (layer < shape_.density_hidden ? 1 : 2));
     return out;
   }
 
@@ -264,8 +218,25 @@ class WarpNetworks {
       applyBits(bits, n, &sums);
       placeInputs(sums, n / 2, &out);
     }
+    if constexpr (kTrain) keepGradients(out, layer + (layer < shape_.density_hidden ? 0 : 1));
     return out;
   }
+
+  /// Into the block's planes: from the first column on, what goes into a layer of NetworkLayers.
+  template <int K>
+  __device__ void keepInputs(const TileInputs<K>& in, int layer) const {
+    const int stride = memory_.planes.inputStride(layer);
+    storeInputs(in, memory_.planes.inputs(layer) + firstRow() * stride, stride, memory_.lane);
+  }
+  /// The gradients of what comes out of it.
+  template <int K>
+  __device__ void keepGradients(const TileInputs<K>& gradients, int layer) const {
+    const int stride = memory_.planes.gradientStride(layer);
+    storeInputs(gradients, memory_.planes.gradients(layer) + firstRow() * stride, stride,
+                memory_.lane);
+  }
+  /// Of the warp's samples among the block's.
+  __device__ static int firstRow() { return threadIdx.x / 32 * 32; }
 
   /// Gradients of the colour logits as inputs of a layer: columns 0..2 of 16.
   __device__ TileInputs<1> colourGradient() const {

@@ -57,6 +57,16 @@ __device__ inline void loadTile(std::uint32_t (&a)[4], const __half* address) {
                : "memory");
 }
 
+/// The same with rows and columns exchanged: what a product takes of a matrix that stands in memory
+/// transposed. Lane i gives the address of 8 halves of row i % 8 of the quarter i / 8.
+__device__ inline void loadTransposed(std::uint32_t (&a)[4], const __half* address) {
+  const std::uint32_t shared = static_cast<std::uint32_t>(__cvta_generic_to_shared(address));
+  asm volatile("ldmatrix.sync.aligned.m8n8.x4.trans.shared.b16 {%0,%1,%2,%3}, [%4];"
+               : "=r"(a[0]), "=r"(a[1]), "=r"(a[2]), "=r"(a[3])
+               : "r"(shared)
+               : "memory");
+}
+
 __device__ inline std::uint32_t packHalves(float low, float high) {
   const __half2 pair = __floats2half2_rn(low, high);
   return *reinterpret_cast<const std::uint32_t*>(&pair);
@@ -113,6 +123,23 @@ __device__ inline TileInputs<NT / 2> toInputs(const TileSums<NT>& sums) {
     }
   }
   return in;
+}
+
+/// Writes inputs as halves to 32 rows of memory. @param stride of the rows, even.
+template <int KT>
+__device__ inline void storeInputs(const TileInputs<KT>& in, __half* rows, int stride, int lane) {
+#pragma unroll
+  for (int m = 0; m < 2; ++m) {
+#pragma unroll
+    for (int k = 0; k < KT; ++k) {
+#pragma unroll
+      for (int i = 0; i < 4; ++i) {
+        const int row = 16 * m + lane / 4 + 8 * (i % 2);
+        const int column = 16 * k + 8 * (i / 2) + 2 * (lane % 4);
+        *reinterpret_cast<std::uint32_t*>(rows + row * stride + column) = in.a[m][k][i];
+      }
+    }
+  }
 }
 
 template <int NT>

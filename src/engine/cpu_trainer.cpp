@@ -7,45 +7,16 @@
 
 #include "nerf_pose_refiner/field/matter.h"
 #include "nerf_pose_refiner/maths/half.h"
-#include "nerf_pose_refiner/maths/random.h"
 #include "nerf_pose_refiner/tasks/parallel.h"
+#include "training_setup.h"
 
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr int kSlots = 32;
+constexpr int kSlots = kRayUnit;
 constexpr int kRaysPerGroup = 64;
 constexpr int kMaxRaysPerStep = 1 << 17;
-constexpr int kOccupancyInterval = 16;  // steps between updates
-constexpr int kOccupancyStart = 64;     // steps until the densities are worth looking at
-constexpr float kMinTransmittance = 1e-3f;
-constexpr float kHuberDelta = 0.1f;
-constexpr float kBeta1 = 0.9f, kBeta2 = 0.99f, kEpsilon = 1e-15f;
-constexpr int kWarmUpSteps = 32;        // of the learning rate
-constexpr double kConstantShare = 0.4;  // of the training before the learning rate starts to fall
-
-// Space that the occupancy grid hides from the rays would keep whatever density it has. A few
-// random points there are pushed down each step until a ray through all of it stays clear.
-constexpr int kEmptyPoints = 32;          // by slot and step
-constexpr float kClearThickness = 1e-6f;  // of a step's interval
-constexpr float kEmptyPush = 1e-3f;       // gradient of the density's logit, over all points
-
-// Streams of the random numbers of a step.
-enum Stream : std::uint64_t { kStreamRay = 1, kStreamEmpty = 2, kStreamGrid = 3, kStreamLayer = 4 };
-
-/// At least so many rays, in equal parts for the slots.
-int dealt(double rays) { return kSlots * std::max(1, static_cast<int>(std::ceil(rays / kSlots))); }
-
-/// Views that do not see the box at all teach nothing.
-std::vector<TrainingView> viewsOf(std::vector<TrainingView> views, const Box& box) {
-  views.erase(std::remove_if(views.begin(), views.end(),
-                             [&](const TrainingView& view) {
-                               return windowOf(view.camera, view.T_O_C, box).empty();
-                             }),
-              views.end());
-  if (views.empty()) throw std::invalid_argument("training: no view shows the object's box");
-  return views;
-}
+constexpr int kEmptyPointsPerSlot = kEmptyPoints / kSlots;
 
 }  // namespace
 
@@ -60,7 +31,7 @@ CpuTrainer::CpuTrainer(const FieldConfig& config, const Box& box, std::vector<Tr
     : config_((config.validate(), config)),
       box_(box),
       cube_(box),
-      views_(viewsOf(std::move(views), box)),
+      views_(viewsThatShow(box, std::move(views))),
       plan_(plan),
       kernels_(&kernels),
       threads_(threads),
@@ -72,7 +43,7 @@ CpuTrainer::CpuTrainer(const FieldConfig& config, const Box& box, std::vector<Tr
       half_grid_(grid_.values.size()),
       occupancy_(config, plan.region, cube_.box_min, cube_.box_max, plan.seed),
       batches_([this] { return std::make_unique<RayBatch>(networks_, config_.sh_degree); }),
-      rays_per_step_(dealt(plan.samples_per_step / 64.0)) {
+      rays_per_step_(firstRays(plan.samples_per_step)) {
   for (const auto* network : {&networks_.density, &networks_.colour}) {
     for (const CpuLayer& layer : *network) layers_.emplace_back(layer.weights.size());
   }
@@ -87,59 +58,33 @@ CpuTrainer::CpuTrainer(const FieldConfig& config, const Box& box, std::vector<Tr
 
 void CpuTrainer::initialiseParameters() {
   for (std::size_t i = 0; i < grid_.values.size(); ++i) {
-    grid_.values[i] = 1e-4f * (2 * randomUniform(plan_.seed, kStreamGrid, i) - 1);
+    grid_.values[i] = initialFeature(plan_.seed, i);
     half_grid_[i] = floatToHalf(grid_.values[i]);
   }
-  // He's initialisation: the ReLU keeps the variance.
-  std::size_t index = 0, counter = 0;
-  for (auto* network : {&networks_.density, &networks_.colour}) {
-    for (CpuLayer& layer : *network) {
-      const float bound = std::sqrt(6.0f / static_cast<float>(layer.true_inputs));
-      for (int o = 0; o < layer.true_outputs; ++o) {
-        for (int i = 0; i < layer.true_inputs; ++i) {
-          const float u = randomUniform(plan_.seed, kStreamLayer, counter++);
-          layers_[index].values[static_cast<std::size_t>(o) * layer.inputs + i] =
-              bound * (2 * u - 1);
-        }
-      }
-      layer.setWeights(layers_[index++].values);
-    }
+  const InitialWeights weights = initialWeights(config_, plan_.seed);
+  networks_.assign(weights.density, weights.colour);
+  std::size_t index = 0;
+  for (const auto* network : {&networks_.density, &networks_.colour}) {
+    for (const CpuLayer& layer : *network) layers_[index++].values = layer.weights;
   }
 }
 
 float CpuTrainer::learningRate(double progress) const {
-  const double warm_up = std::min(1.0, (steps_ + 1.0) / kWarmUpSteps);
-  const double falling =
-      std::max(0.0, std::min(1.0, (progress - kConstantShare) / (1 - kConstantShare)));
-  return static_cast<float>(plan_.learning_rate * warm_up *
-                            std::pow(plan_.final_learning_rate_factor, falling));
+  return static_cast<float>(plan_.learning_rate *
+                            learningRateShare(steps_, progress, plan_.final_learning_rate_factor));
 }
 
 CpuTrainer::TrainingRay CpuTrainer::drawRay(std::uint64_t index) const {
-  const std::uint64_t seed = stepSeed();
-  const auto draw = [&](std::uint64_t k, std::uint32_t n) {
-    return static_cast<int>(randomIndex(seed, kStreamRay, index * 8 + k, n));
-  };
-  const int v = draw(0, static_cast<std::uint32_t>(views_.size()));
+  const std::uint64_t seed = stepSeed(plan_.seed, steps_);
+  const int v = drawView(seed, index, static_cast<int>(views_.size()));
   const TrainingView& view = views_[v];
-  const PixelWindow& window = windows_[v];
-  const int x = window.x + draw(1, static_cast<std::uint32_t>(window.width));
-  const int y = window.y + draw(2, static_cast<std::uint32_t>(window.height));
-  const Eigen::Vector3d direction = (view.T_O_C.R * view.camera.direction(x, y)).normalized();
-  const std::uint8_t* pixel = view.rgba->pixel(x, y);
+  const DrawnPixel at = drawPixel(seed, index, windows_[v]);
+  const Eigen::Vector3d direction = (view.T_O_C.R * view.camera.direction(at.x, at.y)).normalized();
   TrainingRay ray;
-  ray.alpha = static_cast<float>(pixel[3]) / 255.0f;
   const Eigen::Vector3f origin_O = view.T_O_C.t.cast<float>();
   cube_.toCube(origin_O.data(), ray.origin);
-  for (int a = 0; a < 3; ++a) {
-    ray.direction[a] = static_cast<float>(direction[a]);
-    ray.background[a] =
-        plan_.random_background
-            ? randomUniform(seed, kStreamRay, index * 8 + 3 + static_cast<std::uint64_t>(a))
-            : 0.0f;
-    ray.target[a] =
-        ray.alpha * static_cast<float>(pixel[a]) / 255.0f + (1 - ray.alpha) * ray.background[a];
-  }
+  for (int a = 0; a < 3; ++a) ray.direction[a] = static_cast<float>(direction[a]);
+  ray.target = drawTarget(seed, index, view.rgba->pixel(at.x, at.y), plan_.random_background);
   return ray;
 }
 
@@ -155,26 +100,20 @@ bool CpuTrainer::trainGroup(RayBatch* batch, Slot* slot, std::uint64_t first_ray
       batch->rays().origin[a][r] = ray[r].origin[a];
       batch->rays().direction[a][r] = ray[r].direction[a];
     }
-    batch->rays().jitter[r] = randomUniform(stepSeed(), kStreamRay, index * 8 + 6);
+    batch->rays().jitter[r] = drawJitter(stepSeed(plan_.seed, steps_), index);
   }
   batch->begin(view_, cube_.space(config_.step, config_.cone_angle, &occupancy_.mask()), rays);
-  const bool complete = batch->forward(view_, kMinTransmittance, 0, sums);  // all can learn
+  const bool complete = batch->forward(view_, kTrainingMinTransmittance, 0, sums);  // all can learn
   countForward(batch->densityEvaluations(), batch->colourEvaluations(), &slot->work);
   if (!complete) return false;
   slot->work.rays += static_cast<std::uint64_t>(rays);
 
   const float scale = 1.0f / (3.0f * static_cast<float>(rays_per_step_));
   for (int r = 0; r < rays; ++r) {
-    gradients[r].alpha = 0;
-    for (int c = 0; c < 3; ++c) {
-      const float seen = sums[r].rgb[c] + (1 - sums[r].alpha) * ray[r].background[c];
-      const float error = seen - ray[r].target[c];
-      const float size = std::fabs(error);
-      slot->loss += scale * (size < kHuberDelta ? 0.5f * error * error / kHuberDelta
-                                                : size - 0.5f * kHuberDelta);
-      gradients[r].rgb[c] = scale * std::max(-1.0f, std::min(1.0f, error / kHuberDelta));
-      gradients[r].alpha -= gradients[r].rgb[c] * ray[r].background[c];
-    }
+    const TrainingLoss loss = trainingLoss(sums[r].rgb, sums[r].alpha, ray[r].target);
+    slot->loss += scale * loss.value;
+    for (int c = 0; c < 3; ++c) gradients[r].rgb[c] = scale * loss.rgb[c];
+    gradients[r].alpha = scale * loss.alpha;
   }
   batch->backward(view_, gradients, &slot->weight_gradients);
   slot->samples += batch->densityEvaluations();
@@ -217,37 +156,31 @@ void CpuTrainer::keepEncodingGradient(SamplePool* pool, int columns, Slot* slot)
 }
 
 void CpuTrainer::pushEmptySpaceDown(SamplePool* pool, Slot* slot, int slot_index) {
-  const std::uint64_t stream = kStreamEmpty + 16 * static_cast<std::uint64_t>(steps_ + 1);
   const float no_harmonics[kMaxHarmonics] = {};
-  for (int s = 0; s < kEmptyPoints; ++s) {
+  for (int s = 0; s < kEmptyPointsPerSlot; ++s) {
     float p[3];
-    for (int a = 0; a < 3; ++a) {
-      const std::uint64_t counter =
-          (static_cast<std::uint64_t>(slot_index) * kEmptyPoints + static_cast<std::uint64_t>(s)) *
-              3 +
-          static_cast<std::uint64_t>(a);
-      p[a] = cube_.box_min[a] +
-             (cube_.box_max[a] - cube_.box_min[a]) * randomUniform(plan_.seed, stream, counter);
-    }
+    drawEmptyPoint(plan_.seed, steps_,
+                   static_cast<std::uint64_t>(slot_index * kEmptyPointsPerSlot + s), cube_.box_min,
+                   cube_.box_max, p);
     pool->x()[s] = p[0];
     pool->y()[s] = p[1];
     pool->z()[s] = p[2];
   }
-  pool->evaluateDensity(view_, 0, kEmptyPoints);
-  for (int s = 0; s < kEmptyPoints; ++s) {
+  pool->evaluateDensity(view_, 0, kEmptyPointsPerSlot);
+  for (int s = 0; s < kEmptyPointsPerSlot; ++s) {
     const float p[3] = {pool->x()[s], pool->y()[s], pool->z()[s]};
     const float density = pool->density()[s];
     const bool push = density * config_.step > kClearThickness && !occupancy_.occupied(p);
     // The pool multiplies by the density, as the exponential's derivative.
-    pool->densityGradient()[s] = push ? kEmptyPush / (kEmptyPoints * kSlots * density) : 0.0f;
+    pool->densityGradient()[s] = push ? kEmptyPush / (kEmptyPoints * density) : 0.0f;
     for (int c = 0; c < 3; ++c) pool->rgbGradient(c)[s] = 0;
     pool->setColourInput(s, no_harmonics, s);
   }
-  pool->evaluateColour(view_, kEmptyPoints);
-  pool->backward(view_, kEmptyPoints, &slot->weight_gradients);
-  countForward(kEmptyPoints, kEmptyPoints, &slot->work);
-  countBackward(kEmptyPoints, &slot->work);
-  keepEncodingGradient(pool, kEmptyPoints, slot);
+  pool->evaluateColour(view_, kEmptyPointsPerSlot);
+  pool->backward(view_, kEmptyPointsPerSlot, &slot->weight_gradients);
+  countForward(kEmptyPointsPerSlot, kEmptyPointsPerSlot, &slot->work);
+  countBackward(kEmptyPointsPerSlot, &slot->work);
+  keepEncodingGradient(pool, kEmptyPointsPerSlot, slot);
 }
 
 void CpuTrainer::runSlot(int index, int first_ray, int rays) {
@@ -291,7 +224,7 @@ void CpuTrainer::updateGridLevel(int level, float learning_rate) {
   kernels_->adam(grid_.values.data() + first, grid_.first_moment.data() + first,
                  grid_.second_moment.data() + first, grid_.gradient.data() + first,
                  half_grid_.data() + first, static_cast<std::int64_t>(l.entries) * config_.features,
-                 learning_rate, kBeta1, kBeta2, kEpsilon);
+                 learning_rate, kTrainingBeta1, kTrainingBeta2, kTrainingEpsilon);
 }
 
 void CpuTrainer::updateNetworks(float learning_rate) {
@@ -305,8 +238,8 @@ void CpuTrainer::updateNetworks(float learning_rate) {
       }
       kernels_->adam(parameters.values.data(), parameters.first_moment.data(),
                      parameters.second_moment.data(), parameters.gradient.data(), nullptr,
-                     static_cast<std::int64_t>(parameters.values.size()), learning_rate, kBeta1,
-                     kBeta2, kEpsilon);
+                     static_cast<std::int64_t>(parameters.values.size()), learning_rate,
+                     kTrainingBeta1, kTrainingBeta2, kTrainingEpsilon);
       layer.setWeights(parameters.values);
       ++index;
     }
@@ -333,10 +266,8 @@ double CpuTrainer::step(double progress) {
   }
   *work_ += work;
   ++steps_;
-  const double samples_per_ray = std::max(0.5, static_cast<double>(samples) / rays_per_step_);
-  const double wanted = plan_.samples_per_step / samples_per_ray;
-  rays_per_step_ =
-      dealt(std::max(256.0, std::min<double>(kMaxRaysPerStep, 0.5 * (rays_per_step_ + wanted))));
+  rays_per_step_ = nextRays(rays_per_step_, static_cast<double>(samples), plan_.samples_per_step,
+                            kMaxRaysPerStep);
   return loss;
 }
 

@@ -9,6 +9,7 @@
 #include "cpu_networks.h"
 #include "nerf_pose_refiner/engine/engine.h"
 #include "nerf_pose_refiner/engine/training.h"
+#include "nerf_pose_refiner/maths/training.h"
 #include "pixel_window.h"
 #include "ray_batch.h"
 #include "training_occupancy.h"
@@ -54,13 +55,9 @@ class CpuTrainer : public FieldTrainer {
   };
   struct TrainingRay {
     float origin[3], direction[3];
-    float target[3], alpha;
-    float background[3];
+    TrainingTarget target;
   };
 
-  std::uint64_t stepSeed() const {
-    return plan_.seed + static_cast<std::uint64_t>(steps_) * 0x100000001ull;
-  }
   void initialiseParameters();
   TrainingRay drawRay(std::uint64_t index) const;
   void runSlot(int slot, int first_ray, int rays);

@@ -9,18 +9,14 @@
 
 #include "nerf_pose_refiner/field/matter.h"
 #include "nerf_pose_refiner/maths/random.h"
+#include "nerf_pose_refiner/maths/training.h"
 #include "nerf_pose_refiner/tasks/parallel.h"
 #include "ray_batch.h"
 
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr int kShare = 8;                  // an update looks at every eighth cell
-constexpr float kFading = 0.95f;           // of a density that was seen, by update
-constexpr float kThickness = 0.01f;        // optical thickness of a step that makes a cell matter
-constexpr float kFrozenThickness = 1e-3f;  // the same for the grid that is kept: stricter
-constexpr int kPointsPerAxis = 2;          // of a cell, when the grid is frozen
-constexpr int kChunk = 1024;               // points that are evaluated together
+constexpr int kChunk = 1024;  // points that are evaluated together
 
 /// Densities at many points: `position(i, p)` gives point i in N, `take(i, density)` its density.
 template <typename Position, typename Take>
@@ -99,32 +95,26 @@ bool TrainingOccupancy::occupied(const float p_N[3]) const {
 void TrainingOccupancy::update(const FieldView& field, const CpuNetworks& networks, int step,
                                int threads, Work* work) {
   const int n = config_.occupancy_resolution;
-  const float cell_size = 1.0f / static_cast<float>(n);
-  const std::size_t offset =
-      randomIndex(seed_, static_cast<std::uint64_t>(step), 0, kShare);  // this update's share
-  const int count = static_cast<int>((region_.size() + kShare - 1 - offset) / kShare);
+  const std::size_t offset = randomIndex(seed_, static_cast<std::uint64_t>(step), 0,
+                                         kOccupancyShare);  // this update's share
+  const int count =
+      static_cast<int>((region_.size() + kOccupancyShare - 1 - offset) / kOccupancyShare);
   std::vector<float> seen(count, 0.0f);
   evaluatePoints(
       field, networks, config_.sh_degree, count, threads,
       [&](int i, float p[3]) {
-        const std::uint32_t cell = region_[offset + static_cast<std::size_t>(i) * kShare];
-        const std::array<int, 3> c = cellOf(cell, n);
-        for (int a = 0; a < 3; ++a) {
-          const float jitter =
-              randomUniform(seed_ + 1, cell,
-                            static_cast<std::uint64_t>(step) * 3 + static_cast<std::uint64_t>(a));
-          p[a] = (static_cast<float>(c[a]) + jitter) * cell_size;
-        }
+        drawCellPoint(seed_, step, region_[offset + static_cast<std::size_t>(i) * kOccupancyShare],
+                      n, p);
       },
       [&](int i, float density) { seen[i] = density; }, work);
-  for (float& density : density_) density *= std::pow(kFading, 1.0f / kShare);
+  for (float& density : density_) density *= std::pow(kOccupancyFading, 1.0f / kOccupancyShare);
   for (int i = 0; i < count; ++i) {
-    float& density = density_[offset + static_cast<std::size_t>(i) * kShare];
+    float& density = density_[offset + static_cast<std::size_t>(i) * kOccupancyShare];
     density = std::max(density, seen[i]);
   }
   OccupancyGrid grid{n, std::vector<std::uint8_t>(static_cast<std::size_t>(n) * n * n / 8, 0)};
   for (std::size_t i = 0; i < region_.size(); ++i) {
-    if (density_[i] * config_.step > kThickness) setBit(&grid, region_[i]);
+    if (density_[i] * config_.step > kOccupancyThickness) setBit(&grid, region_[i]);
   }
   mask_.reset(new OccupancyMask(std::move(grid)));
 }
@@ -134,7 +124,7 @@ OccupancyGrid TrainingOccupancy::dense(const FieldView& field, const CpuNetworks
                                        std::vector<float>* cell_opacity, Work* work) const {
   const int n = config_.occupancy_resolution;
   const float cell_size = 1.0f / static_cast<float>(n);
-  constexpr int kPoints = kPointsPerAxis * kPointsPerAxis * kPointsPerAxis;
+  constexpr int kPoints = kFrozenPointsPerAxis * kFrozenPointsPerAxis * kFrozenPointsPerAxis;
   cell_opacity->assign(static_cast<std::size_t>(n) * n * n, 0.0f);
   OccupancyGrid grid{n, std::vector<std::uint8_t>(static_cast<std::size_t>(n) * n * n / 8, 0)};
   constexpr int kCellsPerRound = 1 << 13;  // the stop token is looked at in between
@@ -146,12 +136,7 @@ OccupancyGrid TrainingOccupancy::dense(const FieldView& field, const CpuNetworks
     evaluatePoints(
         field, networks, config_.sh_degree, cells * kPoints, threads,
         [&](int i, float p[3]) {
-          const std::array<int, 3> c = cellOf(box_cells_[first + i / kPoints], n);
-          int k = i % kPoints;
-          for (int a = 0; a < 3; ++a, k /= kPointsPerAxis) {
-            const float within = (static_cast<float>(k % kPointsPerAxis) + 0.5f) / kPointsPerAxis;
-            p[a] = (static_cast<float>(c[a]) + within) * cell_size;
-          }
+          frozenCellPoint(box_cells_[first + i / kPoints], n, i % kPoints, p);
         },
         [&](int i, float value) { density[i] = value; }, work);
     for (int i = 0; i < cells; ++i) {

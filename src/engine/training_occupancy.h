@@ -23,6 +23,9 @@ class TrainingOccupancy {
 
   const OccupancyMask& mask() const { return *mask_; }
   bool occupied(const float p_N[3]) const;
+  /// Cells that are looked at in training, and all that touch the box: (z * n + y) * n + x.
+  const std::vector<std::uint32_t>& region() const { return region_; }
+  const std::vector<std::uint32_t>& boxCells() const { return box_cells_; }
 
   /// Looks at a share of the region's cells, each at a random point; densities that were seen
   /// before fade. Then decides anew which cells are occupied. @param work is added to.

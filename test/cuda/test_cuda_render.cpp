@@ -3,7 +3,6 @@
 
 #include "cuda_test.h"
 #include "nerf_pose_refiner/image/colour.h"
-#include "support/analytic_dataset.h"
 #include "test_object.h"
 
 // Renderings of the CUDA engine against the CPU engine's, which works in single precision: halves
@@ -164,21 +163,6 @@ TEST_F(CudaRender, refusesWhatItCannotDo) {
   StopToken stop;
   stop.requestStop();
   EXPECT_THROW(cuda->render(*loaded, someCamera(), {}, {}, stop), Stopped);
-}
-
-// It trains on the CPU: the same numbers, and the work is its own.
-TEST_F(CudaTest, trainsAsTheCpu) {
-  const Dataset photos = analyticDataset(12, 32);
-  const Box box = {Eigen::Vector3d::Constant(-1), Eigen::Vector3d::Constant(1)};
-  TrainingPlan plan;
-  plan.samples_per_step = 2048;
-  const auto expected = cpu->trainer(smallConfig(), box, trainingViews(photos), plan);
-  const auto actual = cuda->trainer(smallConfig(), box, trainingViews(photos), plan);
-  for (int i = 0; i < 4; ++i) EXPECT_EQ(actual->step(0), expected->step(0)) << i;
-  EXPECT_EQ(actual->finish({}).grid, expected->finish({}).grid);
-  EXPECT_GT(cuda->work().samples, 0u);
-  EXPECT_EQ(cuda->work().samples, cpu->work().samples);
-  EXPECT_EQ(cuda->work().flops, cpu->work().flops);
 }
 
 TEST(MakeEngine, choosesAndRefuses) {

@@ -11,7 +11,7 @@ namespace nerf_pose_refiner {
 /// Which processor an engine works on, and how much of it it takes.
 struct EngineChoice {
   std::string backend = "auto";          ///< "auto": cuda where that works, else cpu; "cpu", "cuda"
-  int threads = 0;                       ///< of the CPU engine, which trains; 0: all cores
+  int threads = 0;                       ///< of the CPU engine; 0: all cores
   std::string instruction_set = "auto";  ///< of the CPU engine: "auto", "baseline", "avx2"
   int device = 0;                        ///< of the CUDA engine: number of the GPU
 
@@ -23,11 +23,10 @@ struct EngineChoice {
 /// it is too old. Empty: it works.
 std::string whyNoCuda(int device = 0);
 
-/// An engine on a CUDA device. It trains on the CPU, on the choice's threads, and aligns only
-/// before a background that is known (colour, alpha or a mask), as it has no kernels for the rest
-/// yet. `load`, `render`, `read` and the trainer wait, `descend` does every few steps, so that a
-/// stop is heard; the rest only enqueues. `work` is as of the last `render` or `read`, and the
-/// trainer's.
+/// An engine on a CUDA device. It aligns only before a background that is known (colour, alpha or a
+/// mask), as it has no kernels for the rest yet. `load`, `render` and `read` wait; `descend` and
+/// the trainer do every few steps, so that a stop is heard; the rest only enqueues. `work` is as of
+/// the last wait.
 /// @param choice its backend is not looked at.
 /// @throws std::runtime_error saying what whyNoCuda says.
 std::unique_ptr<Engine> makeCudaEngine(const EngineChoice& choice = {});

@@ -37,7 +37,8 @@ class FieldTrainer {
   virtual ~FieldTrainer() = default;
 
   /// One step of Adam on a batch of random rays. @param progress of the training, 0..1, by which
-  /// the learning rate falls. @return the mean Huber loss of the batch.
+  /// the learning rate falls. @return the mean Huber loss of the batch; where a step is only
+  /// enqueued, of the last batches that are done.
   virtual double step(double progress) = 0;
   virtual int stepsDone() const = 0;
 

@@ -4,10 +4,12 @@
 #include <cstdint>
 #include <cstring>
 
+#include "nerf_pose_refiner/maths/host_device.h"
+
 namespace nerf_pose_refiner {
 
 /// IEEE 754 half to float; exact, infinities and NaN included.
-inline float halfToFloat(std::uint16_t half) {
+NPR_HOST_DEVICE inline float halfToFloat(std::uint16_t half) {
   const std::uint32_t sign = static_cast<std::uint32_t>(half & 0x8000u) << 16;
   std::uint32_t bits = static_cast<std::uint32_t>(half & 0x7fffu) << 13;
   if ((half & 0x7c00u) == 0x7c00u) {
@@ -27,7 +29,7 @@ inline float halfToFloat(std::uint16_t half) {
 }
 
 /// Float to IEEE 754 half, rounded to nearest even; beyond 65519.99 it becomes infinite.
-inline std::uint16_t floatToHalf(float value) {
+NPR_HOST_DEVICE inline std::uint16_t floatToHalf(float value) {
   std::uint32_t bits;
   std::memcpy(&bits, &value, sizeof bits);
   const std::uint16_t sign = static_cast<std::uint16_t>((bits >> 16) & 0x8000u);

@@ -1,0 +1,79 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <vector>
+
+#include "cuda_field.h"
+#include "device_memory.h"
+#include "engine/training_occupancy.h"
+#include "nerf_pose_refiner/engine/engine.h"
+#include "train.h"
+
+namespace nerf_pose_refiner {
+
+/// Trains a field on a CUDA device, by the rules of maths/training.h, with halves where the tensor
+/// cores multiply and floats everywhere else. Sums are added in no fixed order: trainings from one
+/// seed differ by rounding.
+///
+/// `step` only enqueues, and waits every few steps: the loss that it returns is the mean over the
+/// steps up to the last wait since the one before. A step whose gradients are not finite changes
+/// nothing, and lowers the scale by which gradients are multiplied.
+class CudaTrainer final : public FieldTrainer {
+ public:
+  /// Uploads the photos. @param work is added to, as long as the trainer lives.
+  /// @throws std::invalid_argument for a shape that the kernels do not have, views that do not show
+  /// the box, or a region of another resolution.
+  CudaTrainer(const FieldConfig& config, const Box& box, std::vector<TrainingView> views,
+              const TrainingPlan& plan, int device, Work* work);
+  ~CudaTrainer() override;
+
+  double step(double progress) override;
+  int stepsDone() const override { return steps_; }
+  Field finish(const StopToken& stop) override { return snapshot(stop); }
+  Field snapshot(const StopToken& stop) override;
+
+ private:
+  /// Numbers and the optimiser's memory of them.
+  struct Parameters {
+    DeviceBuffer<float> values, gradient, first_moment, second_moment;
+    /// Enqueues the upload of the values; the rest is zero.
+    LearnedNumbers start(const std::vector<float>& from, cudaStream_t stream);
+  };
+
+  void uploadPhotos(const std::vector<TrainingView>& views);
+  void startParameters();
+  void startOccupancy();
+  void takeSums();  ///< waits
+  OccupancyGrid freezeOccupancy(const StopToken& stop, std::vector<float>* cell_opacity);
+  void addWork(double rays, double samples, double learned);
+
+  FieldConfig config_;
+  Box box_;
+  TrainingPlan plan_;
+  int device_;
+  Work* work_;
+  CudaFieldView view_;
+  CudaCosts costs_;
+  TrainingOccupancy cells_;  ///< which cells are looked at, and what is occupied at first
+  TrainingTask task_ = {};
+  OccupancyTask occupancy_ = {};
+  int steps_ = 0;
+  double loss_ = 0;
+
+  CudaStream stream_;
+  DeviceBuffer<uchar4> pixels_;
+  DeviceBuffer<TrainingCamera> cameras_;
+  Parameters table_, weights_;
+  DeviceBuffer<std::uint16_t> halves_;
+  DeviceBuffer<WeightPair> tiles_;
+  DeviceBuffer<TrainingClock> clock_;
+  DeviceBuffer<TrainingRay> rays_;
+  DeviceBuffer<float4> points_, values_, gradients_;
+  DeviceBuffer<unsigned> point_rays_, learned_;
+  DeviceBuffer<std::uint32_t> region_, box_cells_, bits_;
+  DeviceBuffer<float> density_, seen_, highest_, mean_;
+  DeviceBuffer<std::uint8_t> distance_, distance_2_;
+  PinnedBuffer<TrainingClock> pinned_clock_;
+};
+
+}  // namespace nerf_pose_refiner
