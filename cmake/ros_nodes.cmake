@@ -4,6 +4,8 @@ set(ros_library ${PROJECT_NAME}_ros)
 add_library(${ros_library} STATIC
   src/ros/camera_input.cpp
   src/ros/diagnostics.cpp
+  src/ros/hypothesis_markers.cpp
+  src/ros/mask_pairing.cpp
   src/ros/object_registration.cpp
   src/ros/object_search.cpp
   src/ros/object_services.cpp
@@ -14,10 +16,12 @@ add_library(${ros_library} STATIC
   src/ros/param_reader.cpp
   src/ros/parameters.cpp
   src/ros/pose_conversions.cpp
+  src/ros/reconfiguration.cpp
   src/ros/result_publisher.cpp
   src/ros/tf_bridge.cpp
   src/ros/tracker_state.cpp)
-add_dependencies(${ros_library} ${PROJECT_NAME}_generate_messages_cpp ${catkin_EXPORTED_TARGETS})
+add_dependencies(${ros_library}
+  ${PROJECT_NAME}_gencfg ${PROJECT_NAME}_generate_messages_cpp ${catkin_EXPORTED_TARGETS})
 npr_set_warnings(${ros_library})
 # Nobody outside of this package links it.
 #catkin_lint: ignore_once external_interface_path

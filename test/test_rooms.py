@@ -21,7 +21,8 @@ OPENCV = r'opencv2/'
 POSIX = r'(unistd|fcntl|dirent|sys/\w+)\.h'
 SIMD = r'immintrin\.h|(stdint|string)\.h'  # for files without anything of std in them
 ROS = (r'(ros|rosbag|nodelet|pluginlib|image_transport|image_geometry|cv_bridge|message_filters|'
-       r'actionlib|diagnostic_updater|dynamic_reconfigure|tf2|tf2_\w+|xmlrpcpp|std_srvs|\w+_msgs|'
+       r'actionlib|boost/signals2|diagnostic_updater|dynamic_reconfigure|interactive_markers|tf2|tf2_\w+|'
+       r'xmlrpcpp|std_srvs|\w+_msgs|'
        rf'{PACKAGE}(?=/[A-Z]))/')  # the last: this package's own messages
 RULES = {
     'tasks': ((), ()),

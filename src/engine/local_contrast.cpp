@@ -13,10 +13,29 @@ namespace {
 constexpr float kContrastUnit = 0.2f;     // puts contrasts on the scale of colours
 constexpr float kLeastDeviation = 0.03f;  // of colours: what is flatter is taken for noise
 
-// Mean and deviation of each colour around each pixel, [h][w][6].
-Image localStatistics(const Image& colours, const std::vector<float>& window) {
+// How much of the window around each pixel is seen, [h][w][1]; empty: all of it, everywhere.
+Image shareSeen(const Image& picture, const std::vector<float>& window) {
+  Image share(picture.width, picture.height, 1);
+  bool all = true;
+  for (std::size_t i = 0; i < share.pixels(); ++i) {
+    const bool seen = picture.values[kPictureChannels * i + kWeight] > 0;
+    share.values[i] = seen ? 1.0f : 0.0f;
+    all = all && seen;
+  }
+  if (all) return Image();
+  Image scratch;
+  blur(window, &share, &scratch);
+  return share;
+}
+
+// Mean and deviation of each colour around each pixel, [h][w][6], over the pixels of `picture` that
+// have weight: what covers the others, a gripper say, is no part of the surroundings.
+Image localStatistics(const Image& colours, const Image& picture,
+                      const std::vector<float>& window) {
+  const Image share = shareSeen(picture, window);
   Image statistics(colours.width, colours.height, 6);
   for (std::size_t i = 0; i < colours.pixels(); ++i) {
+    if (!(picture.values[kPictureChannels * i + kWeight] > 0)) continue;
     for (int c = 0; c < 3; ++c) {
       const float value = colours.values[3 * i + c];
       statistics.values[6 * i + c] = value;
@@ -26,9 +45,12 @@ Image localStatistics(const Image& colours, const std::vector<float>& window) {
   Image scratch;
   blur(window, &statistics, &scratch);
   for (std::size_t i = 0; i < colours.pixels(); ++i) {
+    const float inverse = share.empty() ? 1 : 1 / std::max(share.values[i], 1e-6f);
     for (int c = 0; c < 3; ++c) {
-      const float mean = statistics.values[6 * i + c];
+      float& mean = statistics.values[6 * i + c];
       float& square = statistics.values[6 * i + 3 + c];
+      mean *= inverse;
+      square *= inverse;
       square = std::sqrt(std::max(0.0f, square - mean * mean) + kLeastDeviation * kLeastDeviation);
     }
   }
@@ -48,7 +70,7 @@ void takeContrast(const std::vector<float>& window, Image* picture) {
   for (std::size_t i = 0; i < colours.pixels(); ++i) {
     std::copy_n(picture->values.data() + kPictureChannels * i, 3, colours.values.data() + 3 * i);
   }
-  const Image statistics = localStatistics(colours, window);
+  const Image statistics = localStatistics(colours, *picture, window);
   for (std::size_t i = 0; i < colours.pixels(); ++i) {
     for (int c = 0; c < 3; ++c) {
       picture->values[kPictureChannels * i + c] = contrastAt(colours, statistics, i, c);
@@ -77,7 +99,7 @@ void takeContrastBefore(const Image& behind, const GainBias<float>& light,
                                   light.gain[c] * object[c] + light.bias[c] * object[kOpacity];
     }
   }
-  const Image statistics = localStatistics(colours, window);
+  const Image statistics = localStatistics(colours, *rendered, window);
   for (std::size_t i = 0; i < colours.pixels(); ++i) {
     float* object = rendered->values.data() + kPictureChannels * i;
     for (int c = 0; c < 3; ++c) {

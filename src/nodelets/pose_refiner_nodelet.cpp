@@ -15,17 +15,20 @@
 #include <mutex>
 #include <string>
 #include <thread>
+#include <utility>
 
 #include "nerf_pose_refiner/engine/make_engine.h"
 #include "nerf_pose_refiner/ros/diagnostics.h"
 #include "nerf_pose_refiner/ros/error_of.h"
 #include "nerf_pose_refiner/ros/frame_mailbox.h"
 #include "nerf_pose_refiner/ros/input_error.h"
+#include "nerf_pose_refiner/ros/mask_pairing.h"
 #include "nerf_pose_refiner/ros/object_services.h"
 #include "nerf_pose_refiner/ros/object_tracker.h"
 #include "nerf_pose_refiner/ros/overlay_publisher.h"
 #include "nerf_pose_refiner/ros/parameters.h"
 #include "nerf_pose_refiner/ros/pose_conversions.h"
+#include "nerf_pose_refiner/ros/reconfiguration.h"
 #include "nerf_pose_refiner/ros/result_publisher.h"
 #include "nerf_pose_refiner/ros/topics.h"
 
@@ -51,8 +54,11 @@ class PoseRefinerNodelet : public nodelet::Nodelet {
   void enable(bool enabled);
   void onConnect();
   void subscribeIfWanted();
+  void unsubscribe();
   void onImage(const sensor_msgs::ImageConstPtr& image,
                const sensor_msgs::CameraInfoConstPtr& info);
+  void onMask(const sensor_msgs::ImageConstPtr& mask);
+  void onIgnoreMask(const sensor_msgs::ImageConstPtr& mask);
   template <typename PoseMessage>
   void onInitialPose(const boost::shared_ptr<const PoseMessage>& message);
   bool onReset(std_srvs::Trigger::Request& request, std_srvs::Trigger::Response& response);
@@ -68,21 +74,25 @@ class PoseRefinerNodelet : public nodelet::Nodelet {
   std::unique_ptr<tf2_ros::TransformListener> listener_;
   std::unique_ptr<Diagnostics> diagnostics_;
 
-  std::mutex connect_mutex_;  // guards images_ and enabled_; outlives the publishers that call back
+  std::mutex connect_mutex_;  // guards all down to enabled_; outlives the publishers that call back
   std::unique_ptr<image_transport::ImageTransport> transport_;
   image_transport::CameraSubscriber images_;
+  ros::Subscriber masks_;
+  ros::Subscriber ignore_masks_;
   bool enabled_ = false;
 
   std::unique_ptr<ResultPublisher> results_;
   std::unique_ptr<OverlayPublisher> overlay_;
   std::unique_ptr<ObjectTracker> tracker_;
   std::unique_ptr<ObjectServices> objects_;
+  std::unique_ptr<Reconfiguration> reconfiguration_;  // made by the worker
   ros::ServiceServer reset_server_;
   ros::ServiceServer enable_server_;
   ros::Subscriber initial_pose_;
   ros::Subscriber initial_pose_with_covariance_;
 
   FrameMailbox<CameraFrame> mailbox_;
+  std::unique_ptr<MaskPairing> pairing_;  // before mailbox_ on an image's way
   std::atomic<bool> stopping_{false};
   std::thread worker_;
 };
@@ -91,7 +101,7 @@ PoseRefinerNodelet::~PoseRefinerNodelet() {
   {
     std::lock_guard<std::mutex> lock(connect_mutex_);
     enabled_ = false;  // so that nobody subscribes again
-    images_.shutdown();
+    unsubscribe();
   }
   initial_pose_.shutdown();
   initial_pose_with_covariance_.shutdown();
@@ -101,6 +111,7 @@ PoseRefinerNodelet::~PoseRefinerNodelet() {
   stopping_ = true;
   if (tracker_) tracker_->stop();
   if (worker_.joinable()) worker_.join();
+  reconfiguration_.reset();
 }
 
 void PoseRefinerNodelet::onInit() {
@@ -148,12 +159,14 @@ void PoseRefinerNodelet::start() {
     overlay_ = std::make_unique<OverlayPublisher>(
         image_transport::ImageTransport(pnh).advertiseCamera(
             topics::kOverlay, 1, on_connect, on_connect, on_connect_info, on_connect_info),
-        make_overlay_engine);
+        make_overlay_engine, p.overlay);
     transport_ = std::make_unique<image_transport::ImageTransport>(nh);
   }
   tracker_ = std::make_unique<ObjectTracker>(
       p, std::make_unique<RefinerSearch>(make_engine, p.initial.refiner, p.tracking.refiner),
       transforms_.get(), [this](const RefinementStatus& status) { report(status); });
+  pairing_ = std::make_unique<MaskPairing>(
+      p.masks, [this](CameraFrame frame) { mailbox_.put(std::move(frame)); });
   worker_ = std::thread([this] { work(); });
   objects_ = std::make_unique<ObjectServices>(pnh, p, make_engine, tracker_.get());
   reset_server_ = pnh.advertiseService(topics::kReset, &PoseRefinerNodelet::onReset, this);
@@ -190,14 +203,25 @@ void PoseRefinerNodelet::subscribeIfWanted() {
   std::lock_guard<std::mutex> lock(connect_mutex_);
   const bool wanted = enabled_ && (results_->wanted() || overlay_->wanted());
   if (!wanted) {
-    images_.shutdown();
+    unsubscribe();
   } else if (!images_) {
     // A queue, for camera_info comes before an image that is decoded on its way.
     const image_transport::TransportHints hints(parameters_.image_transport, ros::TransportHints(),
                                                 getPrivateNodeHandle());
     images_ =
         transport_->subscribeCamera(topics::kImage, 10, &PoseRefinerNodelet::onImage, this, hints);
+    if (parameters_.masks.mode != MaskMode::kNone) {
+      masks_ = getNodeHandle().subscribe(topics::kMask, 10, &PoseRefinerNodelet::onMask, this);
+    }
+    ignore_masks_ =
+        getNodeHandle().subscribe(topics::kIgnoreMask, 10, &PoseRefinerNodelet::onIgnoreMask, this);
   }
+}
+
+void PoseRefinerNodelet::unsubscribe() {
+  images_.shutdown();
+  masks_.shutdown();
+  ignore_masks_.shutdown();
 }
 
 void PoseRefinerNodelet::onImage(const sensor_msgs::ImageConstPtr& image,
@@ -210,8 +234,16 @@ void PoseRefinerNodelet::onImage(const sensor_msgs::ImageConstPtr& image,
       NODELET_ERROR_THROTTLE(5.0, "image: %s", reason->c_str());
       return;
     }
-    mailbox_.put({image, info, arrival, clock_jumps});
+    pairing_->add({image, info, arrival, clock_jumps}, arrival);
   });
+}
+
+void PoseRefinerNodelet::onMask(const sensor_msgs::ImageConstPtr& mask) {
+  guard(topics::kMask, [&] { pairing_->addMask(mask, ros::WallTime::now()); });
+}
+
+void PoseRefinerNodelet::onIgnoreMask(const sensor_msgs::ImageConstPtr& mask) {
+  guard(topics::kIgnoreMask, [&] { pairing_->addIgnoreMask(mask, ros::WallTime::now()); });
 }
 
 template <typename PoseMessage>
@@ -249,12 +281,20 @@ bool PoseRefinerNodelet::onEnable(std_srvs::SetBool::Request& request,
 }
 
 void PoseRefinerNodelet::work() {
+  guard("dynamic_reconfigure", [this] {
+    reconfiguration_ = std::make_unique<Reconfiguration>(
+        getPrivateNodeHandle(), parameters_, [this](const PoseRefinerParameters& changed) {
+          tracker_->change(changed);
+          overlay_->change(changed.overlay);
+        });
+  });
   while (!stopping_) guard("refinement", [this] { workOnce(); });
 }
 
 void PoseRefinerNodelet::workOnce() {
   tracker_->applyModels();
   const std::optional<CameraFrame> frame = mailbox_.take(std::chrono::milliseconds(50));
+  pairing_->tick(ros::WallTime::now());
   tracker_->readClock();
   if (!frame) {
     std_msgs::Header now;
@@ -272,7 +312,8 @@ void PoseRefinerNodelet::workOnce() {
 
 void PoseRefinerNodelet::report(const RefinementStatus& status) {
   RefinementStatus full = status;
-  full.dropped = mailbox_.dropped();
+  full.dropped = mailbox_.dropped() + pairing_->dropped();
+  pairing_->setTracking(full.state == RefinementStatus::STATE_TRACKING);
   diagnostics_->statusIs(full);
   results_->publish(full);
   if (full.message.empty()) return;

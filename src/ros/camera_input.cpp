@@ -38,6 +38,55 @@ bool sameModel(const CameraModel& a, const CameraModel& b) {
   return values(a) == values(b) && a.distortion.coefficients == b.distortion.coefficients;
 }
 
+/// What to do with an encoding that is not read here.
+std::string adviceFor(const std::string& encoding) {
+  if (encodings::isBayer(encoding)) {
+    return "a Bayer pattern: the nodelet image_proc/debayer makes colours of it (image_color)";
+  }
+  if (encoding == encodings::YUV422 || encoding == "yuv422_yuy2") {
+    return "YUV: the nodelet image_proc/debayer makes colours of it (image_color)";
+  }
+  const bool is_colour = encodings::isMono(encoding) || encodings::isColor(encoding);
+  if (is_colour && encoding.find("16") != std::string::npos) {
+    return "of 16 bits: let the camera's driver send 8, for image_proc has no node for that";
+  }
+  if (encoding == encodings::TYPE_16UC1 || encoding == encodings::TYPE_32FC1) {
+    return "that of a depth image: listen to the colour image";
+  }
+  return "not one of rgb8, bgr8, rgba8, bgra8 and mono8";
+}
+
+void requireData(const char* what, const sensor_msgs::Image& image, std::uint8_t reason) {
+  const std::size_t row_bytes =
+      std::size_t{image.width} * static_cast<std::size_t>(encodings::numChannels(image.encoding));
+  if (image.step < row_bytes || image.data.size() != std::size_t{image.step} * image.height) {
+    throw InputError(reason,
+                     std::string("the size of the ") + what + " and of its data do not match");
+  }
+}
+
+/// 255 where a mask is not zero, else 0.
+Image8 readMask(const char* what, const sensor_msgs::Image& mask, const Camera& camera) {
+  if (mask.encoding != encodings::MONO8 && mask.encoding != encodings::TYPE_8UC1) {
+    throw InputError(Status::REASON_BAD_MASK, std::string("the encoding of the ") + what + " is '" +
+                                                  mask.encoding + "', not mono8");
+  }
+  requireData(what, mask, Status::REASON_BAD_MASK);
+  if (static_cast<int>(mask.width) != camera.width ||
+      static_cast<int>(mask.height) != camera.height) {
+    throw InputError(Status::REASON_BAD_MASK,
+                     std::string("the ") + what + " is " + sizeText(mask.width, mask.height) +
+                         " but the image is " + sizeText(camera.width, camera.height));
+  }
+  Image8 bytes(camera.width, camera.height, 1);
+  for (int y = 0; y < bytes.height; ++y) {
+    const std::uint8_t* row = mask.data.data() + std::size_t{mask.step} * y;
+    std::transform(row, row + bytes.width, bytes.pixel(0, y),
+                   [](std::uint8_t value) { return static_cast<std::uint8_t>(value ? 255 : 0); });
+  }
+  return bytes;
+}
+
 void requireKnownDistortion(const sensor_msgs::CameraInfo& info) {
   namespace models = sensor_msgs::distortion_models;
   const auto is_zero = [](double d) { return d == 0; };
@@ -46,7 +95,8 @@ void requireKnownDistortion(const sensor_msgs::CameraInfo& info) {
       info.distortion_model != models::RATIONAL_POLYNOMIAL) {
     throw InputError(Status::REASON_BAD_CAMERA_INFO,
                      "the distortion model '" + info.distortion_model +
-                         "' is not supported: rectify the images and set ~image_is_rectified");
+                         "' is not supported: let the nodelet image_proc/rectify take it out, "
+                         "listen to its image_rect_color and set ~image_is_rectified");
   }
   const std::size_t n = info.D.size();
   const auto is_finite = [](double d) { return std::isfinite(d); };
@@ -103,16 +153,10 @@ void checkImage(const sensor_msgs::Image& image, const Camera& camera) {
   const auto known = {encodings::RGB8, encodings::BGR8, encodings::RGBA8, encodings::BGRA8,
                       encodings::MONO8};
   if (std::find(known.begin(), known.end(), image.encoding) == known.end()) {
-    throw InputError(Status::REASON_BAD_IMAGE, "the encoding '" + image.encoding +
-                                                   "' is not one of rgb8, bgr8, rgba8, bgra8 and "
-                                                   "mono8");
-  }
-  const std::size_t row_bytes =
-      std::size_t{image.width} * static_cast<std::size_t>(encodings::numChannels(image.encoding));
-  if (image.step < row_bytes || image.data.size() != std::size_t{image.step} * image.height) {
     throw InputError(Status::REASON_BAD_IMAGE,
-                     "the size of the image and of its data do not match");
+                     "the encoding '" + image.encoding + "' is " + adviceFor(image.encoding));
   }
+  requireData("image", image, Status::REASON_BAD_IMAGE);
   if (static_cast<int>(image.width) != camera.width ||
       static_cast<int>(image.height) != camera.height) {
     throw InputError(Status::REASON_BAD_CAMERA_INFO,
@@ -147,7 +191,7 @@ const Undistorter& CameraInput::undistorterOf(const CameraModel& model) {
 }
 
 Observation CameraInput::observe(const sensor_msgs::Image& image,
-                                 const sensor_msgs::CameraInfo& info) {
+                                 const sensor_msgs::CameraInfo& info, const ImageMasks& masks) {
   const CameraModel model = cameraFromMessage(info, rectified_);
   checkImage(image, model.camera);
   const Undistorter& undistorter = undistorterOf(model);
@@ -160,7 +204,19 @@ Observation CameraInput::observe(const sensor_msgs::Image& image,
   Observation observation;
   observation.image = toFloat(undistorter.undistort(bytes));
   observation.camera = undistorter.camera();
-  observation.background = Background::kUnknown;
+  if (masks.object) {
+    observation.background = Background::kMask;
+    observation.alpha =
+        toFloat(undistorter.undistort(readMask("mask", *masks.object, model.camera)));
+  }
+  if (masks.ignored) {
+    const Image8 ignored =
+        undistorter.undistort(readMask("ignore_mask", *masks.ignored, model.camera));
+    observation.weight = Image(ignored.width, ignored.height, 1);
+    // A pixel that is interpolated from one to be ignored shows some of what is there.
+    std::transform(ignored.values.begin(), ignored.values.end(), observation.weight.values.begin(),
+                   [](std::uint8_t value) { return value ? 0.0f : 1.0f; });
+  }
   return observation;
 }
 

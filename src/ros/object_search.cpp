@@ -20,6 +20,14 @@ void RefinerSearch::use(std::shared_ptr<const Field> field) {
   field_ = engine_->load(std::move(field));
 }
 
+void RefinerSearch::configure(const RefinerSettings& initial, const RefinerSettings& tracking) {
+  initial_settings_ = initial;
+  tracking_settings_ = tracking;
+  if (!engine_) return;
+  initial_.emplace(engine_, initial_settings_);
+  tracking_.emplace(engine_, tracking_settings_);
+}
+
 Refinement RefinerSearch::search(const Observation& observation, const Prior& prior, bool tracked,
                                  const StopToken& stop) {
   return (tracked ? tracking_ : initial_)->refine(*field_, observation, prior, stop);

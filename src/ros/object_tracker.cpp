@@ -130,6 +130,25 @@ void ObjectTracker::setEnabled(bool enabled) {
   if (!enabled) running_.requestStop();
 }
 
+void ObjectTracker::change(const PoseRefinerParameters& parameters) {
+  std::lock_guard<std::mutex> lock(mutex_);
+  changed_ = parameters;
+}
+
+void ObjectTracker::applyChange() {
+  std::optional<PoseRefinerParameters> changed;
+  {
+    std::lock_guard<std::mutex> lock(mutex_);
+    changed.swap(changed_);
+    if (!changed) return;
+    state_.setRules(changed->rules);
+  }
+  parameters_.rules = changed->rules;
+  parameters_.initial = changed->initial;
+  parameters_.tracking = changed->tracking;
+  search_->configure(parameters_.initial.refiner, parameters_.tracking.refiner);
+}
+
 void ObjectTracker::stop() {
   std::lock_guard<std::mutex> lock(mutex_);
   stopping_ = true;
@@ -173,6 +192,7 @@ std::optional<FrameResult> ObjectTracker::process(const CameraFrame& frame) {
   std_msgs::Header header = frame.image->header;
   header.frame_id = withoutSlash(header.frame_id);
   const StopToken stop;
+  applyChange();
   const std::optional<FrameDecision> decision = decide(frame, header, stop);
   if (!decision) return std::nullopt;
   reportChange(header);
@@ -263,8 +283,10 @@ void ObjectTracker::refine(const CameraFrame& frame, const std_msgs::Header& hea
   const std::optional<Prior> prior = prepare(header, decision, stop);
   if (!prior) return;
   result->field = field_;
+  ImageMasks masks = frame.masks;
+  if (!parameters_.masks.usedFrom(decision.start->tracked)) masks.object = nullptr;
   result->observation =
-      std::make_shared<const Observation>(input_.observe(*frame.image, *frame.info));
+      std::make_shared<const Observation>(input_.observe(*frame.image, *frame.info, masks));
   result->refinement = search_->search(*result->observation, *prior, decision.start->tracked, stop);
   const Trust trust = conclude(header, decision.ticket, result->refinement);
   result->found = trust != Trust::kOutdated && result->refinement.outcome == Outcome::kRefined;

@@ -13,19 +13,21 @@
 #include "nerf_pose_refiner/ros/overlay.h"
 
 namespace nerf_pose_refiner {
-namespace {
-
-constexpr int kWidth_px = 640;  // wider pictures are drawn in this width
-
-}  // namespace
-
 OverlayPublisher::OverlayPublisher(const image_transport::CameraPublisher& publisher,
-                                   EngineFactory make_engine)
-    : publisher_(publisher), make_engine_(std::move(make_engine)), thread_([this] { run(); }) {}
+                                   EngineFactory make_engine, const OverlaySettings& settings)
+    : publisher_(publisher),
+      make_engine_(std::move(make_engine)),
+      settings_(settings),
+      thread_([this] { run(); }) {}
 
 OverlayPublisher::~OverlayPublisher() {
   stop_.requestStop();
   thread_.join();
+}
+
+void OverlayPublisher::change(const OverlaySettings& settings) {
+  std::lock_guard<std::mutex> lock(settings_mutex_);
+  settings_ = settings;
 }
 
 void OverlayPublisher::draw(Job job) {
@@ -50,10 +52,17 @@ void OverlayPublisher::drawNow(const Job& job) {
     loaded_ = engine_->load(job.field);
     field_ = job.field;
   }
+  OverlaySettings settings;
+  {
+    std::lock_guard<std::mutex> lock(settings_mutex_);
+    settings = settings_;
+  }
   const Camera& full = job.observation->camera;
-  const Camera camera = full.scaled(std::min(1.0, static_cast<double>(kWidth_px) / full.width));
+  const double shrink = static_cast<double>(settings.width_px) / full.width;
+  const Camera camera = full.scaled(std::min(1.0, shrink));
   const Rendering rendering = engine_->render(*loaded_, camera, job.T_O_C, RenderOptions(), stop_);
-  const Image8 overlay = drawOverlay(resample(job.observation->image, full, camera), rendering);
+  const Image8 overlay =
+      drawOverlay(resample(job.observation->image, full, camera), rendering, settings.opacity);
 
   sensor_msgs::Image image;
   image.header = job.header;

@@ -147,6 +147,16 @@ void readFrames(ParamReader& read, FrameSettings& frames) {
   read.get("tf_cache_s", frames.tf_cache_s);
 }
 
+void readOverlay(ParamReader& read, OverlaySettings& overlay) {
+  read.get("width_px", overlay.width_px);
+  read.get("opacity", overlay.opacity);
+  read.rejectUnknown();
+}
+
+void requireShare(const std::string& name, double value) {
+  if (!(value >= 0 && value <= 1)) throwRange(name, value, "in 0..1");
+}
+
 void validateSearch(const std::string& group, const SearchSettings& search) {
   requireWidth("~" + group + "/rotation_deg", search.rotation_deg, 180);
   requireWidth("~" + group + "/translation", search.translation, 100);  // object diameters
@@ -178,14 +188,15 @@ void PoseRefinerParameters::validate() const {
   }
   requireNotNegative("~threads", threads);
   requireNotNegative("~device", device);
+  requireNotNegative("~mask_timeout_s", masks.timeout_s);
   requireNotNegative("~tf_timeout_s", frames.tf_timeout_s);
   requirePositive("~tf_cache_s", frames.tf_cache_s);
   requirePositive("~initial_pose_max_age_s", rules.initial_pose_max_age_s);
   requireNotNegative("~image_timeout_s", rules.image_timeout_s);
-  if (!(rules.min_score >= 0 && rules.min_score <= 1)) {
-    throwRange("~tracker/min_score", rules.min_score, "in 0..1");
-  }
+  requireShare("~tracker/min_score", rules.min_score);
   requireNotNegative("~tracker/max_failures", rules.max_failures);
+  if (overlay.width_px < 16) throwRange("~overlay/width_px", overlay.width_px, ">= 16");
+  requireShare("~overlay/opacity", overlay.opacity);
   validateSearch("refiner", initial);
   validateSearch("tracker", tracking);
   registration.validate();
@@ -198,6 +209,12 @@ PoseRefinerParameters readParameters(ParamReader& reader, const PoseRefinerParam
   reader.get("dataset_root", p.dataset_root);
   reader.get("image_transport", p.image_transport);
   reader.get("image_is_rectified", p.image_is_rectified);
+  getChoice<MaskMode>(reader, "mask_mode",
+                      {{"none", MaskMode::kNone},
+                       {"initial", MaskMode::kInitial},
+                       {"every_frame", MaskMode::kEveryFrame}},
+                      p.masks.mode);
+  reader.get("mask_timeout_s", p.masks.timeout_s);
   getChoice<std::string>(reader, "backend", {{"auto", "auto"}, {"cpu", "cpu"}, {"cuda", "cuda"}},
                          p.backend);
   reader.get("device", p.device);
@@ -223,6 +240,9 @@ PoseRefinerParameters readParameters(ParamReader& reader, const PoseRefinerParam
   tracker.get("min_score", p.rules.min_score);
   tracker.get("max_failures", p.rules.max_failures);
   tracker.rejectUnknown();
+
+  ParamReader overlay = reader.group("overlay");
+  readOverlay(overlay, p.overlay);
 
   ParamReader registration = reader.group("register");
   readRegistration(registration, p.registration);

@@ -1,6 +1,7 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include "nerf_pose_refiner/ros/result_publisher.h"
 
+#include "nerf_pose_refiner/ros/hypothesis_markers.h"
 #include "nerf_pose_refiner/ros/pose_conversions.h"
 #include "nerf_pose_refiner/ros/topics.h"
 
@@ -13,13 +14,16 @@ ResultPublisher::ResultPublisher(ros::NodeHandle pnh, const FrameSettings& frame
   hypotheses_ = pnh.advertise<PoseHypothesisArray>(topics::kHypotheses, 2, on_connect, on_connect);
   hypothesis_poses_ =
       pnh.advertise<geometry_msgs::PoseArray>(topics::kHypothesisPoses, 2, on_connect, on_connect);
+  hypothesis_markers_ = pnh.advertise<visualization_msgs::MarkerArray>(topics::kHypothesisMarkers,
+                                                                       2, on_connect, on_connect);
   status_ = pnh.advertise<RefinementStatus>(topics::kStatus, 10, on_connect, on_connect,
                                             ros::VoidConstPtr(), true);
 }
 
 bool ResultPublisher::wanted() const {
   return frames_.publish_tf || pose_.getNumSubscribers() > 0 || status_.getNumSubscribers() > 0 ||
-         hypotheses_.getNumSubscribers() > 0 || hypothesis_poses_.getNumSubscribers() > 0;
+         hypotheses_.getNumSubscribers() > 0 || hypothesis_poses_.getNumSubscribers() > 0 ||
+         hypothesis_markers_.getNumSubscribers() > 0;
 }
 
 void ResultPublisher::publish(const FrameResult& result) {
@@ -34,6 +38,9 @@ void ResultPublisher::publish(const FrameResult& result) {
   if (result.hypotheses.hypotheses.empty()) return;
   hypotheses_.publish(result.hypotheses);
   hypothesis_poses_.publish(toPoseArray(result.hypotheses));
+  if (hypothesis_markers_.getNumSubscribers() > 0) {
+    hypothesis_markers_.publish(hypothesisMarkers(result.hypotheses, boxCorners(*result.field)));
+  }
 }
 
 }  // namespace nerf_pose_refiner

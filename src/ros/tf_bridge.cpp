@@ -3,27 +3,47 @@
 
 #include <tf2/exceptions.h>
 
+#include <algorithm>
 #include <chrono>
-#include <thread>
 
 #include "nerf_pose_refiner/ros/input_error.h"
 #include "nerf_pose_refiner/ros/pose_conversions.h"
 
 namespace nerf_pose_refiner {
 
+TfBridge::TfBridge(tf2::BufferCore& buffer, const FrameSettings& frames)
+    : buffer_(buffer),
+      frames_(frames),
+      changes_(std::make_shared<Changes>()),
+      listening_(buffer._addTransformsChangedListener([changes = changes_] {
+        {
+          std::lock_guard<std::mutex> lock(changes->mutex);
+          ++changes->count;
+        }
+        changes->changed.notify_all();
+      })) {}
+
 Pose TfBridge::wait(const std::string& what, const Lookup& lookup, const StopToken& stop) const {
   // tf2_ros::Buffer waits by the ROS clock, which stands still in a simulation that is paused.
+  using std::chrono::steady_clock;
   const auto deadline =
-      std::chrono::steady_clock::now() + std::chrono::duration<double>(frames_.tf_timeout_s);
+      steady_clock::now() + std::chrono::duration_cast<steady_clock::duration>(
+                                std::chrono::duration<double>(frames_.tf_timeout_s));
+  constexpr std::chrono::milliseconds kStopHeard(20);  // a stop is heard within so long
+  std::unique_lock<std::mutex> lock(changes_->mutex);
   while (true) {
+    const std::uint64_t seen = changes_->count;
+    lock.unlock();  // the buffer calls back under a lock of its own
     try {
       return fromMessage(lookup().transform);
     } catch (const tf2::TransformException& e) {
-      if (stop.stopRequested() || std::chrono::steady_clock::now() >= deadline) {
+      if (stop.stopRequested() || steady_clock::now() >= deadline) {
         throw InputError(RefinementStatus::REASON_NO_TRANSFORM, what + ": " + e.what());
       }
     }
-    std::this_thread::sleep_for(std::chrono::milliseconds(2));
+    lock.lock();
+    changes_->changed.wait_until(lock, std::min(deadline, steady_clock::now() + kStopHeard),
+                                 [&] { return changes_->count != seen; });
   }
 }
 

@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <limits>
+#include <vector>
 
 #include "nerf_pose_refiner/engine/engine.h"
 #include "support/analytic_scene.h"
@@ -152,6 +153,32 @@ TEST(Align, behindAMaskedGripper) {
     }
   }
   expectFound(setting, setting.alignFrom(setting.moved({0.03, -0.04, 0.03}, {-0.04, 0.03, 0.05})));
+}
+
+// Before an unknown background, too: what the gripper looks like changes not one bit.
+TEST(Align, behindAMaskedGripperBeforeAnUnknownBackground) {
+  for (const bool compare_contrast : {false, true}) {
+    std::vector<Hypothesis> found;
+    for (const float paint : {0.0f, 1.0f}) {
+      Setting setting;
+      setting.observation = beforePattern(setting.observation);
+      setting.stage.fit_gain_bias = true;
+      setting.stage.alpha_weight = 0.03;
+      setting.stage.compare_contrast = compare_contrast;
+      setting.observation.weight = Image(kCamera.width, kCamera.height, 1, 1.0f);
+      for (int y = 60; y < 110; ++y) {
+        for (int x = 80; x < 120; ++x) {
+          for (int c = 0; c < 3; ++c) setting.observation.image.at(x, y, c) = paint;
+          setting.observation.weight.at(x, y, 0) = 0;
+        }
+      }
+      found.push_back(setting.alignFrom(setting.moved({0.03, -0.04, 0.03}, {-0.04, 0.03, 0.05})));
+      expectFound(setting, found.back(), 4);  // a part of the object is not seen
+    }
+    EXPECT_EQ(found[0].T_O_C.t, found[1].T_O_C.t) << compare_contrast;
+    EXPECT_EQ(found[0].T_O_C.R, found[1].T_O_C.R) << compare_contrast;
+    EXPECT_EQ(found[0].loss, found[1].loss) << compare_contrast;
+  }
 }
 
 TEST(Align, informationAndVarianceAreReported) {

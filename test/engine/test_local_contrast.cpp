@@ -1,6 +1,9 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
+
 #include "engine/local_contrast.h"
 #include "nerf_pose_refiner/image/filter.h"
 #include "nerf_pose_refiner/maths/random.h"
@@ -46,7 +49,10 @@ TEST(TakeContrast, ofOneColourIsNone) {
 TEST(TakeContrast, ofAStep) {
   Image picture(64, 64, kPictureChannels);
   for (int y = 0; y < 64; ++y) {
-    for (int x = 0; x < 64; ++x) picture.at(x, y, 0) = x < 32 ? 0.3f : 0.7f;
+    for (int x = 0; x < 64; ++x) {
+      picture.at(x, y, 0) = x < 32 ? 0.3f : 0.7f;
+      picture.at(x, y, kWeight) = 1;
+    }
   }
   takeContrast(gaussianKernel(6), &picture);
   EXPECT_NEAR(picture.at(31, 32, 0) + picture.at(32, 32, 0), 0, 1e-4);
@@ -65,6 +71,41 @@ TEST(TakeContrast, knowsNoGainAndBias) {
   for (std::size_t i = 0; i < dark.values.size(); ++i) {
     EXPECT_NEAR(dark.values[i], bright.values[i], 0.01) << i;
   }
+}
+
+// What covers pixels without weight changes nothing around them.
+TEST(TakeContrast, doesNotSeePixelsWithoutWeight) {
+  Image black = noise(24, 5);
+  for (int y = 8; y < 15; ++y) {
+    for (int x = 10; x < 20; ++x) black.at(x, y, kWeight) = 0;
+  }
+  Image white = black;
+  for (std::size_t i = 0; i < black.pixels(); ++i) {
+    float* pixel = white.values.data() + kPictureChannels * i;
+    if (pixel[kWeight] == 0) std::fill_n(pixel, 3, 1.0f);
+  }
+  takeContrast(kWindow, &black);
+  takeContrast(kWindow, &white);
+  for (std::size_t i = 0; i < black.values.size(); ++i) {
+    if (black.values[i / kPictureChannels * kPictureChannels + kWeight] == 0) continue;
+    EXPECT_EQ(black.values[i], white.values[i]) << i;
+  }
+}
+
+// A column of 0.7 in 0.3, the rest of the window hidden but for the two next columns: mean and
+// deviation are theirs. The window weighs them g(1) : g(0) : g(1) with g(1) / g(0) = exp(-1 / 18):
+// the mean is 0.3 + 0.4 / (1 + 2 * 0.94596) = 0.43832, the variance 0.4^2 * 0.34580 * 0.65420.
+TEST(TakeContrast, isRelativeToWhatIsSeen) {
+  Image picture(33, 33, kPictureChannels);
+  for (int y = 0; y < 33; ++y) {
+    for (int x = 0; x < 33; ++x) {
+      picture.at(x, y, 0) = x == 16 ? 0.7f : 0.3f;
+      picture.at(x, y, kWeight) = x >= 15 && x <= 17 ? 1.0f : 0.0f;
+    }
+  }
+  takeContrast(kWindow, &picture);
+  const double deviation = std::sqrt(0.16 * 0.34580 * 0.65420 + 0.03 * 0.03);
+  EXPECT_NEAR(picture.at(16, 16, 0), 0.2 * (0.7 - 0.43832) / deviation, 1e-4);
 }
 
 // At the true pose the rendering before the rest of the photo is the photo, up to the rim, in any

@@ -25,6 +25,10 @@ class FakeSearch : public ObjectSearch {
     object = field->metadata.name;
   }
 
+  void configure(const RefinerSettings& initial, const RefinerSettings& tracking) override {
+    seeds = {initial.seed, tracking.seed};
+  }
+
   Refinement search(const Observation& observation, const Prior& prior, bool tracked,
                     const StopToken& stop) override {
     priors.push_back(prior);
@@ -48,6 +52,7 @@ class FakeSearch : public ObjectSearch {
   std::string object;
   std::vector<Prior> priors;
   std::vector<bool> was_tracked;
+  std::vector<std::uint64_t> seeds;  ///< of the settings, once they were changed
   int width = 0;
   Outcome outcome = Outcome::kRefined;
   double score = 0.9;

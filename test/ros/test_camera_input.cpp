@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 #include <nerf_pose_refiner/RefinementStatus.h>
+#include <boost/make_shared.hpp>
 
 #include <functional>
 #include <limits>
@@ -64,6 +65,31 @@ int reasonOf(const std::function<void()>& function) {
   return Status::REASON_NONE;
 }
 
+std::string textOf(const std::function<void()>& function) {
+  try {
+    function();
+  } catch (const InputError& e) {
+    return e.what();
+  }
+  return "";
+}
+
+/// 8 x 6, zero but for the given columns.
+sensor_msgs::ImagePtr someMask(int first_column, int last_column) {
+  auto mask = boost::make_shared<sensor_msgs::Image>();
+  mask->width = 8;
+  mask->height = 6;
+  mask->encoding = "mono8";
+  mask->step = 11;  // rows are padded
+  mask->data.assign(11 * 6, 0);
+  for (int y = 0; y < 6; ++y) {
+    for (int x = first_column; x <= last_column; ++x) {
+      mask->data[static_cast<std::size_t>(11 * y + x)] = static_cast<std::uint8_t>(1 + x);
+    }
+  }
+  return mask;
+}
+
 int reasonFor(const sensor_msgs::Image& image) {
   return reasonOf([&] { checkImage(image, cameraFromMessage(someInfo(), false).camera); });
 }
@@ -107,6 +133,47 @@ TEST(CameraFromMessage, HeedsBinningAndRegionOfInterest) {
   EXPECT_EQ(camera.fy, 5.5);
   EXPECT_EQ(camera.cx, 0.5);  // (3 - 2) / 2
   EXPECT_EQ(camera.cy, 0.5);  // (2 - 1) / 2
+}
+
+// Of a rectified picture it is P that is cut and shrunk, by other steps along x and y.
+TEST(CameraFromMessage, HeedsBinningAndRegionOfInterestOfP) {
+  sensor_msgs::CameraInfo info = someInfo();
+  info.width = 40;
+  info.height = 30;
+  info.P = {20, 0, 19, 0, 0, 21, 15, 0, 0, 0, 1, 0};
+  info.binning_x = 2;
+  info.binning_y = 3;
+  info.roi.x_offset = 4;
+  info.roi.y_offset = 6;
+  info.roi.width = 24;
+  info.roi.height = 18;
+  const Camera camera = cameraFromMessage(info, true).camera;
+  EXPECT_EQ(camera.width, 12);
+  EXPECT_EQ(camera.height, 6);
+  EXPECT_EQ(camera.fx, 10);
+  EXPECT_EQ(camera.fy, 7);
+  EXPECT_EQ(camera.cx, 7.5);  // (19 - 4) / 2
+  EXPECT_EQ(camera.cy, 3);    // (15 - 6) / 3
+}
+
+// The lens bends a ray by where it points, not by which pixels are read out.
+TEST(CameraFromMessage, ARegionKeepsTheDistortion) {
+  sensor_msgs::CameraInfo info = someInfo();
+  info.D = {0.1, -0.2, 0.001, 0.002, 0.3};
+  info.roi.x_offset = 2;
+  info.roi.width = 4;
+  info.roi.height = 6;
+  const CameraModel model = cameraFromMessage(info, false);
+  EXPECT_EQ(model.camera.width, 4);
+  EXPECT_EQ(model.camera.cx, 1);
+  EXPECT_EQ(model.distortion.coefficients, info.D);
+}
+
+TEST(CameraFromMessage, ReadsARationalPolynomial) {
+  sensor_msgs::CameraInfo info = someInfo();
+  info.distortion_model = "rational_polynomial";
+  info.D = {0.1, 0.2, 0.001, 0.002, 0.3, 0.4, 0.5, 0.6};
+  EXPECT_EQ(cameraFromMessage(info, false).distortion.coefficients, info.D);
 }
 
 TEST(CameraFromMessage, RefusesWhatItCannotUse) {
@@ -190,6 +257,35 @@ TEST(CheckImage, RefusesWhatItCannotUse) {
   EXPECT_EQ(reasonFor(image), Status::REASON_BAD_CAMERA_INFO);
 }
 
+// Whoever is refused is told what to do.
+TEST(CheckImage, NamesWhatConverts) {
+  const auto text_for = [](const std::string& encoding) {
+    sensor_msgs::Image image = someImage("rgb8");
+    image.encoding = encoding;
+    return textOf([&] { checkImage(image, cameraFromMessage(someInfo(), false).camera); });
+  };
+  for (const std::string encoding :
+       {"bayer_rggb8", "bayer_bggr8", "bayer_gbrg8", "bayer_grbg8", "bayer_rggb16", "yuv422"}) {
+    EXPECT_NE(text_for(encoding).find("'" + encoding + "'"), std::string::npos) << encoding;
+    EXPECT_NE(text_for(encoding).find("image_proc/debayer"), std::string::npos) << encoding;
+  }
+  for (const std::string encoding : {"mono16", "rgb16", "bgr16", "rgba16", "bgra16"}) {
+    EXPECT_NE(text_for(encoding).find("16 bits"), std::string::npos) << encoding;
+  }
+  for (const std::string encoding : {"16UC1", "32FC1"}) {
+    EXPECT_NE(text_for(encoding).find("depth"), std::string::npos) << encoding;
+  }
+  EXPECT_NE(text_for("nonsense").find("rgb8, bgr8, rgba8, bgra8 and mono8"), std::string::npos);
+  for (const std::string model : {"equidistant", "fisheye", "thin_prism"}) {
+    sensor_msgs::CameraInfo info = someInfo();
+    info.distortion_model = model;
+    info.D = {0.1, 0, 0, 0};
+    const std::string text = textOf([&] { cameraFromMessage(info, false); });
+    EXPECT_NE(text.find("'" + model + "'"), std::string::npos) << text;
+    EXPECT_NE(text.find("image_proc/rectify"), std::string::npos) << text;
+  }
+}
+
 class EncodingTest : public testing::TestWithParam<const char*> {};
 
 TEST_P(EncodingTest, BecomesRgb) {
@@ -215,6 +311,75 @@ TEST(CameraInput, TakesTheDistortionOutOfRawPicturesOnly) {
   EXPECT_NE(raw.camera.fx, 10) << "the undistorted picture is a part of the distorted one";
   const Observation rectified = CameraInput(true).observe(someImage("rgb8"), info);
   EXPECT_EQ(rectified.camera.fx, 20);
+}
+
+TEST(CameraInput, AMaskSaysWhereTheObjectIs) {
+  CameraInput input(false);
+  const Observation observation =
+      input.observe(someImage("rgb8"), someInfo(), {someMask(2, 4), nullptr});
+  observation.validate();
+  EXPECT_EQ(observation.background, Background::kMask);
+  EXPECT_TRUE(observation.weight.empty());
+  EXPECT_EQ(observation.image.at(1, 5, 0), 1.0f) << "colours are as the camera saw them";
+  for (int x = 0; x < 8; ++x) {
+    EXPECT_EQ(observation.alpha.at(x, 3, 0), x >= 2 && x <= 4 ? 1.0f : 0.0f) << x;
+  }
+}
+
+TEST(CameraInput, IgnoredPixelsHaveNoWeight) {
+  CameraInput input(false);
+  const Observation observation =
+      input.observe(someImage("rgb8"), someInfo(), {nullptr, someMask(5, 7)});
+  observation.validate();
+  EXPECT_EQ(observation.background, Background::kUnknown);
+  EXPECT_TRUE(observation.alpha.empty());
+  for (int x = 0; x < 8; ++x) {
+    EXPECT_EQ(observation.weight.at(x, 3, 0), x >= 5 ? 0.0f : 1.0f) << x;
+  }
+}
+
+// The left half is red, and so says the mask: that must be so after the undistortion, too.
+TEST(CameraInput, MasksAreUndistortedWithTheirImage) {
+  sensor_msgs::CameraInfo info = someInfo();
+  info.D = {-0.4, 0, 0, 0, 0};
+  info.K = {4, 0, 2, 0, 4, 2, 0, 0, 1};
+  const Observation observation =
+      CameraInput(false).observe(someImage("rgb8"), info, {someMask(0, 3), someMask(4, 7)});
+  observation.validate();
+  bool fraction = false;
+  for (int y = 0; y < 6; ++y) {
+    for (int x = 0; x < 8; ++x) {
+      const float red = observation.image.at(x, y, 0), alpha = observation.alpha.at(x, y, 0);
+      fraction = fraction || (alpha > 0 && alpha < 1);
+      EXPECT_NEAR(alpha, red, 0.005) << x << ", " << y;
+      EXPECT_EQ(observation.weight.at(x, y, 0), alpha == 1 ? 1.0f : 0.0f) << x << ", " << y;
+    }
+  }
+  EXPECT_TRUE(fraction) << "nothing was undistorted";
+}
+
+TEST(CameraInput, RefusesMasksOfAnotherKindOrSize) {
+  const auto reason_for = [](const std::function<void(sensor_msgs::Image*)>& change) {
+    const sensor_msgs::ImagePtr mask = someMask(0, 7);
+    change(mask.get());
+    CameraInput input(false);
+    const int as_mask = reasonOf([&] {
+      input.observe(someImage("rgb8"), someInfo(), {mask, nullptr});
+    });
+    const int as_ignored = reasonOf([&] {
+      input.observe(someImage("rgb8"), someInfo(), {nullptr, mask});
+    });
+    EXPECT_EQ(as_mask, as_ignored);
+    return as_mask;
+  };
+  EXPECT_EQ(reason_for([](auto*) {}), Status::REASON_NONE);
+  EXPECT_EQ(reason_for([](auto* m) { m->encoding = "8UC1"; }), Status::REASON_NONE);
+  EXPECT_EQ(reason_for([](auto* m) { m->encoding = "rgb8"; }), Status::REASON_BAD_MASK);
+  EXPECT_EQ(reason_for([](auto* m) { m->encoding = "mono16"; }), Status::REASON_BAD_MASK);
+  EXPECT_EQ(reason_for([](auto* m) { m->data.pop_back(); }), Status::REASON_BAD_MASK);
+  EXPECT_EQ(reason_for([](auto* m) { m->step = 7; }), Status::REASON_BAD_MASK);
+  EXPECT_EQ(reason_for([](auto* m) { m->width = 7; }), Status::REASON_BAD_MASK);
+  EXPECT_EQ(reason_for([](auto* m) { m->height = 3, m->step = 22; }), Status::REASON_BAD_MASK);
 }
 
 TEST(CameraInput, FollowsACameraThatChanges) {

@@ -201,6 +201,44 @@ TEST_F(ObjectTrackerTest, StopsARefinementOnRequest) {
   }
 }
 
+TEST_F(ObjectTrackerTest, ChangesCountFromTheNextImageOn) {
+  useModel();
+  offer();
+  ASSERT_TRUE(tracker_->process(frameAt(0))->pose);
+  PoseRefinerParameters changed = parameters_;
+  changed.rules.min_score = 0.95;  // the search finds 0.9
+  changed.tracking.rotation_deg = 7;
+  changed.initial.refiner.seed = 5;
+  changed.tracking.refiner.seed = 6;
+  tracker_->change(changed);
+  EXPECT_TRUE(search_->seeds.empty()) << "that is the worker's affair";
+  const auto result = tracker_->process(frameAt(0.1));
+  ASSERT_TRUE(result);
+  EXPECT_FALSE(result->pose) << "0.9 is not enough any more";
+  EXPECT_EQ(search_->seeds, (std::vector<std::uint64_t>{5, 6}));
+  EXPECT_NEAR(search_->priors.back().rotation_rad, 7 * M_PI / 180, 1e-12);
+}
+
+TEST_F(ObjectTrackerTest, AMaskIsUsedAsTheModeSays) {
+  for (const auto& [mode, with_initial, with_tracked] :
+       {std::make_tuple(MaskMode::kNone, false, false),
+        std::make_tuple(MaskMode::kInitial, true, false),
+        std::make_tuple(MaskMode::kEveryFrame, true, true)}) {
+    parameters_.masks.mode = mode;
+    restart();
+    useModel();
+    offer();
+    for (const double stamp : {0.0, 0.1}) {
+      CameraFrame frame = frameAt(stamp);
+      frame.masks.object = frame.image;
+      const auto result = tracker_->process(frame);
+      ASSERT_TRUE(result && result->observation);
+      const bool used = result->observation->background == Background::kMask;
+      EXPECT_EQ(used, stamp == 0 ? with_initial : with_tracked);
+    }
+  }
+}
+
 }  // namespace
 }  // namespace nerf_pose_refiner
 

@@ -72,5 +72,17 @@ TEST_F(OverlayTest, RefusesPicturesOfDifferentSizes) {
   EXPECT_THROW(drawOverlay(Image(8, 7, 3), rendering_), std::invalid_argument);
 }
 
+// Half of a rendering of 0.8 on grey of 0.4, where it is opaque and no outline: 0.6.
+TEST(DrawOverlay, TheRenderingMayBeSeenThrough) {
+  const Image observed(5, 5, 3, 0.4f);
+  Rendering rendering;
+  rendering.colour = Image(5, 5, 3, 0.8f);
+  rendering.alpha = Image(5, 5, 1, 1.0f);
+  EXPECT_EQ(drawOverlay(observed, rendering, 0.5).at(2, 2, 0), 153);
+  EXPECT_EQ(drawOverlay(observed, rendering, 0.0).at(2, 2, 0), 102);
+  EXPECT_EQ(drawOverlay(observed, rendering).at(2, 2, 0), 204);
+  EXPECT_EQ(drawOverlay(observed, rendering, 0.0).at(0, 2, 1), 255) << "the outline stays";
+}
+
 }  // namespace
 }  // namespace nerf_pose_refiner

@@ -209,5 +209,7 @@ int main(int argc, char** argv) {
   testing::InitGoogleTest(&argc, argv);
   ros::init(argc, argv, "test_parameters");
   const ros::NodeHandle keep_alive;
+  ros::AsyncSpinner spinner(1);
+  spinner.start();
   return RUN_ALL_TESTS();
 }

@@ -6,6 +6,7 @@
 #include <geometry_msgs/PoseWithCovarianceStamped.h>
 #include <gtest/gtest.h>
 #include <std_srvs/SetBool.h>
+#include <visualization_msgs/MarkerArray.h>
 
 #include <map>
 #include <string>
@@ -17,7 +18,8 @@ namespace {
 
 TEST_F(PoseRefinerTest, RefinesARoughPose) {
   Listener<geometry_msgs::PoseArray> hypothesis_poses(world->pnh, "hypotheses/poses");
-  ASSERT_TRUE(waitUntil([&] { return hypothesis_poses.connected(); }));
+  Listener<visualization_msgs::MarkerArray> markers(world->pnh, "hypotheses/markers");
+  ASSERT_TRUE(waitUntil([&] { return hypothesis_poses.connected() && markers.connected(); }));
   const auto pose = track();
   ASSERT_TRUE(pose);
   expectTruth(*pose);
@@ -47,6 +49,34 @@ TEST_F(PoseRefinerTest, RefinesARoughPose) {
   EXPECT_EQ(poses->header.frame_id, kFrame);
   ASSERT_EQ(poses->poses.size(), hypotheses->hypotheses.size());
   EXPECT_EQ(poses->poses[0], hypotheses->hypotheses[0].pose);
+  const auto array = markers.wait([](const auto& a) { return a.markers.size() > 1; });
+  ASSERT_TRUE(array);
+  EXPECT_EQ(array->markers[1].header.frame_id, kFrame);
+  EXPECT_TRUE(world->camera->took(array->markers[1].header.stamp));
+}
+
+// What a mask without a stamp says holds for every image, until another one comes.
+TEST_F(PoseRefinerTest, AnIgnoreMaskTakesPixelsOut) {
+  ros::NodeHandle nh;
+  const ros::Publisher publisher = nh.advertise<sensor_msgs::Image>("ignore_mask", 5);
+  ASSERT_TRUE(waitUntil([&] { return publisher.getNumSubscribers() > 0; }));
+  ASSERT_TRUE(track());
+  sensor_msgs::Image mask;
+  mask.width = 95;
+  mask.height = mask.step = 96;
+  mask.encoding = "mono8";
+  mask.data.assign(96 * 96, 1);
+  publisher.publish(mask);
+  EXPECT_TRUE(waitForReason(Status::REASON_BAD_MASK));
+  mask.width = 96;
+  publisher.publish(mask);
+  const auto blind = [](const RefinementStatus& s) { return s.latency_s > 0 && s.score == 0; };
+  EXPECT_TRUE(world->status.wait(blind)) << "nothing is left to look at";
+  EXPECT_TRUE(waitForState(Status::STATE_LOST));
+  mask.data.assign(96 * 96, 0);
+  publisher.publish(mask);
+  world->poses.clear();
+  EXPECT_TRUE(track());
 }
 
 TEST_F(PoseRefinerTest, TakesAnInitialPoseWithCovariance) {

@@ -45,7 +45,7 @@ class TfBridgeTest : public testing::Test {
   }
 
   FrameSettings frames_;
-  tf2::BufferCore buffer_;
+  mutable tf2::BufferCore buffer_;
 };
 
 TEST_F(TfBridgeTest, TakesAPoseInTheCameraAsItIs) { EXPECT_EQ(startX("camera", kThen, 0.5), 0.5); }

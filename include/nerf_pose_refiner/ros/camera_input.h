@@ -22,25 +22,36 @@ struct CameraModel {
 /// Reads camera_info, with its binning and region of interest (REP-104).
 /// @param rectified the picture is rectified: P counts; otherwise K and D.
 /// @throws InputError if the camera is not calibrated, is the right one of a stereo pair, or has a
-/// distortion model other than plumb_bob and rational_polynomial.
+/// distortion model other than plumb_bob and rational_polynomial; the message names what converts.
 CameraModel cameraFromMessage(const sensor_msgs::CameraInfo& info, bool rectified);
 
 /// Whether a picture can be used at all, without looking at its pixels.
 /// @throws InputError if it has no stamp or frame, has an encoding other than rgb8, bgr8, rgba8,
-/// bgra8 and mono8, holds more or less data than its size says, or is not of the camera's size.
+/// bgra8 and mono8, holds more or less data than its size says, or is not of the camera's size. For
+/// other encodings the message names what converts.
 void checkImage(const sensor_msgs::Image& image, const Camera& camera);
 
 /// camera_info of an undistorted picture.
 sensor_msgs::CameraInfo toMessage(const Camera& camera);
 
+/// What else is known of a picture, pixel by pixel: mono8, of its size; raw if it is. Each may be
+/// null.
+struct ImageMasks {
+  sensor_msgs::ImageConstPtr object;   ///< not zero: shows the object
+  sensor_msgs::ImageConstPtr ignored;  ///< not zero: to be left out, the robot's gripper say
+};
+
 /// Pictures of a camera as observations for the refiner: RGB, undistorted, with an unknown
-/// background. Keeps the undistortion maps from one picture to the next. One thread at a time.
+/// background or a mask. Keeps the undistortion maps from one picture to the next. One thread at a
+/// time.
 class CameraInput {
  public:
   explicit CameraInput(bool rectified) : rectified_(rectified) {}
 
-  /// @throws InputError as cameraFromMessage and checkImage.
-  Observation observe(const sensor_msgs::Image& image, const sensor_msgs::CameraInfo& info);
+  /// @throws InputError as cameraFromMessage and checkImage, and for a mask that is not mono8 or
+  /// not of the image's size.
+  Observation observe(const sensor_msgs::Image& image, const sensor_msgs::CameraInfo& info,
+                      const ImageMasks& masks = {});
 
  private:
   const Undistorter& undistorterOf(const CameraModel& model);

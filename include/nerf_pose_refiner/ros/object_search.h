@@ -18,6 +18,9 @@ class ObjectSearch {
   /// The object to look for from now on.
   virtual void use(std::shared_ptr<const Field> field) = 0;
 
+  /// Searches in another way from now on.
+  virtual void configure(const RefinerSettings& initial, const RefinerSettings& tracking) = 0;
+
   /// @param tracked the prior is the pose of the image before.
   virtual Refinement search(const Observation& observation, const Prior& prior, bool tracked,
                             const StopToken& stop) = 0;
@@ -31,6 +34,7 @@ class RefinerSearch : public ObjectSearch {
                 const RefinerSettings& tracking);
 
   void use(std::shared_ptr<const Field> field) override;
+  void configure(const RefinerSettings& initial, const RefinerSettings& tracking) override;
   Refinement search(const Observation& observation, const Prior& prior, bool tracked,
                     const StopToken& stop) override;
 

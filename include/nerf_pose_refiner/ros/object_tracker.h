@@ -29,6 +29,7 @@ struct CameraFrame {
   sensor_msgs::CameraInfoConstPtr info;
   ros::WallTime arrival;
   std::uint32_t clock_jumps = 0;  ///< as readClock said when it came
+  ImageMasks masks = {};          ///< of the same stamp
 };
 
 /// What came of one refined image.
@@ -75,6 +76,8 @@ class ObjectTracker {
 
   void reset();
   void setEnabled(bool enabled);
+  /// Takes over the searches and the rules of tracking, from the next image on.
+  void change(const PoseRefinerParameters& parameters);
   /// Interrupts a refinement under way, for good: before the worker is joined.
   void stop();
 
@@ -96,6 +99,7 @@ class ObjectTracker {
 
   enum class Trust { kOutdated, kNotTrusted, kTrusted };
 
+  void applyChange();
   std::optional<FrameDecision> decide(const CameraFrame& frame, const std_msgs::Header& header,
                                       const StopToken& stop);
   std::optional<Prior> prepare(const std_msgs::Header& header, const FrameDecision& decision,
@@ -111,7 +115,7 @@ class ObjectTracker {
                             const FrameDecision& decision, const std_msgs::Header& header);
   RefinementStatus statusNow(const std_msgs::Header& header) const;
 
-  const PoseRefinerParameters parameters_;
+  PoseRefinerParameters parameters_;  ///< searches and rules: the worker's; the rest is constant
   tf2::BufferCore* transforms_;
   Report report_;
   Clock clock_;
@@ -128,7 +132,8 @@ class ObjectTracker {
   std::uint32_t clock_jumps_ = 0;
   StopToken running_;  ///< of the refinement under way
   bool stopping_ = false;
-  std::shared_ptr<const Field> field_;  ///< in use
+  std::optional<PoseRefinerParameters> changed_;  ///< since the last image
+  std::shared_ptr<const Field> field_;            ///< in use
   std::deque<PendingModel> pending_models_;
 };
 

@@ -5,11 +5,13 @@
 #include <std_msgs/Header.h>
 
 #include <memory>
+#include <mutex>
 #include <thread>
 
 #include "nerf_pose_refiner/engine/engine.h"
 #include "nerf_pose_refiner/ros/engine_factory.h"
 #include "nerf_pose_refiner/ros/frame_mailbox.h"
+#include "nerf_pose_refiner/ros/parameters.h"
 
 namespace nerf_pose_refiner {
 
@@ -25,11 +27,15 @@ class OverlayPublisher {
   };
 
   /// @param make_engine called by the drawing thread, when there is something to draw.
-  OverlayPublisher(const image_transport::CameraPublisher& publisher, EngineFactory make_engine);
+  OverlayPublisher(const image_transport::CameraPublisher& publisher, EngineFactory make_engine,
+                   const OverlaySettings& settings = {});
   ~OverlayPublisher();
 
   /// Whether anybody looks.
   bool wanted() const { return publisher_.getNumSubscribers() > 0; }
+
+  /// From the next picture on. Any thread.
+  void change(const OverlaySettings& settings);
 
   /// Draws nothing while nobody listens. Any thread.
   void draw(Job job);
@@ -41,6 +47,8 @@ class OverlayPublisher {
   image_transport::CameraPublisher publisher_;
   EngineFactory make_engine_;
   FrameMailbox<Job> jobs_;
+  std::mutex settings_mutex_;  ///< guards settings_
+  OverlaySettings settings_;
   StopToken stop_;
   // The drawing thread's own.
   std::shared_ptr<Engine> engine_;

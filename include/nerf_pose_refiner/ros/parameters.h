@@ -34,6 +34,30 @@ struct TrackingRules {
   double image_timeout_s = 2;          ///< without an image for so long: lost [s]; 0: never
 };
 
+/// Which refinements make use of a mask of the object.
+enum class MaskMode {
+  kNone,
+  kInitial,     ///< those from an initial pose
+  kEveryFrame,  ///< all
+};
+
+struct MaskSettings {
+  MaskMode mode = MaskMode::kNone;
+  double timeout_s = 1;  ///< without a mask for so long: as if there were none [s], >= 0
+
+  /// Whether a refinement makes use of the object's mask. @param tracked it starts from the last
+  /// pose.
+  bool usedFrom(bool tracked) const {
+    return mode == MaskMode::kEveryFrame || (mode == MaskMode::kInitial && !tracked);
+  }
+};
+
+/// How ~overlay is drawn.
+struct OverlaySettings {
+  int width_px = 640;  ///< wider images are drawn in this width, >= 16
+  double opacity = 1;  ///< of the rendering, 0..1: 0 leaves its outline alone
+};
+
 /// Frames, and how long to wait for transforms.
 struct FrameSettings {
   std::string object_frame;  ///< the object's TF frame; empty: the object's name
@@ -55,6 +79,8 @@ struct PoseRefinerParameters {
   int device = 0;                        ///< of the CUDA engine: number of the GPU
   int threads = 0;                       ///< of the CPU engine; 0: all cores
   std::string instruction_set = "auto";  ///< of the CPU engine
+  MaskSettings masks;
+  OverlaySettings overlay;
   FrameSettings frames;
   TrackingRules rules;
   SearchSettings initial;   ///< group ~refiner: from an initial pose

@@ -34,6 +34,7 @@ class ResultPublisher {
   ros::Publisher status_;  ///< latched: a late listener learns the state
   ros::Publisher hypotheses_;
   ros::Publisher hypothesis_poses_;
+  ros::Publisher hypothesis_markers_;
   tf2_ros::TransformBroadcaster transforms_;
 };
 

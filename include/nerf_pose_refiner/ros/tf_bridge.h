@@ -4,7 +4,12 @@
 #include <ros/time.h>
 #include <tf2/buffer_core.h>
 
+#include <boost/signals2/connection.hpp>
+#include <condition_variable>
+#include <cstdint>
 #include <functional>
+#include <memory>
+#include <mutex>
 #include <string>
 
 #include "nerf_pose_refiner/geometry/pose.h"
@@ -18,8 +23,7 @@ namespace nerf_pose_refiner {
 class TfBridge {
  public:
   /// @param buffer outlives this object and is filled by another thread.
-  TfBridge(const tf2::BufferCore& buffer, const FrameSettings& frames)
-      : buffer_(buffer), frames_(frames) {}
+  TfBridge(tf2::BufferCore& buffer, const FrameSettings& frames);
 
   /// The camera in ~output_frame (T_W_C, metres) at an image's time.
   /// @throws InputError if TF does not say it in time.
@@ -38,11 +42,20 @@ class TfBridge {
   std::string outputFrame(const std::string& camera_frame) const;
 
  private:
+  /// Counts what the buffer was told.
+  struct Changes {
+    std::mutex mutex;  ///< guards count
+    std::condition_variable changed;
+    std::uint64_t count = 0;
+  };
+
   using Lookup = std::function<geometry_msgs::TransformStamped()>;
   Pose wait(const std::string& what, const Lookup& lookup, const StopToken& stop) const;
 
   const tf2::BufferCore& buffer_;
   FrameSettings frames_;
+  std::shared_ptr<Changes> changes_;  ///< shared with a call back that may be under way
+  boost::signals2::scoped_connection listening_;
 };
 
 }  // namespace nerf_pose_refiner

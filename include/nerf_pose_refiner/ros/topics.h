@@ -3,12 +3,14 @@
 
 namespace nerf_pose_refiner {
 
-/// Every name of the ROS interface, relative (REP-135). "image" and "camera_info" are resolved in
-/// the node's namespace, all others in its private one.
+/// Every name of the ROS interface, relative (REP-135). "image", "camera_info", "mask" and
+/// "ignore_mask" are resolved in the node's namespace, all others in its private one.
 namespace topics {
 
 // subscribed
 constexpr char kImage[] = "image";  ///< with its sibling "camera_info"
+constexpr char kMask[] = "mask";
+constexpr char kIgnoreMask[] = "ignore_mask";
 constexpr char kInitialPose[] = "initial_pose";
 constexpr char kInitialPoseWithCovariance[] = "initial_pose_with_covariance";
 
@@ -17,6 +19,7 @@ constexpr char kPose[] = "pose";
 constexpr char kStatus[] = "status";
 constexpr char kHypotheses[] = "hypotheses";
 constexpr char kHypothesisPoses[] = "hypotheses/poses";
+constexpr char kHypothesisMarkers[] = "hypotheses/markers";
 constexpr char kOverlay[] = "overlay/image_raw";  ///< with its sibling "overlay/camera_info"
 
 // services

@@ -53,6 +53,9 @@ class TrackerState {
 
   explicit TrackerState(const TrackingRules& rules) : rules_(rules) {}
 
+  /// Other rules, from now on.
+  void setRules(const TrackingRules& rules) { rules_ = rules; }
+
   /// Tells the time of the ROS clock, before all else and now and then: a track without images is
   /// lost. @return true if the clock jumped back: forget what is older.
   bool clockIs(const ros::Time& now);
