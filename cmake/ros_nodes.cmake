@@ -2,6 +2,7 @@
 # The ROS room, the nodelet and the nodes; what belongs to them and is installed.
 set(ros_library ${PROJECT_NAME}_ros)
 add_library(${ros_library} STATIC
+  src/ros/bag_sequence.cpp
   src/ros/camera_input.cpp
   src/ros/diagnostics.cpp
   src/ros/hypothesis_markers.cpp
@@ -42,6 +43,16 @@ foreach(node decode_images pose_refiner)
   target_link_libraries(${PROJECT_NAME}_${node}_node PRIVATE ${catkin_LIBRARIES} ${OpenCV_LIBS})
   install(TARGETS ${PROJECT_NAME}_${node}_node RUNTIME DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
 endforeach()
+
+# The evaluation reads bags, and so is the one tool that knows ROS. Its script lies beside it.
+if(CLI11_FOUND)
+  npr_add_tool(evaluate_bag src/tools/bag_evaluation.cpp src/tools/evaluate_bag.cpp
+    src/tools/evaluation_files.cpp src/tools/refine_case.cpp src/tools/tool.cpp)
+  target_link_libraries(${PROJECT_NAME}_evaluate_bag PRIVATE
+    ${ros_library} CLI11::CLI11 nlohmann_json::nlohmann_json)
+endif()
+catkin_install_python(PROGRAMS scripts/plot_evaluation
+  DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
 
 install(TARGETS ${PROJECT_NAME}_nodelets
   ARCHIVE DESTINATION ${CATKIN_PACKAGE_LIB_DESTINATION}

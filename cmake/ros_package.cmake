@@ -1,9 +1,9 @@
 # Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 # Messages, services and what this package gives to other catkin packages.
 find_package(catkin REQUIRED COMPONENTS
-  cv_bridge diagnostic_msgs diagnostic_updater dynamic_reconfigure geometry_msgs image_geometry image_transport
-  message_generation nodelet pluginlib roscpp sensor_msgs std_msgs std_srvs tf2 tf2_ros
-  visualization_msgs)
+  cv_bridge diagnostic_msgs diagnostic_updater dynamic_reconfigure geometry_msgs image_geometry
+  image_transport message_generation nodelet pluginlib rosbag roscpp sensor_msgs std_msgs
+  std_srvs tf2 tf2_msgs tf2_ros visualization_msgs)
 
 add_message_files(FILES
   PoseHypothesis.msg

@@ -1,0 +1,112 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "nerf_pose_refiner/dataset/dataset_writer.h"
+
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+
+#include "nerf_pose_refiner/image/io.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::json;
+
+std::string pictureName(int view) {
+  char name[32];
+  std::snprintf(name, sizeof name, "view_%04d.png", view);
+  return name;
+}
+
+/// Camera-to-world with OpenGL axes (x right, y up, z back): what loadTransforms turns back.
+Json matrixJson(const Pose& T_O_C) {
+  const Eigen::Vector3d opengl_from_optical(1, -1, -1);
+  const Eigen::Matrix3d R = T_O_C.R * opengl_from_optical.asDiagonal();
+  Json rows = Json::array();
+  for (int r = 0; r < 3; ++r) rows.push_back({R(r, 0), R(r, 1), R(r, 2), T_O_C.t[r]});
+  rows.push_back({0, 0, 0, 1});
+  return rows;
+}
+
+Json cornerJson(const Eigen::Vector3d& p) { return {p.x(), p.y(), p.z()}; }
+
+}  // namespace
+
+DatasetWriter::DatasetWriter(const std::string& folder, const DatasetHeader& header)
+    : header_(header) {
+  header.camera.validate();
+  if (header.has_box && !(header.box_min.array() < header.box_max.array()).all()) {
+    throw std::invalid_argument("the box of the dataset is empty");
+  }
+  const fs::path wanted = fs::absolute(folder).lexically_normal();
+  folder_ = wanted.string();
+  if (fs::exists(fs::symlink_status(wanted))) {
+    throw std::runtime_error("'" + folder_ + "' is there already");
+  }
+  const fs::path hidden = wanted.parent_path() / ("." + wanted.filename().string() + ".unfinished");
+  std::error_code error;
+  fs::remove_all(hidden, error);
+  fs::create_directories(hidden, error);
+  if (error) {
+    throw std::runtime_error("cannot make '" + hidden.string() + "': " + error.message());
+  }
+  hidden_ = hidden.string();
+}
+
+DatasetWriter::~DatasetWriter() {
+  std::error_code ignored;
+  if (!hidden_.empty()) fs::remove_all(hidden_, ignored);
+}
+
+void DatasetWriter::add(const Image8& picture, const Pose& T_O_C) {
+  if (hidden_.empty()) throw std::runtime_error("'" + folder_ + "' is finished");
+  if (picture.width != header_.camera.width || picture.height != header_.camera.height ||
+      (picture.channels != 3 && picture.channels != 4)) {
+    throw std::invalid_argument("the picture is not the camera's");
+  }
+  if (!T_O_C.isFinite() || !T_O_C.isRigid()) {
+    throw std::invalid_argument("the camera's pose is not a rigid transform");
+  }
+  writePng(picture, hidden_ + "/" + pictureName(views()));
+  poses_.push_back(T_O_C);
+}
+
+std::string DatasetWriter::json() const {
+  const Camera& camera = header_.camera;
+  Json document = {
+      {"camera_model", "OPENCV"}, {"w", camera.width},
+      {"h", camera.height},       {"fl_x", camera.fx},
+      {"fl_y", camera.fy},        {"cx", camera.cx + 0.5},  // counted from the picture's corner
+      {"cy", camera.cy + 0.5},    {"metres_per_unit", header_.metres_per_unit}};
+  const char* names[] = {"k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"};
+  const std::vector<double>& coefficients = header_.distortion.coefficients;
+  for (std::size_t i = 0; i < coefficients.size(); ++i) document[names[i]] = coefficients[i];
+  if (header_.has_box)
+    document["aabb"] = {cornerJson(header_.box_min), cornerJson(header_.box_max)};
+  for (int view = 0; view < views(); ++view) {
+    document["frames"].push_back(
+        {{"file_path", pictureName(view)}, {"transform_matrix", matrixJson(poses_[view])}});
+  }
+  return document.dump(1) + "\n";
+}
+
+void DatasetWriter::finish() {
+  if (hidden_.empty()) throw std::runtime_error("'" + folder_ + "' is finished");
+  if (poses_.empty()) throw std::runtime_error("'" + folder_ + "': there are no views");
+  const std::string path = hidden_ + "/transforms.json";
+  std::ofstream file(path);
+  file << json();
+  file.close();
+  if (!file) throw std::runtime_error("cannot write '" + path + "': " + std::strerror(errno));
+  std::error_code error;
+  fs::rename(hidden_, folder_, error);
+  if (error) throw std::runtime_error("cannot make '" + folder_ + "': " + error.message());
+  hidden_.clear();
+}
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,183 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "bag_evaluation.h"
+
+#include <stdexcept>
+
+#include "nerf_pose_refiner/evaluate/start.h"
+#include "nerf_pose_refiner/ros/pose_conversions.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+constexpr double kRadPerDegree = 0.017453292519943295769;
+
+RefinerSettings presetWithSeed(const std::string& name, std::uint64_t seed) {
+  RefinerSettings settings = RefinerSettings::named(name);
+  settings.seed = seed;
+  return settings;
+}
+
+void require(bool holds, const char* name, double value, const char* range) {
+  if (!holds) {
+    throw std::invalid_argument(std::string(name) + " is " + std::to_string(value) + ", must be " +
+                                range);
+  }
+}
+
+/// The pose as the library has it, in metres: T_O_C of T_C_O.
+Pose inMetres(const Pose& T_C_O) { return T_C_O.inverse(); }
+
+}  // namespace
+
+const char* outcomeText(Outcome outcome) {
+  switch (outcome) {
+    case Outcome::kRefined:
+      return "refined";
+    case Outcome::kNoOverlap:
+      return "no overlap";
+    case Outcome::kDiverged:
+      return "diverged";
+    case Outcome::kStopped:
+      break;
+  }
+  return "stopped";
+}
+
+void BagEvaluationSettings::validate() const {
+  require(every >= 1, "every", every, "1 or more");
+  require(first >= 0, "first", first, "0 or more");
+  require(most >= 0, "most", most, "0 (all) or more");
+  require(points >= 1, "points", points, "1 or more");
+  require(start_max_age_s >= 0, "start_max_age_s", start_max_age_s, "0 or more");
+  require(min_score >= 0 && min_score <= 1, "min_score", min_score, "0..1");
+  require(max_failures >= 0, "max_failures", max_failures, "0 or more");
+}
+
+BagEvaluation::BagEvaluation(const BagSequence& bag, std::shared_ptr<Engine> engine,
+                             std::shared_ptr<const Field> field,
+                             const BagEvaluationSettings& settings)
+    : bag_(bag),
+      settings_(settings),
+      engine_(std::move(engine)),
+      wide_(engine_, presetWithSeed(settings.preset, settings.seed)),
+      narrow_(engine_, presetWithSeed(settings.track_preset, settings.seed)),
+      input_(settings.image_is_rectified) {
+  settings_.validate();
+  if (!(field->metadata.metres_per_unit > 0)) {
+    throw std::invalid_argument("the model '" + field->metadata.name +
+                                "' does not know its scale: train it with --metres-per-unit");
+  }
+  field_ = engine_->load(std::move(field));
+}
+
+BagEvaluationResult BagEvaluation::run(const std::function<void(const EvaluatedFrame&)>& progress,
+                                       const StopToken& stop) {
+  const FieldMetadata& metadata = field_->field().metadata;
+  const double unit_m = metadata.metres_per_unit;
+  std::vector<Eigen::Vector3d> points =
+      surfacePoints(engine_.get(), *field_, settings_.points, settings_.seed, stop);
+  for (Eigen::Vector3d& point : points) point *= unit_m;
+  result_ = {};
+  result_.points = static_cast<int>(points.size());
+  object_.emplace(EvaluatedObject{ModelPoints(std::move(points)), unit_m * metadata.centre,
+                                  unit_m * metadata.diameter});
+  last_T_C_O_.reset();
+  int looked_at = 0;
+  for (int i = settings_.first; i < bag_.size(); i += settings_.every) {
+    if (settings_.most > 0 && looked_at++ == settings_.most) break;
+    stop.check();
+    const std::size_t before = result_.frames.size();
+    evaluate(bag_.frame(i), stop);
+    if (progress && result_.frames.size() > before) progress(result_.frames.back());
+  }
+  return result_;
+}
+
+void BagEvaluation::evaluate(const BagFrame& frame, const StopToken& stop) {
+  const std_msgs::Header& header = frame.image->header;
+  Pose true_T_C_O;
+  std::optional<Start> start;
+  try {
+    true_T_C_O = bag_.truth(header.frame_id, header.stamp);
+    start = startOf(frame, true_T_C_O);
+  } catch (const std::runtime_error&) {
+    ++result_.skipped["no true pose at the image's time"];
+    return;
+  } catch (const std::invalid_argument& e) {
+    ++result_.skipped[e.what()];
+    return;
+  }
+  if (!start) {
+    ++result_.skipped["no initial pose"];
+    return;
+  }
+  Observation observation;
+  try {
+    observation = input_.observe(*frame.image, *frame.info);
+  } catch (const std::exception& e) {
+    throw std::runtime_error(bag_.topics().image + ", frame " + std::to_string(frame.index) + ": " +
+                             e.what());
+  }
+  result_.masked += observation.background == Background::kMask;
+
+  const double unit_m = field_->field().metadata.metres_per_unit;
+  const Refinement refinement = refine(observation, *start, stop);
+  stop.check();
+  EvaluatedFrame evaluated;
+  evaluated.index = frame.index;
+  evaluated.stamp_ns = header.stamp.toNSec();
+  evaluated.outcome = outcomeText(refinement.outcome);
+  evaluated.from_last = start->from_last;
+  evaluated.score = refinement.score;
+  evaluated.latency_s = refinement.seconds;
+  const Pose truth = inMetres(true_T_C_O);
+  evaluated.start = object_->compare(inMetres(start->T_C_O), truth, observation.camera);
+  if (refinement.outcome == Outcome::kRefined) {
+    evaluated.T_C_O = objectInCamera(refinement.T_O_C, unit_m);
+    evaluated.found = object_->compare(inMetres(evaluated.T_C_O), truth, observation.camera);
+    evaluated.trusted = refinement.score >= settings_.min_score;
+  }
+  remember(evaluated);
+  result_.frames.push_back(evaluated);
+}
+
+std::optional<BagEvaluation::Start> BagEvaluation::startOf(const BagFrame& frame,
+                                                           const Pose& true_T_C_O) {
+  if (last_T_C_O_) return Start{*last_T_C_O_, true};
+  if (settings_.start == StartMode::kRecorded) {
+    const std_msgs::Header& header = frame.image->header;
+    const std::optional<Pose> recorded =
+        bag_.initialPose(header.frame_id, header.stamp, settings_.start_max_age_s);
+    if (!recorded) return std::nullopt;
+    return Start{*recorded, false};
+  }
+  const StartSpread spread = {settings_.start_rotation_deg * kRadPerDegree,
+                              settings_.start_translation * object_->diameter_m, true};
+  const Pose wrong = perturbedStart(inMetres(true_T_C_O), spread, object_->centre_m, settings_.seed,
+                                    static_cast<std::uint64_t>(frame.index));
+  return Start{wrong.inverse(), false};
+}
+
+Refinement BagEvaluation::refine(const Observation& observation, const Start& start,
+                                 const StopToken& stop) {
+  Prior prior;
+  prior.T_O_C = cameraInObject(start.T_C_O, field_->field().metadata.metres_per_unit);
+  prior.rotation_rad = kRadPerDegree * (start.from_last ? settings_.track_rotation_deg
+                                                        : settings_.search_rotation_deg);
+  prior.translation = start.from_last ? settings_.track_translation : settings_.search_translation;
+  return (start.from_last ? narrow_ : wide_).refine(*field_, observation, prior, stop);
+}
+
+/// The rules of following are the node's: a few untrusted images are bridged from the last trusted
+/// pose, then the search starts anew.
+void BagEvaluation::remember(const EvaluatedFrame& frame) {
+  if (!settings_.track) return;
+  if (frame.trusted) {
+    last_T_C_O_ = frame.T_C_O;
+    failures_ = 0;
+  } else if (++failures_ > settings_.max_failures) {
+    last_T_C_O_.reset();
+  }
+}
+
+}  // namespace nerf_pose_refiner

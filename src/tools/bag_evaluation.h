@@ -1,0 +1,96 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <functional>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "nerf_pose_refiner/evaluate/sequence.h"
+#include "nerf_pose_refiner/refine/refiner.h"
+#include "nerf_pose_refiner/ros/bag_sequence.h"
+#include "nerf_pose_refiner/ros/camera_input.h"
+
+namespace nerf_pose_refiner {
+
+/// Where the search in an image starts.
+enum class StartMode {
+  kPerturbed,  ///< from the true pose, made wrong at random: the same for the same seed and image
+  kRecorded,   ///< from the newest initial pose of the bag
+};
+
+struct BagEvaluationSettings {
+  int every = 1;       ///< n-th image is refined
+  int first = 0;       ///< image
+  int most = 0;        ///< images; 0: all
+  bool track = false;  ///< from the last trusted result, and from `start` where there is none
+  StartMode start = StartMode::kPerturbed;
+  double start_rotation_deg = 15;      ///< half width per axis, about the object's centre
+  double start_translation = 0.15;     ///< half width per axis of the camera [object diameters]
+  double start_max_age_s = 1;          ///< of a recorded initial pose
+  std::string preset = "align";        ///< of the search from a start
+  double search_rotation_deg = 15;     ///< half width of it
+  double search_translation = 0.15;    ///< the same [object diameters]
+  std::string track_preset = "track";  ///< of the search from the last pose
+  double track_rotation_deg = 5;
+  double track_translation = 0.05;
+  double min_score = 0.5;  ///< a pose with a lower score is not trusted
+  int max_failures = 5;    ///< untrusted images in a row that tracking bridges
+  bool image_is_rectified = false;
+  bool use_mask = true;  ///< where the bag has one
+  int points = 1000;     ///< of the surface, for ADD, ADD-S and reprojection
+  std::uint64_t seed = 1;
+
+  /// @throws std::invalid_argument naming what is out of range.
+  void validate() const;
+};
+
+struct BagEvaluationResult {
+  std::vector<EvaluatedFrame> frames;
+  std::map<std::string, int> skipped;  ///< images that could not be evaluated, by reason
+  int masked = 0;                      ///< images that came with a mask
+  int points = 0;                      ///< of the surface, as many as were found
+};
+
+/// Refines the images of a recorded sequence one by one and compares the poses with the truth. No
+/// clock has a say in the poses: the same bag, model, settings and processor give the same numbers,
+/// latencies apart.
+class BagEvaluation {
+ public:
+  /// @throws std::invalid_argument for settings that make no sense or a model without a scale.
+  BagEvaluation(const BagSequence& bag, std::shared_ptr<Engine> engine,
+                std::shared_ptr<const Field> field, const BagEvaluationSettings& settings);
+
+  /// @param progress told of each image: its number and the last result; may be empty.
+  /// @throws std::runtime_error naming topic and frame of what is damaged; Stopped.
+  BagEvaluationResult run(const std::function<void(const EvaluatedFrame&)>& progress,
+                          const StopToken& stop);
+
+ private:
+  struct Start {
+    Pose T_C_O;  ///< [m]
+    bool from_last = false;
+  };
+
+  void evaluate(const BagFrame& frame, const StopToken& stop);
+  std::optional<Start> startOf(const BagFrame& frame, const Pose& true_T_C_O);
+  Refinement refine(const Observation& observation, const Start& start, const StopToken& stop);
+  void remember(const EvaluatedFrame& frame);
+
+  const BagSequence& bag_;
+  BagEvaluationSettings settings_;
+  std::shared_ptr<Engine> engine_;
+  std::shared_ptr<const LoadedField> field_;
+  Refiner wide_, narrow_;
+  CameraInput input_;
+  std::optional<EvaluatedObject> object_;
+  std::optional<Pose> last_T_C_O_;  ///< the last trusted pose, while the object is tracked
+  int failures_ = 0;                ///< in a row
+  BagEvaluationResult result_;
+};
+
+const char* outcomeText(Outcome outcome);
+
+}  // namespace nerf_pose_refiner

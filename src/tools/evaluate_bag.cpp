@@ -1,0 +1,226 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include <spawn.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cstdio>
+#include <cstring>
+#include <filesystem>
+#include <stdexcept>
+#include <string>
+
+#include "bag_evaluation.h"
+#include "evaluation_files.h"
+#include "nerf_pose_refiner/field/model_file.h"
+#include "refine_case.h"
+#include "tool.h"
+
+// A model file and a bag with the truth to errors, shares and latencies.
+
+extern char** environ;
+
+namespace nerf_pose_refiner {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* kPlotScript = "plot_evaluation";
+
+struct EvaluateOptions {
+  std::string model;
+  std::string bag;
+  std::string out;
+  std::string start = "perturbed";
+  bool no_plots = false;
+  bool json = false;
+  BagTopics topics;
+  BagEvaluationSettings settings;
+  EngineOptions engine;
+};
+
+void declareBag(CLI::App* app, EvaluateOptions* options) {
+  BagTopics& topics = options->topics;
+  app->add_option("model", options->model, "Model file, with a scale")
+      ->required()
+      ->check(CLI::ExistingFile);
+  app->add_option("bag", options->bag, "Recorded images and the truth")
+      ->required()
+      ->check(CLI::ExistingFile);
+  app->add_option("-o,--output", options->out, "Folder for the results; is made")->required();
+  app->add_option("--image", topics.image,
+                  "Topic of images, raw or compressed; default: the only one of the bag");
+  app->add_option("--camera-info", topics.camera_info, "Default: the sibling of the images");
+  app->add_flag("--rectified", options->settings.image_is_rectified,
+                "The images are rectified: P counts, not K and D");
+  app->add_option("--mask", topics.mask, "Topic of masks, not zero on the object, paired by stamp");
+  auto* truth = app->add_option("--truth", topics.truth,
+                                "Topic of true poses: PoseStamped, PoseWithCovarianceStamped or "
+                                "TransformStamped");
+  app->add_option("--truth-frame", topics.truth_frame, "Instead: TF frame of the object")
+      ->excludes(truth);
+  app->add_option("--truth-gap", topics.truth_gap_s,
+                  "Longest gap of the topic that is bridged by interpolation [s]")
+      ->capture_default_str();
+  app->add_option("--initial-pose", topics.initial_pose,
+                  "Topic of initial poses, for --start recorded");
+  app->add_option("--fixed-frame", topics.fixed_frame,
+                  "TF frame in which the object stands still until an initial pose is used");
+}
+
+void declareTrials(CLI::App* app, EvaluateOptions* options) {
+  BagEvaluationSettings& s = options->settings;
+  app->add_option("--every", s.every, "Refine every n-th image")->capture_default_str();
+  app->add_option("--first", s.first, "Image to begin with")->capture_default_str();
+  app->add_option("--frames", s.most, "Images at most; 0: all")->capture_default_str();
+  app->add_flag("--track", s.track,
+                "Start from the last trusted pose, and from --start only without one");
+  app->add_option("--start", options->start, "perturbed: from the truth, made wrong; recorded")
+      ->check(CLI::IsMember({"perturbed", "recorded"}))
+      ->capture_default_str();
+  app->add_option("--start-rotation", s.start_rotation_deg,
+                  "Perturbed by up to so much about each axis [degrees]")
+      ->capture_default_str();
+  app->add_option("--start-translation", s.start_translation,
+                  "Perturbed by up to so much along each axis [object diameters]")
+      ->capture_default_str();
+  app->add_option("--start-max-age", s.start_max_age_s, "Oldest recorded initial pose [s]")
+      ->capture_default_str();
+  app->add_option("--preset", s.preset, "Search from a start")
+      ->check(CLI::IsMember(RefinerSettings::presetNames()))
+      ->capture_default_str();
+  app->add_option("--search-rotation", s.search_rotation_deg, "Half width of it [degrees]")
+      ->capture_default_str();
+  app->add_option("--search-translation", s.search_translation,
+                  "Half width of it [object diameters]")
+      ->capture_default_str();
+  app->add_option("--track-preset", s.track_preset, "Search from the last pose")
+      ->check(CLI::IsMember(RefinerSettings::presetNames()))
+      ->capture_default_str();
+  app->add_option("--min-score", s.min_score, "A pose with a lower score is not trusted")
+      ->capture_default_str();
+  app->add_option("--max-failures", s.max_failures,
+                  "Untrusted images in a row that --track bridges")
+      ->capture_default_str();
+  app->add_option("--points", s.points, "Points of the surface, for ADD, ADD-S and reprojection")
+      ->capture_default_str();
+  app->add_option("--seed", s.seed, "Of starts, searches and points: same seed, same numbers")
+      ->capture_default_str();
+}
+
+void declare(CLI::App* app, EvaluateOptions* options) {
+  const std::string name = app->get_name();
+  app->description(
+      "Refines the images of a bag one by one and compares the poses with the truth.\n\n"
+      "The bag is read from its file, without a ROS graph: no image is dropped, and no clock has "
+      "a\n"
+      "say in the poses. Writes frames.csv, summary.json, plots and index.html, which shows them.");
+  app->footer("Examples:\n  " + name +
+              " kiosk.safetensors kiosk.bag --truth /ground_truth/object_pose -o out\n  " + name +
+              " mug.safetensors mug.bag --truth-frame mug_true --track --every 3 -o out\n\n" +
+              kExitCodes);
+  declareBag(app, options);
+  declareTrials(app, options);
+  options->engine.addTo(app);
+  app->add_flag("--no-plots", options->no_plots, "Neither plots nor the page");
+  app->add_flag("--json", options->json, "Print the summary as JSON");
+}
+
+nlohmann::json settingsJson(const EvaluateOptions& options, const BagTopics& topics,
+                            const FieldMetadata& object, const std::string& engine) {
+  const BagEvaluationSettings& s = options.settings;
+  return {{"model", fs::absolute(options.model).string()},
+          {"object", object.name},
+          {"data_hash", object.data_hash},
+          {"bag", fs::absolute(options.bag).string()},
+          {"image", topics.image},
+          {"mask", topics.mask},
+          {"truth", topics.truth.empty() ? "TF frame " + topics.truth_frame : topics.truth},
+          {"every", s.every},
+          {"first", s.first},
+          {"track", s.track},
+          {"start", options.start},
+          {"start_rotation_deg", s.start_rotation_deg},
+          {"start_translation_diameters", s.start_translation},
+          {"preset", s.preset},
+          {"search_rotation_deg", s.search_rotation_deg},
+          {"search_translation_diameters", s.search_translation},
+          {"track_preset", s.track_preset},
+          {"min_score", s.min_score},
+          {"surface_points_asked", s.points},
+          {"seed", s.seed},
+          {"engine", engine}};
+}
+
+/// Runs the script that lies beside this program.
+void plot(const std::string& folder) {
+  const fs::path script = fs::read_symlink("/proc/self/exe").parent_path() / kPlotScript;
+  std::string program = script.string(), argument = folder;
+  char* arguments[] = {program.data(), argument.data(), nullptr};
+  pid_t child = 0;
+  const int error = posix_spawn(&child, program.c_str(), nullptr, nullptr, arguments, environ);
+  if (error != 0) {
+    throw std::runtime_error("cannot run '" + program + "': " + std::strerror(error));
+  }
+  int status = 0;
+  if (waitpid(child, &status, 0) != child || !WIFEXITED(status) || WEXITSTATUS(status) != 0) {
+    throw std::runtime_error("'" + program + "' failed; the CSV and the JSON are in " + folder);
+  }
+}
+
+BagEvaluationResult evaluateAll(const BagSequence& bag, BagEvaluation* evaluation,
+                                const StopToken& stop) {
+  ProgressLine line;
+  const auto show = [&](const EvaluatedFrame& frame) {
+    char text[120];
+    std::snprintf(text, sizeof text, "image %d of %d: %.2f degrees, %.2f %% of the diameter",
+                  frame.index + 1, bag.size(), frame.found.rotation_deg,
+                  100 * frame.found.offset_diameters);
+    line.show(static_cast<double>(frame.index + 1) / bag.size(), text);
+  };
+  return evaluation->run(show, stop);
+}
+
+void evaluate(const EvaluateOptions& given, const StopToken& stop) {
+  EvaluateOptions options = given;
+  options.settings.start =
+      options.start == "recorded" ? StartMode::kRecorded : StartMode::kPerturbed;
+  if (options.start == "recorded" && options.topics.initial_pose.empty()) {
+    throw std::invalid_argument("--start recorded needs --initial-pose");
+  }
+  const auto field = std::make_shared<const Field>(loadModel(options.model));
+  const FieldMetadata& object = field->metadata;
+  const BagSequence bag(options.bag, options.topics);
+  options.engine.backend =
+      backendFor(options.engine.backend,
+                 options.topics.mask.empty() ? Background::kUnknown : Background::kMask);
+  const std::shared_ptr<Engine> engine = options.engine.make();
+  BagEvaluation evaluation(bag, engine, field, options.settings);
+  fs::create_directories(options.out);
+  requireWritable(options.out + "/");
+  const BagEvaluationResult result = evaluateAll(bag, &evaluation, stop);
+  if (result.frames.empty()) {
+    std::string reasons;
+    for (const auto& [reason, count] : result.skipped) {
+      reasons += "; " + std::to_string(count) + ": " + reason;
+    }
+    throw std::runtime_error("no image of " + bag.topics().image + " could be evaluated" + reasons);
+  }
+  nlohmann::json summary = summaryJson(result, object.metres_per_unit * object.diameter);
+  summary["settings"] = settingsJson(options, bag.topics(), object, engine->describe());
+  writeFramesCsv(result, options.out + "/frames.csv");
+  writeJson(summary, options.out + "/summary.json");
+  if (!options.no_plots) plot(options.out);
+  if (options.json) {
+    printJson(summary);
+  } else {
+    std::printf("%s", summaryText(summary).c_str());
+  }
+}
+
+}  // namespace
+}  // namespace nerf_pose_refiner
+
+int main(int argc, char** argv) {
+  return nerf_pose_refiner::runTool(argc, argv, nerf_pose_refiner::declare,
+                                    nerf_pose_refiner::evaluate);
+}

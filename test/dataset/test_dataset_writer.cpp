@@ -1,0 +1,113 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "nerf_pose_refiner/dataset/dataset_writer.h"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <memory>
+#include <stdexcept>
+
+#include "nerf_pose_refiner/dataset/dataset.h"
+#include "support/expect_error.h"
+#include "support/temporary_folder.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+namespace fs = std::filesystem;
+
+const Camera kCamera = {8, 6, 10, 11, 3.4, 2.6};
+
+DatasetHeader header() {
+  DatasetHeader result;
+  result.camera = kCamera;
+  return result;
+}
+
+Pose somePose(double angle) { return {expSO3({0.1, angle, -0.2}), {0.3, -0.4, 0.5 + angle}}; }
+
+TEST(DatasetWriter, TheLoaderReadsWhatWasWritten) {
+  const TemporaryFolder folder;
+  const std::string path = folder.file("sets/mug");
+  DatasetHeader boxed = header();
+  boxed.has_box = true;
+  boxed.box_min = {-0.1, -0.2, -0.3};
+  boxed.box_max = {0.1, 0.2, 0.3};
+  DatasetWriter writer(path, boxed);
+  writer.add(Image8(8, 6, 3, 50), somePose(0.2));
+  writer.add(Image8(8, 6, 3, 70), somePose(-0.3));
+  EXPECT_EQ(writer.views(), 2);
+  writer.finish();
+
+  const Dataset dataset = loadTransforms(path);
+  ASSERT_EQ(dataset.views.size(), 2u);
+  EXPECT_FALSE(dataset.has_alpha);
+  EXPECT_EQ(dataset.metres_per_unit, 1);
+  EXPECT_TRUE(dataset.has_box);
+  EXPECT_EQ(dataset.box_min, boxed.box_min);
+  EXPECT_EQ(dataset.box_max, boxed.box_max);
+  const PosedView& view = dataset.views[1];
+  EXPECT_EQ(view.rgba->values[0], 70);
+  EXPECT_TRUE(view.T_O_C.R.isApprox(somePose(-0.3).R, 1e-12));
+  EXPECT_TRUE(view.T_O_C.t.isApprox(somePose(-0.3).t, 1e-12));
+  EXPECT_NEAR(view.camera.fx, 10, 1e-12);
+  EXPECT_NEAR(view.camera.fy, 11, 1e-12);
+  EXPECT_NEAR(view.camera.cx, 3.4, 1e-12);
+  EXPECT_NEAR(view.camera.cy, 2.6, 1e-12);
+}
+
+TEST(DatasetWriter, AlphaAndDistortionComeBack) {
+  const TemporaryFolder folder;
+  DatasetHeader bent = header();
+  bent.distortion.coefficients = {0.01, -0.002, 0.0003, 0.0004, 0.00005};
+  DatasetWriter writer(folder.file("mug"), bent);
+  Image8 picture(8, 6, 4, 90);
+  picture.at(0, 0, 3) = 0;
+  writer.add(picture, somePose(0));
+  writer.finish();
+  const Dataset dataset = loadTransforms(folder.file("mug"));
+  EXPECT_TRUE(dataset.has_alpha);
+  const std::vector<double> read = dataset.views[0].distortion.coefficients;
+  ASSERT_EQ(read.size(), 8u);
+  for (std::size_t i = 0; i < 5; ++i) EXPECT_EQ(read[i], bent.distortion.coefficients[i]);
+}
+
+TEST(DatasetWriter, NothingAppearsBeforeTheEnd) {
+  const TemporaryFolder folder;
+  const std::string path = folder.file("mug");
+  {
+    DatasetWriter writer(path, header());
+    writer.add(Image8(8, 6, 3, 50), somePose(0));
+    EXPECT_FALSE(fs::exists(path));
+  }
+  EXPECT_TRUE(fs::is_empty(folder.path()));
+}
+
+TEST(DatasetWriter, WhatAKilledOneLeftIsRemoved) {
+  const TemporaryFolder folder;
+  folder.write(".mug.unfinished/view_0007.png", "rubbish");
+  DatasetWriter writer(folder.file("mug"), header());
+  writer.add(Image8(8, 6, 3, 50), somePose(0));
+  writer.finish();
+  EXPECT_FALSE(fs::exists(folder.file("mug/view_0007.png")));
+  EXPECT_FALSE(fs::exists(folder.path() + "/.mug.unfinished"));
+}
+
+TEST(DatasetWriter, RefusesWhatMakesNoSense) {
+  const TemporaryFolder folder;
+  folder.write("there/file", "x");
+  expectError<std::runtime_error>([&] { DatasetWriter(folder.path() + "/there", header()); },
+                                  "there already");
+  DatasetWriter writer(folder.file("mug"), header());
+  expectError<std::runtime_error>([&] { writer.finish(); }, "no views");
+  expectError<std::invalid_argument>([&] { writer.add(Image8(8, 5, 3), somePose(0)); }, "picture");
+  Pose skew = somePose(0);
+  skew.R *= 2;
+  expectError<std::invalid_argument>([&] { writer.add(Image8(8, 6, 3), skew); }, "rigid");
+  DatasetHeader empty_box = header();
+  empty_box.has_box = true;
+  expectError<std::invalid_argument>([&] { DatasetWriter(folder.file("box"), empty_box); }, "box");
+}
+
+}  // namespace
+}  // namespace nerf_pose_refiner
