@@ -9,6 +9,7 @@
 
 #include "nerf_pose_refiner/image/colour.h"
 #include "nerf_pose_refiner/maths/checksum.h"
+#include "nerf_pose_refiner/register/pose_correction.h"
 #include "nerf_pose_refiner/register/visual_hull.h"
 
 namespace nerf_pose_refiner {
@@ -19,6 +20,12 @@ using Clock = std::chrono::steady_clock;
 constexpr double kProgressInterval_s = 0.5;
 constexpr double kQualityInterval = 0.1;  // of the training, between looks at the held-out views
 constexpr double kMostPsnr_db = 100;      // of two pictures that are equal
+
+// Rounds of a rough training and an alignment of the views with its model, and how far silhouettes
+// may be out of place before each (@see visualHull) and after the last.
+constexpr double kRoundSlack[] = {0.1, 0.03};
+constexpr double kSlackAfter = 0.015;
+constexpr int kRoughShare = 4;  // a rough training has so much fewer steps, and time
 
 double secondsSince(Clock::time_point start) {
   return std::chrono::duration<double>(Clock::now() - start).count();
@@ -108,12 +115,12 @@ class TrainingRun {
         held_out_(held_out),
         progress_(progress) {}
 
-  void run(const StopToken& stop) {
+  void run(const char* stage, const StopToken& stop) {
     double next_look = kQualityInterval;
     while (done() < 1) {
       stop.check();
       loss_ = trainer_->step(done());
-      report("training");
+      report(stage);
       if (settings_.target_psnr_db > 0 && !held_out_.empty() && done() >= next_look) {
         next_look += kQualityInterval;
         const auto field = engine_->load(std::make_shared<Field>(trainer_->snapshot(stop)));
@@ -188,6 +195,79 @@ void requireBox(const Dataset& dataset) {
   throw std::invalid_argument(text.str());
 }
 
+std::unique_ptr<FieldTrainer> trainerOf(Engine* engine, const std::vector<PosedView>& training,
+                                        bool has_alpha, const RegistrationSettings& settings,
+                                        Hull hull) {
+  TrainingPlan plan = settings.plan;
+  plan.region = std::move(hull.region);
+  plan.random_background = has_alpha;
+  plan.seed = settings.seed;
+  std::vector<TrainingView> views;
+  for (const PosedView& view : training) views.push_back({view.rgba, view.camera, view.T_O_C});
+  return engine->trainer(FieldConfig::named(settings.profile), hull.box, std::move(views), plan);
+}
+
+Hull hullOf(const Dataset& dataset, const RegistrationSettings& settings, double slack,
+            const StopToken& stop) {
+  const int resolution = FieldConfig::named(settings.profile).occupancy_resolution;
+  return visualHull(dataset, resolution, settings.threads, stop, slack);
+}
+
+Field finished(FieldTrainer* trainer, const Dataset& dataset, const StopToken& stop) {
+  Field field = trainer->finish(stop);
+  if (field.metadata.diameter > 0) return field;
+  throw std::runtime_error(dataset.folder + ": training found no opaque matter");
+}
+
+/// One training, and its quality.
+Field train(Engine* engine, const Dataset& dataset, const RegistrationSettings& settings,
+            double slack, const std::function<void(const RegistrationProgress&)>& progress,
+            const StopToken& stop) {
+  Hull hull = hullOf(dataset, settings, slack, stop);
+  std::vector<PosedView> training, held_out;
+  split(dataset.views, settings.held_out, &training, &held_out);
+  held_out.erase(std::remove_if(held_out.begin(), held_out.end(),
+                                [&](const PosedView& view) { return !isTelling(view, hull.box); }),
+                 held_out.end());
+  const auto trainer = trainerOf(engine, training, dataset.has_alpha, settings, std::move(hull));
+  TrainingRun run(engine, trainer.get(), settings, held_out, progress);
+  run.run("training", stop);
+  run.report("occupancy");
+  Field field = finished(trainer.get(), dataset, stop);
+  run.report("quality");
+  measureQuality(engine, held_out, stop, &field);
+  return field;
+}
+
+/// The dataset with poses that agree with each other (@see alignViews).
+Dataset withCorrectedPoses(Engine* engine, const Dataset& dataset,
+                           const RegistrationSettings& settings,
+                           const std::function<void(const RegistrationProgress&)>& progress,
+                           const StopToken& stop) {
+  RegistrationSettings rough = settings;
+  rough.steps = std::max(1, settings.steps / kRoughShare);
+  rough.max_seconds = settings.max_seconds / kRoughShare;
+  rough.target_psnr_db = 0;
+  std::vector<Pose> measured;
+  for (const PosedView& view : dataset.views) measured.push_back(view.T_O_C);
+  Dataset corrected = dataset;
+  for (const double slack : kRoundSlack) {
+    const auto trainer = trainerOf(engine, corrected.views, dataset.has_alpha, rough,
+                                   hullOf(corrected, rough, slack, stop));
+    const std::vector<PosedView> none_held_out;
+    TrainingRun run(engine, trainer.get(), rough, none_held_out, progress);
+    run.run("rough training", stop);
+    run.report("poses");
+    const auto field =
+        engine->load(std::make_shared<Field>(finished(trainer.get(), dataset, stop)));
+    const std::vector<Pose> poses =
+        inMeasuredFrame(alignViews(engine, *field, corrected.views, dataset.has_alpha, stop),
+                        measured, field->field().metadata.centre);
+    for (std::size_t i = 0; i < poses.size(); ++i) corrected.views[i].T_O_C = poses[i];
+  }
+  return corrected;
+}
+
 }  // namespace
 
 void RegistrationSettings::validate() const {
@@ -218,31 +298,15 @@ Field registerObject(Engine* engine, const Dataset& dataset, const RegistrationS
                      const StopToken& stop) {
   settings.validate();
   requireBox(dataset);
-  const FieldConfig config = FieldConfig::named(settings.profile);
-  Hull hull = visualHull(dataset, config.occupancy_resolution, settings.threads, stop);
-  std::vector<PosedView> training, held_out;
-  split(dataset.views, settings.held_out, &training, &held_out);
-  held_out.erase(std::remove_if(held_out.begin(), held_out.end(),
-                                [&](const PosedView& view) { return !isTelling(view, hull.box); }),
-                 held_out.end());
-
-  TrainingPlan plan = settings.plan;
-  plan.region = std::move(hull.region);
-  plan.random_background = dataset.has_alpha;
-  plan.seed = settings.seed;
-  std::vector<TrainingView> views;
-  for (const PosedView& view : training) views.push_back({view.rgba, view.camera, view.T_O_C});
-  const std::unique_ptr<FieldTrainer> trainer =
-      engine->trainer(config, hull.box, std::move(views), plan);
-  TrainingRun run(engine, trainer.get(), settings, held_out, progress);
-  run.run(stop);
-  run.report("occupancy");
-  Field field = trainer->finish(stop);
-  if (field.metadata.diameter <= 0) {
-    throw std::runtime_error(dataset.folder + ": training found no opaque matter");
+  Field field;
+  if (settings.refine_poses) {
+    const Dataset corrected = withCorrectedPoses(engine, dataset, settings, progress, stop);
+    RegistrationSettings rest = settings;
+    rest.max_seconds = 0.5 * settings.max_seconds;
+    field = train(engine, corrected, rest, kSlackAfter, progress, stop);
+  } else {
+    field = train(engine, dataset, settings, 0, progress, stop);
   }
-  run.report("quality");
-  measureQuality(engine, held_out, stop, &field);
   field.metadata.metres_per_unit =
       settings.metres_per_unit > 0 ? settings.metres_per_unit : dataset.metres_per_unit;
   field.metadata.data_hash = registrationHash(dataset, settings, stop);
@@ -274,6 +338,8 @@ std::string registrationHash(const Dataset& dataset, const RegistrationSettings&
         settings.plan.final_learning_rate_factor, static_cast<double>(settings.seed)}) {
     checksum.add(&number, sizeof number);
   }
+  // Only if set: models from before there was the setting stay valid.
+  if (settings.refine_poses) checksum.add(&settings.refine_poses, sizeof settings.refine_poses);
   return checksum.text();
 }
 

@@ -36,6 +36,14 @@ class Silhouette {
     }
   }
 
+  /// The larger of width and height of what is opaque [px].
+  int extent() const {
+    int columns = 0, rows = 0;
+    for (int x = 0; x < width_; ++x) columns += touches(x, 0, x, height_ - 1);
+    for (int y = 0; y < height_; ++y) rows += touches(0, y, width_ - 1, y);
+    return std::max(columns, rows);
+  }
+
   /// True if an opaque pixel lies on the picture's border: the object may reach out of it.
   bool touchesBorder() const {
     return touches(0, 0, width_ - 1, 0) || touches(0, height_ - 1, width_ - 1, height_ - 1) ||
@@ -63,21 +71,23 @@ struct Witness {
   Camera camera;
   Pose T_C_O;
   Silhouette silhouette;
-  bool cut_off;  ///< the object may reach out of the picture
+  bool cut_off;     ///< the object may reach out of the picture
+  double slack_px;  ///< how far the silhouette may be out of place
 
-  explicit Witness(const PosedView& view)
+  Witness(const PosedView& view, double slack)
       : camera(view.camera),
         T_C_O(view.T_O_C.inverse()),
         silhouette(*view.rgba),
-        cut_off(silhouette.touchesBorder()) {}
+        cut_off(silhouette.touchesBorder()),
+        slack_px(slack > 0 ? slack * silhouette.extent() : 0) {}
 };
 
-std::vector<Witness> witnessesOf(const std::vector<PosedView>& views, int threads,
+std::vector<Witness> witnessesOf(const std::vector<PosedView>& views, double slack, int threads,
                                  const StopToken& stop) {
   std::vector<std::unique_ptr<Witness>> made(views.size());
   parallelFor(threads, static_cast<int>(views.size()), [&](int i) {
     stop.check();
-    made[i] = std::make_unique<Witness>(views[i]);
+    made[i] = std::make_unique<Witness>(views[i], slack);
   });
   std::vector<Witness> witnesses;
   for (std::unique_ptr<Witness>& witness : made) witnesses.push_back(std::move(*witness));
@@ -145,7 +155,8 @@ void judgeSlice(const Witness& view, int z, Cells* cells) {
       const Eigen::Vector3d p_C = view.T_C_O * cells->middle(x, y, z);
       if (p_C.z() <= radius) continue;
       const Eigen::Vector2d centre = view.camera.project(p_C);
-      const double reach = radius * std::max(view.camera.fx, view.camera.fy) / p_C.z();
+      const double reach =
+          radius * std::max(view.camera.fx, view.camera.fy) / p_C.z() + view.slack_px;
       if (view.cut_off && (centre.x() - reach < -0.5 || centre.y() - reach < -0.5 ||
                            centre.x() + reach > view.camera.width - 0.5 ||
                            centre.y() + reach > view.camera.height - 0.5)) {
@@ -211,7 +222,8 @@ Box tightBox(const OccupancyGrid& grid, const Box& box, const std::string& folde
 
 }  // namespace
 
-Hull visualHull(const Dataset& dataset, int resolution, int threads, const StopToken& stop) {
+Hull visualHull(const Dataset& dataset, int resolution, int threads, const StopToken& stop,
+                double slack) {
   if (dataset.views.empty()) throw std::runtime_error(dataset.folder + ": no views");
   const Box given{dataset.box_min, dataset.box_max};
   if (!dataset.has_alpha) {
@@ -222,7 +234,7 @@ Hull visualHull(const Dataset& dataset, int resolution, int threads, const StopT
     return {given, OccupancyGrid{}};
   }
   const int count = threadCount(threads);
-  const std::vector<Witness> views = witnessesOf(dataset.views, count, stop);
+  const std::vector<Witness> views = witnessesOf(dataset.views, slack, count, stop);
   Box box = dataset.has_box ? given : boxOfPictures(dataset.views);
   // Twice: the second pass has finer cells, for the box is tighter.
   for (int pass = 0; pass < 2; ++pass) {

@@ -49,6 +49,8 @@ void declare(CLI::App* app, TrainOptions* options) {
       ->capture_default_str();
   app->add_option("--held-out", settings.held_out, "Views kept apart to measure the quality")
       ->capture_default_str();
+  app->add_flag("--refine-poses", settings.refine_poses,
+                "The photos' poses are not exact: correct them first");
   app->add_option("--metres-per-unit", settings.metres_per_unit,
                   "Length of the dataset's unit [m]; 0: as the dataset says, or unknown")
       ->capture_default_str();

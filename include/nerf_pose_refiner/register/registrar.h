@@ -18,7 +18,11 @@ struct RegistrationSettings {
   double target_psnr_db = 0;    ///< stop when the held-out views reach it; 0: never
   int held_out = 4;             ///< views kept apart to measure the quality, at most a tenth
   double metres_per_unit = 0;   ///< 0: as the dataset says, or unknown
-  TrainingPlan plan;            ///< its region, background and seed are set here
+  /// The photos' poses are not exact (a robot's kinematics): corrects them before the training, by
+  /// two short ones whose models the photos are aligned with. Takes half as long again, at least;
+  /// of `max_seconds` a half is left to the training itself.
+  bool refine_poses = false;
+  TrainingPlan plan;  ///< its region, background and seed are set here
   std::uint64_t seed = 1;
   int threads = 0;  ///< for what is not the engine's work; 0: all cores. Does not change the result
 
@@ -27,7 +31,7 @@ struct RegistrationSettings {
 };
 
 struct RegistrationProgress {
-  std::string stage;  ///< "training", "occupancy", "quality"
+  std::string stage;  ///< "training", "occupancy", "quality"; before: "rough training", "poses"
   int step = 0;
   int steps = 0;
   double loss = 0;

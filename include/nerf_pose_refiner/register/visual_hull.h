@@ -19,8 +19,11 @@ struct Hull {
 /// views hold it. A picture without anything opaque on its border holds the whole object, so all
 /// of space; any other holds what lies inside. Without alpha the dataset's own box is taken, whole.
 /// @param resolution of the region's grid, a multiple of 8. @param threads 0: all cores.
+/// @param slack by how much silhouettes may be out of place, a share of their widths and heights:
+/// each is taken as so much wider on all sides. For poses that are not exact.
 /// @throws std::runtime_error if there is neither alpha nor a box, or if the silhouettes have no
 /// common volume (poses that do not belong to the images, say). Stopped.
-Hull visualHull(const Dataset& dataset, int resolution, int threads, const StopToken& stop);
+Hull visualHull(const Dataset& dataset, int resolution, int threads, const StopToken& stop,
+                double slack = 0);
 
 }  // namespace nerf_pose_refiner

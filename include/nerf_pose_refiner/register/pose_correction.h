@@ -1,0 +1,34 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <vector>
+
+#include "nerf_pose_refiner/dataset/dataset.h"
+#include "nerf_pose_refiner/engine/engine.h"
+
+namespace nerf_pose_refiner {
+
+/// Poses of photos come from a robot's kinematics or a calibrated fixture, and are off by some
+/// millimetres and tenths of a degree: too much for a sharp model, as errors differ from view to
+/// view. A model learned from all views averages them; so each view is aligned with it.
+
+/// Where each view's camera has to be for the model to look as the view does: direct alignment from
+/// the pose that it has, coarse to fine.
+/// @return T_O_C of each view, in order; one that cannot be aligned (the object is behind its
+/// camera, or it would move by more than a few degrees) keeps its pose.
+/// @throws Stopped.
+std::vector<Pose> alignViews(Engine* engine, const LoadedField& field,
+                             const std::vector<PosedView>& views, bool has_alpha,
+                             const StopToken& stop);
+
+/// Moves poses as one, so that they lie as near as can be to where they were measured. Alignment
+/// with a model says nothing of where and how large the whole is; the measured poses do, together.
+/// The similarity is Umeyama's (PAMI 1991) over all cameras' centres and the object's centre as
+/// each camera sees it.
+/// @param refined, measured T_O_C of the same views, at least one.
+/// @param object_centre in O, as the refined poses have it [model units].
+std::vector<Pose> inMeasuredFrame(const std::vector<Pose>& refined,
+                                  const std::vector<Pose>& measured,
+                                  const Eigen::Vector3d& object_centre);
+
+}  // namespace nerf_pose_refiner
