@@ -14,7 +14,6 @@
 #include <stdexcept>
 
 #include "nerf_pose_refiner/ros/pose_conversions.h"
-#include "nerf_pose_refiner/ros/tf_bridge.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -253,10 +252,15 @@ std::optional<Pose> BagSequence::initialPose(const std::string& camera_frame,
   if (next == initial_poses_.begin()) return std::nullopt;
   --next;
   if ((stamp - next->first).toSec() > max_age_s) return std::nullopt;
-  FrameSettings frames;
-  frames.fixed_frame = topics_.fixed_frame;
-  frames.tf_timeout_s = 0;  // nothing comes later: all of the bag is there
-  return TfBridge(transforms_, frames).startInCamera(next->second, camera_frame, stamp, {});
+  const StartPose& start = next->second;
+  const std::string& fixed = topics_.fixed_frame.empty() ? start.frame_id : topics_.fixed_frame;
+  try {
+    const geometry_msgs::TransformStamped T_C_P =
+        transforms_.lookupTransform(camera_frame, stamp, start.frame_id, start.stamp, fixed);
+    return fromMessage(T_C_P.transform) * start.T_P_O;
+  } catch (const tf2::TransformException& e) {
+    throw std::runtime_error(std::string("no way to the initial pose: ") + e.what());
+  }
 }
 
 }  // namespace nerf_pose_refiner

@@ -97,14 +97,13 @@ void BagEvaluation::evaluate(const BagFrame& frame, const StopToken& stop) {
   const std_msgs::Header& header = frame.image->header;
   Pose true_T_C_O;
   std::optional<Start> start;
+  const char* missing = "no true pose at the image's time";
   try {
     true_T_C_O = bag_.truth(header.frame_id, header.stamp);
+    missing = "no transform to the initial pose";
     start = startOf(frame, true_T_C_O);
   } catch (const std::runtime_error&) {
-    ++result_.skipped["no true pose at the image's time"];
-    return;
-  } catch (const std::invalid_argument& e) {
-    ++result_.skipped[e.what()];
+    ++result_.skipped[missing];
     return;
   }
   if (!start) {
@@ -113,7 +112,7 @@ void BagEvaluation::evaluate(const BagFrame& frame, const StopToken& stop) {
   }
   Observation observation;
   try {
-    observation = input_.observe(*frame.image, *frame.info);
+    observation = input_.observe(*frame.image, *frame.info, {frame.mask, nullptr});
   } catch (const std::exception& e) {
     throw std::runtime_error(bag_.topics().image + ", frame " + std::to_string(frame.index) + ": " +
                              e.what());

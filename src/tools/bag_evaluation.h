@@ -39,8 +39,7 @@ struct BagEvaluationSettings {
   double min_score = 0.5;  ///< a pose with a lower score is not trusted
   int max_failures = 5;    ///< untrusted images in a row that tracking bridges
   bool image_is_rectified = false;
-  bool use_mask = true;  ///< where the bag has one
-  int points = 1000;     ///< of the surface, for ADD, ADD-S and reprojection
+  int points = 1000;  ///< of the surface, for ADD, ADD-S and reprojection
   std::uint64_t seed = 1;
 
   /// @throws std::invalid_argument naming what is out of range.

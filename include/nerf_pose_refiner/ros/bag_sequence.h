@@ -58,7 +58,8 @@ class BagSequence {
   Pose truth(const std::string& camera_frame, const ros::Time& stamp) const;
 
   /// The newest recorded initial pose T_C_O [m] that is not newer than a time, nor older by more
-  /// than `max_age_s`; nothing: there is none. @throws InputError if TF does not lead to it.
+  /// than `max_age_s`; nothing: there is none.
+  /// @throws std::runtime_error if TF does not lead to it.
   std::optional<Pose> initialPose(const std::string& camera_frame, const ros::Time& stamp,
                                   double max_age_s) const;
 
