@@ -35,6 +35,7 @@ message(STATUS "CUDA engine: ${CMAKE_CUDA_COMPILER_VERSION}, for ${CMAKE_CUDA_AR
 set(npr_cuda ${PROJECT_NAME}_cuda)
 add_library(${npr_cuda} OBJECT
   cuda/align.cu
+  cuda/contrast.cu
   cuda/cuda_align.cpp
   cuda/cuda_descend.cpp
   cuda/cuda_engine.cpp
@@ -48,6 +49,7 @@ add_library(${npr_cuda} OBJECT
   cuda/hypotheses.cu
   cuda/launch.cpp
   cuda/picture.cu
+  cuda/regions.cu
   cuda/render.cu
   cuda/train_networks.cu
   cuda/train_occupancy.cu

@@ -77,6 +77,12 @@ __device__ PictureSample<float> sampleAt(const float4* picture, int width, int h
            0.5f * (below.w - above.w)}};
 }
 
+__device__ RegionPixel regionAt(const CudaAlignmentTarget& target, int pixel) {
+  if (target.rules.kind != Comparison::kRegions) return {};
+  const float4 region = target.observed[2 * pixel + 1];
+  return {region.x, region.y, target.background_density[pixel]};
+}
+
 /// A block per chunk (x) and search (y).
 __global__ void sumAlignmentKernel(CudaAlignmentTarget target, CudaSearches searches,
                                    const float4* pictures, Vec3<double> centre) {
@@ -85,7 +91,10 @@ __global__ void sumAlignmentKernel(CudaAlignmentTarget target, CudaSearches sear
   __shared__ AlignmentView view;
   if (threadIdx.x == 0) view = viewOf(target.camera, centre, searches.searches[v].trial);
   __syncthreads();
-  const GainBias<float> light = searches.searches[v].trial_light;
+  // Contrasts know no light.
+  const GainBias<float> light = target.rules.kind == Comparison::kContrasts
+                                    ? GainBias<float>()
+                                    : searches.searches[v].trial_light;
   const int width = target.camera.width, height = target.camera.height, pixels = width * height;
   const float4* picture = pictures + 2 * static_cast<std::size_t>(v) * pixels;
   AlignmentSumsOf<float> sums;
@@ -97,13 +106,13 @@ __global__ void sumAlignmentKernel(CudaAlignmentTarget target, CudaSearches sear
     const int x = i % width, y = i / width;
     const PictureSample<float> rendered = sampleAt(picture, width, height, x, y);
     const PictureSample<float> observed = sampleAt(target.observed, width, height, x, y);
-    const PixelResidual<float> r = knownBackgroundResidual(
-        rendered, observed, light, target.background, target.opacity_weight);
+    const RegionPixel region = regionAt(target, i);
+    const PixelResidual<float> r = comparePixel(target.rules, rendered, observed, light, region);
     const float A = rendered.value[3];
-    const RobustResidual robust = robustResidual(r, target.robust_scale, target.robust_scale);
     const float4 point = picture[2 * i + 1];
-    addJudgedPixel(r, robust, judgeResidual(r, robust, target.robust_scale), A, pixel_weight, true,
-                   surfaceFlow(view, {point.x, point.y, point.z}, A, x, y), &sums, &sums.equations);
+    addComparedPixel(target.rules, r, A, region, pixel_weight,
+                     surfaceFlow(view, {point.x, point.y, point.z}, A, x, y), &sums,
+                     &sums.equations);
   }
   const std::size_t part = static_cast<std::size_t>(v) * gridDim.x + blockIdx.x;
   sumBlock<kAlignmentSums>(reinterpret_cast<const float*>(&sums),
@@ -142,7 +151,8 @@ __global__ void sumLightKernel(CudaAlignmentTarget target, CudaSearches searches
     const int i = static_cast<int>(blockIdx.x) * kPixelsPerChunk + k + threadIdx.x;
     if (i >= pixels) break;
     const float4 rendered = picture[2 * i], observed = target.observed[2 * i];
-    addLightPixel(&rendered.x, &observed.x, target.weight[i], light, target.robust_scale, &sums);
+    addLightPixel(&rendered.x, &observed.x, target.weight[i], light, target.rules.robust_scale,
+                  &sums);
   }
   const std::size_t part = static_cast<std::size_t>(v) * gridDim.x + blockIdx.x;
   sumBlock<kLightSums>(reinterpret_cast<const float*>(&sums),

@@ -12,11 +12,11 @@ namespace nerf_pose_refiner {
 /// What every pose of a stage is compared with.
 struct CudaAlignmentTarget {
   CudaCamera camera;
-  const float4* observed;  ///< blurred picture [h][w][2]
-  const float* weight;     ///< [h][w]
-  float background[3];
-  float robust_scale;
-  float opacity_weight;  ///< 0: no opacity is observed
+  /// Blurred picture [h][w][2]; where there are regions, with confidence and inside as its point.
+  const float4* observed;
+  const float* weight;              ///< [h][w]
+  const float* background_density;  ///< [h][w], where there are regions
+  ComparisonRules rules;
   bool fit_light;
 };
 

@@ -6,8 +6,9 @@
 #include "cuda_engine.h"
 #include "engine/alignment_rules.h"
 #include "nerf_pose_refiner/image/filter.h"
+#include "nerf_pose_refiner/maths/local_contrast.h"
 
-// Direct alignment: every evaluation of a stage is enqueued, searches that are done cost nothing.
+// Direct alignment: evaluations of a stage are enqueued until all searches are done.
 
 namespace nerf_pose_refiner {
 
@@ -19,34 +20,21 @@ struct CudaEngine::Stage {
   CudaAlignmentTarget target;
   CudaSearches searches;
   AlignmentRules rules;
+  ContrastTask contrast;  ///< where contrasts are compared
+  RegionTask region;      ///< where colours are, before an unknown background
+  bool needs_regions;     ///< they are learned with the first evaluation
+  const float4* blurred;  ///< observation, as it is
 };
 
 namespace {
 
-CudaAlignmentTarget targetOf(const CudaObservation& observation, const CudaLevel& level,
-                             const AlignStage& stage) {
-  CudaAlignmentTarget target = {};
-  target.camera = level.camera;
-  target.observed = level.blurred.data();
-  target.weight = level.weight.data();
-  for (int c = 0; c < 3; ++c) target.background[c] = observation.background_colour[c];
-  target.robust_scale = static_cast<float>(stage.robust_scale);
-  const bool colour_only = observation.background == Background::kKnownColour;
-  target.opacity_weight = colour_only ? 0.0f : static_cast<float>(stage.alpha_weight);
-  target.fit_light = stage.fit_gain_bias;
-  return target;
-}
+constexpr int kEvaluationsAhead = 2;  // of the device: so soon a stop is heard
 
 }  // namespace
 
 CudaEngine::Stage CudaEngine::prepareStage(const CudaBatch& batch, const CudaField& field,
                                            const CudaObservation& observation, int level_index,
                                            const AlignStage& stage) {
-  if (observation.background == Background::kUnknown) {
-    throw std::runtime_error(
-        "the CUDA engine cannot align before an unknown background yet: give a mask, or use the "
-        "CPU engine");
-  }
   const CudaLevel& level = observation.level(level_index);
   const auto n = static_cast<std::size_t>(batch.bound);
   searches_.reserve(n);
@@ -76,36 +64,128 @@ CudaEngine::Stage CudaEngine::prepareStage(const CudaBatch& batch, const CudaFie
                pictures_.data(),
                scratch_.data(),
                pictures_.data()};
-  made.target = targetOf(observation, level, stage);
+  made.target = {level.camera,
+                 level.blurred.data(),
+                 level.weight.data(),
+                 nullptr,
+                 comparisonRules(observation.background, observation.background_colour, stage),
+                 stage.fit_gain_bias};
+  made.blurred = level.blurred.data();
   made.searches = {searches_.data(), poses_.data(), active_.data(), partial_sums_.data(),
                    batch.bound};
   made.rules = alignmentRules(field.field().metadata, level.camera.fx, stage, batch.scatter,
                               batch.prior_T_O_C);
+  if (made.target.rules.kind == Comparison::kContrasts) prepareContrasts(level, &made);
+  if (made.target.rules.kind == Comparison::kRegions) prepareRegions(level, &made);
   startSearches(made.searches, batch.view(), made.rules, stream_);
   return made;
 }
 
-void CudaEngine::evaluateTrials(const Stage& stage, bool only_score) {
-  renderPictures(stage.field->view(), stage.render, stream_);
-  blurPictures(stage.blur, stream_);
-  if (stage.target.fit_light) {
-    for (int pass = 0; pass < 2; ++pass) {
-      fitLights(stage.target, stage.searches, pictures_.data(), stream_);
-    }
-  }
-  advanceSearches(stage.target, stage.searches, pictures_.data(), stage.rules, only_score, stream_);
+void CudaEngine::prepareContrasts(const CudaLevel& level, Stage* stage) {
+  const int width = level.camera.width, height = level.camera.height;
+  const std::size_t pixels = static_cast<std::size_t>(width) * height;
+  const std::vector<float> window = gaussianKernel(contrastWindow(width, height));
+  window_.upload(window, stream_);
+  behind_.reserve(2 * pixels * static_cast<std::size_t>(stage->searches.view_count));
+  statistics_.reserve(behind_.capacity());
+  observed_.reserve(2 * pixels);
+  inside_weight_.reserve(pixels);
+  stage->contrast = {width,
+                     height,
+                     stage->searches,
+                     level.image.data(),
+                     stage->blur,
+                     window_.data(),
+                     static_cast<int>(window.size()) - 1,
+                     pictures_.data(),
+                     behind_.data(),
+                     statistics_.data(),
+                     inside_weight_.data()};
+  takeObservedContrasts(stage->contrast, level.blurred.data(), observed_.data(), stream_);
 }
 
+void CudaEngine::prepareRegions(const CudaLevel& level, Stage* stage) {
+  const int width = level.camera.width, height = level.camera.height;
+  const std::size_t pixels = static_cast<std::size_t>(width) * height;
+  const std::vector<float> kernel = gaussianKernel(kColourSigma * kColourBins);
+  window_.upload(kernel, stream_);
+  counts_.reserve(1);
+  opacity_.reserve(pixels);
+  inside_weight_.reserve(pixels);
+  background_density_.reserve(pixels);
+  observed_.reserve(2 * pixels);
+  behind_.reserve(2 * pixels);
+  stage->region = {width,
+                   height,
+                   stage->searches,
+                   pictures_.data(),
+                   level.image.data(),
+                   level.blurred.data(),
+                   level.weight.data(),
+                   stage->blur,
+                   window_.data(),
+                   static_cast<int>(kernel.size()) - 1,
+                   counts_.data(),
+                   opacity_.data(),
+                   inside_weight_.data(),
+                   behind_.data(),
+                   observed_.data(),
+                   background_density_.data()};
+  stage->needs_regions = true;
+}
+
+void CudaEngine::fitLight(const Stage& stage) {
+  if (!stage.target.fit_light) return;
+  for (int pass = 0; pass < 2; ++pass) {
+    fitLights(stage.target, stage.searches, pictures_.data(), stream_);
+  }
+}
+
+void CudaEngine::evaluateTrials(Stage* stage, bool only_score) {
+  const bool contrasts = stage->target.rules.kind == Comparison::kContrasts;
+  renderPictures(stage->field->view(), stage->render, stream_);
+  if (contrasts) stage->target.observed = stage->blurred;
+  if (stage->needs_regions) {
+    fitLight(*stage);
+    modelRegions(stage->region, stream_);
+    stage->target.observed = stage->region.observed;
+    stage->target.background_density = stage->region.background_density;
+    stage->needs_regions = false;
+  }
+  if (contrasts) seeBehind(stage->contrast, stream_);
+  blurPictures(stage->blur, stream_);
+  fitLight(*stage);
+  if (contrasts) {
+    takeContrasts(stage->contrast, stream_);
+    stage->target.observed = observed_.data();
+  }
+  advanceSearches(stage->target, stage->searches, pictures_.data(), stage->rules, only_score,
+                  stream_);
+}
+
+// The device is kept at most kEvaluationsAhead evaluations behind: a stop is heard, and nothing is
+// enqueued once all searches are done.
 void CudaEngine::align(HypothesisBatch* batch, const LoadedField& field,
                        const LoadedObservation& observation, int level, const AlignStage& stage,
                        const StopToken& stop) {
   enter();
   CudaBatch& hypotheses = own(batch);
   if (hypotheses.bound == 0) return;
-  const Stage ready = prepareStage(hypotheses, own(field), own(observation), level, stage);
+  Stage ready = prepareStage(hypotheses, own(field), own(observation), level, stage);
+  const auto views = static_cast<std::size_t>(ready.searches.view_count);
+  pinned_active_.reserve(kEvaluationsAhead * views);
   for (int evaluation = 0; evaluation <= stage.max_iterations; ++evaluation) {
     stop.check();
-    evaluateTrials(ready, false);
+    const int slot = evaluation % kEvaluationsAhead;
+    int* active = pinned_active_.data() + static_cast<std::size_t>(slot) * views;
+    if (evaluation >= kEvaluationsAhead) {
+      evaluated_[slot].wait();
+      if (std::all_of(active, active + views, [](int a) { return a == 0; })) break;
+    }
+    evaluateTrials(&ready, false);
+    NPR_CUDA_CHECK(cudaMemcpyAsync(active, ready.searches.active, views * sizeof(int),
+                                   cudaMemcpyDeviceToHost, stream_));
+    evaluated_[slot].record(stream_);
   }
   finishSearches(ready.searches, hypotheses.view(), stream_);
 }
@@ -117,8 +197,9 @@ void CudaEngine::score(HypothesisBatch* batch, const LoadedField& field,
   stop.check();
   CudaBatch& hypotheses = own(batch);
   if (hypotheses.bound == 0) return;
-  const Stage ready = prepareStage(hypotheses, own(field), own(observation), level, stage);
-  evaluateTrials(ready, true);
+  Stage ready = prepareStage(hypotheses, own(field), own(observation), level, stage);
+  ready.target.rules.rank_by_regions = true;
+  evaluateTrials(&ready, true);
   finishSearches(ready.searches, hypotheses.view(), stream_);
 }
 

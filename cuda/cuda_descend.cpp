@@ -10,7 +10,8 @@
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr int kStepsPerGraph = 16;  // the stop token is looked at in between
+constexpr int kStepsPerGraph = 4;
+constexpr int kGraphsAhead = 2;  // of the device: so soon a stop is heard
 
 }  // namespace
 
@@ -82,11 +83,15 @@ void CudaEngine::descend(HypothesisBatch* batch, const LoadedField& field,
   };
   const int graphs = (steps - 1) / kStepsPerGraph;
   enqueue(std::max(0, steps - graphs * kStepsPerGraph));  // also readies the kernels
-  if (graphs > 0) descent_graph_.record(stream_, [&] { enqueue(kStepsPerGraph); });
+  if (graphs > 0) {
+    for (const CudaEvent& event : stepped_) event.wait();  // the last graph may still run
+    descent_graph_.record(stream_, [&] { enqueue(kStepsPerGraph); });
+  }
   for (int i = 0; i < graphs; ++i) {
     stop.check();
+    if (i >= kGraphsAhead) stepped_[i % kGraphsAhead].wait();
     descent_graph_.launch(stream_);
-    stream_.wait();  // so that a stop is heard
+    stepped_[i % kGraphsAhead].record(stream_);
   }
   finishDescent(task, hypotheses.bound, stream_);
 }

@@ -15,6 +15,7 @@
 #include "nerf_pose_refiner/engine/make_engine.h"
 #include "picture.h"
 #include "render.h"
+#include "unknown_background.h"
 
 namespace nerf_pose_refiner {
 
@@ -132,7 +133,10 @@ class CudaEngine final : public Engine {
   DescentTask descentTask(CudaBatch* batch, const CudaField& field,
                           const CudaObservation& observation, int level, const DescentPlan& plan,
                           int most_rays);
-  void evaluateTrials(const Stage& stage, bool only_score);
+  void prepareContrasts(const CudaLevel& level, Stage* stage);
+  void prepareRegions(const CudaLevel& level, Stage* stage);
+  void fitLight(const Stage& stage);
+  void evaluateTrials(Stage* stage, bool only_score);
   void copyWork();  ///< enqueues its download
   void takeWork();  ///< after a wait
 
@@ -151,6 +155,11 @@ class CudaEngine final : public Engine {
   DeviceBuffer<AlignmentSearch> searches_;
   DeviceBuffer<int> active_;
   DeviceBuffer<double> partial_sums_;
+  DeviceBuffer<float> window_, opacity_, inside_weight_, background_density_;
+  DeviceBuffer<float4> behind_, statistics_, observed_;
+  DeviceBuffer<ColourCounts> counts_;
+  PinnedBuffer<int> pinned_active_;
+  CudaEvent evaluated_[2];  ///< behind the evaluations that were enqueued last
   DeviceBuffer<int> live_;
   DeviceBuffer<double2> scores_;
   DeviceBuffer<DescentClock> clock_;
@@ -158,6 +167,7 @@ class CudaEngine final : public Engine {
   DeviceBuffer<RayForce> forces_;
   DeviceBuffer<RayHit> ray_hits_;
   CudaGraph descent_graph_;
+  CudaEvent stepped_[2];  ///< behind the graphs that were launched last
   DeviceBuffer<CudaWork> meter_;
   PinnedBuffer<float4> pinned_picture_;
   PinnedBuffer<CudaHypothesis> pinned_hypotheses_;

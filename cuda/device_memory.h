@@ -103,6 +103,21 @@ class CudaStream {
   cudaStream_t stream_ = nullptr;
 };
 
+/// A place in a stream that can be waited for.
+class CudaEvent {
+ public:
+  CudaEvent() { NPR_CUDA_CHECK(cudaEventCreateWithFlags(&event_, cudaEventDisableTiming)); }
+  ~CudaEvent() { cudaEventDestroy(event_); }
+  CudaEvent(const CudaEvent&) = delete;
+  CudaEvent& operator=(const CudaEvent&) = delete;
+  void record(cudaStream_t stream) const { NPR_CUDA_CHECK(cudaEventRecord(event_, stream)); }
+  /// Returns at once if it was never recorded.
+  void wait() const { NPR_CUDA_CHECK(cudaEventSynchronize(event_)); }
+
+ private:
+  cudaEvent_t event_ = nullptr;
+};
+
 /// A recorded sequence of launches, run again and again.
 class CudaGraph {
  public:

@@ -1,6 +1,7 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "nerf_pose_refiner/engine/observation.h"
 #include "nerf_pose_refiner/engine/plans.h"
 #include "nerf_pose_refiner/field/field.h"
 #include "nerf_pose_refiner/maths/alignment_search.h"
@@ -23,6 +24,20 @@ inline AlignmentRules alignmentRules(const FieldMetadata& object, double focal_p
   rules.convergence_px = stage.convergence_px;
   rules.limits = {plainPose(prior_T_O_C), plainVector(scatter.object_centre),
                   scatter.rotation_limit_rad, scatter.translation_limit};
+  return rules;
+}
+
+/// How a stage compares pixels. @param colour of the background; 0 if there is an alpha.
+inline ComparisonRules comparisonRules(Background background, const Eigen::Vector3f& colour,
+                                       const AlignStage& stage) {
+  ComparisonRules rules;
+  rules.kind = stage.compare_contrast               ? Comparison::kContrasts
+               : background == Background::kUnknown ? Comparison::kRegions
+                                                    : Comparison::kKnownBackground;
+  for (int c = 0; c < 3; ++c) rules.background[c] = colour[c];
+  rules.robust_scale = static_cast<float>(stage.robust_scale);
+  const bool colour_only = background == Background::kKnownColour;
+  rules.opacity_weight = colour_only ? 0.0f : static_cast<float>(stage.alpha_weight);
   return rules;
 }
 

@@ -9,8 +9,6 @@
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr float kContrastScale = 2;  // of the robust scale: contrasts differ by more than colours
-
 Vec3<float> toVec(const Eigen::Vector3d& v) {
   return {static_cast<float>(v.x()), static_cast<float>(v.y()), static_cast<float>(v.z())};
 }
@@ -30,30 +28,10 @@ PictureSample<float> sampleAt(const Image& picture, int x, int y) {
   return sample;
 }
 
-PixelJudgement judgePixel(const AlignmentTarget& target, const PixelResidual<float>& r, float A,
-                          const RobustResidual& robust, int x, int y) {
-  const float scale = target.robust_scale;
-  if (target.compare_contrast) return judgeContrast(robust, A, kContrastScale * scale);
-  PixelJudgement judgement = judgeResidual(r, robust, scale);
-  if (target.regions != nullptr) {
-    const float object = objectDensity(robust.squared / std::max(A * A, 1e-4f));
-    const float background = target.regions->background_density.at(x, y, 0);
-    judgement.agrees = object > background;
-    if (target.rank_by_regions) judgement.cost = mixtureCost(A, object, background);
-  }
-  return judgement;
-}
-
-void addPixelOf(const AlignmentTarget& target, const AlignmentView& view, const Image& picture,
-                int x, int y, const GainBias<float>& light, float pixel_weight, AlignmentSums* sums,
-                NormalEquations6<float>* equations) {
-  const PixelResidual<float> r = residualAt(target, picture, light, x, y);
-  const float A = picture.at(x, y, kOpacity);
-  const float colour_scale = (target.compare_contrast ? kContrastScale : 1) * target.robust_scale;
-  const RobustResidual robust = robustResidual(r, colour_scale, target.robust_scale);
-  const bool judges_background = target.regions == nullptr && !target.compare_contrast;
-  addJudgedPixel<double>(r, robust, judgePixel(target, r, A, robust, x, y), A, pixel_weight,
-                         judges_background, flowAt(view, picture, x, y), sums, equations);
+RegionPixel regionAt(const AlignmentTarget& target, int x, int y) {
+  if (target.regions == nullptr) return {};
+  const float* regions = target.observed->pixel(x, y);
+  return {regions[kConfidence], regions[kInside], target.regions->background_density.at(x, y, 0)};
 }
 
 }  // namespace
@@ -74,19 +52,8 @@ AlignmentView viewOf(const AlignmentTarget& target, const Pose& T_O_C) {
 
 PixelResidual<float> residualAt(const AlignmentTarget& target, const Image& picture,
                                 const GainBias<float>& light, int x, int y) {
-  const PictureSample<float> rendered = sampleAt(picture, x, y);
-  const PictureSample<float> observed = sampleAt(*target.observed, x, y);
-  if (target.compare_contrast) {
-    return unknownBackgroundResidual(rendered, observed, light, interiorWeight(rendered.value[3]),
-                                     0.0f);
-  }
-  if (target.regions == nullptr) {
-    return knownBackgroundResidual(rendered, observed, light, target.background_colour.data(),
-                                   target.opacity_weight);
-  }
-  const float* regions = target.observed->pixel(x, y);
-  return unknownBackgroundResidual(rendered, observed, light, regions[kInside],
-                                   target.opacity_weight * regions[kConfidence]);
+  return comparePixel(target.rules, sampleAt(picture, x, y), sampleAt(*target.observed, x, y),
+                      light, regionAt(target, x, y));
 }
 
 PixelFlow<float> flowAt(const AlignmentView& view, const Image& picture, int x, int y) {
@@ -123,7 +90,8 @@ LightMoments sumLight(const AlignmentTarget& target, const Image& picture,
   for (int y = first_row; y < last_row; ++y) {
     for (int x = 0; x < picture.width; ++x) {
       addLightPixel<double>(picture.pixel(x, y), target.observed->pixel(x, y),
-                            target.level->weight.at(x, y, 0), light, target.robust_scale, &sums);
+                            target.level->weight.at(x, y, 0), light, target.rules.robust_scale,
+                            &sums);
     }
   }
   return sums;
@@ -138,7 +106,9 @@ AlignmentSums sumAlignment(const AlignmentTarget& target, const Image& picture, 
     for (int x = 0; x < picture.width; ++x) {
       const float pixel_weight = target.level->weight.at(x, y, 0);
       if (pixel_weight == 0) continue;
-      addPixelOf(target, view, picture, x, y, light, pixel_weight, &sums, &row);
+      addComparedPixel<double>(target.rules, residualAt(target, picture, light, x, y),
+                               picture.at(x, y, kOpacity), regionAt(target, x, y), pixel_weight,
+                               flowAt(view, picture, x, y), &sums, &row);
     }
     for (int i = 0; i < 21; ++i) sums.equations.information[i] += row.information[i];
     for (int i = 0; i < 6; ++i) sums.equations.gradient[i] += row.gradient[i];

@@ -13,16 +13,10 @@ struct RegionModel;
 struct AlignmentTarget {
   const ObservedLevel* level = nullptr;
   const Image* observed = nullptr;       ///< blurred RGB and opacity [h][w][kPictureChannels]
-  const RegionModel* regions = nullptr;  ///< set if the background is unknown
-  Eigen::Vector3f background_colour = Eigen::Vector3f::Zero();
+  const RegionModel* regions = nullptr;  ///< set where rules.kind is kRegions
+  ComparisonRules rules;
   Eigen::Vector3d centre = Eigen::Vector3d::Zero();  ///< of the object, in O [model units]
-  float robust_scale = 0.1f;
-  float opacity_weight = 1;  ///< 0: no opacity is observed
   bool fit_light = false;
-  bool compare_contrast = false;  ///< pictures hold contrasts (local_contrast.h), not colours
-  /// The cost is a log-likelihood (maths/alignment.h, mixtureCost) instead of robust residuals:
-  /// comparable between poses that show different parts of the object.
-  bool rank_by_regions = false;
 };
 
 struct LightMoments : LightMomentsOf<double> {

@@ -4,12 +4,14 @@
 #include <array>
 #include <vector>
 
+#include "nerf_pose_refiner/maths/colour_density.h"
+
 namespace nerf_pose_refiner {
 
 /// A density of colours in the unit RGB cube: counts in bins, smoothed, interpolated.
 class ColourHistogram {
  public:
-  static constexpr int kBins = 16;  ///< along each axis
+  static constexpr int kBins = kColourBins;
 
   ColourHistogram() : values_(kBins * kBins * kBins, 0.0f) {}
 
@@ -20,12 +22,10 @@ class ColourHistogram {
   void finish(double sigma, float uniform_share);
 
   /// Density at a colour, 1 if all colours were equally likely.
-  float density(const float rgb[3]) const;
+  float density(const float rgb[3]) const { return colourDensity(values_.data(), rgb); }
 
  private:
   void smoothAxis(const std::vector<float>& kernel, int stride);
-  float* bin(int r, int g, int b) { return &values_[(r * kBins + g) * kBins + b]; }
-  float valueAt(int r, int g, int b) const { return values_[(r * kBins + g) * kBins + b]; }
 
   std::vector<float> values_;
 };

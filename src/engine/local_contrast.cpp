@@ -2,16 +2,13 @@
 #include "local_contrast.h"
 
 #include <algorithm>
-#include <cmath>
 
 #include "nerf_pose_refiner/image/filter.h"
+#include "nerf_pose_refiner/maths/local_contrast.h"
 #include "picture.h"
 
 namespace nerf_pose_refiner {
 namespace {
-
-constexpr float kContrastUnit = 0.2f;     // puts contrasts on the scale of colours
-constexpr float kLeastDeviation = 0.03f;  // of colours: what is flatter is taken for noise
 
 // How much of the window around each pixel is seen, [h][w][1]; empty: all of it, everywhere.
 Image shareSeen(const Image& picture, const std::vector<float>& window) {
@@ -28,8 +25,8 @@ Image shareSeen(const Image& picture, const std::vector<float>& window) {
   return share;
 }
 
-// Mean and deviation of each colour around each pixel, [h][w][6], over the pixels of `picture` that
-// have weight: what covers the others, a gripper say, is no part of the surroundings.
+// Mean of each colour and of its square around each pixel, [h][w][6], over the pixels of `picture`
+// that have weight: what covers the others, a gripper say, is no part of the surroundings.
 Image localStatistics(const Image& colours, const Image& picture,
                       const std::vector<float>& window) {
   const Image share = shareSeen(picture, window);
@@ -44,23 +41,17 @@ Image localStatistics(const Image& colours, const Image& picture,
   }
   Image scratch;
   blur(window, &statistics, &scratch);
+  if (share.empty()) return statistics;
   for (std::size_t i = 0; i < colours.pixels(); ++i) {
-    const float inverse = share.empty() ? 1 : 1 / std::max(share.values[i], 1e-6f);
-    for (int c = 0; c < 3; ++c) {
-      float& mean = statistics.values[6 * i + c];
-      float& square = statistics.values[6 * i + 3 + c];
-      mean *= inverse;
-      square *= inverse;
-      square = std::sqrt(std::max(0.0f, square - mean * mean) + kLeastDeviation * kLeastDeviation);
-    }
+    const float inverse = 1 / std::max(share.values[i], 1e-6f);
+    for (int c = 0; c < 6; ++c) statistics.values[6 * i + c] *= inverse;
   }
   return statistics;
 }
 
 float contrastAt(const Image& colours, const Image& statistics, std::size_t pixel, int channel) {
   const float* local = statistics.values.data() + 6 * pixel;
-  return kContrastUnit * (colours.values[3 * pixel + channel] - local[channel]) /
-         local[3 + channel];
+  return localContrast(colours.values[3 * pixel + channel], local[channel], local[3 + channel]);
 }
 
 }  // namespace

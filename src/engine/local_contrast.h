@@ -7,8 +7,8 @@
 
 namespace nerf_pose_refiner {
 
-/// Colours relative to what is around them: kContrastUnit times (colour - mean) / deviation, mean
-/// and deviation taken over those pixels of a Gaussian window that have weight, per channel.
+/// Colours relative to what is around them: localContrast with mean and deviation taken over those
+/// pixels of a Gaussian window that have weight, per channel.
 ///
 /// What is left does not change with the strength and tint of the light as long as that changes
 /// slowly over the picture: a face of the object that is turned to the lamp compares as well as one

@@ -9,10 +9,6 @@
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr double kColourSigma = 0.1;        // width to which colours are smoothed
-constexpr float kUniformShare = 0.1f;       // of a histogram: colours that nobody has seen yet
-constexpr float kLeastProbability = 0.05f;  // weight of pixels that surely show something else
-
 // Mean opacity of the renderings at each pixel.
 std::vector<float> meanOpacity(const std::vector<const Image*>& pictures) {
   std::vector<float> mean(pictures[0]->pixels(), 0.0f);
@@ -132,12 +128,6 @@ RegionModel modelRegions(const ObservedLevel& level, const std::vector<const Ima
         background.density(level.blurred.values.data() + kPictureChannels * i);
   }
   return model;
-}
-
-float objectDensity(float squared_distance) {
-  constexpr double kVariance = kColourSigma * kColourSigma;
-  static const float kPeak = static_cast<float>(std::pow(2 * M_PI * kVariance, -1.5));
-  return kPeak * std::exp(-0.5f / static_cast<float>(kVariance) * squared_distance);
 }
 
 }  // namespace nerf_pose_refiner

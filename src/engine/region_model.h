@@ -5,6 +5,7 @@
 
 #include "cpu_engine.h"
 #include "nerf_pose_refiner/maths/alignment.h"
+#include "nerf_pose_refiner/maths/colour_density.h"
 #include "picture.h"
 
 namespace nerf_pose_refiner {
@@ -29,9 +30,5 @@ struct RegionModel {
 RegionModel modelRegions(const ObservedLevel& level, const std::vector<const Image*>& pictures,
                          const std::vector<GainBias<float>>& lights,
                          const std::vector<float>& blur_kernel);
-
-/// Density of an observed colour given the rendered one, at that squared distance, if the pixel
-/// shows the object: as wide as the colours of the background are smoothed.
-float objectDensity(float squared_distance);
 
 }  // namespace nerf_pose_refiner

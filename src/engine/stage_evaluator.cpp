@@ -4,8 +4,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include "alignment_rules.h"
 #include "local_contrast.h"
 #include "nerf_pose_refiner/image/filter.h"
+#include "nerf_pose_refiner/maths/local_contrast.h"
 #include "nerf_pose_refiner/tasks/parallel.h"
 #include "picture.h"
 
@@ -16,7 +18,6 @@ namespace nerf_pose_refiner {
 namespace {
 
 constexpr int kRowsPerChunk = 8;
-constexpr double kContrastWindow = 0.1;  // sigma, in the shorter side of the level's picture
 
 }  // namespace
 
@@ -26,22 +27,17 @@ StageEvaluator::StageEvaluator(const RayRenderer& scene, const CpuObservation& o
     : scene_(scene), stage_(stage), threads_(threads), stop_(stop), work_(work) {
   target_.level = &observedLevel(observation, level);
   target_.observed = &target_.level->blurred;
-  target_.background_colour = observation.background_colour;
   target_.centre = scene.field().metadata.centre;
-  target_.robust_scale = static_cast<float>(stage.robust_scale);
-  const bool colour_only = observation.background == Background::kKnownColour;
-  target_.opacity_weight = colour_only ? 0.0f : static_cast<float>(stage.alpha_weight);
+  target_.rules = comparisonRules(observation.background, observation.background_colour, stage);
   target_.fit_light = stage.fit_gain_bias;
-  target_.compare_contrast = stage.compare_contrast;
-  needs_regions_ = observation.background == Background::kUnknown && !stage.compare_contrast;
+  needs_regions_ = target_.rules.kind == Comparison::kRegions;
   // A lattice of n x n rays has a variance of (1 - 1 / n^2) / 12 of a pixel along each axis.
   const double n = stage.rays_per_side;
   const double blur = target_.level->blur_px;
   picture_kernel_ = gaussianKernel(std::sqrt(std::max(0.0, blur * blur - (1 - 1 / (n * n)) / 12)));
   if (stage.compare_contrast) {
     const Camera& camera = target_.level->camera;
-    contrast_window_ =
-        gaussianKernel(std::max(2.0, kContrastWindow * std::min(camera.width, camera.height)));
+    contrast_window_ = gaussianKernel(contrastWindow(camera.width, camera.height));
     observed_contrast_ = target_.level->blurred;
     takeContrast(contrast_window_, &observed_contrast_);
   }
@@ -104,7 +100,7 @@ void StageEvaluator::fitLights(const std::vector<Evaluation*>& evaluations) {
 void StageEvaluator::blurAll(const std::vector<Evaluation*>& evaluations) {
   parallelFor(threads_, static_cast<int>(evaluations.size()), [&](int i) {
     Evaluation& e = *evaluations[i];
-    if (target_.compare_contrast) {
+    if (comparesContrasts()) {
       e.behind = seenBehind(target_.level->image, e.picture);
       blurPicture(picture_kernel_, &e.behind, &e.scratch);
     }
@@ -124,17 +120,17 @@ void StageEvaluator::takeContrasts(const std::vector<Evaluation*>& evaluations) 
 void StageEvaluator::evaluate(const std::vector<Evaluation*>& evaluations) {
   const int count = static_cast<int>(evaluations.size());
   render(evaluations);
-  if (target_.compare_contrast) target_.observed = &target_.level->blurred;
+  if (comparesContrasts()) target_.observed = &target_.level->blurred;
   if (needs_regions_) {
     if (target_.fit_light) fitLights(evaluations);
     buildRegions(evaluations);
   }
   blurAll(evaluations);
   if (target_.fit_light) fitLights(evaluations);
-  if (target_.compare_contrast) takeContrasts(evaluations);
+  if (comparesContrasts()) takeContrasts(evaluations);
   const auto sums = sumChunks<AlignmentSums>(count, [&](int i, int first, int last) {
     const Evaluation& e = *evaluations[i];
-    const GainBias<float> light = target_.compare_contrast ? GainBias<float>() : e.light;
+    const GainBias<float> light = comparesContrasts() ? GainBias<float>() : e.light;
     return sumAlignment(target_, e.picture, e.T_O_C, light, first, last);
   });
   for (int i = 0; i < count; ++i) evaluations[i]->sums = sums[i];

@@ -24,13 +24,14 @@ class StageEvaluator {
   StageEvaluator(const RayRenderer& scene, const CpuObservation& observation, int level,
                  const AlignStage& stage, int threads, const StopToken& stop, Work* work);
 
-  void rankByRegions() { target_.rank_by_regions = true; }
+  void rankByRegions() { target_.rules.rank_by_regions = true; }
   const AlignmentTarget& target() const { return target_; }
   const FieldMetadata& object() const { return scene_.field().metadata; }
 
   void evaluate(const std::vector<Evaluation*>& evaluations);
 
  private:
+  bool comparesContrasts() const { return target_.rules.kind == Comparison::kContrasts; }
   void render(const std::vector<Evaluation*>& evaluations);
   void buildRegions(const std::vector<Evaluation*>& evaluations);
   void blurAll(const std::vector<Evaluation*>& evaluations);

@@ -177,15 +177,10 @@ PoseRefinerParameters::PoseRefinerParameters() {
 }
 
 EngineChoice PoseRefinerParameters::engineChoice() const {
-  return {backend == "auto" ? "cpu" : backend, threads, instruction_set, device};
+  return {backend, threads, instruction_set, device};
 }
 
 void PoseRefinerParameters::validate() const {
-  if (backend == "cuda") {
-    throw std::invalid_argument(
-        "parameter ~backend is 'cuda', but the CUDA engine cannot align before the unknown "
-        "background of camera images yet: set cpu or auto");
-  }
   requireNotNegative("~threads", threads);
   requireNotNegative("~device", device);
   requireNotNegative("~mask_timeout_s", masks.timeout_s);

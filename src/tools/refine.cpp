@@ -219,9 +219,7 @@ void refine(const RefineOptions& options, const StopToken& stop) {
   RefinerSettings settings = RefinerSettings::named(options.preset);
   settings.seed = options.seed;
   const Observation observation = observationOf(input, options.background);
-  EngineOptions engine_options = options.engine;
-  engine_options.backend = backendFor(engine_options.backend, observation.background);
-  const std::shared_ptr<Engine> engine = engine_options.make();
+  const std::shared_ptr<Engine> engine = options.engine.make();
   const std::shared_ptr<const LoadedField> loaded = engine->load(field);
   const Prior prior = {input.start_T_O_C, options.search_rotation_deg / kDegreesPerRad,
                        options.search_translation};

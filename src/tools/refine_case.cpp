@@ -76,8 +76,4 @@ Observation observationOf(const RefineCase& input, const std::vector<float>& bac
   return observation;
 }
 
-std::string backendFor(const std::string& backend, Background background) {
-  return backend == "auto" && background == Background::kUnknown ? "cpu" : backend;
-}
-
 }  // namespace nerf_pose_refiner

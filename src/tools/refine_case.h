@@ -34,8 +34,4 @@ RefineCase caseOfView(const PosedView& view, const Image8& mask);
 /// nothing.
 Observation observationOf(const RefineCase& input, const std::vector<float>& background);
 
-/// The backend that is meant by `auto` for such a picture: the CUDA engine cannot align before an
-/// unknown background yet. Any other backend stays as it is.
-std::string backendFor(const std::string& backend, Background background);
-
 }  // namespace nerf_pose_refiner

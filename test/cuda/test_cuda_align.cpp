@@ -1,5 +1,9 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include <atomic>
+#include <chrono>
 #include <cmath>
+#include <string>
+#include <thread>
 
 #include "learned_object_test.h"
 #include "nerf_pose_refiner/refine/refiner.h"
@@ -92,6 +96,138 @@ TEST_F(CudaAlign, scoresAndSelectsAsTheCpu) {
   for (std::size_t i = 0; i < selected[0].size(); ++i) {
     expectNear(selected[0][i].T_O_C, selected[1][i].T_O_C, 1e-9);
   }
+}
+
+/// By contrasts and by colours, with and without a fit of the light.
+TEST_F(CudaAlign, scoresBeforeAnUnknownBackgroundAsTheCpu) {
+  const Observation seen = observation(Background::kUnknown);
+  for (const bool contrasts : {true, false}) {
+    for (const bool light : {false, true}) {
+      SCOPED_TRACE(std::string(contrasts ? "contrasts" : "colours") + (light ? ", light" : ""));
+      HypothesisTable scored[2];
+      for (Engine* engine : {cpu.get(), cuda.get()}) {
+        const auto batch = engine->batch(24);
+        const auto observed = engine->observe(seen, {{someCamera().scaled(0.4), 1.2}});
+        engine->scatter(batch.get(), disturbed(truth, *field, 4, 0.05), scatterPlan(*field, true));
+        AlignStage stage;
+        stage.rays_per_side = 2;
+        stage.compare_contrast = contrasts;
+        stage.fit_gain_bias = light;
+        stage.alpha_weight = 0.03;
+        engine->score(batch.get(), loaded(*engine), *observed, 0, stage, {});
+        scored[engine == cuda.get()] = engine->read(*batch);
+      }
+      ASSERT_EQ(scored[0].size(), scored[1].size());
+      for (std::size_t i = 0; i < scored[0].size(); ++i) {
+        const Hypothesis &a = scored[0][i], &b = scored[1][i];
+        EXPECT_EQ(a.state, b.state) << i;
+        EXPECT_NEAR(a.loss, b.loss, 5e-3 * std::abs(a.loss) + 1e-4) << i;
+        EXPECT_NEAR(a.visible_fraction, b.visible_fraction, 1e-2) << i;
+        EXPECT_NEAR(a.score, b.score, 1e-2) << i;
+        EXPECT_LT((a.information - b.information).norm(), 1e-2 * a.information.norm()) << i;
+      }
+    }
+  }
+}
+
+TEST_F(CudaAlign, endsAtTheSamePoseBeforeAnUnknownBackground) {
+  const Observation seen = observation(Background::kUnknown);
+  Prior prior;
+  prior.T_O_C = disturbed(truth, *field, 9, 0.08);
+  prior.rotation_rad = 0.2;
+  prior.translation = 0.1;
+  for (const bool contrasts : {true, false}) {
+    SCOPED_TRACE(contrasts ? "contrasts" : "colours");
+    RefinerSettings settings = RefinerSettings::named("align");
+    settings.compare_contrast = contrasts;
+    Refinement found[2];
+    for (auto* engine : {&cpu, &cuda}) {
+      const std::shared_ptr<Engine> shared(engine->get(), [](Engine*) {});
+      Refiner refiner(shared, settings);
+      found[engine == &cuda] = refiner.refine(loaded(**engine), seen, prior);
+      ASSERT_EQ(found[engine == &cuda].outcome, Outcome::kRefined);
+    }
+    const double angle = rotationDistance(found[0].T_O_C.R, found[1].T_O_C.R) / kDegree;
+    const double distance = (found[0].T_O_C.t - found[1].T_O_C.t).norm() / field->metadata.diameter;
+    const double error = rotationDistance(found[0].T_O_C.R, truth.R) / kDegree;
+    std::printf("  apart %.4f deg, %.5f diameters; from the truth %.4f deg, seconds %.3f %.3f\n",
+                angle, distance, error, found[0].seconds, found[1].seconds);
+    EXPECT_LT(error, 2);
+    EXPECT_LT(angle, 0.05);
+    EXPECT_LT(distance, 1e-3);
+    EXPECT_NEAR(found[0].score, found[1].score, 0.02);
+  }
+}
+
+TEST_F(CudaAlign, theSameBitsBeforeAnUnknownBackground) {
+  const Observation seen = observation(Background::kUnknown);
+  for (const bool contrasts : {true, false}) {
+    RefinerSettings settings = RefinerSettings::named("align");
+    settings.compare_contrast = contrasts;
+    Prior prior;
+    prior.T_O_C = disturbed(truth, *field, 9, 0.08);
+    const std::shared_ptr<Engine> shared(cuda.get(), [](Engine*) {});
+    Refiner refiner(shared, settings);
+    const Refinement once = refiner.refine(*on_cuda, seen, prior);
+    const Refinement again = refiner.refine(*on_cuda, seen, prior);
+    EXPECT_EQ(once.T_O_C.R, again.T_O_C.R);
+    EXPECT_EQ(once.T_O_C.t, again.T_O_C.t);
+    EXPECT_EQ(once.score, again.score);
+  }
+}
+
+/// Works until it is stopped from another thread, once it is well under way.
+/// @return seconds from the request until nothing is left to be done.
+template <typename Work, typename Wait>
+double secondsToStop(const Work& work, const Wait& wait) {
+  using Clock = std::chrono::steady_clock;
+  StopToken stop;
+  std::atomic<int> rounds{0};
+  Clock::time_point requested;
+  std::thread other([&] {
+    while (rounds < 5) std::this_thread::yield();
+    requested = Clock::now();
+    stop.requestStop();
+  });
+  EXPECT_THROW(
+      while (true) {
+        work(stop);
+        ++rounds;
+      },
+      Stopped);
+  wait();
+  const Clock::time_point end = Clock::now();
+  other.join();
+  return std::chrono::duration<double>(end - requested).count();
+}
+
+// The search as it begins, with the most hypotheses, and the paper's mode.
+TEST_F(CudaAlign, hearsAStopWithinTenMilliseconds) {
+  const Observation seen = observation(Background::kKnownAlpha);
+  const auto observed = cuda->observe(seen, {{someCamera(), 1.2}});
+  const auto batch = cuda->batch(64);
+  ScatterPlan plan = scatterPlan(*field, true);
+  plan.count = 64;
+  const auto wait = [&] { cuda->read(*batch); };
+  AlignStage stage;
+  stage.rays_per_side = 2;
+  stage.max_iterations = 1000;
+  stage.convergence_px = 0;
+  const double aligning = secondsToStop(
+      [&](const StopToken& stop) {
+        cuda->scatter(batch.get(), disturbed(truth, *field, 4, 0.05), plan);
+        cuda->align(batch.get(), *on_cuda, *observed, 0, stage, stop);
+      },
+      wait);
+  cuda->scatter(batch.get(), truth, plan);
+  const double descending = secondsToStop(
+      [&](const StopToken& stop) {
+        cuda->descend(batch.get(), *on_cuda, *observed, 0, DescentPlan(), 0, 512, stop);
+      },
+      wait);
+  std::printf("  aligning %.4f s, descending %.4f s\n", aligning, descending);
+  EXPECT_LT(aligning, 0.01);
+  EXPECT_LT(descending, 0.01);
 }
 
 TEST_F(CudaAlign, bothEnginesEndAtTheSamePose) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <cmath>
 #include <memory>
 
 #include "nerf_pose_refiner/engine/engine.h"
@@ -68,6 +69,21 @@ inline Observation observe(Engine* engine, const LoadedField& field, const Camer
   if (background == Background::kKnownAlpha) {
     observation.image = rendering.colour;
     observation.alpha = rendering.alpha;
+    return observation;
+  }
+  if (background == Background::kUnknown) {
+    observation.image = rendering.colour;
+    for (int y = 0; y < camera.height; ++y) {
+      for (int x = 0; x < camera.width; ++x) {
+        const float free = 1 - rendering.alpha.at(x, y, 0);
+        const float u = static_cast<float>(x), v = static_cast<float>(y);
+        observation.image.at(x, y, 0) += free * (0.4f + 0.3f * std::sin(0.21f * u + 0.13f * v));
+        observation.image.at(x, y, 1) += free * (0.5f + 0.2f * std::sin(0.17f * v - 0.09f * u));
+        observation.image.at(x, y, 2) +=
+            free * (0.45f + 0.3f * std::cos(0.11f * u) * std::sin(0.3f * v));
+      }
+    }
+    for (float& value : observation.image.values) value = 0.04f + 0.9f * value;  // other light
     return observation;
   }
   observation.background_colour = {0.9f, 0.8f, 0.7f};

@@ -109,13 +109,5 @@ TEST(RefineCase, WhatIsKnownOfTheBackground) {
   EXPECT_TRUE(opaque.alpha.empty());
 }
 
-TEST(RefineCase, AutoIsTheCpuBeforeAnUnknownBackground) {
-  EXPECT_EQ(backendFor("auto", Background::kUnknown), "cpu");
-  EXPECT_EQ(backendFor("auto", Background::kMask), "auto");
-  EXPECT_EQ(backendFor("auto", Background::kKnownAlpha), "auto");
-  EXPECT_EQ(backendFor("cuda", Background::kUnknown), "cuda") << "the engine says why it cannot";
-  EXPECT_EQ(backendFor("cpu", Background::kUnknown), "cpu");
-}
-
 }  // namespace
 }  // namespace nerf_pose_refiner

@@ -23,10 +23,9 @@ struct EngineChoice {
 /// it is too old. Empty: it works.
 std::string whyNoCuda(int device = 0);
 
-/// An engine on a CUDA device. It aligns only before a background that is known (colour, alpha or a
-/// mask), as it has no kernels for the rest yet. `load`, `render` and `read` wait; `descend` and
-/// the trainer do every few steps, so that a stop is heard; the rest only enqueues. `work` is as of
-/// the last wait.
+/// An engine on a CUDA device. `load`, `render` and `read` wait; `align`, `descend` and the trainer
+/// do every few steps, so that a stop is heard; the rest only enqueues. `work` is as of the last
+/// wait.
 /// @param choice its backend is not looked at.
 /// @throws std::runtime_error saying what whyNoCuda says.
 std::unique_ptr<Engine> makeCudaEngine(const EngineChoice& choice = {});

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "nerf_pose_refiner/maths/alignment.h"
+#include "nerf_pose_refiner/maths/colour_density.h"
 
 namespace nerf_pose_refiner {
 
@@ -115,6 +116,75 @@ NPR_HOST_DEVICE inline void addJudgedPixel(const PixelResidual<float>& r,
   sums->residual_weight += 3 * colour_weight;
   const float weights[4] = {colour_weight, colour_weight, colour_weight, opacity_weight};
   addPixel(flow, r, weights, equations);
+}
+
+/// How a pixel of a rendering is compared with the observation's.
+enum class Comparison {
+  kKnownBackground,
+  kRegions,   ///< unknown background: colours of the object against those around it
+  kContrasts  ///< unknown background: pictures hold contrasts, not colours
+};
+
+/// What holds for all pixels of a stage.
+struct ComparisonRules {
+  Comparison kind = Comparison::kKnownBackground;
+  float background[3] = {0, 0, 0};  ///< of the object, if it is known
+  float robust_scale = 0.1f;
+  float opacity_weight = 1;  ///< 0: no opacity is observed
+  /// The cost is a log-likelihood (mixtureCost) instead of robust residuals: comparable between
+  /// poses that show different parts of the object.
+  bool rank_by_regions = false;
+};
+
+/// What the observation says of a pixel, where it is split into regions.
+struct RegionPixel {
+  float confidence = 0;          ///< in the probability that it shows the object
+  float inside = 0;              ///< whether it and its neighbours do
+  float background_density = 1;  ///< of its colour, among those of the background
+};
+
+NPR_HOST_DEVICE inline PixelResidual<float> comparePixel(const ComparisonRules& rules,
+                                                         const PictureSample<float>& rendered,
+                                                         const PictureSample<float>& observed,
+                                                         const GainBias<float>& light,
+                                                         const RegionPixel& region) {
+  switch (rules.kind) {
+    case Comparison::kContrasts:
+      return unknownBackgroundResidual(rendered, observed, light, interiorWeight(rendered.value[3]),
+                                       0.0f);
+    case Comparison::kRegions:
+      return unknownBackgroundResidual(rendered, observed, light, region.inside,
+                                       rules.opacity_weight * region.confidence);
+    default:
+      return knownBackgroundResidual(rendered, observed, light, rules.background,
+                                     rules.opacity_weight);
+  }
+}
+
+/// Adds a pixel to the sums of its pose, robustly. @param r of comparePixel. @param opacity of the
+/// rendering. @param equations may be those of a part of the picture.
+template <typename T>
+NPR_HOST_DEVICE inline void addComparedPixel(const ComparisonRules& rules,
+                                             const PixelResidual<float>& r, float opacity,
+                                             const RegionPixel& region, float pixel_weight,
+                                             const PixelFlow<float>& flow, AlignmentSumsOf<T>* sums,
+                                             NormalEquations6<float>* equations) {
+  constexpr float kContrastScale = 2;  // contrasts differ by more than colours
+  const float scale = rules.robust_scale;
+  const bool contrasts = rules.kind == Comparison::kContrasts;
+  const float colour_scale = (contrasts ? kContrastScale : 1) * scale;
+  const RobustResidual robust = robustResidual(r, colour_scale, scale);
+  PixelJudgement judgement =
+      contrasts ? judgeContrast(robust, opacity, colour_scale) : judgeResidual(r, robust, scale);
+  if (rules.kind == Comparison::kRegions) {
+    const float object = objectDensity(robust.squared / std::max(opacity * opacity, 1e-4f));
+    judgement.agrees = object > region.background_density;
+    if (rules.rank_by_regions) {
+      judgement.cost = mixtureCost(opacity, object, region.background_density);
+    }
+  }
+  addJudgedPixel(r, robust, judgement, opacity, pixel_weight,
+                 rules.kind == Comparison::kKnownBackground, flow, sums, equations);
 }
 
 /// Adds a pixel to the moments, if it shows the object.

@@ -75,7 +75,7 @@ struct PoseRefinerParameters {
   std::string dataset_root;  ///< photos to learn from are read below this folder
   std::string image_transport = "raw";
   bool image_is_rectified = false;
-  std::string backend = "cpu";           ///< auto or cpu; cuda is refused, @see engineChoice
+  std::string backend = "auto";          ///< auto, cpu or cuda, @see EngineChoice
   int device = 0;                        ///< of the CUDA engine: number of the GPU
   int threads = 0;                       ///< of the CPU engine; 0: all cores
   std::string instruction_set = "auto";  ///< of the CPU engine
@@ -89,8 +89,7 @@ struct PoseRefinerParameters {
 
   PoseRefinerParameters();
 
-  /// The engine to search and to learn with. What is behind the object in a camera image is
-  /// unknown, and the CUDA engine cannot align before that yet: `auto` is the CPU engine.
+  /// The engine to search and to learn with.
   EngineChoice engineChoice() const;
 
   /// @throws std::invalid_argument naming the parameter and the value that is out of range.
