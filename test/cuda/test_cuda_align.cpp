@@ -98,9 +98,13 @@ TEST_F(CudaAlign, scoresAndSelectsAsTheCpu) {
   }
 }
 
-/// By contrasts and by colours, with and without a fit of the light.
+/// By contrasts and by colours, with and without a fit of the light, a part of the picture covered.
 TEST_F(CudaAlign, scoresBeforeAnUnknownBackgroundAsTheCpu) {
-  const Observation seen = observation(Background::kUnknown);
+  Observation seen = observation(Background::kUnknown);
+  seen.weight = Image(seen.image.width, seen.image.height, 1, 1.0f);
+  for (int y = 70; y < 110; ++y) {
+    for (int x = 80; x < 130; ++x) seen.weight.at(x, y, 0) = 0;
+  }
   for (const bool contrasts : {true, false}) {
     for (const bool light : {false, true}) {
       SCOPED_TRACE(std::string(contrasts ? "contrasts" : "colours") + (light ? ", light" : ""));
