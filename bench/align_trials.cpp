@@ -1,21 +1,21 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <cstdio>
-#include <nlohmann/json.hpp>
-#include <stdexcept>
 #include <string>
 #include <vector>
 
+#include "engine_floor.h"
+#include "following.h"
 #include "nerf_pose_refiner/dataset/dataset.h"
-#include "nerf_pose_refiner/evaluate/pose_error.h"
-#include "nerf_pose_refiner/evaluate/start.h"
+#include "nerf_pose_refiner/engine/make_engine.h"
 #include "nerf_pose_refiner/field/model_file.h"
 #include "nerf_pose_refiner/refine/refiner.h"
 #include "nerf_pose_refiner/tasks/parallel.h"
 #include "trial_observation.h"
-#include "work_report.h"
+#include "trial_report.h"
 
 // Trials of pose refinement: views of a dataset, each started from wrong poses. Prints a line a
 // trial, with its work and its share of the machine's floor, and a summary.
@@ -29,30 +29,16 @@ struct Options {
   std::string model, dataset;
   std::string protocol = "paper", preset = "align";
   TrialObservation observation;
-  int views = 5, starts = 5, first_view = 0, threads = 0;
+  int views = 5, starts = 5, first_view = 0;
   std::uint64_t seed = 1;
-  std::string instruction_set = "auto";
   double rotation_deg = 15, translation = -1;  // -1: the protocol's
   double search_deg = -1, search_translation = -1;
   double unit = 1;           // of the paper [model units]; 0: a share of the object
   int samples_per_step = 0;  // of the paper's mode; 0: the preset's
   std::string loss = lossName(DescentPlan().loss);
-  bool json = false, trace = false, colours = false;
-};
-
-struct Trial {
-  int view = 0, start = 0;
-  PoseError before, after;
-  Refinement refinement;
-  FloorShare share;
-};
-
-// The pose errors that a protocol starts from, how wide it searches, and what it accepts.
-struct Protocol {
-  StartSpread start;
-  double search_rotation_rad, search_translation;  // the latter in diameters
-  bool of_camera;                                  // the offset that counts: else the object's
-  double offset_bound;                             // [model units]
+  bool json = false, trace = false, colours = false, first_pose = false, quiet = false;
+  EngineChoice engine = {"cpu", 0, "auto", 0};
+  Following following;
 };
 
 double unitOf(const Options& options, double diameter) {
@@ -78,102 +64,6 @@ Protocol protocolOf(const Options& options, double diameter) {
   protocol.of_camera = paper;
   protocol.offset_bound = (paper ? 0.05 : 0.02) * length;
   return protocol;
-}
-
-nlohmann::json toJson(const Trial& trial) {
-  const Refinement& r = trial.refinement;
-  return {{"view", trial.view},
-          {"start", trial.start},
-          {"start_deg", trial.before.rotation_rad / kDegree},
-          {"start_camera_offset", trial.before.camera_offset},
-          {"start_object_offset", trial.before.object_offset},
-          {"deg", trial.after.rotation_rad / kDegree},
-          {"camera_offset", trial.after.camera_offset},
-          {"object_offset", trial.after.object_offset},
-          {"pixels", trial.after.pixels},
-          {"outcome", static_cast<int>(r.outcome)},
-          {"score", r.score},
-          {"visible_fraction", r.visible_fraction},
-          {"seconds", r.seconds},
-          {"samples", r.work.samples},
-          {"gathers", r.work.gathers},
-          {"flops", r.work.flops},
-          {"share_of_floor", trial.share.of_larger}};
-}
-
-double median(std::vector<double> values) {
-  if (values.empty()) return 0;
-  std::sort(values.begin(), values.end());
-  const std::size_t n = values.size();
-  return 0.5 * (values[(n - 1) / 2] + values[n / 2]);
-}
-
-template <typename Value>
-double medianOf(const std::vector<Trial>& trials, const Value& value) {
-  std::vector<double> values;
-  for (const Trial& trial : trials) values.push_back(value(trial));
-  return median(values);
-}
-
-template <typename Test>
-double shareOf(const std::vector<Trial>& trials, const Test& test) {
-  return static_cast<double>(std::count_if(trials.begin(), trials.end(), test)) /
-         static_cast<double>(trials.size());
-}
-
-nlohmann::json summaryOf(const std::vector<Trial>& trials, const Protocol& protocol) {
-  const double far = protocol.offset_bound;
-  const auto turned = [](const Trial& t) { return t.after.rotation_rad / kDegree; };
-  const auto moved = [&](const Trial& t) {
-    return protocol.of_camera ? t.after.camera_offset : t.after.object_offset;
-  };
-  return {
-      {"trials", trials.size()},
-      {"share_under_5_deg", shareOf(trials, [&](const Trial& t) { return turned(t) < 5; })},
-      {"share_under_offset", shareOf(trials, [&](const Trial& t) { return moved(t) < far; })},
-      {"offset_bound", far},
-      {"share_jointly",
-       shareOf(trials, [&](const Trial& t) { return turned(t) < 5 && moved(t) < far; })},
-      {"share_1_deg_fifth_of_offset",
-       shareOf(trials, [&](const Trial& t) { return turned(t) < 1 && moved(t) < far / 5; })},
-      {"median_deg", medianOf(trials, turned)},
-      {"median_offset", medianOf(trials, moved)},
-      {"median_pixels", medianOf(trials, [](const Trial& t) { return t.after.pixels; })},
-      {"median_seconds", medianOf(trials, [](const Trial& t) { return t.refinement.seconds; })},
-      {"median_samples",
-       medianOf(trials, [](const Trial& t) { return double(t.refinement.work.samples); })},
-      {"median_gathers",
-       medianOf(trials, [](const Trial& t) { return t.refinement.work.gathers; })},
-      {"median_flops", medianOf(trials, [](const Trial& t) { return t.refinement.work.flops; })},
-      {"median_share_of_floor", medianOf(trials, [](const Trial& t) { return t.share.of_larger; })},
-      {"median_share_of_floor_without_overlap",
-       medianOf(trials, [](const Trial& t) { return t.share.of_sum; })}};
-}
-
-void print(const Options& options, const Trial& trial, const PosedView& view,
-           const Eigen::Vector3d& centre) {
-  if (options.json) {
-    std::printf("%s\n", toJson(trial).dump().c_str());
-    return;
-  }
-  const Refinement& r = trial.refinement;
-  std::printf(
-      "view %2d start %d: %5.1f deg %.3f u -> %6.2f deg %.4f u (object %.4f u, %.2f px)  "
-      "score %.2f  %5.2f s  %5.1f M samples, %.2f G gathers, %.1f GFLOP, %.2f of the floor\n",
-      trial.view, trial.start, trial.before.rotation_rad / kDegree, trial.before.camera_offset,
-      trial.after.rotation_rad / kDegree, trial.after.camera_offset, trial.after.object_offset,
-      trial.after.pixels, r.score, r.seconds, static_cast<double>(r.work.samples) / 1e6,
-      1e-9 * r.work.gathers, 1e-9 * r.work.flops, trial.share.of_larger);
-  if (options.trace) {
-    for (const TraceEntry& t : r.trace) {
-      const PoseError e = poseError(t.best_T_O_C, view.T_O_C, centre, view.camera);
-      std::printf(
-          "    %-8s %2d live, loss %9.6f: %6.2f deg, object %.4f u; %.2f s, %.1f M samples\n",
-          t.stage.c_str(), t.live, t.best_loss, e.rotation_rad / kDegree, e.object_offset,
-          t.seconds, static_cast<double>(t.work.samples) / 1e6);
-    }
-  }
-  std::fflush(stdout);
 }
 
 RefinerSettings settingsOf(const Options& options, double diameter) {
@@ -204,20 +94,40 @@ Trial runTrial(const Options& options, const Protocol& protocol, Refiner* refine
   return trial;
 }
 
-void run(const Options& options) {
-  const std::shared_ptr<Engine> engine = makeCpuEngine(options.threads, options.instruction_set);
+/// Seconds from a model file to a pose, in a process that is warm.
+double secondsToFirstPose(const Options& options, const Protocol& protocol, Engine* engine,
+                          Refiner* refiner, const PosedView& view, const Observation& observation) {
+  const auto start = std::chrono::steady_clock::now();
   const auto field = engine->load(std::make_shared<Field>(loadModel(options.model)));
-  const FieldMetadata& object = field->field().metadata;
-  const std::size_t table_bytes = field->field().grid.size() * sizeof(std::uint16_t);
-  const int threads = threadCount(options.threads);
-  DatasetOptions reading;
-  reading.threads = threads;
-  const Dataset dataset = loadTransforms(options.dataset, reading);
+  runTrial(options, protocol, refiner, *field, view, observation, 0);
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
+
+/// Measured anew for every view on the CPU, as it moves with the machine's load.
+class MovingFloor {
+ public:
+  MovingFloor(const Engine& engine, int threads, std::size_t table_bytes)
+      : engine_(engine), threads_(threads), table_bytes_(table_bytes) {}
+  const Floor& now(bool quiet) {
+    if (floor_.gathers_per_s == 0 || !isOnDevice(engine_)) {
+      floor_ = measureEngineFloor(engine_, threads_, table_bytes_);
+      if (!quiet) printFloor(floor_, table_bytes_);
+    }
+    return floor_;
+  }
+
+ private:
+  const Engine& engine_;
+  int threads_;
+  std::size_t table_bytes_;
+  Floor floor_;
+};
+
+std::vector<Trial> runTrials(const Options& options, const Protocol& protocol, Refiner* refiner,
+                             const LoadedField& field, const Dataset& dataset, bool warm_up,
+                             MovingFloor* floor) {
   TrialObservation disturbance = options.observation;
   disturbance.seed = options.seed;
-  Refiner refiner(engine, settingsOf(options, object.diameter));
-  const Protocol protocol = protocolOf(options, object.diameter);
-
   const int available = static_cast<int>(dataset.views.size());
   const int views = std::min(options.views, available);
   std::vector<Trial> trials;
@@ -225,19 +135,59 @@ void run(const Options& options) {
     const int index = (options.first_view + v * available / views) % available;
     const PosedView& view = dataset.views[index];
     const Observation observation = disturbance.of(view, v);
-    const Floor floor = measureFloor(threads, table_bytes);  // it moves with the machine's load
-    if (!options.json) printFloor(floor, table_bytes);
+    const Floor& best = floor->now(options.json || options.quiet);
+    if (warm_up && v == 0) runTrial(options, protocol, refiner, field, view, observation, 0);
     for (int s = 0; s < options.starts; ++s) {
-      Trial trial = runTrial(options, protocol, &refiner, *field, view, observation,
+      Trial trial = runTrial(options, protocol, refiner, field, view, observation,
                              static_cast<std::uint64_t>(v) * 1000 + s);
       trial.view = index;
       trial.start = s;
-      trial.share = floorShare(trial.refinement.work, trial.refinement.seconds, floor);
-      print(options, trial, view, object.centre);
+      trial.share = floorShare(trial.refinement.work, trial.refinement.seconds, best);
+      if (options.json && !options.quiet) {
+        std::printf("%s\n", toJson(trial).dump().c_str());
+      } else if (!options.quiet) {
+        printTrial(trial, view, field.field().metadata.centre, options.trace);
+      }
       trials.push_back(trial);
     }
   }
+  return trials;
+}
+
+void run(const Options& options) {
+  const double context_MiB = deviceMemory_MiB();
+  const std::shared_ptr<Engine> engine = makeEngine(options.engine);
+  const bool on_device = isOnDevice(*engine);
+  const auto field = engine->load(std::make_shared<Field>(loadModel(options.model)));
+  const FieldMetadata& object = field->field().metadata;
+  const std::size_t table_bytes = field->field().grid.size() * sizeof(std::uint16_t);
+  const int threads = threadCount(options.engine.threads);
+  MovingFloor floor(*engine, threads, table_bytes);
+  if (options.following.frames > 0) {
+    Following following = options.following;
+    following.seed = options.seed;
+    follow(following, engine, *field, floor.now(options.quiet));
+    return;
+  }
+  DatasetOptions reading;
+  reading.threads = threads;
+  const Dataset dataset = loadTransforms(options.dataset, reading);
+  Refiner refiner(engine, settingsOf(options, object.diameter));
+  const Protocol protocol = protocolOf(options, object.diameter);
+  const std::vector<Trial> trials =
+      runTrials(options, protocol, &refiner, *field, dataset, on_device, &floor);
   nlohmann::json summary = summaryOf(trials, protocol);
+  if (on_device) {
+    summary["device_context_mib"] = context_MiB;
+    summary["device_memory_mib"] =
+        deviceMemory_MiB() - context_MiB;  // the floor's, given back, too
+  }
+  if (options.first_pose) {
+    TrialObservation disturbance = options.observation;
+    const PosedView& view = dataset.views.front();
+    summary["file_to_first_pose_s"] = secondsToFirstPose(options, protocol, engine.get(), &refiner,
+                                                         view, disturbance.of(view, 0));
+  }
   summary["engine"] = engine->describe();
   summary["object"] = object.name;
   summary["peak_memory_mib"] = peakMemory_MiB();
@@ -270,7 +220,8 @@ void declareObservation(CLI::App* app, TrialObservation* observation) {
                   "white: known colour; alpha: known; mask: a photo, and a mask; photo: unknown")
       ->check(CLI::IsMember({"white", "alpha", "mask", "photo"}))
       ->capture_default_str();
-  app->add_option("--photos", observation->photos, "Pictures to put behind the object, in turn");
+  app->add_option("--photos", observation->photos,
+                  "Pictures to put behind the object, in turn; none: drawn clutter");
   app->add_option("--light", observation->light, "Gain of the object per channel: 1 +- this");
   app->add_option("--occluder", observation->occluder,
                   "Square over this share of the object's box");
@@ -282,9 +233,6 @@ void declareRefiner(CLI::App* app, Options* options) {
       ->check(CLI::IsMember(RefinerSettings::presetNames()))
       ->capture_default_str();
   app->add_option("--seed", options->seed)->capture_default_str();
-  app->add_option("--threads", options->threads, "0: all cores")->capture_default_str();
-  app->add_option("--instruction-set", options->instruction_set, "auto, baseline or avx2")
-      ->capture_default_str();
   app->add_option(
          "--unit", options->unit,
          "Length of one of the paper's units [model units]: 1 in the NeRF Synthetic scenes; "
@@ -298,11 +246,28 @@ void declareRefiner(CLI::App* app, Options* options) {
                 "Unknown background: compare colours, not contrasts (plain objects)");
 }
 
-void check(const Options& options) {
-  const std::string& background = options.observation.background;
-  if ((background == "photo" || background == "mask") && options.observation.photos.empty()) {
-    throw std::invalid_argument("--background " + background + " needs --photos");
-  }
+void declareEngine(CLI::App* app, EngineChoice* engine) {
+  app->add_option("--backend", engine->backend, "auto, cpu or cuda")
+      ->check(CLI::IsMember({"auto", "cpu", "cuda"}))
+      ->capture_default_str();
+  app->add_option("--device", engine->device, "Number of the GPU")->capture_default_str();
+  app->add_option("--threads", engine->threads, "0: all cores")->capture_default_str();
+  app->add_option("--instruction-set", engine->instruction_set, "auto, baseline or avx2")
+      ->capture_default_str();
+}
+
+void declareFollowing(CLI::App* app, Following* following) {
+  app->add_option("--follow", following->frames,
+                  "Instead of trials: rendered frames through which the object is followed");
+  app->add_option("--frame-deg", following->frame_deg, "Rotation from frame to frame")
+      ->capture_default_str();
+  app->add_option("--frame-share", following->frame_share,
+                  "Motion from frame to frame, in diameters")
+      ->capture_default_str();
+  app->add_option("--frame-background", following->background,
+                  "grey: known colour; clutter: unknown; mask: clutter, and a mask")
+      ->check(CLI::IsMember({"grey", "clutter", "mask"}))
+      ->capture_default_str();
 }
 
 }  // namespace
@@ -319,10 +284,13 @@ int main(int argc, char** argv) {
   declareObservation(&app, &options.observation);
   declareRefiner(&app, &options);
   app.add_flag("--json", options.json, "One JSON object a line, the summary last");
+  declareEngine(&app, &options.engine);
+  declareFollowing(&app, &options.following);
+  app.add_flag("--first-pose", options.first_pose, "Also time from the model file to a pose");
+  app.add_flag("--summary", options.quiet, "Only the summary");
   app.add_flag("--trace", options.trace, "Show every stage");
   CLI11_PARSE(app, argc, argv);
   try {
-    check(options);
     run(options);
     return 0;
   } catch (const std::exception& e) {

@@ -112,6 +112,34 @@ void rateRow(Engine* engine, const std::string& name, const Field& field, const 
   std::fflush(stdout);
 }
 
+/// Steps of training on the views, by the host's clock, to the end of the last.
+void trainingRow(Engine* engine, const std::string& name, const Field& model,
+                 const FieldConfig& shape, const std::vector<PosedView>& views,
+                 double gathers_per_s) {
+  constexpr int kSamples = 1 << 18, kWarmUp = 512, kSteps = 512;  // waits come every 16 steps
+  std::vector<TrainingView> learned;
+  for (const PosedView& view : views) learned.push_back({view.rgba, view.camera, view.T_O_C});
+  FieldConfig config = shape;
+  config.occupancy_resolution = model.config.occupancy_resolution;
+  TrainingPlan plan;
+  plan.samples_per_step = kSamples;
+  plan.region = model.occupancy;
+  const auto trainer = engine->trainer(config, model.box, learned, plan);
+  for (int i = 0; i < kWarmUp; ++i) trainer->step(0);
+  const Work before = engine->work();
+  const auto start = std::chrono::steady_clock::now();
+  for (int i = 0; i < kSteps; ++i) trainer->step(0);
+  const double seconds =
+      std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count() / kSteps;
+  const double floor = (engine->work() - before).gathers / kSteps / gathers_per_s;
+  std::printf(
+      "%-10s training step of about 2^18 samples: %7.1f us, %6.3f G samples/s; floor %7.1f "
+      "us, %.2f; memory in use %zu MiB\n",
+      name.c_str(), 1e6 * seconds, 1e-9 * kSamples / seconds, 1e6 * floor, floor / seconds,
+      deviceMemoryUsed() >> 20);
+  std::fflush(stdout);
+}
+
 FieldConfig wideFeatures() {
   FieldConfig config;  // few levels of many features: few gathers
   config.levels = 4;
@@ -129,6 +157,7 @@ void run(const std::string& path, const std::string& dataset) {
   const PosedView& view = views.views.front();
   std::printf("%s; memory in use %zu MiB\n", engine->describe().c_str(), deviceMemoryUsed() >> 20);
   const DeviceFloor floor = measureDeviceFloor(model.grid.size() * 2);
+  std::printf("products of halves %.0f TFLOP/s; ", 1e-12 * floor.flops_per_s);
   std::printf("copies %.2f TB/s; gathers of 8 bytes from %.0f MiB: %.0f billion/s\n",
               1e-12 * floor.bytes_per_s, static_cast<double>(model.grid.size()) * 2 / (1 << 20),
               1e-9 * floor.gathers_per_s);
@@ -144,6 +173,8 @@ void run(const std::string& path, const std::string& dataset) {
       }
     }
   }
+  trainingRow(engine.get(), "model", model, model.config, views.views, floor.gathers_per_s);
+  trainingRow(engine.get(), "paper", model, paper, views.views, floor.gathers_per_s);
   const auto start = Clock::now();
   const auto loaded = engine->load(std::make_shared<Field>(loadModel(path)));
   std::printf("file to device: %.1f ms\n",

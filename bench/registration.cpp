@@ -5,7 +5,10 @@
 #include <cmath>
 #include <cstdio>
 #include <string>
+#include <vector>
 
+#include "engine_floor.h"
+#include "nerf_pose_refiner/engine/make_engine.h"
 #include "nerf_pose_refiner/field/model_file.h"
 #include "nerf_pose_refiner/image/colour.h"
 #include "nerf_pose_refiner/image/resample.h"
@@ -37,14 +40,17 @@ Camera cameraOf(const PosedView& view, int width) {
 }
 
 struct Options {
-  std::string dataset, test, model, instruction_set = "auto";
-  int size = 0, threads = 0;
+  std::string dataset, test, model;
+  EngineChoice engine = {"cpu", 0, "auto", 0};
+  std::vector<int> steps;  ///< one registration each; none: that of the settings
+  double until_psnr_db = 0;
+  int size = 0;
   bool compare_occupancy = false;
   RegistrationSettings settings;
 
   DatasetOptions reading() const {
     DatasetOptions reading;
-    reading.threads = threads;
+    reading.threads = engine.threads;
     return reading;
   }
 };
@@ -60,14 +66,18 @@ void declare(CLI::App* app, Options* options) {
                 "also render without the occupancy grid");
   app->add_option("--model", options->model, "write the model to this file");
   app->add_option("--profile", settings.profile, "shape of the field");
-  app->add_option("--steps", settings.steps, "training steps at most");
+  app->add_option("--steps", options->steps, "training steps at most; one registration for each");
+  app->add_option("--until-psnr", options->until_psnr_db,
+                  "no further registration once the test views are shown so well [dB]");
   app->add_option("--max-seconds", settings.max_seconds, "of training; 0: no limit");
   app->add_option("--samples-per-step", settings.plan.samples_per_step, "about");
   app->add_option("--learning-rate", settings.plan.learning_rate, "of Adam");
   app->add_option("--held-out", settings.held_out, "training views kept apart");
   app->add_option("--seed", settings.seed, "of all random numbers");
-  app->add_option("--threads", options->threads, "0: all cores");
-  app->add_option("--instruction-set", options->instruction_set, "auto, baseline or avx2");
+  app->add_option("--backend", options->engine.backend, "auto, cpu or cuda");
+  app->add_option("--device", options->engine.device, "number of the GPU");
+  app->add_option("--threads", options->engine.threads, "0: all cores");
+  app->add_option("--instruction-set", options->engine.instruction_set, "auto, baseline or avx2");
 }
 
 // How far pictures are from those that are rendered without the occupancy grid, at most.
@@ -85,11 +95,10 @@ double worstWithoutOccupancy(Engine* engine, const LoadedField& field, const Dat
   return worst;
 }
 
-void measureTestViews(Engine* engine, const Field& field, const Options& options) {
-  const Dataset test = loadTransforms(options.test, options.reading());
+/// @return mean PSNR [dB].
+double measureTestViews(Engine* engine, const Field& field, const Dataset& test,
+                        const Options& options, const Floor& floor) {
   const auto loaded = engine->load(std::make_shared<Field>(field));
-  const std::size_t table_bytes = field.grid.size() * sizeof(std::uint16_t);
-  const Floor floor = measureFloor(threadCount(options.threads), table_bytes);
   double psnr_sum = 0, seconds = 0;
   const Work before = engine->work();
   for (const PosedView& view : test.views) {
@@ -103,43 +112,71 @@ void measureTestViews(Engine* engine, const Field& field, const Options& options
   printWork("rendering", engine->work() - before, seconds, floor);
   std::printf("test views          %zu of %d px width\n", test.views.size(),
               cameraOf(test.views.front(), options.size).width);
-  std::printf("PSNR                %.2f dB (mean over views, sRGB values on black)\n",
-              psnr_sum / static_cast<double>(test.views.size()));
+  const double psnr_db = psnr_sum / static_cast<double>(test.views.size());
+  std::printf("PSNR                %.2f dB (mean over views, sRGB values on black)\n", psnr_db);
   if (options.compare_occupancy) {
     std::printf("occupancy grid      %.2e RMS at most against rendering without it\n",
                 worstWithoutOccupancy(engine, *loaded, test, options.size));
   }
+  return psnr_db;
 }
 
-void run(const Options& options) {
-  const Dataset data = loadTransforms(options.dataset, options.reading());
-  const auto engine = makeCpuEngine(options.threads, options.instruction_set);
-  std::printf("engine              %s\n", engine->describe().c_str());
-  RegistrationSettings settings = options.settings;
-  settings.threads = options.threads;
+/// One registration. @return PSNR of the test views; 0 if there are none.
+double registerOnce(Engine* engine, const Dataset& data, const Dataset& test,
+                    const Options& options, const RegistrationSettings& settings) {
   double training_s = 0;
   Work training;
+  const Work before = engine->work();
   const auto watch = [&](const RegistrationProgress& progress) {
     if (progress.stage == "quality") return;  // "occupancy" is reported when training ends
     training_s = progress.seconds;
-    training = engine->work();
+    training = engine->work() - before;
   };
   const auto start = std::chrono::steady_clock::now();
-  const Field field = registerObject(engine.get(), data, settings, watch, {});
-  std::printf("registration        %.1f s in all, %.1f s of training, %llu steps\n",
-              secondsSince(start), training_s,
-              static_cast<unsigned long long>(field.metadata.training_steps));
+  const Field field = registerObject(engine, data, settings, watch, {});
+  const double steps = static_cast<double>(field.metadata.training_steps);
+  std::printf(
+      "registration        %.2f s in all, %.2f s of training, %.0f steps of about %d "
+      "samples: %.3f G a second\n",
+      secondsSince(start), training_s, steps, settings.plan.samples_per_step,
+      1e-9 * steps * settings.plan.samples_per_step / training_s);
   std::printf("object              diameter %.4f, profile %s\n", field.metadata.diameter,
               field.config.profile.c_str());
   if (!options.model.empty()) saveModel(field, options.model);
 
   const std::size_t table_bytes = field.grid.size() * sizeof(std::uint16_t);
-  const Floor floor = measureFloor(threadCount(options.threads), table_bytes);
+  const Floor floor = measureEngineFloor(*engine, threadCount(options.engine.threads), table_bytes);
   printFloor(floor, table_bytes);
   printWorkHead();
   printWork("training", training, training_s, floor);
-  if (!options.test.empty()) measureTestViews(engine.get(), field, options);
-  std::printf("peak memory         %.0f MiB\n", peakMemory_MiB());
+  return test.views.empty() ? 0 : measureTestViews(engine, field, test, options, floor);
+}
+
+void run(const Options& options) {
+  const Dataset data = loadTransforms(options.dataset, options.reading());
+  Dataset test;
+  if (!options.test.empty()) test = loadTransforms(options.test, options.reading());
+  const double context_MiB = deviceMemory_MiB();
+  const auto engine = makeEngine(options.engine);
+  std::printf("engine              %s\n", engine->describe().c_str());
+  RegistrationSettings settings = options.settings;
+  settings.threads = options.engine.threads;
+  std::vector<int> steps = options.steps;
+  if (steps.empty()) steps.push_back(settings.steps);
+  for (const int most : steps) {
+    settings.steps = most;
+    const double psnr_db = registerOnce(engine.get(), data, test, options, settings);
+    if (options.until_psnr_db > 0 && psnr_db >= options.until_psnr_db) {
+      std::printf("reached             %.2f dB with %d steps\n", options.until_psnr_db, most);
+      break;
+    }
+  }
+  std::printf("peak memory         %.0f MiB", peakMemory_MiB());
+  if (isOnDevice(*engine)) {
+    std::printf(", on the device %.0f MiB beside a context of %.0f",
+                deviceMemory_MiB() - context_MiB, context_MiB);
+  }
+  std::printf("\n");
 }
 
 }  // namespace

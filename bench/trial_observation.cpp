@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "clutter.h"
 #include "nerf_pose_refiner/image/colour.h"
 #include "nerf_pose_refiner/image/io.h"
 #include "nerf_pose_refiner/image/resample.h"
@@ -86,7 +87,9 @@ Observation TrialObservation::of(const PosedView& view, std::uint64_t index) con
     observation.background_colour = Eigen::Vector3f::Ones();
     observation.image = composite(picture, {1, 1, 1});
   } else {
-    const Image photo = photoOfSize(photos.at(index % photos.size()), view.camera);
+    const Image photo = photos.empty()
+                            ? clutter(view.camera.width, view.camera.height, seed + index)
+                            : photoOfSize(photos.at(index % photos.size()), view.camera);
     observation.image = picture.colour;
     for (std::size_t i = 0; i < photo.values.size(); ++i) {
       observation.image.values[i] += (1 - picture.alpha.values[i / 3]) * photo.values[i];

@@ -13,7 +13,7 @@ namespace nerf_pose_refiner {
 /// What a trial makes of a view of a dataset.
 struct TrialObservation {
   std::string background = "white";  ///< white, alpha, mask or photo
-  std::vector<std::string> photos;   ///< put behind the object, in turn
+  std::vector<std::string> photos;   ///< put behind the object, in turn; none: clutter
   double light = 0;                  ///< half width of the gain per channel around 1
   double occluder = 0;               ///< share of the object's box that a square covers
   double noise = 0;                  ///< standard deviation; clipped at 0 and 1, as a camera does

@@ -32,6 +32,17 @@ enable_language(CUDA)
 find_package(CUDAToolkit REQUIRED)
 message(STATUS "CUDA engine: ${CMAKE_CUDA_COMPILER_VERSION}, for ${CMAKE_CUDA_ARCHITECTURES}")
 
+# Language and warnings of a target with kernels.
+function(npr_set_cuda_options target)
+  npr_set_warnings(${target})
+  set_target_properties(${target} PROPERTIES
+    CUDA_STANDARD 17 CUDA_STANDARD_REQUIRED ON CUDA_EXTENSIONS OFF POSITION_INDEPENDENT_CODE ON)
+  target_compile_options(${target} PRIVATE
+    $<$<COMPILE_LANGUAGE:CUDA>:--expt-relaxed-constexpr -Xcompiler=-Wall,-Wextra>
+    $<$<AND:$<COMPILE_LANGUAGE:CUDA>,$<BOOL:${NERF_POSE_REFINER_WERROR}>>:-Werror=all-warnings
+      -Xcompiler=-Werror>)
+endfunction()
+
 set(npr_cuda ${PROJECT_NAME}_cuda)
 add_library(${npr_cuda} OBJECT
   cuda/align.cu
@@ -55,13 +66,7 @@ add_library(${npr_cuda} OBJECT
   cuda/train_occupancy.cu
   cuda/train_rays.cu
   cuda/train_update.cu)
-npr_set_warnings(${npr_cuda})
-set_target_properties(${npr_cuda} PROPERTIES
-  CUDA_STANDARD 17 CUDA_STANDARD_REQUIRED ON CUDA_EXTENSIONS OFF POSITION_INDEPENDENT_CODE ON)
-target_compile_options(${npr_cuda} PRIVATE
-  $<$<COMPILE_LANGUAGE:CUDA>:--expt-relaxed-constexpr -Xcompiler=-Wall,-Wextra>
-  $<$<AND:$<COMPILE_LANGUAGE:CUDA>,$<BOOL:${NERF_POSE_REFINER_WERROR}>>:-Werror=all-warnings
-    -Xcompiler=-Werror>)
+npr_set_cuda_options(${npr_cuda})
 target_include_directories(${npr_cuda} PRIVATE include src)
 target_link_libraries(${npr_cuda} PRIVATE Eigen3::Eigen CUDA::cudart_static)
 target_sources(${PROJECT_NAME} PRIVATE $<TARGET_OBJECTS:${npr_cuda}>)

@@ -72,6 +72,9 @@ DeviceFloor measureDeviceFloor(std::size_t table_bytes) {
       static_cast<double>(kGathersPerLaunch) / medianOf(timed(stream, 10, [&] {
         gatherOnce(table.data(), static_cast<unsigned>(entries - 1), sink.data(), stream);
       }));
+  DeviceBuffer<float> unused(1);
+  floor.flops_per_s = kOperationsPerLaunch /
+                      medianOf(timed(stream, 10, [&] { multiplyOnce(unused.data(), stream); }));
   return floor;
 }
 

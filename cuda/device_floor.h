@@ -14,6 +14,7 @@ struct DeviceFloor {
   std::string name;
   double bytes_per_s = 0;    ///< copied within its memory, read and written counted
   double gathers_per_s = 0;  ///< of 8 bytes, random, from a table of that size
+  double flops_per_s = 0;    ///< products of halves on the tensor cores
 };
 DeviceFloor measureDeviceFloor(std::size_t table_bytes);
 

@@ -1,0 +1,33 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "engine_floor.h"
+
+#include "nerf_pose_refiner/engine/make_engine.h"
+
+#ifdef NPR_BENCH_CUDA
+#include "device_floor.h"
+#endif
+
+namespace nerf_pose_refiner {
+
+bool isOnDevice(const Engine& engine) { return engine.describe().rfind("CUDA", 0) == 0; }
+
+Floor measureEngineFloor(const Engine& engine, int threads, std::size_t table_bytes) {
+#ifdef NPR_BENCH_CUDA
+  if (isOnDevice(engine)) {
+    const DeviceFloor device = measureDeviceFloor(table_bytes);
+    return {device.flops_per_s, device.gathers_per_s};
+  }
+#else
+  static_cast<void>(engine);
+#endif
+  return measureFloor(threads, table_bytes);
+}
+
+double deviceMemory_MiB() {
+#ifdef NPR_BENCH_CUDA
+  if (whyNoCuda().empty()) return static_cast<double>(deviceMemoryUsed()) / (1 << 20);
+#endif
+  return 0;
+}
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,21 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+
+#include "floor.h"
+#include "nerf_pose_refiner/engine/engine.h"
+
+namespace nerf_pose_refiner {
+
+bool isOnDevice(const Engine& engine);
+
+/// What the engine's processor can do at best: of a device, matrix products in half precision count
+/// as operations. @param threads of the CPU. @param table_bytes of the table that is gathered from.
+Floor measureEngineFloor(const Engine& engine, int threads, std::size_t table_bytes);
+
+/// Memory of the device in use [MiB]; before the first engine is made, that is its context. 0
+/// without CUDA.
+double deviceMemory_MiB();
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,38 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <vector>
+
+#include "nerf_pose_refiner/dataset/dataset.h"
+#include "nerf_pose_refiner/evaluate/pose_error.h"
+#include "nerf_pose_refiner/evaluate/start.h"
+#include "nerf_pose_refiner/refine/refiner.h"
+#include "work_report.h"
+
+namespace nerf_pose_refiner {
+
+/// A refinement from a wrong pose, and what came of it.
+struct Trial {
+  int view = 0, start = 0;
+  PoseError before, after;
+  Refinement refinement;
+  FloorShare share;
+};
+
+/// The pose errors that a protocol starts from, how wide it searches, and what it accepts.
+struct Protocol {
+  StartSpread start;
+  double search_rotation_rad, search_translation;  // the latter in diameters
+  bool of_camera;                                  // the offset that counts: else the object's
+  double offset_bound;                             // [model units]
+};
+
+nlohmann::json toJson(const Trial& trial);
+nlohmann::json summaryOf(const std::vector<Trial>& trials, const Protocol& protocol);
+
+/// A line, and one for each stage if that is asked for. @param centre of the object.
+void printTrial(const Trial& trial, const PosedView& view, const Eigen::Vector3d& centre,
+                bool with_trace);
+
+}  // namespace nerf_pose_refiner
