@@ -6,6 +6,7 @@ add_library(${ros_library} STATIC
   src/ros/camera_input.cpp
   src/ros/diagnostics.cpp
   src/ros/hypothesis_markers.cpp
+  src/ros/initial_pose_marker.cpp
   src/ros/mask_pairing.cpp
   src/ros/object_registration.cpp
   src/ros/object_search.cpp
@@ -34,7 +35,7 @@ npr_set_warnings(${PROJECT_NAME}_nodelets)
 target_link_libraries(${PROJECT_NAME}_nodelets PRIVATE ${ros_library})
 
 # Called `pose_refiner` in the package's own folder (rosrun nerf_pose_refiner pose_refiner).
-foreach(node decode_images pose_refiner)
+foreach(node decode_images initial_pose_marker pose_refiner)
   add_executable(${PROJECT_NAME}_${node}_node src/nodes/${node}_node.cpp)
   set_target_properties(${PROJECT_NAME}_${node}_node PROPERTIES OUTPUT_NAME ${node})
   npr_set_warnings(${PROJECT_NAME}_${node}_node)
@@ -43,6 +44,8 @@ foreach(node decode_images pose_refiner)
   target_link_libraries(${PROJECT_NAME}_${node}_node PRIVATE ${catkin_LIBRARIES} ${OpenCV_LIBS})
   install(TARGETS ${PROJECT_NAME}_${node}_node RUNTIME DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
 endforeach()
+
+target_link_libraries(${PROJECT_NAME}_initial_pose_marker_node PRIVATE ${ros_library})
 
 # The evaluation reads bags, and so is the one tool that knows ROS. Its script lies beside it.
 if(CLI11_FOUND)
@@ -59,7 +62,7 @@ install(TARGETS ${PROJECT_NAME}_nodelets
   LIBRARY DESTINATION ${CATKIN_PACKAGE_LIB_DESTINATION}
   RUNTIME DESTINATION ${CATKIN_GLOBAL_BIN_DESTINATION})
 install(FILES nodelet_plugins.xml DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
-install(DIRECTORY config launch DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
+install(DIRECTORY config launch rviz DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
 # What demo.launch learns from, and what it follows.
 install(DIRECTORY demo/data/toy_kiosk DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION}/demo/data)
 install(FILES demo/toy_kiosk.bag DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION}/demo)

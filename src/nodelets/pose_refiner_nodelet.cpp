@@ -140,13 +140,18 @@ void PoseRefinerNodelet::start() {
   const auto make_engine = [choice = p.engineChoice()] {
     return std::shared_ptr<Engine>(makeEngine(choice));
   };
+  const auto make_search_engine = [this, make_engine] {
+    const std::shared_ptr<Engine> engine = make_engine();
+    diagnostics_->engineIs(engine->describe());
+    return engine;
+  };
   const auto make_overlay_engine = [set = p.instruction_set] {
     return std::shared_ptr<Engine>(makeCpuEngine(1, set));
   };
 
   transforms_ = std::make_unique<tf2_ros::Buffer>(ros::Duration(p.frames.tf_cache_s));
   listener_ = std::make_unique<tf2_ros::TransformListener>(*transforms_, nh);
-  diagnostics_ = std::make_unique<Diagnostics>(nh, pnh, getName());
+  diagnostics_ = std::make_unique<Diagnostics>(nh, pnh, getName(), p.diagnostics);
   {
     // Held while advertising: a listener may be there before the publisher is stored.
     std::lock_guard<std::mutex> lock(connect_mutex_);
@@ -163,7 +168,7 @@ void PoseRefinerNodelet::start() {
     transport_ = std::make_unique<image_transport::ImageTransport>(nh);
   }
   tracker_ = std::make_unique<ObjectTracker>(
-      p, std::make_unique<RefinerSearch>(make_engine, p.initial.refiner, p.tracking.refiner),
+      p, std::make_unique<RefinerSearch>(make_search_engine, p.initial.refiner, p.tracking.refiner),
       transforms_.get(), [this](const RefinementStatus& status) { report(status); });
   pairing_ = std::make_unique<MaskPairing>(
       p.masks, [this](CameraFrame frame) { mailbox_.put(std::move(frame)); });
@@ -202,6 +207,7 @@ void PoseRefinerNodelet::onConnect() {
 void PoseRefinerNodelet::subscribeIfWanted() {
   std::lock_guard<std::mutex> lock(connect_mutex_);
   const bool wanted = enabled_ && (results_->wanted() || overlay_->wanted());
+  diagnostics_->expectImages(wanted);
   if (!wanted) {
     unsubscribe();
   } else if (!images_) {
@@ -229,7 +235,7 @@ void PoseRefinerNodelet::onImage(const sensor_msgs::ImageConstPtr& image,
   const ros::WallTime arrival = ros::WallTime::now();
   guard("image", [&] {
     const std::uint32_t clock_jumps = tracker_->readClock();
-    diagnostics_->imageArrived();
+    diagnostics_->imageArrived(image->header.stamp);
     if (const auto reason = tracker_->refusal(*image, *info)) {
       NODELET_ERROR_THROTTLE(5.0, "image: %s", reason->c_str());
       return;
@@ -302,6 +308,7 @@ void PoseRefinerNodelet::workOnce() {
     tracker_->reportChange(now);
   } else if (const std::optional<FrameResult> result = tracker_->process(*frame)) {
     results_->publish(*result);
+    if (result->pose) diagnostics_->posePublished(result->pose->header.stamp);
     report(result->status);
     if (result->found) {
       overlay_->draw(

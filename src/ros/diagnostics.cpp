@@ -2,6 +2,7 @@
 #include "nerf_pose_refiner/ros/diagnostics.h"
 
 #include <algorithm>
+#include <limits>
 
 namespace nerf_pose_refiner {
 namespace {
@@ -35,24 +36,71 @@ StateText describe(std::uint8_t state) {
 
 }  // namespace
 
+TopicHealth::TopicHealth(const std::string& name, const std::string& why_quiet, double min_rate_hz,
+                         double max_age_s)
+    : diagnostic_updater::DiagnosticTask(name),
+      min_rate_hz_(min_rate_hz),
+      max_rate_hz_(std::numeric_limits<double>::infinity()),
+      why_quiet_(why_quiet),
+      rate_(diagnostic_updater::FrequencyStatusParam(&min_rate_hz_, &max_rate_hz_)),
+      stamps_(diagnostic_updater::TimeStampStatusParam(-1, max_age_s)) {}
+
+void TopicHealth::tick(const ros::Time& stamp) {
+  std::lock_guard<std::mutex> lock(mutex_);
+  rate_.tick();
+  stamps_.tick(stamp);
+}
+
+void TopicHealth::expect(bool expected) {
+  std::lock_guard<std::mutex> lock(mutex_);
+  if (expected && !expected_) rate_.clear();  // the rate of the time before is no fault
+  expected_ = expected;
+}
+
+void TopicHealth::run(diagnostic_updater::DiagnosticStatusWrapper& report) {
+  std::lock_guard<std::mutex> lock(mutex_);
+  diagnostic_updater::DiagnosticStatusWrapper of_stamps;
+  stamps_.run(of_stamps);
+  rate_.run(report);
+  report.values.insert(report.values.end(), of_stamps.values.begin(), of_stamps.values.end());
+  if (!expected_) {
+    report.summary(Level::OK, why_quiet_);
+  } else if (of_stamps.level != Level::OK && report.level != Level::ERROR) {
+    report.mergeSummary(of_stamps);
+  }
+}
+
 Diagnostics::Diagnostics(const ros::NodeHandle& nh, const ros::NodeHandle& pnh,
-                         const std::string& name)
-    : since_(ros::WallTime::now()), updater_(nh, pnh, name) {
+                         const std::string& name, const DiagnosticSettings& settings)
+    : images_("images", "nobody makes use of them", settings.min_image_rate_hz,
+              settings.max_image_age_s),
+      poses_("poses", "nothing is tracked", 0, std::numeric_limits<double>::infinity()),
+      since_(ros::WallTime::now()),
+      updater_(nh, pnh, name) {
   updater_.setHardwareID("none");
-  updater_.add("tracking", this, &Diagnostics::fill);
+  updater_.add("tracking", this, &Diagnostics::fillTracking);
+  updater_.add(images_);
+  updater_.add(poses_);
+  updater_.add("engine", this, &Diagnostics::fillEngine);
   timer_ = pnh.createWallTimer(ros::WallDuration(1.0),
                                [this](const ros::WallTimerEvent&) { updater_.force_update(); });
 }
 
 void Diagnostics::statusIs(const RefinementStatus& status) {
+  poses_.expect(status.state == Status::STATE_TRACKING);
   std::lock_guard<std::mutex> lock(mutex_);
-  if (status.latency_s > 0) latency_s_ = status.latency_s;
+  if (status.latency_s > 0) refined_ = status;
   status_ = status;
 }
 
-void Diagnostics::imageArrived() {
+void Diagnostics::engineIs(const std::string& description) {
   std::lock_guard<std::mutex> lock(mutex_);
-  ++images_;
+  engine_ = description;
+}
+
+void Diagnostics::showModels(std::function<Facts()> models) {
+  std::lock_guard<std::mutex> lock(mutex_);
+  models_ = std::move(models);
 }
 
 void Diagnostics::callbackFailed(const std::string& message) {
@@ -61,7 +109,7 @@ void Diagnostics::callbackFailed(const std::string& message) {
   failure_ = message;
 }
 
-void Diagnostics::fill(diagnostic_updater::DiagnosticStatusWrapper& report) {
+void Diagnostics::fillTracking(diagnostic_updater::DiagnosticStatusWrapper& report) {
   std::lock_guard<std::mutex> lock(mutex_);
   const StateText state = describe(status_.state);
   report.summary(state.level,
@@ -71,16 +119,28 @@ void Diagnostics::fill(diagnostic_updater::DiagnosticStatusWrapper& report) {
   const ros::WallTime now = ros::WallTime::now();
   const double seconds = std::max(1e-3, (now - since_).toSec());
   report.add("object", status_.object.empty() ? std::string("none") : status_.object);
-  report.addf("images [Hz]", "%.2f", images_ / seconds);
   report.addf("refined [Hz]", "%.2f", (status_.processed - processed_before_) / seconds);
-  report.addf("latency [s]", "%.3f", latency_s_);
-  report.addf("score", "%.3f", status_.score);
+  report.addf("latency [s]", "%.3f", refined_.latency_s);
+  report.addf("age of the image [s]", "%.3f", refined_.image_age_s);
+  report.addf("score", "%.3f", refined_.score);
+  report.addf("visible fraction", "%.3f", refined_.visible_fraction);
   report.add("refined images", status_.processed);
   report.add("dropped images", status_.dropped);
   report.add("exceptions", failures_);
-  images_ = 0;
   processed_before_ = status_.processed;
   since_ = now;
+}
+
+void Diagnostics::fillEngine(diagnostic_updater::DiagnosticStatusWrapper& report) {
+  std::function<Facts()> models;
+  {
+    std::lock_guard<std::mutex> lock(mutex_);
+    report.summary(Level::OK, engine_.empty() ? "none yet: made with the first model" : engine_);
+    report.add("engine", engine_.empty() ? std::string("none") : engine_);
+    models = models_;
+  }
+  if (!models) return;
+  for (const auto& fact : models()) report.add(fact.first, fact.second);
 }
 
 }  // namespace nerf_pose_refiner

@@ -228,6 +228,7 @@ RefinementStatus ObjectTracker::statusOf(const FrameResult& result, const Camera
   }
   status.score = static_cast<float>(result.refinement.score);
   status.visible_fraction = static_cast<float>(result.refinement.visible_fraction);
+  status.refinement_s = static_cast<float>(result.refinement.seconds);
   status.latency_s = static_cast<float>((ros::WallTime::now() - frame.arrival).toSec());
   status.image_age_s = static_cast<float>(clock_().toSec() - header.stamp.toSec());
   return status;

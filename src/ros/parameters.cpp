@@ -153,6 +153,12 @@ void readOverlay(ParamReader& read, OverlaySettings& overlay) {
   read.rejectUnknown();
 }
 
+void readDiagnostics(ParamReader& read, DiagnosticSettings& diagnostics) {
+  read.get("min_image_rate_hz", diagnostics.min_image_rate_hz);
+  read.get("max_image_age_s", diagnostics.max_image_age_s);
+  read.rejectUnknown();
+}
+
 void requireShare(const std::string& name, double value) {
   if (!(value >= 0 && value <= 1)) throwRange(name, value, "in 0..1");
 }
@@ -192,6 +198,8 @@ void PoseRefinerParameters::validate() const {
   requireNotNegative("~tracker/max_failures", rules.max_failures);
   if (overlay.width_px < 16) throwRange("~overlay/width_px", overlay.width_px, ">= 16");
   requireShare("~overlay/opacity", overlay.opacity);
+  requireNotNegative("~diagnostics/min_image_rate_hz", diagnostics.min_image_rate_hz);
+  requirePositive("~diagnostics/max_image_age_s", diagnostics.max_image_age_s);
   validateSearch("refiner", initial);
   validateSearch("tracker", tracking);
   registration.validate();
@@ -238,6 +246,9 @@ PoseRefinerParameters readParameters(ParamReader& reader, const PoseRefinerParam
 
   ParamReader overlay = reader.group("overlay");
   readOverlay(overlay, p.overlay);
+
+  ParamReader diagnostics = reader.group("diagnostics");
+  readDiagnostics(diagnostics, p.diagnostics);
 
   ParamReader registration = reader.group("register");
   readRegistration(registration, p.registration);

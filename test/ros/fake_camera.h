@@ -14,13 +14,16 @@
 
 namespace nerf_pose_refiner {
 
-/// A camera that takes the same picture again and again, 20 times a second, with new stamps.
+/// A camera that takes the same picture again and again, 20 times a second or as often as is said,
+/// with new stamps.
 class FakeCamera {
  public:
   FakeCamera(ros::NodeHandle nh, const sensor_msgs::Image& image,
-             const sensor_msgs::CameraInfo& info)
+             const sensor_msgs::CameraInfo& info,
+             std::chrono::microseconds period = std::chrono::milliseconds(50))
       : image_(image),
         info_(info),
+        period_(period),
         images_(nh.advertise<sensor_msgs::Image>("camera/image_raw", 10)),
         infos_(nh.advertise<sensor_msgs::CameraInfo>("camera/camera_info", 10)),
         thread_([this] { run(); }) {}
@@ -47,6 +50,12 @@ class FakeCamera {
     shift_ = ros::Duration(seconds);
   }
 
+  /// Stamps of the pictures taken so far.
+  std::set<ros::Time> stamps() const {
+    std::lock_guard<std::mutex> lock(mutex_);
+    return stamps_;
+  }
+
   /// Whether a picture with this stamp was taken.
   bool took(const ros::Time& stamp) const {
     std::lock_guard<std::mutex> lock(mutex_);
@@ -55,6 +64,7 @@ class FakeCamera {
 
  private:
   void run() {
+    auto next = std::chrono::steady_clock::now();
     while (!stopping_) {
       {
         std::lock_guard<std::mutex> lock(mutex_);
@@ -63,13 +73,15 @@ class FakeCamera {
         infos_.publish(info_);
         images_.publish(image_);
       }
-      std::this_thread::sleep_for(std::chrono::milliseconds(50));
+      next += period_;
+      std::this_thread::sleep_until(next);
     }
   }
 
   mutable std::mutex mutex_;  ///< guards all down to stamps_
   sensor_msgs::Image image_;
   sensor_msgs::CameraInfo info_;
+  const std::chrono::microseconds period_;
   ros::Duration shift_;
   std::set<ros::Time> stamps_;
 

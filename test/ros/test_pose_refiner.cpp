@@ -173,16 +173,37 @@ TEST_F(PoseRefinerTest, LearnsNothingTwice) {
 }
 
 TEST_F(PoseRefinerTest, ReportsDiagnostics) {
+  ASSERT_TRUE(track());
+  using diagnostic_msgs::DiagnosticStatus;
+  const auto task = [](const diagnostic_msgs::DiagnosticArray& array, const std::string& name) {
+    for (const DiagnosticStatus& status : array.status) {
+      if (status.name.find("pose_refiner: " + name) != std::string::npos) return status;
+    }
+    return DiagnosticStatus();
+  };
+  const auto value = [](const DiagnosticStatus& status, const std::string& key) {
+    for (const auto& entry : status.values) {
+      if (entry.key == key) return entry.value;
+    }
+    return std::string("nothing");
+  };
   Listener<diagnostic_msgs::DiagnosticArray> diagnostics(world->nh, "/diagnostics");
-  const auto report = diagnostics.wait([](const diagnostic_msgs::DiagnosticArray& array) {
-    return !array.status.empty() && array.status[0].name.find("pose_refiner") != std::string::npos;
+  const auto report = diagnostics.wait([&](const diagnostic_msgs::DiagnosticArray& array) {
+    return value(task(array, "tracking"), "score") > "0.5";
   });
   ASSERT_TRUE(report);
-  std::map<std::string, std::string> values;
-  for (const auto& entry : report->status[0].values) values[entry.key] = entry.value;
-  EXPECT_EQ(values["object"], "toy");
-  EXPECT_EQ(values.count("latency [s]"), 1u);
-  EXPECT_EQ(values.count("dropped images"), 1u);
+  const DiagnosticStatus tracking = task(*report, "tracking");
+  EXPECT_EQ(int{tracking.level}, int{DiagnosticStatus::OK}) << tracking.message;
+  EXPECT_EQ(tracking.message, "tracking");
+  EXPECT_EQ(value(tracking, "object"), "toy");
+  for (const char* key : {"latency [s]", "age of the image [s]", "dropped images"}) {
+    EXPECT_NE(value(tracking, key), "nothing") << key;
+  }
+  const DiagnosticStatus images = task(*report, "images");
+  EXPECT_EQ(int{images.level}, int{DiagnosticStatus::OK}) << images.message;
+  EXPECT_GT(std::stod(value(images, "Actual frequency (Hz)")), 1);
+  EXPECT_NE(task(*report, "poses").name, "");
+  EXPECT_NE(value(task(*report, "engine"), "engine").find("CPU"), std::string::npos);
 }
 
 }  // namespace

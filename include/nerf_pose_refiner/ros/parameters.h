@@ -58,6 +58,12 @@ struct OverlaySettings {
   double opacity = 1;  ///< of the rendering, 0..1: 0 leaves its outline alone
 };
 
+/// What /diagnostics warns of.
+struct DiagnosticSettings {
+  double min_image_rate_hz = 0;  ///< fewer images are a warning [Hz], none an error
+  double max_image_age_s = 5;    ///< older ones are an error [s], > 0
+};
+
 /// Frames, and how long to wait for transforms.
 struct FrameSettings {
   std::string object_frame;  ///< the object's TF frame; empty: the object's name
@@ -81,6 +87,7 @@ struct PoseRefinerParameters {
   std::string instruction_set = "auto";  ///< of the CPU engine
   MaskSettings masks;
   OverlaySettings overlay;
+  DiagnosticSettings diagnostics;
   FrameSettings frames;
   TrackingRules rules;
   SearchSettings initial;   ///< group ~refiner: from an initial pose
