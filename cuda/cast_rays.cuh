@@ -14,6 +14,10 @@ namespace nerf_pose_refiner {
 ///   bool turnOver(ray) by all lanes: takes off a ray that has ended with no samples at hand, and
 ///                      gives groups without one their next; true if the group got a new ray;
 ///   void start(&ray)   places the new ray at its start.
+/// For castRays it also takes what was computed:
+///   void keep(ray, sample, heavy, density, rgb) by all lanes: the lane's sample, if it was seen,
+///   with
+///                      its colour if it is heavy enough to count.
 /// @return false once there are no more rays. @param fresh set where a group got a new ray.
 template <typename Source>
 __device__ inline bool findSamples(const OccupancyView& occupancy, Source* source, RayGroup* ray,
@@ -70,8 +74,12 @@ __device__ inline LaneWork castRays(const CudaFieldView& field, const MarchSpace
     const bool first_seen = __shfl_sync(kWholeWarp, sample.seen, laneSlot() & ~3, kRaySamples);
     work.samples += valid && first_seen;
     const bool heavy = sample.seen && sample.weight >= min_weight;
-    if (!__any_sync(kWholeWarp, heavy)) continue;
+    if (!__any_sync(kWholeWarp, heavy)) {
+      source->keep(ray, sample, false, density, make_float3(0, 0, 0));
+      continue;
+    }
     const float3 rgb = networks.template colour<false>(kRaySamples);
+    source->keep(ray, sample, heavy, density, rgb);
     if (heavy) {
       ++work.colours;
       ray.rgb[0] += sample.weight * rgb.x;

@@ -11,7 +11,8 @@ namespace nerf_pose_refiner {
 namespace {
 
 constexpr int kStepsPerGraph = 4;
-constexpr int kGraphsAhead = 2;  // of the device: so soon a stop is heard
+constexpr unsigned kPointsPerSample = 8;  // room: the first step only guesses at its samples
+constexpr int kGraphsAhead = 2;           // of the device: so soon a stop is heard
 
 }  // namespace
 
@@ -48,7 +49,7 @@ DescentTask CudaEngine::descentTask(CudaBatch* batch, const CudaField& field,
   scores_.reserve(n);
   clock_.reserve(1);
   records_.reserve(static_cast<std::size_t>(most_rays));
-  forces_.reserve(static_cast<std::size_t>(most_rays));
+  pull_sums_.reserve(n);
   ray_hits_.reserve(static_cast<std::size_t>(most_rays));
   task.batch = batch->view();
   task.live = live_.data();
@@ -56,7 +57,7 @@ DescentTask CudaEngine::descentTask(CudaBatch* batch, const CudaField& field,
   task.scores = scores_.data();
   task.clock = clock_.data();
   task.records = records_.data();
-  task.forces = forces_.data();
+  task.sums = pull_sums_.data();
   task.hits = ray_hits_.data();
   task.most_rays = most_rays;
   task.costs = field.costs();
@@ -75,6 +76,9 @@ void CudaEngine::descend(HypothesisBatch* batch, const LoadedField& field,
   const int most_rays = std::max(4 * plan.samples_per_step, hypotheses.bound);
   DescentTask task = descentTask(&hypotheses, loaded, own(observation), level, plan, most_rays);
   task.scored_from = first_step + steps - plan.score_steps;
+  task.most_points = kPointsPerSample * static_cast<unsigned>(plan.samples_per_step);
+  ray_points_.reserve(task.most_points);
+  task.points = ray_points_.data();
   startDescent(task, first_step, stream_);
   const auto enqueue = [&](int count) {
     for (int i = 0; i < count; ++i) {

@@ -164,7 +164,8 @@ class CudaEngine final : public Engine {
   DeviceBuffer<double2> scores_;
   DeviceBuffer<DescentClock> clock_;
   DeviceBuffer<RayRecord> records_;
-  DeviceBuffer<RayForce> forces_;
+  DeviceBuffer<RayPoint> ray_points_;
+  DeviceBuffer<PullSums> pull_sums_;
   DeviceBuffer<RayHit> ray_hits_;
   CudaGraph descent_graph_;
   CudaEvent stepped_[2];  ///< behind the graphs that were launched last

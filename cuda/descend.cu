@@ -8,8 +8,9 @@
 #include "ray_hits.cuh"
 
 // Rays of the paper's mode, for all hypotheses at once. First all of them are cast, which gives the
-// loss; then those that saw something are walked along again and pull. No gradient of a parameter
-// is computed.
+// loss; what they have seen is kept, sample by sample. Then the samples pull, in any order: to be
+// bound to the order along the rays is what makes kernels wait. No gradient of a parameter is
+// computed.
 
 namespace nerf_pose_refiner {
 namespace {
@@ -25,23 +26,33 @@ __device__ int pixelOf(const DescentTask& task, unsigned id) {
   return static_cast<int>(randomIndex(task.seed, stream, id % task.clock->rays, pixels));
 }
 
-__device__ RayLattice rayOf(const CudaFieldView& field, const DescentTask& task,
-                            const MarchSpace& space, unsigned id) {
+/// A ray in N.
+struct RayLine {
+  float origin[3], direction[3];
+};
+
+__device__ RayLine lineOf(const CudaFieldView& field, const DescentTask& task, unsigned id) {
   const int pixel = pixelOf(task, id);
   const CameraPose<double>& pose = task.batch.items[task.live[id / task.clock->rays]].pose;
   const float x = static_cast<float>((pixel % task.camera.width - task.camera.cx) / task.camera.fx);
   const float y = static_cast<float>((pixel / task.camera.width - task.camera.cy) / task.camera.fy);
   const float scale = rsqrtf(x * x + y * y + 1);
   const double position[3] = {pose.o.x, pose.o.y, pose.o.z};
-  float origin[3], direction[3];
+  RayLine line;
 #pragma unroll
   for (int a = 0; a < 3; ++a) {
-    direction[a] =
+    line.direction[a] =
         scale * (static_cast<float>(pose.R.m[a][0]) * x + static_cast<float>(pose.R.m[a][1]) * y +
                  static_cast<float>(pose.R.m[a][2]));
-    origin[a] = (static_cast<float>(position[a]) - field.origin[a]) / field.side;
+    line.origin[a] = (static_cast<float>(position[a]) - field.origin[a]) / field.side;
   }
-  return RayLattice(origin, direction, space, 0);
+  return line;
+}
+
+__device__ RayLattice rayOf(const CudaFieldView& field, const DescentTask& task,
+                            const MarchSpace& space, unsigned id) {
+  const RayLine line = lineOf(field, task, id);
+  return RayLattice(line.origin, line.direction, space, 0);
 }
 
 /// What a ray saw, compared with its pixel.
@@ -81,7 +92,6 @@ __global__ void __launch_bounds__(kFindThreads)
     if (id < all && !found) {
       const float nothing[3] = {0, 0, 0};
       recordRay(task, id, nothing, 0);
-      task.forces[id] = RayForce();
     }
   }
   // The rays themselves are counted here.
@@ -96,6 +106,7 @@ struct CastSource {
   const DescentTask& task;
   const MarchSpace& space;
   HitQueue queue;
+  float4 front = {0, 0, 0, 0};  // sums over the ray's samples so far, the same for the group
 
   __device__ CastSource(const CudaFieldView& the_field, const DescentTask& the_task,
                         const MarchSpace& the_space)
@@ -105,6 +116,41 @@ struct CastSource {
   __device__ bool exhausted() const { return queue.exhausted; }
   __device__ void start(RayGroup* ray) {
     ray->start(rayOf(field, task, space, queue.hit.id), static_cast<int>(queue.hit.first));
+    front = make_float4(0, 0, 0, 0);
+  }
+
+  /// Notes the samples that were seen. The order of the list may differ from run to run.
+  __device__ void keep(const RayGroup& ray, const SampleWeight& sample, bool heavy, float density,
+                       const float3& rgb) {
+    if (task.points == nullptr) return;  // the same for all
+    const float w = heavy ? sample.weight : 0.0f;
+    float sums[4] = {w * rgb.x, w * rgb.y, w * rgb.z, w};
+    float* const before[4] = {&front.x, &front.y, &front.z, &front.w};
+#pragma unroll
+    for (int k = 0; k < 4; ++k) {
+#pragma unroll
+      for (int away = 1; away < kRaySamples; away *= 2) {
+        const float other = __shfl_up_sync(kWholeWarp, sums[k], away, kRaySamples);
+        if (laneSlot() >= away) sums[k] += other;
+      }
+      sums[k] += *before[k];
+      *before[k] = __shfl_sync(kWholeWarp, sums[k], kRaySamples - 1, kRaySamples);
+    }
+    const unsigned seers = __ballot_sync(kWholeWarp, sample.seen);
+    if (seers == 0) return;
+    const int lane = threadIdx.x % 32;
+    unsigned place = 0;
+    if (lane == 0) place = atomicAdd(&task.clock->kept, static_cast<unsigned>(__popc(seers)));
+    place = __shfl_sync(kWholeWarp, place, 0) + __popc(seers & ((1u << lane) - 1));
+    if (!sample.seen || place >= task.most_points) return;
+    task.points[place] = {queue.hit.id,
+                          ray.t,
+                          ray.length,
+                          density,
+                          w,
+                          sample.transmittance_behind,
+                          {rgb.x, rgb.y, rgb.z},
+                          {sums[0], sums[1], sums[2], sums[3]}};
   }
 
   __device__ bool turnOver(const RayGroup& ray) {
@@ -138,134 +184,81 @@ __global__ void __launch_bounds__(kCastThreads, 4)
   addWork(task.costs, work.samples, work.colours, task.work);
 }
 
-/// Listed rays that pull; @see findSamples.
-struct PullSource {
-  const CudaFieldView& field;
-  const DescentTask& task;
-  const MarchSpace& space;
-  HitQueue queue;
-  RayRecord record;
-  float in_front = 0;  // what the samples so far contributed to record.value
-  RayForce sum = {};   // over this lane's samples, in units of N
-
-  __device__ PullSource(const CudaFieldView& the_field, const DescentTask& the_task,
-                        const MarchSpace& the_space)
-      : field(the_field), task(the_task), space(the_space) {}
-
-  __device__ bool active() const { return queue.active; }
-  __device__ bool exhausted() const { return queue.exhausted; }
-
-  __device__ void start(RayGroup* ray) {
-    ray->start(rayOf(field, task, space, queue.hit.id), static_cast<int>(queue.hit.first));
-    in_front = 0;
-    sum = RayForce();
-  }
-
-  __device__ bool turnOver(const RayGroup& ray) {
-    const bool done = queue.active && ray.ended && ray.count == 0;
-    if (__any_sync(kWholeWarp, done)) {
-      RayForce total;
+/// Derivatives of the loss by the logits of a sample's colour and density.
+__device__ float4 logitGradient(const RayRecord& record, const RayPoint& point) {
+  const float value = record.rgb[0] * point.rgb[0] + record.rgb[1] * point.rgb[1] +
+                      record.rgb[2] * point.rgb[2] + record.alpha;
+  const float front = record.rgb[0] * point.front[0] + record.rgb[1] * point.front[1] +
+                      record.rgb[2] * point.front[2] + record.alpha * point.front[3];
+  // What is behind cannot weigh more than the light that reaches it: rounding must not, either, for
+  // it is multiplied by the density.
+  const float most = point.transmittance_behind * (fabsf(record.rgb[0]) + fabsf(record.rgb[1]) +
+                                                   fabsf(record.rgb[2]) + fabsf(record.alpha));
+  const float behind = fminf(fmaxf(record.value - front, -most), most);
+  // Samples that are too light to count only hide what is behind them.
+  const float through = point.weight > 0 ? point.transmittance_behind * value : 0.0f;
+  float by_rgb[3];
 #pragma unroll
-      for (int a = 0; a < 3; ++a) {
-        total.force[a] = groupSum(sum.force[a]) / field.side;
-        total.torque[a] = groupSum(sum.torque[a]);
-      }
-      if (done) {
-        if (laneSlot() == 0) task.forces[queue.hit.id] = total;
-        queue.active = false;
-      }
-    }
-    if (!queue.take({task.hits, &task.clock->found}, &task.clock->pulled)) return false;
-    record = task.records[queue.hit.id];
-    const bool pulls =
-        record.rgb[0] != 0 || record.rgb[1] != 0 || record.rgb[2] != 0 || record.alpha != 0;
-    if (!pulls) {
-      if (laneSlot() == 0) task.forces[queue.hit.id] = RayForce();
-      queue.active = false;
-    }
-    return pulls;
+  for (int c = 0; c < 3; ++c) {
+    by_rgb[c] = record.rgb[c] * point.weight * point.rgb[c] * (1 - point.rgb[c]);
   }
+  return make_float4(by_rgb[0], by_rgb[1], by_rgb[2],
+                     point.length * (through - behind) * point.density);
+}
 
-  /// Derivatives of the loss by the logits of the lane's colour and density. All lanes take part.
-  __device__ float4 logitGradient(const SampleWeight& sample, float density, float length,
-                                  const float3& rgb) {
-    const float value =
-        record.rgb[0] * rgb.x + record.rgb[1] * rgb.y + record.rgb[2] * rgb.z + record.alpha;
-    // Samples that the cast left out only hide what is behind them.
-    const bool heavy = sample.seen && sample.weight >= task.min_weight;
-    float so_far = heavy ? sample.weight * value : 0.0f;
+/// Adds a sample's pull to the sums of its hypothesis; what is not finite pulls at nothing.
+/// @param gradient by the sample's position, in N. @param lever_extra of the direction's own.
+__device__ void addPull(const RayLine& line, float t, const float gradient[3],
+                        const float lever_extra[3], PullSums* sums) {
+  const float* d = line.direction;
+  float lever[3];
 #pragma unroll
-    for (int away = 1; away < kRaySamples; away *= 2) {
-      const float other = __shfl_up_sync(kWholeWarp, so_far, away, kRaySamples);
-      if (laneSlot() >= away) so_far += other;
-    }
-    // What is behind cannot weigh more than the light that reaches it: rounding must not, either,
-    // for it is multiplied by the density.
-    const float most = sample.transmittance_behind * (fabsf(record.rgb[0]) + fabsf(record.rgb[1]) +
-                                                      fabsf(record.rgb[2]) + fabsf(record.alpha));
-    const float behind = fminf(fmaxf(record.value - in_front - so_far, -most), most);
-    in_front += __shfl_sync(kWholeWarp, so_far, kRaySamples - 1, kRaySamples);
-    if (!sample.seen) return make_float4(0, 0, 0, 0);
-    const float w = heavy ? sample.weight : 0.0f;
-    const float through = heavy ? sample.transmittance_behind * value : 0.0f;
-    return make_float4(
-        record.rgb[0] * w * rgb.x * (1 - rgb.x), record.rgb[1] * w * rgb.y * (1 - rgb.y),
-        record.rgb[2] * w * rgb.z * (1 - rgb.z), length * (through - behind) * density);
-  }
-
-  /// Adds a sample's pull. @param gradient by its position, in N.
-  __device__ void add(const RayGroup& ray, const float gradient[3], const float lever_extra[3]) {
-    const float* d = ray.lattice.direction;
-    float lever[3];
+  for (int a = 0; a < 3; ++a) lever[a] = t * gradient[a] + lever_extra[a];
+  const float torque[3] = {d[1] * lever[2] - d[2] * lever[1], d[2] * lever[0] - d[0] * lever[2],
+                           d[0] * lever[1] - d[1] * lever[0]};
+  const float size = fabsf(gradient[0]) + fabsf(gradient[1]) + fabsf(gradient[2]) +
+                     fabsf(torque[0]) + fabsf(torque[1]) + fabsf(torque[2]);
+  if (!isfinite(size)) return;
+  const auto add = [](long long* sum, float value) {
+    const long long whole = llrint(value / kPullUnit);
+    atomicAdd(reinterpret_cast<unsigned long long*>(sum), static_cast<unsigned long long>(whole));
+  };
 #pragma unroll
-    for (int a = 0; a < 3; ++a) {
-      sum.force[a] += gradient[a];
-      lever[a] = ray.t * gradient[a] + lever_extra[a];
-    }
-    sum.torque[0] += d[1] * lever[2] - d[2] * lever[1];
-    sum.torque[1] += d[2] * lever[0] - d[0] * lever[2];
-    sum.torque[2] += d[0] * lever[1] - d[1] * lever[0];
+  for (int a = 0; a < 3; ++a) {
+    add(&sums->force[a], gradient[a]);
+    add(&sums->torque[a], torque[a]);
   }
-};
+}
 
 constexpr float kLeastGradient = 1e-20f;  // what is less pulls at nothing, and has no inverse
 
-/// A persistent grid, as castKernel. Every sample's gradient goes back scaled to one and is scaled
+/// Warps take 32 samples at a time. Every sample's gradient goes back scaled to one and is scaled
 /// again behind: halves hold it, however small it is.
 template <int W>
 __global__ void __launch_bounds__(kPullThreads, 1)
     pullKernel(const __grid_constant__ CudaFieldView field,
-               const __grid_constant__ DescentTask task, const __grid_constant__ MarchSpace space) {
-  const WarpMemory memory = enterBlock(field, kRaySamples, true);
+               const __grid_constant__ DescentTask task) {
+  const WarpMemory memory = enterBlock(field, 1, true);
   WarpNetworks<W> networks(field.shape, memory);
-  __half* const harmonics = memory.harmonics + memory.lane / kRaySamples * kHarmonics;
-  PullSource source(field, task, space);
-  RayGroup ray;
-  bool needs_harmonics = true;
-  while (true) {
-    bool fresh = false;
-    if (!findSamples(space.occupancy, &source, &ray, &fresh)) break;
-    needs_harmonics = needs_harmonics || fresh;
-    const bool ready = source.active() && hasFullGroup(ray);
-    if (!__any_sync(kWholeWarp, ready)) continue;
-    const bool valid = ready && laneSlot() < ray.count;
-    if (valid) {
-      float p[3];
-      samplePosition(ray, p);
-      encode<true>(field, p, memory.row(), memory.slopeRow(), memory.slopePlane());
-      if (needs_harmonics && laneSlot() == 0) {
-        writeHarmonics(ray.lattice.direction, field.sh_degree, harmonics);
-      }
-    }
-    needs_harmonics = needs_harmonics && !ready;
-    const float density = expf(fminf(networks.template density<true>(), 30.0f));
-    const float length = ray.length;
-    const SampleWeight sample = weighSamples(density, task.min_transmittance, ready, &ray);
-    const float3 rgb = networks.template colour<true>(kRaySamples);
-    const float4 g = source.logitGradient(sample, density, length, rgb);
+  const unsigned kept = task.clock->kept;
+  // A step with more samples than there is room for is left out: which of them were kept is chance.
+  const unsigned count = kept <= task.most_points ? kept : 0;
+  unsigned first = (blockIdx.x * blockDim.x + threadIdx.x) / 32 * 32;
+  for (; first < count; first += gridDim.x * blockDim.x) {
+    const bool valid = first + memory.lane < count;
+    const RayPoint point = task.points[valid ? first + memory.lane : first];
+    const float4 g = logitGradient(task.records[point.id], point);
     const float scale = fmaxf(fmaxf(fabsf(g.x), fabsf(g.y)), fmaxf(fabsf(g.z), fabsf(g.w)));
-    const bool pulls = scale > kLeastGradient && isfinite(scale);
+    const bool pulls = valid && scale > kLeastGradient && isfinite(scale);
     if (!__any_sync(kWholeWarp, pulls)) continue;
+    const RayLine line = lineOf(field, task, point.id);
+    float p[3];
+#pragma unroll
+    for (int a = 0; a < 3; ++a) p[a] = __fmaf_rn(point.t, line.direction[a], line.origin[a]);
+    encode<true>(field, p, memory.row(), memory.slopeRow(), memory.slopePlane());
+    writeHarmonics(line.direction, field.sh_degree, memory.harmonics + memory.lane * kHarmonics);
+    networks.template density<true>();
+    networks.template colour<true>(1);
     const float inverse = pulls ? 1 / scale : 0.0f;
     float by_harmonics[kHarmonics] = {};
     networks.backward(pulls
@@ -275,7 +268,7 @@ __global__ void __launch_bounds__(kPullThreads, 1)
     if (!pulls) continue;
     float gradient[3], lever[3] = {0, 0, 0};
     positionGradient(field, memory.row(), memory.slopeRow(), memory.slopePlane(), gradient);
-    const float* d = ray.lattice.direction;
+    const float* d = line.direction;
     if (task.direction_gradient) {
       sphericalHarmonicsGradient(d[0], d[1], d[2], field.sh_degree, by_harmonics, lever);
     }
@@ -284,7 +277,7 @@ __global__ void __launch_bounds__(kPullThreads, 1)
       gradient[a] *= scale;
       lever[a] *= scale;
     }
-    source.add(ray, gradient, lever);
+    addPull(line, point.t, gradient, lever, &task.sums[point.id / task.clock->rays]);
   }
 }
 
@@ -301,12 +294,11 @@ void descendOnce(const CudaFieldView& field, const DescentTask& task, int hypoth
                  cudaStream_t stream) {
   beginStep(task, stream);
   castAll(field, task, stream);
-  const SharedLayout layout(field.shape, kRaySamples, true);
+  const SharedLayout layout(field.shape, 1, true);
   const auto kernel = field.shape.width == 32 ? pullKernel<32> : pullKernel<64>;
   const int threads = threadsThatFit(kPullThreads, layout.weight_bytes, layout.warp_bytes);
-  launchPersistent(kernel, threads, layout.bytes(threads / 32), stream, field, task,
-                   marchSpace(field, 1));
-  updatePoses(task, hypotheses, stream);
+  launchPersistent(kernel, threads, layout.bytes(threads / 32), stream, field, task);
+  updatePoses(task, field.side, hypotheses, stream);
 }
 
 void measureLosses(const CudaFieldView& field, const DescentTask& task, int pixels, int hypotheses,

@@ -19,19 +19,32 @@ struct RayRecord {
   float loss, weight;
 };
 
-/// The pull of a loss on a ray. @see RayPull
-struct RayForce {
-  float force[3], torque[3];
+/// A sample that was seen, as its ray will have to know it when its loss is known.
+struct RayPoint {
+  unsigned id;  ///< of the ray
+  float t, length, density;
+  float weight;  ///< transmittance in front * opacity; 0 if it is too light to count
+  float transmittance_behind;
+  float rgb[3];
+  float front[4];  ///< sums of weight * colour and of the weights, up to this sample
 };
+
+/// Sums over a hypothesis' samples, of the pulls on them (Lin et al., eq. 2 and 3), in units of N.
+/// Integers: in any order the same.
+struct PullSums {
+  long long force[3], torque[3];
+};
+constexpr double kPullUnit = 1.0 / (1 << 24);
 
 /// Rays and hits of a step are numbered hypothesis after hypothesis. What steps hand on to each
 /// other, on the device.
 struct DescentClock {
-  int step;                      ///< the one under way
-  int live;                      ///< hypotheses that are followed
-  int rays;                      ///< of each of them, in this step
-  unsigned found, cast, pulled;  ///< rays that meet matter; those that were taken by warps
-  unsigned long long samples;    ///< of this step so far
+  int step;                    ///< the one under way
+  int live;                    ///< hypotheses that are followed
+  int rays;                    ///< of each of them, in this step
+  unsigned found, cast;        ///< rays that meet matter; those that were taken by warps
+  unsigned kept;               ///< samples that were seen
+  unsigned long long samples;  ///< of this step so far
 };
 
 /// A sequence of steps of parallel inversion. @see DescentPlan
@@ -61,9 +74,11 @@ struct DescentTask {
   double2* scores;          ///< [capacity], of the live ones: loss and weight
   DescentClock* clock;
   RayRecord* records;  ///< [capacity of rays], hypothesis after hypothesis
-  RayForce* forces;
-  RayHit* hits;   ///< [capacity of rays]
-  int most_rays;  ///< room for rays of all hypotheses
+  RayHit* hits;        ///< [capacity of rays]
+  int most_rays;       ///< room for rays of all hypotheses
+  RayPoint* points;    ///< [most_points], of the rays that pull; null: none are kept
+  unsigned most_points;
+  PullSums* sums;  ///< [capacity], of the live ones
   CudaCosts costs;
   CudaWork* work;
 };
@@ -86,7 +101,8 @@ void measureLosses(const CudaFieldView& field, const DescentTask& task, int pixe
 /// The parts of a step (descent_update.cu): a new step's rays; sums over rays and updates.
 void beginStep(const DescentTask& task, cudaStream_t stream);
 void beginMeasuring(const DescentTask& task, int pixels, cudaStream_t stream);
-void updatePoses(const DescentTask& task, int hypotheses, cudaStream_t stream);
+/// @param side of the cube N [model units].
+void updatePoses(const DescentTask& task, float side, int hypotheses, cudaStream_t stream);
 void sumLosses(const DescentTask& task, int hypotheses, cudaStream_t stream);
 
 }  // namespace nerf_pose_refiner

@@ -9,7 +9,7 @@ namespace nerf_pose_refiner {
 namespace {
 
 constexpr int kSumThreads = 256;
-constexpr int kRaySums = 8;                    // force, torque, loss, weight
+constexpr int kRaySums = 2;                    // loss, weight
 constexpr double kGuessedSamplesPerRay = 8;    // before any was cast
 constexpr double kFewestSamplesPerRay = 0.25;  // bounds the rays of an empty picture
 
@@ -25,11 +25,13 @@ __global__ void startKernel(DescentTask task, int first_step) {
   task.clock->step = first_step - 1;
 }
 
-/// One thread: rays for each hypothesis so that all samples together come near the plan's budget.
+/// One block: rays for each hypothesis so that all samples together come near the plan's budget.
 __global__ void beginKernel(DescentTask task) {
   DescentClock* clock = task.clock;
+  for (int i = threadIdx.x; i < clock->live; i += kSumThreads) task.sums[i] = PullSums{};
+  if (threadIdx.x != 0) return;
   ++clock->step;
-  clock->found = clock->cast = clock->pulled = 0;
+  clock->found = clock->cast = clock->kept = 0;
   clock->samples = 0;
   if (clock->live == 0) return;
   const double measured = *task.samples_per_ray;
@@ -44,21 +46,13 @@ __global__ void measureKernel(DescentTask task, int pixels) {
 }
 
 /// Sums over a hypothesis' rays, by one block and in a fixed order; the result in sums[0][].
-__device__ void sumRays(const DescentTask& task, bool with_forces,
-                        double (&sums)[kSumThreads][kRaySums]) {
+__device__ void sumRays(const DescentTask& task, double (&sums)[kSumThreads][kRaySums]) {
   double own[kRaySums] = {};
   const int rays = task.clock->rays;
   const std::size_t first = static_cast<std::size_t>(blockIdx.x) * rays;
   for (int i = threadIdx.x; i < rays; i += kSumThreads) {
-    if (with_forces) {
-      const RayForce force = task.forces[first + i];
-      for (int a = 0; a < 3; ++a) {
-        own[a] += force.force[a];
-        own[3 + a] += force.torque[a];
-      }
-    }
-    own[6] += task.records[first + i].loss;
-    own[7] += task.records[first + i].weight;
+    own[0] += task.records[first + i].loss;
+    own[1] += task.records[first + i].weight;
   }
   for (int k = 0; k < kRaySums; ++k) sums[threadIdx.x][k] = own[k];
   for (int half = kSumThreads / 2; half > 0; half /= 2) {
@@ -111,18 +105,22 @@ __device__ void followSamples(const DescentTask& task) {
   *followed = *followed < 0 ? measured : *followed + 0.1 * (measured - *followed);
 }
 
+__device__ Vec3<double> vectorOf(const long long (&sums)[3]) {
+  return {static_cast<double>(sums[0]), static_cast<double>(sums[1]), static_cast<double>(sums[2])};
+}
+
 /// A block per live hypothesis: takes one step's means, and updates the pose if there are enough.
-__global__ void updateKernel(DescentTask task) {
+__global__ void updateKernel(DescentTask task, float side) {
   const int i = static_cast<int>(blockIdx.x);
   if (i >= task.clock->live) return;
   __shared__ double sums[kSumThreads][kRaySums];
-  sumRays(task, true, sums);
+  sumRays(task, sums);
   if (threadIdx.x != 0) return;
   if (i == 0) followSamples(task);
   const int step = task.clock->step;
   if (step >= task.scored_from) {
-    task.scores[i].x += sums[0][6];
-    task.scores[i].y += sums[0][7];
+    task.scores[i].x += sums[0][0];
+    task.scores[i].y += sums[0][1];
   }
   CudaHypothesis* hypothesis = &task.batch.items[task.live[i]];
   CudaDescentState& state = hypothesis->descent;
@@ -130,9 +128,10 @@ __global__ void updateKernel(DescentTask task) {
     state.started = 1;
     state.start = hypothesis->pose;
   }
-  const double share = 1.0 / task.clock->rays;
-  state.force += (task.length_unit * share) * Vec3<double>{sums[0][0], sums[0][1], sums[0][2]};
-  state.torque += share * Vec3<double>{sums[0][3], sums[0][4], sums[0][5]};
+  const double share = kPullUnit / task.clock->rays;
+  const PullSums& pull = task.sums[i];
+  state.force += (task.length_unit / side * share) * vectorOf(pull.force);
+  state.torque += share * vectorOf(pull.torque);
   if (++state.gathered < task.steps_per_update) return;
   const int decays = step / task.steps_per_update / task.decay_updates;
   updatePose(task, pow(task.decay, static_cast<double>(decays)), hypothesis);
@@ -155,8 +154,8 @@ __global__ void lossKernel(DescentTask task) {
   const int i = static_cast<int>(blockIdx.x);
   if (i >= task.clock->live) return;
   __shared__ double sums[kSumThreads][kRaySums];
-  sumRays(task, false, sums);
-  if (threadIdx.x == 0) task.batch.items[task.live[i]].loss = meanLoss(sums[0][6], sums[0][7]);
+  sumRays(task, sums);
+  if (threadIdx.x == 0) task.batch.items[task.live[i]].loss = meanLoss(sums[0][0], sums[0][1]);
 }
 
 }  // namespace
@@ -167,7 +166,7 @@ void startDescent(const DescentTask& task, int first_step, cudaStream_t stream) 
 }
 
 void beginStep(const DescentTask& task, cudaStream_t stream) {
-  beginKernel<<<1, 1, 0, stream>>>(task);
+  beginKernel<<<1, kSumThreads, 0, stream>>>(task);
   NPR_CUDA_CHECK(cudaGetLastError());
 }
 
@@ -176,8 +175,8 @@ void beginMeasuring(const DescentTask& task, int pixels, cudaStream_t stream) {
   NPR_CUDA_CHECK(cudaGetLastError());
 }
 
-void updatePoses(const DescentTask& task, int hypotheses, cudaStream_t stream) {
-  updateKernel<<<hypotheses, kSumThreads, 0, stream>>>(task);
+void updatePoses(const DescentTask& task, float side, int hypotheses, cudaStream_t stream) {
+  updateKernel<<<hypotheses, kSumThreads, 0, stream>>>(task, side);
   NPR_CUDA_CHECK(cudaGetLastError());
 }
 

@@ -122,6 +122,9 @@ struct PictureSource {
     return queue.take(task.hits, &task.hits.counts[1]);
   }
 
+  /// A picture needs the sums alone.
+  __device__ void keep(const RayGroup&, const SampleWeight&, bool, float, const float3&) const {}
+
   __device__ void write(const RayGroup& ray, float3 rgb, float alpha, float depth) {
     // The ray in model units, seen from the object's centre.
     float seen[3];

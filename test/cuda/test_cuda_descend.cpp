@@ -157,6 +157,41 @@ TEST_F(CudaDescend, theSameBitsEveryTime) {
   }
 }
 
+// Fog, of which the first step takes many more samples than there is room for: it is left out.
+TEST_F(CudaDescend, aStepWithTooManySamplesChangesNothing) {
+  FieldConfig config;
+  config.step = 1e-3f;
+  Field fog = randomField(config, 3);
+  for (float& weight : fog.density_weights) weight *= 0.1f;  // density about 1 everywhere
+  fog.metadata.centre = fog.cubeCentre();
+  fog.metadata.diameter = fog.cubeSide();
+  const auto loaded_fog = cuda->load(std::make_shared<Field>(fog));
+  const Pose pose = cameraBefore(fog, 2 * fog.cubeSide());
+  const Observation seen =
+      observe(cuda.get(), *loaded_fog, someCamera(), pose, Background::kKnownAlpha);
+  const auto observed = cuda->observe(seen, {{someCamera(), 0}});
+  Pose poses[2][2];
+  for (int run = 0; run < 2; ++run) {
+    for (int steps : {1, 9}) {
+      const auto batch = cuda->batch(1);
+      ScatterPlan plan;
+      plan.count = 1;
+      cuda->scatter(batch.get(), disturbed(pose, fog, 4, 0.05), plan);
+      DescentPlan descent;
+      descent.steps_per_update = 1;
+      descent.samples_per_step = 1 << 12;
+      cuda->descend(batch.get(), *loaded_fog, *observed, 0, descent, 0, steps, {});
+      poses[run][steps > 1] = cuda->read(*batch).front().T_O_C;
+    }
+  }
+  EXPECT_LT((poses[0][0].R - disturbed(pose, fog, 4, 0.05).R).norm(), 1e-12);
+  EXPECT_GT((poses[0][1].t - disturbed(pose, fog, 4, 0.05).t).norm(), 1e-6);
+  for (int k = 0; k < 2; ++k) {
+    EXPECT_EQ(poses[0][k].R, poses[1][k].R);
+    EXPECT_EQ(poses[0][k].t, poses[1][k].t);
+  }
+}
+
 TEST_F(CudaDescend, stopsWhenAsked) {
   const Observation seen =
       observe(cpu.get(), *on_cpu, someCamera(), truth, Background::kKnownAlpha);
