@@ -313,9 +313,7 @@ HypothesisTable CudaEngine::read(const HypothesisBatch& batch) {
     }
   }
   std::stable_sort(table.begin(), table.end(), [](const Hypothesis& a, const Hypothesis& b) {
-    const bool live_a = a.state == HypothesisState::kLive,
-               live_b = b.state == HypothesisState::kLive;
-    return live_a != live_b ? live_a : a.loss < b.loss;
+    return isBetter(a.state, a.loss, b.state, b.loss);
   });
   return table;
 }

@@ -3,32 +3,12 @@
 
 #include "cuda_error.h"
 #include "hypotheses.h"
-#include "nerf_pose_refiner/maths/random.h"
-#include "nerf_pose_refiner/maths/so3.h"
 
 namespace nerf_pose_refiner {
 namespace {
 
 constexpr int kThreads = 128;
 constexpr int kSelectThreads = 256;
-
-__device__ Vec3<double> uniformInBox(const Vec3<double>& half_width, std::uint64_t seed,
-                                     std::uint64_t stream, std::uint64_t counter) {
-  return {half_width.x * (2.0 * randomUniform(seed, stream, counter) - 1.0),
-          half_width.y * (2.0 * randomUniform(seed, stream, counter + 1) - 1.0),
-          half_width.z * (2.0 * randomUniform(seed, stream, counter + 2) - 1.0)};
-}
-
-/// The index-th pose around `pose`: rotated, about the object's centre in the axes of O or about
-/// the camera in its own, then moved along the axes of O.
-__device__ CameraPose<double> drawnAround(const CameraPose<double>& pose, const PoseSpread& spread,
-                                          std::uint64_t seed, std::uint64_t index) {
-  const Mat3<double> turn = expSO3(uniformInBox(spread.rotation_rad, seed, index, 0));
-  const Vec3<double> move = uniformInBox(spread.translation, seed, index, 3);
-  if (!spread.about_object) return {pose.R * turn, pose.o + move};
-  const Vec3<double>& c = spread.object_centre;
-  return {turn * pose.R, c + turn * (pose.o - c) + move};
-}
 
 __device__ CudaHypothesis freshHypothesis(const CameraPose<double>& pose) {
   CudaHypothesis h = {};
@@ -48,28 +28,10 @@ __global__ void scatterKernel(CudaHypotheses batch, CameraPose<double> prior, Po
 
 __device__ bool isLive(const CudaHypothesis& h) { return h.state == HypothesisState::kLive; }
 
-/// Losses that are not finite come last, in a fixed order.
-__device__ double rankedLoss(const CudaHypothesis& h) { return isnan(h.loss) ? HUGE_VAL : h.loss; }
-
+/// Equal ones stay in their order.
 __device__ bool isBefore(const CudaHypothesis& a, int i, const CudaHypothesis& b, int j) {
-  if (isLive(a) != isLive(b)) return isLive(a);
-  const double loss_a = rankedLoss(a), loss_b = rankedLoss(b);
-  return loss_a < loss_b || (loss_a == loss_b && i < j);
-}
-
-__device__ bool isDuplicate(const CameraPose<double>& a, const CameraPose<double>& b,
-                            const CudaSelectPlan& plan) {
-  const Vec3<double>& c = plan.jitter.object_centre;
-  const Vec3<double> moved = transposedTimes(a.R, c - a.o) - transposedTimes(b.R, c - b.o);
-  if (!(norm(moved) < plan.merge_translation)) return false;
-  Mat3<double> turn;  // a.R^T b.R
-  for (int k = 0; k < 3; ++k) {
-    const Vec3<double> v = transposedTimes(a.R, column(b.R, k));
-    turn.m[0][k] = v.x;
-    turn.m[1][k] = v.y;
-    turn.m[2][k] = v.z;
-  }
-  return norm(logSO3(turn)) < plan.merge_rotation_rad;
+  if (isBetter(a.state, a.loss, b.state, b.loss)) return true;
+  return i < j && !isBetter(b.state, b.loss, a.state, a.loss);
 }
 
 /// One block.
@@ -93,7 +55,8 @@ __global__ void selectKernel(CudaHypotheses batch, CudaSelectPlan plan) {
     if (!isLive(h)) break;
     bool same = false;
     for (int k = thread; k < survivors; k += kSelectThreads) {
-      same = same || isDuplicate(batch.scratch[k].pose, h.pose, plan);
+      same = same || isDuplicate(batch.scratch[k].pose, h.pose, plan.jitter.object_centre,
+                                 plan.merge_rotation_rad, plan.merge_translation);
     }
     const int any = __syncthreads_or(same);
     if (thread == 0 && !any) {

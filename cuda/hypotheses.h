@@ -6,8 +6,7 @@
 #include <cstdint>
 
 #include "nerf_pose_refiner/maths/adam.h"
-#include "nerf_pose_refiner/maths/hypothesis_state.h"
-#include "nerf_pose_refiner/maths/projection.h"
+#include "nerf_pose_refiner/maths/pose_spread.h"
 
 namespace nerf_pose_refiner {
 
@@ -28,13 +27,6 @@ struct CudaHypothesis {
   double loss, visible_fraction, score, residual_variance;
   double information[21];  ///< lower triangle, row by row
   CudaDescentState descent;
-};
-
-/// A region of poses around a pose: half widths per axis.
-struct PoseSpread {
-  Vec3<double> rotation_rad, translation;
-  bool about_object;
-  Vec3<double> object_centre;
 };
 
 /// Hypotheses of a batch on the device; there are never more than `capacity`.

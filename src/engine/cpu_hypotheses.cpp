@@ -1,56 +1,24 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
-#include <cmath>
 #include <limits>
 #include <stdexcept>
 #include <string>
 
 #include "cpu_engine.h"
-#include "nerf_pose_refiner/maths/random.h"
+#include "nerf_pose_refiner/maths/pose_spread.h"
+#include "plain_pose.h"
 
 namespace nerf_pose_refiner {
 namespace {
 
-// A region of poses around a pose: half widths per axis.
-struct Spread {
-  Eigen::Vector3d rotation_rad;
-  Eigen::Vector3d translation;
-  bool about_object;
-  Eigen::Vector3d object_centre;
-};
-
-Eigen::Vector3d uniformInBox(const Eigen::Vector3d& half_width, std::uint64_t seed,
-                             std::uint64_t stream, std::uint64_t counter) {
-  Eigen::Vector3d x;
-  for (int i = 0; i < 3; ++i) {
-    x[i] = half_width[i] * (2.0 * randomUniform(seed, stream, counter + i) - 1.0);
-  }
-  return x;
-}
-
-// The index-th pose around `pose`: rotated, about the object's centre in the axes of O or about the
-// camera in its own, then moved along the axes of O.
-Pose drawnAround(const Pose& pose, const Spread& spread, std::uint64_t seed, std::uint64_t index) {
-  const Eigen::Matrix3d turn = expSO3(uniformInBox(spread.rotation_rad, seed, index, 0));
-  const Eigen::Vector3d move = uniformInBox(spread.translation, seed, index, 3);
-  if (!spread.about_object) return {pose.R * turn, pose.t + move};
-  const Eigen::Vector3d& c = spread.object_centre;
-  return {turn * pose.R, c + turn * (pose.t - c) + move};
-}
-
 bool isLive(const Hypothesis& h) { return h.state == HypothesisState::kLive; }
 
-bool isBetter(const Hypothesis& a, const Hypothesis& b) {
-  if (isLive(a) != isLive(b)) return isLive(a);
-  if (std::isnan(a.loss) || std::isnan(b.loss)) return !std::isnan(a.loss) && std::isnan(b.loss);
-  return a.loss < b.loss;
+bool isBefore(const Hypothesis& a, const Hypothesis& b) {
+  return isBetter(a.state, a.loss, b.state, b.loss);
 }
 
-bool isDuplicate(const Hypothesis& a, const Hypothesis& b, const SelectPlan& plan) {
-  const Eigen::Vector3d moved =
-      a.T_O_C.inverse() * plan.object_centre - b.T_O_C.inverse() * plan.object_centre;
-  return moved.norm() < plan.merge_translation &&
-         rotationDistance(a.T_O_C.R, b.T_O_C.R) < plan.merge_rotation_rad;
+Pose poseAround(const Pose& pose, const PoseSpread& spread, std::uint64_t seed, int index) {
+  return poseOf(drawnAround(plainPose(pose), spread, seed, static_cast<std::uint64_t>(index)));
 }
 
 // The best, without the flagged ones and those that stand where a better one does.
@@ -59,7 +27,10 @@ std::vector<CpuHypothesis> survivorsOf(const std::vector<CpuHypothesis>& sorted,
   std::vector<CpuHypothesis> survivors;
   for (const CpuHypothesis& h : sorted) {
     if (!isLive(h) || static_cast<int>(survivors.size()) == plan.keep) break;
-    const auto same = [&](const CpuHypothesis& kept) { return isDuplicate(kept, h, plan); };
+    const auto same = [&](const CpuHypothesis& kept) {
+      return isDuplicate(plainPose(kept.T_O_C), plainPose(h.T_O_C), plainVector(plan.object_centre),
+                         plan.merge_rotation_rad, plan.merge_translation);
+    };
     if (std::none_of(survivors.begin(), survivors.end(), same)) survivors.push_back(h);
   }
   return survivors;
@@ -95,14 +66,14 @@ void CpuEngine::scatter(HypothesisBatch* batch, const Pose& prior_T_O_C, const S
     throw std::invalid_argument("ScatterPlan::count is " + std::to_string(plan.count) +
                                 ", the batch holds 1 to " + std::to_string(own.capacity));
   }
-  const Spread spread = {plan.rotation_rad, plan.translation, plan.rotate_about_object,
-                         plan.object_centre};
+  const PoseSpread spread = {plainVector(plan.rotation_rad), plainVector(plan.translation),
+                             plan.rotate_about_object, plainVector(plan.object_centre)};
   own.prior_T_O_C = prior_T_O_C;
   own.scatter = plan;
   own.hypotheses.assign(plan.count, CpuHypothesis());
   own.hypotheses[0].T_O_C = prior_T_O_C;
   for (int i = 1; i < plan.count; ++i) {
-    own.hypotheses[i].T_O_C = drawnAround(prior_T_O_C, spread, plan.seed, i);
+    own.hypotheses[i].T_O_C = poseAround(prior_T_O_C, spread, plan.seed, i);
   }
 }
 
@@ -116,19 +87,21 @@ void CpuEngine::select(HypothesisBatch* batch, const SelectPlan& plan) {
   const auto flagged = plan.redraw ? std::count_if(own.hypotheses.begin(), own.hypotheses.end(),
                                                    [](const Hypothesis& h) { return !isLive(h); })
                                    : 0;
-  std::stable_sort(own.hypotheses.begin(), own.hypotheses.end(), isBetter);
+  std::stable_sort(own.hypotheses.begin(), own.hypotheses.end(), isBefore);
   own.hypotheses = survivorsOf(own.hypotheses, plan);
   const int survivors = static_cast<int>(own.hypotheses.size());
   if (survivors == 0) return;
   const int redrawn = std::min(plan.keep, survivors + static_cast<int>(flagged));
   for (CpuHypothesis& h : own.hypotheses) h.descent = DescentState();
-  const Spread spread = {Eigen::Vector3d::Constant(plan.rotation_jitter_rad),
-                         Eigen::Vector3d::Constant(plan.translation_jitter),
-                         plan.rotate_about_object, plan.object_centre};
+  const double turn = plan.rotation_jitter_rad, move = plan.translation_jitter;
+  const PoseSpread spread = {{turn, turn, turn},
+                             {move, move, move},
+                             plan.rotate_about_object,
+                             plainVector(plan.object_centre)};
   for (int i = survivors; i < std::max(plan.offspring, redrawn); ++i) {
     CpuHypothesis child;
     child.loss = std::numeric_limits<double>::infinity();
-    child.T_O_C = drawnAround(own.hypotheses[i % survivors].T_O_C, spread, plan.seed, i);
+    child.T_O_C = poseAround(own.hypotheses[i % survivors].T_O_C, spread, plan.seed, i);
     own.hypotheses.push_back(child);
   }
 }
@@ -136,7 +109,7 @@ void CpuEngine::select(HypothesisBatch* batch, const SelectPlan& plan) {
 HypothesisTable CpuEngine::read(const HypothesisBatch& batch) {
   const CpuBatch& own = cpuBatch(batch);
   HypothesisTable table(own.hypotheses.begin(), own.hypotheses.end());
-  std::stable_sort(table.begin(), table.end(), isBetter);
+  std::stable_sort(table.begin(), table.end(), isBefore);
   return table;
 }
 
