@@ -80,46 +80,37 @@ __device__ inline void addScaled(float factor, const float4& v, float4* sum) {
   sum->w += factor * v.w;
 }
 
-/// A thread per pixel, blockIdx.y is the picture. Along rows; weighs the pixels.
-__global__ void blurRowsKernel(BlurTask task) {
+/// A thread per pixel, blockIdx.y is the picture. Sums along rows and exchanges rows and columns,
+/// so that neighbours read what the near caches hold in both passes: the first one, of the pictures
+/// [h][w], weighs the pixels; the last one, of the scratch [w][h], divides by the weights' sum.
+template <bool kLast>
+__global__ void blurKernel(BlurTask task) {
   const int i = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
   const int view = static_cast<int>(blockIdx.y), pixels = task.width * task.height;
   if (i >= pixels || (task.active && !task.active[view])) return;
   const std::size_t base = static_cast<std::size_t>(view) * pixels;
-  const int x = i % task.width, row = i - x;
+  const int width = kLast ? task.height : task.width, rows = kLast ? task.width : task.height;
+  const int x = i % width, row = i - x;
+  const float4* from = (kLast ? task.scratch : task.pictures) + 2 * (base + row);
   float4 colour = make_float4(0, 0, 0, 0), point = colour;
-  const int last = min(task.width - 1, x + task.radius);
+  const int last = min(width - 1, x + task.radius);
   for (int k = max(0, x - task.radius); k <= last; ++k) {
-    const float weight = task.half_kernel[abs(k - x)] * task.weight[row + k];
-    float4 p = task.pictures[2 * (base + row + k) + 1];
-    p.w = 1;
-    addScaled(weight, task.pictures[2 * (base + row + k)], &colour);
+    const float weight = task.half_kernel[abs(k - x)] * (kLast ? 1.0f : task.weight[row + k]);
+    float4 p = from[2 * k + 1];
+    if (!kLast) p.w = 1;
+    addScaled(weight, from[2 * k], &colour);
     addScaled(weight, p, &point);
   }
-  task.scratch[2 * (base + i)] = colour;
-  task.scratch[2 * (base + i) + 1] = point;
-}
-
-/// The same along columns; divides by the weights' sum.
-__global__ void blurColumnsKernel(BlurTask task) {
-  const int i = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
-  const int view = static_cast<int>(blockIdx.y), pixels = task.width * task.height;
-  if (i >= pixels || (task.active && !task.active[view])) return;
-  const std::size_t base = static_cast<std::size_t>(view) * pixels;
-  const int x = i % task.width, y = i / task.width;
-  float4 colour = make_float4(0, 0, 0, 0), point = colour;
-  const int last = min(task.height - 1, y + task.radius);
-  for (int k = max(0, y - task.radius); k <= last; ++k) {
-    const float weight = task.half_kernel[abs(k - y)];
-    const std::size_t at = 2 * (base + static_cast<std::size_t>(k) * task.width + x);
-    addScaled(weight, task.scratch[at], &colour);
-    addScaled(weight, task.scratch[at + 1], &point);
+  if (kLast) {
+    const float inverse = point.w > 0 ? 1 / point.w : 0.0f;
+    colour =
+        make_float4(inverse * colour.x, inverse * colour.y, inverse * colour.z, inverse * colour.w);
+    point = make_float4(inverse * point.x, inverse * point.y, inverse * point.z, point.w);
   }
-  const float inverse = point.w > 0 ? 1 / point.w : 0.0f;
-  task.blurred[2 * (base + i)] =
-      make_float4(inverse * colour.x, inverse * colour.y, inverse * colour.z, inverse * colour.w);
-  task.blurred[2 * (base + i) + 1] =
-      make_float4(inverse * point.x, inverse * point.y, inverse * point.z, point.w);
+  float4* to = (kLast ? task.blurred : task.scratch) +
+               2 * (base + static_cast<std::size_t>(x) * rows + row / width);
+  to[0] = colour;
+  to[1] = point;
 }
 
 int blocksFor(std::size_t threads) { return static_cast<int>((threads + kThreads - 1) / kThreads); }
@@ -140,9 +131,9 @@ void packPicture(const float4* image, int pixels, float4* picture, cudaStream_t 
 
 void blurPictures(const BlurTask& task, cudaStream_t stream) {
   const dim3 grid(blocksFor(static_cast<std::size_t>(task.width) * task.height), task.view_count);
-  blurRowsKernel<<<grid, kThreads, 0, stream>>>(task);
+  blurKernel<false><<<grid, kThreads, 0, stream>>>(task);
   NPR_CUDA_CHECK(cudaGetLastError());
-  blurColumnsKernel<<<grid, kThreads, 0, stream>>>(task);
+  blurKernel<true><<<grid, kThreads, 0, stream>>>(task);
   NPR_CUDA_CHECK(cudaGetLastError());
 }
 
