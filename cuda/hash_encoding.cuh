@@ -130,14 +130,25 @@ struct FeatureSlopes {
   float x[F], y[F], z[F];
 };
 
-/// Features of a position at one level. @param slopes may be null.
+/// A cell, and its corners' entries on their way.
 template <int F>
-__device__ inline void interpolate(const void* grid, const CudaGridLevel& level, const float p[3],
-                                   float out[F], FeatureSlopes<F>* slopes) {
-  using Entry = typename GridEntry<F>::Entry;
-  const GridCell cell = findCell(level, p);
-  Entry low[4], high[4];
-  gatherCorners<F>(grid, cell, low, high);
+struct Corners {
+  GridCell cell;
+  typename GridEntry<F>::Entry low[4], high[4];
+};
+
+template <int F>
+__device__ inline void findCorners(const void* grid, const CudaGridLevel& level, const float p[3],
+                                   Corners<F>* corners) {
+  corners->cell = findCell(level, p);
+  gatherCorners<F>(grid, corners->cell, corners->low, corners->high);
+}
+
+/// Features of a position from its cell. @param slopes may be null.
+template <int F>
+__device__ inline void interpolate(const Corners<F>& corners, float out[F],
+                                   FeatureSlopes<F>* slopes) {
+  const GridCell& cell = corners.cell;
   const float wy[2] = {1 - cell.fy, cell.fy}, wz[2] = {1 - cell.fz, cell.fz};
 #pragma unroll
   for (int f = 0; f < F; ++f) {
@@ -148,8 +159,8 @@ __device__ inline void interpolate(const void* grid, const CudaGridLevel& level,
   for (int r = 0; r < 4; ++r) {
     const float w = __fmul_rn(wy[r & 1], wz[r >> 1]);
     float a[F], b[F];
-    GridEntry<F>::unpack(low[r], a);
-    GridEntry<F>::unpack(high[r], b);
+    GridEntry<F>::unpack(corners.low[r], a);
+    GridEntry<F>::unpack(corners.high[r], b);
     // Written out, so that features have the same bits with slopes and without.
     const float wa = __fmul_rn(w, 1 - cell.fx), wb = __fmul_rn(w, cell.fx);
 #pragma unroll
@@ -186,23 +197,28 @@ __device__ inline void encodeWith(const CudaFieldView& field, const float p[3], 
                                   __half* slope_rows, int slope_plane) {
   constexpr int kLevels = 8 / F;  // that fill 16 bytes
   for (int unit = 0; unit < 2 * field.shape.encoding_tiles; ++unit) {
+    // The gathers of all these levels are on their way before the first is waited for. Behind the
+    // last level the last one is read again, so that nothing branches here.
+    Corners<F> corners[kLevels];
+#pragma unroll
+    for (int l = 0; l < kLevels; ++l) {
+      const int level = min(unit * kLevels + l, field.level_count - 1);
+      findCorners<F>(field.grid, field.levels[level], p, &corners[l]);
+    }
     float v[8], sx[8], sy[8], sz[8];
 #pragma unroll
     for (int l = 0; l < kLevels; ++l) {
-      const int level = unit * kLevels + l;
       FeatureSlopes<F> slopes;
-      if (level < field.level_count) {
-        interpolate<F>(field.grid, field.levels[level], p, v + l * F, kSlopes ? &slopes : nullptr);
-      } else {
+      interpolate<F>(corners[l], v + l * F, kSlopes ? &slopes : nullptr);
+      const bool exists = unit * kLevels + l < field.level_count;
 #pragma unroll
-        for (int f = 0; f < F; ++f) v[l * F + f] = slopes.x[f] = slopes.y[f] = slopes.z[f] = 0;
-      }
-      if (kSlopes) {
-#pragma unroll
-        for (int f = 0; f < F; ++f) {
-          sx[l * F + f] = slopes.x[f];
-          sy[l * F + f] = slopes.y[f];
-          sz[l * F + f] = slopes.z[f];
+      for (int f = 0; f < F; ++f) {
+        const int i = l * F + f;
+        if (!exists) v[i] = 0;
+        if (kSlopes) {
+          sx[i] = exists ? slopes.x[f] : 0.0f;
+          sy[i] = exists ? slopes.y[f] : 0.0f;
+          sz[i] = exists ? slopes.z[f] : 0.0f;
         }
       }
     }
