@@ -208,7 +208,7 @@ double secondsToStop(const Work& work, const Wait& wait) {
 // The search as it begins, with the most hypotheses, and the paper's mode.
 TEST_F(CudaAlign, hearsAStopWithinTenMilliseconds) {
   const Observation seen = observation(Background::kKnownAlpha);
-  const auto observed = cuda->observe(seen, {{someCamera(), 1.2}});
+  const auto observed = cuda->observe(seen, {{someCamera().scaled(0.4), 1.2}});
   const auto batch = cuda->batch(64);
   ScatterPlan plan = scatterPlan(*field, true);
   plan.count = 64;
