@@ -177,7 +177,9 @@ void load(nodelet::Loader* loader, const std::string& name, const Subject& subje
               1e3 * (ros::WallTime::now() - start).toSec());
 }
 
-void measureIdle(const char* what, double seconds, const std::function<void()>& tick) {
+/// @param own of the benchmark itself [share of a core]. @return the share of this process.
+double measureIdle(const char* what, double seconds, double own,
+                   const std::function<void()>& tick) {
   const double before = cpuSeconds();
   const ros::WallTime start = ros::WallTime::now();
   while ((ros::WallTime::now() - start).toSec() < seconds) {
@@ -185,7 +187,8 @@ void measureIdle(const char* what, double seconds, const std::function<void()>& 
     ros::WallDuration(1.0 / 30).sleep();
   }
   const double share = (cpuSeconds() - before) / (ros::WallTime::now() - start).toSec();
-  std::printf("%-44s %8.2f %% of a core\n", what, 100 * share);
+  std::printf("%-44s %8.2f %% of a core\n", what, 100 * (share - own));
+  return share;
 }
 
 void measureOverhead(const char* what, int images, const std::vector<double>& distortion,
@@ -210,14 +213,18 @@ void run(int images, double idle_s) {
   const Subject subject;
   Graph graph(subject);
   nodelet::Loader loader(false);
+  const double own = measureIdle("the benchmark alone", idle_s, 0, [] {});
+  const double own_images =
+      measureIdle("the benchmark alone, with images", idle_s, 0, [&] { graph.takeImage({}); });
   load(&loader, "/first", subject);  // with the library itself
   load(&loader, "/pose_refiner", subject);
   loader.unload("/first");
   while (ros::ok() && !graph.ready()) ros::WallDuration(0.05).sleep();
   ros::WallDuration(1).sleep();  // the model is read
 
-  measureIdle("idle, without images", idle_s, [] {});
-  measureIdle("idle, 640 x 480 at 30 Hz, no initial pose", idle_s, [&] { graph.takeImage({}); });
+  measureIdle("idle, without images", idle_s, own, [] {});
+  measureIdle("idle, 640 x 480 at 30 Hz, no initial pose", idle_s, own_images,
+              [&] { graph.takeImage({}); });
   measureOverhead("without distortion", images, {}, &graph);
   measureOverhead("with distortion", images, {-0.1, 0.01, 0, 0, 0}, &graph);
   const boost::function<void(const sensor_msgs::ImageConstPtr&)> look = [](const auto&) {};

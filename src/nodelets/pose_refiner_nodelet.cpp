@@ -33,6 +33,13 @@
 #include "nerf_pose_refiner/ros/topics.h"
 
 namespace nerf_pose_refiner {
+namespace {
+
+/// Without an image the worker looks so often for what else there is to do: a model that was
+/// loaded, a clock that went on.
+constexpr std::chrono::milliseconds kTick(100);
+
+}  // namespace
 
 /// Follows an object from image to image: the ROS graph around ObjectTracker.
 ///
@@ -110,6 +117,7 @@ PoseRefinerNodelet::~PoseRefinerNodelet() {
   objects_.reset();  // its services may wait for the worker
   stopping_ = true;
   if (tracker_) tracker_->stop();
+  mailbox_.wake();
   if (worker_.joinable()) worker_.join();
   reconfiguration_.reset();
 }
@@ -238,6 +246,7 @@ void PoseRefinerNodelet::onImage(const sensor_msgs::ImageConstPtr& image,
     diagnostics_->imageArrived(image->header.stamp);
     if (const auto reason = tracker_->refusal(*image, *info)) {
       NODELET_ERROR_THROTTLE(5.0, "image: %s", reason->c_str());
+      mailbox_.wake();  // ~status is to say so
       return;
     }
     pairing_->add({image, info, arrival, clock_jumps}, arrival);
@@ -262,6 +271,7 @@ void PoseRefinerNodelet::onInitialPose(const boost::shared_ptr<const PoseMessage
       NODELET_ERROR("initial pose refused: %s", e.what());
       tracker_->refuseInitialPose(e.reason(), e.what());
     }
+    mailbox_.wake();
   });
 }
 
@@ -269,6 +279,7 @@ bool PoseRefinerNodelet::onReset(std_srvs::Trigger::Request&,
                                  std_srvs::Trigger::Response& response) {
   guard(topics::kReset, [&] {
     tracker_->reset();
+    mailbox_.wake();
     response.success = true;
     response.message = "waiting for an initial pose";
   });
@@ -279,6 +290,7 @@ bool PoseRefinerNodelet::onEnable(std_srvs::SetBool::Request& request,
                                   std_srvs::SetBool::Response& response) {
   guard(topics::kEnable, [&] {
     tracker_->setEnabled(request.data);
+    mailbox_.wake();
     enable(request.data);
     response.success = true;
     response.message = request.data ? "enabled: waiting for an initial pose" : "disabled";
@@ -299,7 +311,7 @@ void PoseRefinerNodelet::work() {
 
 void PoseRefinerNodelet::workOnce() {
   tracker_->applyModels();
-  const std::optional<CameraFrame> frame = mailbox_.take(std::chrono::milliseconds(50));
+  const std::optional<CameraFrame> frame = mailbox_.take(kTick);
   pairing_->tick(ros::WallTime::now());
   tracker_->readClock();
   if (!frame) {

@@ -22,6 +22,7 @@ OverlayPublisher::OverlayPublisher(const image_transport::CameraPublisher& publi
 
 OverlayPublisher::~OverlayPublisher() {
   stop_.requestStop();
+  jobs_.wake();
   thread_.join();
 }
 
@@ -36,7 +37,7 @@ void OverlayPublisher::draw(Job job) {
 
 void OverlayPublisher::run() {
   while (!stop_.stopRequested()) {
-    const std::optional<Job> job = jobs_.take(std::chrono::milliseconds(100));
+    const std::optional<Job> job = jobs_.take(std::chrono::seconds(10));
     if (!job) continue;
     try {
       drawNow(*job);

@@ -52,5 +52,15 @@ TEST(FrameMailbox, WakesTheReader) {
   other.join();
 }
 
+TEST(FrameMailbox, AWaitEndsWhenWoken) {
+  FrameMailbox<int> mailbox;
+  std::thread waker([&] { mailbox.wake(); });
+  EXPECT_FALSE(mailbox.take(std::chrono::hours(1)));
+  waker.join();
+  mailbox.wake();
+  EXPECT_FALSE(mailbox.take(std::chrono::hours(1))) << "it was woken before";
+  EXPECT_FALSE(mailbox.take(std::chrono::milliseconds(1))) << "once";
+}
+
 }  // namespace
 }  // namespace nerf_pose_refiner

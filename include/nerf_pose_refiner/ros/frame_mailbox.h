@@ -25,11 +25,21 @@ class FrameMailbox {
     changed_.notify_one();
   }
 
-  /// The newest item, as soon as there is one; nothing after `timeout`.
+  /// The newest item, as soon as there is one; nothing after `timeout` or `wake`.
   std::optional<T> take(std::chrono::milliseconds timeout) {
     std::unique_lock<std::mutex> lock(mutex_);
-    changed_.wait_for(lock, timeout, [this] { return item_.has_value(); });
+    changed_.wait_for(lock, timeout, [this] { return item_.has_value() || woken_; });
+    woken_ = false;
     return std::exchange(item_, std::nullopt);
+  }
+
+  /// Ends the wait that is under way, or the next one.
+  void wake() {
+    {
+      std::lock_guard<std::mutex> lock(mutex_);
+      woken_ = true;
+    }
+    changed_.notify_one();
   }
 
   std::uint32_t dropped() const {
@@ -38,9 +48,10 @@ class FrameMailbox {
   }
 
  private:
-  mutable std::mutex mutex_;  ///< guards item_ and dropped_
+  mutable std::mutex mutex_;  ///< guards all below
   std::condition_variable changed_;
   std::optional<T> item_;
+  bool woken_ = false;
   std::uint32_t dropped_ = 0;
 };
 
