@@ -133,11 +133,11 @@ class Graph {
     double search = 0;  ///< of it in the refiner [s]
   };
 
-  /// Waits for what came of an image; nothing: no pose within five seconds.
+  /// Waits for what came of an image; nothing: no pose within 20 s.
   std::optional<Times> wait(const ros::Time& stamp) {
     std::unique_lock<std::mutex> lock(mutex_);
     const auto complete = [&] { return received_.count(stamp) && search_.count(stamp); };
-    if (!changed_.wait_for(lock, std::chrono::seconds(5), complete)) return std::nullopt;
+    if (!changed_.wait_for(lock, std::chrono::seconds(20), complete)) return std::nullopt;
     return Times{(received_[stamp] - sent_[stamp]).toSec(), search_[stamp]};
   }
 
@@ -167,6 +167,7 @@ class Graph {
 void load(nodelet::Loader* loader, const std::string& name, const Subject& subject) {
   ros::param::set(name + "/model_root", subject.root.string());
   ros::param::set(name + "/object", "subject");
+  ros::param::set(name + "/image_timeout_s", 0.0);  // images come one by one
   const ros::WallTime start = ros::WallTime::now();
   if (!loader->load(name, "nerf_pose_refiner/PoseRefiner",
                     {{ros::names::resolve("image"), ros::names::resolve("camera/image_raw")}},
@@ -245,6 +246,7 @@ int main(int argc, char** argv) {
   app.add_option("--idle", idle_s, "how long to look at an idle nodelet [s]")
       ->capture_default_str();
   CLI11_PARSE(app, argc, argv);
+  std::setvbuf(stdout, nullptr, _IOLBF, 0);
   ros::init(argc, argv, "ros_overhead");
   ros::AsyncSpinner spinner(2);
   spinner.start();

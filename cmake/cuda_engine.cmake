@@ -57,6 +57,7 @@ add_library(${npr_cuda} OBJECT
   cuda/descend.cu
   cuda/descent_update.cu
   cuda/evaluate.cu
+  cuda/gpu_memory.cpp
   cuda/hypotheses.cu
   cuda/launch.cpp
   cuda/picture.cu

@@ -3,6 +3,8 @@
 
 #include <stdexcept>
 
+#include "nerf_pose_refiner/engine/gpu_memory.h"
+
 namespace nerf_pose_refiner {
 
 void EngineChoice::validate() const {
@@ -17,6 +19,8 @@ void EngineChoice::validate() const {
 
 #ifndef NPR_HAVE_CUDA
 std::string whyNoCuda(int) { return "this package was built without CUDA"; }
+
+std::optional<GpuMemory> gpuMemory(int) { return std::nullopt; }
 
 std::unique_ptr<Engine> makeCudaEngine(const EngineChoice& choice) {
   throw std::runtime_error("no CUDA engine: " + whyNoCuda(choice.device));

@@ -17,6 +17,7 @@
 #include <thread>
 #include <utility>
 
+#include "nerf_pose_refiner/engine/gpu_memory.h"
 #include "nerf_pose_refiner/engine/make_engine.h"
 #include "nerf_pose_refiner/ros/diagnostics.h"
 #include "nerf_pose_refiner/ros/error_of.h"
@@ -59,6 +60,7 @@ class PoseRefinerNodelet : public nodelet::Nodelet {
 
   // On the nodelet's queue.
   void enable(bool enabled);
+  Diagnostics::Facts memoryFacts() const;
   void onConnect();
   void subscribeIfWanted();
   void unsubscribe();
@@ -79,6 +81,7 @@ class PoseRefinerNodelet : public nodelet::Nodelet {
   PoseRefinerParameters parameters_;
   std::unique_ptr<tf2_ros::Buffer> transforms_;  // outlives the listener
   std::unique_ptr<tf2_ros::TransformListener> listener_;
+  std::atomic<bool> on_gpu_{false};  // the engine in use
   std::unique_ptr<Diagnostics> diagnostics_;
 
   std::mutex connect_mutex_;  // guards all down to enabled_; outlives the publishers that call back
@@ -151,6 +154,7 @@ void PoseRefinerNodelet::start() {
   const auto make_search_engine = [this, make_engine] {
     const std::shared_ptr<Engine> engine = make_engine();
     diagnostics_->engineIs(engine->describe());
+    on_gpu_ = engine->describe().rfind("CUDA", 0) == 0;
     return engine;
   };
   const auto make_overlay_engine = [set = p.instruction_set] {
@@ -160,6 +164,7 @@ void PoseRefinerNodelet::start() {
   transforms_ = std::make_unique<tf2_ros::Buffer>(ros::Duration(p.frames.tf_cache_s));
   listener_ = std::make_unique<tf2_ros::TransformListener>(*transforms_, nh);
   diagnostics_ = std::make_unique<Diagnostics>(nh, pnh, getName(), p.diagnostics);
+  diagnostics_->showMemory([this] { return memoryFacts(); });
   {
     // Held while advertising: a listener may be there before the publisher is stored.
     std::lock_guard<std::mutex> lock(connect_mutex_);
@@ -191,6 +196,17 @@ void PoseRefinerNodelet::start() {
       topics::kInitialPoseWithCovariance, 5,
       &PoseRefinerNodelet::onInitialPose<geometry_msgs::PoseWithCovarianceStamped>, this);
   enable(true);
+}
+
+/// A GPU that is not in use is left asleep.
+Diagnostics::Facts PoseRefinerNodelet::memoryFacts() const {
+  Diagnostics::Facts facts;
+  const auto gpu = on_gpu_ ? gpuMemory(parameters_.device) : std::nullopt;
+  if (gpu) {
+    facts.emplace_back("GPU memory [MiB]", std::to_string(gpu->used_bytes >> 20) + " of " +
+                                               std::to_string(gpu->total_bytes >> 20));
+  }
+  return facts;
 }
 
 void PoseRefinerNodelet::enable(bool enabled) {

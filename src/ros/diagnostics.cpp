@@ -98,9 +98,9 @@ void Diagnostics::engineIs(const std::string& description) {
   engine_ = description;
 }
 
-void Diagnostics::showModels(std::function<Facts()> models) {
+void Diagnostics::showMemory(std::function<Facts()> memory) {
   std::lock_guard<std::mutex> lock(mutex_);
-  models_ = std::move(models);
+  memory_ = std::move(memory);
 }
 
 void Diagnostics::callbackFailed(const std::string& message) {
@@ -132,15 +132,15 @@ void Diagnostics::fillTracking(diagnostic_updater::DiagnosticStatusWrapper& repo
 }
 
 void Diagnostics::fillEngine(diagnostic_updater::DiagnosticStatusWrapper& report) {
-  std::function<Facts()> models;
+  std::function<Facts()> memory;
   {
     std::lock_guard<std::mutex> lock(mutex_);
     report.summary(Level::OK, engine_.empty() ? "none yet: made with the first model" : engine_);
     report.add("engine", engine_.empty() ? std::string("none") : engine_);
-    models = models_;
+    memory = memory_;
   }
-  if (!models) return;
-  for (const auto& fact : models()) report.add(fact.first, fact.second);
+  if (!memory) return;
+  for (const auto& fact : memory()) report.add(fact.first, fact.second);
 }
 
 }  // namespace nerf_pose_refiner

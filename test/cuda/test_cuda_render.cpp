@@ -2,6 +2,7 @@
 #include <cmath>
 
 #include "cuda_test.h"
+#include "nerf_pose_refiner/engine/gpu_memory.h"
 #include "nerf_pose_refiner/image/colour.h"
 #include "test_object.h"
 
@@ -88,6 +89,15 @@ class CudaRender : public CudaTest {
     EXPECT_NEAR(spent_cpu.flops, spent_cuda.flops, 0.02 * spent_cpu.flops);
   }
 };
+
+TEST(GpuMemory, IsKnownWhereTheEngineWorks) {
+  const std::optional<GpuMemory> memory = gpuMemory(0);
+  EXPECT_EQ(memory.has_value(), whyNoCuda(0).empty());
+  EXPECT_FALSE(gpuMemory(-1));
+  if (!memory) return;
+  EXPECT_GT(memory->used_bytes, 0u);
+  EXPECT_LE(memory->used_bytes, memory->total_bytes);
+}
 
 TEST_F(CudaRender, everyShapeLooksAsOnTheCpu) {
   for (const Shape& shape :

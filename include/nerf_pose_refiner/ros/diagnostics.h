@@ -58,8 +58,8 @@ class Diagnostics {
   void expectImages(bool expected) { images_.expect(expected); }
   /// The engine in use, in words. Any thread.
   void engineIs(const std::string& description);
-  /// Asked with each report for what is to be shown of the models in memory. Before the first.
-  void showModels(std::function<Facts()> models);
+  /// Asked with each report for what is to be shown of the memory: the GPU's, models in it.
+  void showMemory(std::function<Facts()> memory);
   /// A callback, or the worker, ended with an exception. Any thread.
   void callbackFailed(const std::string& message);
 
@@ -77,7 +77,7 @@ class Diagnostics {
   std::uint32_t failures_ = 0;  ///< of callbacks
   std::string failure_;         ///< the last one's, since the last report
   std::string engine_;
-  std::function<Facts()> models_;
+  std::function<Facts()> memory_;
   ros::WallTime since_;  ///< refined images are counted from then on
 
   diagnostic_updater::Updater updater_;
