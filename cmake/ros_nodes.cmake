@@ -5,9 +5,11 @@ add_library(${ros_library} STATIC
   src/ros/bag_sequence.cpp
   src/ros/camera_input.cpp
   src/ros/diagnostics.cpp
+  src/ros/engine_factory.cpp
   src/ros/hypothesis_markers.cpp
   src/ros/initial_pose_marker.cpp
   src/ros/mask_pairing.cpp
+  src/ros/model_cache.cpp
   src/ros/object_registration.cpp
   src/ros/object_search.cpp
   src/ros/object_services.cpp
@@ -18,9 +20,17 @@ add_library(${ros_library} STATIC
   src/ros/param_reader.cpp
   src/ros/parameters.cpp
   src/ros/pose_conversions.cpp
+  src/ros/pose_service.cpp
+  src/ros/prior.cpp
+  src/ros/processor_schedule.cpp
   src/ros/reconfiguration.cpp
+  src/ros/refiner_process.cpp
+  src/ros/registration_queue.cpp
+  src/ros/registration_services.cpp
   src/ros/result_publisher.cpp
+  src/ros/shared_engine.cpp
   src/ros/tf_bridge.cpp
+  src/ros/tracked_object.cpp
   src/ros/tracker_state.cpp)
 add_dependencies(${ros_library}
   ${PROJECT_NAME}_gencfg ${PROJECT_NAME}_generate_messages_cpp ${catkin_EXPORTED_TARGETS})
@@ -28,6 +38,7 @@ npr_set_warnings(${ros_library})
 # Nobody outside of this package links it.
 #catkin_lint: ignore_once external_interface_path
 target_include_directories(${ros_library} SYSTEM PUBLIC ${catkin_INCLUDE_DIRS})
+target_include_directories(${ros_library} SYSTEM PRIVATE ${OpenCV_INCLUDE_DIRS})
 target_link_libraries(${ros_library} PUBLIC ${PROJECT_NAME} ${catkin_LIBRARIES})
 
 add_library(${PROJECT_NAME}_nodelets SHARED src/nodelets/pose_refiner_nodelet.cpp)

@@ -1,18 +1,26 @@
 # Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 # Messages, services and what this package gives to other catkin packages.
 find_package(catkin REQUIRED COMPONENTS
-  cv_bridge diagnostic_msgs diagnostic_updater dynamic_reconfigure geometry_msgs image_geometry
-  image_transport interactive_markers message_generation nodelet pluginlib rosbag roscpp
+  actionlib actionlib_msgs cv_bridge diagnostic_msgs diagnostic_updater dynamic_reconfigure
+  geometry_msgs image_geometry image_transport interactive_markers message_generation nodelet
+  pluginlib rosbag roscpp
   sensor_msgs std_msgs std_srvs tf2 tf2_msgs tf2_ros visualization_msgs)
 
+add_action_files(FILES
+  Register.action)
 add_message_files(FILES
+  ObjectInfo.msg
   PoseHypothesis.msg
   PoseHypothesisArray.msg
   RefinementStatus.msg)
 add_service_files(FILES
+  ListObjects.srv
   LoadObject.srv
-  RegisterObject.srv)
-generate_messages(DEPENDENCIES geometry_msgs std_msgs)
+  RefinePose.srv
+  RegisterObject.srv
+  SetObject.srv
+  UnloadObject.srv)
+generate_messages(DEPENDENCIES actionlib_msgs geometry_msgs sensor_msgs std_msgs)
 
 generate_dynamic_reconfigure_options(
   cfg/Overlay.cfg
@@ -24,5 +32,5 @@ generate_dynamic_reconfigure_options(
 catkin_package(
   INCLUDE_DIRS include
   LIBRARIES ${PROJECT_NAME}
-  CATKIN_DEPENDS geometry_msgs message_runtime roscpp std_msgs
+  CATKIN_DEPENDS actionlib_msgs geometry_msgs message_runtime roscpp sensor_msgs std_msgs
   DEPENDS EIGEN3)

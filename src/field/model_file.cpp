@@ -91,6 +91,13 @@ class ModelReader {
     if (error) throw std::runtime_error(error.message());
   }
 
+  FieldMetadata readMetadata() {
+    const Json header = readHeader();
+    const Field field = fieldFromDescription(checkMetadata(header));
+    checkTensors(header, tensorsOf(field));
+    return field.metadata;
+  }
+
   Field read() {
     const Json header = readHeader();
     const std::string description = checkMetadata(header);
@@ -203,6 +210,14 @@ Field loadModel(const std::string& path) {
     return ModelReader(path).read();
   } catch (const std::exception& error) {
     throw std::runtime_error("cannot load the model '" + path + "': " + error.what());
+  }
+}
+
+FieldMetadata readModelMetadata(const std::string& path) {
+  try {
+    return ModelReader(path).readMetadata();
+  } catch (const std::exception& error) {
+    throw std::runtime_error("cannot read the model '" + path + "': " + error.what());
   }
 }
 

@@ -29,9 +29,13 @@
 #include "nerf_pose_refiner/ros/overlay_publisher.h"
 #include "nerf_pose_refiner/ros/parameters.h"
 #include "nerf_pose_refiner/ros/pose_conversions.h"
+#include "nerf_pose_refiner/ros/pose_service.h"
 #include "nerf_pose_refiner/ros/reconfiguration.h"
+#include "nerf_pose_refiner/ros/refiner_process.h"
+#include "nerf_pose_refiner/ros/registration_services.h"
 #include "nerf_pose_refiner/ros/result_publisher.h"
 #include "nerf_pose_refiner/ros/topics.h"
+#include "nerf_pose_refiner/ros/tracked_object.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -45,7 +49,8 @@ constexpr std::chrono::milliseconds kTick(100);
 /// Follows an object from image to image: the ROS graph around ObjectTracker.
 ///
 /// Threads: callbacks on the nodelet's queue, none of which waits; the worker, which refines the
-/// newest image; those of ObjectServices, OverlayPublisher and the TF listener.
+/// newest image; those of the services, OverlayPublisher and the TF listener. Models, engines and
+/// the queue of registrations are shared with all other refiners of the process.
 class PoseRefinerNodelet : public nodelet::Nodelet {
  public:
   ~PoseRefinerNodelet() override;
@@ -54,6 +59,10 @@ class PoseRefinerNodelet : public nodelet::Nodelet {
   void onInit() override;
   void start();
   void readParameters();
+  EngineFactory sharedEngine() const;
+  ScheduleFactory schedule() const;
+  void startPoseService(const ObjectStore& store);
+  void startObjectServices(const ObjectStore& store);
 
   /// Runs what a callback does: whatever is thrown is reported, and ends nothing.
   void guard(const char* name, const std::function<void()>& callback);
@@ -79,6 +88,7 @@ class PoseRefinerNodelet : public nodelet::Nodelet {
   void report(const RefinementStatus& status);
 
   PoseRefinerParameters parameters_;
+  std::shared_ptr<RefinerProcess> process_;      // outlives all that follows
   std::unique_ptr<tf2_ros::Buffer> transforms_;  // outlives the listener
   std::unique_ptr<tf2_ros::TransformListener> listener_;
   std::atomic<bool> on_gpu_{false};  // the engine in use
@@ -94,8 +104,11 @@ class PoseRefinerNodelet : public nodelet::Nodelet {
   std::unique_ptr<ResultPublisher> results_;
   std::unique_ptr<OverlayPublisher> overlay_;
   std::unique_ptr<ObjectTracker> tracker_;
+  std::unique_ptr<TrackedObject> tracked_;
   std::unique_ptr<ObjectServices> objects_;
   std::unique_ptr<Reconfiguration> reconfiguration_;  // made by the worker
+  std::unique_ptr<RegistrationServices> registrations_;
+  std::unique_ptr<PoseService> poses_;
   ros::ServiceServer reset_server_;
   ros::ServiceServer enable_server_;
   ros::Subscriber initial_pose_;
@@ -117,12 +130,14 @@ PoseRefinerNodelet::~PoseRefinerNodelet() {
   initial_pose_with_covariance_.shutdown();
   reset_server_.shutdown();
   enable_server_.shutdown();
-  objects_.reset();  // its services may wait for the worker
+  registrations_.reset();  // those who ask for them may wait for the worker
+  objects_.reset();        // the same
   stopping_ = true;
   if (tracker_) tracker_->stop();
   mailbox_.wake();
   if (worker_.joinable()) worker_.join();
   reconfiguration_.reset();
+  poses_.reset();  // reconfiguration changed its parameters
 }
 
 void PoseRefinerNodelet::onInit() {
@@ -148,10 +163,9 @@ void PoseRefinerNodelet::start() {
   ros::NodeHandle& nh = getNodeHandle();
   ros::NodeHandle& pnh = getPrivateNodeHandle();
   const PoseRefinerParameters& p = parameters_;
-  const auto make_engine = [choice = p.engineChoice()] {
-    return std::shared_ptr<Engine>(makeEngine(choice));
-  };
-  const auto make_search_engine = [this, make_engine] {
+  process_ = RefinerProcess::ofThisProcess();
+  process_->models.setBudget(std::size_t{1000000} * p.model_memory_mb, getName());
+  const auto make_search_engine = [this, make_engine = sharedEngine()] {
     const std::shared_ptr<Engine> engine = make_engine();
     diagnostics_->engineIs(engine->describe());
     on_gpu_ = engine->describe().rfind("CUDA", 0) == 0;
@@ -181,12 +195,16 @@ void PoseRefinerNodelet::start() {
     transport_ = std::make_unique<image_transport::ImageTransport>(nh);
   }
   tracker_ = std::make_unique<ObjectTracker>(
-      p, std::make_unique<RefinerSearch>(make_search_engine, p.initial.refiner, p.tracking.refiner),
+      p,
+      std::make_unique<RefinerSearch>(make_search_engine, p.initial.refiner, p.tracking.refiner,
+                                      schedule()),
       transforms_.get(), [this](const RefinementStatus& status) { report(status); });
   pairing_ = std::make_unique<MaskPairing>(
       p.masks, [this](CameraFrame frame) { mailbox_.put(std::move(frame)); });
+  const ObjectStore store(p.model_root, &process_->models);
+  startPoseService(store);  // before the worker, which changes its parameters
   worker_ = std::thread([this] { work(); });
-  objects_ = std::make_unique<ObjectServices>(pnh, p, make_engine, tracker_.get());
+  startObjectServices(store);
   reset_server_ = pnh.advertiseService(topics::kReset, &PoseRefinerNodelet::onReset, this);
   enable_server_ = pnh.advertiseService(topics::kEnable, &PoseRefinerNodelet::onEnable, this);
   initial_pose_ = pnh.subscribe<geometry_msgs::PoseStamped>(
@@ -207,6 +225,43 @@ Diagnostics::Facts PoseRefinerNodelet::memoryFacts() const {
                                                std::to_string(gpu->total_bytes >> 20));
   }
   return facts;
+}
+
+EngineFactory PoseRefinerNodelet::sharedEngine() const {
+  return [process = process_, choice = parameters_.engineChoice()] {
+    return process->engines.shared(choice);
+  };
+}
+
+ScheduleFactory PoseRefinerNodelet::schedule() const {
+  return [process = process_, choice = parameters_.engineChoice()] {
+    return process->engines.scheduleOf(choice);
+  };
+}
+
+void PoseRefinerNodelet::startPoseService(const ObjectStore& store) {
+  const auto make_search = [make_engine = sharedEngine(),
+                            find_schedule = schedule()](const PoseRefinerParameters& now) {
+    return std::make_unique<RefinerSearch>(make_engine, now.initial.refiner, now.tracking.refiner,
+                                           find_schedule);
+  };
+  tracked_ = std::make_unique<TrackedObject>(tracker_.get());
+  poses_ = std::make_unique<PoseService>(getNodeHandle(), getPrivateNodeHandle(), parameters_,
+                                         store, make_search, tracked_.get(), *transforms_);
+}
+
+void PoseRefinerNodelet::startObjectServices(const ObjectStore& store) {
+  const PoseRefinerParameters& p = parameters_;
+  // A training holds its engine for long, so it gets one of its own.
+  const auto make_engine = [choice = p.engineChoice()] {
+    return std::shared_ptr<Engine>(makeEngine(choice));
+  };
+  objects_ =
+      std::make_unique<ObjectServices>(getPrivateNodeHandle(), store, tracked_.get(), p.object);
+  registrations_ = std::make_unique<RegistrationServices>(
+      getPrivateNodeHandle(),
+      ObjectRegistration(p.dataset_root, p.registration, store, make_engine, schedule()),
+      &process_->registrations, tracked_.get());
 }
 
 void PoseRefinerNodelet::enable(bool enabled) {
@@ -319,6 +374,7 @@ void PoseRefinerNodelet::work() {
     reconfiguration_ = std::make_unique<Reconfiguration>(
         getPrivateNodeHandle(), parameters_, [this](const PoseRefinerParameters& changed) {
           tracker_->change(changed);
+          poses_->change(changed);
           overlay_->change(changed.overlay);
         });
   });

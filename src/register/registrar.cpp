@@ -20,6 +20,7 @@ using Clock = std::chrono::steady_clock;
 constexpr double kProgressInterval_s = 0.5;
 constexpr double kQualityInterval = 0.1;  // of the training, between looks at the held-out views
 constexpr double kMostPsnr_db = 100;      // of two pictures that are equal
+constexpr double kPreviewSize_px = 320;
 
 // Rounds of a rough training and an alignment of the views with its model, and how far silhouettes
 // may be out of place before each (@see visualHull) and after the last.
@@ -107,12 +108,13 @@ bool isTelling(const PosedView& view, const Box& box) {
 class TrainingRun {
  public:
   TrainingRun(Engine* engine, FieldTrainer* trainer, const RegistrationSettings& settings,
-              const std::vector<PosedView>& held_out,
+              const std::vector<PosedView>& held_out, const PosedView& previewed,
               const std::function<void(const RegistrationProgress&)>& progress)
       : engine_(engine),
         trainer_(trainer),
         settings_(settings),
         held_out_(held_out),
+        previewed_(previewed),
         progress_(progress) {}
 
   void run(const char* stage, const StopToken& stop) {
@@ -120,7 +122,7 @@ class TrainingRun {
     while (done() < 1) {
       stop.check();
       loss_ = trainer_->step(done());
-      report(stage);
+      report(stage, [&] { return preview(stop); });
       if (settings_.target_psnr_db > 0 && !held_out_.empty() && done() >= next_look) {
         next_look += kQualityInterval;
         const auto field = engine_->load(std::make_shared<Field>(trainer_->snapshot(stop)));
@@ -130,7 +132,7 @@ class TrainingRun {
     }
   }
 
-  void report(const char* stage) {
+  void report(const char* stage, const std::function<Rendering()>& preview = {}) {
     if (!progress_) return;
     const double seconds = secondsSince(start_);
     if (seconds - last_report_s_ < kProgressInterval_s && last_stage_ == stage) return;
@@ -144,10 +146,18 @@ class TrainingRun {
     progress.psnr_db = psnr_db_;
     progress.seconds = seconds;
     progress.seconds_left = done() > 0 ? std::max(0.0, seconds * (1 / done() - 1)) : 0;
+    progress.preview = preview;
     progress_(progress);
   }
 
  private:
+  Rendering preview(const StopToken& stop) {
+    const Camera& full = previewed_.camera;
+    const double scale = std::min(1.0, kPreviewSize_px / std::max(full.width, full.height));
+    const auto field = engine_->load(std::make_shared<Field>(trainer_->snapshot(stop)));
+    return engine_->render(*field, full.scaled(scale), previewed_.T_O_C, RenderOptions(), stop);
+  }
+
   /// Share of the training that is over, by steps or by time.
   double done() const {
     const double by_steps = static_cast<double>(trainer_->stepsDone()) / settings_.steps;
@@ -160,6 +170,7 @@ class TrainingRun {
   FieldTrainer* trainer_;
   const RegistrationSettings& settings_;
   const std::vector<PosedView>& held_out_;
+  const PosedView& previewed_;
   const std::function<void(const RegistrationProgress&)>& progress_;
   Clock::time_point start_ = Clock::now();
   std::string last_stage_;
@@ -230,7 +241,7 @@ Field train(Engine* engine, const Dataset& dataset, const RegistrationSettings& 
                                 [&](const PosedView& view) { return !isTelling(view, hull.box); }),
                  held_out.end());
   const auto trainer = trainerOf(engine, training, dataset.has_alpha, settings, std::move(hull));
-  TrainingRun run(engine, trainer.get(), settings, held_out, progress);
+  TrainingRun run(engine, trainer.get(), settings, held_out, training.front(), progress);
   run.run("training", stop);
   run.report("occupancy");
   Field field = finished(trainer.get(), dataset, stop);
@@ -255,7 +266,7 @@ Dataset withCorrectedPoses(Engine* engine, const Dataset& dataset,
     const auto trainer = trainerOf(engine, corrected.views, dataset.has_alpha, rough,
                                    hullOf(corrected, rough, slack, stop));
     const std::vector<PosedView> none_held_out;
-    TrainingRun run(engine, trainer.get(), rough, none_held_out, progress);
+    TrainingRun run(engine, trainer.get(), rough, none_held_out, corrected.views.front(), progress);
     run.run("rough training", stop);
     run.report("poses");
     const auto field =

@@ -2,6 +2,7 @@
 #include "nerf_pose_refiner/ros/object_registration.h"
 
 #include <cmath>
+#include <sstream>
 #include <stdexcept>
 #include <utility>
 
@@ -34,25 +35,28 @@ void applyBox(const RegisterObject::Request& request, Dataset* dataset) {
 
 ObjectRegistration::ObjectRegistration(const std::string& dataset_root,
                                        const RegistrationSettings& settings,
-                                       const ObjectStore& store, EngineFactory make_engine)
+                                       const ObjectStore& store, EngineFactory make_engine,
+                                       ScheduleFactory find_schedule)
     : dataset_root_(dataset_root),
       settings_(settings),
       store_(store),
-      make_engine_(std::move(make_engine)) {}
+      make_engine_(std::move(make_engine)),
+      find_schedule_(std::move(find_schedule)) {}
 
-RegisteredObject ObjectRegistration::run(const RegisterObject::Request& request,
-                                         const Progress& progress, const StopToken& stop) const {
-  requireObjectName(request.name);
-  requireLength("metres_per_unit", request.metres_per_unit);
-  requireLength("max_seconds", request.max_seconds);
+Dataset ObjectRegistration::readPhotos(const RegisterObject::Request& request,
+                                       const StopToken& stop) const {
   if (dataset_root_.empty()) throw std::invalid_argument("~dataset_root is not set");
-
   // The request comes over the network: nothing outside of the folder is read for it.
   DatasetOptions confined;
   confined.threads = settings_.threads;
   confined.confined = true;
   Dataset dataset = loadTransforms(pathBelow(dataset_root_, request.dataset), confined, stop);
   applyBox(request, &dataset);
+  return dataset;
+}
+
+RegistrationSettings ObjectRegistration::settingsOf(const RegisterObject::Request& request,
+                                                    const Dataset& dataset) const {
   RegistrationSettings settings = settings_;
   if (request.max_seconds > 0) settings.max_seconds = request.max_seconds;
   if (request.metres_per_unit > 0) settings.metres_per_unit = request.metres_per_unit;
@@ -60,23 +64,53 @@ RegisteredObject ObjectRegistration::run(const RegisterObject::Request& request,
     throw std::invalid_argument("the dataset '" + request.dataset +
                                 "' does not say how long its unit is: set metres_per_unit");
   }
+  return settings;
+}
 
-  RegisteredObject registered;
+RegisteredObject ObjectRegistration::run(const RegisterObject::Request& request,
+                                         const RegistrationQueue::Progress& progress,
+                                         const StopToken& stop) const {
+  requireObjectName(request.name);
+  requireLength("metres_per_unit", request.metres_per_unit);
+  requireLength("max_seconds", request.max_seconds);
+  const std::shared_ptr<ProcessorSchedule> schedule = find_schedule_();
+  const ProcessorSchedule::Training after_refinements(schedule.get(), stop);
+  const Dataset dataset = readPhotos(request, stop);
+  const RegistrationSettings settings = settingsOf(request, dataset);
   if (!request.force_retrain) {
     const std::shared_ptr<const Field> existing = store_.find(request.name);
-    registered.loaded_existing =
-        existing && existing->metadata.data_hash == registrationHash(dataset, settings, stop);
-    registered.field = registered.loaded_existing ? existing : nullptr;
+    if (existing && existing->metadata.data_hash == registrationHash(dataset, settings, stop)) {
+      return {existing, true};
+    }
   }
-  if (!registered.field) {
-    const std::shared_ptr<Engine> engine = make_engine_();
-    auto field =
-        std::make_shared<Field>(registerObject(engine.get(), dataset, settings, progress, stop));
-    field->metadata.name = request.name;
-    store_.save(*field);
-    registered.field = field;
+  const std::shared_ptr<Engine> engine = make_engine_();
+  auto field =
+      std::make_shared<Field>(registerObject(engine.get(), dataset, settings, progress, stop));
+  field->metadata.name = request.name;
+  stop.check();  // the last moment at which a stop leaves nothing behind
+  store_.save(field);
+  return {field, false};
+}
+
+RegistrationQueue::Job ObjectRegistration::jobOf(const RegisterObject::Request& request) const {
+  const RegistrationSettings& s = settings_;
+  std::ostringstream key;
+  key << std::hexfloat << dataset_root_ << '\n'
+      << store_.root() << '\n'
+      << request << '\n'
+      << s.profile << '\n';
+  for (const double number : {static_cast<double>(s.steps), s.max_seconds, s.target_psnr_db,
+                              static_cast<double>(s.held_out), s.metres_per_unit,
+                              static_cast<double>(s.plan.samples_per_step), s.plan.learning_rate,
+                              s.plan.final_learning_rate_factor, static_cast<double>(s.seed),
+                              static_cast<double>(s.refine_poses)}) {
+    key << number << ' ';
   }
-  return registered;
+  const auto work = [registration = *this, request](const RegistrationQueue::Progress& progress,
+                                                    const StopToken& stop) {
+    return registration.run(request, progress, stop);
+  };
+  return {request.name, key.str(), work};
 }
 
 }  // namespace nerf_pose_refiner

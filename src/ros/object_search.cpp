@@ -6,13 +6,15 @@
 namespace nerf_pose_refiner {
 
 RefinerSearch::RefinerSearch(EngineFactory make_engine, const RefinerSettings& initial,
-                             const RefinerSettings& tracking)
+                             const RefinerSettings& tracking, ScheduleFactory find_schedule)
     : make_engine_(std::move(make_engine)),
       initial_settings_(initial),
-      tracking_settings_(tracking) {}
+      tracking_settings_(tracking),
+      find_schedule_(std::move(find_schedule)) {}
 
 void RefinerSearch::use(std::shared_ptr<const Field> field) {
   if (!engine_) {
+    schedule_ = find_schedule_();
     engine_ = make_engine_();
     initial_.emplace(engine_, initial_settings_);
     tracking_.emplace(engine_, tracking_settings_);
@@ -30,6 +32,7 @@ void RefinerSearch::configure(const RefinerSettings& initial, const RefinerSetti
 
 Refinement RefinerSearch::search(const Observation& observation, const Prior& prior, bool tracked,
                                  const StopToken& stop) {
+  const ProcessorSchedule::Refinement before_trainings(schedule_.get(), stop);
   return (tracked ? tracking_ : initial_)->refine(*field_, observation, prior, stop);
 }
 

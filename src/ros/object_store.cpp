@@ -6,7 +6,9 @@
 #include <algorithm>
 #include <cctype>
 #include <filesystem>
+#include <set>
 #include <stdexcept>
+#include <system_error>
 
 #include "nerf_pose_refiner/dataset/path_below.h"
 #include "nerf_pose_refiner/field/model_file.h"
@@ -17,6 +19,21 @@ namespace {
 
 namespace fs = std::filesystem;
 using Status = RefinementStatus;
+
+constexpr char kExtension[] = ".safetensors";
+
+StoredObject onDisk(const std::string& root, const fs::path& file) {
+  StoredObject object;
+  object.name = file.stem().string();
+  try {
+    const std::string path = pathBelow(root, file.filename().string());
+    object.bytes = fs::file_size(path);
+    object.metadata = readModelMetadata(path);
+  } catch (const std::exception& e) {
+    object.message = e.what();
+  }
+  return object;
+}
 
 }  // namespace
 
@@ -35,16 +52,14 @@ void requireObjectName(const std::string& name) {
 std::string ObjectStore::pathOf(const std::string& name) const {
   requireObjectName(name);
   if (root_.empty()) throw std::invalid_argument("~model_root is not set");
-  return pathBelow(root_, name + ".safetensors");
+  return pathBelow(root_, name + kExtension);
 }
 
 std::shared_ptr<const Field> ObjectStore::find(const std::string& name) const {
   try {
     const std::string path = pathOf(name);
     if (!fs::exists(path)) return nullptr;
-    auto field = std::make_shared<Field>(loadModel(path));
-    field->metadata.name = name;  // the file may have been renamed
-    return field;
+    return cache_->load(path);
   } catch (const std::exception& e) {
     throw InputError(Status::REASON_MODEL_UNREADABLE, e.what());
   }
@@ -64,10 +79,39 @@ std::shared_ptr<const Field> ObjectStore::load(const std::string& name) const {
   return field;
 }
 
-void ObjectStore::save(const Field& field) const {
-  const std::string path = pathOf(field.metadata.name);
+void ObjectStore::save(std::shared_ptr<const Field> field) const {
+  const std::string path = pathOf(field->metadata.name);
   fs::create_directories(fs::path(path).parent_path());
-  saveModel(field, path);
+  saveModel(*field, path);
+  cache_->put(path, std::move(field));
+}
+
+void ObjectStore::unload(const std::string& name) const {
+  if (cache_->unload(pathOf(name))) return;
+  throw std::runtime_error("the model '" + name + "' is not in memory");
+}
+
+std::vector<StoredObject> ObjectStore::list() const {
+  std::vector<StoredObject> objects;
+  if (root_.empty()) return objects;
+  const fs::path root = pathBelow(root_, ".");
+  std::set<std::string> known;
+  for (const CachedModel& model : cache_->list()) {
+    const fs::path path(model.path);
+    if (path.parent_path() != root) continue;  // of a refiner with another folder
+    StoredObject object{path.stem().string(), true, model.in_use, model.bytes, model.metadata, ""};
+    if (model.outdated) object.message = "the file has changed since it was read";
+    if (!model.outdated) known.insert(model.path);
+    objects.push_back(object);
+  }
+  std::error_code no_folder;
+  for (const fs::directory_entry& file : fs::directory_iterator(root, no_folder)) {
+    if (file.path().extension() != kExtension || known.count(file.path().string()) > 0) continue;
+    objects.push_back(onDisk(root_, file.path()));
+  }
+  std::sort(objects.begin(), objects.end(),
+            [](const StoredObject& a, const StoredObject& b) { return a.name < b.name; });
+  return objects;
 }
 
 }  // namespace nerf_pose_refiner

@@ -7,27 +7,12 @@
 
 #include "nerf_pose_refiner/ros/input_error.h"
 #include "nerf_pose_refiner/ros/pose_conversions.h"
+#include "nerf_pose_refiner/ros/prior.h"
 
 namespace nerf_pose_refiner {
 namespace {
 
 using Status = RefinementStatus;
-
-/// Why a refinement is not trusted; REASON_NONE: it is.
-std::pair<std::uint8_t, std::string> verdict(const Refinement& refinement, double min_score) {
-  switch (refinement.outcome) {
-    case Outcome::kNoOverlap:
-      return {Status::REASON_NO_OVERLAP, "the start pose lies outside of the image"};
-    case Outcome::kDiverged:
-      return {Status::REASON_DIVERGED, "no hypothesis survived"};
-    case Outcome::kStopped:
-      return {Status::REASON_STOPPED, "the refinement was interrupted"};
-    case Outcome::kRefined:
-      break;
-  }
-  if (refinement.score >= min_score) return {Status::REASON_NONE, ""};
-  return {Status::REASON_LOW_SCORE, "the pose explains the image badly (~tracker/min_score)"};
-}
 
 }  // namespace
 
@@ -234,33 +219,13 @@ RefinementStatus ObjectTracker::statusOf(const FrameResult& result, const Camera
   return status;
 }
 
-/// @throws InputError for a covariance that asks for the impossible.
-Prior ObjectTracker::priorFrom(const StartPose& start, const Pose& T_C_O) const {
-  const FieldMetadata& object = field_->metadata;
-  const SearchSettings& settings = start.tracked ? parameters_.tracking : parameters_.initial;
-  Prior prior;
-  prior.T_O_C = cameraInObject(T_C_O, object.metres_per_unit);
-  prior.rotation_rad = settings.rotation_deg * M_PI / 180;
-  prior.translation = settings.translation;
-  if (start.rotation_rad > 0) prior.rotation_rad = std::min(start.rotation_rad, M_PI);
-  if (start.translation_m > 0) {
-    prior.translation = start.translation_m / (object.metres_per_unit * object.diameter);
-  }
-  try {
-    prior.validate();
-  } catch (const std::invalid_argument& e) {
-    throw InputError(Status::REASON_PRIOR_BAD_COVARIANCE,
-                     std::string("the covariance asks for too wide a search: ") + e.what());
-  }
-  return prior;
-}
-
 /// The start as the library has it; nothing: it cannot be used, and the state says why.
 std::optional<Prior> ObjectTracker::prepare(const std_msgs::Header& header,
                                             const FrameDecision& decision, const StopToken& stop) {
   const StartPose& start = *decision.start;
   try {
-    return priorFrom(start, tf_.startInCamera(start, header.frame_id, header.stamp, stop));
+    return priorFrom(start, tf_.startInCamera(start, header.frame_id, header.stamp, stop),
+                     field_->metadata, start.tracked ? parameters_.tracking : parameters_.initial);
   } catch (const InputError& e) {
     const bool unknown_frame = e.reason() == Status::REASON_NO_TRANSFORM && !start.tracked;
     std::lock_guard<std::mutex> lock(mutex_);
@@ -296,7 +261,7 @@ void ObjectTracker::refine(const CameraFrame& frame, const std_msgs::Header& hea
 
 ObjectTracker::Trust ObjectTracker::conclude(const std_msgs::Header& header, std::uint64_t ticket,
                                              const Refinement& refinement) {
-  const auto [reason, message] = verdict(refinement, parameters_.rules.min_score);
+  const auto [reason, message] = verdictOn(refinement, parameters_.rules.min_score);
   const Pose T_C_O = objectInCamera(refinement.T_O_C, field_->metadata.metres_per_unit);
   std::lock_guard<std::mutex> lock(mutex_);
   if (reason == Status::REASON_NONE) {

@@ -37,8 +37,12 @@ void OverlayPublisher::draw(Job job) {
 
 void OverlayPublisher::run() {
   while (!stop_.stopRequested()) {
-    const std::optional<Job> job = jobs_.take(std::chrono::seconds(10));
-    if (!job) continue;
+    const std::optional<Job> job = jobs_.take(std::chrono::seconds(1));
+    if (!job) {
+      loaded_.reset();  // so that a model that is no longer tracked can go
+      field_.reset();
+      continue;
+    }
     try {
       drawNow(*job);
     } catch (const std::exception& e) {

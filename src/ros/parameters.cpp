@@ -187,6 +187,7 @@ EngineChoice PoseRefinerParameters::engineChoice() const {
 }
 
 void PoseRefinerParameters::validate() const {
+  requireNotNegative("~model_memory_mb", model_memory_mb);
   requireNotNegative("~threads", threads);
   requireNotNegative("~device", device);
   requireNotNegative("~mask_timeout_s", masks.timeout_s);
@@ -209,6 +210,7 @@ PoseRefinerParameters readParameters(ParamReader& reader, const PoseRefinerParam
   PoseRefinerParameters p = defaults;
   reader.get("object", p.object);
   reader.get("model_root", p.model_root);
+  reader.get("model_memory_mb", p.model_memory_mb);
   reader.get("dataset_root", p.dataset_root);
   reader.get("image_transport", p.image_transport);
   reader.get("image_is_rectified", p.image_is_rectified);

@@ -161,6 +161,18 @@ TEST_F(ModelFile, LayoutIsThatOfSafetensors) {
   EXPECT_EQ(half, describedField().grid[5]);
 }
 
+TEST_F(ModelFile, ItsMetadataAreReadAlone) {
+  const FieldMetadata read = readModelMetadata(path), saved = describedField().metadata;
+  EXPECT_EQ(read.name, saved.name);
+  EXPECT_EQ(read.diameter, saved.diameter);
+  EXPECT_EQ(read.metres_per_unit, saved.metres_per_unit);
+  EXPECT_EQ(read.data_hash, saved.data_hash);
+  folder.write("short", bytes.substr(0, bytes.size() - 1));
+  expectError<std::runtime_error>([&] { readModelMetadata(folder.file("short")); }, "short",
+                                  "cut short");
+  expectError<std::runtime_error>([&] { readModelMetadata(folder.file("none")); }, "none");
+}
+
 TEST_F(ModelFile, CutAtEveryLength) {
   const std::string bad = folder.file("bad.safetensors");
   folder.write("bad.safetensors", bytes);

@@ -3,10 +3,13 @@
 
 #include <geometry_msgs/PoseStamped.h>
 #include <gtest/gtest.h>
+#include <nerf_pose_refiner/ListObjects.h>
 #include <nerf_pose_refiner/LoadObject.h>
 #include <nerf_pose_refiner/PoseHypothesisArray.h>
 #include <nerf_pose_refiner/RefinementStatus.h>
 #include <nerf_pose_refiner/RegisterObject.h>
+#include <nerf_pose_refiner/SetObject.h>
+#include <nerf_pose_refiner/UnloadObject.h>
 #include <ros/ros.h>
 #include <std_srvs/Trigger.h>
 #include <tf2_msgs/TFMessage.h>
@@ -77,6 +80,34 @@ struct World {
 
 inline std::unique_ptr<World> world;
 
+/// Calls a service of the refiner.
+template <typename Service>
+typename Service::Response ask(const std::string& name, typename Service::Request request = {}) {
+  typename Service::Response response;
+  EXPECT_TRUE(world->pnh.serviceClient<Service>(name).call(request, response)) << name;
+  return response;
+}
+
+/// What ~list_objects says of an object; nothing: it does not name it.
+inline std::optional<ObjectInfo> infoOf(const std::string& name) {
+  for (const ObjectInfo& info : ask<ListObjects>("list_objects").objects) {
+    if (info.name == name) return info;
+  }
+  return std::nullopt;
+}
+
+inline SetObject::Response setObject(const std::string& name) {
+  SetObject::Request request;
+  request.name = name;
+  return ask<SetObject>("set_object", request);
+}
+
+inline UnloadObject::Response unloadObject(const std::string& name) {
+  UnloadObject::Request request;
+  request.name = name;
+  return ask<UnloadObject>("unload_object", request);
+}
+
 inline RegisterObject registerObject(const std::string& name, const std::string& dataset,
                                      double metres_per_unit) {
   RegisterObject call;
@@ -107,7 +138,9 @@ inline geometry_msgs::PoseStamped roughPose() {
 
 class PoseRefinerTest : public testing::Test {
  protected:
+  /// Once for all suites: WorldEnvironment takes it down.
   static void SetUpTestSuite() {
+    if (world) return;
     world = std::make_unique<World>();
     ASSERT_TRUE(ros::service::waitForService("pose_refiner/register_object", 30000));
     ASSERT_TRUE(waitUntil([] {
@@ -120,12 +153,6 @@ class PoseRefinerTest : public testing::Test {
     EXPECT_FALSE(call.response.loaded_existing);
     EXPECT_GT(call.response.psnr_db, 20);
     EXPECT_GT(call.response.seconds, 0);
-  }
-
-  static void TearDownTestSuite() {
-    const std::string root = world->root;
-    world.reset();
-    std::filesystem::remove_all(root);
   }
 
   void SetUp() override {
@@ -164,6 +191,17 @@ class PoseRefinerTest : public testing::Test {
     EXPECT_LT((pose.t - truth.t).norm(), 0.004) << pose.t.transpose();
     EXPECT_EQ(message.header.frame_id, kFrame);
     EXPECT_TRUE(world->camera->took(message.header.stamp));
+  }
+};
+
+/// Clears away what the tests have shared.
+class WorldEnvironment : public testing::Environment {
+ public:
+  void TearDown() override {
+    if (!world) return;
+    const std::string root = world->root;
+    world.reset();
+    std::filesystem::remove_all(root);
   }
 };
 

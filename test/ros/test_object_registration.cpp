@@ -2,6 +2,8 @@
 #include "nerf_pose_refiner/ros/object_registration.h"
 
 #include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/resource.h>
 
 #include <cmath>
 #include <filesystem>
@@ -10,6 +12,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "nerf_pose_refiner/field/model_file.h"
 #include "nerf_pose_refiner/image/io.h"
 #include "support/expect_error.h"
 #include "support/scripted_engine.h"
@@ -45,16 +48,22 @@ class Registration : public testing::Test {
 
   RegisteredObject run(const StopToken& stop = {}) {
     folder.write("photos/mug/transforms.json", scene.dump());
+    return trainWithoutWriting(stop);
+  }
+
+  RegisteredObject trainWithoutWriting(const StopToken& stop = {}) {
     const auto make_engine = [this] {
       engine = std::make_shared<ScriptedEngine>();
       engine->model = smallField();
       ++engines;
       return engine;
     };
-    return ObjectRegistration(dataset_root, settings, store(), make_engine).run(request, {}, stop);
+    return ObjectRegistration(dataset_root, settings, store(), make_engine,
+                              [this] { return schedule; })
+        .run(request, progress, stop);
   }
 
-  ObjectStore store() const { return ObjectStore(folder.path() + "/models"); }
+  ObjectStore store() { return ObjectStore(folder.path() + "/models", &cache); }
   bool trained() {
     const int before = engines;
     const bool loaded = run().loaded_existing;
@@ -69,12 +78,15 @@ class Registration : public testing::Test {
   }
 
   TemporaryFolder folder;
+  ModelCache cache;
+  std::shared_ptr<ProcessorSchedule> schedule = std::make_shared<ProcessorSchedule>();
   std::string dataset_root = folder.path() + "/photos";
   RegistrationSettings settings;
   RegisterObject::Request request;
   Json scene;
   std::shared_ptr<ScriptedEngine> engine;
   int engines = 0;
+  RegistrationQueue::Progress progress;
 };
 
 TEST_F(Registration, TrainsSavesAndNames) {
@@ -155,6 +167,56 @@ TEST_F(Registration, ReadsNoPhotosOutsideOfTheirFolder) {
     expectRefused<std::runtime_error>("frame 1", path);
     scene["frames"][1].erase("mask_path");
   }
+}
+
+TEST_F(Registration, AFullDiskIsNamedAndLeavesTheOldModel) {
+  const std::shared_ptr<const Field> old = run().field;
+  rlimit before;
+  getrlimit(RLIMIT_FSIZE, &before);
+  const auto ignored = signal(SIGXFSZ, SIG_IGN);
+  const rlimit little = {1000, before.rlim_max};
+  setrlimit(RLIMIT_FSIZE, &little);
+  request.force_retrain = true;
+  expectError<std::runtime_error>([&] { trainWithoutWriting(); }, "cannot write",
+                                  "models/cup.safetensors", "File too large");
+  setrlimit(RLIMIT_FSIZE, &before);
+  signal(SIGXFSZ, ignored);
+  EXPECT_EQ(store().load("cup"), old) << "in memory";
+  EXPECT_EQ(loadModel(folder.path() + "/models/cup.safetensors").grid, old->grid);
+  int files = 0;
+  for (const auto& file : fs::directory_iterator(folder.path() + "/models")) files += file.exists();
+  EXPECT_EQ(files, 1) << "nothing half";
+}
+
+TEST_F(Registration, AStopAtTheLastMomentWritesNothing) {
+  const StopToken stop;
+  progress = [&](const RegistrationProgress& now) {
+    if (now.stage == "quality") stop.requestStop();
+  };
+  EXPECT_THROW(run(stop), Stopped);
+  EXPECT_FALSE(fs::exists(folder.path() + "/models/cup.safetensors"));
+  EXPECT_TRUE(cache.list().empty());
+}
+
+TEST_F(Registration, JobsAreTheSameIfAllThatCountsIs) {
+  const auto key = [this] {
+    return ObjectRegistration(dataset_root, settings, store(), {}, {}).jobOf(request).key;
+  };
+  const std::string first = key();
+  settings.threads = 3;
+  EXPECT_EQ(key(), first);
+  settings.steps = 3;
+  EXPECT_NE(key(), first);
+  settings.steps = 2;
+  request.box_max.z = 1e-9;
+  EXPECT_NE(key(), first);
+  request.box_max.z = 0;
+  request.force_retrain = true;
+  EXPECT_NE(key(), first);
+  request.force_retrain = false;
+  EXPECT_EQ(key(), first);
+  dataset_root += "/mug";
+  EXPECT_NE(key(), first);
 }
 
 TEST_F(Registration, CanBeStoppedWhileItReads) {

@@ -5,10 +5,13 @@
 #include <nerf_pose_refiner/RefinementStatus.h>
 
 #include <filesystem>
+#include <memory>
 #include <stdexcept>
 #include <string>
+#include <vector>
 
 #include "nerf_pose_refiner/ros/input_error.h"
+#include "support/expect_error.h"
 #include "support/random_field.h"
 #include "support/temporary_folder.h"
 
@@ -18,11 +21,11 @@ namespace {
 namespace fs = std::filesystem;
 using Status = RefinementStatus;
 
-Field smallField(const std::string& name, double metres_per_unit) {
-  Field field = randomField(smallConfig(), 1);
-  field.metadata.name = name;
-  field.metadata.metres_per_unit = metres_per_unit;
-  field.metadata.diameter = 0.5;
+std::shared_ptr<const Field> smallField(const std::string& name, double metres_per_unit) {
+  auto field = std::make_shared<Field>(randomField(smallConfig(), 1));
+  field->metadata.name = name;
+  field->metadata.metres_per_unit = metres_per_unit;
+  field->metadata.diameter = 0.5;
   return field;
 }
 
@@ -34,9 +37,11 @@ class ObjectStoreTest : public testing::Test {
     temporary_.write("secret", "secret");
   }
 
-  int reasonFor(const std::string& name) const {
+  ObjectStore store() { return ObjectStore(root_, &cache_); }
+
+  int reasonFor(const std::string& name) {
     try {
-      ObjectStore(root_).load(name);
+      store().load(name);
     } catch (const InputError& e) {
       return e.reason();
     }
@@ -46,6 +51,7 @@ class ObjectStoreTest : public testing::Test {
   TemporaryFolder temporary_;
   fs::path folder_;
   std::string root_;
+  ModelCache cache_;
 };
 
 TEST_F(ObjectStoreTest, KeepsObjectNamesPlain) {
@@ -59,7 +65,7 @@ TEST_F(ObjectStoreTest, KeepsObjectNamesPlain) {
 }
 
 TEST_F(ObjectStoreTest, GivesBackWhatItWasGiven) {
-  const ObjectStore store((folder_ / "new" / "models").string());
+  const ObjectStore store((folder_ / "new" / "models").string(), &cache_);
   EXPECT_EQ(store.find("mug"), nullptr);
   store.save(smallField("mug", 0.01));
   EXPECT_TRUE(fs::exists(folder_ / "new" / "models" / "mug.safetensors"));
@@ -67,27 +73,62 @@ TEST_F(ObjectStoreTest, GivesBackWhatItWasGiven) {
 }
 
 TEST_F(ObjectStoreTest, CallsAModelByItsFile) {
-  ObjectStore(root_).save(smallField("mug", 0.01));
+  store().save(smallField("mug", 0.01));
   fs::rename(folder_ / "models" / "mug.safetensors", folder_ / "models" / "cup.safetensors");
-  EXPECT_EQ(ObjectStore(root_).load("cup")->metadata.name, "cup");
+  EXPECT_EQ(store().load("cup")->metadata.name, "cup");
+}
+
+TEST_F(ObjectStoreTest, ListsWhatIsInMemoryAndWhatIsNot) {
+  EXPECT_TRUE(store().list().empty());
+  store().save(smallField("mug", 0.01));
+  ObjectStore(root_, std::make_unique<ModelCache>().get()).save(smallField("cup", 0.02));
+  temporary_.write("models/broken.safetensors", "not a model");
+  temporary_.write("models/notes.txt", "no model at all");
+  fs::create_symlink(folder_ / "secret", folder_ / "models" / "leak.safetensors");
+  const std::shared_ptr<const Field> used = store().load("mug");
+  const std::vector<StoredObject> objects = store().list();
+  ASSERT_EQ(objects.size(), 4u);
+  EXPECT_EQ(objects[0].name, "broken");
+  EXPECT_NE(objects[0].message.find("not a model"), std::string::npos) << objects[0].message;
+  EXPECT_EQ(objects[1].name, "cup");
+  EXPECT_FALSE(objects[1].in_memory);
+  EXPECT_EQ(objects[1].metadata.metres_per_unit, 0.02);
+  EXPECT_EQ(objects[1].bytes, fs::file_size(folder_ / "models" / "cup.safetensors"));
+  EXPECT_EQ(objects[2].name, "leak");
+  EXPECT_NE(objects[2].message.find("leads out of"), std::string::npos) << objects[2].message;
+  EXPECT_EQ(objects[3].name, "mug");
+  EXPECT_TRUE(objects[3].in_memory && objects[3].in_use);
+  EXPECT_EQ(objects[3].bytes, memoryBytes(*used));
+  EXPECT_TRUE(objects[3].message.empty());
+}
+
+TEST_F(ObjectStoreTest, FreesMemoryOfWhatNobodyUses) {
+  store().save(smallField("mug", 0.01));
+  std::shared_ptr<const Field> used = store().load("mug");
+  expectError<std::runtime_error>([&] { store().unload("mug"); }, "mug", "in use");
+  used.reset();
+  store().unload("mug");
+  EXPECT_FALSE(store().list().at(0).in_memory);
+  expectError<std::runtime_error>([&] { store().unload("mug"); }, "mug", "not in memory");
+  EXPECT_THROW(store().unload("../mug"), std::invalid_argument);
 }
 
 TEST_F(ObjectStoreTest, SaysWhyAModelCannotBeUsed) {
   EXPECT_EQ(reasonFor("mug"), Status::REASON_MODEL_UNREADABLE) << "there is none";
-  ObjectStore(root_).save(smallField("mug", 0.01));
+  store().save(smallField("mug", 0.01));
   EXPECT_EQ(reasonFor("../models/mug"), Status::REASON_MODEL_UNREADABLE) << "a path, not a name";
   temporary_.write("models/broken.safetensors", "not a model");
   EXPECT_EQ(reasonFor("broken"), Status::REASON_MODEL_UNREADABLE);
   fs::create_symlink(folder_ / "secret", folder_ / "models" / "leak.safetensors");
   EXPECT_EQ(reasonFor("leak"), Status::REASON_MODEL_UNREADABLE);
-  ObjectStore(root_).save(smallField("unscaled", 0));
+  store().save(smallField("unscaled", 0));
   EXPECT_EQ(reasonFor("unscaled"), Status::REASON_MODEL_NO_SCALE);
-  EXPECT_NE(ObjectStore(root_).find("unscaled"), nullptr);
-  EXPECT_THROW(ObjectStore("").load("mug"), InputError) << "no root is set";
+  EXPECT_NE(store().find("unscaled"), nullptr);
+  EXPECT_THROW(ObjectStore("", &cache_).load("mug"), InputError) << "no root is set";
 }
 
 TEST_F(ObjectStoreTest, WritesBelowItsRootOnly) {
-  const ObjectStore store(root_);
+  const ObjectStore store = this->store();
   EXPECT_THROW(store.save(smallField("../mug", 0.01)), std::invalid_argument);
   fs::create_symlink(folder_ / "elsewhere", folder_ / "models" / "trap.safetensors");
   EXPECT_THROW(store.save(smallField("trap", 0.01)), std::invalid_argument);

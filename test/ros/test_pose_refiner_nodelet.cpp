@@ -112,9 +112,37 @@ TEST_F(PoseRefinerTest, NodeletAnswersOnceInTheFrameThatItIsAskedFor) {
   EXPECT_TRUE(unloadNodelet("/second"));
 }
 
+TEST_F(PoseRefinerTest, NodeletsOfOneManagerShareTheirModels) {
+  setParametersOfSecond();
+  const std::uint64_t read = ask<ListObjects>("list_objects").files_read;
+  ros::NodeHandle second("second");
+  Listener<RefinementStatus> status(second, "status");
+  ASSERT_TRUE(loadNodelet("/second"));
+  ASSERT_TRUE(
+      status.wait([](const RefinementStatus& s) { return s.state == Status::STATE_WAITING; }));
+  const ListObjects::Response list = ask<ListObjects>("list_objects");
+  EXPECT_EQ(list.files_read, read) << "what the first one has learned was not read again";
+  EXPECT_EQ(list.memory_bytes, infoOf("toy")->bytes);
+  EXPECT_TRUE(unloadNodelet("/second"));
+}
+
+TEST_F(PoseRefinerTest, NodeletsOfOneManagerHaveOneBudget) {
+  setParametersOfSecond();
+  ros::param::set("second/model_memory_mb", 100);
+  ros::param::set("third/model_memory_mb", 200);
+  ASSERT_TRUE(loadNodelet("/second"));
+  EXPECT_FALSE(loadNodelet("/third"));
+  ros::param::set("third/model_memory_mb", 100);
+  EXPECT_TRUE(loadNodelet("/third"));
+  EXPECT_TRUE(unloadNodelet("/third"));
+  EXPECT_TRUE(unloadNodelet("/second"));
+}
+
 TEST_F(PoseRefinerTest, NodeletIsUnloadedAndLoadedWhileItRefines) {
   ros::param::set("pose_refiner/object", "toy");
-  for (int i = 0; i < 3; ++i) {
+  int reloads = 0;
+  ASSERT_TRUE(ros::param::get("~reloads", reloads)) << "pose_refiner_nodelet.test sets it";
+  for (int i = 0; i < reloads; ++i) {
     world->initial_pose.publish(roughPose());
     ASSERT_TRUE(waitForState(Status::STATE_REFINING));
     ASSERT_TRUE(unloadNodelet("/pose_refiner"));

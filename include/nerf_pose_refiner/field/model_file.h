@@ -17,4 +17,8 @@ void saveModel(const Field& field, const std::string& path);
 /// @throws std::runtime_error naming the path and what is wrong with it.
 Field loadModel(const std::string& path);
 
+/// Reads what a model says of its object, and not its numbers: quick, and their damage goes unseen.
+/// @throws std::runtime_error as loadModel.
+FieldMetadata readModelMetadata(const std::string& path);
+
 }  // namespace nerf_pose_refiner

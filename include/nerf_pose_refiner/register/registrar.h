@@ -38,6 +38,10 @@ struct RegistrationProgress {
   double psnr_db = 0;  ///< 0: not measured yet
   double seconds = 0;
   double seconds_left = 0;  ///< estimated
+  /// Renders the model so far as one of the photos shows it, on at most 320 x 320 pixels. Only
+  /// while `progress` is called, in its thread, and while training; empty otherwise. May take a
+  /// second.
+  std::function<Rendering()> preview;
 };
 
 /// Learns a field from posed views.

@@ -3,42 +3,48 @@
 
 #include <nerf_pose_refiner/RegisterObject.h>
 
-#include <functional>
 #include <memory>
 #include <string>
 
 #include "nerf_pose_refiner/register/registrar.h"
 #include "nerf_pose_refiner/ros/engine_factory.h"
 #include "nerf_pose_refiner/ros/object_store.h"
+#include "nerf_pose_refiner/ros/processor_schedule.h"
+#include "nerf_pose_refiner/ros/registration_queue.h"
 
 namespace nerf_pose_refiner {
 
-/// A model that was asked for, and where it came from.
-struct RegisteredObject {
-  std::shared_ptr<const Field> field;
-  bool loaded_existing = false;  ///< nothing was trained
-};
-
-/// Learns objects on request: what ~register_object does, without ROS around it.
+/// Learns objects on request: what ~register_object and ~register do, without a ROS graph around
+/// it.
 class ObjectRegistration {
  public:
-  using Progress = std::function<void(const RegistrationProgress&)>;
-
-  /// @param make_engine called for each training: it must not share an engine with the tracker.
+  /// @param make_engine called for each training: it must not share an engine with refinements.
+  /// @param find_schedule of that engine's processor: refinements go before.
   ObjectRegistration(const std::string& dataset_root, const RegistrationSettings& settings,
-                     const ObjectStore& store, EngineFactory make_engine);
+                     const ObjectStore& store, EngineFactory make_engine,
+                     ScheduleFactory find_schedule);
 
   /// Trains and saves a model, or loads the one that is there if it was made of the same photos and
-  /// settings. A call takes minutes; one at a time.
-  /// @throws std::invalid_argument for a request that makes no sense, std::runtime_error, Stopped.
-  RegisteredObject run(const RegisterObject::Request& request, const Progress& progress,
-                       const StopToken& stop) const;
+  /// settings. A call takes minutes.
+  /// @throws std::invalid_argument for a request that makes no sense, std::runtime_error, Stopped:
+  /// then the model that was there, in the file and in memory, stays.
+  RegisteredObject run(const RegisterObject::Request& request,
+                       const RegistrationQueue::Progress& progress, const StopToken& stop) const;
+
+  /// The same for the queue; it holds a copy of this object. Its key tells apart what may give
+  /// another model or writes another file.
+  RegistrationQueue::Job jobOf(const RegisterObject::Request& request) const;
 
  private:
+  Dataset readPhotos(const RegisterObject::Request& request, const StopToken& stop) const;
+  RegistrationSettings settingsOf(const RegisterObject::Request& request,
+                                  const Dataset& dataset) const;
+
   std::string dataset_root_;
   RegistrationSettings settings_;
   ObjectStore store_;
   EngineFactory make_engine_;
+  ScheduleFactory find_schedule_;
 };
 
 }  // namespace nerf_pose_refiner

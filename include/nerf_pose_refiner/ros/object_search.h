@@ -30,8 +30,9 @@ class ObjectSearch {
 /// made by the thread that searches, with the first object.
 class RefinerSearch : public ObjectSearch {
  public:
+  /// @param find_schedule of the engine's processor: trainings rest while it searches.
   RefinerSearch(EngineFactory make_engine, const RefinerSettings& initial,
-                const RefinerSettings& tracking);
+                const RefinerSettings& tracking, ScheduleFactory find_schedule);
 
   void use(std::shared_ptr<const Field> field) override;
   void configure(const RefinerSettings& initial, const RefinerSettings& tracking) override;
@@ -42,6 +43,8 @@ class RefinerSearch : public ObjectSearch {
   EngineFactory make_engine_;
   RefinerSettings initial_settings_;
   RefinerSettings tracking_settings_;
+  ScheduleFactory find_schedule_;
+  std::shared_ptr<ProcessorSchedule> schedule_;
   std::shared_ptr<Engine> engine_;
   std::optional<Refiner> initial_;
   std::optional<Refiner> tracking_;

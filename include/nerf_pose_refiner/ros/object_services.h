@@ -1,49 +1,49 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <nerf_pose_refiner/ListObjects.h>
 #include <nerf_pose_refiner/LoadObject.h>
-#include <nerf_pose_refiner/RegisterObject.h>
+#include <nerf_pose_refiner/SetObject.h>
+#include <nerf_pose_refiner/UnloadObject.h>
 #include <ros/callback_queue.h>
 #include <ros/node_handle.h>
 #include <ros/service_server.h>
 #include <ros/spinner.h>
 
+#include <functional>
 #include <future>
-#include <mutex>
 #include <string>
+#include <vector>
 
-#include "nerf_pose_refiner/ros/object_registration.h"
 #include "nerf_pose_refiner/ros/object_store.h"
-#include "nerf_pose_refiner/ros/object_tracker.h"
+#include "nerf_pose_refiner/ros/tracked_object.h"
 
 namespace nerf_pose_refiner {
 
-/// ~load_object and ~register_object, on a queue and threads of their own: they block their callers
-/// and nobody else. The object that is used until then stays in use until the new one is whole.
+/// ~load_object, ~unload_object, ~list_objects and ~set_object, on a queue and a thread of their
+/// own: they answer while registrations and refinements run. All answer with success and message,
+/// for a service that fails loses its text on the way.
 class ObjectServices {
  public:
-  /// @param tracker outlives this object; its worker must run, for the services wait for it.
-  /// @param first_object loaded at once, without waiting; empty: none.
-  ObjectServices(const ros::NodeHandle& pnh, const PoseRefinerParameters& parameters,
-                 EngineFactory make_engine, ObjectTracker* tracker);
+  /// @param tracked outlives this object.
+  /// @param first_object loaded and tracked at once, without waiting; empty: none.
+  ObjectServices(const ros::NodeHandle& pnh, const ObjectStore& store, TrackedObject* tracked,
+                 const std::string& first_object);
   ~ObjectServices();
 
  private:
   bool load(LoadObject::Request& request, LoadObject::Response& response);
-  bool registerObject(RegisterObject::Request& request, RegisterObject::Response& response);
+  bool unload(UnloadObject::Request& request, UnloadObject::Response& response);
+  bool list(ListObjects::Request& request, ListObjects::Response& response);
+  bool set(SetObject::Request& request, SetObject::Response& response);
   void loadFirst(const std::string& name);
-  void use(const std::shared_ptr<const Field>& field);
 
-  ObjectTracker* tracker_;
   ObjectStore store_;
-  ObjectRegistration registration_;
-  StopToken stop_;
-  std::mutex registering_;  ///< held while a registration runs
+  TrackedObject* tracked_;
   std::future<void> first_;
   ros::CallbackQueue queue_;
-  ros::ServiceServer load_server_;
-  ros::ServiceServer register_server_;
-  ros::AsyncSpinner spinner_;  ///< two threads: one may be busy with a registration
+  std::vector<ros::ServiceServer> servers_;
+  ros::AsyncSpinner spinner_;
 };
 
 }  // namespace nerf_pose_refiner

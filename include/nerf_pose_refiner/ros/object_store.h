@@ -3,8 +3,11 @@
 
 #include <memory>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "nerf_pose_refiner/field/field.h"
+#include "nerf_pose_refiner/ros/model_cache.h"
 
 namespace nerf_pose_refiner {
 
@@ -12,11 +15,25 @@ namespace nerf_pose_refiner {
 /// at most 100 characters, the first being a letter or a digit.
 void requireObjectName(const std::string& name);
 
+/// A model that is there, in a file or in memory.
+struct StoredObject {
+  std::string name;
+  bool in_memory = false;
+  bool in_use = false;     ///< by a refiner of this process
+  std::size_t bytes = 0;   ///< in memory, or of the file
+  FieldMetadata metadata;  ///< as far as it can be read
+  std::string message;     ///< what is wrong with it; empty: nothing
+};
+
 /// Models of objects with metric scale in a folder: <root>/<name>.safetensors. May be used from
-/// many threads at once.
+/// many threads at once; copies share what is in memory.
 class ObjectStore {
  public:
-  explicit ObjectStore(const std::string& root) : root_(root) {}
+  /// @param cache where models are kept, shared with other stores; outlives this object.
+  ObjectStore(const std::string& root, ModelCache* cache) : root_(root), cache_(cache) {}
+
+  const std::string& root() const { return root_; }
+  const ModelCache& cache() const { return *cache_; }
 
   /// @throws InputError (REASON_MODEL_*) naming the file and what is wrong with it.
   std::shared_ptr<const Field> load(const std::string& name) const;
@@ -26,13 +43,23 @@ class ObjectStore {
   std::shared_ptr<const Field> find(const std::string& name) const;
 
   /// Writes under the name in its metadata; creates the folder.
-  /// @throws std::invalid_argument for a bad name, std::runtime_error if it cannot be written.
-  void save(const Field& field) const;
+  /// @throws std::invalid_argument for a bad name, std::runtime_error if it cannot be written: then
+  /// the file that was there stays.
+  void save(std::shared_ptr<const Field> field) const;
+
+  /// Frees the memory of a model; the file stays.
+  /// @throws std::invalid_argument for a bad name, std::runtime_error if it is in use or not in
+  /// memory.
+  void unload(const std::string& name) const;
+
+  /// All models of the folder, by name, and those in memory whose files are gone.
+  std::vector<StoredObject> list() const;
 
  private:
   std::string pathOf(const std::string& name) const;
 
   std::string root_;
+  ModelCache* cache_;
 };
 
 }  // namespace nerf_pose_refiner

@@ -104,7 +104,6 @@ class ObjectTracker {
                                       const StopToken& stop);
   std::optional<Prior> prepare(const std_msgs::Header& header, const FrameDecision& decision,
                                const StopToken& stop);
-  Prior priorFrom(const StartPose& start, const Pose& T_C_O) const;
   void refine(const CameraFrame& frame, const std_msgs::Header& header,
               const FrameDecision& decision, const StopToken& stop, FrameResult* result);
   Trust conclude(const std_msgs::Header& header, std::uint64_t ticket,

@@ -76,8 +76,10 @@ struct FrameSettings {
 
 /// All parameters of the nodelet. Meanings, ranges and advice: config/pose_refiner.yaml.
 struct PoseRefinerParameters {
-  std::string object;        ///< loaded at the start; empty: none
-  std::string model_root;    ///< models are read and written below this folder
+  std::string object;      ///< loaded at the start; empty: none
+  std::string model_root;  ///< models are read and written below this folder
+  int model_memory_mb =
+      0;  ///< of all models of the process [10^6 bytes]; 0: as others say, no limit
   std::string dataset_root;  ///< photos to learn from are read below this folder
   std::string image_transport = "raw";
   bool image_is_rectified = false;

@@ -25,8 +25,15 @@ constexpr char kOverlay[] = "overlay/image_raw";  ///< with its sibling "overlay
 // services
 constexpr char kRegisterObject[] = "register_object";
 constexpr char kLoadObject[] = "load_object";
+constexpr char kUnloadObject[] = "unload_object";
+constexpr char kListObjects[] = "list_objects";
+constexpr char kSetObject[] = "set_object";
+constexpr char kRefine[] = "refine";
 constexpr char kReset[] = "reset";
 constexpr char kEnable[] = "enable";
+
+// action
+constexpr char kRegister[] = "register";
 
 }  // namespace topics
 }  // namespace nerf_pose_refiner

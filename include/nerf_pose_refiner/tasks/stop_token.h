@@ -2,8 +2,10 @@
 #pragma once
 
 #include <atomic>
+#include <chrono>
 #include <memory>
 #include <stdexcept>
+#include <thread>
 
 namespace nerf_pose_refiner {
 
@@ -12,19 +14,30 @@ struct Stopped : std::runtime_error {
   Stopped() : std::runtime_error("stopped on request") {}
 };
 
-/// Asks a long operation to end. Copies share one flag; any thread may set it.
+/// Asks a long operation to end, or to rest for a while. Copies share their state; any thread may
+/// set it, and a signal handler may.
 class StopToken {
  public:
-  StopToken() : flag_(std::make_shared<std::atomic<bool>>(false)) {}
-  void requestStop() const { flag_->store(true, std::memory_order_relaxed); }
-  bool stopRequested() const { return flag_->load(std::memory_order_relaxed); }
-  /// @throws Stopped if a stop was requested.
+  StopToken() : state_(std::make_shared<State>()) {}
+  void requestStop() const { state_->stop.store(true, std::memory_order_relaxed); }
+  bool stopRequested() const { return state_->stop.load(std::memory_order_relaxed); }
+  /// While paused, `check` holds up the threads of the operation.
+  void setPaused(bool paused) const { state_->paused.store(paused, std::memory_order_relaxed); }
+  /// Rests while the operation is paused. @throws Stopped if a stop was requested.
   void check() const {
+    // Polled: a signal handler could wake nobody.
+    while (state_->paused.load(std::memory_order_relaxed) && !stopRequested()) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
     if (stopRequested()) throw Stopped();
   }
 
  private:
-  std::shared_ptr<std::atomic<bool>> flag_;
+  struct State {
+    std::atomic<bool> stop{false};
+    std::atomic<bool> paused{false};
+  };
+  std::shared_ptr<State> state_;
 };
 
 }  // namespace nerf_pose_refiner

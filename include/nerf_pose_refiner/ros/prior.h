@@ -1,0 +1,29 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "nerf_pose_refiner/field/field.h"
+#include "nerf_pose_refiner/refine/refiner.h"
+#include "nerf_pose_refiner/ros/parameters.h"
+#include "nerf_pose_refiner/ros/tracker_state.h"
+
+namespace nerf_pose_refiner {
+
+/// A start pose as the library has it.
+/// @param start its widths, where they are not zero, go before those of the settings.
+/// @param T_C_O where it is for the camera, at the image's time [m].
+/// @throws InputError (REASON_PRIOR_BAD_COVARIANCE) for a width that asks for the impossible.
+Prior priorFrom(const StartPose& start, const Pose& T_C_O, const FieldMetadata& object,
+                const SearchSettings& settings);
+
+/// Whether a refined pose is to be trusted.
+struct Verdict {
+  std::uint8_t reason;  ///< RefinementStatus::REASON_NONE: it is; else why not
+  std::string message;
+};
+
+Verdict verdictOn(const Refinement& refinement, double min_score);
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,98 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+// Objects in memory and on disk, while the refiner is at work.
+#include <gtest/gtest.h>
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+
+#include "pose_refiner_graph.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+namespace fs = std::filesystem;
+
+fs::path modelFile(const std::string& name) {
+  return fs::path(world->root) / "models" / (name + ".safetensors");
+}
+
+/// As an editor does it: the new file takes the place of the old one at once.
+void putInPlace(const fs::path& from, const fs::path& to) {
+  fs::copy_file(from, to.string() + ".new", fs::copy_options::overwrite_existing);
+  fs::rename(to.string() + ".new", to);
+}
+
+class ObjectsTest : public PoseRefinerTest {
+ protected:
+  void SetUp() override {
+    ASSERT_TRUE(setObject("toy").success);
+    PoseRefinerTest::SetUp();
+  }
+
+  void TearDown() override {
+    EXPECT_TRUE(setObject("toy").success);
+    fs::remove(modelFile("spare"));
+  }
+};
+
+TEST_F(ObjectsTest, AreListedLoadedChosenAndUnloaded) {
+  fs::copy_file(modelFile("toy"), modelFile("spare"));
+  auto info = infoOf("spare");
+  ASSERT_TRUE(info);
+  EXPECT_FALSE(info->in_memory || info->in_use || info->tracked);
+  EXPECT_EQ(info->bytes, fs::file_size(modelFile("spare")));
+  EXPECT_EQ(info->metres_per_unit, kMetresPerUnit);
+  EXPECT_NEAR(info->diameter_m, 0.1, 0.02);
+  EXPECT_GT(info->psnr_db, 20);
+  info = infoOf("toy");
+  ASSERT_TRUE(info);
+  EXPECT_TRUE(info->in_memory && info->in_use && info->tracked) << *info;
+  EXPECT_GE(ask<ListObjects>("list_objects").memory_bytes, info->bytes);
+
+  const LoadObject load = loadObject("spare");
+  EXPECT_TRUE(load.response.success) << load.response.message;
+  EXPECT_TRUE(infoOf("spare")->in_memory);
+  EXPECT_FALSE(infoOf("spare")->tracked) << "another one is";
+  const UnloadObject::Response in_use = unloadObject("toy");
+  EXPECT_FALSE(in_use.success);
+  EXPECT_NE(in_use.message.find("in use"), std::string::npos) << in_use.message;
+
+  EXPECT_TRUE(setObject("spare").success);
+  EXPECT_TRUE(infoOf("spare")->tracked && !infoOf("toy")->tracked);
+  ASSERT_TRUE(track());
+  EXPECT_EQ(world->status.last()->object, "spare");
+  EXPECT_TRUE(setObject("toy").success);
+  // The overlay's thread may hold it for a moment more.
+  EXPECT_TRUE(waitUntil([] { return !infoOf("spare")->in_use; }));
+  EXPECT_TRUE(unloadObject("spare").success);
+  EXPECT_FALSE(infoOf("spare")->in_memory);
+  const SetObject::Response none = setObject("no_such_object");
+  EXPECT_FALSE(none.success);
+  EXPECT_NE(none.message.find("no_such_object"), std::string::npos);
+  EXPECT_TRUE(infoOf("toy")->tracked) << "as it was";
+}
+
+TEST_F(ObjectsTest, AModelFileIsSwappedUnderIt) {
+  fs::copy_file(modelFile("toy"), modelFile("spare"));
+  ASSERT_TRUE(setObject("spare").success);
+  ASSERT_TRUE(track());
+  const std::uint64_t read = ask<ListObjects>("list_objects").files_read;
+  putInPlace(modelFile("toy"), modelFile("spare"));
+  world->poses.clear();
+  ASSERT_TRUE(world->poses.wait()) << "the one in use stays whole";
+  EXPECT_EQ(ask<ListObjects>("list_objects").files_read, read);
+  ASSERT_TRUE(setObject("spare").success);
+  EXPECT_EQ(ask<ListObjects>("list_objects").files_read, read + 1) << "read anew";
+  world->poses.clear();
+  EXPECT_TRUE(track());
+  fs::resize_file(modelFile("spare"), 1000);
+  const SetObject::Response damaged = setObject("spare");
+  EXPECT_FALSE(damaged.success);
+  EXPECT_NE(damaged.message.find("spare.safetensors"), std::string::npos) << damaged.message;
+  world->poses.clear();
+  EXPECT_TRUE(world->poses.wait());
+}
+
+}  // namespace
+}  // namespace nerf_pose_refiner
