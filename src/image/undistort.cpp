@@ -45,7 +45,8 @@ bool staysInside(const cv::Mat& map_xy, const Camera& camera, double slack_px) {
 
 struct Undistorter::Maps {
   Camera distorted;
-  cv::Mat xy;  // [h][w] place in the distorted picture [px]
+  cv::Mat xy;        // [h][w] place in the distorted picture, whole pixels
+  cv::Mat fraction;  // [h][w] and the rest, in the steps that OpenCV interpolates in
 };
 
 Undistorter::Undistorter(const Camera& camera, const Distortion& distortion)
@@ -64,15 +65,18 @@ Undistorter::Undistorter(const Camera& camera, const Distortion& distortion)
 
   maps_ = std::make_unique<Maps>();
   maps_->distorted = camera;
-  cv::initUndistortRectifyMap(K, distortion.coefficients, cv::noArray(), new_K, size, CV_32FC2,
-                              maps_->xy, cv::noArray());
+  cv::Mat xy;
+  cv::initUndistortRectifyMap(K, distortion.coefficients, cv::noArray(), new_K, size, CV_32FC2, xy,
+                              cv::noArray());
   // The widest filled picture is found on a coarse grid: it may be off by a little at its rim.
   const double slack_px = 1 + 0.01 * std::max(camera.width, camera.height);
-  if (!staysInside(maps_->xy, camera, slack_px)) {
+  if (!staysInside(xy, camera, slack_px)) {
     throw std::invalid_argument(
         "the lens distortion folds the picture over itself: its coefficients cannot belong to a "
         "camera of this size and focal length");
   }
+  // As cv::remap would do it for each picture: the same pixels, sooner.
+  cv::convertMaps(xy, cv::noArray(), maps_->xy, maps_->fraction, CV_16SC2);
 }
 
 Undistorter::~Undistorter() = default;
@@ -93,7 +97,7 @@ Image8 Undistorter::undistort(const Image8& image) const {
     // OpenCV only reads from the first.
     const cv::Mat source(from.height, from.width, type, const_cast<Value*>(from.values.data()));
     cv::Mat target(to->height, to->width, type, to->values.data());
-    cv::remap(source, target, maps_->xy, cv::noArray(), cv::INTER_LINEAR, cv::BORDER_REPLICATE);
+    cv::remap(source, target, maps_->xy, maps_->fraction, cv::INTER_LINEAR, cv::BORDER_REPLICATE);
   };
   if (image.channels != 4) {
     Image8 result(image.width, image.height, image.channels);
