@@ -4,6 +4,7 @@ set(ros_library ${PROJECT_NAME}_ros)
 add_library(${ros_library} STATIC
   src/ros/bag_sequence.cpp
   src/ros/camera_input.cpp
+  src/ros/capture_node.cpp
   src/ros/diagnostics.cpp
   src/ros/engine_factory.cpp
   src/ros/hypothesis_markers.cpp
@@ -31,7 +32,8 @@ add_library(${ros_library} STATIC
   src/ros/shared_engine.cpp
   src/ros/tf_bridge.cpp
   src/ros/tracked_object.cpp
-  src/ros/tracker_state.cpp)
+  src/ros/tracker_state.cpp
+  src/ros/view_capture.cpp)
 add_dependencies(${ros_library}
   ${PROJECT_NAME}_gencfg ${PROJECT_NAME}_generate_messages_cpp ${catkin_EXPORTED_TARGETS})
 npr_set_warnings(${ros_library})
@@ -67,6 +69,13 @@ if(CLI11_FOUND)
 endif()
 catkin_install_python(PROGRAMS scripts/plot_evaluation
   DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
+
+add_executable(${PROJECT_NAME}_capture_views_node src/nodes/capture_views_node.cpp)
+set_target_properties(${PROJECT_NAME}_capture_views_node PROPERTIES OUTPUT_NAME capture_views)
+npr_set_warnings(${PROJECT_NAME}_capture_views_node)
+target_link_libraries(${PROJECT_NAME}_capture_views_node PRIVATE ${ros_library})
+install(TARGETS ${PROJECT_NAME}_capture_views_node
+  RUNTIME DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
 
 install(TARGETS ${PROJECT_NAME}_nodelets
   ARCHIVE DESTINATION ${CATKIN_PACKAGE_LIB_DESTINATION}

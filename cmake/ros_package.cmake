@@ -2,13 +2,14 @@
 # Messages, services and what this package gives to other catkin packages.
 find_package(catkin REQUIRED COMPONENTS
   actionlib actionlib_msgs cv_bridge diagnostic_msgs diagnostic_updater dynamic_reconfigure
-  geometry_msgs image_geometry image_transport interactive_markers message_generation nodelet
-  pluginlib rosbag roscpp
-  sensor_msgs std_msgs std_srvs tf2 tf2_msgs tf2_ros visualization_msgs)
+  geometry_msgs image_geometry image_transport interactive_markers message_filters
+  message_generation nodelet pluginlib rosbag roscpp sensor_msgs std_msgs std_srvs tf2 tf2_msgs
+  tf2_ros visualization_msgs)
 
 add_action_files(FILES
   Register.action)
 add_message_files(FILES
+  CaptureStatus.msg
   ObjectInfo.msg
   PoseHypothesis.msg
   PoseHypothesisArray.msg

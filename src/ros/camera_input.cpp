@@ -65,28 +65,6 @@ void requireData(const char* what, const sensor_msgs::Image& image, std::uint8_t
   }
 }
 
-/// 255 where a mask is not zero, else 0.
-Image8 readMask(const char* what, const sensor_msgs::Image& mask, const Camera& camera) {
-  if (mask.encoding != encodings::MONO8 && mask.encoding != encodings::TYPE_8UC1) {
-    throw InputError(Status::REASON_BAD_MASK, std::string("the encoding of the ") + what + " is '" +
-                                                  mask.encoding + "', not mono8");
-  }
-  requireData(what, mask, Status::REASON_BAD_MASK);
-  if (static_cast<int>(mask.width) != camera.width ||
-      static_cast<int>(mask.height) != camera.height) {
-    throw InputError(Status::REASON_BAD_MASK,
-                     std::string("the ") + what + " is " + sizeText(mask.width, mask.height) +
-                         " but the image is " + sizeText(camera.width, camera.height));
-  }
-  Image8 bytes(camera.width, camera.height, 1);
-  for (int y = 0; y < bytes.height; ++y) {
-    const std::uint8_t* row = mask.data.data() + std::size_t{mask.step} * y;
-    std::transform(row, row + bytes.width, bytes.pixel(0, y),
-                   [](std::uint8_t value) { return static_cast<std::uint8_t>(value ? 255 : 0); });
-  }
-  return bytes;
-}
-
 void requireKnownDistortion(const sensor_msgs::CameraInfo& info) {
   namespace models = sensor_msgs::distortion_models;
   const auto is_zero = [](double d) { return d == 0; };
@@ -165,6 +143,37 @@ void checkImage(const sensor_msgs::Image& image, const Camera& camera) {
   }
 }
 
+Image8 rgbPixels(const sensor_msgs::Image& image) {
+  // The caller keeps the message alive while its pixels are shared.
+  const cv_bridge::CvImageConstPtr rgb = cv_bridge::toCvShare(image, nullptr, encodings::RGB8);
+  Image8 bytes(rgb->image.cols, rgb->image.rows, 3);
+  for (int y = 0; y < bytes.height; ++y) {
+    std::copy_n(rgb->image.ptr<std::uint8_t>(y), 3 * bytes.width, bytes.pixel(0, y));
+  }
+  return bytes;
+}
+
+Image8 maskPixels(const char* what, const sensor_msgs::Image& mask, const Camera& camera) {
+  if (mask.encoding != encodings::MONO8 && mask.encoding != encodings::TYPE_8UC1) {
+    throw InputError(Status::REASON_BAD_MASK, std::string("the encoding of the ") + what + " is '" +
+                                                  mask.encoding + "', not mono8");
+  }
+  requireData(what, mask, Status::REASON_BAD_MASK);
+  if (static_cast<int>(mask.width) != camera.width ||
+      static_cast<int>(mask.height) != camera.height) {
+    throw InputError(Status::REASON_BAD_MASK,
+                     std::string("the ") + what + " is " + sizeText(mask.width, mask.height) +
+                         " but the image is " + sizeText(camera.width, camera.height));
+  }
+  Image8 bytes(camera.width, camera.height, 1);
+  for (int y = 0; y < bytes.height; ++y) {
+    const std::uint8_t* row = mask.data.data() + std::size_t{mask.step} * y;
+    std::transform(row, row + bytes.width, bytes.pixel(0, y),
+                   [](std::uint8_t value) { return static_cast<std::uint8_t>(value ? 255 : 0); });
+  }
+  return bytes;
+}
+
 sensor_msgs::CameraInfo toMessage(const Camera& camera) {
   sensor_msgs::CameraInfo info;
   info.width = camera.width;
@@ -195,23 +204,17 @@ Observation CameraInput::observe(const sensor_msgs::Image& image,
   const CameraModel model = cameraFromMessage(info, rectified_);
   checkImage(image, model.camera);
   const Undistorter& undistorter = undistorterOf(model);
-  // The caller keeps the message alive while its pixels are shared.
-  const cv_bridge::CvImageConstPtr rgb = cv_bridge::toCvShare(image, nullptr, encodings::RGB8);
-  Image8 bytes(rgb->image.cols, rgb->image.rows, 3);
-  for (int y = 0; y < bytes.height; ++y) {
-    std::copy_n(rgb->image.ptr<std::uint8_t>(y), 3 * bytes.width, bytes.pixel(0, y));
-  }
   Observation observation;
-  observation.image = toFloat(undistorter.undistort(bytes));
+  observation.image = toFloat(undistorter.undistort(rgbPixels(image)));
   observation.camera = undistorter.camera();
   if (masks.object) {
     observation.background = Background::kMask;
     observation.alpha =
-        toFloat(undistorter.undistort(readMask("mask", *masks.object, model.camera)));
+        toFloat(undistorter.undistort(maskPixels("mask", *masks.object, model.camera)));
   }
   if (masks.ignored) {
     const Image8 ignored =
-        undistorter.undistort(readMask("ignore_mask", *masks.ignored, model.camera));
+        undistorter.undistort(maskPixels("ignore_mask", *masks.ignored, model.camera));
     observation.weight = Image(ignored.width, ignored.height, 1);
     // A pixel that is interpolated from one to be ignored shows some of what is there.
     std::transform(ignored.values.begin(), ignored.values.end(), observation.weight.values.begin(),

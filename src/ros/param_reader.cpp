@@ -134,6 +134,26 @@ void ParamReader::get(const std::string& name, std::uint64_t& value) {
   note(name, value);
 }
 
+std::optional<std::vector<double>> ParamReader::numbers(const std::string& name) {
+  const XmlRpcValue* found = find(name);
+  if (!found) return std::nullopt;
+  requireType(pathOf(name), XmlRpcValue::TypeArray, *found);
+  std::vector<double> result;
+  std::ostringstream text;
+  for (int i = 0; i < found->size(); ++i) {
+    const XmlRpcValue& item = (*found)[i];
+    if (item.getType() == XmlRpcValue::TypeInt) {
+      result.push_back(static_cast<const int&>(item));
+    } else {
+      requireType(pathOf(name) + "[" + std::to_string(i) + "]", XmlRpcValue::TypeDouble, item);
+      result.push_back(static_cast<const double&>(item));
+    }
+    text << (i > 0 ? ", " : "") << result.back();
+  }
+  note(name, "[" + text.str() + "]");
+  return result;
+}
+
 ParamReader ParamReader::group(const std::string& name) {
   const XmlRpcValue* found = find(name);
   ParamReader reader(found ? *found : XmlRpcValue(), pathOf(name));

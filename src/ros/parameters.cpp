@@ -128,6 +128,7 @@ void readRegistration(ParamReader& read, RegistrationSettings& registration) {
   read.get("max_seconds", registration.max_seconds);
   read.get("target_psnr_db", registration.target_psnr_db);
   read.get("held_out", registration.held_out);
+  read.get("refine_poses", registration.refine_poses);
   read.get("samples_per_step", registration.plan.samples_per_step);
   read.get("learning_rate", registration.plan.learning_rate);
   read.get("final_learning_rate_factor", registration.plan.final_learning_rate_factor);

@@ -13,6 +13,8 @@
 #include <string>
 #include <vector>
 
+#include "nerf_pose_refiner/ros/view_capture.h"
+
 namespace nerf_pose_refiner {
 namespace {
 
@@ -57,6 +59,30 @@ TEST(Parameters, FilesOfConfigAreReadStrictly) {
   std::vector<std::string> names;
   ASSERT_TRUE(ros::param::getParamNames(names));
   EXPECT_FALSE(logOf("config/pose_refiner").empty());
+}
+
+/// What the parameters of capture_views come to, in a namespace where the few that have no default
+/// are given.
+std::vector<std::string> captureLogOf(XmlRpc::XmlRpcValue values) {
+  values["name"] = "mug";
+  values["dataset_root"] = "/tmp";
+  values["object_reference_frame"] = "board";
+  values["use_masks"] = true;
+  ParamReader reader(values, "~");
+  CaptureParameters::read(&reader);
+  EXPECT_TRUE(reader.unknown().empty()) << reader.unknown().front();
+  return reader.log();
+}
+
+TEST(Parameters, TheCapturesFileHoldsItsDefaults) {
+  XmlRpc::XmlRpcValue taught;
+  ASSERT_TRUE(ros::param::get("config/capture_views", taught));
+  std::vector<std::string> lines = captureLogOf(taught);
+  const auto is_empty_point = [](const std::string& line) {
+    return line.find(": []") != std::string::npos;
+  };
+  lines.erase(std::remove_if(lines.begin(), lines.end(), is_empty_point), lines.end());
+  EXPECT_EQ(lines, captureLogOf(XmlRpc::XmlRpcValue()));
 }
 
 TEST(Parameters, TheFileThatTeachesHoldsTheDefaults) {

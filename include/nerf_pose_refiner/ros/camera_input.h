@@ -31,6 +31,13 @@ CameraModel cameraFromMessage(const sensor_msgs::CameraInfo& info, bool rectifie
 /// other encodings the message names what converts.
 void checkImage(const sensor_msgs::Image& image, const Camera& camera);
 
+/// The pixels of a picture that passed checkImage as they are, RGB.
+Image8 rgbPixels(const sensor_msgs::Image& image);
+
+/// 255 where a mask is not zero, else 0, [h][w][1]. @param what it is called in messages.
+/// @throws InputError if it is not mono8 or not of the camera's size.
+Image8 maskPixels(const char* what, const sensor_msgs::Image& mask, const Camera& camera);
+
 /// camera_info of an undistorted picture.
 sensor_msgs::CameraInfo toMessage(const Camera& camera);
 

@@ -38,6 +38,9 @@ class ParamReader {
   void get(const std::string& name, std::string& value);
   void get(const std::string& name, std::uint64_t& value);  ///< 0 .. 2^31 - 1
 
+  /// A list of numbers, which may be empty; nothing if it is absent.
+  std::optional<std::vector<double>> numbers(const std::string& name);
+
   /// A group below this one; empty if it is absent.
   ParamReader group(const std::string& name);
 
