@@ -271,9 +271,8 @@ Dataset withCorrectedPoses(Engine* engine, const Dataset& dataset,
     run.report("poses");
     const auto field =
         engine->load(std::make_shared<Field>(finished(trainer.get(), dataset, stop)));
-    const std::vector<Pose> poses =
-        inMeasuredFrame(alignViews(engine, *field, corrected.views, dataset.has_alpha, stop),
-                        measured, field->field().metadata.centre);
+    const std::vector<Pose> poses = inMeasuredFrame(
+        alignViews(engine, *field, corrected.views, measured, dataset.has_alpha, stop), measured);
     for (std::size_t i = 0; i < poses.size(); ++i) corrected.views[i].T_O_C = poses[i];
   }
   return corrected;

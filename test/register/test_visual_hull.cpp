@@ -107,6 +107,21 @@ void expectRegionAround(const Hull& hull, const Ball& ball, double slack) {
   }
 }
 
+// Silhouettes of 40 px are out of place by 6: their common volume is less than the ball, unless
+// each is taken for wider.
+TEST(VisualHull, SlackOutweighsPosesThatAreNotExact) {
+  const Ball ball;
+  const auto shaken = [&](int i) {
+    return Ball{ball.centre + 0.12 * Eigen::Vector3d(i % 3 - 1, (i / 3) % 3 - 1, 0), ball.radius};
+  };
+  const Dataset dataset = datasetOf(shaken, kNarrow);
+  const Box strict = visualHull(dataset, kResolution, 0, StopToken()).box;
+  const Box slack = visualHull(dataset, kResolution, 0, StopToken(), 0.2).box;
+  EXPECT_LT(strict.max.x(), ball.centre.x() + ball.radius - 0.02);
+  EXPECT_GT(slack.max.x(), ball.centre.x() + ball.radius);
+  EXPECT_LT(slack.max.x(), ball.centre.x() + ball.radius + 0.25);
+}
+
 // A pixel is kDistance / focal wide at the ball, a cell of the last pass about a 64th of the box.
 double slackOf(double focal, double cells) { return 2 * kDistance / focal + cells * 1.1 / 64; }
 

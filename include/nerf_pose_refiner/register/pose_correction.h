@@ -12,23 +12,24 @@ namespace nerf_pose_refiner {
 /// millimetres and tenths of a degree: too much for a sharp model, as errors differ from view to
 /// view. A model learned from all views averages them; so each view is aligned with it.
 
-/// Where each view's camera has to be for the model to look as the view does: direct alignment from
-/// the pose that it has, coarse to fine.
+/// Where each view's camera is, judging by how the model looks (direct alignment from the pose that
+/// the view has, coarse to fine) and by where it was measured: both weigh by how exact they are,
+/// the measurement being taken for one of 0.5 degrees and 1 % of the object's diameter per axis.
+/// @param measured T_O_C of each view.
 /// @return T_O_C of each view, in order; one that cannot be aligned (the object is behind its
 /// camera, or it would move by more than a few degrees) keeps its pose.
 /// @throws Stopped.
 std::vector<Pose> alignViews(Engine* engine, const LoadedField& field,
-                             const std::vector<PosedView>& views, bool has_alpha,
-                             const StopToken& stop);
+                             const std::vector<PosedView>& views, const std::vector<Pose>& measured,
+                             bool has_alpha, const StopToken& stop);
 
-/// Moves poses as one, so that they lie as near as can be to where they were measured. Alignment
-/// with a model says nothing of where and how large the whole is; the measured poses do, together.
-/// The similarity is Umeyama's (PAMI 1991) over all cameras' centres and the object's centre as
-/// each camera sees it.
-/// @param refined, measured T_O_C of the same views, at least one.
-/// @param object_centre in O, as the refined poses have it [model units].
+/// Moves poses as one, so that the cameras' centres lie as near as can be to where they were
+/// measured. Alignment with a model says nothing of where and how large the whole is; the measured
+/// poses do, together. The similarity is Umeyama's (PAMI 1991).
+/// @param refined, measured T_O_C of the same views.
+/// @return the refined poses as they are where the centres tell no frame: fewer than three, or all
+/// on a line.
 std::vector<Pose> inMeasuredFrame(const std::vector<Pose>& refined,
-                                  const std::vector<Pose>& measured,
-                                  const Eigen::Vector3d& object_centre);
+                                  const std::vector<Pose>& measured);
 
 }  // namespace nerf_pose_refiner
