@@ -224,6 +224,12 @@ Diagnostics::Facts PoseRefinerNodelet::memoryFacts() const {
     facts.emplace_back("GPU memory [MiB]", std::to_string(gpu->used_bytes >> 20) + " of " +
                                                std::to_string(gpu->total_bytes >> 20));
   }
+  for (const CachedModel& model : process_->models.list()) {
+    facts.emplace_back("model " + model.metadata.name,
+                       std::to_string(model.bytes >> 20) + " MiB" +
+                           (model.in_use ? ", in use" : "") +
+                           (model.outdated ? ", the file is another one by now" : ""));
+  }
   return facts;
 }
 

@@ -205,6 +205,7 @@ TEST_F(PoseRefinerTest, ReportsDiagnostics) {
   EXPECT_GT(std::stod(value(images, "Actual frequency (Hz)")), 1);
   EXPECT_NE(task(*report, "poses").name, "");
   EXPECT_NE(value(task(*report, "engine"), "engine").find("CPU"), std::string::npos);
+  EXPECT_NE(value(task(*report, "engine"), "model toy").find("in use"), std::string::npos);
 }
 
 }  // namespace
