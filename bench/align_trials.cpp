@@ -91,6 +91,7 @@ Trial runTrial(const Options& options, const Protocol& protocol, Refiner* refine
   trial.refinement = refiner->refine(field, observation, prior);
   trial.before = poseError(prior.T_O_C, view.T_O_C, centre, view.camera);
   trial.after = poseError(trial.refinement.T_O_C, view.T_O_C, centre, view.camera);
+  compareWithCovariance(view.T_O_C, centre, &trial);
   return trial;
 }
 

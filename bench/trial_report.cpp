@@ -1,6 +1,7 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include "trial_report.h"
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -41,6 +42,22 @@ double shareOf(const std::vector<Trial>& trials, const Test& test) {
 
 }  // namespace
 
+void compareWithCovariance(const Pose& true_T_O_C, const Eigen::Vector3d& centre, Trial* trial) {
+  const Refinement& found = trial->refinement;
+  if (found.outcome != Outcome::kRefined) return;
+  const Vector6 error = cameraTwist(found.T_O_C, true_T_O_C, centre);
+  const Eigen::Matrix3d R_C_O = found.T_O_C.R.transpose();
+  for (int i = 0; i < 6; i += 3) {
+    const Eigen::Vector3d part = R_C_O * error.segment<3>(i);
+    const Eigen::Matrix3d spread = R_C_O * found.covariance.block<3, 3>(i, i) * R_C_O.transpose();
+    for (int k = 0; k < 3; ++k) {
+      trial->error.push_back(part[k]);
+      trial->deviation.push_back(std::sqrt(spread(k, k)));
+    }
+  }
+  trial->normalised_error = error.dot(found.covariance.ldlt().solve(error)) / 6;
+}
+
 nlohmann::json toJson(const Trial& trial) {
   const Refinement& r = trial.refinement;
   return {{"view", trial.view},
@@ -54,6 +71,9 @@ nlohmann::json toJson(const Trial& trial) {
           {"pixels", trial.after.pixels},
           {"outcome", static_cast<int>(r.outcome)},
           {"score", r.score},
+          {"normalised_error_squared", trial.normalised_error},
+          {"error_in_camera", trial.error},
+          {"standard_deviations_in_camera", trial.deviation},
           {"visible_fraction", r.visible_fraction},
           {"seconds", r.seconds},
           {"samples", r.work.samples},
@@ -68,6 +88,8 @@ nlohmann::json summaryOf(const std::vector<Trial>& trials, const Protocol& proto
   const auto moved = [&](const Trial& t) {
     return protocol.of_camera ? t.after.camera_offset : t.after.object_offset;
   };
+  double mean_normalised = 0;
+  for (const Trial& t : trials) mean_normalised += t.normalised_error / trials.size();
   return {
       {"trials", trials.size()},
       {"share_under_5_deg", shareOf(trials, [&](const Trial& t) { return turned(t) < 5; })},
@@ -80,6 +102,9 @@ nlohmann::json summaryOf(const std::vector<Trial>& trials, const Protocol& proto
       {"median_deg", medianOf(trials, turned)},
       {"median_offset", medianOf(trials, moved)},
       {"median_pixels", medianOf(trials, [](const Trial& t) { return t.after.pixels; })},
+      {"mean_normalised_error_squared", mean_normalised},
+      {"median_normalised_error_squared",
+       medianOf(trials, [](const Trial& t) { return t.normalised_error; })},
       {"median_seconds", medianOf(trials, [](const Trial& t) { return t.refinement.seconds; })},
       {"p99_seconds", quantileOf(trials, 0.99)},
       {"median_samples",

@@ -16,6 +16,8 @@ namespace nerf_pose_refiner {
 struct Trial {
   int view = 0, start = 0;
   PoseError before, after;
+  std::vector<double> error, deviation;  ///< of the twist to the truth, axes of C
+  double normalised_error = 0;  ///< e^T C^-1 e / 6 of the reported covariance: 1 on average
   Refinement refinement;
   FloorShare share;
 };
@@ -27,6 +29,9 @@ struct Protocol {
   bool of_camera;                                  // the offset that counts: else the object's
   double offset_bound;                             // [model units]
 };
+
+/// Sets what is known of the error by the reported covariance.
+void compareWithCovariance(const Pose& true_T_O_C, const Eigen::Vector3d& centre, Trial* trial);
 
 nlohmann::json toJson(const Trial& trial);
 nlohmann::json summaryOf(const std::vector<Trial>& trials, const Protocol& protocol);

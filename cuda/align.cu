@@ -6,8 +6,8 @@ namespace nerf_pose_refiner {
 namespace {
 
 constexpr int kThreads = 128;
-constexpr int kPixelsPerChunk = 512;  // one block's
-constexpr int kLightSums = 15;        // numbers of LightMomentsOf
+constexpr int kPixelsPerChunk = kTileSide * kTileSide;  // one block's: a tile of the scatter
+constexpr int kLightSums = 15;                          // numbers of LightMomentsOf
 constexpr unsigned kWholeWarp = 0xffffffffu;
 
 static_assert(sizeof(AlignmentSumsOf<float>) == kAlignmentSums * sizeof(float), "");
@@ -98,12 +98,15 @@ __global__ void sumAlignmentKernel(CudaAlignmentTarget target, CudaSearches sear
   const int width = target.camera.width, height = target.camera.height, pixels = width * height;
   const float4* picture = pictures + 2 * static_cast<std::size_t>(v) * pixels;
   AlignmentSumsOf<float> sums;
-  for (int k = 0; k < kPixelsPerChunk; k += kThreads) {
-    const int i = static_cast<int>(blockIdx.x) * kPixelsPerChunk + k + threadIdx.x;
-    if (i >= pixels) break;
+  const int tiles = (width + kTileSide - 1) / kTileSide;  // in a row
+  const int left = static_cast<int>(blockIdx.x) % tiles * kTileSide;
+  const int top = static_cast<int>(blockIdx.x) / tiles * kTileSide;
+  for (int k = threadIdx.x; k < kPixelsPerChunk; k += kThreads) {
+    const int x = left + k % kTileSide, y = top + k / kTileSide;
+    if (x >= width || y >= height) continue;
+    const int i = y * width + x;
     const float pixel_weight = target.weight[i];
     if (pixel_weight == 0) continue;
-    const int x = i % width, y = i / width;
     const PictureSample<float> rendered = sampleAt(picture, width, height, x, y);
     const PictureSample<float> observed = sampleAt(target.observed, width, height, x, y);
     const RegionPixel region = regionAt(target, i);
@@ -119,6 +122,34 @@ __global__ void sumAlignmentKernel(CudaAlignmentTarget target, CudaSearches sear
                            searches.partial_sums + part * kAlignmentSums);
 }
 
+/// Sums over the tiles of a view, by a block of 64 threads.
+__device__ void sumScatter(const double* partial_sums, int view, int tiles, TileScatter* scatter) {
+  const auto* tile = reinterpret_cast<const AlignmentSumsOf<double>*>(
+      partial_sums + static_cast<std::size_t>(view) * tiles * kAlignmentSums);
+  const int entry = threadIdx.x;
+  if (entry < 21) {
+    int i = 0;
+    while ((i + 1) * (i + 2) / 2 <= entry) ++i;
+    const int j = entry - i * (i + 1) / 2;
+    double sum = 0;
+    for (int k = 0; k < tiles; ++k) {
+      sum += tile[k].equations.gradient[i] * tile[k].equations.gradient[j];
+    }
+    scatter->gradients[entry] = sum;
+  } else if (entry == 32) {  // of another warp
+    double sum = 0, squares = 0;
+    for (int k = 0; k < tiles; ++k) {
+      const double* information = tile[k].equations.information;
+      const double told = information[0] + information[2] + information[5];
+      sum += told;
+      squares += told * told;
+    }
+    scatter->information = sum;
+    scatter->squared_information = squares;
+  }
+  __syncthreads();
+}
+
 /// A block per search.
 __global__ void advanceKernel(CudaSearches searches, AlignmentRules rules, int chunks,
                               bool only_score) {
@@ -126,9 +157,10 @@ __global__ void advanceKernel(CudaSearches searches, AlignmentRules rules, int c
   if (!searches.active[v]) return;
   __shared__ double numbers[kAlignmentSums];
   sumChunks<kAlignmentSums>(searches.partial_sums, v, chunks, numbers);
+  AlignmentSearch* search = &searches.searches[v];
+  sumScatter(searches.partial_sums, v, chunks, &search->trial_scatter);
   if (threadIdx.x != 0) return;
   const auto& sums = *reinterpret_cast<const AlignmentSumsOf<double>*>(numbers);
-  AlignmentSearch* search = &searches.searches[v];
   if (only_score) {
     scoreSearch(rules, sums, search);
   } else {
@@ -188,7 +220,7 @@ __global__ void startKernel(CudaSearches searches, CudaHypotheses batch, Alignme
 }
 
 /// A thread per search.
-__global__ void finishKernel(CudaSearches searches, CudaHypotheses batch) {
+__global__ void finishKernel(CudaSearches searches, CudaHypotheses batch, bool by_contrast) {
   const int v = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
   if (v >= searches.view_count || v >= *batch.count) return;
   const AlignmentSearch& search = searches.searches[v];
@@ -199,10 +231,13 @@ __global__ void finishKernel(CudaSearches searches, CudaHypotheses batch) {
   h.state = search.state;
   h.loss = search.loss;
   h.iterations += search.evaluations;
-  h.visible_fraction = sums.opacity > 0 ? sums.agreeing / sums.opacity : 0;
-  h.score = sums.opacity > 0 ? sums.agreeing / (sums.opacity + sums.unexplained) : 0;
+  h.visible_fraction = visibleFractionOf(sums);
+  h.score = scoreOf(sums, by_contrast);
   h.residual_variance = sums.residual_weight > 0 ? sums.squared_residual / sums.residual_weight : 0;
-  for (int i = 0; i < 21; ++i) h.information[i] = sums.equations.information[i];
+  for (int i = 0; i < 21; ++i) {
+    h.information[i] = sums.equations.information[i];
+    h.gradient_scatter[i] = search.scatter.correction() * search.scatter.gradients[i];
+  }
 }
 
 int blocksFor(int threads) { return (threads + kThreads - 1) / kThreads; }
@@ -210,7 +245,8 @@ int blocksFor(int threads) { return (threads + kThreads - 1) / kThreads; }
 }  // namespace
 
 int alignmentChunks(const CudaCamera& camera) {
-  return (camera.width * camera.height + kPixelsPerChunk - 1) / kPixelsPerChunk;
+  const auto tiles = [](int pixels) { return (pixels + kTileSide - 1) / kTileSide; };
+  return tiles(camera.width) * tiles(camera.height);
 }
 
 void startSearches(const CudaSearches& searches, const CudaHypotheses& batch,
@@ -240,9 +276,10 @@ void advanceSearches(const CudaAlignmentTarget& target, const CudaSearches& sear
   NPR_CUDA_CHECK(cudaGetLastError());
 }
 
-void finishSearches(const CudaSearches& searches, const CudaHypotheses& batch,
+void finishSearches(const CudaSearches& searches, const CudaHypotheses& batch, bool by_contrast,
                     cudaStream_t stream) {
-  finishKernel<<<blocksFor(searches.view_count), kThreads, 0, stream>>>(searches, batch);
+  finishKernel<<<blocksFor(searches.view_count), kThreads, 0, stream>>>(searches, batch,
+                                                                        by_contrast);
   NPR_CUDA_CHECK(cudaGetLastError());
 }
 

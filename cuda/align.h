@@ -49,6 +49,7 @@ void advanceSearches(const CudaAlignmentTarget& target, const CudaSearches& sear
                      cudaStream_t stream);
 
 /// Writes what the searches found to their hypotheses.
-void finishSearches(const CudaSearches& searches, const CudaHypotheses& batch, cudaStream_t stream);
+void finishSearches(const CudaSearches& searches, const CudaHypotheses& batch, bool by_contrast,
+                    cudaStream_t stream);
 
 }  // namespace nerf_pose_refiner

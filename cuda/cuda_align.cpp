@@ -187,7 +187,7 @@ void CudaEngine::align(HypothesisBatch* batch, const LoadedField& field,
                                    cudaMemcpyDeviceToHost, stream_));
     evaluated_[slot].record(stream_);
   }
-  finishSearches(ready.searches, hypotheses.view(), stream_);
+  finishSearches(ready.searches, hypotheses.view(), stage.compare_contrast, stream_);
 }
 
 void CudaEngine::score(HypothesisBatch* batch, const LoadedField& field,
@@ -200,7 +200,7 @@ void CudaEngine::score(HypothesisBatch* batch, const LoadedField& field,
   Stage ready = prepareStage(hypotheses, own(field), own(observation), level, stage);
   ready.target.rules.rank_by_regions = true;
   evaluateTrials(&ready, true);
-  finishSearches(ready.searches, hypotheses.view(), stream_);
+  finishSearches(ready.searches, hypotheses.view(), stage.compare_contrast, stream_);
 }
 
 }  // namespace nerf_pose_refiner

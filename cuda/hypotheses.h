@@ -25,7 +25,8 @@ struct CudaHypothesis {
   HypothesisState state;
   int iterations;
   double loss, visible_fraction, score, residual_variance;
-  double information[21];  ///< lower triangle, row by row
+  double information[21];       ///< lower triangle, row by row
+  double gradient_scatter[21];  ///< the same
   CudaDescentState descent;
 };
 

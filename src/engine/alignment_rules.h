@@ -36,6 +36,7 @@ inline ComparisonRules comparisonRules(Background background, const Eigen::Vecto
                                                     : Comparison::kKnownBackground;
   for (int c = 0; c < 3; ++c) rules.background[c] = colour[c];
   rules.robust_scale = static_cast<float>(stage.robust_scale);
+  rules.observed_share = static_cast<float>(stage.observed_share);
   const bool colour_only = background == Background::kKnownColour;
   rules.opacity_weight = colour_only ? 0.0f : static_cast<float>(stage.alpha_weight);
   return rules;

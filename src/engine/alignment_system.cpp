@@ -34,6 +34,12 @@ RegionPixel regionAt(const AlignmentTarget& target, int x, int y) {
   return {regions[kConfidence], regions[kInside], target.regions->background_density.at(x, y, 0)};
 }
 
+void addTile(const NormalEquations6<float>& tile, AlignmentSums* sums) {
+  for (int i = 0; i < 21; ++i) sums->equations.information[i] += tile.information[i];
+  for (int i = 0; i < 6; ++i) sums->equations.gradient[i] += tile.gradient[i];
+  sums->scatter.addTile(tile);
+}
+
 }  // namespace
 
 AlignmentView viewOf(const AlignmentTarget& target, const Pose& T_O_C) {
@@ -80,6 +86,7 @@ void AlignmentSums::add(const AlignmentSums& other) {
   unexplained += other.unexplained;
   squared_residual += other.squared_residual;
   residual_weight += other.residual_weight;
+  scatter.add(other.scatter);
   for (int i = 0; i < 21; ++i) equations.information[i] += other.equations.information[i];
   for (int i = 0; i < 6; ++i) equations.gradient[i] += other.equations.gradient[i];
 }
@@ -101,17 +108,19 @@ AlignmentSums sumAlignment(const AlignmentTarget& target, const Image& picture, 
                            const GainBias<float>& light, int first_row, int last_row) {
   const AlignmentView view = viewOf(target, T_O_C);
   AlignmentSums sums;
-  for (int y = first_row; y < last_row; ++y) {
-    NormalEquations6<float> row;  // single precision suffices for a row
-    for (int x = 0; x < picture.width; ++x) {
-      const float pixel_weight = target.level->weight.at(x, y, 0);
-      if (pixel_weight == 0) continue;
-      addComparedPixel<double>(target.rules, residualAt(target, picture, light, x, y),
-                               picture.at(x, y, kOpacity), regionAt(target, x, y), pixel_weight,
-                               flowAt(view, picture, x, y), &sums, &row);
+  for (int left = 0; left < picture.width; left += kTileSide) {
+    const int right = std::min(picture.width, left + kTileSide);
+    NormalEquations6<float> tile;  // single precision suffices for a tile
+    for (int y = first_row; y < last_row; ++y) {
+      for (int x = left; x < right; ++x) {
+        const float pixel_weight = target.level->weight.at(x, y, 0);
+        if (pixel_weight == 0) continue;
+        addComparedPixel<double>(target.rules, residualAt(target, picture, light, x, y),
+                                 picture.at(x, y, kOpacity), regionAt(target, x, y), pixel_weight,
+                                 flowAt(view, picture, x, y), &sums, &tile);
+      }
     }
-    for (int i = 0; i < 21; ++i) sums.equations.information[i] += row.information[i];
-    for (int i = 0; i < 6; ++i) sums.equations.gradient[i] += row.gradient[i];
+    addTile(tile, &sums);
   }
   return sums;
 }

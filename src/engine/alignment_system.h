@@ -3,6 +3,7 @@
 
 #include "cpu_engine.h"
 #include "nerf_pose_refiner/maths/alignment_sums.h"
+#include "nerf_pose_refiner/maths/tile_scatter.h"
 #include "picture.h"
 
 namespace nerf_pose_refiner {
@@ -24,6 +25,8 @@ struct LightMoments : LightMomentsOf<double> {
 };
 
 struct AlignmentSums : AlignmentSumsOf<double> {
+  TileScatter scatter;
+
   void add(const AlignmentSums& other);
 };
 
@@ -40,7 +43,8 @@ PixelFlow<float> flowAt(const AlignmentView& view, const Image& picture, int x, 
 LightMoments sumLight(const AlignmentTarget& target, const Image& picture,
                       const GainBias<float>& light, int first_row, int last_row);
 
-/// Cost and normal equations over rows [first_row, last_row) of a pose's blurred rendering.
+/// Cost and normal equations over rows [first_row, last_row) of a pose's blurred rendering: a row
+/// of tiles, for the scatter.
 AlignmentSums sumAlignment(const AlignmentTarget& target, const Image& picture, const Pose& T_O_C,
                            const GainBias<float>& light, int first_row, int last_row);
 

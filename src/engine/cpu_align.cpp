@@ -1,4 +1,5 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
 #include <memory>
 
 #include "alignment_rules.h"
@@ -25,30 +26,41 @@ AlignmentRules rulesOf(const StageEvaluator& evaluator, const AlignStage& stage,
                         batch.scatter, batch.prior_T_O_C);
 }
 
+// Hands over what the evaluation found beside the sums.
+void takeTrial(Track* track) {
+  track->search.trial_light = track->trial.light;
+  track->search.trial_scatter = track->trial.sums.scatter;
+}
+
 // Takes what the evaluation found into the search, which says what to try next.
 void advance(const AlignmentRules& rules, Track* track) {
-  track->search.trial_light = track->trial.light;
+  takeTrial(track);
   advanceSearch(rules, track->trial.sums, &track->search);
   track->trial.T_O_C = poseOf(track->search.trial);
   track->trial.light = track->search.trial_light;
 }
 
-void writeResult(const Track& track, CpuHypothesis* h) {
+Eigen::Matrix<double, 6, 6> symmetric(const double lower[21]) {
+  Eigen::Matrix<double, 6, 6> whole;
+  for (int i = 0; i < 6; ++i) {
+    for (int j = 0; j <= i; ++j) whole(i, j) = whole(j, i) = lower[i * (i + 1) / 2 + j];
+  }
+  return whole;
+}
+
+void writeResult(const Track& track, bool by_contrast, CpuHypothesis* h) {
   const AlignmentSearch& search = track.search;
   const AlignmentSumsOf<double>& sums = search.sums;
   h->state = search.state;
   h->T_O_C = poseOf(search.best);
   h->loss = search.loss;
   h->iterations += search.evaluations;
-  h->visible_fraction = sums.opacity > 0 ? sums.agreeing / sums.opacity : 0;
-  h->score = sums.opacity > 0 ? sums.agreeing / (sums.opacity + sums.unexplained) : 0;
+  h->visible_fraction = visibleFractionOf(sums);
+  h->score = scoreOf(sums, by_contrast);
   h->residual_variance =
       sums.residual_weight > 0 ? sums.squared_residual / sums.residual_weight : 0;
-  for (int i = 0; i < 6; ++i) {
-    for (int j = 0; j <= i; ++j) {
-      h->information(i, j) = h->information(j, i) = sums.equations.information[i * (i + 1) / 2 + j];
-    }
-  }
+  h->information = symmetric(sums.equations.information);
+  h->gradient_scatter = search.scatter.correction() * symmetric(search.scatter.gradients);
 }
 
 // Live hypotheses before the camera, ready for their first evaluation; the others are flagged.
@@ -93,7 +105,7 @@ void CpuEngine::align(HypothesisBatch* batch, const LoadedField& field,
       if (!track.search.done) advance(rules, &track);
     }
   }
-  for (const Track& track : tracks) writeResult(track, track.hypothesis);
+  for (const Track& track : tracks) writeResult(track, stage.compare_contrast, track.hypothesis);
 }
 
 void CpuEngine::score(HypothesisBatch* batch, const LoadedField& field,
@@ -107,9 +119,9 @@ void CpuEngine::score(HypothesisBatch* batch, const LoadedField& field,
   std::vector<Track> tracks = tracksOf(rules, &own);
   evaluateTrials(&evaluator, &tracks, stop);
   for (Track& track : tracks) {
-    track.search.trial_light = track.trial.light;
+    takeTrial(&track);
     scoreSearch(rules, track.trial.sums, &track.search);
-    writeResult(track, track.hypothesis);
+    writeResult(track, stage.compare_contrast, track.hypothesis);
   }
 }
 

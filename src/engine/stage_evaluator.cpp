@@ -17,7 +17,7 @@
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr int kRowsPerChunk = 8;
+constexpr int kRowsPerChunk = kTileSide;
 
 }  // namespace
 

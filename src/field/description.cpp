@@ -46,6 +46,17 @@ void visitMetadata(Metadata& m, Visitor visit) {
   visit("training_steps", m.training_steps);
 }
 
+template <typename Statistics, typename Visitor>
+void visitPoseStatistics(Statistics& s, Visitor visit) {
+  visit("views", s.views);
+  visit("lateral", s.lateral);
+  visit("depth", s.depth);
+  visit("tilt_rad", s.tilt_rad);
+  visit("roll_rad", s.roll_rad);
+  visit("right_score", s.right_score);
+  visit("wrong_score", s.wrong_score);
+}
+
 template <typename BoxType, typename Visitor>
 void visitBox(BoxType& box, Visitor visit) {
   visit("min", box.min);
@@ -92,6 +103,7 @@ std::string describe(const Field& field) {
   Json json;
   visitConfig(field.config, Writer(&json["config"]));
   visitMetadata(field.metadata, Writer(&json["metadata"]));
+  visitPoseStatistics(field.metadata.pose, Writer(&json["pose_statistics"]));
   visitBox(field.box, Writer(&json["box"]));
   json["has_occupancy"] = field.occupancy.resolution > 0;
   // A name that is no UTF-8 must not keep a model from being saved.
@@ -104,6 +116,9 @@ Field fieldFromDescription(const std::string& text) {
     const Json json = Json::parse(text);
     visitConfig(field.config, Reader(json.at("config")));
     visitMetadata(field.metadata, Reader(json.at("metadata")));
+    if (json.contains("pose_statistics")) {  // models of before do not have them
+      visitPoseStatistics(field.metadata.pose, Reader(json.at("pose_statistics")));
+    }
     visitBox(field.box, Reader(json.at("box")));
     field.config.validate();
     if (json.at("has_occupancy").get<bool>()) {

@@ -155,6 +155,12 @@ void Field::validate() const {
   require(metadata.score.views >= 0, "ScoreStatistics::views is negative");
   require(std::isfinite(metadata.score.mean_loss) && std::isfinite(metadata.score.stddev_loss),
           "FieldMetadata::score is not finite");
+  const PoseStatistics& pose = metadata.pose;
+  require(pose.views >= 0, "PoseStatistics::views is negative");
+  for (const double value : {pose.lateral, pose.depth, pose.tilt_rad, pose.roll_rad,
+                             pose.right_score, pose.wrong_score}) {
+    require(value >= 0 && std::isfinite(value), "FieldMetadata::pose holds a value below 0");
+  }
 
   const GridLevel last = gridLevels(config).back();
   requireSize(

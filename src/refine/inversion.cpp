@@ -58,7 +58,7 @@ SelectPlan selectPlan(const RefinerSettings& settings, double unit, int round) {
   return plan;
 }
 
-// Says how well the winner agrees with the image.
+// Says how well the winner agrees with the image, and how firmly the image holds it.
 void judge(const RefinementRun& run, const LoadedObservation& observation, Hypothesis* winner) {
   Engine& engine = *run.engine;
   ScatterPlan alone;
@@ -70,6 +70,9 @@ void judge(const RefinementRun& run, const LoadedObservation& observation, Hypot
   const Hypothesis judged = engine.read(*batch).front();
   winner->visible_fraction = judged.visible_fraction;
   winner->score = judged.score;
+  winner->information = judged.information;
+  winner->gradient_scatter = judged.gradient_scatter;
+  winner->residual_variance = judged.residual_variance;
 }
 
 }  // namespace

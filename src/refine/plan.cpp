@@ -45,6 +45,7 @@ AlignStage alignStage(const RefinerSettings& settings, const AlignStageSettings&
   align.rays_per_side = stage.rays_per_side;
   align.max_iterations = stage.iterations;
   align.step_scale = static_cast<float>(stage.step_scale);
+  if (last) align.observed_share = 0;  // nothing is far off any more, and noise should not count
   align.convergence_px = last ? kLastStepPixels : kStepPixels;
   return align;
 }

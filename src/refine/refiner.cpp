@@ -63,7 +63,9 @@ void RefinementRun::finish(const HypothesisTable& table) {
   result->outcome = Outcome::kRefined;
   result->T_O_C = {nearestRotation(best.T_O_C.R), best.T_O_C.t};
   result->visible_fraction = best.visible_fraction;
-  result->score = best.score;
+  const bool unknown = observation.background == Background::kUnknown;
+  result->score = unknown ? calibratedScore(best.score, field.field().metadata.pose) : best.score;
+  result->covariance = poseCovariance(table, prior, field.field().metadata);
 }
 
 Refiner::Refiner(std::shared_ptr<Engine> engine, const RefinerSettings& settings)

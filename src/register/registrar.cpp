@@ -11,6 +11,7 @@
 #include "nerf_pose_refiner/maths/checksum.h"
 #include "nerf_pose_refiner/register/pose_correction.h"
 #include "nerf_pose_refiner/register/visual_hull.h"
+#include "pose_statistics.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -42,6 +43,18 @@ void split(const std::vector<PosedView>& views, int held_out, std::vector<PosedV
                             static_cast<int>(i) % interval == interval / 2;
     (keep_apart ? held : training)->push_back(views[i]);
   }
+}
+
+/// Views whose poses are found again, to learn how well that goes: those held out, and some that
+/// were learned, for few are held out.
+std::vector<PosedView> poseViews(const std::vector<PosedView>& held_out,
+                                 const std::vector<PosedView>& training) {
+  constexpr std::size_t kViews = 12;
+  std::vector<PosedView> views = held_out;
+  const std::size_t missing = std::min(kViews - std::min(kViews, views.size()), training.size());
+  for (std::size_t i = 0; i < missing; ++i)
+    views.push_back(training[training.size() * i / missing]);
+  return views;
 }
 
 /// Where a view says what there is. One with transparency does so everywhere; one without shows
@@ -247,6 +260,8 @@ Field train(Engine* engine, const Dataset& dataset, const RegistrationSettings& 
   Field field = finished(trainer.get(), dataset, stop);
   run.report("quality");
   measureQuality(engine, held_out, stop, &field);
+  run.report("pose quality");
+  field.metadata.pose = measurePoses(engine, field, poseViews(held_out, training), stop);
   return field;
 }
 

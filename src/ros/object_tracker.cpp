@@ -254,14 +254,16 @@ void ObjectTracker::refine(const CameraFrame& frame, const std_msgs::Header& hea
   result->observation =
       std::make_shared<const Observation>(input_.observe(*frame.image, *frame.info, masks));
   result->refinement = search_->search(*result->observation, *prior, decision.start->tracked, stop);
-  const Trust trust = conclude(header, decision.ticket, result->refinement);
+  const Trust trust = conclude(header, decision, result->refinement);
   result->found = trust != Trust::kOutdated && result->refinement.outcome == Outcome::kRefined;
   if (T_W_C && result->found) place(header, *T_W_C, trust == Trust::kTrusted, result);
 }
 
-ObjectTracker::Trust ObjectTracker::conclude(const std_msgs::Header& header, std::uint64_t ticket,
+ObjectTracker::Trust ObjectTracker::conclude(const std_msgs::Header& header,
+                                             const FrameDecision& decision,
                                              const Refinement& refinement) {
-  const auto [reason, message] = verdictOn(refinement, parameters_.rules.min_score);
+  const std::uint64_t ticket = decision.ticket;
+  const auto [reason, message] = verdictOn(refinement, decision.start->tracked, parameters_.rules);
   const Pose T_C_O = objectInCamera(refinement.T_O_C, field_->metadata.metres_per_unit);
   std::lock_guard<std::mutex> lock(mutex_);
   if (reason == Status::REASON_NONE) {
@@ -283,8 +285,10 @@ void ObjectTracker::place(const std_msgs::Header& header, const Pose& T_W_C, boo
   if (!trusted) return;
   result->pose.emplace();
   result->pose->header = placed;
-  result->pose->pose =
-      toMessage(T_W_C * objectInCamera(result->refinement.T_O_C, object.metres_per_unit));
+  const Refinement& found = result->refinement;
+  result->pose->pose.pose = toMessage(T_W_C * objectInCamera(found.T_O_C, object.metres_per_unit));
+  result->pose->pose.covariance = covarianceToMessage(found.covariance, found.T_O_C, object.centre,
+                                                      object.metres_per_unit, T_W_C.R);
 }
 
 }  // namespace nerf_pose_refiner

@@ -196,7 +196,12 @@ void PoseRefinerParameters::validate() const {
   requirePositive("~tf_cache_s", frames.tf_cache_s);
   requirePositive("~initial_pose_max_age_s", rules.initial_pose_max_age_s);
   requireNotNegative("~image_timeout_s", rules.image_timeout_s);
+  requireShare("~tracker/trust_score", rules.trust_score);
   requireShare("~tracker/min_score", rules.min_score);
+  if (rules.min_score > rules.trust_score) {
+    throwRange("~tracker/min_score", rules.min_score, "at most ~tracker/trust_score");
+  }
+  requireNotNegative("~recover_s", rules.recover_s);
   requireNotNegative("~tracker/max_failures", rules.max_failures);
   if (overlay.width_px < 16) throwRange("~overlay/width_px", overlay.width_px, ">= 16");
   requireShare("~overlay/opacity", overlay.opacity);
@@ -236,6 +241,7 @@ PoseRefinerParameters readParameters(ParamReader& reader, const PoseRefinerParam
                                p.rules.initial_pose_policy);
   reader.get("initial_pose_max_age_s", p.rules.initial_pose_max_age_s);
   reader.get("image_timeout_s", p.rules.image_timeout_s);
+  reader.get("recover_s", p.rules.recover_s);
 
   ParamReader refiner = reader.group("refiner");
   readSearch(refiner, p.initial);
@@ -243,6 +249,7 @@ PoseRefinerParameters readParameters(ParamReader& reader, const PoseRefinerParam
 
   ParamReader tracker = reader.group("tracker");
   readSearch(tracker, p.tracking);
+  tracker.get("trust_score", p.rules.trust_score);
   tracker.get("min_score", p.rules.min_score);
   tracker.get("max_failures", p.rules.max_failures);
   tracker.rejectUnknown();

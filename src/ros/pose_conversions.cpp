@@ -116,24 +116,31 @@ StartPose startFromMessage(const geometry_msgs::PoseWithCovarianceStamped& messa
   return start;
 }
 
+geometry_msgs::PoseWithCovariance::_covariance_type covarianceToMessage(
+    const Matrix6& of_twist, const Pose& T_O_C, const Eigen::Vector3d& centre,
+    double metres_per_unit, const Eigen::Matrix3d& R_W_C) {
+  Matrix6 turn = Matrix6::Zero();  // and to metres
+  turn.topLeftCorner<3, 3>() = metres_per_unit * R_W_C;
+  turn.bottomRightCorner<3, 3>() = R_W_C;
+  const Matrix6 covariance = turn * covarianceInCamera(of_twist, T_O_C, centre) * turn.transpose();
+  geometry_msgs::PoseWithCovariance::_covariance_type message;
+  Eigen::Map<Eigen::Matrix<double, 6, 6, Eigen::RowMajor>>(message.data()) = covariance;
+  return message;
+}
+
 PoseHypothesisArray toMessage(const HypothesisTable& hypotheses, const Pose& T_W_C,
                               double metres_per_unit) {
   PoseHypothesisArray message;
-  double sum = 0;
-  double least = 0;
-  for (const Hypothesis& hypothesis : hypotheses) {
+  const std::vector<double> weights = hypothesisWeights(hypotheses);
+  for (std::size_t i = 0; i < hypotheses.size(); ++i) {
+    const Hypothesis& hypothesis = hypotheses[i];
     if (hypothesis.state != HypothesisState::kLive || !std::isfinite(hypothesis.loss)) continue;
-    if (message.hypotheses.empty()) least = hypothesis.loss;
     PoseHypothesis entry;
     entry.pose = toMessage(T_W_C * objectInCamera(hypothesis.T_O_C, metres_per_unit));
     entry.loss = static_cast<float>(hypothesis.loss);
-    const double excess = (hypothesis.loss - least) / std::max(std::abs(least), 1e-9);
-    const double weight = std::exp(-excess);
-    entry.weight = static_cast<float>(weight);
-    sum += weight;
+    entry.weight = static_cast<float>(weights[i]);
     message.hypotheses.push_back(entry);
   }
-  for (PoseHypothesis& entry : message.hypotheses) entry.weight /= static_cast<float>(sum);
   return message;
 }
 

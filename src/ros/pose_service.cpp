@@ -124,7 +124,7 @@ void PoseService::refine(const RefinePose::Request& request, const ros::Time& ca
   const Refinement refinement = search->search(observation, prior, /*tracked=*/false, stop);
 
   const double metres_per_unit = field->metadata.metres_per_unit;
-  const Verdict verdict = verdictOn(refinement, parameters.rules.min_score);
+  const Verdict verdict = verdictOn(refinement, /*tracked=*/false, parameters.rules);
   response->success = verdict.reason == Status::REASON_NONE;
   response->reason = verdict.reason;
   response->message = verdict.message;
@@ -133,6 +133,8 @@ void PoseService::refine(const RefinePose::Request& request, const ros::Time& ca
   response->pose.header.frame_id = tf_.outputFrame(header.frame_id);
   if (refinement.outcome != Outcome::kRefined) return;
   response->pose.pose.pose = toMessage(T_W_C * objectInCamera(refinement.T_O_C, metres_per_unit));
+  response->pose.pose.covariance = covarianceToMessage(
+      refinement.covariance, refinement.T_O_C, field->metadata.centre, metres_per_unit, T_W_C.R);
   response->hypotheses = toMessage(refinement.hypotheses, T_W_C, metres_per_unit).hypotheses;
 }
 

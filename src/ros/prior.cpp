@@ -30,7 +30,7 @@ Prior priorFrom(const StartPose& start, const Pose& T_C_O, const FieldMetadata& 
   return prior;
 }
 
-Verdict verdictOn(const Refinement& refinement, double min_score) {
+Verdict verdictOn(const Refinement& refinement, bool tracked, const TrackingRules& rules) {
   switch (refinement.outcome) {
     case Outcome::kNoOverlap:
       return {Status::REASON_NO_OVERLAP, "the start pose lies outside of the image"};
@@ -41,8 +41,11 @@ Verdict verdictOn(const Refinement& refinement, double min_score) {
     case Outcome::kRefined:
       break;
   }
-  if (refinement.score >= min_score) return {Status::REASON_NONE, ""};
-  return {Status::REASON_LOW_SCORE, "the pose explains the image badly (~tracker/min_score)"};
+  if (refinement.score >= (tracked ? rules.min_score : rules.trust_score)) {
+    return {Status::REASON_NONE, ""};
+  }
+  return {Status::REASON_LOW_SCORE, std::string("the pose explains the image badly (~tracker/") +
+                                        (tracked ? "min_score)" : "trust_score)")};
 }
 
 }  // namespace nerf_pose_refiner

@@ -43,6 +43,7 @@ void toConfig(const PoseRefinerParameters& p, PoseRefinerConfig* config) {
                                     : PoseRefiner_when_not_tracking;
   config->initial_pose_max_age_s = p.rules.initial_pose_max_age_s;
   config->image_timeout_s = p.rules.image_timeout_s;
+  config->recover_s = p.rules.recover_s;
 }
 
 void fromConfig(const PoseRefinerConfig& config, PoseRefinerParameters* p) {
@@ -51,6 +52,7 @@ void fromConfig(const PoseRefinerConfig& config, PoseRefinerParameters* p) {
                                      : InitialPosePolicy::kWhenNotTracking;
   p->rules.initial_pose_max_age_s = config.initial_pose_max_age_s;
   p->rules.image_timeout_s = config.image_timeout_s;
+  p->rules.recover_s = config.recover_s;
 }
 
 void toConfig(const PoseRefinerParameters& p, SearchConfig* config) { searchTo(p.initial, config); }
@@ -61,12 +63,14 @@ void fromConfig(const SearchConfig& config, PoseRefinerParameters* p) {
 
 void toConfig(const PoseRefinerParameters& p, TrackerConfig* config) {
   searchTo(p.tracking, config);
+  config->trust_score = p.rules.trust_score;
   config->min_score = p.rules.min_score;
   config->max_failures = p.rules.max_failures;
 }
 
 void fromConfig(const TrackerConfig& config, PoseRefinerParameters* p) {
   searchFrom(config, &p->tracking);
+  p->rules.trust_score = config.trust_score;
   p->rules.min_score = config.min_score;
   p->rules.max_failures = config.max_failures;
 }

@@ -11,6 +11,8 @@ ResultPublisher::ResultPublisher(ros::NodeHandle pnh, const FrameSettings& frame
                                  const ros::SubscriberStatusCallback& on_connect)
     : frames_(frames) {
   pose_ = pnh.advertise<geometry_msgs::PoseStamped>(topics::kPose, 10, on_connect, on_connect);
+  pose_with_covariance_ = pnh.advertise<geometry_msgs::PoseWithCovarianceStamped>(
+      topics::kPoseWithCovariance, 10, on_connect, on_connect);
   hypotheses_ = pnh.advertise<PoseHypothesisArray>(topics::kHypotheses, 2, on_connect, on_connect);
   hypothesis_poses_ =
       pnh.advertise<geometry_msgs::PoseArray>(topics::kHypothesisPoses, 2, on_connect, on_connect);
@@ -21,18 +23,23 @@ ResultPublisher::ResultPublisher(ros::NodeHandle pnh, const FrameSettings& frame
 }
 
 bool ResultPublisher::wanted() const {
-  return frames_.publish_tf || pose_.getNumSubscribers() > 0 || status_.getNumSubscribers() > 0 ||
+  return frames_.publish_tf || pose_.getNumSubscribers() > 0 ||
+         pose_with_covariance_.getNumSubscribers() > 0 || status_.getNumSubscribers() > 0 ||
          hypotheses_.getNumSubscribers() > 0 || hypothesis_poses_.getNumSubscribers() > 0 ||
          hypothesis_markers_.getNumSubscribers() > 0;
 }
 
 void ResultPublisher::publish(const FrameResult& result) {
   if (result.pose) {
-    pose_.publish(*result.pose);
+    geometry_msgs::PoseStamped pose;
+    pose.header = result.pose->header;
+    pose.pose = result.pose->pose.pose;
+    pose_.publish(pose);
+    pose_with_covariance_.publish(*result.pose);
     if (frames_.publish_tf) {
       const std::string& frame =
           frames_.object_frame.empty() ? result.status.object : frames_.object_frame;
-      transforms_.sendTransform(toTransform(*result.pose, frame));
+      transforms_.sendTransform(toTransform(pose, frame));
     }
   }
   if (result.hypotheses.hypotheses.empty()) return;

@@ -28,8 +28,18 @@ void TrackerState::waitBecause(std::uint8_t reason, const std::string& message) 
 void TrackerState::forgetPoses() {
   prior_.reset();
   last_.reset();
+  anchor_.reset();
   failures_ = 0;
   running_ = 0;
+}
+
+/// The track ends; the object is looked for where it was seen last.
+void TrackerState::lose(std::uint8_t reason, const std::string& message) {
+  if (last_) {
+    anchor_ = std::exchange(last_, std::nullopt);
+    anchor_->tracked = false;  // as from an initial pose: a wide search, and the higher threshold
+  }
+  become(Status::STATE_LOST, reason, message);
 }
 
 void TrackerState::modelIsLoading() {
@@ -86,14 +96,14 @@ bool TrackerState::clockIs(const ros::Time& now) {
     last_stamp_ = last_arrival_ = ros::Time();
   } else if (last_ && rules_.image_timeout_s > 0 &&
              secondsBetween(last_arrival_, clock_) > rules_.image_timeout_s) {
-    last_.reset();
-    become(Status::STATE_LOST, Status::REASON_NO_IMAGES, "no image came for ~image_timeout_s");
+    lose(Status::REASON_NO_IMAGES, "no image came for ~image_timeout_s");
   }
   return jumped;
 }
 
 void TrackerState::timeWentBackTo(const ros::Time& stamp) {
   last_.reset();
+  anchor_.reset();
   failures_ = 0;
   running_ = 0;
   // An initial pose that fits the new time was sent after the jump.
@@ -137,20 +147,29 @@ FrameDecision TrackerState::decide(const ros::Time& stamp, const std::string& fr
   // Another camera: where the object is in its frame is not known.
   if (last_ && last_->frame_id != frame_id) {
     last_.reset();
+    anchor_.reset();
     waitBecause(Status::REASON_RESET, "the camera's frame changed to '" + frame_id + "'");
   }
-  if (initialPoseIsDue(stamp, &decision)) {
-    // An earlier track goes on if nothing comes of the new pose.
-    decision.start = std::exchange(prior_, std::nullopt);
-    become(Status::STATE_REFINING);
-  } else if (last_) {
-    decision.start = last_;
-  } else {
-    return decision;
-  }
+  decision.start = startFor(stamp, &decision);
+  if (!decision.start) return decision;
   running_ = decision.ticket = ++tickets_;
-  running_tracked_ = decision.start->tracked;
+  running_start_ = *decision.start;
   return decision;
+}
+
+/// From where to refine an image.
+std::optional<StartPose> TrackerState::startFor(const ros::Time& stamp, FrameDecision* decision) {
+  if (initialPoseIsDue(stamp, decision)) {
+    // An earlier track goes on if nothing comes of the new pose.
+    anchor_.reset();
+    become(Status::STATE_REFINING);
+    StartPose start = *std::exchange(prior_, std::nullopt);
+    if (start.stamp.isZero()) start.stamp = stamp;
+    return start;
+  }
+  if (last_) return last_;
+  if (anchor_ && secondsBetween(anchor_->stamp, stamp) > rules_.recover_s) anchor_.reset();
+  return anchor_;
 }
 
 bool TrackerState::end(std::uint64_t ticket) {
@@ -160,15 +179,21 @@ bool TrackerState::end(std::uint64_t ticket) {
 }
 
 void TrackerState::countFailure(std::uint8_t reason, const std::string& message) {
-  if (last_ && ++failures_ > rules_.max_failures) last_.reset();
-  become(last_ ? Status::STATE_TRACKING : Status::STATE_LOST, reason, message);
+  if (last_ && ++failures_ <= rules_.max_failures) {
+    become(Status::STATE_TRACKING, reason, message);
+    return;
+  }
+  if (!last_ && !rules_.once) anchor_ = running_start_;
+  lose(reason, message);
 }
 
 void TrackerState::startRefused(std::uint64_t ticket, std::uint8_t reason,
                                 const std::string& message) {
   if (!end(ticket)) return;
-  if (running_tracked_) {
+  if (running_start_.tracked) {
     countFailure(reason, message);
+  } else if (anchor_) {
+    become(Status::STATE_LOST, reason, message);
   } else {
     become(last_ ? Status::STATE_TRACKING : Status::STATE_WAITING, reason, message);
   }
@@ -178,6 +203,7 @@ bool TrackerState::trusted(std::uint64_t ticket, const Pose& T_C_O, const std::s
                            const ros::Time& stamp) {
   if (!end(ticket)) return false;
   failures_ = 0;
+  anchor_.reset();
   if (rules_.once) {
     last_.reset();
     become(Status::STATE_WAITING);

@@ -36,7 +36,7 @@ struct BagEvaluationSettings {
   std::string track_preset = "track";  ///< of the search from the last pose
   double track_rotation_deg = 5;
   double track_translation = 0.05;
-  double min_score = 0.5;  ///< a pose with a lower score is not trusted
+  double min_score = 0.1;  ///< a pose with a lower score is not trusted
   int max_failures = 5;    ///< untrusted images in a row that tracking bridges
   bool image_is_rectified = false;
   int points = 1000;  ///< of the surface, for ADD, ADD-S and reprojection

@@ -190,9 +190,6 @@ void evaluate(const EvaluateOptions& given, const StopToken& stop) {
   const auto field = std::make_shared<const Field>(loadModel(options.model));
   const FieldMetadata& object = field->metadata;
   const BagSequence bag(options.bag, options.topics);
-  options.engine.backend =
-      backendFor(options.engine.backend,
-                 options.topics.mask.empty() ? Background::kUnknown : Background::kMask);
   const std::shared_ptr<Engine> engine = options.engine.make();
   BagEvaluation evaluation(bag, engine, field, options.settings);
   fs::create_directories(options.out);

@@ -74,6 +74,13 @@ void report(const TrainOptions& options, const Field& field, double seconds) {
                {"held_out_views", metadata.score.views},
                {"colour_error", metadata.score.mean_loss},
                {"colour_error_stddev", metadata.score.stddev_loss},
+               {"pose_views", metadata.pose.views},
+               {"pose_error_lateral_diameters", metadata.pose.lateral},
+               {"pose_error_depth_share", metadata.pose.depth},
+               {"pose_error_tilt_rad", metadata.pose.tilt_rad},
+               {"pose_error_roll_rad", metadata.pose.roll_rad},
+               {"score_right", metadata.pose.right_score},
+               {"score_wrong", metadata.pose.wrong_score},
                {"diameter", metadata.diameter},
                {"metres_per_unit", metadata.metres_per_unit}});
     return;

@@ -32,6 +32,7 @@ Field describedField() {
   field.metadata.centre = {1e-9, -2.5, 1.0 / 7};
   field.metadata.psnr_db = 31.25;
   field.metadata.score = {4, 0.0123, 4.5e-6};
+  field.metadata.pose = {12, 1e-4, 2e-3, 3e-4, 4e-5, 0.9, 0.25};
   field.metadata.data_hash = "00ff";
   field.metadata.seed = 0xffffffffffffffffu;
   field.metadata.training_steps = 1u << 31;
@@ -117,6 +118,14 @@ TEST_F(ModelFile, RoundTripKeepsEveryBit) {
   EXPECT_EQ(a.metadata.score.views, b.metadata.score.views);
   EXPECT_EQ(a.metadata.score.mean_loss, b.metadata.score.mean_loss);
   EXPECT_EQ(a.metadata.score.stddev_loss, b.metadata.score.stddev_loss);
+  const PoseStatistics &p = a.metadata.pose, &q = b.metadata.pose;
+  EXPECT_EQ(p.views, q.views);
+  EXPECT_EQ(p.lateral, q.lateral);
+  EXPECT_EQ(p.depth, q.depth);
+  EXPECT_EQ(p.tilt_rad, q.tilt_rad);
+  EXPECT_EQ(p.roll_rad, q.roll_rad);
+  EXPECT_EQ(p.right_score, q.right_score);
+  EXPECT_EQ(p.wrong_score, q.wrong_score);
   EXPECT_EQ(a.metadata.data_hash, b.metadata.data_hash);
   EXPECT_EQ(a.metadata.seed, b.metadata.seed);
   EXPECT_EQ(a.metadata.training_steps, b.metadata.training_steps);

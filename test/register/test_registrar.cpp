@@ -166,15 +166,16 @@ TEST(RegisterObject, ReportsItsStagesInOrder) {
   registerWith(&engine, greyDataset(10), fewSteps(40),
                [&](const RegistrationProgress& report) { reports.push_back(report); });
   // At once, twice a second, and at every new stage.
-  ASSERT_GE(reports.size(), 5u);
-  EXPECT_LE(reports.size(), 3u + reports.back().seconds / 0.5);
+  ASSERT_GE(reports.size(), 6u);
+  EXPECT_LE(reports.size(), 4u + reports.back().seconds / 0.5);
   EXPECT_EQ(reports.front().step, 1);
-  EXPECT_EQ(reports[reports.size() - 2].stage, "occupancy");
-  EXPECT_EQ(reports.back().stage, "quality");
+  EXPECT_EQ(reports[reports.size() - 3].stage, "occupancy");
+  EXPECT_EQ(reports[reports.size() - 2].stage, "quality");
+  EXPECT_EQ(reports.back().stage, "pose quality");
   EXPECT_EQ(reports.back().step, 40);
   EXPECT_EQ(reports.back().seconds_left, 0);
   for (std::size_t i = 0; i < reports.size(); ++i) {
-    if (i + 2 < reports.size()) {
+    if (i + 3 < reports.size()) {
       EXPECT_EQ(reports[i].stage, "training") << i;
     }
     EXPECT_EQ(reports[i].steps, 40);

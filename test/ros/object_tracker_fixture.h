@@ -73,6 +73,7 @@ class ObjectTrackerTest : public testing::Test {
  protected:
   ObjectTrackerTest() {
     parameters_.frames.tf_timeout_s = 0;
+    parameters_.rules.trust_score = 0.7;
     parameters_.rules.min_score = 0.5;
     parameters_.rules.max_failures = 1;
     restart();

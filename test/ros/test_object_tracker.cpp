@@ -34,7 +34,7 @@ TEST_F(ObjectTrackerTest, RefinesInModelUnitsAndAnswersInMetres) {
   EXPECT_EQ(search_->width, 4);
   ASSERT_TRUE(result->pose);
   EXPECT_TRUE(result->found);
-  EXPECT_NEAR(result->pose->pose.position.z, 0.1, 1e-12);  // 1 unit
+  EXPECT_NEAR(result->pose->pose.pose.position.z, 0.1, 1e-12);  // 1 unit
   EXPECT_EQ(result->pose->header.stamp, ros::Time(1000));
   EXPECT_EQ(result->pose->header.frame_id, "camera");
   EXPECT_EQ(result->hypotheses.hypotheses.size(), 2u);
@@ -119,7 +119,7 @@ TEST_F(ObjectTrackerTest, TakesTheSlashOffAFrame) {
   offer("camera");
   const auto result = tracker_->process(frameAt(0, "/camera"));
   ASSERT_TRUE(result->pose) << result->status.message;
-  EXPECT_NEAR(result->pose->pose.position.x, 7, 1e-12);
+  EXPECT_NEAR(result->pose->pose.pose.position.x, 7, 1e-12);
   EXPECT_EQ(result->status.header.frame_id, "camera");
   EXPECT_TRUE(search_->was_tracked.size() == 1 && tracker_->process(frameAt(0.1, "camera")));
   EXPECT_EQ(search_->was_tracked.size(), 2u) << "it is the same camera";
@@ -134,7 +134,7 @@ TEST_F(ObjectTrackerTest, PublishesInTheOutputFrame) {
   auto result = tracker_->process(frameAt(0));
   ASSERT_TRUE(result->pose);
   EXPECT_EQ(result->pose->header.frame_id, "base");
-  EXPECT_NEAR(result->pose->pose.position.x, 7, 1e-12);
+  EXPECT_NEAR(result->pose->pose.pose.position.x, 7, 1e-12);
   EXPECT_NEAR(result->hypotheses.hypotheses[0].pose.position.x, 7, 1e-12);
   // Where the camera is now TF does not say: the object is tracked, but cannot be placed.
   result = tracker_->process(frameAt(0.1));
@@ -143,7 +143,7 @@ TEST_F(ObjectTrackerTest, PublishesInTheOutputFrame) {
   EXPECT_EQ(int{result->status.state}, int{Status::STATE_TRACKING});
   EXPECT_EQ(int{result->status.reason}, int{Status::REASON_NO_TRANSFORM});
   addTransform("base", "camera", 0.2, 8);
-  EXPECT_NEAR(tracker_->process(frameAt(0.2))->pose->pose.position.x, 8, 1e-12);
+  EXPECT_NEAR(tracker_->process(frameAt(0.2))->pose->pose.pose.position.x, 8, 1e-12);
 }
 
 TEST_F(ObjectTrackerTest, FollowsThroughTheFixedFrame) {
@@ -206,7 +206,7 @@ TEST_F(ObjectTrackerTest, ChangesCountFromTheNextImageOn) {
   offer();
   ASSERT_TRUE(tracker_->process(frameAt(0))->pose);
   PoseRefinerParameters changed = parameters_;
-  changed.rules.min_score = 0.95;  // the search finds 0.9
+  changed.rules.min_score = changed.rules.trust_score = 0.95;  // the search finds 0.9
   changed.tracking.rotation_deg = 7;
   changed.initial.refiner.seed = 5;
   changed.tracking.refiner.seed = 6;

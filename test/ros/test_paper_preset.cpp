@@ -23,6 +23,7 @@ class FogSearch final : public ObjectSearch {
  public:
   FogSearch() : engine_(makeCpuEngine(2)), refiner_(engine_, smallInversion()) {}
   void use(std::shared_ptr<const Field>) override {}
+  void configure(const RefinerSettings&, const RefinerSettings&) override {}
   Refinement search(const Observation& observation, const Prior& prior, bool,
                     const StopToken& stop) override {
     return refiner_.refine(scene_, observation, prior, stop);
@@ -78,7 +79,7 @@ TEST(PaperPreset, PublishesWhatItFinds) {
   const auto error = [&](const Pose& T_C_O) {
     return (T_C_O.t - objectInCamera(truth, kMetresPerUnit).t).norm();
   };
-  EXPECT_LT(error(fromMessage(result->pose->pose)), 0.5 * error(start.T_P_O));
+  EXPECT_LT(error(fromMessage(result->pose->pose.pose)), 0.5 * error(start.T_P_O));
 }
 
 }  // namespace

@@ -138,7 +138,7 @@ TEST(PoseConversions, WeighsHypotheses) {
   table[0].loss = 0.1;
   table[0].T_O_C = Pose(Eigen::Matrix3d::Identity(), {0, 0, -10});
   table[1].state = HypothesisState::kOutOfImage;
-  table[2].loss = 0.1 * (1 + std::log(3.0));  // a third of the weight of the first
+  table[2].loss = 0.1 * (1 + 0.05 * std::log(3.0));  // a third of the weight of the first
   const Pose T_W_C(Eigen::Matrix3d::Identity(), {5, 0, 0});
   const PoseHypothesisArray message = toMessage(table, T_W_C, 0.1);
   ASSERT_EQ(message.hypotheses.size(), 2u);
@@ -153,11 +153,24 @@ TEST(PoseConversions, WeighsHypotheses) {
   EXPECT_NEAR(poses.poses[0].position.z, 1, 1e-12);
 }
 
+// Turned by 90 degrees about z: what was uncertain along the camera's x is along W's y.
+TEST(PoseConversions, CovarianceIsInMetresAndInTheAxesOfW) {
+  Matrix6 of_twist = Matrix6::Zero();
+  of_twist.diagonal() << 4, 1, 1, 0.09, 0.01, 0.01;
+  const Eigen::Matrix3d R_W_C = expSO3({0, 0, M_PI / 2});
+  const auto covariance =
+      covarianceToMessage(of_twist, Pose(), Eigen::Vector3d::Zero(), 0.1, R_W_C);
+  EXPECT_NEAR(covariance[0], 0.01, 1e-12);
+  EXPECT_NEAR(covariance[7], 0.04, 1e-12);
+  EXPECT_NEAR(covariance[21], 0.01, 1e-12);
+  EXPECT_NEAR(covariance[28], 0.09, 1e-12);
+}
+
 // Before an unknown background a loss below zero is usual.
 TEST(PoseConversions, WeighsHypothesesOfNegativeLoss) {
   HypothesisTable table(2);
   table[0].loss = -0.2;
-  table[1].loss = -0.2 * (1 - std::log(4.0));  // a quarter of the weight of the first
+  table[1].loss = -0.2 * (1 - 0.05 * std::log(4.0));  // a quarter of the weight of the first
   const PoseHypothesisArray message = toMessage(table, Pose(), 1);
   EXPECT_NEAR(message.hypotheses[0].weight, 0.8, 1e-6);
   EXPECT_NEAR(message.hypotheses[1].weight, 0.2, 1e-6);

@@ -63,13 +63,13 @@ class ReconfigurationTest : public testing::Test {
 
 TEST_F(ReconfigurationTest, ChangesReachTheirPlaceAndNoOther) {
   EXPECT_EQ(set("refiner/", "rotation_deg", 20), 20);
-  EXPECT_EQ(set("tracker/", "min_score", 0.25), 0.25);
+  EXPECT_EQ(set("tracker/", "min_score", 0.125), 0.125);
   EXPECT_EQ(set("tracker/", "robust_scale", 0.125), 0.125);
   EXPECT_EQ(set("overlay/", "opacity", 0.5), 0.5);
   EXPECT_EQ(set("", "image_timeout_s", 3), 3);
   PoseRefinerParameters expected;
   expected.initial.rotation_deg = 20;
-  expected.rules.min_score = 0.25;
+  expected.rules.min_score = 0.125;
   expected.tracking.refiner.robust_scale = 0.125;
   expected.overlay.opacity = 0.5;
   expected.rules.image_timeout_s = 3;

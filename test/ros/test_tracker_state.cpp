@@ -27,6 +27,7 @@ class TrackerStateTest : public testing::Test {
     rules_.max_failures = 2;
     rules_.initial_pose_max_age_s = 1.0;
     rules_.image_timeout_s = 2.0;
+    rules_.recover_s = 0;
     restart();
   }
 
@@ -59,6 +60,47 @@ class TrackerStateTest : public testing::Test {
   TrackingRules rules_;
   TrackerState state_{rules_};
 };
+
+// Looked for where it was last trusted, as widely as from an initial pose, for ~recover_s.
+TEST_F(TrackerStateTest, LooksForALostObjectAroundItsLastPose) {
+  rules_.recover_s = 5;
+  restart();
+  state_.offer(poseAt(at(0)));
+  track(0, 0.5);
+  for (const double time : {0.1, 0.2, 0.3}) {
+    state_.notTrusted(image(time).ticket, Status::REASON_LOW_SCORE, "");
+  }
+  expect(Status::STATE_LOST, Status::REASON_LOW_SCORE);
+  const FrameDecision again = image(1);
+  ASSERT_TRUE(again.start);
+  EXPECT_EQ(again.start->T_P_O.t.x(), 0.5);
+  EXPECT_EQ(again.start->stamp, at(0)) << "where it was at that time";
+  EXPECT_FALSE(again.start->tracked);
+  state_.notTrusted(again.ticket, Status::REASON_DIVERGED, "");
+  expect(Status::STATE_LOST, Status::REASON_DIVERGED);
+  EXPECT_FALSE(image(rules_.recover_s + 0.1).start) << "enough";
+
+  state_.offer(poseAt(at(8)));
+  track(8);
+  for (const double time : {8.1, 8.2, 8.3}) {
+    state_.notTrusted(image(time).ticket, Status::REASON_LOW_SCORE, "");
+  }
+  track(8.4, 0.7);
+  EXPECT_TRUE(image(8.5).start->tracked) << "found again";
+}
+
+TEST_F(TrackerStateTest, AnInitialPoseIsTriedOnMoreThanOneImage) {
+  rules_.recover_s = 5;
+  restart();
+  state_.offer(poseAt(ros::Time(), 0.25));
+  state_.notTrusted(image(0).ticket, Status::REASON_LOW_SCORE, "");
+  const FrameDecision again = image(0.1);
+  ASSERT_TRUE(again.start);
+  EXPECT_EQ(again.start->T_P_O.t.x(), 0.25);
+  EXPECT_EQ(again.start->stamp, at(0));
+  state_.reset();
+  EXPECT_FALSE(image(0.2).start);
+}
 
 TEST_F(TrackerStateTest, BeginsWithoutAModel) {
   state_ = TrackerState(rules_);

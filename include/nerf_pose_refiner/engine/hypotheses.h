@@ -16,13 +16,15 @@ struct Hypothesis {
   HypothesisState state = HypothesisState::kLive;
   double loss = 0;              ///< lower is better; comparable within one call of `score`
   double visible_fraction = 0;  ///< of the rendered silhouette that agrees with the image, 0..1
-  /// The same share, of the rendered silhouette and of all that a known background leaves
-  /// unexplained beside it, 0..1; equal to visible_fraction if the background is unknown.
+  /// How well the pose explains the image, 0..1 (maths/alignment_search.h, scoreOf).
   double score = 0;
   int iterations = 0;  ///< spent on it so far
   /// Final normal equations J^T W J of direct alignment, order (v, w): translation [model units],
   /// rotation [rad] about the object's centre, axes of O, camera moved. Zero if there are none.
   Eigen::Matrix<double, 6, 6> information = Eigen::Matrix<double, 6, 6>::Zero();
+  /// Sum over tiles of the picture of g g^T, g being a tile's share of J^T W r: what the gradient
+  /// would scatter by, were the tiles drawn anew. Same order and axes. Zero if there is none.
+  Eigen::Matrix<double, 6, 6> gradient_scatter = Eigen::Matrix<double, 6, 6>::Zero();
   double residual_variance = 0;  ///< of the robustly weighted residuals
 };
 

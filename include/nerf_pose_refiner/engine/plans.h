@@ -37,10 +37,11 @@ struct AlignStage {
   double max_rotation_rad = 0.17;  ///< bound of a step
   double max_translation = 0.1;    ///< bound of a step, in object diameters
   double robust_scale = 0.1;       ///< of the residual (colour units) beyond which it counts less
-  double alpha_weight = 1.0;       ///< of the opacity residual against the three colour residuals
-  bool compare_contrast = false;   ///< unknown background: compare contrasts, not colours
-  bool fit_gain_bias = false;      ///< fit the observation's gain and bias per channel
-  float step_scale = 1;            ///< of the sample intervals along a ray
+  double observed_share = 0.5;    ///< of the observation in the gradients; 0: the rendering's alone
+  double alpha_weight = 1.0;      ///< of the opacity residual against the three colour residuals
+  bool compare_contrast = false;  ///< unknown background: compare contrasts, not colours
+  bool fit_gain_bias = false;     ///< fit the observation's gain and bias per channel
+  float step_scale = 1;           ///< of the sample intervals along a ray
   float min_transmittance = 1e-2f;
   double convergence_px = 0.02;  ///< a step that moves the object's rim by less ends the stage
 };

@@ -81,6 +81,19 @@ struct ScoreStatistics {
   double stddev_loss = 0;
 };
 
+/// How well poses of views are found again, whose poses are known: what a refinement may be
+/// believed. Of views before clutter, refined from a little off.
+struct PoseStatistics {
+  int views = 0;  ///< 0: unknown
+  /// Standard deviations of the error, beyond what a refinement expects by its own account.
+  double lateral = 0;      ///< of the object's centre, across the line of sight [diameters]
+  double depth = 0;        ///< of it, along the line of sight [share of its distance]
+  double tilt_rad = 0;     ///< about axes across the line of sight
+  double roll_rad = 0;     ///< about the line of sight
+  double right_score = 0;  ///< mean score of these poses
+  double wrong_score = 0;  ///< mean score of poses that were refined from a wrong side
+};
+
 /// What is known of the object beside its looks.
 struct FieldMetadata {
   std::string name;
@@ -89,6 +102,7 @@ struct FieldMetadata {
   Eigen::Vector3d centre = Eigen::Vector3d::Zero();  ///< opacity-weighted mean, model units
   double psnr_db = 0;  ///< mean over held-out views on black; 0: none were held out
   ScoreStatistics score;
+  PoseStatistics pose;
   std::string data_hash;  ///< of the images, poses and settings it was trained from
   std::uint64_t seed = 0;
   std::uint64_t training_steps = 0;

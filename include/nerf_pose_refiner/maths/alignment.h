@@ -40,25 +40,29 @@ struct PixelResidual {
 ///
 /// C' = gain C + bias A is the premultiplied rendering in the observation's light. Gradients are
 /// the mean of the rendered and the observed picture's (ESM, Malis 2004): exact to second order,
-/// and the observation pulls where the rendering is still empty.
+/// and the observation pulls where the rendering is still empty. Near the end they are the
+/// rendering's alone: noise in the observation's goes together with noise in the residual, and
+/// makes the object look nearer or farther.
 /// @param opacity_weight 0 if the observed opacity is not known.
+/// @param observed_share of the observation in the gradients, 0..1.
 template <typename T>
-NPR_HOST_DEVICE inline PixelResidual<T> knownBackgroundResidual(const PictureSample<T>& rendered,
-                                                                const PictureSample<T>& observed,
-                                                                const GainBias<T>& light,
-                                                                const T background[3],
-                                                                T opacity_weight) {
+NPR_HOST_DEVICE inline PixelResidual<T> knownBackgroundResidual(
+    const PictureSample<T>& rendered, const PictureSample<T>& observed, const GainBias<T>& light,
+    const T background[3], T opacity_weight, T observed_share = T(0.5)) {
+  const T rendered_share = 1 - observed_share;
   PixelResidual<T> r;
   for (int c = 0; c < 3; ++c) {
     const T lift = light.bias[c] - background[c];
     r.value[c] = light.gain[c] * rendered.value[c] + lift * rendered.value[3] + background[c] -
                  observed.value[c];
-    r.du[c] = (light.gain[c] * rendered.du[c] + lift * rendered.du[3] + observed.du[c]) / 2;
-    r.dv[c] = (light.gain[c] * rendered.dv[c] + lift * rendered.dv[3] + observed.dv[c]) / 2;
+    r.du[c] = rendered_share * (light.gain[c] * rendered.du[c] + lift * rendered.du[3]) +
+              observed_share * observed.du[c];
+    r.dv[c] = rendered_share * (light.gain[c] * rendered.dv[c] + lift * rendered.dv[3]) +
+              observed_share * observed.dv[c];
   }
   r.value[3] = rendered.value[3] - observed.value[3];
-  r.du[3] = (rendered.du[3] + observed.du[3]) / 2;
-  r.dv[3] = (rendered.dv[3] + observed.dv[3]) / 2;
+  r.du[3] = rendered_share * rendered.du[3] + observed_share * observed.du[3];
+  r.dv[3] = rendered_share * rendered.dv[3] + observed_share * observed.dv[3];
   r.colour_weight = 1;
   r.opacity_weight = opacity_weight;
   return r;
@@ -76,20 +80,24 @@ template <typename T>
 NPR_HOST_DEVICE inline PixelResidual<T> unknownBackgroundResidual(const PictureSample<T>& rendered,
                                                                   const PictureSample<T>& observed,
                                                                   const GainBias<T>& light,
-                                                                  T inside, T opacity_weight) {
+                                                                  T inside, T opacity_weight,
+                                                                  T observed_share = T(0.5)) {
   const T A = rendered.value[3];
   const T inverse = 1 / (A > T(1e-3) ? A : T(1e-3));
+  const T rendered_share = 1 - observed_share;
   PixelResidual<T> r;
   for (int c = 0; c < 3; ++c) {
     const T colour = rendered.value[c] * inverse;
     r.value[c] = light.gain[c] * rendered.value[c] + (light.bias[c] - observed.value[c]) * A;
     // A grad(C / A) = grad C - C / A grad A
-    r.du[c] = (light.gain[c] * (rendered.du[c] - colour * rendered.du[3]) + A * observed.du[c]) / 2;
-    r.dv[c] = (light.gain[c] * (rendered.dv[c] - colour * rendered.dv[3]) + A * observed.dv[c]) / 2;
+    r.du[c] = rendered_share * light.gain[c] * (rendered.du[c] - colour * rendered.du[3]) +
+              observed_share * A * observed.du[c];
+    r.dv[c] = rendered_share * light.gain[c] * (rendered.dv[c] - colour * rendered.dv[3]) +
+              observed_share * A * observed.dv[c];
   }
   r.value[3] = A - observed.value[3];
-  r.du[3] = (rendered.du[3] + observed.du[3]) / 2;
-  r.dv[3] = (rendered.dv[3] + observed.dv[3]) / 2;
+  r.du[3] = rendered_share * rendered.du[3] + observed_share * observed.du[3];
+  r.dv[3] = rendered_share * rendered.dv[3] + observed_share * observed.dv[3];
   r.colour_weight = inside;
   r.opacity_weight = opacity_weight;
   return r;

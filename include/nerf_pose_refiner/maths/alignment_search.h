@@ -6,6 +6,7 @@
 
 #include "nerf_pose_refiner/maths/alignment_sums.h"
 #include "nerf_pose_refiner/maths/hypothesis_state.h"
+#include "nerf_pose_refiner/maths/tile_scatter.h"
 
 namespace nerf_pose_refiner {
 
@@ -34,7 +35,10 @@ struct AlignmentSearch {
   GainBias<float> trial_light, light;
   double loss;                   ///< of the best pose
   AlignmentSumsOf<double> sums;  ///< of the best pose
+  TileScatter trial_scatter, scatter;
   double damping;
+  double decrement;  ///< of the best pose, @see newtonDecrement
+  double step_px;    ///< by which the trial moves the object's rim away from the best pose
   int evaluations;
   bool done;
   bool judged;  ///< whether `best` was looked at
@@ -57,6 +61,21 @@ NPR_HOST_DEVICE inline bool isFinite(const CameraPose<double>& pose) {
 /// Loss of a pose; infinite where no pixel tells anything: the worst there is.
 NPR_HOST_DEVICE inline double lossOf(const AlignmentSumsOf<double>& sums) {
   return sums.weight > 0 ? sums.cost / sums.weight : HUGE_VAL;
+}
+
+/// Share of the rendered silhouette that agrees with the image, 0..1.
+NPR_HOST_DEVICE inline double visibleFractionOf(const AlignmentSumsOf<double>& sums) {
+  return sums.opacity > 0 ? sums.agreeing / sums.opacity : 0;
+}
+
+/// How well a pose explains the image, 0..1: the same share, of what a known background leaves
+/// unexplained as well; by contrasts, how much less they differ than by chance, over the
+/// silhouette.
+NPR_HOST_DEVICE inline double scoreOf(const AlignmentSumsOf<double>& sums, bool by_contrast) {
+  if (!(sums.opacity > 0)) return 0;
+  if (!by_contrast) return sums.agreeing / (sums.opacity + sums.unexplained);
+  const double score = -sums.cost / (kChanceDifference * sums.opacity);
+  return score > 0 ? score : 0;
 }
 
 /// A point of O in the camera's frame.
@@ -108,6 +127,8 @@ NPR_HOST_DEVICE inline AlignmentSearch startSearch(const AlignmentRules& rules,
   search.trial = search.best = pose;
   search.loss = HUGE_VAL;
   search.damping = kFirstDamping;
+  search.decrement = HUGE_VAL;
+  search.step_px = HUGE_VAL;
   search.evaluations = 0;
   search.judged = false;
   search.state = !isFinite(pose)               ? HypothesisState::kNotFinite
@@ -117,13 +138,34 @@ NPR_HOST_DEVICE inline AlignmentSearch startSearch(const AlignmentRules& rules,
   return search;
 }
 
+/// What a whole Gauss-Newton step would still gain by its own account.
+NPR_HOST_DEVICE inline double newtonDecrement(const NormalEquations6<double>& equations) {
+  double x[6];
+  if (!solve6(equations, kLeastDamping, 0.0, x)) return HUGE_VAL;
+  double gain = 0;
+  for (int i = 0; i < 6; ++i) gain -= equations.gradient[i] * x[i];
+  return std::abs(gain);
+}
+
+/// Whether a short step came nearer to where the gradient vanishes. The loss need not fall there:
+/// it ranks hypotheses, and its minimum is not quite where residuals are least.
+NPR_HOST_DEVICE inline bool isNearerRest(const AlignmentSumsOf<double>& sums,
+                                         const AlignmentSearch& search) {
+  constexpr double kShortStep_px = 0.3;
+  constexpr double kProgress = 0.9;
+  return search.step_px < kShortStep_px &&
+         newtonDecrement(sums.equations) < kProgress * search.decrement;
+}
+
 NPR_HOST_DEVICE inline void acceptTrial(const AlignmentSumsOf<double>& sums,
                                         AlignmentSearch* search) {
   search->judged = true;
   search->best = search->trial;
   search->light = search->trial_light;
   search->sums = sums;
+  search->scatter = search->trial_scatter;
   search->loss = lossOf(sums);
+  search->decrement = newtonDecrement(sums.equations);
 }
 
 /// Takes the trial as it is, and ends the search.
@@ -149,6 +191,7 @@ NPR_HOST_DEVICE inline bool proposeTrial(const AlignmentRules& rules, AlignmentS
     const double rim_px = (norm(v) + 0.5 * rules.diameter * norm(w)) * rules.focal_px /
                           inCamera(search->best, rules.centre).z;
     if (rim_px < rules.convergence_px) return false;
+    search->step_px = rim_px;
     search->trial = moveCamera(search->best, rules.centre, v, w);
     search->trial_light = search->light;
     if (!isBehindCamera(rules, search->trial) && !isBeyondLimit(rules.limits, search->trial)) {
@@ -169,7 +212,7 @@ NPR_HOST_DEVICE inline void advanceSearch(const AlignmentRules& rules,
   if (first) {
     search->state = stateOf(rules, search->trial, sums);
     acceptTrial(sums, search);
-  } else if (lossOf(sums) < search->loss) {
+  } else if (lossOf(sums) < search->loss || isNearerRest(sums, *search)) {
     acceptTrial(sums, search);
     const double eased = 0.2 * search->damping;
     search->damping = eased > kLeastDamping ? eased : kLeastDamping;

@@ -86,14 +86,17 @@ NPR_HOST_DEVICE inline float interiorWeight(float opacity) {
   return squared * squared;
 }
 
+/// Robust difference of contrasts that have nothing in common.
+constexpr float kChanceDifference = 0.8f;
+
 /// By contrasts before an unknown background. What the object explains better than chance is worth
 /// its pixels, what it explains worse costs them: showing less of it is not cheaper as such.
 NPR_HOST_DEVICE inline PixelJudgement judgeContrast(const RobustResidual& robust, float opacity,
                                                     float scale) {
-  constexpr float kChance = 0.8f;  // robust difference of contrasts that have nothing in common
   const float own = opacity > 1e-2f ? robust.squared / (opacity * opacity) : 0.0f;
   const float difference = own / (own + scale * scale);
-  return {interiorWeight(opacity) * opacity * (difference - kChance), difference < kChance};
+  return {interiorWeight(opacity) * opacity * (difference - kChanceDifference),
+          difference < kChanceDifference};
 }
 
 /// Adds a pixel to the sums of its pose. @param equations may be those of a part of the picture.
@@ -130,6 +133,8 @@ struct ComparisonRules {
   Comparison kind = Comparison::kKnownBackground;
   float background[3] = {0, 0, 0};  ///< of the object, if it is known
   float robust_scale = 0.1f;
+  float observed_share =
+      0.5f;                  ///< of the observation in the gradients, @see knownBackgroundResidual
   float opacity_weight = 1;  ///< 0: no opacity is observed
   /// The cost is a log-likelihood (mixtureCost) instead of robust residuals: comparable between
   /// poses that show different parts of the object.
@@ -151,13 +156,14 @@ NPR_HOST_DEVICE inline PixelResidual<float> comparePixel(const ComparisonRules& 
   switch (rules.kind) {
     case Comparison::kContrasts:
       return unknownBackgroundResidual(rendered, observed, light, interiorWeight(rendered.value[3]),
-                                       0.0f);
+                                       0.0f, rules.observed_share);
     case Comparison::kRegions:
       return unknownBackgroundResidual(rendered, observed, light, region.inside,
-                                       rules.opacity_weight * region.confidence);
+                                       rules.opacity_weight * region.confidence,
+                                       rules.observed_share);
     default:
       return knownBackgroundResidual(rendered, observed, light, rules.background,
-                                     rules.opacity_weight);
+                                     rules.opacity_weight, rules.observed_share);
   }
 }
 

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "nerf_pose_refiner/engine/engine.h"
+#include "nerf_pose_refiner/refine/covariance.h"
 #include "nerf_pose_refiner/refine/settings.h"
 
 namespace nerf_pose_refiner {
@@ -43,10 +44,13 @@ struct TraceEntry {
 
 struct Refinement {
   Outcome outcome = Outcome::kDiverged;
-  Pose T_O_C;                   ///< best pose, model units
-  double score = 0;             ///< 0..1, higher is better; @see Hypothesis::score
-  double visible_fraction = 0;  ///< 0..1
-  HypothesisTable hypotheses;   ///< all that were followed to the last stage, best first
+  Pose T_O_C;  ///< best pose, model units
+  /// 0..1, higher is better: Hypothesis::score, before an unknown background on the scale of
+  /// calibratedScore.
+  double score = 0;
+  double visible_fraction = 0;           ///< 0..1
+  Matrix6 covariance = Matrix6::Zero();  ///< of the best pose; @see poseCovariance
+  HypothesisTable hypotheses;            ///< all that were followed to the last stage, best first
   std::vector<TraceEntry> trace;
   double seconds = 0;
   Work work;

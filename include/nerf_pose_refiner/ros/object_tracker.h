@@ -1,7 +1,7 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <geometry_msgs/PoseStamped.h>
+#include <geometry_msgs/PoseWithCovarianceStamped.h>
 #include <nerf_pose_refiner/PoseHypothesisArray.h>
 #include <nerf_pose_refiner/RefinementStatus.h>
 #include <sensor_msgs/CameraInfo.h>
@@ -35,7 +35,8 @@ struct CameraFrame {
 /// What came of one refined image.
 struct FrameResult {
   RefinementStatus status;
-  std::optional<geometry_msgs::PoseStamped> pose;  ///< in ~output_frame, if it is trusted
+  /// In ~output_frame, if it is trusted.
+  std::optional<geometry_msgs::PoseWithCovarianceStamped> pose;
   PoseHypothesisArray hypotheses;  ///< in ~output_frame; empty if that could not be reached
   std::string no_transform;        ///< why not
   std::shared_ptr<const Observation> observation;  ///< what was looked at; null: nothing
@@ -106,7 +107,7 @@ class ObjectTracker {
                                const StopToken& stop);
   void refine(const CameraFrame& frame, const std_msgs::Header& header,
               const FrameDecision& decision, const StopToken& stop, FrameResult* result);
-  Trust conclude(const std_msgs::Header& header, std::uint64_t ticket,
+  Trust conclude(const std_msgs::Header& header, const FrameDecision& decision,
                  const Refinement& refinement);
   void place(const std_msgs::Header& header, const Pose& T_W_C, bool trusted,
              FrameResult* result) const;

@@ -26,9 +26,11 @@ struct SearchSettings {
 
 /// What keeps a track, and what ends it.
 struct TrackingRules {
-  double min_score = 0.5;  ///< 0..1: a pose that explains the image worse is not trusted
-  int max_failures = 5;    ///< so many untrusted images in a row are bridged, >= 0
-  bool once = false;       ///< back to waiting after one trusted pose
+  double trust_score = 0.18;  ///< 0..1: a track begins with a pose that explains the image so well
+  double min_score = 0.1;     ///< 0..trust_score: it does not go on with one that does so worse
+  int max_failures = 5;       ///< so many untrusted images in a row are bridged, >= 0
+  double recover_s = 5;  ///< so long after the last trusted pose it is tried again [s]; 0: never
+  bool once = false;     ///< back to waiting after one trusted pose
   InitialPosePolicy initial_pose_policy = InitialPosePolicy::kWhenNotTracking;
   double initial_pose_max_age_s = 10;  ///< of an initial pose when it is used [s], > 0
   double image_timeout_s = 2;          ///< without an image for so long: lost [s]; 0: never

@@ -11,6 +11,7 @@
 
 #include "nerf_pose_refiner/engine/hypotheses.h"
 #include "nerf_pose_refiner/geometry/pose.h"
+#include "nerf_pose_refiner/refine/covariance.h"
 #include "nerf_pose_refiner/ros/tracker_state.h"
 
 namespace nerf_pose_refiner {
@@ -42,8 +43,16 @@ StartPose startFromMessage(const geometry_msgs::PoseStamped& message);
 /// @throws InputError also for a covariance that is not finite or has a negative variance.
 StartPose startFromMessage(const geometry_msgs::PoseWithCovarianceStamped& message);
 
-/// Live, measured hypotheses of one image as poses in frame W, weighted by exp(-(loss - least) /
-/// |least|): the best first, and losses may be negative.
+/// The covariance of a pose as REP-103 has it: position of the object's origin [m^2] and rotation
+/// about the fixed axes of W [rad^2], row-major, order (x, y, z, about x, about y, about z).
+/// @param of_twist as Refinement::covariance. @param T_O_C, centre in model units.
+/// @param R_W_C turns axes of the camera into those of W.
+geometry_msgs::PoseWithCovariance::_covariance_type covarianceToMessage(
+    const Matrix6& of_twist, const Pose& T_O_C, const Eigen::Vector3d& centre,
+    double metres_per_unit, const Eigen::Matrix3d& R_W_C);
+
+/// Live, measured hypotheses of one image as poses in frame W, the best first, with their
+/// hypothesisWeights.
 /// @param T_W_C the camera in W [m]. Header and object's name are left to the caller.
 PoseHypothesisArray toMessage(const HypothesisTable& hypotheses, const Pose& T_W_C,
                               double metres_per_unit);

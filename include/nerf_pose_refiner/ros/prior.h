@@ -24,6 +24,7 @@ struct Verdict {
   std::string message;
 };
 
-Verdict verdictOn(const Refinement& refinement, double min_score);
+/// @param tracked it began with the pose of the image before: the lower threshold holds.
+Verdict verdictOn(const Refinement& refinement, bool tracked, const TrackingRules& rules);
 
 }  // namespace nerf_pose_refiner

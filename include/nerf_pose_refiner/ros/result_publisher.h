@@ -31,6 +31,7 @@ class ResultPublisher {
  private:
   FrameSettings frames_;
   ros::Publisher pose_;
+  ros::Publisher pose_with_covariance_;
   ros::Publisher status_;  ///< latched: a late listener learns the state
   ros::Publisher hypotheses_;
   ros::Publisher hypothesis_poses_;

@@ -16,6 +16,7 @@ constexpr char kInitialPoseWithCovariance[] = "initial_pose_with_covariance";
 
 // published
 constexpr char kPose[] = "pose";
+constexpr char kPoseWithCovariance[] = "pose_with_covariance";
 constexpr char kStatus[] = "status";
 constexpr char kHypotheses[] = "hypotheses";
 constexpr char kHypothesisPoses[] = "hypotheses/poses";

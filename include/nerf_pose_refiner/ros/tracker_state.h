@@ -102,6 +102,8 @@ class TrackerState {
               const std::string& message = "");
   void waitBecause(std::uint8_t reason, const std::string& message);
   void forgetPoses();
+  void lose(std::uint8_t reason, const std::string& message);
+  std::optional<StartPose> startFor(const ros::Time& stamp, FrameDecision* decision);
   void timeWentBackTo(const ros::Time& stamp);
   bool initialPoseIsDue(const ros::Time& stamp, FrameDecision* decision);
   bool end(std::uint64_t ticket);
@@ -114,13 +116,15 @@ class TrackerState {
   bool enabled_ = true;
   std::optional<StartPose> prior_;  ///< from outside, not yet used
   std::optional<StartPose> last_;   ///< the last trusted pose, while it may be followed
-  int failures_ = 0;                ///< untrusted images since then
-  ros::Time last_stamp_;            ///< of the images decided on; zero: none
-  ros::Time clock_;                 ///< the ROS clock, when last told
-  ros::Time last_arrival_;          ///< of an image, by the ROS clock
-  std::uint64_t running_ = 0;       ///< ticket of the refinement under way; 0: none
-  bool running_tracked_ = false;    ///< it started from last_, not from an initial pose
-  std::uint64_t tickets_ = 0;       ///< given out so far
+  /// While lost: where to look for the object, the last trusted pose or an initial one of no avail.
+  std::optional<StartPose> anchor_;
+  int failures_ = 0;           ///< untrusted images since then
+  ros::Time last_stamp_;       ///< of the images decided on; zero: none
+  ros::Time clock_;            ///< the ROS clock, when last told
+  ros::Time last_arrival_;     ///< of an image, by the ROS clock
+  std::uint64_t running_ = 0;  ///< ticket of the refinement under way; 0: none
+  StartPose running_start_;    ///< what it started from
+  std::uint64_t tickets_ = 0;  ///< given out so far
 };
 
 }  // namespace nerf_pose_refiner
