@@ -308,9 +308,9 @@ HypothesisTable CudaEngine::read(const HypothesisBatch& batch) {
     to.residual_variance = from.residual_variance;
     for (int i = 0; i < 6; ++i) {
       for (int j = 0; j <= i; ++j) {
-        const int k = i * (i + 1) / 2 + j;
-        to.information(i, j) = to.information(j, i) = from.information[k];
-        to.gradient_scatter(i, j) = to.gradient_scatter(j, i) = from.gradient_scatter[k];
+        const int entry = i * (i + 1) / 2 + j;
+        to.information(i, j) = to.information(j, i) = from.information[entry];
+        to.gradient_scatter(i, j) = to.gradient_scatter(j, i) = from.gradient_scatter[entry];
       }
     }
   }
