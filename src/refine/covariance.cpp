@@ -57,6 +57,8 @@ double calibratedScore(double score, const PoseStatistics& statistics) {
   return std::clamp(1 - (statistics.right_score - score) / range, 0.0, 1.0);
 }
 
+double scoreOfShare(double share) { return std::clamp(2 * share - 1, 0.0, 1.0); }
+
 Vector6 cameraTwist(const Pose& from_T_O_C, const Pose& to_T_O_C, const Eigen::Vector3d& centre) {
   const Eigen::Matrix3d turn = to_T_O_C.R * from_T_O_C.R.transpose();
   Vector6 twist;

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "nerf_pose_refiner/refine/plan.h"
 #include "schedule.h"
 
 namespace nerf_pose_refiner {
@@ -63,8 +64,9 @@ void RefinementRun::finish(const HypothesisTable& table) {
   result->outcome = Outcome::kRefined;
   result->T_O_C = {nearestRotation(best.T_O_C.R), best.T_O_C.t};
   result->visible_fraction = best.visible_fraction;
-  const bool unknown = observation.background == Background::kUnknown;
-  result->score = unknown ? calibratedScore(best.score, field.field().metadata.pose) : best.score;
+  const bool by_contrast = judgingStage(settings, observation.background).compare_contrast;
+  result->score = by_contrast ? calibratedScore(best.score, field.field().metadata.pose)
+                              : scoreOfShare(best.score);
   result->covariance = poseCovariance(table, prior, field.field().metadata);
 }
 

@@ -49,8 +49,11 @@ void BagEvaluationSettings::validate() const {
   require(most >= 0, "most", most, "0 (all) or more");
   require(points >= 1, "points", points, "1 or more");
   require(start_max_age_s >= 0, "start_max_age_s", start_max_age_s, "0 or more");
-  require(min_score >= 0 && min_score <= 1, "min_score", min_score, "0..1");
-  require(max_failures >= 0, "max_failures", max_failures, "0 or more");
+  require(rules.trust_score >= 0 && rules.trust_score <= 1, "trust_score", rules.trust_score,
+          "0..1");
+  require(rules.min_score >= 0 && rules.min_score <= rules.trust_score, "min_score",
+          rules.min_score, "0..trust_score");
+  require(rules.max_failures >= 0, "max_failures", rules.max_failures, "0 or more");
 }
 
 BagEvaluation::BagEvaluation(const BagSequence& bag, std::shared_ptr<Engine> engine,
@@ -134,7 +137,9 @@ void BagEvaluation::evaluate(const BagFrame& frame, const StopToken& stop) {
   if (refinement.outcome == Outcome::kRefined) {
     evaluated.T_C_O = objectInCamera(refinement.T_O_C, unit_m);
     evaluated.found = object_->compare(inMetres(evaluated.T_C_O), truth, observation.camera);
-    evaluated.trusted = refinement.score >= settings_.min_score;
+    const TrackingRules& rules = settings_.rules;
+    evaluated.trusted =
+        refinement.score >= (start->from_last ? rules.min_score : rules.trust_score);
   }
   remember(evaluated);
   result_.frames.push_back(evaluated);
@@ -174,7 +179,7 @@ void BagEvaluation::remember(const EvaluatedFrame& frame) {
   if (frame.trusted) {
     last_T_C_O_ = frame.T_C_O;
     failures_ = 0;
-  } else if (++failures_ > settings_.max_failures) {
+  } else if (++failures_ > settings_.rules.max_failures) {
     last_T_C_O_.reset();
   }
 }

@@ -12,6 +12,7 @@
 #include "nerf_pose_refiner/refine/refiner.h"
 #include "nerf_pose_refiner/ros/bag_sequence.h"
 #include "nerf_pose_refiner/ros/camera_input.h"
+#include "nerf_pose_refiner/ros/parameters.h"
 
 namespace nerf_pose_refiner {
 
@@ -36,8 +37,7 @@ struct BagEvaluationSettings {
   std::string track_preset = "track";  ///< of the search from the last pose
   double track_rotation_deg = 5;
   double track_translation = 0.05;
-  double min_score = 0.1;  ///< a pose with a lower score is not trusted
-  int max_failures = 5;    ///< untrusted images in a row that tracking bridges
+  TrackingRules rules;  ///< the node's: trust_score, min_score and max_failures count here
   bool image_is_rectified = false;
   int points = 1000;  ///< of the surface, for ADD, ADD-S and reprojection
   std::uint64_t seed = 1;

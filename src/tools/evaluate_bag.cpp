@@ -96,9 +96,12 @@ void declareTrials(CLI::App* app, EvaluateOptions* options) {
   app->add_option("--track-preset", s.track_preset, "Search from the last pose")
       ->check(CLI::IsMember(RefinerSettings::presetNames()))
       ->capture_default_str();
-  app->add_option("--min-score", s.min_score, "A pose with a lower score is not trusted")
+  app->add_option("--trust-score", s.rules.trust_score,
+                  "From a start, a pose with a lower score is not trusted")
       ->capture_default_str();
-  app->add_option("--max-failures", s.max_failures,
+  app->add_option("--min-score", s.rules.min_score, "The same from the last pose, with --track")
+      ->capture_default_str();
+  app->add_option("--max-failures", s.rules.max_failures,
                   "Untrusted images in a row that --track bridges")
       ->capture_default_str();
   app->add_option("--points", s.points, "Points of the surface, for ADD, ADD-S and reprojection")
@@ -145,7 +148,8 @@ nlohmann::json settingsJson(const EvaluateOptions& options, const BagTopics& top
           {"search_rotation_deg", s.search_rotation_deg},
           {"search_translation_diameters", s.search_translation},
           {"track_preset", s.track_preset},
-          {"min_score", s.min_score},
+          {"trust_score", s.rules.trust_score},
+          {"min_score", s.rules.min_score},
           {"surface_points_asked", s.points},
           {"seed", s.seed},
           {"engine", engine}};

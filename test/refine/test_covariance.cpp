@@ -148,6 +148,12 @@ TEST(CalibratedScore, IsOneOfRightPosesAndZeroOfWrongOnes) {
   EXPECT_DOUBLE_EQ(calibratedScore(0.95, statistics), 1);
 }
 
+TEST(ScoreOfShare, IsZeroBelowHalf) {
+  EXPECT_DOUBLE_EQ(scoreOfShare(1), 1);
+  EXPECT_DOUBLE_EQ(scoreOfShare(0.75), 0.5);
+  EXPECT_DOUBLE_EQ(scoreOfShare(0.3), 0);
+}
+
 /// e^T C^-1 e / 6 over trials with noise of its own each, from starts a little off.
 double meanNormalisedError(double noise, int trials) {
   const Camera camera = {160, 132, 220, 220, 79.5, 65.5};

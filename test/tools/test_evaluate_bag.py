@@ -86,7 +86,7 @@ class Evaluation(unittest.TestCase):
     def test_following_from_the_recorded_initial_pose(self):
         (rows, summary), _ = self.evaluate('track', '--truth-frame', 'ground_truth_object', '--track', *QUICK,
                                            '--start', 'recorded', '--initial-pose', '/initial_pose', '--frames',
-                                           '2', '--min-score', '0', '--no-plots')
+                                           '2', '--min-score', '0', '--trust-score', '0', '--no-plots')
         self.assertEqual([row['from_last'] for row in rows], ['0', '1'])
         self.assertGreater(float(rows[0]['start_rotation_deg']), 10)  # as demo/make_bag.py made it
         # The camera moves by less than a degree: what was found is where the next search starts.

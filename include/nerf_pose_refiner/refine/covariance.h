@@ -43,6 +43,10 @@ Matrix6 poseCovariance(const HypothesisTable& hypotheses, const Prior& prior,
 /// @param score as the engine has it; returned as it is if nothing was measured.
 double calibratedScore(double score, const PoseStatistics& statistics);
 
+/// The same of a score that is a share of the silhouette (colours were compared, not contrasts): 0
+/// if no more than half of it agrees.
+double scoreOfShare(double share);
+
 /// The same uncertainty as that of the object's pose in the camera, T_C_O: position of O's origin
 /// [model units] and rotation [rad] about the axes of C, order (x, y, z, about x, about y, about
 /// z).

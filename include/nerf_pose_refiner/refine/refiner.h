@@ -45,8 +45,7 @@ struct TraceEntry {
 struct Refinement {
   Outcome outcome = Outcome::kDiverged;
   Pose T_O_C;  ///< best pose, model units
-  /// 0..1, higher is better: Hypothesis::score, before an unknown background on the scale of
-  /// calibratedScore.
+  /// 0..1, higher is better: Hypothesis::score on the scale of calibratedScore or scoreOfShare.
   double score = 0;
   double visible_fraction = 0;           ///< 0..1
   Matrix6 covariance = Matrix6::Zero();  ///< of the best pose; @see poseCovariance
