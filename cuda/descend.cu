@@ -123,8 +123,10 @@ struct CastSource {
   __device__ void keep(const RayGroup& ray, const SampleWeight& sample, bool heavy, float density,
                        const float3& rgb) {
     if (task.points == nullptr) return;  // the same for all
+    // What lanes without a sample have for a colour may not even be a number.
     const float w = heavy ? sample.weight : 0.0f;
-    float sums[4] = {w * rgb.x, w * rgb.y, w * rgb.z, w};
+    float sums[4] = {heavy ? w * rgb.x : 0.0f, heavy ? w * rgb.y : 0.0f, heavy ? w * rgb.z : 0.0f,
+                     w};
     float* const before[4] = {&front.x, &front.y, &front.z, &front.w};
 #pragma unroll
     for (int k = 0; k < 4; ++k) {
