@@ -7,11 +7,11 @@
 
 namespace nerf_pose_refiner {
 
-/// Lanes that walk along one ray together, each with a sample of its own: neighbours along a ray
-/// read the same entries of the grid. So many samples are taken before the transmittance is looked
-/// at again: with fewer, long rays take many rounds, and with more, short ones waste them.
+/// Lanes that walk along one ray together form a group, each with a sample of its own: neighbours
+/// along a ray read the same entries of the grid. So many samples are taken before the
+/// transmittance is looked at again: with fewer, long rays take many rounds, and with more, short
+/// ones waste them. (32 where rays are few was no faster.)
 constexpr int kRaySamples = 8;
-constexpr int kRaysPerWarp = 32 / kRaySamples;
 
 /// What rays march through, in units of N.
 struct MarchSpace {
@@ -60,60 +60,77 @@ __device__ inline void samplePosition(const RayGroup& ray, float p[3]) {
 /// Position of the lane in its group.
 __device__ inline int laneSlot() { return threadIdx.x % kRaySamples; }
 
-/// Looks at the next intervals, one a lane, and keeps those that may hold matter. All lanes of a
-/// warp take part. @param searching whether this group does, too.
-__device__ inline void takeSamples(const OccupancyView& occupancy, bool searching, RayGroup* ray) {
-  const int slot = laneSlot(), first_lane = threadIdx.x % 32 - slot;
-  constexpr unsigned kAll = (1u << kRaySamples) - 1;
-  bool inside = false, hit = false;
-  float middle = 0, length = 0;
-  int behind = 0;
-  if (searching) {
-    const RayLattice& lattice = ray->lattice;
-    const int k = ray->next + slot;
-    const float begin = fmaxf(lattice.start(k), lattice.entry);
-    const float end = fminf(lattice.start(k + 1), lattice.exit);
-    inside = begin < lattice.exit;
-    if (inside) {
-      middle = 0.5f * (begin + end);
-      length = end - begin;
-      float leave = 0;
-      hit = occupancy.bits == nullptr || occupancy.occupied(lattice, middle, &leave);
-      if (!hit) behind = lattice.indexOf(leave);
+/// Place of the n-th (from 0) of the lowest kRaySamples bits that are set.
+__device__ inline int placeOfBit(unsigned bits, int n) {
+  int place = 0;
+#pragma unroll
+  for (int half = kRaySamples / 2; half > 0; half /= 2) {
+    const int below = __popc(bits >> place & ((1u << half) - 1));
+    if (n >= below) {
+      n -= below;
+      place += half;
     }
   }
-  const unsigned hits = __ballot_sync(kWholeWarp, hit) >> first_lane & kAll;
-  const unsigned insides = __ballot_sync(kWholeWarp, inside) >> first_lane & kAll;
-  const int found = __popc(hits), room = kRaySamples - ray->count;
-  const int taken = min(found, room);
+  return place;
+}
 
+/// What a group sees of a ray's next intervals, one a lane.
+struct Lookout {
+  unsigned hits;     ///< lanes of the group whose intervals may hold matter, a bit each
+  bool ends;         ///< the ray leaves the box within them
+  int behind;        ///< the interval to go on with
+  float begin, end;  ///< of the lane's own interval
+};
+
+/// All lanes of a warp take part. @param searching whether this group does, too.
+__device__ inline Lookout lookAhead(const OccupancyView& occupancy, const RayLattice& lattice,
+                                    int next, bool searching) {
+  constexpr unsigned kAll = 0xffffffffu >> (32 - kRaySamples);
+  const int slot = laneSlot(), first_lane = threadIdx.x % 32 - slot;
+  Lookout seen = {};
+  bool inside = false, hit = false;
+  if (searching) {
+    const int k = next + slot;
+    seen.begin = fmaxf(lattice.start(k), lattice.entry);
+    seen.end = fminf(lattice.start(k + 1), lattice.exit);
+    inside = seen.begin < lattice.exit;
+    if (inside) {
+      float leave = 0;
+      hit = occupancy.bits == nullptr ||
+            occupancy.occupied(lattice, 0.5f * (seen.begin + seen.end), &leave);
+      if (!hit) seen.behind = lattice.indexOf(leave);
+    }
+  }
+  seen.hits = __ballot_sync(kWholeWarp, hit) >> first_lane & kAll;
+  seen.ends = (__ballot_sync(kWholeWarp, inside) >> first_lane & kAll) != kAll;
+  seen.behind =
+      max(next + kRaySamples, __shfl_sync(kWholeWarp, seen.behind, kRaySamples - 1, kRaySamples));
+  return seen;
+}
+
+/// Looks at the next intervals and keeps those that may hold matter. All lanes of a warp take part.
+/// @param searching whether this group does, too.
+__device__ inline void takeSamples(const OccupancyView& occupancy, bool searching, RayGroup* ray) {
+  const Lookout seen = lookAhead(occupancy, ray->lattice, ray->next, searching);
+  const int slot = laneSlot();
+  const int found = __popc(seen.hits), room = kRaySamples - ray->count, taken = min(found, room);
   // The lane behind those that have a sample gets the first hit, and so on.
   const int rank = slot - ray->count;
   const bool gets = rank >= 0 && rank < taken;
-  unsigned rest = hits, left = hits;
-#pragma unroll
-  for (int i = 0; i < kRaySamples - 1; ++i) {
-    if (i < rank) rest &= rest - 1;
-  }
-#pragma unroll
-  for (int i = 0; i < kRaySamples; ++i) {
-    if (i < room) left &= left - 1;
-  }
-  const int source = gets ? __ffs(rest) - 1 : slot;
-  middle = __shfl_sync(kWholeWarp, middle, source, kRaySamples);
-  length = __shfl_sync(kWholeWarp, length, source, kRaySamples);
-  behind = __shfl_sync(kWholeWarp, behind, kRaySamples - 1, kRaySamples);
+  const int source = gets ? placeOfBit(seen.hits, rank) : slot;
+  const float begin = __shfl_sync(kWholeWarp, seen.begin, source, kRaySamples);
+  const float end = __shfl_sync(kWholeWarp, seen.end, source, kRaySamples);
   if (!searching) return;
   if (gets) {
-    ray->t = middle;
-    ray->length = length;
+    ray->t = 0.5f * (begin + end);
+    ray->length = end - begin;
   }
   ray->count += taken;
-  if (left != 0) {
-    ray->next += __ffs(left) - 1;
+  if (found > room) {
+    ray->next += placeOfBit(seen.hits, room);
   } else {
-    ray->next = max(ray->next + kRaySamples, behind);
-    ray->ended = insides != kAll;
+    ray->next = seen.behind;
+    ray->ended = seen.ends;
   }
 }
 

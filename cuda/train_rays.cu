@@ -7,7 +7,7 @@
 #include "nerf_pose_refiner/maths/composite_ray.h"
 #include "train.h"
 
-// Rays of a training step: one thread each.
+// Rays of a training step.
 
 namespace nerf_pose_refiner {
 namespace {
@@ -51,52 +51,64 @@ __device__ int drawRay(const TrainingTask& task, int i, TrainingRay* ray) {
   return v;
 }
 
-/// A thread per ray: draws it, counts its samples, and takes them.
+/// A group of kRaySamples lanes per ray: draws it, counts its samples, and takes them. The first
+/// threads see to the empty points, too.
 __global__ void __launch_bounds__(kThreads) marchKernel(const __grid_constant__ CudaFieldView field,
                                                         const __grid_constant__ TrainingTask task,
                                                         const __grid_constant__ MarchSpace space) {
-  const int i = static_cast<int>(blockIdx.x * kThreads + threadIdx.x);
+  constexpr int G = kRaySamples, kRays = kThreads / G;
+  const int thread = static_cast<int>(blockIdx.x * kThreads + threadIdx.x);
   TrainingClock* clock = task.clock;
-  if (i < kEmptyPoints) {
+  if (thread < kEmptyPoints) {
     float p[3];
-    drawEmptyPoint(task.seed, task.step, static_cast<std::uint64_t>(i), field.box_min,
+    drawEmptyPoint(task.seed, task.step, static_cast<std::uint64_t>(thread), field.box_min,
                    field.box_max, p);
-    task.points[i] = make_float4(p[0], p[1], p[2], 0);
-    task.point_rays[i] = kNoRay;
+    task.points[thread] = make_float4(p[0], p[1], p[2], 0);
+    task.point_rays[thread] = kNoRay;
   }
-  if (static_cast<int>(blockIdx.x) * kThreads >= clock->rays) return;  // a whole block
+  if (static_cast<int>(blockIdx.x) * kRays >= clock->rays) return;  // a whole block
+  const int i = thread / G, slot = laneSlot();
   const bool drawn = i < clock->rays;
   TrainingRay ray = {};
   RayLattice lattice;
-  int first_interval = 0;
   if (drawn) {
     const int v = drawRay(task, i, &ray);
     lattice = RayLattice(task.cameras[v].origin, ray.direction, space,
                          drawJitter(stepSeed(task.seed, task.step), static_cast<std::uint64_t>(i)));
-    RayInterval interval = {0, 0, 0};
-    while (findMatter(lattice, space.occupancy, &interval)) {
-      if (ray.count++ == 0) first_interval = interval.k;
-      ++interval.k;
-    }
   }
-  ray.first = takePlaces(ray.count, &clock->marched);
+  // Goes along the ray from interval `next` on; take(seen) by all lanes.
+  const auto march = [&](int next, bool ended, const auto& take) {
+    while (!__all_sync(kWholeWarp, ended)) {
+      const Lookout seen = lookAhead(space.occupancy, lattice, next, !ended);
+      take(next, seen);
+      next = seen.behind;
+      ended = ended || seen.ends;
+    }
+  };
+  int first_interval = 0;
+  march(0, !(lattice.entry < lattice.exit), [&](int next, const Lookout& seen) {
+    if (ray.count == 0) first_interval = next;
+    ray.count += __popc(seen.hits);
+  });
+  const unsigned before = takePlaces(slot == 0 ? ray.count : 0, &clock->marched);
+  ray.first = __shfl_sync(kWholeWarp, before, 0, G);
   const bool fits = ray.first + ray.count <= task.room;
-  const int cast = __syncthreads_count(drawn && fits);
+  const int cast = __syncthreads_count(drawn && fits && slot == 0);
   if (threadIdx.x == 0) atomicAdd(&clock->cast, static_cast<unsigned>(cast));
-  if (!drawn) return;
-  if (fits) {
-    RayInterval interval = {first_interval, 0, 0};
-    for (unsigned k = 0; k < ray.count; ++k, ++interval.k) {
-      findMatter(lattice, space.occupancy, &interval);
-      const float t = 0.5f * (interval.begin + interval.end);
-      task.points[ray.first + k] = make_float4(
+  unsigned to = ray.first;
+  march(first_interval, !drawn || !fits || ray.count == 0, [&](int, const Lookout& seen) {
+    if (seen.hits >> slot & 1) {
+      const unsigned place = to + __popc(seen.hits & ((1u << slot) - 1));
+      const float t = 0.5f * (seen.begin + seen.end);
+      task.points[place] = make_float4(
           lattice.origin[0] + t * ray.direction[0], lattice.origin[1] + t * ray.direction[1],
-          lattice.origin[2] + t * ray.direction[2], interval.end - interval.begin);
-      task.point_rays[ray.first + k] = static_cast<unsigned>(i);
+          lattice.origin[2] + t * ray.direction[2], seen.end - seen.begin);
+      task.point_rays[place] = static_cast<unsigned>(i);
     }
-  } else {
-    ray.count = kNoRay;
-  }
+    to += __popc(seen.hits);
+  });
+  if (!drawn || slot != 0) return;
+  if (!fits) ray.count = kNoRay;
   task.rays[i] = ray;
 }
 
@@ -159,8 +171,8 @@ int blocksFor(int threads) { return (threads + kThreads - 1) / kThreads; }
 }  // namespace
 
 void marchTrainingRays(const CudaFieldView& field, const TrainingTask& task, cudaStream_t stream) {
-  marchKernel<<<blocksFor(task.most_rays), kThreads, 0, stream>>>(field, task,
-                                                                  marchSpace(field, 1));
+  marchKernel<<<blocksFor(kRaySamples * task.most_rays), kThreads, 0, stream>>>(
+      field, task, marchSpace(field, 1));
   NPR_CUDA_CHECK(cudaGetLastError());
 }
 
