@@ -8,11 +8,15 @@ namespace {
 constexpr int kThreads = 128;
 constexpr int kPixelsPerChunk = kTileSide * kTileSide;  // one block's: a tile of the scatter
 constexpr int kLightSums = 15;                          // numbers of LightMomentsOf
+constexpr int kSumParts = 8;                            // threads that share a sum over chunks
+constexpr int kAdvanceThreads = 288;
 constexpr unsigned kWholeWarp = 0xffffffffu;
 
 static_assert(sizeof(AlignmentSumsOf<float>) == kAlignmentSums * sizeof(float), "");
 static_assert(sizeof(AlignmentSumsOf<double>) == kAlignmentSums * sizeof(double), "");
 static_assert(sizeof(LightMomentsOf<float>) == kLightSums * sizeof(float), "");
+static_assert(kAdvanceThreads >= kSumParts * kAlignmentSums, "");
+static_assert(kThreads >= kSumParts * kLightSums, "");
 static_assert(sizeof(LightMomentsOf<double>) == kLightSums * sizeof(double), "");
 
 /// Sum over a block, in a fixed order, of N numbers of every thread; the result in to[0..N).
@@ -35,17 +39,35 @@ __device__ void sumBlock(const float* values, double* to) {
   }
 }
 
-/// Sums over the chunks of a view, by a block; the result in shared memory.
-template <int N>
-__device__ void sumChunks(const double* partial_sums, int view, int chunks, double* sums) {
-  for (int i = threadIdx.x; i < N; i += blockDim.x) {
-    const double* part = partial_sums + static_cast<std::size_t>(view) * chunks * kAlignmentSums;
+/// Sums of N terms over the chunks of a view, by a block of kSumParts * N threads or more and in a
+/// fixed order; the result in shared memory. term(k, i) by the thread whose number modulo N is i.
+template <int N, typename Term>
+__device__ void sumOverChunks(int chunks, const Term& term, double* sums) {
+  __shared__ double parts[kSumParts][N];
+  const int i = static_cast<int>(threadIdx.x) % N, part = static_cast<int>(threadIdx.x) / N;
+  if (part < kSumParts) {
     double sum = 0;
-#pragma unroll 8
-    for (int k = 0; k < chunks; ++k) sum += part[static_cast<std::size_t>(k) * kAlignmentSums + i];
+#pragma unroll 4
+    for (int k = part; k < chunks; k += kSumParts) sum += term(k, i);
+    parts[part][i] = sum;
+  }
+  __syncthreads();
+  if (part == 0) {
+    double sum = 0;
+    for (int k = 0; k < kSumParts; ++k) sum += parts[k][i];
     sums[i] = sum;
   }
   __syncthreads();
+}
+
+/// Sums of the first N numbers of the chunks.
+template <int N>
+__device__ void sumChunks(const double* partial_sums, int view, int chunks, double* sums) {
+  const double* first = partial_sums + static_cast<std::size_t>(view) * chunks * kAlignmentSums;
+  const auto term = [&](int k, int i) {
+    return first[static_cast<std::size_t>(k) * kAlignmentSums + i];
+  };
+  sumOverChunks<N>(chunks, term, sums);
 }
 
 __device__ AlignmentView viewOf(const CudaCamera& camera, const Vec3<double>& centre,
@@ -122,30 +144,28 @@ __global__ void sumAlignmentKernel(CudaAlignmentTarget target, CudaSearches sear
                            searches.partial_sums + part * kAlignmentSums);
 }
 
-/// Sums over the tiles of a view, by a block of 64 threads.
+/// Sums over the tiles of a view, by a block of kAdvanceThreads.
 __device__ void sumScatter(const double* partial_sums, int view, int tiles, TileScatter* scatter) {
+  constexpr int kProducts = 21, kSums = kProducts + 2;
   const auto* tile = reinterpret_cast<const AlignmentSumsOf<double>*>(
       partial_sums + static_cast<std::size_t>(view) * tiles * kAlignmentSums);
-  const int entry = threadIdx.x;
-  if (entry < 21) {
-    int i = 0;
-    while ((i + 1) * (i + 2) / 2 <= entry) ++i;
-    const int j = entry - i * (i + 1) / 2;
-    double sum = 0;
-    for (int k = 0; k < tiles; ++k) {
-      sum += tile[k].equations.gradient[i] * tile[k].equations.gradient[j];
-    }
-    scatter->gradients[entry] = sum;
-  } else if (entry == 32) {  // of another warp
-    double sum = 0, squares = 0;
-    for (int k = 0; k < tiles; ++k) {
-      const double* information = tile[k].equations.information;
-      const double told = information[0] + information[2] + information[5];
-      sum += told;
-      squares += told * told;
-    }
-    scatter->information = sum;
-    scatter->squared_information = squares;
+  const int own = static_cast<int>(threadIdx.x) % kSums;
+  int row = 0;
+  while ((row + 1) * (row + 2) / 2 <= own) ++row;
+  const int column = own - row * (row + 1) / 2;
+  const auto term = [&](int k, int i) {
+    const NormalEquations6<double>& equations = tile[k].equations;
+    if (i < kProducts) return equations.gradient[row] * equations.gradient[column];
+    const double* information = equations.information;
+    const double told = information[0] + information[2] + information[5];
+    return i == kProducts ? told : told * told;
+  };
+  __shared__ double sums[kSums];
+  sumOverChunks<kSums>(tiles, term, sums);
+  if (threadIdx.x < kProducts) scatter->gradients[threadIdx.x] = sums[threadIdx.x];
+  if (threadIdx.x == 0) {
+    scatter->information = sums[kProducts];
+    scatter->squared_information = sums[kProducts + 1];
   }
   __syncthreads();
 }
@@ -261,7 +281,7 @@ void fitLights(const CudaAlignmentTarget& target, const CudaSearches& searches,
   const dim3 grid(chunks, searches.view_count);
   sumLightKernel<<<grid, kThreads, 0, stream>>>(target, searches, pictures);
   NPR_CUDA_CHECK(cudaGetLastError());
-  solveLightKernel<<<searches.view_count, 32, 0, stream>>>(searches, chunks);
+  solveLightKernel<<<searches.view_count, kThreads, 0, stream>>>(searches, chunks);
   NPR_CUDA_CHECK(cudaGetLastError());
 }
 
@@ -272,7 +292,8 @@ void advanceSearches(const CudaAlignmentTarget& target, const CudaSearches& sear
   const dim3 grid(chunks, searches.view_count);
   sumAlignmentKernel<<<grid, kThreads, 0, stream>>>(target, searches, pictures, rules.centre);
   NPR_CUDA_CHECK(cudaGetLastError());
-  advanceKernel<<<searches.view_count, 64, 0, stream>>>(searches, rules, chunks, only_score);
+  advanceKernel<<<searches.view_count, kAdvanceThreads, 0, stream>>>(searches, rules, chunks,
+                                                                     only_score);
   NPR_CUDA_CHECK(cudaGetLastError());
 }
 
