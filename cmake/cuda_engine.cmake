@@ -69,7 +69,7 @@ add_library(${npr_cuda} OBJECT
   cuda/train_update.cu)
 npr_set_cuda_options(${npr_cuda})
 target_include_directories(${npr_cuda} PRIVATE include src)
-target_link_libraries(${npr_cuda} PRIVATE Eigen3::Eigen CUDA::cudart_static)
+target_link_libraries(${npr_cuda} PRIVATE Eigen3::Eigen CUDA::cudart_static OpenMP::OpenMP_CXX)
 target_sources(${PROJECT_NAME} PRIVATE $<TARGET_OBJECTS:${npr_cuda}>)
 set_target_properties(${PROJECT_NAME} PROPERTIES CUDA_ARCHITECTURES "${CMAKE_CUDA_ARCHITECTURES}")
 target_link_libraries(${PROJECT_NAME} PRIVATE CUDA::cudart_static)

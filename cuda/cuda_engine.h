@@ -19,6 +19,12 @@
 
 namespace nerf_pose_refiner {
 
+/// An image on the device, and where it is copied from.
+struct StagedImage {
+  PinnedBuffer<float> staged;
+  DeviceBuffer<float> image;
+};
+
 /// A level of an observation on the device.
 struct CudaLevel {
   CudaCamera camera = {};
@@ -146,7 +152,9 @@ class CudaEngine final : public Engine {
   std::shared_ptr<Workspaces<CudaBatchMemory>> batches_;
 
   // Workspaces; they grow and stay.
-  DeviceBuffer<float> image_, alpha_, weight_, kernel_;
+  StagedImage image_, alpha_, weight_;
+  CudaEvent uploaded_;  ///< behind the images that were enqueued last
+  DeviceBuffer<float> kernel_;
   DeviceBuffer<CudaView> views_;
   DeviceBuffer<RayHit> hits_;
   DeviceBuffer<unsigned> hit_count_;

@@ -5,9 +5,12 @@
 
 #include "cuda_engine.h"
 #include "nerf_pose_refiner/image/filter.h"
+#include "nerf_pose_refiner/tasks/parallel.h"
 
 namespace nerf_pose_refiner {
 namespace {
+
+constexpr int kMostThreads = 4;  // that copy an image: more are not faster
 
 /// Pixels of the observation that levels take something of.
 struct Crop {
@@ -34,14 +37,18 @@ Crop cropFor(const Camera& camera, const std::vector<ImageLevel>& levels) {
   return {left, top, std::max(1, right - left + 1), std::max(1, bottom - top + 1)};
 }
 
-void uploadCrop(const Image& image, const Crop& crop, DeviceBuffer<float>* to,
-                cudaStream_t stream) {
-  const auto channels = static_cast<std::size_t>(image.channels);
-  const std::size_t row = crop.width * channels * sizeof(float);
-  to->reserve(static_cast<std::size_t>(crop.width) * crop.height * channels);
-  NPR_CUDA_CHECK(cudaMemcpy2DAsync(
-      to->data(), row, image.pixel(crop.x, crop.y), image.width * channels * sizeof(float), row,
-      static_cast<std::size_t>(crop.height), cudaMemcpyHostToDevice, stream));
+/// Through page-locked memory, which copies go out of beside kernels.
+void uploadCrop(const Image& image, const Crop& crop, StagedImage* to, cudaStream_t stream) {
+  const std::size_t row = static_cast<std::size_t>(crop.width) * image.channels;
+  to->staged.reserve(row * crop.height);
+  const int bands = std::min(crop.height, std::min(kMostThreads, threadCount(0)));
+  parallelFor(bands, bands, [&](int band) {
+    for (int y = crop.height * band / bands; y < crop.height * (band + 1) / bands; ++y) {
+      const float* from = image.pixel(crop.x, crop.y + y);
+      std::copy(from, from + row, to->staged.data() + row * y);
+    }
+  });
+  to->image.upload(to->staged.data(), row * crop.height, stream);
 }
 
 /// Blur that is still missing: area averaging over n x n pixels has a variance of (n^2 - 1) / 12 of
@@ -56,16 +63,18 @@ void CudaEngine::uploadObservation(const Observation& observation,
                                    const std::vector<ImageLevel>& levels,
                                    CudaObservedImage* uploaded) {
   const Crop crop = cropFor(observation.camera, levels);
+  uploaded_.wait();  // what was staged for the last one may still be on its way
   uploadCrop(observation.image, crop, &image_, stream_);
-  uploaded->image = image_.data();
+  uploaded->image = image_.image.data();
   if (!observation.alpha.empty()) {
     uploadCrop(observation.alpha, crop, &alpha_, stream_);
-    uploaded->alpha = alpha_.data();
+    uploaded->alpha = alpha_.image.data();
   }
   if (!observation.weight.empty()) {
     uploadCrop(observation.weight, crop, &weight_, stream_);
-    uploaded->weight = weight_.data();
+    uploaded->weight = weight_.image.data();
   }
+  uploaded_.record(stream_);
   uploaded->camera =
       plainCamera(observation.camera.cropped(crop.x, crop.y, crop.width, crop.height));
   uploaded->is_mask = observation.background == Background::kMask;

@@ -78,7 +78,6 @@ Refiner::Refiner(std::shared_ptr<Engine> engine, const RefinerSettings& settings
 
 Refinement Refiner::refine(const LoadedField& field, const Observation& observation,
                            const Prior& prior, const StopToken& stop) {
-  observation.validate();
   prior.validate();
   if (!(field.field().metadata.diameter > 0)) {
     throw std::invalid_argument("Refiner: the diameter of the object '" +
