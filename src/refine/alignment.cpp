@@ -18,9 +18,12 @@ void runAlignment(RefinementRun* run) {
   engine.scatter(batch.get(), run->prior.T_O_C, plan->scatter);
   HypothesisTable table;
   int hypotheses = plan->scatter.count;
+  // Otherwise what alignment compares is the same for all of them already.
+  const bool ranked_by_regions =
+      run->observation.background == Background::kUnknown && !run->settings.compare_contrast;
   for (const PlannedStage& stage : plan->stages) {
     engine.align(batch.get(), run->field, *observation, stage.level, stage.align, run->stop);
-    if (hypotheses > 1) {
+    if (hypotheses > 1 && ranked_by_regions) {
       engine.score(batch.get(), run->field, *observation, stage.level, stage.align, run->stop);
     }
     engine.select(batch.get(), stage.select);

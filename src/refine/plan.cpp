@@ -11,8 +11,8 @@ namespace {
 
 constexpr double kBallRadius = 0.65;      // about the centre, in diameters: holds all of the matter
 constexpr double kMergePixels = 0.5;      // hypotheses whose rims are nearer are duplicates
-constexpr double kStepPixels = 0.1;       // a step that moves the rim by less ends a stage ...
-constexpr double kLastStepPixels = 0.02;  // ... and the last one
+constexpr double kStepPixels = 0.2;       // a step that moves the rim by less ends a stage ...
+constexpr double kLastStepPixels = 0.05;  // ... and the last one
 constexpr double kSurroundings =
     0.2;  // around the object where the background is learned, diameters
 constexpr double kLeastContrastPixels = 48;  // across the object: fewer show too little to compare
