@@ -48,6 +48,13 @@ std::size_t weightCount(int inputs, int width, int hidden_layers, int outputs) {
   return inputs * w + (hidden_layers - 1) * w * w + w * outputs;
 }
 
+FieldConfig gpuConfig() {
+  FieldConfig c;
+  c.profile = "gpu";
+  c.log2_table_size = 19;
+  return c;
+}
+
 FieldConfig paperConfig() {
   FieldConfig c;
   c.profile = "paper";
@@ -81,13 +88,14 @@ bool Box::meets(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction)
 
 FieldConfig FieldConfig::named(const std::string& profile) {
   if (profile == "cpu") return FieldConfig();
+  if (profile == "gpu") return gpuConfig();
   if (profile == "paper") return paperConfig();
   std::string known;
   for (const std::string& name : profileNames()) known += (known.empty() ? "" : ", ") + name;
   throw std::invalid_argument("no field profile is called '" + profile + "'; there are " + known);
 }
 
-std::vector<std::string> FieldConfig::profileNames() { return {"cpu", "paper"}; }
+std::vector<std::string> FieldConfig::profileNames() { return {"cpu", "gpu", "paper"}; }
 
 void FieldConfig::validate() const {
   requireInRange("levels", levels, 1, 32);

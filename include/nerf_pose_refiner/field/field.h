@@ -39,7 +39,8 @@ struct FieldConfig {
   float cone_angle = 0;            ///< intervals grow as max(step, cone_angle * distance)
   int occupancy_resolution = 128;  ///< cells along the cube, a multiple of 8
 
-  /// Named shapes: "cpu" (fast without a GPU), "paper" (16 x 2, 2^19, 16..2048, 64 wide).
+  /// Named shapes: "cpu" (fast without a GPU), "gpu" (the same with 2^19 entries a level: finer),
+  /// "paper" (16 x 2, 2^19, 16..2048, 64 wide).
   /// @throws std::invalid_argument listing the names that exist.
   static FieldConfig named(const std::string& profile);
   static std::vector<std::string> profileNames();
