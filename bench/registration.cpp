@@ -182,6 +182,7 @@ void run(const Options& options) {
 }  // namespace
 }  // namespace nerf_pose_refiner
 
+
 int main(int argc, char** argv) {
   nerf_pose_refiner::Options options;
   CLI::App app(

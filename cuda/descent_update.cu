@@ -69,13 +69,7 @@ __device__ void updatePose(const DescentTask& task, double decay, CudaHypothesis
   CudaDescentState& state = hypothesis->descent;
   CameraPose<double>& pose = hypothesis->pose;
   const Vec3<double> offset = (1 / task.length_unit) * (pose.o - state.start.o);
-  Mat3<double> turn;  // R R_start^T
-  for (int i = 0; i < 3; ++i) {
-    for (int j = 0; j < 3; ++j) {
-      turn.m[i][j] = 0;
-      for (int k = 0; k < 3; ++k) turn.m[i][j] += pose.R.m[i][k] * state.start.R.m[j][k];
-    }
-  }
+  const Mat3<double> turn = timesTransposed(pose.R, state.start.R);
   const double share = 1.0 / state.gathered;
   const Vec3<double> force = share * state.force + task.regularisation * offset;
   const Vec3<double> torque = share * state.torque + task.regularisation * logSO3(turn);
@@ -135,6 +129,7 @@ __global__ void updateKernel(DescentTask task, float side) {
   if (++state.gathered < task.steps_per_update) return;
   const int decays = step / task.steps_per_update / task.decay_updates;
   updatePose(task, pow(task.decay, static_cast<double>(decays)), hypothesis);
+  if (step >= task.averaged_from) state.mean.add(hypothesis->pose);
 }
 
 /// Infinite where no pixel tells anything: the worst there is.
@@ -146,7 +141,11 @@ __device__ double meanLoss(double loss, double weight) {
 __global__ void finishKernel(DescentTask task) {
   const int i = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
   if (i >= task.clock->live) return;
-  task.batch.items[task.live[i]].loss = meanLoss(task.scores[i].x, task.scores[i].y);
+  CudaHypothesis* hypothesis = &task.batch.items[task.live[i]];
+  hypothesis->loss = meanLoss(task.scores[i].x, task.scores[i].y);
+  PoseMean& mean = hypothesis->descent.mean;
+  if (mean.count > 0) hypothesis->pose = mean.mean();
+  mean = PoseMean{};
 }
 
 /// A block per live hypothesis.

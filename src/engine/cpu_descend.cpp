@@ -10,6 +10,7 @@
 #include "nerf_pose_refiner/tasks/parallel.h"
 #include "picture.h"
 #include "pixel_loss.h"
+#include "plain_pose.h"
 
 // The paper's mode. Sums are taken over blocks of rays whose size is fixed, block after block, so
 // that they are the same for any number of threads.
@@ -117,7 +118,6 @@ std::vector<RaySums> castRays(const Target& target, const std::vector<CpuHypothe
   return sums;
 }
 
-Vec3<double> toVec3(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
 Eigen::Vector3d toEigen(const Vec3<double>& v) { return {v.x, v.y, v.z}; }
 
 // One update of Adam from the gathered forces and torques.
@@ -132,9 +132,9 @@ void updatePose(const DescentPlan& plan, double decay, CpuHypothesis* hypothesis
   const AdamConstants<double> adam = {plan.beta1, plan.beta2, plan.epsilon};
   ++state.updates;
   const Eigen::Vector3d v =
-      toEigen(adamDirection(adam, toVec3(force), state.updates, &state.translation));
+      toEigen(adamDirection(adam, plainVector(force), state.updates, &state.translation));
   const Eigen::Vector3d w =
-      toEigen(adamDirection(adam, toVec3(torque), state.updates, &state.rotation));
+      toEigen(adamDirection(adam, plainVector(torque), state.updates, &state.rotation));
   state.gathered = 0;
   state.force.setZero();
   state.torque.setZero();
@@ -149,7 +149,8 @@ void updatePose(const DescentPlan& plan, double decay, CpuHypothesis* hypothesis
 }
 
 // Takes one step's means, and updates the pose if there are enough of them.
-void gather(const DescentPlan& plan, int step, int rays, const RaySums& sums,
+// @param averaged whether the updated pose is one of those whose mean is taken at the end.
+void gather(const DescentPlan& plan, int step, bool averaged, int rays, const RaySums& sums,
             CpuHypothesis* hypothesis) {
   DescentState& state = hypothesis->descent;
   if (!state.started) {
@@ -161,6 +162,15 @@ void gather(const DescentPlan& plan, int step, int rays, const RaySums& sums,
   if (++state.gathered < plan.steps_per_update) return;
   const int decays = step / plan.steps_per_update / plan.decay_updates;
   updatePose(plan, std::pow(plan.decay, decays), hypothesis);
+  if (averaged) state.mean.add(plainPose(hypothesis->T_O_C));
+}
+
+// What a sequence of steps leaves: its mean loss, and the mean of its last poses.
+void finishSteps(const RaySums& scored, CpuHypothesis* hypothesis) {
+  hypothesis->loss = scored.meanLoss();
+  PoseMean& mean = hypothesis->descent.mean;
+  if (mean.count > 0) hypothesis->T_O_C = poseOf(mean.mean());
+  mean = {};
 }
 
 std::vector<CpuHypothesis*> liveHypotheses(CpuBatch* batch) {
@@ -199,17 +209,18 @@ void CpuEngine::descend(HypothesisBatch* batch, const LoadedField& field,
     const auto pixels = drawPixels(target.level->camera, rays, plan.seed, step);
     const auto sums = castRays(target, live, pixels, true, threads_, stop);
     const bool scored = step >= first_step + steps - plan.score_steps;
+    const bool averaged = step >= first_step + steps - plan.average_steps;
     Work step_work;
     for (std::size_t i = 0; i < live.size(); ++i) {
       if (scored) scores[i].add(sums[i]);
       step_work += sums[i].work;
-      gather(plan, step, rays, sums[i], live[i]);
+      gather(plan, step, averaged, rays, sums[i], live[i]);
     }
     work_ += step_work;
     own_batch.samples_per_ray = updatedSamplesPerRay(
         own_batch.samples_per_ray, static_cast<double>(step_work.samples) / (rays * live.size()));
   }
-  for (std::size_t i = 0; i < live.size(); ++i) live[i]->loss = scores[i].meanLoss();
+  for (std::size_t i = 0; i < live.size(); ++i) finishSteps(scores[i], live[i]);
 }
 
 void CpuEngine::measure(HypothesisBatch* batch, const LoadedField& field,

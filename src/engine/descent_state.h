@@ -3,6 +3,7 @@
 
 #include "nerf_pose_refiner/geometry/pose.h"
 #include "nerf_pose_refiner/maths/adam.h"
+#include "nerf_pose_refiner/maths/pose_mean.h"
 
 namespace nerf_pose_refiner {
 
@@ -21,6 +22,7 @@ struct DescentState {
   int updates = 0;
   Vec3<AdamMoments<double>> translation;
   Vec3<AdamMoments<double>> rotation;
+  PoseMean mean = {};  ///< of the last updates, @see DescentPlan::average_steps
 };
 
 }  // namespace nerf_pose_refiner

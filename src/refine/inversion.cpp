@@ -22,8 +22,10 @@ std::uint64_t seedOf(const RefinerSettings& settings, std::uint64_t part) {
   return randomBits(settings.seed, part, 0);
 }
 
-DescentPlan descentPlan(const RefinerSettings& settings, double unit) {
+// Of so many steps, up to a resampling or the end.
+DescentPlan descentPlan(const RefinerSettings& settings, double unit, int steps) {
   DescentPlan plan = settings.inversion.descent;
+  plan.average_steps = static_cast<int>(settings.inversion.average_share * steps);
   plan.length_unit *= unit;
   plan.seed = seedOf(settings, kPixelSeed);
   return plan;
@@ -87,24 +89,25 @@ void runInversion(RefinementRun* run) {
     return;
   }
   const double unit = s.unitFor(object.diameter);
-  const DescentPlan plan = descentPlan(run->settings, unit);
 
   Engine& engine = *run->engine;
   const auto observation = engine.observe(
       run->observation, {{camera, 0}, {levelCamera(camera, *region, kJudgedObjectPx), 1}});
   const auto batch = engine.batch(s.hypotheses);
   engine.scatter(batch.get(), run->prior.T_O_C, scatterPlan(*run, unit));
-  engine.descend(batch.get(), run->field, *observation, kSearchLevel, plan, 0, s.first_steps,
-                 run->stop);
+  const auto descend = [&](int first_step, int steps) {
+    engine.descend(batch.get(), run->field, *observation, kSearchLevel,
+                   descentPlan(run->settings, unit, steps), first_step, steps, run->stop);
+  };
+  descend(0, s.first_steps);
   run->trace("explore", engine.read(*batch));
   for (int round = 1; round <= s.rounds; ++round) {
     if (s.hypotheses > 1) engine.select(batch.get(), selectPlan(run->settings, unit, round));
-    engine.descend(batch.get(), run->field, *observation, kSearchLevel, plan,
-                   s.first_steps + (round - 1) * s.round_steps, s.round_steps, run->stop);
+    descend(s.first_steps + (round - 1) * s.round_steps, s.round_steps);
     run->trace("round " + std::to_string(round), engine.read(*batch));
   }
-  engine.measure(batch.get(), run->field, *observation, kSearchLevel, plan, s.score_pixels,
-                 run->stop);
+  engine.measure(batch.get(), run->field, *observation, kSearchLevel,
+                 descentPlan(run->settings, unit, 0), s.score_pixels, run->stop);
   HypothesisTable table = engine.read(*batch);
   if (!table.empty() && table.front().state == HypothesisState::kLive) {
     judge(*run, *observation, &table.front());

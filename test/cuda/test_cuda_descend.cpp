@@ -119,6 +119,7 @@ TEST_F(CudaDescend, bothEnginesEndAtTheSamePoses) {
   plan.length_unit = 1.2 * field->metadata.diameter;
   plan.decay_updates = 8;
   plan.score_steps = 32;
+  plan.average_steps = 20;
   HypothesisTable tables[2], starts;
   for (Engine* engine : {cpu.get(), cuda.get()}) {
     const auto observed = engine->observe(seen, {{someCamera(), 0}});

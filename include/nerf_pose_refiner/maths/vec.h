@@ -98,4 +98,16 @@ NPR_HOST_DEVICE inline Mat3<T> operator*(const Mat3<T>& A, const Mat3<T>& B) {
   return product;
 }
 
+/// A B^T.
+template <typename T>
+NPR_HOST_DEVICE inline Mat3<T> timesTransposed(const Mat3<T>& A, const Mat3<T>& B) {
+  Mat3<T> product;
+  for (int i = 0; i < 3; ++i) {
+    for (int j = 0; j < 3; ++j) {
+      product.m[i][j] = A.m[i][0] * B.m[j][0] + A.m[i][1] * B.m[j][1] + A.m[i][2] * B.m[j][2];
+    }
+  }
+  return product;
+}
+
 }  // namespace nerf_pose_refiner
