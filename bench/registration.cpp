@@ -182,7 +182,6 @@ void run(const Options& options) {
 }  // namespace
 }  // namespace nerf_pose_refiner
 
-
 int main(int argc, char** argv) {
   nerf_pose_refiner::Options options;
   CLI::App app(

@@ -38,7 +38,8 @@ void declare(CLI::App* app, TrainOptions* options) {
   app->add_option("-o,--output", options->model, "Model file to write (.safetensors)")->required();
   app->add_option("--name", options->name, "Of the object; default: the model file's");
   RegistrationSettings& settings = options->settings;
-  app->add_option("--profile", settings.profile, "Shape of the field: cpu (fast), gpu (finer), paper (finest)")
+  app->add_option("--profile", settings.profile,
+                  "Shape of the field: cpu (fast), gpu (finer), paper (finest)")
       ->check(CLI::IsMember(FieldConfig::profileNames()))
       ->capture_default_str();
   app->add_option("--steps", settings.steps, "Training steps at most")->capture_default_str();

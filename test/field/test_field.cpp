@@ -93,7 +93,7 @@ TEST(FieldConfig, UnknownProfileListsTheKnownOnes) {
     FieldConfig::named("Paper");
     FAIL();
   } catch (const std::invalid_argument& error) {
-    EXPECT_STREQ(error.what(), "no field profile is called 'Paper'; there are cpu, paper");
+    EXPECT_STREQ(error.what(), "no field profile is called 'Paper'; there are cpu, gpu, paper");
   }
 }
 

@@ -49,7 +49,7 @@ TEST(Inversion, scheduleOfThePaper) {
                                              "descend 1536+512",
                                              "select 4 for 64",
                                              "descend 2048+512",
-                                             "measure 4096",
+                                             "measure 16384",
                                              "scatter 1",
                                              "score"};
   EXPECT_EQ(engine->calls, expected);
@@ -60,7 +60,7 @@ TEST(Inversion, singleIsNotResampled) {
   const std::vector<std::string> expected = {
       "scatter 1",        "descend 0+512",    "descend 512+512",
       "descend 1024+512", "descend 1536+512", "descend 2048+512",
-      "measure 4096",     "scatter 1",        "score"};
+      "measure 16384",    "scatter 1",        "score"};
   EXPECT_EQ(engine->calls, expected);
 }
 

@@ -304,7 +304,7 @@ TEST(RegistrationSettings, NamesWhatIsOutOfRange) {
   expectRefused([](S* s) { s->plan.final_learning_rate_factor = 0; }, "final_learning_rate_factor");
   expectRefused([](S* s) { s->plan.final_learning_rate_factor = 2; }, "final_learning_rate_factor");
   S unknown;
-  unknown.profile = "gpu";
+  unknown.profile = "tpu";
   expectError<std::invalid_argument>([&] { unknown.validate(); }, "'gpu'", "cpu, paper");
 }
 
