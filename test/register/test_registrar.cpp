@@ -305,7 +305,7 @@ TEST(RegistrationSettings, NamesWhatIsOutOfRange) {
   expectRefused([](S* s) { s->plan.final_learning_rate_factor = 2; }, "final_learning_rate_factor");
   S unknown;
   unknown.profile = "tpu";
-  expectError<std::invalid_argument>([&] { unknown.validate(); }, "'gpu'", "cpu, paper");
+  expectError<std::invalid_argument>([&] { unknown.validate(); }, "'tpu'", "cpu, gpu, paper");
 }
 
 TEST(MeanPsnr, NeedsViews) {
