@@ -85,7 +85,7 @@ struct PoseRefinerParameters {
   std::string dataset_root;  ///< photos to learn from are read below this folder
   std::string image_transport = "raw";
   bool image_is_rectified = false;
-  std::string backend = "cpu";           ///< auto, cpu or cuda, @see EngineChoice
+  std::string backend = "auto";          ///< auto, cpu or cuda, @see EngineChoice
   int device = 0;                        ///< of the CUDA engine: number of the GPU
   int threads = 0;                       ///< of the CPU engine; 0: all cores
   std::string instruction_set = "auto";  ///< of the CPU engine
