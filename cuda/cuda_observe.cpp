@@ -10,7 +10,7 @@
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr int kMostThreads = 4;  // that copy an image: more are not faster
+constexpr int kMostThreads = 4;  // that copy an image
 
 /// Pixels of the observation that levels take something of.
 struct Crop {
