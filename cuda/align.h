@@ -48,7 +48,8 @@ void advanceSearches(const CudaAlignmentTarget& target, const CudaSearches& sear
                      const float4* pictures, const AlignmentRules& rules, bool only_score,
                      cudaStream_t stream);
 
-/// Writes what the searches found to their hypotheses.
+/// Writes what the searches found to their hypotheses. @param by_contrast how their score is taken,
+/// @see scoreOf.
 void finishSearches(const CudaSearches& searches, const CudaHypotheses& batch, bool by_contrast,
                     cudaStream_t stream);
 
