@@ -33,10 +33,9 @@ struct Options {
   std::uint64_t seed = 1;
   double rotation_deg = 15, translation = -1;  // -1: the protocol's
   double search_deg = -1, search_translation = -1;
-  double unit = 1;            // of the paper [model units]; 0: a share of the object
-  int samples_per_step = 0;   // of the paper's mode; 0: the preset's
-  double average_share = -1;  // likewise; < 0: the preset's
-  int score_pixels = 0;       // likewise
+  double unit = 1;           // of the paper [model units]; 0: a share of the object
+  int samples_per_step = 0;  // of the paper's mode; 0: the preset's
+  int score_pixels = 0;      // likewise
   std::string loss = lossName(DescentPlan().loss);
   bool json = false, trace = false, colours = false, first_pose = false, quiet = false;
   EngineChoice engine = {"cpu", 0, "auto", 0};
@@ -77,7 +76,6 @@ RefinerSettings settingsOf(const Options& options, double diameter) {
   if (options.samples_per_step > 0) {
     settings.inversion.descent.samples_per_step = options.samples_per_step;
   }
-  if (options.average_share >= 0) settings.inversion.average_share = options.average_share;
   if (options.score_pixels > 0) settings.inversion.score_pixels = options.score_pixels;
   return settings;
 }
@@ -243,9 +241,6 @@ void declareRefiner(CLI::App* app, Options* options) {
          "Length of one of the paper's units [model units]: 1 in the NeRF Synthetic scenes; "
          "0: the object spans 2.5 of them")
       ->capture_default_str();
-  app->add_option(
-      "--average-share", options->average_share,
-      "The paper's mode: share of last steps whose mean pose counts; left out: the preset's");
   app->add_option("--score-pixels", options->score_pixels,
                   "The paper's mode: pixels that choose the winner; 0: the preset's");
   app->add_option("--samples-per-step", options->samples_per_step,

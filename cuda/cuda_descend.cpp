@@ -76,7 +76,6 @@ void CudaEngine::descend(HypothesisBatch* batch, const LoadedField& field,
   const int most_rays = std::max(4 * plan.samples_per_step, hypotheses.bound);
   DescentTask task = descentTask(&hypotheses, loaded, own(observation), level, plan, most_rays);
   task.scored_from = first_step + steps - plan.score_steps;
-  task.averaged_from = first_step + steps - plan.average_steps;
   task.most_points = kPointsPerSample * static_cast<unsigned>(plan.samples_per_step);
   ray_points_.reserve(task.most_points);
   task.points = ray_points_.data();

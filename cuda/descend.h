@@ -58,7 +58,6 @@ struct DescentTask {
   bool direction_gradient;
   std::uint64_t seed;
   int scored_from;                      ///< steps from here on make the hypotheses' losses
-  int averaged_from;                    ///< updates from this step on make their poses
   float min_transmittance, min_weight;  ///< of all rays, @see RenderOptions
 
   // What is compared.

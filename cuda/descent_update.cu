@@ -129,7 +129,6 @@ __global__ void updateKernel(DescentTask task, float side) {
   if (++state.gathered < task.steps_per_update) return;
   const int decays = step / task.steps_per_update / task.decay_updates;
   updatePose(task, pow(task.decay, static_cast<double>(decays)), hypothesis);
-  if (step >= task.averaged_from) state.mean.add(hypothesis->pose);
 }
 
 /// Infinite where no pixel tells anything: the worst there is.
@@ -141,11 +140,7 @@ __device__ double meanLoss(double loss, double weight) {
 __global__ void finishKernel(DescentTask task) {
   const int i = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
   if (i >= task.clock->live) return;
-  CudaHypothesis* hypothesis = &task.batch.items[task.live[i]];
-  hypothesis->loss = meanLoss(task.scores[i].x, task.scores[i].y);
-  PoseMean& mean = hypothesis->descent.mean;
-  if (mean.count > 0) hypothesis->pose = mean.mean();
-  mean = PoseMean{};
+  task.batch.items[task.live[i]].loss = meanLoss(task.scores[i].x, task.scores[i].y);
 }
 
 /// A block per live hypothesis.

@@ -6,7 +6,6 @@
 #include <cstdint>
 
 #include "nerf_pose_refiner/maths/adam.h"
-#include "nerf_pose_refiner/maths/pose_mean.h"
 #include "nerf_pose_refiner/maths/pose_spread.h"
 
 namespace nerf_pose_refiner {
@@ -18,7 +17,6 @@ struct CudaDescentState {
   CameraPose<double> start;
   Vec3<double> force, torque;
   Vec3<AdamMoments<double>> translation, rotation;
-  PoseMean mean;
 };
 
 /// A hypothesis in the memory of the device. @see Hypothesis

@@ -149,8 +149,7 @@ void updatePose(const DescentPlan& plan, double decay, CpuHypothesis* hypothesis
 }
 
 // Takes one step's means, and updates the pose if there are enough of them.
-// @param averaged whether the updated pose is one of those whose mean is taken at the end.
-void gather(const DescentPlan& plan, int step, bool averaged, int rays, const RaySums& sums,
+void gather(const DescentPlan& plan, int step, int rays, const RaySums& sums,
             CpuHypothesis* hypothesis) {
   DescentState& state = hypothesis->descent;
   if (!state.started) {
@@ -162,15 +161,6 @@ void gather(const DescentPlan& plan, int step, bool averaged, int rays, const Ra
   if (++state.gathered < plan.steps_per_update) return;
   const int decays = step / plan.steps_per_update / plan.decay_updates;
   updatePose(plan, std::pow(plan.decay, decays), hypothesis);
-  if (averaged) state.mean.add(plainPose(hypothesis->T_O_C));
-}
-
-// What a sequence of steps leaves: its mean loss, and the mean of its last poses.
-void finishSteps(const RaySums& scored, CpuHypothesis* hypothesis) {
-  hypothesis->loss = scored.meanLoss();
-  PoseMean& mean = hypothesis->descent.mean;
-  if (mean.count > 0) hypothesis->T_O_C = poseOf(mean.mean());
-  mean = {};
 }
 
 std::vector<CpuHypothesis*> liveHypotheses(CpuBatch* batch) {
@@ -209,18 +199,17 @@ void CpuEngine::descend(HypothesisBatch* batch, const LoadedField& field,
     const auto pixels = drawPixels(target.level->camera, rays, plan.seed, step);
     const auto sums = castRays(target, live, pixels, true, threads_, stop);
     const bool scored = step >= first_step + steps - plan.score_steps;
-    const bool averaged = step >= first_step + steps - plan.average_steps;
     Work step_work;
     for (std::size_t i = 0; i < live.size(); ++i) {
       if (scored) scores[i].add(sums[i]);
       step_work += sums[i].work;
-      gather(plan, step, averaged, rays, sums[i], live[i]);
+      gather(plan, step, rays, sums[i], live[i]);
     }
     work_ += step_work;
     own_batch.samples_per_ray = updatedSamplesPerRay(
         own_batch.samples_per_ray, static_cast<double>(step_work.samples) / (rays * live.size()));
   }
-  for (std::size_t i = 0; i < live.size(); ++i) finishSteps(scores[i], live[i]);
+  for (std::size_t i = 0; i < live.size(); ++i) live[i]->loss = scores[i].meanLoss();
 }
 
 void CpuEngine::measure(HypothesisBatch* batch, const LoadedField& field,

@@ -3,7 +3,6 @@
 
 #include "nerf_pose_refiner/geometry/pose.h"
 #include "nerf_pose_refiner/maths/adam.h"
-#include "nerf_pose_refiner/maths/pose_mean.h"
 
 namespace nerf_pose_refiner {
 
@@ -22,7 +21,6 @@ struct DescentState {
   int updates = 0;
   Vec3<AdamMoments<double>> translation;
   Vec3<AdamMoments<double>> rotation;
-  PoseMean mean = {};  ///< of the last updates, @see DescentPlan::average_steps
 };
 
 }  // namespace nerf_pose_refiner

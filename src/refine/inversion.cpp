@@ -22,10 +22,8 @@ std::uint64_t seedOf(const RefinerSettings& settings, std::uint64_t part) {
   return randomBits(settings.seed, part, 0);
 }
 
-// Of so many steps, up to a resampling or the end.
-DescentPlan descentPlan(const RefinerSettings& settings, double unit, int steps) {
+DescentPlan descentPlan(const RefinerSettings& settings, double unit) {
   DescentPlan plan = settings.inversion.descent;
-  plan.average_steps = static_cast<int>(settings.inversion.average_share * steps);
   plan.length_unit *= unit;
   plan.seed = seedOf(settings, kPixelSeed);
   return plan;
@@ -97,7 +95,7 @@ void runInversion(RefinementRun* run) {
   engine.scatter(batch.get(), run->prior.T_O_C, scatterPlan(*run, unit));
   const auto descend = [&](int first_step, int steps) {
     engine.descend(batch.get(), run->field, *observation, kSearchLevel,
-                   descentPlan(run->settings, unit, steps), first_step, steps, run->stop);
+                   descentPlan(run->settings, unit), first_step, steps, run->stop);
   };
   descend(0, s.first_steps);
   run->trace("explore", engine.read(*batch));
@@ -107,7 +105,7 @@ void runInversion(RefinementRun* run) {
     run->trace("round " + std::to_string(round), engine.read(*batch));
   }
   engine.measure(batch.get(), run->field, *observation, kSearchLevel,
-                 descentPlan(run->settings, unit, 0), s.score_pixels, run->stop);
+                 descentPlan(run->settings, unit), s.score_pixels, run->stop);
   HypothesisTable table = engine.read(*batch);
   if (!table.empty() && table.front().state == HypothesisState::kLive) {
     judge(*run, *observation, &table.front());

@@ -70,7 +70,6 @@ void InversionSettings::validate() const {
   requirePositive("keep_at_least", keep_at_least);
   requireNotNegative("jitter_rotation_rad", jitter_rotation_rad);
   requireNotNegative("jitter_translation", jitter_translation);
-  require(average_share >= 0 && average_share <= 1, "average_share", average_share, "in [0, 1]");
   requirePositive("score_pixels", score_pixels);
   validateDescent(descent);
 }

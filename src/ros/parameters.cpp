@@ -101,7 +101,6 @@ void readInversion(ParamReader& read, InversionSettings& inversion) {
   read.get("keep_at_least", inversion.keep_at_least);
   read.get("jitter_rotation_rad", inversion.jitter_rotation_rad);
   read.get("jitter_translation", inversion.jitter_translation);
-  read.get("average_share", inversion.average_share);
   read.get("score_pixels", inversion.score_pixels);
   readDescent(read, inversion.descent);
   read.rejectUnknown();

@@ -140,28 +140,6 @@ TEST_F(CudaDescend, bothEnginesEndAtTheSamePoses) {
   EXPECT_GT(moved, 0.01 * field->metadata.diameter);
 }
 
-TEST_F(CudaDescend, averagesTheLastPosesAsTheCpu) {
-  const Observation seen =
-      observe(cpu.get(), *on_cpu, someCamera(), truth, Background::kKnownAlpha);
-  DescentPlan plan;
-  plan.samples_per_step = 1 << 14;
-  plan.epsilon = 0.02;
-  plan.steps_per_update = 2;
-  plan.average_steps = 6;
-  HypothesisTable tables[2];
-  for (Engine* engine : {cpu.get(), cuda.get()}) {
-    const auto observed = engine->observe(seen, {{someCamera(), 0}});
-    const auto batch = scattered(engine, 6);
-    engine->descend(batch.get(), loaded(*engine), *observed, 0, plan, 0, 8, {});
-    tables[engine == cuda.get()] = engine->read(*batch);
-  }
-  for (std::size_t i = 0; i < tables[0].size(); ++i) {
-    const Pose &a = tables[0][i].T_O_C, &b = tables[1][i].T_O_C;
-    EXPECT_LT(rotationDistance(a.R, b.R) / kDegree, 0.02);
-    EXPECT_LT((a.t - b.t).norm(), 1e-3 * field->metadata.diameter);
-  }
-}
-
 TEST_F(CudaDescend, theSameBitsEveryTime) {
   const Observation seen =
       observe(cpu.get(), *on_cpu, someCamera(), truth, Background::kKnownAlpha);

@@ -116,22 +116,6 @@ TEST(Descend, gradientsAreGatheredOverTheStepsOfAnUpdate) {
   EXPECT_NEAR(one.pose().t.x(), one.plan.translation_learning_rate, 1e-9);
 }
 
-// A constant pull leads along a line at an even pace: positions -1, -2, -3, -4 learning rates and
-// turns likewise; the last three are averaged.
-TEST(Descend, endsAtTheMeanOfTheLastPoses) {
-  OneHypothesis one;
-  one.plan.steps_per_update = 2;
-  one.plan.average_steps = 6;
-  one.plan.length_unit = 1;
-  one.scene.pull = {{1, 0, 0}, {0, 0, 1}};
-  one.descend(0, 8);
-  EXPECT_NEAR(one.pose().t.x(), -3 * one.plan.translation_learning_rate, 1e-9);
-  EXPECT_NEAR(logSO3(one.pose().R).z(), -3 * one.plan.rotation_learning_rate, 1e-9);
-  one.plan.average_steps = 0;
-  one.descend(8, 2);  // goes on from there, and forgets what was averaged
-  EXPECT_NEAR(one.pose().t.x(), -4 * one.plan.translation_learning_rate, 1e-9);
-}
-
 // A constant gradient keeps Adam's direction at one: the steps show the learning rate alone.
 TEST(Descend, learningRateDecaysWithTheUpdatesOfTheWholeRun) {
   OneHypothesis one;

@@ -63,14 +63,12 @@ struct DescentPlan {
   double beta1 = 0.9;
   double beta2 = 0.99;
   double epsilon = 1e-8;
-  double regularisation = 1e-4;    ///< L2, on the offset from the hypothesis' start
-  int steps_per_update = 4;        ///< gradients are accumulated over so many steps
-  int samples_per_step = 1 << 18;  ///< of all hypotheses together, about
-  int score_steps = 128;           ///< a hypothesis' loss is the mean of its last so many steps
-  /// Not the paper's: a hypothesis ends at the mean of where it was after the updates of its last
-  /// so many steps, which takes out what noise does to single updates (Polyak and Juditsky, 1992).
-  /// 0: where the last update leads.
-  int average_steps = 0;
+  /// L2, on the offset from the hypothesis' start. Its authors' 1e-4 stands against gradients
+  /// summed over three colour channels; losses here are means over them.
+  double regularisation = 1e-4 / 3;
+  int steps_per_update = 4;         ///< gradients are accumulated over so many steps
+  int samples_per_step = 1 << 18;   ///< of all hypotheses together, about
+  int score_steps = 128;            ///< a hypothesis' loss is the mean of its last so many steps
   bool direction_gradient = false;  ///< also through the viewing direction
   std::uint64_t seed = 1;
 };

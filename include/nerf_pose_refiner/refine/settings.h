@@ -49,14 +49,9 @@ struct InversionSettings {
   double jitter_rotation_rad = 0.052359877559829887;  ///< half width per axis, about the camera
   double jitter_translation = 0.1;                    ///< half width per axis, axes of O, then
 
-  /// Not the paper's: of the steps up to a resampling, or the end, the share behind whose updates
-  /// poses are averaged. 0: the last pose counts. @see DescentPlan::average_steps
-  double average_share = 0.25;
-
   int score_pixels = 16384;  ///< on which all are compared at the end, to choose the winner
 
-  DescentPlan descent;  ///< its `length_unit` is in units here; its seed comes from the refiner,
-                        ///< its `average_steps` from average_share
+  DescentPlan descent;  ///< its `length_unit` is in units here; its seed comes from the refiner
 
   /// Length of a unit for an object of this diameter [model units].
   double unitFor(double object_diameter) const;
