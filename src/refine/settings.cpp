@@ -50,8 +50,8 @@ RefinerSettings RefinerSettings::named(const std::string& preset) {
                        stage(128, 4, 10, 1, 1.0, 2), stage(256, 2, 8, 1, 1.0, 1),
                        stage(512, 1, 4, 1, 0.7, 1)};
   } else if (preset == "track") {
-    settings.stages = {stage(64, 4, 4, 1, 1.5, 4), stage(96, 2, 3, 1, 0.7, 2),
-                       stage(128, 1, 6, 1, 0.7, 1)};
+    settings.stages = {stage(64, 4, 3, 1, 1.5, 4), stage(96, 2, 2, 1, 0.7, 2),
+                       stage(128, 1, 4, 1, 0.7, 1)};
   } else if (preset == "paper") {
     settings.method = Method::kDescend;
   } else if (preset == "paper_single") {
