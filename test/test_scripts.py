@@ -14,7 +14,7 @@ import unittest
 TOP = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 SCRIPTS = os.path.join(TOP, 'scripts')
 SOURCES = ('.cpp', '.h', '.inl', '.cu', '.cuh', '.cmake', '.py', '.msg', '.srv', '.launch', '.test', '.yaml', '.xml')
-OWN_MODULES = ('nerf_pose_refiner', 'pose_evaluation')
+OWN_MODULES = ('nerf_pose_refiner', 'pose_evaluation', 'trial_plots', 'trial_statistics', 'trial_tables', 'trials')
 
 
 def run(*command, **environment):
@@ -122,7 +122,7 @@ class Dependencies(unittest.TestCase):
         self.assertIn('rosbag', found)
         for module in found:
             name = 'python3-' + {'cv2': 'opencv'}.get(module, module.replace('_', '-'))
-            key = name if module in ('cv2', 'numpy') else module  # of rosdep
+            key = name if module in ('cv2', 'matplotlib', 'numpy') else module  # of rosdep
             self.assertTrue(any(f'<{kind}>{key}<' in package for kind in ('test_depend', 'depend', 'exec_depend')),
                             f'package.xml does not name {key}')
             self.assertIn(name, debian)
