@@ -9,7 +9,7 @@ matplotlib.use('Agg')
 from matplotlib import pyplot  # noqa: E402 (after the choice of a backend without a display)
 
 from trial_statistics import groups
-from trial_tables import CONDITIONS, LOSSES, MEAN, METHODS, SCALES, rank, sorting
+from trial_tables import CONDITIONS, LOSSES, MEAN, METHODS, SCALES, family, rank, sorting
 
 matplotlib.rcParams.update({'svg.hashsalt': 'nerf_pose_refiner', 'svg.fonttype': 'none'})
 COLOURS = {'inerf': '#b2182b', 'single': '#ef8a62', 'multiple': '#2166ac', 'alignment': '#1b7837'}
@@ -78,7 +78,7 @@ def draw_band(axis, rows, place, error, span, look):
 
 def plot_error_over_time(traces, folder, saved):
     """A picture for each experiment, scene and condition: errors over seconds, and over field samples."""
-    chosen = [rows for first, rows in traces if first['experiment'] in ('table1', 'curves') and len(rows) > 1]
+    chosen = [rows for first, rows in traces if family(first['experiment']) in ('table1', 'curves') and len(rows) > 1]
     parts = {}
     for rows in chosen:
         parts.setdefault((rows[0]['experiment'], rows[0]['scene'], rows[0]['condition']), []).append(rows)
@@ -103,7 +103,7 @@ def plot_error_over_time(traces, folder, saved):
 
 def plot_recalls(trials, folder, saved):
     """Share of the trials with an error below the abscissa, a picture for each scene and condition."""
-    chosen = [trial for trial in trials if trial['experiment'] in ('table1', 'robot')]
+    chosen = [trial for trial in trials if family(trial['experiment']) in ('table1', 'robot')]
     for (experiment, scene, condition), part in groups(chosen, ('experiment', 'scene', 'condition')).items():
         figure, axes = pyplot.subplots(1, 3, figsize=(12, 3.8), sharey=True)
         for axis, (error, (name, bounds)) in zip(axes, AXES.items()):
@@ -179,8 +179,8 @@ def plot_all(trials, traces, tables, folder):
     plot_error_over_time(traces, folder, saved)
     plot_recalls(trials, folder, saved)
     for table in tables:
-        if table.experiment == 'losses':
+        if family(table.experiment) == 'losses':
             plot_losses(table.rows, table.name, folder, saved)
-        elif table.experiment == 'noise' and table.views:
+        elif family(table.experiment) == 'noise' and table.views:
             plot_noise(table.rows, table.protocol, table.name, folder, saved)
     return saved

@@ -52,6 +52,12 @@ class Table:
             file.write('\n')
 
 
+def family(experiment):
+    """What an experiment's tables look like: losses_real as losses."""
+    head = experiment.split('_')[0]
+    return head if head in EXPERIMENTS else experiment
+
+
 def rank(order, value):
     """Sort key: as in `order`, then the unknown ones by name."""
     return (order.index(value), []) if value in order else (len(order), natural(value))
@@ -256,17 +262,20 @@ def tables_of(trials, paper):
     tables = []
     for (experiment, protocol, kind), part in sorted(
             groups(trials, ('experiment', 'protocol', 'kind')).items(),
-            key=lambda item: (rank(EXPERIMENTS, item[0][0]), item[0][1], rank(KINDS, item[0][2]))):
+            key=lambda item: (rank(EXPERIMENTS, family(item[0][0])), natural(item[0][0]), item[0][1],
+                              rank(KINDS, item[0][2]))):
         several = sum(key[0] == experiment for key in protocols) > 1
         name = '_'.join([experiment] + [protocol] * several + [kind])
-        title = '%s %s' % (TITLES.get(experiment, experiment), PARTS.get(kind, kind))
+        kin = family(experiment)
+        title = TITLES.get(kin, experiment) + (', %s' % experiment if kin not in (experiment, 'losses') else '')
+        title += ' ' + PARTS.get(kind, kind)
         title += ' (protocol %s)' % protocol if several else ''
-        if experiment == 'losses':
+        if kin == 'losses':
             rows = loss_rows(part, paper)
             tables.append(Table((experiment, protocol), name, title, rows, loss_views(rows)))
             continue
-        rows = experiment_rows(part, paper if experiment == 'table1' and protocol == 'paper' else None)
-        if experiment == 'noise':
+        rows = experiment_rows(part, paper if kin == 'table1' and protocol == 'paper' else None)
+        if kin == 'noise':
             views, best = noise_views(rows, protocol)
             tables.append(Table((experiment, protocol), name, title, rows, views))
             if best:
