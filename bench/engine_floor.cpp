@@ -9,8 +9,6 @@
 
 namespace nerf_pose_refiner {
 
-bool isOnDevice(const Engine& engine) { return engine.describe().rfind("CUDA", 0) == 0; }
-
 Floor measureEngineFloor(const Engine& engine, int threads, std::size_t table_bytes) {
 #ifdef NPR_BENCH_CUDA
   if (isOnDevice(engine)) {

@@ -8,8 +8,6 @@
 
 namespace nerf_pose_refiner {
 
-bool isOnDevice(const Engine& engine);
-
 /// What the engine's processor can do at best: of a device, matrix products in half precision count
 /// as operations. @param threads of the CPU. @param table_bytes of the table that is gathered from.
 Floor measureEngineFloor(const Engine& engine, int threads, std::size_t table_bytes);

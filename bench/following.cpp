@@ -6,7 +6,7 @@
 #include <cstdio>
 #include <vector>
 
-#include "clutter.h"
+#include "nerf_pose_refiner/evaluate/clutter.h"
 #include "nerf_pose_refiner/evaluate/pose_error.h"
 #include "nerf_pose_refiner/image/colour.h"
 #include "nerf_pose_refiner/refine/refiner.h"

@@ -22,15 +22,9 @@ DescentTask CudaEngine::descentTask(CudaBatch* batch, const CudaField& field,
   const CudaLevel& level = observation.level(level_index);
   DescentTask task = {};
   task.loss = plan.loss;
-  task.length_unit = plan.length_unit;
-  task.translation_learning_rate = plan.translation_learning_rate;
-  task.rotation_learning_rate = plan.rotation_learning_rate;
+  task.rates = plan.rates(1);
   task.decay = plan.decay;
   task.decay_updates = plan.decay_updates;
-  task.beta1 = plan.beta1;
-  task.beta2 = plan.beta2;
-  task.epsilon = plan.epsilon;
-  task.regularisation = plan.regularisation;
   task.steps_per_update = plan.steps_per_update;
   task.samples_per_step = plan.samples_per_step;
   task.direction_gradient = plan.direction_gradient;

@@ -3,8 +3,8 @@
 
 #include "cast_rays.cuh"
 #include "launch.cuh"
+#include "nerf_pose_refiner/maths/pixel_draw.h"
 #include "nerf_pose_refiner/maths/pixel_loss.h"
-#include "nerf_pose_refiner/maths/random.h"
 #include "ray_hits.cuh"
 
 // Rays of the paper's mode, for all hypotheses at once. First all of them are cast, which gives the
@@ -23,7 +23,7 @@ constexpr int kFindThreads = 256;
 __device__ int pixelOf(const DescentTask& task, unsigned id) {
   const unsigned pixels = task.camera.width * task.camera.height;
   const auto stream = static_cast<std::uint64_t>(static_cast<std::int64_t>(task.clock->step));
-  return static_cast<int>(randomIndex(task.seed, stream, id % task.clock->rays, pixels));
+  return static_cast<int>(drawPixel(task.seed, stream, id % task.clock->rays, pixels, task.weight));
 }
 
 /// A ray in N.

@@ -51,9 +51,9 @@ struct DescentClock {
 struct DescentTask {
   // The plan.
   Loss loss;
-  double length_unit, translation_learning_rate, rotation_learning_rate, decay;
+  DescentRates rates;  ///< before any decay
+  double decay;
   int decay_updates;
-  double beta1, beta2, epsilon, regularisation;
   int steps_per_update, samples_per_step;
   bool direction_gradient;
   std::uint64_t seed;

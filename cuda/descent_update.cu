@@ -3,7 +3,6 @@
 
 #include "cuda_error.h"
 #include "descend.h"
-#include "nerf_pose_refiner/maths/so3.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -67,27 +66,16 @@ __device__ void sumRays(const DescentTask& task, double (&sums)[kSumThreads][kRa
 /// One update of Adam from the gathered forces and torques. @see DescentPlan
 __device__ void updatePose(const DescentTask& task, double decay, CudaHypothesis* hypothesis) {
   CudaDescentState& state = hypothesis->descent;
-  CameraPose<double>& pose = hypothesis->pose;
-  const Vec3<double> offset = (1 / task.length_unit) * (pose.o - state.start.o);
-  const Mat3<double> turn = timesTransposed(pose.R, state.start.R);
+  DescentRates rates = task.rates;
+  rates.translation *= decay;
+  rates.rotation *= decay;
   const double share = 1.0 / state.gathered;
-  const Vec3<double> force = share * state.force + task.regularisation * offset;
-  const Vec3<double> torque = share * state.torque + task.regularisation * logSO3(turn);
-
-  const AdamConstants<double> adam = {task.beta1, task.beta2, task.epsilon};
-  ++state.updates;
-  const Vec3<double> v = adamDirection(adam, force, state.updates, &state.translation);
-  const Vec3<double> w = adamDirection(adam, torque, state.updates, &state.rotation);
+  const bool finite = updatePose(rates, share * state.force, share * state.torque, &state.motion,
+                                 &hypothesis->pose);
   state.gathered = 0;
   state.force = state.torque = {0, 0, 0};
   ++hypothesis->iterations;
-  const double sum = v.x + v.y + v.z + w.x + w.y + w.z;
-  if (!isfinite(sum)) {
-    hypothesis->state = HypothesisState::kNotFinite;  // and stays where it is
-    return;
-  }
-  pose.o = pose.o - (decay * task.translation_learning_rate * task.length_unit) * v;
-  pose.R = orthonormalized(expSO3(-(decay * task.rotation_learning_rate) * w) * pose.R);
+  if (!finite) hypothesis->state = HypothesisState::kNotFinite;
 }
 
 /// Follows the samples that a ray takes on average, slowly after the first step.
@@ -120,11 +108,11 @@ __global__ void updateKernel(DescentTask task, float side) {
   CudaDescentState& state = hypothesis->descent;
   if (!state.started) {
     state.started = 1;
-    state.start = hypothesis->pose;
+    state.motion.start = hypothesis->pose;
   }
   const double share = kPullUnit / task.clock->rays;
   const PullSums& pull = task.sums[i];
-  state.force += (task.length_unit / side * share) * vectorOf(pull.force);
+  state.force += (task.rates.length_unit / side * share) * vectorOf(pull.force);
   state.torque += share * vectorOf(pull.torque);
   if (++state.gathered < task.steps_per_update) return;
   const int decays = step / task.steps_per_update / task.decay_updates;

@@ -5,7 +5,7 @@
 
 #include <cstdint>
 
-#include "nerf_pose_refiner/maths/adam.h"
+#include "nerf_pose_refiner/maths/descent_update.h"
 #include "nerf_pose_refiner/maths/pose_spread.h"
 
 namespace nerf_pose_refiner {
@@ -13,10 +13,9 @@ namespace nerf_pose_refiner {
 /// What parallel inversion carries from step to step for one hypothesis; all zero in one that was
 /// just seeded. @see DescentState
 struct CudaDescentState {
-  int started, gathered, updates;
-  CameraPose<double> start;
+  int started, gathered;
   Vec3<double> force, torque;
-  Vec3<AdamMoments<double>> translation, rotation;
+  DescentMotion motion;
 };
 
 /// A hypothesis in the memory of the device. @see Hypothesis

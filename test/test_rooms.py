@@ -36,7 +36,7 @@ RULES = {
                  (EIGEN,)),
     'refine': (('engine', 'field', 'geometry', 'image', 'maths', 'tasks'), (EIGEN,)),
     'evaluate': (('refine', 'register', 'dataset', 'engine', 'field', 'geometry', 'image', 'maths',
-                  'tasks'), (EIGEN, OPENCV)),
+                  'tasks'), (EIGEN, JSON, OPENCV)),
     'ros': (('refine', 'register', 'dataset', 'engine', 'field', 'geometry', 'image', 'tasks'),
             (EIGEN, OPENCV, POSIX, ROS)),
     'nodelets': (LIBRARY_ROOMS + ('ros',), (EIGEN, ROS)),

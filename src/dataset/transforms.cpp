@@ -197,6 +197,7 @@ Dataset loadTransforms(const std::string& path, const DatasetOptions& options,
                                ": neither alpha channel nor mask, while other frames have one");
     }
     dataset.has_alpha = dataset.has_alpha || views[i].has_transparency;
+    dataset.has_masks = dataset.has_masks || !file.frames[i].mask_path.empty();
     dataset.views.push_back(views[i].view);
   }
   return dataset;

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "cpu_engine.h"
-#include "nerf_pose_refiner/maths/random.h"
+#include "nerf_pose_refiner/maths/pixel_draw.h"
 #include "nerf_pose_refiner/tasks/parallel.h"
 #include "picture.h"
 #include "pixel_loss.h"
@@ -27,14 +27,15 @@ struct Pixel {
   int x, y;
 };
 
-// Uniform over the picture, the same for every hypothesis.
-std::vector<Pixel> drawPixels(const Camera& camera, int count, std::uint64_t seed,
+// Uniform over the pixels with a weight, the same for every hypothesis.
+std::vector<Pixel> drawPixels(const ObservedLevel& level, int count, std::uint64_t seed,
                               std::uint64_t stream) {
-  const std::uint32_t pixels = static_cast<std::uint32_t>(camera.width * camera.height);
+  const std::uint32_t pixels = static_cast<std::uint32_t>(level.weight.pixels());
   std::vector<Pixel> drawn(count);
   for (int i = 0; i < count; ++i) {
-    const int index = static_cast<int>(randomIndex(seed, stream, i, pixels));
-    drawn[i] = {index % camera.width, index / camera.width};
+    const int index =
+        static_cast<int>(drawPixel(seed, stream, i, pixels, level.weight.values.data()));
+    drawn[i] = {index % level.camera.width, index / level.camera.width};
   }
   return drawn;
 }
@@ -118,34 +119,21 @@ std::vector<RaySums> castRays(const Target& target, const std::vector<CpuHypothe
   return sums;
 }
 
-Eigen::Vector3d toEigen(const Vec3<double>& v) { return {v.x, v.y, v.z}; }
-
 // One update of Adam from the gathered forces and torques.
 void updatePose(const DescentPlan& plan, double decay, CpuHypothesis* hypothesis) {
   DescentState& state = hypothesis->descent;
-  Pose& T_O_C = hypothesis->T_O_C;
-  const Eigen::Vector3d offset = (T_O_C.t - state.start.t) / plan.length_unit;
-  const Eigen::Vector3d turn = logSO3(Eigen::Matrix3d(T_O_C.R * state.start.R.transpose()));
-  const Eigen::Vector3d force = state.force / state.gathered + plan.regularisation * offset;
-  const Eigen::Vector3d torque = state.torque / state.gathered + plan.regularisation * turn;
-
-  const AdamConstants<double> adam = {plan.beta1, plan.beta2, plan.epsilon};
-  ++state.updates;
-  const Eigen::Vector3d v =
-      toEigen(adamDirection(adam, plainVector(force), state.updates, &state.translation));
-  const Eigen::Vector3d w =
-      toEigen(adamDirection(adam, plainVector(torque), state.updates, &state.rotation));
+  CameraPose<double> pose = plainPose(hypothesis->T_O_C);
+  const bool finite = updatePose(plan.rates(decay), plainVector(state.force / state.gathered),
+                                 plainVector(state.torque / state.gathered), &state.motion, &pose);
   state.gathered = 0;
   state.force.setZero();
   state.torque.setZero();
   ++hypothesis->iterations;
-  if (!v.allFinite() || !w.allFinite()) {
-    hypothesis->state = HypothesisState::kNotFinite;  // and stays where it is
-    return;
+  if (finite) {
+    hypothesis->T_O_C = poseOf(pose);
+  } else {
+    hypothesis->state = HypothesisState::kNotFinite;
   }
-  T_O_C.t -= decay * plan.translation_learning_rate * plan.length_unit * v;
-  T_O_C.R =
-      nearestRotation(expSO3(Eigen::Vector3d(-decay * plan.rotation_learning_rate * w)) * T_O_C.R);
 }
 
 // Takes one step's means, and updates the pose if there are enough of them.
@@ -154,7 +142,7 @@ void gather(const DescentPlan& plan, int step, int rays, const RaySums& sums,
   DescentState& state = hypothesis->descent;
   if (!state.started) {
     state.started = true;
-    state.start = hypothesis->T_O_C;
+    state.motion.start = plainPose(hypothesis->T_O_C);
   }
   state.force += plan.length_unit / rays * sums.force;
   state.torque += sums.torque / rays;
@@ -196,7 +184,7 @@ void CpuEngine::descend(HypothesisBatch* batch, const LoadedField& field,
   std::vector<CpuHypothesis*> live = liveHypotheses(&own_batch);
   for (int step = first_step; step < first_step + steps && !live.empty(); ++step) {
     const int rays = raysWithinBudget(plan, live.size(), own_batch.samples_per_ray);
-    const auto pixels = drawPixels(target.level->camera, rays, plan.seed, step);
+    const auto pixels = drawPixels(*target.level, rays, plan.seed, step);
     const auto sums = castRays(target, live, pixels, true, threads_, stop);
     const bool scored = step >= first_step + steps - plan.score_steps;
     Work step_work;
@@ -218,7 +206,7 @@ void CpuEngine::measure(HypothesisBatch* batch, const LoadedField& field,
   const Target target = {&rayRenderer(field), &cpuObservation(observation),
                          &observedLevel(observation, level), &plan};
   const std::vector<CpuHypothesis*> live = liveHypotheses(&cpuBatch(batch));
-  const auto drawn = drawPixels(target.level->camera, pixels, plan.seed, kMeasureStream);
+  const auto drawn = drawPixels(*target.level, pixels, plan.seed, kMeasureStream);
   const auto sums = castRays(target, live, drawn, false, threads_, stop);
   for (std::size_t i = 0; i < live.size(); ++i) {
     live[i]->loss = sums[i].meanLoss();

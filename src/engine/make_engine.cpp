@@ -35,4 +35,6 @@ std::unique_ptr<Engine> makeEngine(const EngineChoice& choice) {
   return makeCpuEngine(choice.threads, choice.instruction_set);
 }
 
+bool isOnDevice(const Engine& engine) { return engine.describe().rfind("CUDA", 0) == 0; }
+
 }  // namespace nerf_pose_refiner

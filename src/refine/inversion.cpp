@@ -93,16 +93,23 @@ void runInversion(RefinementRun* run) {
       run->observation, {{camera, 0}, {levelCamera(camera, *region, kJudgedObjectPx), 1}});
   const auto batch = engine.batch(s.hypotheses);
   engine.scatter(batch.get(), run->prior.T_O_C, scatterPlan(*run, unit));
-  const auto descend = [&](int first_step, int steps) {
-    engine.descend(batch.get(), run->field, *observation, kSearchLevel,
-                   descentPlan(run->settings, unit), first_step, steps, run->stop);
+  // In slices, the last of them as long as losses are gathered over: they end where all steps at
+  // once would.
+  const auto descend = [&](const std::string& stage, int first_step, int steps) {
+    const DescentPlan plan = descentPlan(run->settings, unit);
+    for (int left = steps; left > 0;) {
+      const int slice = left % plan.score_steps > 0 ? left % plan.score_steps : plan.score_steps;
+      engine.descend(batch.get(), run->field, *observation, kSearchLevel, plan,
+                     first_step + steps - left, slice, run->stop);
+      left -= slice;
+      run->trace(stage, engine.read(*batch));
+    }
   };
-  descend(0, s.first_steps);
-  run->trace("explore", engine.read(*batch));
+  descend("explore", 0, s.first_steps);
   for (int round = 1; round <= s.rounds; ++round) {
     if (s.hypotheses > 1) engine.select(batch.get(), selectPlan(run->settings, unit, round));
-    descend(s.first_steps + (round - 1) * s.round_steps, s.round_steps);
-    run->trace("round " + std::to_string(round), engine.read(*batch));
+    descend("round " + std::to_string(round), s.first_steps + (round - 1) * s.round_steps,
+            s.round_steps);
   }
   engine.measure(batch.get(), run->field, *observation, kSearchLevel,
                  descentPlan(run->settings, unit), s.score_pixels, run->stop);

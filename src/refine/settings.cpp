@@ -41,6 +41,26 @@ AlignStageSettings stage(double object_px, int hypotheses, int iterations, int r
   return s;
 }
 
+/// Yen-Chen et al. (iNeRF, IROS 2021): one hypothesis, a twist of se(3) through the exponential
+/// map, L2, the learning rate of their code (0.01, by 0.8 every 100 steps) and as many steps as Lin
+/// et al. gave it.
+InversionSettings inerf() {
+  InversionSettings s;
+  s.hypotheses = 1;
+  s.first_steps = 500;
+  s.rounds = 0;
+  s.descent.update = PoseUpdate::kTwist;
+  s.descent.length_unit = 1;
+  s.descent.translation_learning_rate = s.descent.rotation_learning_rate = 0.01;
+  s.descent.decay = 0.8;
+  s.descent.decay_updates = 100;
+  s.descent.beta2 = 0.999;
+  s.descent.regularisation = 0;
+  s.descent.steps_per_update = 1;
+  s.descent.samples_per_step = 1 << 16;  // of about their 2048 rays
+  return s;
+}
+
 }  // namespace
 
 RefinerSettings RefinerSettings::named(const std::string& preset) {
@@ -57,6 +77,9 @@ RefinerSettings RefinerSettings::named(const std::string& preset) {
   } else if (preset == "paper_single") {
     settings.method = Method::kDescend;
     settings.inversion.hypotheses = 1;
+  } else if (preset == "inerf") {
+    settings.method = Method::kDescend;
+    settings.inversion = inerf();
   } else {
     std::string names;
     for (const std::string& name : presetNames()) names += (names.empty() ? "" : ", ") + name;
@@ -66,7 +89,7 @@ RefinerSettings RefinerSettings::named(const std::string& preset) {
 }
 
 std::vector<std::string> RefinerSettings::presetNames() {
-  return {"align", "track", "paper", "paper_single"};
+  return {"align", "track", "paper", "paper_single", "inerf"};
 }
 
 void RefinerSettings::validate() const {

@@ -86,7 +86,7 @@ void declare(CLI::App* app, RefineOptions* options) {
   declareInput(app, options);
   app->add_option("--preset", options->preset,
                   "How to search: align (coarse to fine), track (from a near pose), paper, "
-                  "paper_single (Lin et al.)")
+                  "paper_single (Lin et al.), inerf (Yen-Chen et al.)")
       ->check(CLI::IsMember(RefinerSettings::presetNames()))
       ->capture_default_str();
   app->add_option("--search-rotation", options->search_rotation_deg,

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "nerf_pose_refiner/engine/ray_renderer.h"
+#include "nerf_pose_refiner/maths/pixel_draw.h"
 #include "support/analytic_scene.h"
 #include "support/fog_scene.h"
 
@@ -114,6 +115,50 @@ TEST(Descend, gradientsAreGatheredOverTheStepsOfAnUpdate) {
   one.scene.pull = {{-5, 0, 0}, {0, 0, 0}};  // turns the mean over: (1 + 1 + 1 - 5) / 4
   one.descend(3, 1);
   EXPECT_NEAR(one.pose().t.x(), one.plan.translation_learning_rate, 1e-9);
+}
+
+// As a twist the pose turns about the origin of O: the camera, which is away from it, goes along.
+TEST(Descend, aTwistTurnsAboutTheOrigin) {
+  OneHypothesis one;
+  ScatterPlan plan;
+  plan.count = 1;
+  Pose start;
+  start.t = {2, 0, 0};
+  one.engine->scatter(one.batch.get(), start, plan);
+  one.plan.update = PoseUpdate::kTwist;
+  one.plan.length_unit = 1;
+  one.plan.translation_learning_rate = 1e-12;  // the turn alone
+  one.plan.rotation_learning_rate = 0.1;
+  one.scene.pull = {{0, -1, 0}, {0, 0, 0}};  // 2 e_x x -e_y: a torque of -2 about z
+  for (int step = 0; step < 3; ++step) one.descend(step, 1);
+  EXPECT_NEAR(logSO3(one.pose().R).z(), 0.3, 1e-2);
+  const double turned = logSO3(one.pose().R).z();
+  const Eigen::Vector3d along(2 * std::cos(turned), 2 * std::sin(turned), 0);
+  EXPECT_NEAR((one.pose().t - along).norm(), 0, 1e-9);
+}
+
+// Pixels without a weight are not drawn: the loss is a mean over the others.
+TEST(Descend, pixelsWithoutWeightAreNotDrawn) {
+  OneHypothesis one;
+  Observation observation;
+  observation.camera = smallCamera();
+  observation.image = Image(64, 64, 3);
+  observation.weight = Image(64, 64, 1);
+  for (int y = 10; y < 20; ++y) {
+    for (int x = 40; x < 50; ++x) observation.weight.at(x, y, 0) = 1;
+  }
+  int weightless = 0;
+  const float* weight = observation.weight.values.data();
+  for (int i = 0; i < 500; ++i) weightless += weight[drawPixel(1, 2, i, 4096, weight)] == 0;
+  EXPECT_LT(weightless, 150);  // (1 - 100 / 4096)^64 = 0.21 of them
+  EXPECT_EQ(drawPixel(1, 2, 3, 4096, observation.image.values.data()) < 4096,
+            true);  // none has any
+
+  observation.background = Background::kKnownColour;
+  observation.background_colour.setConstant(0.5f);  // seen everywhere: a loss of 1 / 4
+  one.picture = one.engine->observe(observation, {{observation.camera, 0}});
+  one.engine->measure(one.batch.get(), one.scene, *one.picture, 0, one.plan, 500, StopToken());
+  EXPECT_NEAR(one.engine->read(*one.batch).front().loss, 0.25, 1e-6);
 }
 
 // A constant gradient keeps Adam's direction at one: the steps show the learning rate alone.

@@ -37,31 +37,41 @@ std::shared_ptr<RecordingEngine> recorded(const RefinerSettings& settings, const
 }
 
 // Lin et al., section IV-D: 64 hypotheses, 2560 = 512 + 4 x 512 steps.
+/// Steps go in slices, behind each of which there is a line in the trace.
+void expectSlices(const std::vector<int>& sizes, int first_step, std::vector<std::string>* calls) {
+  for (const int size : sizes) {
+    calls->push_back("descend " + std::to_string(first_step) + "+" + std::to_string(size));
+    first_step += size;
+  }
+}
+
 TEST(Inversion, scheduleOfThePaper) {
   const auto engine = recorded(RefinerSettings::named("paper"), Prior());
-  const std::vector<std::string> expected = {"scatter 64",
-                                             "descend 0+512",
-                                             "select 8 for 64",
-                                             "descend 512+512",
-                                             "select 4 for 64",
-                                             "descend 1024+512",
-                                             "select 4 for 64",
-                                             "descend 1536+512",
-                                             "select 4 for 64",
-                                             "descend 2048+512",
-                                             "measure 16384",
-                                             "scatter 1",
-                                             "score"};
+  std::vector<std::string> expected = {"scatter 64"};
+  for (int round = 0; round <= 4; ++round) {
+    if (round > 0) expected.push_back(round == 1 ? "select 8 for 64" : "select 4 for 64");
+    expectSlices({128, 128, 128, 128}, 512 * round, &expected);
+  }
+  expected.insert(expected.end(), {"measure 16384", "scatter 1", "score"});
   EXPECT_EQ(engine->calls, expected);
 }
 
 TEST(Inversion, singleIsNotResampled) {
   const auto engine = recorded(RefinerSettings::named("paper_single"), Prior());
-  const std::vector<std::string> expected = {
-      "scatter 1",        "descend 0+512",    "descend 512+512",
-      "descend 1024+512", "descend 1536+512", "descend 2048+512",
-      "measure 16384",    "scatter 1",        "score"};
+  std::vector<std::string> expected = {"scatter 1"};
+  expectSlices(std::vector<int>(20, 128), 0, &expected);
+  expected.insert(expected.end(), {"measure 16384", "scatter 1", "score"});
   EXPECT_EQ(engine->calls, expected);
+}
+
+// The last slice is as long as losses are gathered over.
+TEST(Inversion, iNerfHasOneHypothesisAndATwist) {
+  const auto engine = recorded(RefinerSettings::named("inerf"), Prior());
+  std::vector<std::string> expected = {"scatter 1"};
+  expectSlices({116, 128, 128, 128}, 0, &expected);
+  expected.insert(expected.end(), {"measure 16384", "scatter 1", "score"});
+  EXPECT_EQ(engine->calls, expected);
+  EXPECT_EQ(engine->descended[0].update, PoseUpdate::kTwist);
 }
 
 // The object of 5 model units stands for 2.5 of the paper's: one of those is 2 model units.
@@ -97,7 +107,7 @@ TEST(Inversion, everyRandomDrawHasItsOwnSeed) {
   std::set<std::uint64_t> seeds = {engine->scattered.seed, engine->descended[0].seed};
   for (const SelectPlan& plan : engine->selected) seeds.insert(plan.seed);
   EXPECT_EQ(seeds.size(), 6u);
-  EXPECT_EQ(engine->descended[0].seed, engine->descended[4].seed);  // steps tell them apart
+  EXPECT_EQ(engine->descended[0].seed, engine->descended.back().seed);  // steps tell them apart
 }
 
 TEST(Inversion, survivorsHalveButForTheLastFew) {
@@ -160,9 +170,9 @@ TEST(Inversion, findsThePose) {
   EXPECT_LT(rotationDistance(result.T_O_C.R, trial.truth.R), 4 * kDegree);
   EXPECT_GT(result.score, 0.8);
   EXPECT_EQ(result.hypotheses.size(), 12u);
-  ASSERT_EQ(result.trace.size(), 4u);
+  ASSERT_EQ(result.trace.size(), 10u);  // slices, and the choice
   for (const TraceEntry& entry : result.trace) EXPECT_EQ(entry.live, 12);
-  EXPECT_LT(result.trace[2].best_loss, result.trace[0].best_loss);
+  EXPECT_LT(result.trace[8].best_loss, result.trace[0].best_loss);
   EXPECT_GT(result.work.samples, 100u * 2048u);
 }
 

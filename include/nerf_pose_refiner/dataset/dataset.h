@@ -28,6 +28,7 @@ struct Dataset {
   std::string folder;
   std::vector<PosedView> views;
   bool has_alpha = false;  ///< alpha comes from the images or from masks
+  bool has_masks = false;  ///< from masks: the pictures show what is around the object, too
   bool has_box = false;
   Eigen::Vector3d box_min = Eigen::Vector3d::Zero();  ///< of the matter, model units
   Eigen::Vector3d box_max = Eigen::Vector3d::Zero();

@@ -34,4 +34,7 @@ std::unique_ptr<Engine> makeCudaEngine(const EngineChoice& choice = {});
 /// std::runtime_error if that engine cannot run here.
 std::unique_ptr<Engine> makeEngine(const EngineChoice& choice);
 
+/// Whether an engine is a CUDA one.
+bool isOnDevice(const Engine& engine);
+
 }  // namespace nerf_pose_refiner

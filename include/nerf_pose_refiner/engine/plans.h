@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "nerf_pose_refiner/geometry/camera.h"
+#include "nerf_pose_refiner/maths/descent_update.h"
 #include "nerf_pose_refiner/maths/loss.h"
 
 namespace nerf_pose_refiner {
@@ -51,10 +52,11 @@ struct AlignStage {
 /// Every step draws pixels, the same ones for every hypothesis, and gathers force (eq. 2) and
 /// torque (eq. 3), averaged over the rays. Every `steps_per_update` steps Adam takes their mean:
 /// vector moments in t(3) and so(3), second moments element by element, all in the axes of O.
-/// Translation is added; rotation is multiplied from the left, about the camera's centre. Lengths
-/// are measured in `length_unit`, so that a scaled scene is searched in the same way.
+/// What they move, `update` says. Lengths are measured in `length_unit`, so that a scaled scene is
+/// searched in the same way.
 struct DescentPlan {
   Loss loss = Loss::kL2;
+  PoseUpdate update = PoseUpdate::kSeparate;
   double length_unit = 3.03;                ///< side of the paper's unit cube [model units]
   double translation_learning_rate = 3e-3;  ///< [length_unit] an update
   double rotation_learning_rate = 5e-3;     ///< [rad] an update
@@ -71,6 +73,16 @@ struct DescentPlan {
   int score_steps = 128;            ///< a hypothesis' loss is the mean of its last so many steps
   bool direction_gradient = false;  ///< also through the viewing direction
   std::uint64_t seed = 1;
+
+  /// Of an update. @param decayed the learning rates' share that is left.
+  DescentRates rates(double decayed) const {
+    return {update,
+            length_unit,
+            decayed * translation_learning_rate,
+            decayed * rotation_learning_rate,
+            regularisation,
+            {beta1, beta2, epsilon}};
+  }
 };
 
 /// Survivors and their offspring, whose loss is infinite until it is measured.

@@ -79,7 +79,8 @@ struct RefinerSettings {
 
   std::uint64_t seed = 1;
 
-  /// Presets: "align" (a wide search), "track" (from the last pose), "paper", "paper_single".
+  /// Presets: "align" (a wide search), "track" (from the last pose), "paper", "paper_single",
+  /// "inerf" (of one hypothesis, to compare with).
   /// @throws std::invalid_argument listing the names that exist.
   static RefinerSettings named(const std::string& preset);
   static std::vector<std::string> presetNames();

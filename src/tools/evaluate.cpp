@@ -1,0 +1,311 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <memory>
+#include <set>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "nerf_pose_refiner/dataset/dataset.h"
+#include "nerf_pose_refiner/evaluate/trial.h"
+#include "nerf_pose_refiner/evaluate/trial_observation.h"
+#include "nerf_pose_refiner/evaluate/trial_table.h"
+#include "nerf_pose_refiner/field/model_file.h"
+#include "tool.h"
+
+// Runs the trials of a plan on the scenes of a data folder. What is there already is not run again.
+
+namespace nerf_pose_refiner {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr double kDegreesPerRad = 180 / 3.14159265358979323846;
+constexpr std::uint64_t kStartsPerView = 1000;  // of the numbers that starts are drawn by
+
+struct EvaluateOptions {
+  std::string data, models, experiments, output;
+  std::vector<std::string> only, scenes, photos;
+  std::string shard = "0/1";
+  EngineOptions engine;
+};
+
+void declare(CLI::App* app, EvaluateOptions* options) {
+  app->description(
+      "Runs trials of pose refinement: views of the scenes below a folder, each started from "
+      "wrong\n"
+      "poses, as a plan says (config/experiments.json). Writes a line a trial; what is there is "
+      "not\n"
+      "run again. scripts/tabulate_trials makes tables and plots of it.");
+  app->footer("Example:\n  " + app->get_name() +
+              " scenes --models models --experiments config/experiments.json -o results --backend "
+              "auto\n\n" +
+              kExitCodes);
+  app->add_option(
+         "data", options->data,
+         "Folder of scenes: folders with a transforms_test.json, three levels deep at most")
+      ->required()
+      ->check(CLI::ExistingDirectory);
+  app->add_option("--models", options->models, "Folder of models, <scene>.safetensors")
+      ->required()
+      ->check(CLI::ExistingDirectory);
+  app->add_option("--experiments", options->experiments, "Plan: which trials there are (JSON)")
+      ->required()
+      ->check(CLI::ExistingFile);
+  app->add_option("-o,--output", options->output, "Folder for the trials' lines")->required();
+  app->add_option("--only", options->only, "Names of experiments; default: all of the plan");
+  app->add_option("--scene", options->scenes, "Names of scenes; default: all below the folder");
+  app->add_option("--photo", options->photos,
+                  "Pictures to put behind the object, in turn; default: drawn clutter")
+      ->check(CLI::ExistingFile);
+  app->add_option("--shard", options->shard, "i/n: every n-th trial, from the i-th (0..n-1)")
+      ->capture_default_str();
+  options->engine.addTo(app);
+}
+
+struct Shard {
+  int index = 0, count = 1;
+
+  explicit Shard(const std::string& text) {
+    char rest = 0;
+    if (std::sscanf(text.c_str(), "%d/%d%c", &index, &count, &rest) != 2 || index < 0 ||
+        index >= count) {
+      throw std::invalid_argument("--shard " + text + " is not i/n with 0 <= i < n");
+    }
+  }
+  std::string suffix() const {
+    return std::to_string(index) + "-of-" + std::to_string(count) + ".csv";
+  }
+};
+
+bool isWanted(const std::vector<std::string>& wanted, const std::string& name) {
+  return wanted.empty() || std::find(wanted.begin(), wanted.end(), name) != wanted.end();
+}
+
+/// @throws std::invalid_argument for a wanted name that there is not.
+void requireKnown(const std::vector<std::string>& wanted, const std::set<std::string>& known,
+                  const char* what) {
+  for (const std::string& name : wanted) {
+    if (known.count(name) == 0) throw std::invalid_argument("no " + (what + (" '" + name + "'")));
+  }
+}
+
+const char* nameOf(Outcome outcome) {
+  switch (outcome) {
+    case Outcome::kRefined:
+      return "refined";
+    case Outcome::kNoOverlap:
+      return "no_overlap";
+    case Outcome::kDiverged:
+      return "diverged";
+    case Outcome::kStopped:
+      break;
+  }
+  return "stopped";
+}
+
+/// A scene whose trials are run.
+struct LoadedScene {
+  std::string name;
+  SceneKind kind;
+  Dataset dataset;
+  std::shared_ptr<const LoadedField> field;
+
+  const FieldMetadata& object() const { return field->field().metadata; }
+  bool isFirst(const PosedView& view) const { return &view == &dataset.views.front(); }
+};
+
+SceneKind kindOf(const Dataset& dataset) {
+  if (dataset.has_masks) return SceneKind::kMasked;
+  return dataset.has_alpha ? SceneKind::kSynthetic : SceneKind::kForwardFacing;
+}
+
+class Evaluation {
+ public:
+  Evaluation(const EvaluateOptions& options, const StopToken& stop)
+      : options_(options),
+        stop_(stop),
+        shard_(options.shard),
+        plan_(loadExperiments(options.experiments)),
+        engine_(options.engine.make()) {
+    fs::create_directories(options.output);
+    const fs::path folder = options.output;
+    trials_ = std::make_unique<TrialTable>(
+        (folder / ("trials-" + shard_.suffix())).string(),
+        std::vector<std::string>{"start_deg", "start_units", "start_diameters", "deg", "units",
+                                 "diameters", "pixels", "outcome", "score", "seconds", "samples",
+                                 "engine"});
+    traces_ = std::make_unique<TrialTable>(
+        (folder / ("traces-" + shard_.suffix())).string(),
+        std::vector<std::string>{"stage", "seconds", "samples", "deg", "units"});
+  }
+
+  void run() {
+    const std::vector<Scene> scenes = findScenes(options_.data);
+    std::set<std::string> names, experiments;
+    for (const Scene& scene : scenes) names.insert(scene.name);
+    for (const Experiment& experiment : plan_.experiments) experiments.insert(experiment.name);
+    requireKnown(options_.scenes, names, "scene");
+    requireKnown(options_.only, experiments, "experiment");
+    for (const Scene& scene : scenes) {
+      if (isWanted(options_.scenes, scene.name)) runScene(scene);
+    }
+    line_.end();
+    std::printf("%zu trials, %d of them new, on %s\n", trials_->size(), done_,
+                engine_->describe().c_str());
+  }
+
+ private:
+  void runScene(const Scene& scene) {
+    const fs::path model = fs::path(options_.models) / (scene.name + ".safetensors");
+    LoadedScene loaded;
+    loaded.name = scene.name;
+    loaded.dataset = loadTransforms(scene.test_path, options_.engine.datasetOptions(), stop_);
+    loaded.kind = kindOf(loaded.dataset);
+    loaded.field = engine_->load(std::make_shared<const Field>(loadModel(model.string())));
+    for (const Experiment& experiment : plan_.experiments) {
+      const auto& kinds = experiment.kinds;
+      if (!isWanted(options_.only, experiment.name)) continue;
+      if (std::find(kinds.begin(), kinds.end(), loaded.kind) == kinds.end()) continue;
+      for (const std::string& condition : experiment.conditions) {
+        runCondition(loaded, experiment, condition);
+      }
+    }
+  }
+
+  void runCondition(const LoadedScene& scene, const Experiment& experiment,
+                    const std::string& condition) {
+    TrialObservation disturbance =
+        TrialObservation::named(condition, scene.kind == SceneKind::kMasked ? "own" : "alpha");
+    disturbance.seed = plan_.seed;
+    disturbance.photos = options_.photos;
+    const int available = static_cast<int>(scene.dataset.views.size());
+    for (const int v : chosenViews(experiment.views, available)) {
+      const PosedView& view = scene.dataset.views[v];
+      Observation observation;  // made when a trial needs it
+      forEachTrial(scene, experiment, condition, v,
+                   [&](const TrialKey& key, const SearchVariant& how) {
+                     if (observation.image.empty()) observation = disturbance.of(view, v);
+                     runTrial(scene, experiment, key, how, view, observation);
+                   });
+    }
+  }
+
+  /// Calls `run` for the view's trials that are this process' and were not run yet.
+  template <typename Run>
+  void forEachTrial(const LoadedScene& scene, const Experiment& experiment,
+                    const std::string& condition, int view, const Run& run) {
+    for (int start = 0; start < experiment.starts; ++start) {
+      for (const SearchVariant& variant : experiment.variants) {
+        for (const std::string& method : experiment.methods) {
+          // Alignment has a loss of its own, and iNeRF is what its authors made it: L2.
+          const bool has_losses = method == "single" || method == "multiple";
+          const auto losses = has_losses ? experiment.losses
+                                         : std::vector<std::string>{method == "inerf" ? "l2" : ""};
+          for (const std::string& loss : losses) {
+            stop_.check();
+            if (index_++ % shard_.count != shard_.index) continue;
+            const TrialKey key = {
+                experiment.name, scene.name, sceneKindName(scene.kind), method, loss,
+                variant.label,   condition,  experiment.protocol,       view,   start};
+            if (!trials_->has(key)) run(key, variant);
+          }
+        }
+      }
+    }
+  }
+
+  void runTrial(const LoadedScene& scene, const Experiment& experiment, const TrialKey& key,
+                const SearchVariant& variant, const PosedView& view,
+                const Observation& observation) {
+    const FieldMetadata& object = scene.object();
+    const TrialProtocol protocol(experiment.protocol, scene.kind, object);
+    const std::string loss = key.loss.empty() ? "l2" : key.loss;
+    Refiner refiner(engine_, trialSettings(key.method, loss, variant, protocol.unit, plan_.seed));
+    const Prior prior =
+        protocol.prior(view.T_O_C, object, plan_.seed, kStartsPerView * key.view + key.start);
+    const Observation picture = trialPicture(observation, key.method, variant);
+    if (isOnDevice(*engine_) && warmed_ != scene.name + key.method) {  // memory, graphs: once
+      refiner.refine(*scene.field, picture, prior, stop_);
+      warmed_ = scene.name + key.method;
+    }
+    const Refinement refinement = refiner.refine(*scene.field, picture, prior, stop_);
+    const auto errorOf = [&](const Pose& T_O_C) {
+      return poseError(T_O_C, view.T_O_C, object.centre, view.camera);
+    };
+    if (experiment.traces) addTrace(key, prior, refinement, protocol.unit, errorOf);
+    addTrial(key, errorOf(prior.T_O_C), errorOf(refinement.T_O_C), refinement, protocol.unit,
+             object.diameter);
+    ++done_;
+    line_.show(0, scene.name + " " + key.experiment + " " + key.condition + ": view " +
+                      std::to_string(key.view) + ", " + std::to_string(done_) + " trials");
+  }
+
+  void addTrial(const TrialKey& key, const PoseError& before, const PoseError& after,
+                const Refinement& refinement, double unit, double diameter) {
+    const bool found = refinement.outcome == Outcome::kRefined;
+    const auto ifFound = [&](double value) { return found ? cellOf(value) : std::string(); };
+    trials_->add(
+        key,
+        {{cellOf(before.rotation_rad * kDegreesPerRad), cellOf(before.camera_offset / unit),
+          cellOf(before.object_offset / diameter), ifFound(after.rotation_rad * kDegreesPerRad),
+          ifFound(after.camera_offset / unit), ifFound(after.object_offset / diameter),
+          ifFound(after.pixels), nameOf(refinement.outcome), cellOf(refinement.score),
+          cellOf(refinement.seconds), std::to_string(refinement.work.samples), engineCell()}});
+  }
+
+  template <typename ErrorOf>
+  void addTrace(const TrialKey& key, const Prior& prior, const Refinement& refinement, double unit,
+                const ErrorOf& errorOf) {
+    if (traces_->has(key)) return;
+    std::vector<std::vector<std::string>> rows;
+    double seconds = 0, samples = 0;
+    const auto addRow = [&](const std::string& stage, const Pose& T_O_C) {
+      const PoseError error = errorOf(T_O_C);
+      rows.push_back({stage, cellOf(seconds), cellOf(samples),
+                      cellOf(error.rotation_rad * kDegreesPerRad),
+                      cellOf(error.camera_offset / unit)});
+    };
+    addRow("start", prior.T_O_C);
+    for (const TraceEntry& entry : refinement.trace) {
+      seconds += entry.seconds;
+      samples += static_cast<double>(entry.work.samples);
+      addRow(entry.stage, entry.best_T_O_C);
+    }
+    traces_->add(key, rows);
+  }
+
+  std::string engineCell() const {
+    std::string text = engine_->describe();
+    std::replace(text.begin(), text.end(), ',', ';');
+    return text;
+  }
+
+  const EvaluateOptions& options_;
+  const StopToken& stop_;
+  const Shard shard_;
+  const ExperimentPlan plan_;
+  std::shared_ptr<Engine> engine_;
+  std::unique_ptr<TrialTable> trials_, traces_;
+  ProgressLine line_;
+  std::string warmed_;
+  int index_ = 0;  // of trials in the whole plan
+  int done_ = 0;
+};
+
+void evaluate(const EvaluateOptions& options, const StopToken& stop) {
+  Evaluation(options, stop).run();
+}
+
+}  // namespace
+}  // namespace nerf_pose_refiner
+
+int main(int argc, char** argv) {
+  return nerf_pose_refiner::runTool(argc, argv, nerf_pose_refiner::declare,
+                                    nerf_pose_refiner::evaluate);
+}
