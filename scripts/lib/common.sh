@@ -9,13 +9,13 @@ BUILD_DIR=$CACHE_DIR/build
 ASSUME_YES=${CI:-false} # continuous integration has nobody to ask
 
 # catkin's Python modules are those of the system's Python: one of pyenv, conda or a virtual
-# environment must not hide it. Folders with another python3 leave PATH.
+# environment must not hide it. Folders with another python3 leave PATH, where the system has one.
 path_with_systems_python() {
   local folder
   local -a folders kept=()
   IFS=: read -r -a folders <<<"$PATH"
   for folder in "${folders[@]}"; do
-    if [ ! -x "$folder/python3" ] || [ "$folder/python3" -ef /usr/bin/python3 ]; then
+    if [ ! -x /usr/bin/python3 ] || [ ! -x "$folder/python3" ] || [ "$folder/python3" -ef /usr/bin/python3 ]; then
       kept+=("$folder")
     fi
   done

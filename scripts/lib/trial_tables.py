@@ -111,7 +111,7 @@ def views_of(rows, names, protocol):
                 'median [s]', 'median samples'],
              [name_cells(row, names) + [number_cell(row, name) for _, name in errors] +
               [row.get('paper_s') or number_cell(row, 'median_s'), samples_cell(row)]
-              for row in rows if row['source'] == 'ours' or row['paper_s']])]
+              for row in rows if row['source'] == 'ours' or row.get('paper_s')])]
 
 
 def paper_rows(paper, kind, method, scenes, label):
@@ -126,7 +126,8 @@ def paper_rows(paper, kind, method, scenes, label):
         figures = [part[name][method][part['scenes'].index(scene.lower())] for scene in known]
         printed = part['printed_mean'][name][method]
         row[name] = printed if known == part['scenes'] else round(sum(figures) / len(figures), 6)
-    row['paper_s'] = paper['seconds'].get(method)
+    if known == part['scenes']:  # the paper has one time for all
+        row['paper_s'] = paper['seconds'].get(method)
     return [row]
 
 

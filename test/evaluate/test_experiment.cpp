@@ -40,6 +40,16 @@ TEST_F(ExperimentFile, whatIsLeftOutHasDefaults) {
   EXPECT_EQ(e.views * e.starts, 100);
 }
 
+TEST(Experiments, everyPlanOfConfigIsRead) {
+  int plans = 0;
+  for (const auto& entry : fs::directory_iterator(fs::path(NPR_SOURCE_DIR) / "config")) {
+    if (entry.path().extension() != ".json") continue;
+    EXPECT_FALSE(loadExperiments(entry.path().string()).experiments.empty()) << entry.path();
+    ++plans;
+  }
+  EXPECT_GE(plans, 2);
+}
+
 TEST_F(ExperimentFile, whatMakesNoSenseIsRefusedByName) {
   expectRefused("{", "parse error");
   expectRefused("{}", "experiments: must be an array");
