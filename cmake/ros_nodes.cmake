@@ -67,7 +67,7 @@ if(CLI11_FOUND)
   target_link_libraries(${PROJECT_NAME}_evaluate_bag PRIVATE
     ${ros_library} CLI11::CLI11 nlohmann_json::nlohmann_json)
 endif()
-catkin_install_python(PROGRAMS scripts/plot_evaluation
+catkin_install_python(PROGRAMS scripts/llff_to_transforms scripts/plot_evaluation
   DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
 
 add_executable(${PROJECT_NAME}_capture_views_node src/nodes/capture_views_node.cpp)
