@@ -57,6 +57,19 @@ std::vector<PosedView> poseViews(const std::vector<PosedView>& held_out,
   return views;
 }
 
+/// Whether nothing but the box is seen in any view: it holds a whole scene, not an object in one.
+bool fillsViews(const Box& box, const std::vector<PosedView>& views) {
+  return std::all_of(views.begin(), views.end(), [&](const PosedView& view) {
+    // What shows a convex box is convex: the corners speak for all pixels.
+    for (const int x : {0, view.camera.width - 1}) {
+      for (const int y : {0, view.camera.height - 1}) {
+        if (!box.meets(view.T_O_C.t, view.T_O_C.R * view.camera.direction(x, y))) return false;
+      }
+    }
+    return true;
+  });
+}
+
 /// Where a view says what there is. One with transparency does so everywhere; one without shows
 /// whatever lies behind the box as well, and counts only where the box can be seen.
 std::vector<std::uint8_t> tellingPixels(const PosedView& view, const Box& box) {
@@ -219,12 +232,15 @@ void requireBox(const Dataset& dataset) {
   throw std::invalid_argument(text.str());
 }
 
+/// Before backgrounds that change only what is opaque looks right: objects where their photos say
+/// so, and scenes everywhere. (An object in a box may end before the background that is seen in the
+/// box, too.)
 std::unique_ptr<FieldTrainer> trainerOf(Engine* engine, const std::vector<PosedView>& training,
                                         bool has_alpha, const RegistrationSettings& settings,
                                         Hull hull) {
   TrainingPlan plan = settings.plan;
   plan.region = std::move(hull.region);
-  plan.random_background = has_alpha;
+  plan.random_background = has_alpha || fillsViews(hull.box, training);
   plan.seed = settings.seed;
   std::vector<TrainingView> views;
   for (const PosedView& view : training) views.push_back({view.rgba, view.camera, view.T_O_C});

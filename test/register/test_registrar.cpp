@@ -65,7 +65,6 @@ TEST(RegisterObject, GivesTheTrainerWhatItNeeds) {
   EXPECT_EQ(engine.box.min, Eigen::Vector3d(-1, -2, -3));
   EXPECT_EQ(engine.box.max, Eigen::Vector3d(60, 2, 3));
   EXPECT_EQ(engine.plan.region.resolution, 0);
-  EXPECT_FALSE(engine.plan.random_background);
   EXPECT_EQ(engine.plan.seed, 7u);
   EXPECT_EQ(engine.plan.learning_rate, 0.5);
   EXPECT_EQ(engine.progress, (std::vector<double>{0, 0.25, 0.5, 0.75}));
@@ -74,6 +73,21 @@ TEST(RegisterObject, GivesTheTrainerWhatItNeeds) {
   registerWith(&with_alpha, analyticDataset(12, 24), fewSteps(1));
   EXPECT_EQ(with_alpha.plan.region.resolution, FieldConfig::named("cpu").occupancy_resolution);
   EXPECT_TRUE(with_alpha.plan.random_background);
+}
+
+// The corners of a view see 0.3 units up and down for each unit of depth; the box begins at z = -3
+// and ends at y = 2.
+TEST(RegisterObject, ASceneThatFillsAllViewsIsOpaque) {
+  const auto is_opaque = [](double z_of_a_view) {
+    Dataset dataset = greyDataset(10);
+    dataset.views[6].T_O_C.t.z() = z_of_a_view;
+    ScriptedEngine engine;
+    registerWith(&engine, dataset, fewSteps(1));
+    return engine.plan.random_background;
+  };
+  EXPECT_TRUE(is_opaque(0));      // from inside
+  EXPECT_TRUE(is_opaque(-9.6));   // 1.98 units above the axis where the box begins
+  EXPECT_FALSE(is_opaque(-9.7));  // 2.01
 }
 
 TEST(RegisterObject, MeasuresHeldOutViewsByHand) {
