@@ -10,6 +10,9 @@ import sys
 import tempfile
 import unittest
 
+import cv2
+import numpy as np
+
 TOP = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 SCRIPT = os.path.join(TOP, 'scripts', 'reproduce')
 sys.path.insert(0, os.path.join(TOP, 'scripts', 'lib'))
@@ -141,6 +144,31 @@ class Reproduce(unittest.TestCase):
         self.file('empty/readme')
         self.refused(1, 'no scene below', data='empty')
         self.refused(1, 'there is no folder', data='none')
+
+    def llff_scene(self, name):
+        """Nine photos from cameras side by side; pictures in two sizes, of which the smaller are wanted."""
+        os.makedirs(self.path('data', name, 'images_8'))
+        self.file('data/%s/images/photo.txt' % name)
+        rows = []
+        for i in range(9):
+            cv2.imwrite(self.path('data', name, 'images_8', '%d.png' % i), np.zeros((6, 8, 3), np.uint8))
+            pose = np.array([[0, 1, 0, 0.1 * i, 48], [-1, 0, 0, 0, 64], [0, 0, 1, 0, 50]])  # down, right, back
+            rows.append(list(pose.ravel()) + [2, 9])
+        np.save(self.path('data', name, 'poses_bounds.npy'), np.array(rows))
+
+    def test_llff_is_converted_once(self):
+        self.llff_scene('nerf_llff_data/wall')
+        self.scene('nerf_llff_data/wall')  # as such folders come, in another unit
+        result = self.reproduce()
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertIn('wall: converting', result.stderr)
+        converted = self.path('out', 'scenes', 'wall', 'transforms_test.json')
+        with open(converted, encoding='utf-8') as file:
+            self.assertEqual(len(json.load(file)['frames']), 2)  # of nine the first and the last
+        written = os.stat(converted).st_mtime_ns
+        self.assertNotIn('converting', self.reproduce().stderr)
+        self.assertEqual(os.stat(converted).st_mtime_ns, written)
+        self.assertTrue(os.path.islink(self.path('out', 'scenes', 'chair')))
 
     def test_wrong_usage(self):
         for options in (('--shard', '2/2'), ('--shard', 'x'), ('--backend', 'gpu'), ('--what',)):
