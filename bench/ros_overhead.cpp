@@ -25,6 +25,7 @@
 
 #include "nerf_pose_refiner/dataset/dataset.h"
 #include "nerf_pose_refiner/field/model_file.h"
+#include "nerf_pose_refiner/field/object_frame.h"
 #include "nerf_pose_refiner/image/colour.h"
 #include "nerf_pose_refiner/register/registrar.h"
 #include "nerf_pose_refiner/ros/camera_input.h"
@@ -110,7 +111,7 @@ class Graph {
   void sendInitialPose() {
     geometry_msgs::PoseStamped pose;
     pose.header.frame_id = "camera";
-    pose.pose = toMessage(objectInCamera(subject_.T_O_C, kMetresPerUnit));
+    pose.pose = toMessage(ObjectFrame(Pose(), kMetresPerUnit).objectInCamera(subject_.T_O_C));
     initial_.publish(pose);
   }
 

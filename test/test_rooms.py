@@ -17,6 +17,7 @@ LIBRARY_ROOMS = ('tasks', 'maths', 'geometry', 'image', 'dataset', 'field', 'eng
 # Room -> (rooms it may include, libraries it may include, as patterns of the include's path).
 EIGEN = r'Eigen/'
 JSON = r'nlohmann/json\.hpp'
+YAML = r'yaml-cpp/yaml\.h'
 OPENCV = r'opencv2/'
 POSIX = r'(unistd|fcntl|dirent|spawn|sys/\w+)\.h'
 SIMD = r'immintrin\.h|(stdint|string)\.h'  # for files without anything of std in them
@@ -30,7 +31,7 @@ RULES = {
     'geometry': (('maths',), (EIGEN,)),
     'image': (('geometry',), (OPENCV,)),
     'dataset': (('geometry', 'image', 'tasks'), (EIGEN, JSON)),
-    'field': (('geometry', 'maths'), (EIGEN, JSON, POSIX)),
+    'field': (('geometry', 'maths'), (EIGEN, JSON, POSIX, YAML)),
     'engine': (('field', 'geometry', 'image', 'maths', 'tasks'), (EIGEN, SIMD)),
     'register': (('refine', 'engine', 'dataset', 'field', 'geometry', 'image', 'maths', 'tasks'),
                  (EIGEN,)),

@@ -5,8 +5,10 @@
 
 namespace nerf_pose_refiner {
 
-PoseError poseError(const Pose& T_O_C, const Pose& true_T_O_C, const Eigen::Vector3d& object_centre,
-                    const Camera& camera) {
+PoseError poseError(const Pose& found_T_O_C, const Pose& true_T_O_C,
+                    const Eigen::Vector3d& object_centre, const Camera& camera,
+                    const Symmetries& symmetries) {
+  const Pose T_O_C = nearestEquivalent(found_T_O_C, true_T_O_C, symmetries);
   const Eigen::Vector3d centre_C = T_O_C.inverse() * object_centre;
   const Eigen::Vector3d true_centre_C = true_T_O_C.inverse() * object_centre;
   const bool visible = centre_C.z() > 0 && true_centre_C.z() > 0;

@@ -65,16 +65,17 @@ void countTrust(const std::vector<EvaluatedFrame>& frames, SequenceSummary* summ
 
 }  // namespace
 
-PoseMetrics EvaluatedObject::compare(const Pose& T_O_C, const Pose& true_T_O_C,
+PoseMetrics EvaluatedObject::compare(const Pose& T_U_C, const Pose& true_T_U_C,
                                      const Camera& camera) const {
-  const PoseError error = poseError(T_O_C, true_T_O_C, centre_m, camera);
+  const Pose nearest = nearestEquivalent(T_U_C, true_T_U_C, symmetries_m);
+  const PoseError error = poseError(nearest, true_T_U_C, centre_m, camera);
   PoseMetrics metrics;
   metrics.rotation_deg = error.rotation_rad * kDegreesPerRad;
   metrics.offset_m = error.object_offset;
   metrics.offset_diameters = error.object_offset / diameter_m;
-  metrics.add_m = points_m.add(T_O_C, true_T_O_C);
-  metrics.add_s_m = points_m.addS(T_O_C, true_T_O_C);
-  metrics.reprojection_px = points_m.reprojection(T_O_C, true_T_O_C, camera);
+  metrics.add_m = points_m.add(nearest, true_T_U_C);
+  metrics.add_s_m = points_m.addS(nearest, true_T_U_C);
+  metrics.reprojection_px = points_m.reprojection(nearest, true_T_U_C, camera);
   return metrics;
 }
 

@@ -67,6 +67,42 @@ Vector6 cameraTwist(const Pose& from_T_O_C, const Pose& to_T_O_C, const Eigen::V
   return twist;
 }
 
+Hypothesis moved(const Hypothesis& hypothesis, const Pose& motion, const Eigen::Vector3d& centre) {
+  // The motion takes the centre c to c*; a twist about c* with rotation w moves c by w x (c - c*).
+  Matrix6 twist = Matrix6::Zero();  // of before, as one of after
+  twist.topLeftCorner<3, 3>() = twist.bottomRightCorner<3, 3>() = motion.R;
+  twist.topRightCorner<3, 3>() = -crossMatrix(centre - motion * centre) * motion.R;
+  const Matrix6 back = twist.inverse();
+  Hypothesis result = hypothesis;
+  result.T_O_C = motion * hypothesis.T_O_C;
+  result.information = back.transpose() * hypothesis.information * back;
+  result.gradient_scatter = back.transpose() * hypothesis.gradient_scatter * back;
+  return result;
+}
+
+HypothesisTable nearestEquivalents(const HypothesisTable& hypotheses, const Prior& prior,
+                                   const FieldMetadata& object) {
+  if (!object.symmetries.any()) return hypotheses;
+  HypothesisTable result;
+  Eigen::Matrix3d reference = prior.T_O_C.R;
+  for (const Hypothesis& hypothesis : hypotheses) {
+    const Pose motion =
+        object.symmetries.nearest(hypothesis.T_O_C.R.transpose(), reference.transpose());
+    result.push_back(moved(hypothesis, motion.inverse(), object.centre));
+    reference = result.front().T_O_C.R;
+  }
+  return result;
+}
+
+Matrix6 freeAbout(const SymmetryAxis& axis, const Matrix6& of_twist,
+                  const Eigen::Vector3d& centre) {
+  Vector6 turn;  // by 1 rad about the axis, as a twist about the centre
+  turn << axis.direction.cross(centre - axis.point), axis.direction;
+  Matrix6 without = Matrix6::Identity();  // takes the angle about the axis out of a twist
+  without.rightCols<3>() -= turn * axis.direction.transpose();
+  return without * of_twist * without.transpose() + M_PI * M_PI / 3 * turn * turn.transpose();
+}
+
 std::vector<double> hypothesisWeights(const HypothesisTable& hypotheses) {
   std::vector<double> weights(hypotheses.size(), 0.0);
   double least = 0, sum = 0;
@@ -100,16 +136,17 @@ Matrix6 poseCovariance(const HypothesisTable& hypotheses, const Prior& prior,
     const Vector6 away = cameraTwist(best.T_O_C, hypotheses[i].T_O_C, object.centre);
     covariance += weights[i] * away * away.transpose();
   }
-  return covariance;
+  const std::optional<SymmetryAxis>& axis = object.symmetries.axis();
+  return axis ? freeAbout(*axis, covariance, object.centre) : covariance;
 }
 
 Matrix6 covarianceInCamera(const Matrix6& of_twist, const Pose& T_O_C,
-                           const Eigen::Vector3d& centre) {
-  // R_C_O -> R_C_O Exp(-w) = Exp(-R_C_O w) R_C_O, and O's origin, at -c from the centre, follows.
+                           const Eigen::Vector3d& centre, const Eigen::Vector3d& point) {
+  // R_C_O -> R_C_O Exp(-w) = Exp(-R_C_O w) R_C_O, and the point, at p - c from the centre, follows.
   const Eigen::Matrix3d R_C_O = T_O_C.R.transpose();
   Matrix6 jacobian = Matrix6::Zero();
   jacobian.topLeftCorner<3, 3>() = -R_C_O;
-  jacobian.topRightCorner<3, 3>() = -R_C_O * crossMatrix(centre);
+  jacobian.topRightCorner<3, 3>() = R_C_O * crossMatrix(point - centre);
   jacobian.bottomRightCorner<3, 3>() = -R_C_O;
   return jacobian * of_twist * jacobian.transpose();
 }

@@ -60,14 +60,15 @@ void RefinementRun::finish(const HypothesisTable& table) {
     result->outcome = Outcome::kDiverged;
     return;
   }
-  const Hypothesis& best = table.front();
+  const FieldMetadata& object = field.field().metadata;
+  result->hypotheses = nearestEquivalents(table, prior, object);
+  const Hypothesis& best = result->hypotheses.front();
   result->outcome = Outcome::kRefined;
   result->T_O_C = {nearestRotation(best.T_O_C.R), best.T_O_C.t};
   result->visible_fraction = best.visible_fraction;
   const bool by_contrast = judgingStage(settings, observation.background).compare_contrast;
-  result->score = by_contrast ? calibratedScore(best.score, field.field().metadata.pose)
-                              : scoreOfShare(best.score);
-  result->covariance = poseCovariance(table, prior, field.field().metadata);
+  result->score = by_contrast ? calibratedScore(best.score, object.pose) : scoreOfShare(best.score);
+  result->covariance = poseCovariance(result->hypotheses, prior, object);
 }
 
 Refiner::Refiner(std::shared_ptr<Engine> engine, const RefinerSettings& settings)

@@ -257,7 +257,7 @@ std::optional<Pose> BagSequence::initialPose(const std::string& camera_frame,
   try {
     const geometry_msgs::TransformStamped T_C_P =
         transforms_.lookupTransform(camera_frame, stamp, start.frame_id, start.stamp, fixed);
-    return fromMessage(T_C_P.transform) * start.T_P_O;
+    return fromMessage(T_C_P.transform) * start.T_P_U;
   } catch (const tf2::TransformException& e) {
     throw std::runtime_error(std::string("no way to the initial pose: ") + e.what());
   }

@@ -72,17 +72,6 @@ Marker axesOf(const std_msgs::Header& header, const geometry_msgs::Pose& pose,
 
 }  // namespace
 
-BoxCorners boxCorners(const Field& field) {
-  BoxCorners corners;
-  for (std::size_t i = 0; i < corners.size(); ++i) {
-    for (int axis = 0; axis < 3; ++axis) {
-      const Eigen::Vector3d& end = i >> axis & 1 ? field.box.max : field.box.min;
-      corners[i][axis] = field.metadata.metres_per_unit * end[axis];
-    }
-  }
-  return corners;
-}
-
 visualization_msgs::MarkerArray hypothesisMarkers(const PoseHypothesisArray& hypotheses,
                                                   const BoxCorners& corners) {
   visualization_msgs::MarkerArray array;

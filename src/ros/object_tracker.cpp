@@ -5,6 +5,7 @@
 #include <cmath>
 #include <utility>
 
+#include "nerf_pose_refiner/field/object_frame.h"
 #include "nerf_pose_refiner/ros/input_error.h"
 #include "nerf_pose_refiner/ros/pose_conversions.h"
 #include "nerf_pose_refiner/ros/prior.h"
@@ -264,10 +265,10 @@ ObjectTracker::Trust ObjectTracker::conclude(const std_msgs::Header& header,
                                              const Refinement& refinement) {
   const std::uint64_t ticket = decision.ticket;
   const auto [reason, message] = verdictOn(refinement, decision.start->tracked, parameters_.rules);
-  const Pose T_C_O = objectInCamera(refinement.T_O_C, field_->metadata.metres_per_unit);
+  const Pose T_C_U = ObjectFrame::inMetres(field_->metadata).objectInCamera(refinement.T_O_C);
   std::lock_guard<std::mutex> lock(mutex_);
   if (reason == Status::REASON_NONE) {
-    const bool current = state_.trusted(ticket, T_C_O, header.frame_id, header.stamp);
+    const bool current = state_.trusted(ticket, T_C_U, header.frame_id, header.stamp);
     return current ? Trust::kTrusted : Trust::kOutdated;
   }
   const bool current = state_.notTrusted(ticket, reason, message);
@@ -279,16 +280,13 @@ void ObjectTracker::place(const std_msgs::Header& header, const Pose& T_W_C, boo
   const FieldMetadata& object = field_->metadata;
   std_msgs::Header placed = header;
   placed.frame_id = tf_.outputFrame(header.frame_id);
-  result->hypotheses = toMessage(result->refinement.hypotheses, T_W_C, object.metres_per_unit);
+  result->hypotheses = toMessage(result->refinement.hypotheses, T_W_C, object);
   result->hypotheses.object = object.name;
   result->hypotheses.header = placed;
   if (!trusted) return;
   result->pose.emplace();
   result->pose->header = placed;
-  const Refinement& found = result->refinement;
-  result->pose->pose.pose = toMessage(T_W_C * objectInCamera(found.T_O_C, object.metres_per_unit));
-  result->pose->pose.covariance = covarianceToMessage(found.covariance, found.T_O_C, object.centre,
-                                                      object.metres_per_unit, T_W_C.R);
+  result->pose->pose = toMessage(result->refinement, T_W_C, object);
 }
 
 }  // namespace nerf_pose_refiner

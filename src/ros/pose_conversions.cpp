@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "nerf_pose_refiner/field/object_frame.h"
 #include "nerf_pose_refiner/ros/input_error.h"
 
 namespace nerf_pose_refiner {
@@ -26,18 +27,6 @@ double searchWidth(const Eigen::Matrix<double, 6, 6>& covariance, int block) {
 
 std::string withoutSlash(const std::string& frame_id) {
   return !frame_id.empty() && frame_id[0] == '/' ? frame_id.substr(1) : frame_id;
-}
-
-Pose objectInCamera(const Pose& T_O_C, double metres_per_unit) {
-  Pose T_C_O = T_O_C.inverse();
-  T_C_O.t *= metres_per_unit;
-  return T_C_O;
-}
-
-Pose cameraInObject(const Pose& T_C_O, double metres_per_unit) {
-  Pose T_O_C = T_C_O.inverse();
-  T_O_C.t /= metres_per_unit;
-  return T_O_C;
 }
 
 geometry_msgs::Pose toMessage(const Pose& pose) {
@@ -88,7 +77,7 @@ geometry_msgs::TransformStamped toTransform(const geometry_msgs::PoseStamped& po
 
 StartPose startFromMessage(const geometry_msgs::PoseStamped& message) {
   StartPose start;
-  start.T_P_O = fromMessage(message.pose);
+  start.T_P_U = fromMessage(message.pose);
   start.frame_id = withoutSlash(message.header.frame_id);
   start.stamp = message.header.stamp;
   if (start.frame_id.empty()) {
@@ -117,26 +106,39 @@ StartPose startFromMessage(const geometry_msgs::PoseWithCovarianceStamped& messa
 }
 
 geometry_msgs::PoseWithCovariance::_covariance_type covarianceToMessage(
-    const Matrix6& of_twist, const Pose& T_O_C, const Eigen::Vector3d& centre,
-    double metres_per_unit, const Eigen::Matrix3d& R_W_C) {
+    const Matrix6& of_twist, const Pose& T_O_C, const FieldMetadata& object,
+    const Eigen::Matrix3d& R_W_C) {
+  const ObjectFrame frame = ObjectFrame::inMetres(object);
   Matrix6 turn = Matrix6::Zero();  // and to metres
-  turn.topLeftCorner<3, 3>() = metres_per_unit * R_W_C;
+  turn.topLeftCorner<3, 3>() = frame.lengthPerUnit() * R_W_C;
   turn.bottomRightCorner<3, 3>() = R_W_C;
-  const Matrix6 covariance = turn * covarianceInCamera(of_twist, T_O_C, centre) * turn.transpose();
+  const Matrix6 covariance =
+      turn * covarianceInCamera(of_twist, T_O_C, object.centre, frame.origin()) * turn.transpose();
   geometry_msgs::PoseWithCovariance::_covariance_type message;
   Eigen::Map<Eigen::Matrix<double, 6, 6, Eigen::RowMajor>>(message.data()) = covariance;
   return message;
 }
 
+geometry_msgs::PoseWithCovariance toMessage(const Refinement& refinement, const Pose& T_W_C,
+                                            const FieldMetadata& object) {
+  geometry_msgs::PoseWithCovariance message;
+  const ObjectFrame frame = ObjectFrame::inMetres(object);
+  message.pose = toMessage(T_W_C * frame.objectInCamera(refinement.T_O_C));
+  message.covariance =
+      covarianceToMessage(refinement.covariance, refinement.T_O_C, object, T_W_C.R);
+  return message;
+}
+
 PoseHypothesisArray toMessage(const HypothesisTable& hypotheses, const Pose& T_W_C,
-                              double metres_per_unit) {
+                              const FieldMetadata& object) {
+  const ObjectFrame frame = ObjectFrame::inMetres(object);
   PoseHypothesisArray message;
   const std::vector<double> weights = hypothesisWeights(hypotheses);
   for (std::size_t i = 0; i < hypotheses.size(); ++i) {
     const Hypothesis& hypothesis = hypotheses[i];
     if (hypothesis.state != HypothesisState::kLive || !std::isfinite(hypothesis.loss)) continue;
     PoseHypothesis entry;
-    entry.pose = toMessage(T_W_C * objectInCamera(hypothesis.T_O_C, metres_per_unit));
+    entry.pose = toMessage(T_W_C * frame.objectInCamera(hypothesis.T_O_C));
     entry.loss = static_cast<float>(hypothesis.loss);
     entry.weight = static_cast<float>(weights[i]);
     message.hypotheses.push_back(entry);

@@ -117,13 +117,12 @@ void PoseService::refine(const RefinePose::Request& request, const ros::Time& ca
   }
   const Observation observation = input_.observe(*picture.image, *picture.info, masks);
   const Pose T_W_C = tf_.cameraInOutput(header.frame_id, header.stamp, stop);
-  const Pose T_C_O = tf_.startInCamera(start, header.frame_id, header.stamp, stop);
-  const Prior prior = priorFrom(start, T_C_O, field->metadata, parameters.initial);
+  const Pose T_C_U = tf_.startInCamera(start, header.frame_id, header.stamp, stop);
+  const Prior prior = priorFrom(start, T_C_U, field->metadata, parameters.initial);
   const std::unique_ptr<ObjectSearch> search = make_search_(parameters);
   search->use(field);
   const Refinement refinement = search->search(observation, prior, /*tracked=*/false, stop);
 
-  const double metres_per_unit = field->metadata.metres_per_unit;
   const Verdict verdict = verdictOn(refinement, /*tracked=*/false, parameters.rules);
   response->success = verdict.reason == Status::REASON_NONE;
   response->reason = verdict.reason;
@@ -132,10 +131,8 @@ void PoseService::refine(const RefinePose::Request& request, const ros::Time& ca
   response->pose.header = header;
   response->pose.header.frame_id = tf_.outputFrame(header.frame_id);
   if (refinement.outcome != Outcome::kRefined) return;
-  response->pose.pose.pose = toMessage(T_W_C * objectInCamera(refinement.T_O_C, metres_per_unit));
-  response->pose.pose.covariance = covarianceToMessage(
-      refinement.covariance, refinement.T_O_C, field->metadata.centre, metres_per_unit, T_W_C.R);
-  response->hypotheses = toMessage(refinement.hypotheses, T_W_C, metres_per_unit).hypotheses;
+  response->pose.pose = toMessage(refinement, T_W_C, field->metadata);
+  response->hypotheses = toMessage(refinement.hypotheses, T_W_C, field->metadata).hypotheses;
 }
 
 std::shared_ptr<const Field> PoseService::objectOf(const RefinePose::Request& request) const {

@@ -4,17 +4,17 @@
 #include <algorithm>
 #include <cmath>
 
+#include "nerf_pose_refiner/field/object_frame.h"
 #include "nerf_pose_refiner/ros/input_error.h"
-#include "nerf_pose_refiner/ros/pose_conversions.h"
 
 namespace nerf_pose_refiner {
 
 using Status = RefinementStatus;
 
-Prior priorFrom(const StartPose& start, const Pose& T_C_O, const FieldMetadata& object,
+Prior priorFrom(const StartPose& start, const Pose& T_C_U, const FieldMetadata& object,
                 const SearchSettings& settings) {
   Prior prior;
-  prior.T_O_C = cameraInObject(T_C_O, object.metres_per_unit);
+  prior.T_O_C = ObjectFrame::inMetres(object).cameraInModel(T_C_U);
   prior.rotation_rad = settings.rotation_deg * M_PI / 180;
   prior.translation = settings.translation;
   if (start.rotation_rad > 0) prior.rotation_rad = std::min(start.rotation_rad, M_PI);

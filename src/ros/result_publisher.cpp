@@ -1,6 +1,7 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include "nerf_pose_refiner/ros/result_publisher.h"
 
+#include "nerf_pose_refiner/field/object_frame.h"
 #include "nerf_pose_refiner/ros/hypothesis_markers.h"
 #include "nerf_pose_refiner/ros/pose_conversions.h"
 #include "nerf_pose_refiner/ros/topics.h"
@@ -46,7 +47,9 @@ void ResultPublisher::publish(const FrameResult& result) {
   hypotheses_.publish(result.hypotheses);
   hypothesis_poses_.publish(toPoseArray(result.hypotheses));
   if (hypothesis_markers_.getNumSubscribers() > 0) {
-    hypothesis_markers_.publish(hypothesisMarkers(result.hypotheses, boxCorners(*result.field)));
+    const ObjectFrame frame = ObjectFrame::inMetres(result.field->metadata);
+    hypothesis_markers_.publish(
+        hypothesisMarkers(result.hypotheses, boxCorners(*result.field, frame)));
   }
 }
 

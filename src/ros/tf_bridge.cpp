@@ -64,13 +64,13 @@ Pose TfBridge::startInCamera(const StartPose& start, const std::string& camera_f
                              const ros::Time& stamp, const StopToken& stop) const {
   const ros::Time since = start.stamp.isZero() ? stamp : start.stamp;
   const bool same_frame = start.frame_id == camera_frame;
-  if (same_frame && (frames_.fixed_frame.empty() || since == stamp)) return start.T_P_O;
+  if (same_frame && (frames_.fixed_frame.empty() || since == stamp)) return start.T_P_U;
   const std::string& fixed = frames_.fixed_frame.empty() ? start.frame_id : frames_.fixed_frame;
   const Pose T_C_P = wait(
       "no transform from " + start.frame_id + " to " + camera_frame + " through " + fixed,
       [&] { return buffer_.lookupTransform(camera_frame, stamp, start.frame_id, since, fixed); },
       stop);
-  return T_C_P * start.T_P_O;
+  return T_C_P * start.T_P_U;
 }
 
 }  // namespace nerf_pose_refiner

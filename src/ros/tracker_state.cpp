@@ -199,7 +199,7 @@ void TrackerState::startRefused(std::uint64_t ticket, std::uint8_t reason,
   }
 }
 
-bool TrackerState::trusted(std::uint64_t ticket, const Pose& T_C_O, const std::string& frame_id,
+bool TrackerState::trusted(std::uint64_t ticket, const Pose& T_C_U, const std::string& frame_id,
                            const ros::Time& stamp) {
   if (!end(ticket)) return false;
   failures_ = 0;
@@ -210,7 +210,7 @@ bool TrackerState::trusted(std::uint64_t ticket, const Pose& T_C_O, const std::s
     return true;
   }
   last_ = StartPose();
-  last_->T_P_O = T_C_O;
+  last_->T_P_U = T_C_U;
   last_->frame_id = frame_id;
   last_->stamp = stamp;
   last_->tracked = true;

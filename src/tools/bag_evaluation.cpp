@@ -4,7 +4,7 @@
 #include <stdexcept>
 
 #include "nerf_pose_refiner/evaluate/start.h"
-#include "nerf_pose_refiner/ros/pose_conversions.h"
+#include "nerf_pose_refiner/field/object_frame.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -23,9 +23,6 @@ void require(bool holds, const char* name, double value, const char* range) {
                                 range);
   }
 }
-
-/// The pose as the library has it, in metres: T_O_C of T_C_O.
-Pose inMetres(const Pose& T_C_O) { return T_C_O.inverse(); }
 
 }  // namespace
 
@@ -76,15 +73,17 @@ BagEvaluation::BagEvaluation(const BagSequence& bag, std::shared_ptr<Engine> eng
 BagEvaluationResult BagEvaluation::run(const std::function<void(const EvaluatedFrame&)>& progress,
                                        const StopToken& stop) {
   const FieldMetadata& metadata = field_->field().metadata;
-  const double unit_m = metadata.metres_per_unit;
+  const ObjectFrame frame = ObjectFrame::inMetres(metadata);
   std::vector<Eigen::Vector3d> points =
       surfacePoints(engine_.get(), *field_, settings_.points, settings_.seed, stop);
-  for (Eigen::Vector3d& point : points) point *= unit_m;
+  for (Eigen::Vector3d& point : points) point = frame.point(point);
   result_ = {};
   result_.points = static_cast<int>(points.size());
-  object_.emplace(EvaluatedObject{ModelPoints(std::move(points)), unit_m * metadata.centre,
-                                  unit_m * metadata.diameter});
-  last_T_C_O_.reset();
+  const double unit_m = frame.lengthPerUnit();
+  object_.emplace(EvaluatedObject{
+      ModelPoints(std::move(points)), frame.point(metadata.centre), unit_m * metadata.diameter,
+      metadata.symmetries.inFrame(metadata.T_O_U.inverse()).scaled(unit_m)});
+  last_T_C_U_.reset();
   int looked_at = 0;
   for (int i = settings_.first; i < bag_.size(); i += settings_.every) {
     if (settings_.most > 0 && looked_at++ == settings_.most) break;
@@ -98,13 +97,13 @@ BagEvaluationResult BagEvaluation::run(const std::function<void(const EvaluatedF
 
 void BagEvaluation::evaluate(const BagFrame& frame, const StopToken& stop) {
   const std_msgs::Header& header = frame.image->header;
-  Pose true_T_C_O;
+  Pose true_T_C_U;
   std::optional<Start> start;
   const char* missing = "no true pose at the image's time";
   try {
-    true_T_C_O = bag_.truth(header.frame_id, header.stamp);
+    true_T_C_U = bag_.truth(header.frame_id, header.stamp);
     missing = "no transform to the initial pose";
-    start = startOf(frame, true_T_C_O);
+    start = startOf(frame, true_T_C_U);
   } catch (const std::runtime_error&) {
     ++result_.skipped[missing];
     return;
@@ -122,7 +121,6 @@ void BagEvaluation::evaluate(const BagFrame& frame, const StopToken& stop) {
   }
   result_.masked += observation.background == Background::kMask;
 
-  const double unit_m = field_->field().metadata.metres_per_unit;
   const Refinement refinement = refine(observation, *start, stop);
   stop.check();
   EvaluatedFrame evaluated;
@@ -132,11 +130,12 @@ void BagEvaluation::evaluate(const BagFrame& frame, const StopToken& stop) {
   evaluated.from_last = start->from_last;
   evaluated.score = refinement.score;
   evaluated.latency_s = refinement.seconds;
-  const Pose truth = inMetres(true_T_C_O);
-  evaluated.start = object_->compare(inMetres(start->T_C_O), truth, observation.camera);
+  const Pose truth = true_T_C_U.inverse();
+  evaluated.start = object_->compare(start->T_C_U.inverse(), truth, observation.camera);
   if (refinement.outcome == Outcome::kRefined) {
-    evaluated.T_C_O = objectInCamera(refinement.T_O_C, unit_m);
-    evaluated.found = object_->compare(inMetres(evaluated.T_C_O), truth, observation.camera);
+    evaluated.T_C_U =
+        ObjectFrame::inMetres(field_->field().metadata).objectInCamera(refinement.T_O_C);
+    evaluated.found = object_->compare(evaluated.T_C_U.inverse(), truth, observation.camera);
     const TrackingRules& rules = settings_.rules;
     evaluated.trusted =
         refinement.score >= (start->from_last ? rules.min_score : rules.trust_score);
@@ -146,8 +145,8 @@ void BagEvaluation::evaluate(const BagFrame& frame, const StopToken& stop) {
 }
 
 std::optional<BagEvaluation::Start> BagEvaluation::startOf(const BagFrame& frame,
-                                                           const Pose& true_T_C_O) {
-  if (last_T_C_O_) return Start{*last_T_C_O_, true};
+                                                           const Pose& true_T_C_U) {
+  if (last_T_C_U_) return Start{*last_T_C_U_, true};
   if (settings_.start == StartMode::kRecorded) {
     const std_msgs::Header& header = frame.image->header;
     const std::optional<Pose> recorded =
@@ -157,7 +156,7 @@ std::optional<BagEvaluation::Start> BagEvaluation::startOf(const BagFrame& frame
   }
   const StartSpread spread = {settings_.start_rotation_deg * kRadPerDegree,
                               settings_.start_translation * object_->diameter_m, true};
-  const Pose wrong = perturbedStart(inMetres(true_T_C_O), spread, object_->centre_m, settings_.seed,
+  const Pose wrong = perturbedStart(true_T_C_U.inverse(), spread, object_->centre_m, settings_.seed,
                                     static_cast<std::uint64_t>(frame.index));
   return Start{wrong.inverse(), false};
 }
@@ -165,7 +164,7 @@ std::optional<BagEvaluation::Start> BagEvaluation::startOf(const BagFrame& frame
 Refinement BagEvaluation::refine(const Observation& observation, const Start& start,
                                  const StopToken& stop) {
   Prior prior;
-  prior.T_O_C = cameraInObject(start.T_C_O, field_->field().metadata.metres_per_unit);
+  prior.T_O_C = ObjectFrame::inMetres(field_->field().metadata).cameraInModel(start.T_C_U);
   prior.rotation_rad = kRadPerDegree * (start.from_last ? settings_.track_rotation_deg
                                                         : settings_.search_rotation_deg);
   prior.translation = start.from_last ? settings_.track_translation : settings_.search_translation;
@@ -177,10 +176,10 @@ Refinement BagEvaluation::refine(const Observation& observation, const Start& st
 void BagEvaluation::remember(const EvaluatedFrame& frame) {
   if (!settings_.track) return;
   if (frame.trusted) {
-    last_T_C_O_ = frame.T_C_O;
+    last_T_C_U_ = frame.T_C_U;
     failures_ = 0;
   } else if (++failures_ > settings_.rules.max_failures) {
-    last_T_C_O_.reset();
+    last_T_C_U_.reset();
   }
 }
 

@@ -69,12 +69,12 @@ class BagEvaluation {
 
  private:
   struct Start {
-    Pose T_C_O;  ///< [m]
+    Pose T_C_U;  ///< [m]
     bool from_last = false;
   };
 
   void evaluate(const BagFrame& frame, const StopToken& stop);
-  std::optional<Start> startOf(const BagFrame& frame, const Pose& true_T_C_O);
+  std::optional<Start> startOf(const BagFrame& frame, const Pose& true_T_C_U);
   Refinement refine(const Observation& observation, const Start& start, const StopToken& stop);
   void remember(const EvaluatedFrame& frame);
 
@@ -85,7 +85,7 @@ class BagEvaluation {
   Refiner wide_, narrow_;
   CameraInput input_;
   std::optional<EvaluatedObject> object_;
-  std::optional<Pose> last_T_C_O_;  ///< the last trusted pose, while the object is tracked
+  std::optional<Pose> last_T_C_U_;  ///< the last trusted pose, while the object is tracked
   int failures_ = 0;                ///< in a row
   BagEvaluationResult result_;
 };

@@ -11,7 +11,7 @@
 
 #include "bag_evaluation.h"
 #include "evaluation_files.h"
-#include "nerf_pose_refiner/field/model_file.h"
+#include "nerf_pose_refiner/field/object_metadata.h"
 #include "refine_case.h"
 #include "tool.h"
 
@@ -151,6 +151,7 @@ nlohmann::json settingsJson(const EvaluateOptions& options, const BagTopics& top
           {"trust_score", s.rules.trust_score},
           {"min_score", s.rules.min_score},
           {"surface_points_asked", s.points},
+          {"modulo_symmetries", object.symmetries.any()},
           {"seed", s.seed},
           {"engine", engine}};
 }
@@ -191,7 +192,7 @@ void evaluate(const EvaluateOptions& given, const StopToken& stop) {
   if (options.start == "recorded" && options.topics.initial_pose.empty()) {
     throw std::invalid_argument("--start recorded needs --initial-pose");
   }
-  const auto field = std::make_shared<const Field>(loadModel(options.model));
+  const auto field = std::make_shared<const Field>(loadObject(options.model));
   const FieldMetadata& object = field->metadata;
   const BagSequence bag(options.bag, options.topics);
   const std::shared_ptr<Engine> engine = options.engine.make();

@@ -124,7 +124,7 @@ void writeFramesCsv(const BagEvaluationResult& result, const std::string& path) 
     writeMetrics(f.start, &file);
     writeMetrics(f.found, &file);
     const bool found = std::isfinite(f.found.rotation_deg);
-    for (const double value : poseNumbers(f.T_C_O)) file << ',' << (found ? cell(value) : "");
+    for (const double value : poseNumbers(f.T_C_U)) file << ',' << (found ? cell(value) : "");
     file << ',' << cell(f.latency_s) << '\n';
   }
   requireWhole(&file, path);
@@ -141,6 +141,7 @@ std::string summaryText(const Json& s) {
   std::string text = std::to_string(s["frames"].get<int>()) + " images, " +
                      std::to_string(s["found"].get<int>()) + " poses, " +
                      std::to_string(s["trusted"].get<int>()) + " of them trusted\n";
+  if (s["settings"]["modulo_symmetries"]) text += "errors are modulo the object's symmetries\n";
   for (const auto& [rule, share] : s["recall"].items()) text += rule + ": " + percent(share) + "\n";
   text += "median error: " + valueText(errors["rotation_deg"]["median"], 1, "%.3f degrees") + ", " +
           valueText(errors["offset_m"]["median"], 1000, "%.2f mm") + ", " +

@@ -7,7 +7,8 @@
 #include "nerf_pose_refiner/dataset/dataset.h"
 #include "nerf_pose_refiner/evaluate/pose_error.h"
 #include "nerf_pose_refiner/evaluate/start.h"
-#include "nerf_pose_refiner/field/model_file.h"
+#include "nerf_pose_refiner/field/object_frame.h"
+#include "nerf_pose_refiner/field/object_metadata.h"
 #include "nerf_pose_refiner/image/io.h"
 #include "nerf_pose_refiner/refine/refiner.h"
 #include "refine_case.h"
@@ -76,7 +77,8 @@ void declare(CLI::App* app, RefineOptions* options) {
   app->description(
       "Refines a rough pose of an object until its rendering matches a picture.\n\n"
       "What is behind the object may be known: from --mask, from --background, or because the\n"
-      "picture has alpha. Otherwise nothing is assumed of it.");
+      "picture has alpha. Otherwise nothing is assumed of it.\n\n"
+      "Poses are of the frame that the file <model>.yaml gives the object, if there is one.");
   app->footer("Examples:\n  " + name +
               " mug.safetensors photo.jpg --intrinsics 500 500 319.5 239.5"
               " --pose 0.02 0 0.6 1 0 0 0 --json\n  " +
@@ -107,7 +109,7 @@ void declare(CLI::App* app, RefineOptions* options) {
   app->add_flag("--json", options->json, "Print the result as JSON");
 }
 
-RefineCase caseOfImage(const RefineOptions& options) {
+RefineCase caseOfImage(const RefineOptions& options, const FieldMetadata& object) {
   if (options.intrinsics.empty() || options.pose.empty()) {
     throw std::invalid_argument("give --intrinsics and --pose with an image");
   }
@@ -116,7 +118,8 @@ RefineCase caseOfImage(const RefineOptions& options) {
                                   cameraFromNumbers(options.intrinsics, photo.width, photo.height),
                                   Distortion{options.distortion});
   result.name = options.image;
-  result.start_T_O_C = poseFromNumbers(options.pose).inverse();
+  result.start_T_O_C =
+      ObjectFrame::inModelUnits(object).cameraInModel(poseFromNumbers(options.pose));
   return result;
 }
 
@@ -160,24 +163,27 @@ nlohmann::json errorJson(const PoseError& error, double diameter) {
 
 nlohmann::json resultJson(const RefineCase& input, const Refinement& result,
                           const FieldMetadata& object) {
-  const Pose T_C_O = result.T_O_C.inverse();
+  const ObjectFrame frame = ObjectFrame::inModelUnits(object);
+  const Pose T_C_U = frame.objectInCamera(result.T_O_C);
   nlohmann::json document = {{"image", input.name},
                              {"outcome", nameOf(result.outcome)},
-                             {"pose", poseNumbers(T_C_O)},
+                             {"pose", poseNumbers(T_C_U)},
                              {"score", result.score},
                              {"visible_fraction", result.visible_fraction},
                              {"seconds", result.seconds},
                              {"samples", result.work.samples}};
   if (object.metres_per_unit > 0) {
-    document["pose_m"] = poseNumbers({T_C_O.R, T_C_O.t * object.metres_per_unit});
+    document["pose_m"] = poseNumbers(ObjectFrame::inMetres(object).objectInCamera(result.T_O_C));
   }
   if (input.true_T_O_C) {
     const auto error = [&](const Pose& T_O_C) {
-      return errorJson(poseError(T_O_C, *input.true_T_O_C, object.centre, input.camera),
-                       object.diameter);
+      return errorJson(
+          poseError(T_O_C, *input.true_T_O_C, object.centre, input.camera, object.symmetries),
+          object.diameter);
     };
     document["error_at_start"] = error(input.start_T_O_C);
     document["error"] = error(result.T_O_C);
+    document["modulo_symmetries"] = object.symmetries.any();
   }
   for (const TraceEntry& entry : result.trace) {
     document["trace"].push_back({{"stage", entry.stage},
@@ -185,7 +191,7 @@ nlohmann::json resultJson(const RefineCase& input, const Refinement& result,
                                  {"samples", entry.work.samples},
                                  {"hypotheses", entry.live},
                                  {"loss", entry.best_loss},
-                                 {"pose", poseNumbers(entry.best_T_O_C.inverse())}});
+                                 {"pose", poseNumbers(frame.objectInCamera(entry.best_T_O_C))}});
   }
   return document;
 }
@@ -205,6 +211,7 @@ void printResult(const nlohmann::json& result) {
   if (result.contains("error")) {
     printErrorLine("error at start", result["error_at_start"]);
     printErrorLine("error", result["error"]);
+    if (result["modulo_symmetries"]) std::printf("errors are modulo the object's symmetries\n");
   }
 }
 
@@ -212,10 +219,10 @@ void refine(const RefineOptions& options, const StopToken& stop) {
   if (options.image.empty() == options.transforms.empty()) {
     throw std::invalid_argument("give an image, or --transforms");
   }
-  const auto field = std::make_shared<const Field>(loadModel(options.model));
+  const auto field = std::make_shared<const Field>(loadObject(options.model));
   const FieldMetadata& object = field->metadata;
   const RefineCase input =
-      options.image.empty() ? caseOfDataset(options, object, stop) : caseOfImage(options);
+      options.image.empty() ? caseOfDataset(options, object, stop) : caseOfImage(options, object);
   RefinerSettings settings = RefinerSettings::named(options.preset);
   settings.seed = options.seed;
   const Observation observation = observationOf(input, options.background);

@@ -67,7 +67,7 @@ TEST(Sequence, RefusesNone) { EXPECT_THROW(summarise({}, 0.2), std::invalid_argu
 
 // An object 1 m in front of the camera, moved sideways by 1 cm.
 TEST(Sequence, ComparesPosesInMetres) {
-  const EvaluatedObject object = {ModelPoints({{0.05, 0, 0}, {-0.05, 0, 0}}), {0, 0, 0}, 0.2};
+  const EvaluatedObject object = {ModelPoints({{0.05, 0, 0}, {-0.05, 0, 0}}), {0, 0, 0}, 0.2, {}};
   const Camera camera = {640, 480, 500, 500, 319.5, 239.5};
   const Pose truth = {Eigen::Matrix3d::Identity(), {0, 0, -1}};
   const Pose moved = {Eigen::Matrix3d::Identity(), {0.01, 0, -1}};
@@ -78,6 +78,21 @@ TEST(Sequence, ComparesPosesInMetres) {
   EXPECT_NEAR(metrics.add_m, 0.01, 1e-12);
   EXPECT_NEAR(metrics.add_s_m, 0.01, 1e-12);
   EXPECT_NEAR(metrics.reprojection_px, 5, 1e-9);
+}
+
+// Two points on the x axis, and a half turn about z: they change places.
+TEST(Sequence, ComparesModuloSymmetries) {
+  EvaluatedObject object = {ModelPoints({{0.05, 0, 0}, {-0.05, 0, 0}}), {0, 0, 0}, 0.2, {}};
+  const Camera camera = {640, 480, 500, 500, 319.5, 239.5};
+  const Pose truth = {Eigen::Matrix3d::Identity(), {0, 0, -1}};
+  const Pose turned = turnAbout(SymmetryAxis(), M_PI) * truth;
+  EXPECT_NEAR(object.compare(turned, truth, camera).rotation_deg, 180, 1e-5);
+  EXPECT_NEAR(object.compare(turned, truth, camera).add_m, 0.1, 1e-12);
+  object.symmetries_m = Symmetries(std::nullopt, {turnAbout(SymmetryAxis(), M_PI)});
+  const PoseMetrics metrics = object.compare(turned, truth, camera);
+  EXPECT_NEAR(metrics.rotation_deg, 0, 1e-5);
+  EXPECT_NEAR(metrics.add_m, 0, 1e-7);
+  EXPECT_NEAR(metrics.reprojection_px, 0, 1e-4);
 }
 
 }  // namespace

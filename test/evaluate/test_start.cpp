@@ -97,5 +97,14 @@ TEST(PoseError, BehindTheCamera) {
   EXPECT_TRUE(std::isinf(poseError(behind, truth(), kCentre, kCamera).pixels));
 }
 
+TEST(PoseError, IsModuloSymmetries) {
+  const SymmetryAxis axis = {Eigen::Vector3d::UnitZ(), kCentre};
+  const Pose alike = turnAbout(axis, 2) * truth();
+  const PoseError error = poseError(alike, truth(), kCentre, kCamera, Symmetries(axis, {}));
+  EXPECT_NEAR(error.rotation_rad, 0, 1e-7);
+  EXPECT_NEAR(error.camera_offset, 0, 1e-7);
+  EXPECT_GT(poseError(alike, truth(), kCentre, kCamera).rotation_rad, 1.9);
+}
+
 }  // namespace
 }  // namespace nerf_pose_refiner

@@ -117,6 +117,7 @@ TEST(PoseCovariance, AddsWhatTheModelIsOffBy) {
 // Against differences of the pose that a twist makes.
 TEST(CovarianceInCamera, FollowsAMovedCamera) {
   const Pose T_O_C = somePose();
+  const Pose T_O_U(expSO3({0.4, 2, 0.1}), {0.3, -0.7, 0.2});
   const Eigen::Vector3d centre = object().centre;
   const double step = 1e-6;
   Matrix6 jacobian;
@@ -125,15 +126,74 @@ TEST(CovarianceInCamera, FollowsAMovedCamera) {
     twist[i] = step;
     const Eigen::Matrix3d turn = expSO3(twist.tail<3>());
     const Pose moved =
-        Pose(turn * T_O_C.R, centre + twist.head<3>() + turn * (T_O_C.t - centre)).inverse();
-    const Pose before = T_O_C.inverse();
+        Pose(turn * T_O_C.R, centre + twist.head<3>() + turn * (T_O_C.t - centre)).inverse() *
+        T_O_U;
+    const Pose before = T_O_C.inverse() * T_O_U;
     jacobian.block<3, 1>(0, i) = (moved.t - before.t) / step;
     jacobian.block<3, 1>(3, i) = logSO3(moved.R * before.R.transpose()) / step;
   }
   Matrix6 of_twist = Matrix6::Random();
   of_twist = (of_twist * of_twist.transpose()).eval();
   const Matrix6 expected = jacobian * of_twist * jacobian.transpose();
-  EXPECT_LT((covarianceInCamera(of_twist, T_O_C, centre) - expected).norm(), 1e-4);
+  EXPECT_LT((covarianceInCamera(of_twist, T_O_C, centre, T_O_U.t) - expected).norm(), 1e-4);
+}
+
+// A camera's motion seen from another side of the object is another twist; what it weighs in the
+// normal equations stays.
+TEST(Moved, KeepsWhatAMotionOfTheCameraWeighs) {
+  const Eigen::Vector3d centre = object().centre;
+  const Pose motion(expSO3({0.7, -1.2, 0.3}), {0.5, 0.1, -0.4});
+  Hypothesis h;
+  h.T_O_C = somePose();
+  h.information = Matrix6::Random();
+  h.information = (h.information * h.information.transpose()).eval();
+  h.gradient_scatter = 2 * h.information;
+  const Hypothesis after = moved(h, motion, centre);
+  const Pose near(expSO3({1e-5, -2e-5, 3e-5}) * h.T_O_C.R,
+                  h.T_O_C.t + Eigen::Vector3d(2e-5, 1e-5, -3e-5));
+  const Vector6 twist = cameraTwist(h.T_O_C, near, centre);
+  const Vector6 twist_after = cameraTwist(after.T_O_C, motion * near, centre);
+  const double weight = twist.dot(h.information * twist);
+  EXPECT_NEAR(twist_after.dot(after.information * twist_after) / weight, 1, 1e-3);
+  EXPECT_NEAR(twist_after.dot(after.gradient_scatter * twist_after) / weight, 2, 2e-3);
+  EXPECT_GT(std::abs(twist_after.dot(h.information * twist_after) / weight - 1), 0.01);
+}
+
+// About the vertical through (1, 0, 0), seen from the centre (3, 0, 0): a turn by an angle moves
+// the centre along y by twice that.
+TEST(FreeAbout, GivesTheAngleTheVarianceOfAnyAngle) {
+  const SymmetryAxis axis = {Eigen::Vector3d::UnitZ(), {1, 0, 0}};
+  const Eigen::Vector3d centre(3, 0, 0);
+  Matrix6 known = Matrix6::Zero();
+  known.diagonal() << 0.01, 0.04, 0.09, 0.16, 0.25, 0.36;
+  const Matrix6 freed = freeAbout(axis, known, centre);
+  const double any = M_PI * M_PI / 3;
+  EXPECT_NEAR(freed(5, 5), any, 1e-12);
+  EXPECT_NEAR(freed(1, 5), 2 * any, 1e-12);
+  // y of the axis: that of the centre, less twice the angle. Both were independent.
+  EXPECT_NEAR(freed(1, 1) - 4 * any, 0.04 + 4 * 0.36, 1e-12);
+  EXPECT_NEAR(freed(1, 1) - 4 * freed(1, 5) + 4 * freed(5, 5), 0.04 + 4 * 0.36, 1e-12);
+  for (const int i : {0, 2, 3, 4}) EXPECT_NEAR(freed(i, i), known(i, i), 1e-12) << i;
+  EXPECT_LT((freeAbout(axis, freed, centre) - freed).norm(), 1e-12) << "once is enough";
+}
+
+// Two hypotheses, upside down to each other, of a plain cylinder: they are one pose.
+TEST(PoseCovariance, SeesNoDistanceBetweenWhatLooksAlike) {
+  FieldMetadata cylinder = object();
+  const SymmetryAxis x = {Eigen::Vector3d::UnitX(), Eigen::Vector3d::Zero()};
+  HypothesisTable table(2, firm());
+  table[1].T_O_C = turnAbout(x, M_PI) * table[0].T_O_C;
+  EXPECT_GT(poseCovariance(table, wide(), cylinder)(3, 3), 1);
+  cylinder.symmetries = Symmetries(SymmetryAxis(), {turnAbout(x, M_PI)});
+  Prior prior = wide();
+  prior.T_O_C = turnAbout(SymmetryAxis(), 2) * table[1].T_O_C;
+  const HypothesisTable alike = nearestEquivalents(table, prior, cylinder);
+  EXPECT_LT(rotationDistance(alike[0].T_O_C.R, prior.T_O_C.R), 1e-7);
+  EXPECT_LT((alike[0].T_O_C.t - prior.T_O_C.t).norm(), 1e-7);
+  EXPECT_LT((alike[1].T_O_C.t - prior.T_O_C.t).norm(), 1e-7);
+  const Matrix6 covariance = poseCovariance(alike, prior, cylinder);
+  EXPECT_LT(covariance(3, 3), 0.01);
+  EXPECT_NEAR(covariance(5, 5), M_PI * M_PI / 3, 1e-6);
 }
 
 TEST(CalibratedScore, IsOneOfRightPosesAndZeroOfWrongOnes) {

@@ -114,7 +114,7 @@ class ObjectTrackerTest : public testing::Test {
   void offer(const std::string& frame_id = "camera") {
     StartPose start;
     start.frame_id = frame_id;
-    start.T_P_O.t.z() = 0.4;
+    start.T_P_U.t.z() = 0.4;
     tracker_->offer(start);
   }
 

@@ -22,6 +22,7 @@
 
 #include "fake_camera.h"
 #include "graph.h"
+#include "nerf_pose_refiner/field/object_frame.h"
 #include "nerf_pose_refiner/image/colour.h"
 #include "nerf_pose_refiner/ros/camera_input.h"
 #include "nerf_pose_refiner/ros/pose_conversions.h"
@@ -62,7 +63,7 @@ struct World {
     camera = std::make_unique<FakeCamera>(nh, image, info);
   }
 
-  Pose truth() const { return objectInCamera(T_O_C, kMetresPerUnit); }
+  Pose truth() const { return ObjectFrame(Pose(), kMetresPerUnit).objectInCamera(T_O_C); }
 
   ros::NodeHandle nh;
   ros::NodeHandle pnh;

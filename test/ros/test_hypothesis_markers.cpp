@@ -8,18 +8,19 @@
 #include <string>
 #include <utility>
 
+#include "nerf_pose_refiner/field/object_frame.h"
+
 namespace nerf_pose_refiner {
 namespace {
 
 using visualization_msgs::Marker;
 
 /// A box of 2 x 3 x 6 units of 0.1 m: its diagonal is 0.7 m.
-Field someField() {
+BoxCorners someCorners() {
   Field field;
-  field.metadata.metres_per_unit = 0.1;
   field.box.min = {-1, 0, 2};
   field.box.max = {1, 3, 8};
-  return field;
+  return boxCorners(field, ObjectFrame(Pose(), 0.1));
 }
 
 PoseHypothesisArray someHypotheses() {
@@ -36,15 +37,8 @@ PoseHypothesisArray someHypotheses() {
   return array;
 }
 
-TEST(BoxCorners, AreInMetres) {
-  const BoxCorners corners = boxCorners(someField());
-  EXPECT_TRUE(corners[0].isApprox(Eigen::Vector3d(-0.1, 0, 0.2)));
-  EXPECT_TRUE(corners[1].isApprox(Eigen::Vector3d(0.1, 0, 0.2)));
-  EXPECT_TRUE(corners[6].isApprox(Eigen::Vector3d(-0.1, 0.3, 0.8)));
-}
-
 TEST(HypothesisMarkers, AreWholeAndNumbered) {
-  const auto array = hypothesisMarkers(someHypotheses(), boxCorners(someField()));
+  const auto array = hypothesisMarkers(someHypotheses(), someCorners());
   ASSERT_EQ(array.markers.size(), 5u);  // delete all, three boxes, the axes of the best
   EXPECT_EQ(array.markers[0].action, Marker::DELETEALL);
   std::set<std::pair<std::string, int>> names;
@@ -61,7 +55,7 @@ TEST(HypothesisMarkers, AreWholeAndNumbered) {
 }
 
 TEST(HypothesisMarkers, AreAsOpaqueAsHeavyAndTheBestStandsOut) {
-  const auto array = hypothesisMarkers(someHypotheses(), boxCorners(someField()));
+  const auto array = hypothesisMarkers(someHypotheses(), someCorners());
   const Marker& best = array.markers[1];
   const Marker& second = array.markers[2];
   EXPECT_EQ(best.ns, "best");
@@ -74,7 +68,7 @@ TEST(HypothesisMarkers, AreAsOpaqueAsHeavyAndTheBestStandsOut) {
 }
 
 TEST(HypothesisMarkers, ABoxHasTwelveEdges) {
-  const auto array = hypothesisMarkers(someHypotheses(), boxCorners(someField()));
+  const auto array = hypothesisMarkers(someHypotheses(), someCorners());
   const Marker& box = array.markers[2];
   EXPECT_EQ(box.type, Marker::LINE_LIST);
   ASSERT_EQ(box.points.size(), 24u);
@@ -90,7 +84,7 @@ TEST(HypothesisMarkers, ABoxHasTwelveEdges) {
 TEST(HypothesisMarkers, NoHypothesisLeavesNothing) {
   PoseHypothesisArray none = someHypotheses();
   none.hypotheses.clear();
-  const auto array = hypothesisMarkers(none, boxCorners(someField()));
+  const auto array = hypothesisMarkers(none, someCorners());
   ASSERT_EQ(array.markers.size(), 1u);
   EXPECT_EQ(array.markers[0].action, Marker::DELETEALL);
 }

@@ -6,6 +6,7 @@
 #include <memory>
 #include <utility>
 
+#include "nerf_pose_refiner/field/object_frame.h"
 #include "nerf_pose_refiner/image/colour.h"
 #include "nerf_pose_refiner/ros/object_tracker.h"
 #include "nerf_pose_refiner/ros/pose_conversions.h"
@@ -68,7 +69,7 @@ TEST(PaperPreset, PublishesWhatItFinds) {
   rough.t += Eigen::Vector3d(0.08, 0.06, -0.05);
   StartPose start;
   start.frame_id = "camera";
-  start.T_P_O = objectInCamera(rough, kMetresPerUnit);
+  start.T_P_U = ObjectFrame(Pose(), kMetresPerUnit).objectInCamera(rough);
   tracker.offer(start);
   const auto result = tracker.process(photograph(truth));
   ASSERT_TRUE(result);
@@ -77,9 +78,9 @@ TEST(PaperPreset, PublishesWhatItFinds) {
   ASSERT_TRUE(result->pose);
   // A short search before a background that nobody knows: nearer, and not exact.
   const auto error = [&](const Pose& T_C_O) {
-    return (T_C_O.t - objectInCamera(truth, kMetresPerUnit).t).norm();
+    return (T_C_O.t - ObjectFrame(Pose(), kMetresPerUnit).objectInCamera(truth).t).norm();
   };
-  EXPECT_LT(error(fromMessage(result->pose->pose.pose)), 0.5 * error(start.T_P_O));
+  EXPECT_LT(error(fromMessage(result->pose->pose.pose)), 0.5 * error(start.T_P_U));
 }
 
 }  // namespace

@@ -41,20 +41,10 @@ int reasonOf(const Message& message) {
   return Status::REASON_NONE;
 }
 
-TEST(PoseConversions, TurnsTheCameraInTheObjectIntoTheObjectInTheCamera) {
-  // The camera is 4 units along the object's x and turned by a quarter: the object's origin is
-  // R^T (0 - t) = (0, 4, 0) for the camera, and with 0.05 m a unit 0.2 m away.
-  const Pose T_O_C(quarterTurn(), {4, 0, 0});
-  const Pose T_C_O = objectInCamera(T_O_C, 0.05);
-  EXPECT_TRUE(T_C_O.t.isApprox(Eigen::Vector3d(0, 0.2, 0), 1e-12)) << T_C_O.t.transpose();
-  EXPECT_TRUE(T_C_O.R.isApprox(quarterTurn().transpose(), 1e-12));
-}
-
-TEST(PoseConversions, GoesBackToWhereItCameFrom) {
-  const Pose T_O_C(quarterTurn(), {4, -2, 7});
-  const Pose back = cameraInObject(objectInCamera(T_O_C, 0.05), 0.05);
-  EXPECT_TRUE(back.R.isApprox(T_O_C.R, 1e-12));
-  EXPECT_TRUE(back.t.isApprox(T_O_C.t, 1e-12));
+FieldMetadata objectOf(double metres_per_unit) {
+  FieldMetadata object;
+  object.metres_per_unit = metres_per_unit;
+  return object;
 }
 
 TEST(PoseConversions, ReadsAndWritesPoses) {
@@ -80,7 +70,7 @@ TEST(PoseConversions, ReadsInitialPoses) {
   const StartPose start = startFromMessage(somePose());
   EXPECT_EQ(start.frame_id, "base");
   EXPECT_EQ(start.stamp, ros::Time(12, 500));
-  EXPECT_EQ(start.T_P_O.t, Eigen::Vector3d(1, 2, 3));
+  EXPECT_EQ(start.T_P_U.t, Eigen::Vector3d(1, 2, 3));
   EXPECT_FALSE(start.tracked);
   EXPECT_EQ(start.rotation_rad, 0);
 }
@@ -140,7 +130,7 @@ TEST(PoseConversions, WeighsHypotheses) {
   table[1].state = HypothesisState::kOutOfImage;
   table[2].loss = 0.1 * (1 + 0.05 * std::log(3.0));  // a third of the weight of the first
   const Pose T_W_C(Eigen::Matrix3d::Identity(), {5, 0, 0});
-  const PoseHypothesisArray message = toMessage(table, T_W_C, 0.1);
+  const PoseHypothesisArray message = toMessage(table, T_W_C, objectOf(0.1));
   ASSERT_EQ(message.hypotheses.size(), 2u);
   EXPECT_NEAR(message.hypotheses[0].weight, 0.75, 1e-6);
   EXPECT_NEAR(message.hypotheses[1].weight, 0.25, 1e-6);
@@ -158,12 +148,35 @@ TEST(PoseConversions, CovarianceIsInMetresAndInTheAxesOfW) {
   Matrix6 of_twist = Matrix6::Zero();
   of_twist.diagonal() << 4, 1, 1, 0.09, 0.01, 0.01;
   const Eigen::Matrix3d R_W_C = expSO3({0, 0, M_PI / 2});
-  const auto covariance =
-      covarianceToMessage(of_twist, Pose(), Eigen::Vector3d::Zero(), 0.1, R_W_C);
+  const auto covariance = covarianceToMessage(of_twist, Pose(), objectOf(0.1), R_W_C);
   EXPECT_NEAR(covariance[0], 0.01, 1e-12);
   EXPECT_NEAR(covariance[7], 0.04, 1e-12);
   EXPECT_NEAR(covariance[21], 0.01, 1e-12);
   EXPECT_NEAR(covariance[28], 0.09, 1e-12);
+}
+
+// U is 2 units (0.2 m) from the centre along z and turned by anything: a deviation of 0.3 rad about
+// x moves its origin along y by 0.06 m, and its axes do not matter.
+TEST(PoseConversions, CovarianceIsOfTheFrameThatUsersMean) {
+  Matrix6 of_twist = Matrix6::Zero();
+  of_twist(3, 3) = 0.09;
+  FieldMetadata object = objectOf(0.1);
+  object.centre = {0, 0, 5};
+  object.T_O_U = Pose(expSO3({1, 2, 3}), {0, 0, 7});
+  Refinement refinement;
+  refinement.T_O_C = Pose(Eigen::Matrix3d::Identity(), {0, 0, -3});
+  refinement.covariance = of_twist;
+  const Pose T_W_C(Eigen::Matrix3d::Identity(), {1, 0, 0});
+  const geometry_msgs::PoseWithCovariance message = toMessage(refinement, T_W_C, object);
+  EXPECT_NEAR(message.covariance[7], 0.0036, 1e-12);
+  EXPECT_NEAR(message.covariance[0], 0, 1e-12);
+  EXPECT_NEAR(message.covariance[21], 0.09, 1e-12);
+  // Camera turned by +w about x: for it the object is turned by -w, and a point above the centre
+  // moves along +y: both go together with a minus sign.
+  EXPECT_NEAR(message.covariance[6 * 1 + 3], -0.3 * 0.06, 1e-12);
+  EXPECT_NEAR(message.pose.position.x, 1, 1e-12);
+  EXPECT_NEAR(message.pose.position.z, 1, 1e-12);  // (7 + 3) * 0.1
+  EXPECT_LT(rotationDistance(fromMessage(message.pose).R, expSO3({1, 2, 3})), 1e-7);
 }
 
 // Before an unknown background a loss below zero is usual.
@@ -171,7 +184,7 @@ TEST(PoseConversions, WeighsHypothesesOfNegativeLoss) {
   HypothesisTable table(2);
   table[0].loss = -0.2;
   table[1].loss = -0.2 * (1 - 0.05 * std::log(4.0));  // a quarter of the weight of the first
-  const PoseHypothesisArray message = toMessage(table, Pose(), 1);
+  const PoseHypothesisArray message = toMessage(table, Pose(), objectOf(1));
   EXPECT_NEAR(message.hypotheses[0].weight, 0.8, 1e-6);
   EXPECT_NEAR(message.hypotheses[1].weight, 0.2, 1e-6);
 }
@@ -180,7 +193,7 @@ TEST(PoseConversions, LeavesOutWhatWasNeverMeasured) {
   HypothesisTable table(2);
   table[0].loss = 0.2;
   table[1].loss = std::numeric_limits<double>::infinity();
-  const PoseHypothesisArray message = toMessage(table, Pose(), 1);
+  const PoseHypothesisArray message = toMessage(table, Pose(), objectOf(1));
   ASSERT_EQ(message.hypotheses.size(), 1u);
   EXPECT_EQ(message.hypotheses[0].weight, 1);
 }
@@ -193,7 +206,7 @@ TEST(PoseConversions, TakesTheSlashOffAFrame) {
 }
 
 TEST(PoseConversions, SurvivesATableWithoutHypotheses) {
-  EXPECT_TRUE(toMessage(HypothesisTable(), Pose(), 1).hypotheses.empty());
+  EXPECT_TRUE(toMessage(HypothesisTable(), Pose(), objectOf(1)).hypotheses.empty());
 }
 
 }  // namespace

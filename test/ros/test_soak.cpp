@@ -19,6 +19,7 @@
 
 #include "fake_camera.h"
 #include "graph.h"
+#include "nerf_pose_refiner/field/object_frame.h"
 #include "nerf_pose_refiner/image/colour.h"
 #include "nerf_pose_refiner/ros/camera_input.h"
 #include "nerf_pose_refiner/ros/pose_conversions.h"
@@ -104,7 +105,7 @@ class SoakTest : public testing::Test {
   void sendInitialPose() {
     geometry_msgs::PoseStamped pose;
     pose.header.frame_id = "camera_optical";
-    pose.pose = toMessage(objectInCamera(T_O_C_, kMetresPerUnit));
+    pose.pose = toMessage(ObjectFrame(Pose(), kMetresPerUnit).objectInCamera(T_O_C_));
     initial_pose_.publish(pose);
   }
 

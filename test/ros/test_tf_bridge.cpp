@@ -40,7 +40,7 @@ class TfBridgeTest : public testing::Test {
     StartPose start;
     start.frame_id = frame;
     start.stamp = stamp;
-    start.T_P_O.t.x() = x;
+    start.T_P_U.t.x() = x;
     return TfBridge(buffer_, frames_).startInCamera(start, "camera", kNow, StopToken()).t.x();
   }
 

@@ -14,7 +14,7 @@ ros::Time at(double seconds) { return ros::Time(1000.0 + seconds); }
 
 StartPose poseAt(const ros::Time& stamp, double x = 0) {
   StartPose start;
-  start.T_P_O.t.x() = x;
+  start.T_P_U.t.x() = x;
   start.frame_id = kCamera;
   start.stamp = stamp;
   return start;
@@ -73,7 +73,7 @@ TEST_F(TrackerStateTest, LooksForALostObjectAroundItsLastPose) {
   expect(Status::STATE_LOST, Status::REASON_LOW_SCORE);
   const FrameDecision again = image(1);
   ASSERT_TRUE(again.start);
-  EXPECT_EQ(again.start->T_P_O.t.x(), 0.5);
+  EXPECT_EQ(again.start->T_P_U.t.x(), 0.5);
   EXPECT_EQ(again.start->stamp, at(0)) << "where it was at that time";
   EXPECT_FALSE(again.start->tracked);
   state_.notTrusted(again.ticket, Status::REASON_DIVERGED, "");
@@ -96,7 +96,7 @@ TEST_F(TrackerStateTest, AnInitialPoseIsTriedOnMoreThanOneImage) {
   state_.notTrusted(image(0).ticket, Status::REASON_LOW_SCORE, "");
   const FrameDecision again = image(0.1);
   ASSERT_TRUE(again.start);
-  EXPECT_EQ(again.start->T_P_O.t.x(), 0.25);
+  EXPECT_EQ(again.start->T_P_U.t.x(), 0.25);
   EXPECT_EQ(again.start->stamp, at(0));
   state_.reset();
   EXPECT_FALSE(image(0.2).start);
@@ -121,7 +121,7 @@ TEST_F(TrackerStateTest, FollowsFromImageToImage) {
   const FrameDecision first = image(0);
   ASSERT_TRUE(first.start);
   EXPECT_FALSE(first.start->tracked);
-  EXPECT_EQ(first.start->T_P_O.t.x(), 0.5);
+  EXPECT_EQ(first.start->T_P_U.t.x(), 0.5);
   expect(Status::STATE_REFINING, Status::REASON_NONE);
   Pose found;
   found.t.x() = 0.4;
@@ -130,7 +130,7 @@ TEST_F(TrackerStateTest, FollowsFromImageToImage) {
   const FrameDecision second = image(0.1);
   ASSERT_TRUE(second.start);
   EXPECT_TRUE(second.start->tracked);
-  EXPECT_EQ(second.start->T_P_O.t.x(), 0.4);
+  EXPECT_EQ(second.start->T_P_U.t.x(), 0.4);
   EXPECT_EQ(second.start->stamp, at(0));
   expect(Status::STATE_TRACKING, Status::REASON_NONE);
 }
@@ -189,7 +189,7 @@ TEST_F(TrackerStateTest, SaysThatAnInitialPoseCame) {
 TEST_F(TrackerStateTest, TakesTheNewestInitialPose) {
   state_.offer(poseAt(at(0), 1));
   state_.offer(poseAt(at(0), 2));
-  EXPECT_EQ(image(0).start->T_P_O.t.x(), 2);
+  EXPECT_EQ(image(0).start->T_P_U.t.x(), 2);
 }
 
 TEST_F(TrackerStateTest, IgnoresInitialPosesWhileTracking) {
@@ -198,7 +198,7 @@ TEST_F(TrackerStateTest, IgnoresInitialPosesWhileTracking) {
   state_.offer(poseAt(at(0.1), 9));
   const FrameDecision decision = image(0.1);
   EXPECT_TRUE(decision.initial_pose_ignored);
-  EXPECT_EQ(decision.start->T_P_O.t.x(), 0.4);
+  EXPECT_EQ(decision.start->T_P_U.t.x(), 0.4);
 }
 
 TEST_F(TrackerStateTest, TakesInitialPosesWhileTrackingIfAsked) {
@@ -209,11 +209,11 @@ TEST_F(TrackerStateTest, TakesInitialPosesWhileTrackingIfAsked) {
   state_.offer(poseAt(at(0.1), 9));
   const FrameDecision decision = image(0.1);
   EXPECT_FALSE(decision.start->tracked);
-  EXPECT_EQ(decision.start->T_P_O.t.x(), 9);
+  EXPECT_EQ(decision.start->T_P_U.t.x(), 9);
   // Nothing came of it: the track goes on from where it was.
   state_.startRefused(decision.ticket, Status::REASON_PRIOR_NO_FRAME, "no such frame");
   expect(Status::STATE_TRACKING, Status::REASON_PRIOR_NO_FRAME);
-  EXPECT_EQ(image(0.2).start->T_P_O.t.x(), 0.4);
+  EXPECT_EQ(image(0.2).start->T_P_U.t.x(), 0.4);
 }
 
 TEST_F(TrackerStateTest, BridgesAFewUntrustedImages) {
@@ -222,7 +222,7 @@ TEST_F(TrackerStateTest, BridgesAFewUntrustedImages) {
   for (int i = 1; i <= 2; ++i) {
     const FrameDecision decision = image(0.1 * i);
     ASSERT_TRUE(decision.start);
-    EXPECT_EQ(decision.start->T_P_O.t.x(), 0.4);
+    EXPECT_EQ(decision.start->T_P_U.t.x(), 0.4);
     state_.notTrusted(decision.ticket, Status::REASON_LOW_SCORE, "");
     expect(Status::STATE_TRACKING, Status::REASON_LOW_SCORE);
   }
@@ -292,7 +292,7 @@ TEST_F(TrackerStateTest, KeepsAnInitialPoseFromAfterTheJump) {
   const FrameDecision decision = state_.decide(at(0), kCamera);
   EXPECT_TRUE(decision.clock_jumped);
   ASSERT_TRUE(decision.start);
-  EXPECT_EQ(decision.start->T_P_O.t.x(), 3);
+  EXPECT_EQ(decision.start->T_P_U.t.x(), 3);
 }
 
 TEST_F(TrackerStateTest, DropsAnInitialPoseFromBeforeTheJump) {

@@ -5,6 +5,7 @@
 
 #include "nerf_pose_refiner/geometry/camera.h"
 #include "nerf_pose_refiner/geometry/pose.h"
+#include "nerf_pose_refiner/geometry/symmetry.h"
 
 namespace nerf_pose_refiner {
 
@@ -17,7 +18,9 @@ struct PoseError {
 };
 
 /// @param object_centre in O [model units].
+/// @param symmetries in O [model units]: of all poses that look alike, the one nearest in rotation
+/// to the truth is compared with it.
 PoseError poseError(const Pose& T_O_C, const Pose& true_T_O_C, const Eigen::Vector3d& object_centre,
-                    const Camera& camera);
+                    const Camera& camera, const Symmetries& symmetries = {});
 
 }  // namespace nerf_pose_refiner

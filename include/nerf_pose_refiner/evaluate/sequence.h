@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "nerf_pose_refiner/evaluate/model_points.h"
+#include "nerf_pose_refiner/geometry/symmetry.h"
 
 namespace nerf_pose_refiner {
 
@@ -22,14 +23,16 @@ struct PoseMetrics {
   double reprojection_px = kNone;  ///< mean of the model's points
 };
 
-/// The object that poses are compared by: points, centre and diameter, all in metres.
+/// The object that poses are compared by, in its users' frame U: points, centre and diameter, all
+/// in metres.
 struct EvaluatedObject {
   ModelPoints points_m;
   Eigen::Vector3d centre_m;
   double diameter_m;
+  Symmetries symmetries_m;  ///< errors are modulo these, as poseError has it
 
-  /// @param T_O_C, true_T_O_C [m]. @param camera of the picture that reprojection is measured in.
-  PoseMetrics compare(const Pose& T_O_C, const Pose& true_T_O_C, const Camera& camera) const;
+  /// @param T_U_C, true_T_U_C [m]. @param camera of the picture that reprojection is measured in.
+  PoseMetrics compare(const Pose& T_U_C, const Pose& true_T_U_C, const Camera& camera) const;
 };
 
 /// One evaluated image of a sequence.
@@ -42,7 +45,7 @@ struct EvaluatedFrame {
   double score = 0;
   PoseMetrics start;     ///< of the pose that the search began with
   PoseMetrics found;     ///< of the result, trusted or not
-  Pose T_C_O;            ///< the result [m]; of no meaning where nothing was found
+  Pose T_C_U;            ///< the result [m]; of no meaning where nothing was found
   double latency_s = 0;  ///< of the refinement alone
 };
 

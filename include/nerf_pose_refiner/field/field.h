@@ -3,12 +3,16 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "nerf_pose_refiner/geometry/pose.h"
+#include "nerf_pose_refiner/geometry/symmetry.h"
+
 namespace nerf_pose_refiner {
 
-/// An axis-aligned box in model units.
+/// An axis-aligned box [model units].
 struct Box {
   Eigen::Vector3d min = Eigen::Vector3d::Constant(-0.5);
   Eigen::Vector3d max = Eigen::Vector3d::Constant(0.5);
@@ -107,6 +111,11 @@ struct FieldMetadata {
   std::string data_hash;  ///< of the images, poses and settings it was trained from
   std::uint64_t seed = 0;
   std::uint64_t training_steps = 0;
+
+  // Not of the model's own file, but said of it in another one (ObjectMetadata).
+  Pose T_O_U;              ///< the frame U that users mean by the object's, in the model's [units]
+  Symmetries symmetries;   ///< in O [model units]
+  std::optional<Box> box;  ///< in U [model units]; nothing: that of the field counts
 };
 
 /// A learned object: parameters of a hash-grid radiance field, frozen.

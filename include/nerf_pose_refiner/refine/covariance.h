@@ -20,6 +20,21 @@ using Vector6 = Eigen::Matrix<double, 6, 1>;
 /// @param centre of the object, in O [model units].
 Vector6 cameraTwist(const Pose& from_T_O_C, const Pose& to_T_O_C, const Eigen::Vector3d& centre);
 
+/// A hypothesis seen from another side of the object: its pose becomes motion * T_O_C, and its
+/// normal equations, which are of twists about `centre` in the axes of O, follow.
+Hypothesis moved(const Hypothesis& hypothesis, const Pose& motion, const Eigen::Vector3d& centre);
+
+/// Of all poses from which the object looks alike, those nearest in rotation: of the best
+/// hypothesis to the prior, of the others to the best one.
+/// @param hypotheses best first, the best being live.
+HypothesisTable nearestEquivalents(const HypothesisTable& hypotheses, const Prior& prior,
+                                   const FieldMetadata& object);
+
+/// The covariance of a twist about `centre` if nothing is known of the angle about an axis: there
+/// it has the variance of a uniform angle, pi^2 / 3, whatever it was; what remains is unchanged.
+/// @param axis in O [model units].
+Matrix6 freeAbout(const SymmetryAxis& axis, const Matrix6& of_twist, const Eigen::Vector3d& centre);
+
 /// Axes of a camera turned such that z goes through a point; columns in C.
 Eigen::Matrix3d lineOfSightAxes(const Eigen::Vector3d& point_C);
 
@@ -33,8 +48,8 @@ std::vector<double> hypothesisWeights(const HypothesisTable& hypotheses);
 /// that go together, through blur or because the model does not know the light, are not taken for
 /// independent ones. What the model itself is off by (PoseStatistics) is added. What the picture
 /// does not fix is as uncertain as the prior; other hypotheses add their distance, by their
-/// weights.
-/// @param hypotheses best first, the best being live.
+/// weights. About an axis of symmetry any angle is as good.
+/// @param hypotheses as nearestEquivalents has them.
 Matrix6 poseCovariance(const HypothesisTable& hypotheses, const Prior& prior,
                        const FieldMetadata& object);
 
@@ -47,10 +62,11 @@ double calibratedScore(double score, const PoseStatistics& statistics);
 /// if no more than half of it agrees.
 double scoreOfShare(double share);
 
-/// The same uncertainty as that of the object's pose in the camera, T_C_O: position of O's origin
+/// The same uncertainty as that of the object's pose in the camera: position of one of its points
 /// [model units] and rotation [rad] about the axes of C, order (x, y, z, about x, about y, about
 /// z).
+/// @param point the origin of the frame whose pose it is, in O; its axes do not matter.
 Matrix6 covarianceInCamera(const Matrix6& of_twist, const Pose& T_O_C,
-                           const Eigen::Vector3d& centre);
+                           const Eigen::Vector3d& centre, const Eigen::Vector3d& point);
 
 }  // namespace nerf_pose_refiner

@@ -44,12 +44,13 @@ struct TraceEntry {
 
 struct Refinement {
   Outcome outcome = Outcome::kDiverged;
-  Pose T_O_C;  ///< best pose, model units
+  Pose T_O_C;  ///< best pose, model units; of those that look alike the one nearest to the prior
   /// 0..1, higher is better: Hypothesis::score on the scale of calibratedScore or scoreOfShare.
   double score = 0;
   double visible_fraction = 0;           ///< 0..1
   Matrix6 covariance = Matrix6::Zero();  ///< of the best pose; @see poseCovariance
-  HypothesisTable hypotheses;            ///< all that were followed to the last stage, best first
+  HypothesisTable hypotheses;            ///< all that were followed to the last stage, best first;
+                                         ///< @see nearestEquivalents
   std::vector<TraceEntry> trace;
   double seconds = 0;
   Work work;

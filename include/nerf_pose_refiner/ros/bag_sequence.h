@@ -54,10 +54,10 @@ class BagSequence {
   /// no camera_info of the image's stamp. (One camera_info in the whole bag is all images'.)
   BagFrame frame(int index) const;
 
-  /// The object's true pose T_C_O [m]. @throws std::runtime_error naming what is missing.
+  /// The object's true pose T_C_U [m]. @throws std::runtime_error naming what is missing.
   Pose truth(const std::string& camera_frame, const ros::Time& stamp) const;
 
-  /// The newest recorded initial pose T_C_O [m] that is not newer than a time, nor older by more
+  /// The newest recorded initial pose T_C_U [m] that is not newer than a time, nor older by more
   /// than `max_age_s`; nothing: there is none.
   /// @throws std::runtime_error if TF does not lead to it.
   std::optional<Pose> initialPose(const std::string& camera_frame, const ros::Time& stamp,

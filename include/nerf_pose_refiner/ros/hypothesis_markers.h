@@ -7,15 +7,10 @@
 #include <Eigen/Core>
 #include <array>
 
-#include "nerf_pose_refiner/field/field.h"
-
 namespace nerf_pose_refiner {
 
-/// Corners of the box around an object, in its frame [m]; bit i of an index says which end of axis
-/// i it is at.
+/// As boxCorners has them [m].
 using BoxCorners = std::array<Eigen::Vector3d, 8>;
-
-BoxCorners boxCorners(const Field& field);
 
 /// Hypotheses for RViz: the object's box at each pose, as opaque as its weight is of the greatest
 /// one, and of the best its axes, too (red, green, blue: x, y, z), in its own namespace "best".

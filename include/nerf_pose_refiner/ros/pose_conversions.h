@@ -10,20 +10,15 @@
 #include <string>
 
 #include "nerf_pose_refiner/engine/hypotheses.h"
+#include "nerf_pose_refiner/field/field.h"
 #include "nerf_pose_refiner/geometry/pose.h"
-#include "nerf_pose_refiner/refine/covariance.h"
+#include "nerf_pose_refiner/refine/refiner.h"
 #include "nerf_pose_refiner/ros/tracker_state.h"
 
 namespace nerf_pose_refiner {
 
 /// A frame as TF2 names it: TF1 put a slash before the name, and old drivers and bags still do.
 std::string withoutSlash(const std::string& frame_id);
-
-/// The library's pose as ROS has it: T_C_O in metres, of T_O_C in model units.
-Pose objectInCamera(const Pose& T_O_C, double metres_per_unit);
-
-/// The inverse of objectInCamera: T_O_C in model units, of T_C_O in metres.
-Pose cameraInObject(const Pose& T_C_O, double metres_per_unit);
 
 geometry_msgs::Pose toMessage(const Pose& pose);
 
@@ -43,19 +38,25 @@ StartPose startFromMessage(const geometry_msgs::PoseStamped& message);
 /// @throws InputError also for a covariance that is not finite or has a negative variance.
 StartPose startFromMessage(const geometry_msgs::PoseWithCovarianceStamped& message);
 
-/// The covariance of a pose as REP-103 has it: position of the object's origin [m^2] and rotation
-/// about the fixed axes of W [rad^2], row-major, order (x, y, z, about x, about y, about z).
-/// @param of_twist as Refinement::covariance. @param T_O_C, centre in model units.
+/// The covariance of a pose as REP-103 has it: position of the origin of the object's frame U [m^2]
+/// and rotation about the fixed axes of W [rad^2], row-major, order (x, y, z, about x, about y,
+/// about z).
+/// @param of_twist as Refinement::covariance. @param T_O_C in model units.
 /// @param R_W_C turns axes of the camera into those of W.
 geometry_msgs::PoseWithCovariance::_covariance_type covarianceToMessage(
-    const Matrix6& of_twist, const Pose& T_O_C, const Eigen::Vector3d& centre,
-    double metres_per_unit, const Eigen::Matrix3d& R_W_C);
+    const Matrix6& of_twist, const Pose& T_O_C, const FieldMetadata& object,
+    const Eigen::Matrix3d& R_W_C);
 
-/// Live, measured hypotheses of one image as poses in frame W, the best first, with their
-/// hypothesisWeights.
+/// A refined pose as ROS has it: that of the object's frame U in W.
+/// @param T_W_C the camera in W [m].
+geometry_msgs::PoseWithCovariance toMessage(const Refinement& refinement, const Pose& T_W_C,
+                                            const FieldMetadata& object);
+
+/// Live, measured hypotheses of one image as poses of the object's frame U in W, the best first,
+/// with their hypothesisWeights.
 /// @param T_W_C the camera in W [m]. Header and object's name are left to the caller.
 PoseHypothesisArray toMessage(const HypothesisTable& hypotheses, const Pose& T_W_C,
-                              double metres_per_unit);
+                              const FieldMetadata& object);
 
 geometry_msgs::PoseArray toPoseArray(const PoseHypothesisArray& message);
 

@@ -13,9 +13,9 @@ namespace nerf_pose_refiner {
 
 /// A start pose as the library has it.
 /// @param start its widths, where they are not zero, go before those of the settings.
-/// @param T_C_O where it is for the camera, at the image's time [m].
+/// @param T_C_U where it is for the camera, at the image's time [m].
 /// @throws InputError (REASON_PRIOR_BAD_COVARIANCE) for a width that asks for the impossible.
-Prior priorFrom(const StartPose& start, const Pose& T_C_O, const FieldMetadata& object,
+Prior priorFrom(const StartPose& start, const Pose& T_C_U, const FieldMetadata& object,
                 const SearchSettings& settings);
 
 /// Whether a refined pose is to be trusted.

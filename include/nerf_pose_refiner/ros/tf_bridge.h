@@ -30,7 +30,7 @@ class TfBridge {
   Pose cameraInOutput(const std::string& camera_frame, const ros::Time& stamp,
                       const StopToken& stop) const;
 
-  /// A start pose in the camera's frame C at an image's time (T_C_O, metres).
+  /// A start pose in the camera's frame C at an image's time (T_C_U, metres).
   ///
   /// Between its own time and the image's, the object stands still in ~fixed_frame; if that is not
   /// set, in the frame that the pose is given in.

@@ -27,7 +27,7 @@ struct Condition {
 
 /// Where the object was at some time: from outside, or from the last trusted refinement.
 struct StartPose {
-  Pose T_P_O;                ///< object in frame P [m]
+  Pose T_P_U;                ///< the object's frame U, as its users mean it, in frame P [m]
   std::string frame_id;      ///< P
   ros::Time stamp;           ///< zero: the time of the image it is used for
   bool tracked = false;      ///< from the last refinement, not from outside
@@ -83,7 +83,7 @@ class TrackerState {
   void startRefused(std::uint64_t ticket, std::uint8_t reason, const std::string& message);
   /// A refinement ended well. @return false if it is out of date, after a reset say: drop the
   /// result.
-  bool trusted(std::uint64_t ticket, const Pose& T_C_O, const std::string& frame_id,
+  bool trusted(std::uint64_t ticket, const Pose& T_C_U, const std::string& frame_id,
                const ros::Time& stamp);
   /// A refinement ended without a pose to believe in. @return false if it is out of date.
   bool notTrusted(std::uint64_t ticket, std::uint8_t reason, const std::string& message);
