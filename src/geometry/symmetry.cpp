@@ -128,6 +128,14 @@ Symmetries Symmetries::scaled(double length_per_unit) const {
   return scaled;
 }
 
+std::string describe(const Symmetries& symmetries) {
+  const std::size_t motions = symmetries.motions().size() - 1;
+  std::string text = symmetries.axis() ? "any turn about an axis" : "";
+  if (motions == 0) return text;
+  if (!text.empty()) text += ", and ";
+  return text + std::to_string(motions) + (motions == 1 ? " motion" : " motions");
+}
+
 Pose nearestEquivalent(const Pose& T_O_C, const Pose& reference_T_O_C,
                        const Symmetries& symmetries) {
   if (!symmetries.any()) return T_O_C;

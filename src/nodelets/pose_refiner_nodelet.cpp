@@ -228,7 +228,8 @@ Diagnostics::Facts PoseRefinerNodelet::memoryFacts() const {
     facts.emplace_back("model " + model.metadata.name,
                        std::to_string(model.bytes >> 20) + " MiB" +
                            (model.in_use ? ", in use" : "") +
-                           (model.outdated ? ", the file is another one by now" : ""));
+                           (model.outdated ? ", the file is another one by now" : "") +
+                           (model.metadata_error.empty() ? "" : ", " + model.metadata_error));
   }
   return facts;
 }

@@ -71,6 +71,7 @@ RegisteredObject ObjectRegistration::run(const RegisterObject::Request& request,
                                          const RegistrationQueue::Progress& progress,
                                          const StopToken& stop) const {
   requireObjectName(request.name);
+  store_.requireMetadata(request.name);  // better now than after the training
   requireLength("metres_per_unit", request.metres_per_unit);
   requireLength("max_seconds", request.max_seconds);
   const std::shared_ptr<ProcessorSchedule> schedule = find_schedule_();
@@ -88,8 +89,7 @@ RegisteredObject ObjectRegistration::run(const RegisterObject::Request& request,
       std::make_shared<Field>(registerObject(engine.get(), dataset, settings, progress, stop));
   field->metadata.name = request.name;
   stop.check();  // the last moment at which a stop leaves nothing behind
-  store_.save(field);
-  return {field, false};
+  return {store_.save(field), false};
 }
 
 RegistrationQueue::Job ObjectRegistration::jobOf(const RegisterObject::Request& request) const {

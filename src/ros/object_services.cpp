@@ -5,10 +5,32 @@
 
 #include "nerf_pose_refiner/ros/error_of.h"
 #include "nerf_pose_refiner/ros/input_error.h"
+#include "nerf_pose_refiner/ros/pose_conversions.h"
 #include "nerf_pose_refiner/ros/topics.h"
 
 namespace nerf_pose_refiner {
 namespace {
+
+constexpr double kRenewal_s = 0.5;  // between looks at what is said of the object
+
+geometry_msgs::Point toPoint(const Eigen::Vector3d& p) {
+  geometry_msgs::Point point;
+  point.x = p.x();
+  point.y = p.y();
+  point.z = p.z();
+  return point;
+}
+
+/// What is said of an object beside its model.
+void describeFrame(const FieldMetadata& object, ObjectInfo* info) {
+  const double unit_m = object.metres_per_unit;
+  info->frame_in_model = toMessage(Pose(object.T_O_U.R, unit_m * object.T_O_U.t));
+  if (object.box) {
+    info->box_min = toPoint(unit_m * object.box->min);
+    info->box_max = toPoint(unit_m * object.box->max);
+  }
+  info->symmetries = describe(object.symmetries);
+}
 
 /// Does what a service is asked for. `action` returns the message of a success.
 template <typename Response>
@@ -33,6 +55,8 @@ ObjectServices::ObjectServices(const ros::NodeHandle& pnh, const ObjectStore& st
               nh.advertiseService(topics::kUnloadObject, &ObjectServices::unload, this),
               nh.advertiseService(topics::kListObjects, &ObjectServices::list, this),
               nh.advertiseService(topics::kSetObject, &ObjectServices::set, this)};
+  renewal_ = nh.createWallTimer(ros::WallDuration(kRenewal_s),
+                                [this](const ros::WallTimerEvent&) { renewTracked(); });
   if (!first_object.empty()) {
     tracked_->isLoading();
     first_ = std::async(std::launch::async, [this, first_object] { loadFirst(first_object); });
@@ -42,8 +66,21 @@ ObjectServices::ObjectServices(const ros::NodeHandle& pnh, const ObjectStore& st
 
 ObjectServices::~ObjectServices() {
   for (ros::ServiceServer& server : servers_) server.shutdown();
+  renewal_.stop();
   spinner_.stop();
   if (first_.valid()) first_.wait();
+}
+
+void ObjectServices::renewTracked() {
+  const std::shared_ptr<const Field> tracked = tracked_->field();
+  if (!tracked) return;
+  const std::optional<std::string> error = errorOf([&] {
+    if (const auto renewed = store_.renewed(tracked)) tracked_->renew(tracked, renewed);
+  });
+  if (error) {
+    ROS_ERROR("what is said of '%s' stays as it was: %s", tracked->metadata.name.c_str(),
+              error->c_str());
+  }
 }
 
 void ObjectServices::loadFirst(const std::string& name) {
@@ -91,6 +128,7 @@ bool ObjectServices::list(ListObjects::Request&, ListObjects::Response& response
       info.diameter_m = object.metadata.diameter * object.metadata.metres_per_unit;
       info.psnr_db = object.metadata.psnr_db;
       info.message = object.message;
+      describeFrame(object.metadata, &info);
       response.objects.push_back(info);
     }
     for (const CachedModel& model : store_.cache().list()) response.memory_bytes += model.bytes;

@@ -12,6 +12,7 @@
 
 #include "nerf_pose_refiner/dataset/path_below.h"
 #include "nerf_pose_refiner/field/model_file.h"
+#include "nerf_pose_refiner/field/object_metadata.h"
 #include "nerf_pose_refiner/ros/input_error.h"
 
 namespace nerf_pose_refiner {
@@ -28,7 +29,7 @@ StoredObject onDisk(const std::string& root, const fs::path& file) {
   try {
     const std::string path = pathBelow(root, file.filename().string());
     object.bytes = fs::file_size(path);
-    object.metadata = readModelMetadata(path);
+    object.metadata = readObject(path);
   } catch (const std::exception& e) {
     object.message = e.what();
   }
@@ -52,7 +53,10 @@ void requireObjectName(const std::string& name) {
 std::string ObjectStore::pathOf(const std::string& name) const {
   requireObjectName(name);
   if (root_.empty()) throw std::invalid_argument("~model_root is not set");
-  return pathBelow(root_, name + kExtension);
+  const std::string path = pathBelow(root_, name + kExtension);
+  const fs::path metadata = metadataPathOf(path);
+  pathBelow(root_, metadata.lexically_relative(pathBelow(root_, ".")).string());
+  return path;
 }
 
 std::shared_ptr<const Field> ObjectStore::find(const std::string& name) const {
@@ -74,16 +78,26 @@ std::shared_ptr<const Field> ObjectStore::load(const std::string& name) const {
   if (!(field->metadata.metres_per_unit > 0)) {
     throw InputError(Status::REASON_MODEL_NO_SCALE,
                      "the model '" + name +
-                         "' does not know how long its unit is: register it with metres_per_unit");
+                         "' does not know how long its unit is: register it with metres_per_unit, "
+                         "or say so in " +
+                         name + ".yaml beside it");
   }
   return field;
 }
 
-void ObjectStore::save(std::shared_ptr<const Field> field) const {
+std::shared_ptr<const Field> ObjectStore::renewed(const std::shared_ptr<const Field>& field) const {
+  return cache_->renewed(field);
+}
+
+void ObjectStore::requireMetadata(const std::string& name) const {
+  readObjectMetadata(metadataPathOf(pathOf(name)));
+}
+
+std::shared_ptr<const Field> ObjectStore::save(std::shared_ptr<const Field> field) const {
   const std::string path = pathOf(field->metadata.name);
   fs::create_directories(fs::path(path).parent_path());
   saveModel(*field, path);
-  cache_->put(path, std::move(field));
+  return cache_->put(path, std::move(field));
 }
 
 void ObjectStore::unload(const std::string& name) const {
@@ -101,6 +115,9 @@ std::vector<StoredObject> ObjectStore::list() const {
     if (path.parent_path() != root) continue;  // of a refiner with another folder
     StoredObject object{path.stem().string(), true, model.in_use, model.bytes, model.metadata, ""};
     if (model.outdated) object.message = "the file has changed since it was read";
+    if (!model.metadata_error.empty()) {
+      object.message = "what was said of it before is in use: " + model.metadata_error;
+    }
     if (!model.outdated) known.insert(model.path);
     objects.push_back(object);
   }

@@ -75,10 +75,10 @@ void ObjectTracker::modelFailed(std::uint8_t reason, const std::string& message)
   state_.modelFailed(reason, message);
 }
 
-std::future<void> ObjectTracker::offerModel(std::shared_ptr<const Field> field) {
+std::future<void> ObjectTracker::offerModel(std::shared_ptr<const Field> field, bool same_looks) {
   std::lock_guard<std::mutex> lock(mutex_);
-  pending_models_.push_back({std::move(field), {}});
-  running_.requestStop();
+  pending_models_.push_back({std::move(field), same_looks, {}});
+  if (!same_looks) running_.requestStop();
   return pending_models_.back().done.get_future();
 }
 
@@ -94,8 +94,15 @@ void ObjectTracker::applyModels() {
     try {
       search_->use(model.field);
       std::lock_guard<std::mutex> lock(mutex_);
-      field_ = model.field;
-      state_.modelIsReady();
+      const std::shared_ptr<const Field> before = std::exchange(field_, model.field);
+      if (before && model.same_looks &&
+          before->metadata.metres_per_unit == field_->metadata.metres_per_unit) {
+        Pose T_U_V = before->metadata.T_O_U.inverse() * field_->metadata.T_O_U;
+        T_U_V.t *= field_->metadata.metres_per_unit;
+        state_.objectFrameMoved(T_U_V);
+      } else {
+        state_.modelIsReady();
+      }
       model.done.set_value();
     } catch (const std::exception& e) {
       modelFailed(Status::REASON_INTERNAL, e.what());

@@ -25,6 +25,16 @@ std::string TrackedObject::track(std::shared_ptr<const Field> field) {
   return text;
 }
 
+void TrackedObject::renew(const std::shared_ptr<const Field>& before,
+                          std::shared_ptr<const Field> field) {
+  std::lock_guard<std::mutex> changing(changing_);
+  if (this->field() != before) return;
+  tracker_->offerModel(field, /*same_looks=*/true).get();
+  ROS_INFO("new metadata in use: %s", describe(field->metadata).c_str());
+  std::lock_guard<std::mutex> lock(mutex_);
+  field_ = std::move(field);
+}
+
 std::shared_ptr<const Field> TrackedObject::field() const {
   std::lock_guard<std::mutex> lock(mutex_);
   return field_;

@@ -53,6 +53,12 @@ void TrackerState::modelIsReady() {
   waitBecause(enabled_ ? Status::REASON_NONE : Status::REASON_DISABLED, "");
 }
 
+void TrackerState::objectFrameMoved(const Pose& T_U_V) {
+  for (std::optional<StartPose>* kept : {&last_, &anchor_}) {
+    if (*kept) (*kept)->T_P_U = (*kept)->T_P_U * T_U_V;
+  }
+}
+
 void TrackerState::modelFailed(std::uint8_t reason, const std::string& message) {
   if (!has_model_) become(Status::STATE_ERROR, reason, message);
 }

@@ -151,7 +151,7 @@ nlohmann::json settingsJson(const EvaluateOptions& options, const BagTopics& top
           {"trust_score", s.rules.trust_score},
           {"min_score", s.rules.min_score},
           {"surface_points_asked", s.points},
-          {"modulo_symmetries", object.symmetries.any()},
+          {"modulo_symmetries", describe(object.symmetries)},
           {"seed", s.seed},
           {"engine", engine}};
 }

@@ -141,7 +141,8 @@ std::string summaryText(const Json& s) {
   std::string text = std::to_string(s["frames"].get<int>()) + " images, " +
                      std::to_string(s["found"].get<int>()) + " poses, " +
                      std::to_string(s["trusted"].get<int>()) + " of them trusted\n";
-  if (s["settings"]["modulo_symmetries"]) text += "errors are modulo the object's symmetries\n";
+  const std::string symmetries = s["settings"]["modulo_symmetries"];
+  if (!symmetries.empty()) text += "errors are modulo symmetries: " + symmetries + "\n";
   for (const auto& [rule, share] : s["recall"].items()) text += rule + ": " + percent(share) + "\n";
   text += "median error: " + valueText(errors["rotation_deg"]["median"], 1, "%.3f degrees") + ", " +
           valueText(errors["offset_m"]["median"], 1000, "%.2f mm") + ", " +

@@ -183,7 +183,7 @@ nlohmann::json resultJson(const RefineCase& input, const Refinement& result,
     };
     document["error_at_start"] = error(input.start_T_O_C);
     document["error"] = error(result.T_O_C);
-    document["modulo_symmetries"] = object.symmetries.any();
+    document["modulo_symmetries"] = describe(object.symmetries);
   }
   for (const TraceEntry& entry : result.trace) {
     document["trace"].push_back({{"stage", entry.stage},
@@ -211,7 +211,8 @@ void printResult(const nlohmann::json& result) {
   if (result.contains("error")) {
     printErrorLine("error at start", result["error_at_start"]);
     printErrorLine("error", result["error"]);
-    if (result["modulo_symmetries"]) std::printf("errors are modulo the object's symmetries\n");
+    const std::string symmetries = result["modulo_symmetries"];
+    if (!symmetries.empty()) std::printf("errors are modulo symmetries: %s\n", symmetries.c_str());
   }
 }
 

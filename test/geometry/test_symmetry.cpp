@@ -122,6 +122,13 @@ TEST(Symmetry, FollowsTheFrameAndTheUnit) {
   EXPECT_LT(distance(scaled.motions()[1], nFold({{1, 0, 0}, {0, 0, 0.2}}, 2)), 1e-7);
 }
 
+TEST(Symmetry, SaysWhatItIs) {
+  EXPECT_EQ(describe(Symmetries()), "");
+  EXPECT_EQ(describe(Symmetries(kZ, {})), "any turn about an axis");
+  EXPECT_EQ(describe(Symmetries(kZ, {nFold(kX, 2)})), "any turn about an axis, and 1 motion");
+  EXPECT_EQ(describe(Symmetries(std::nullopt, {nFold(kZ, 4)})), "3 motions");
+}
+
 TEST(Symmetry, RoundedNumbersWillDo) {
   Pose quarter;
   quarter.R = nearestRotation((Eigen::Matrix3d() << 0.001, -1, 0, 1, 0, 0.002, 0, 0, 1).finished());

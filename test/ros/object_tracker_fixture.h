@@ -69,6 +69,13 @@ inline std::shared_ptr<const Field> fieldCalled(const std::string& name) {
   return field;
 }
 
+/// The same object, whose frame is some units further along the model's z axis.
+inline std::shared_ptr<Field> fieldWithFrameAt(double z) {
+  auto field = std::make_shared<Field>(*fieldCalled("mug"));
+  field->metadata.T_O_U.t.z() = z;
+  return field;
+}
+
 class ObjectTrackerTest : public testing::Test {
  protected:
   ObjectTrackerTest() {
@@ -89,8 +96,10 @@ class ObjectTrackerTest : public testing::Test {
         [this] { return clock_(); });
   }
 
-  void useModel(const std::string& name = "mug") {
-    std::future<void> done = tracker_->offerModel(fieldCalled(name));
+  void useModel(const std::string& name = "mug") { useModel(fieldCalled(name)); }
+
+  void useModel(std::shared_ptr<const Field> field, bool same_looks = false) {
+    std::future<void> done = tracker_->offerModel(std::move(field), same_looks);
     tracker_->applyModels();
     done.get();
   }

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <filesystem>
 #include <stdexcept>
 #include <string>
@@ -114,9 +115,82 @@ TEST_F(ModelCacheTest, GivesBackMemoryThatNobodyUses) {
 TEST_F(ModelCacheTest, KnowsWhatWasJustWritten) {
   auto field = std::make_shared<const Field>(smallField());
   const std::string path = write("mug");
-  cache.put(path, field);
+  EXPECT_EQ(cache.put(path, field), field);
   EXPECT_EQ(cache.load(path), field);
   EXPECT_EQ(cache.filesRead(), 0u);
+}
+
+TEST_F(ModelCacheTest, WhatIsSaidOfAnObjectHoldsForOneThatWasJustWritten) {
+  folder.write("mug.yaml", "metres_per_unit: 7\n");
+  const std::string path = write("mug");
+  const auto described = cache.put(path, std::make_shared<const Field>(smallField()));
+  EXPECT_EQ(described->metadata.metres_per_unit, 7);
+  EXPECT_EQ(cache.load(path), described);
+}
+
+TEST_F(ModelCacheTest, OtherMetadataComesWithoutReadingTheModelAgain) {
+  const std::string path = write("mug", 5);
+  const auto before = cache.load(path);
+  folder.write("mug.yaml", "metres_per_unit: 0.5\n");
+  const auto after = cache.load(path);
+  EXPECT_EQ(after->metadata.metres_per_unit, 0.5);
+  EXPECT_EQ(after->metadata.seed, 5u);
+  EXPECT_EQ(after->metadata.name, "mug");
+  EXPECT_EQ(after->grid, before->grid);
+  EXPECT_EQ(cache.filesRead(), 1u);
+  EXPECT_FALSE(cache.list().at(0).outdated);
+  folder.write("mug.yaml", "metres: 0.5\n");
+  expectError<std::runtime_error>([&] { cache.load(path); }, "mug.yaml", "'metres'");
+  fs::remove(folder.file("mug.yaml"));
+  EXPECT_EQ(cache.load(path)->metadata.metres_per_unit, before->metadata.metres_per_unit);
+}
+
+/// What `renewed` says once it believes that a file is whole.
+std::shared_ptr<const Field> settled(ModelCache* cache, const std::shared_ptr<const Field>& field) {
+  EXPECT_EQ(cache->renewed(field), nullptr) << "it may be half written";
+  const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(5);
+  while (std::chrono::steady_clock::now() < deadline) {
+    if (auto renewed = cache->renewed(field)) return renewed;
+    std::this_thread::yield();
+  }
+  return nullptr;
+}
+
+TEST_F(ModelCacheTest, RenewsMetadataOfAModelInUse) {
+  const std::string path = write("mug");
+  const auto before = cache.load(path);
+  EXPECT_EQ(cache.renewed(before), nullptr);
+  folder.write("mug.yaml", "metres_per_unit: 0.5\n");
+  const auto after = settled(&cache, before);
+  ASSERT_TRUE(after);
+  EXPECT_EQ(after->metadata.metres_per_unit, 0.5);
+  EXPECT_EQ(cache.load(path), after);
+  EXPECT_EQ(cache.renewed(before), after) << "for another refiner, which has the old one yet";
+}
+
+TEST_F(ModelCacheTest, BadMetadataIsReportedOnceAndTheOldOneServes) {
+  const std::string path = write("mug");
+  const auto before = cache.load(path);
+  folder.write("mug.yaml", "bounding_box: 3\n");
+  expectError<std::runtime_error>([&] { settled(&cache, before); }, "mug.yaml", "bounding_box");
+  for (int i = 0; i < 10; ++i) EXPECT_EQ(cache.renewed(before), nullptr);
+  EXPECT_NE(cache.list().at(0).metadata_error.find("bounding_box"), std::string::npos);
+  folder.write("mug.yaml", "metres_per_unit: 3\n");
+  const auto after = settled(&cache, before);
+  ASSERT_TRUE(after);
+  EXPECT_EQ(after->metadata.metres_per_unit, 3);
+}
+
+TEST_F(ModelCacheTest, LosingItsScaleIsAnErrorToo) {
+  Field field = smallField();
+  field.metadata.metres_per_unit = 0;
+  const std::string path = folder.file("mug.safetensors");
+  saveModel(field, path);
+  folder.write("mug.yaml", "metres_per_unit: 0.5\n");
+  const auto before = cache.load(path);
+  fs::remove(folder.file("mug.yaml"));
+  expectError<std::runtime_error>([&] { settled(&cache, before); }, "mug", "metres_per_unit");
+  EXPECT_EQ(cache.renewed(before), nullptr);
 }
 
 }  // namespace

@@ -127,6 +127,22 @@ TEST_F(ObjectStoreTest, SaysWhyAModelCannotBeUsed) {
   EXPECT_THROW(ObjectStore("", &cache_).load("mug"), InputError) << "no root is set";
 }
 
+TEST_F(ObjectStoreTest, KnowsWhatIsSaidOfAnObjectBesideItsModel) {
+  store().save(smallField("mug", 0));
+  temporary_.write("models/mug.yaml", "metres_per_unit: 0.03\n");
+  EXPECT_EQ(store().load("mug")->metadata.metres_per_unit, 0.03);
+  EXPECT_EQ(store().save(smallField("mug", 5))->metadata.metres_per_unit, 0.03) << "learned anew";
+  temporary_.write("models/mug.yaml", "metres: 1\n");
+  EXPECT_EQ(reasonFor("mug"), Status::REASON_MODEL_UNREADABLE);
+  expectError<std::runtime_error>([&] { store().requireMetadata("mug"); }, "mug.yaml", "'metres'");
+  temporary_.write("models/cup.yaml", "metres: 1\n");
+  fs::copy_file(folder_ / "models" / "mug.safetensors", folder_ / "models" / "cup.safetensors");
+  EXPECT_NE(store().list().at(0).message.find("'metres'"), std::string::npos);
+  fs::remove(folder_ / "models" / "cup.yaml");
+  fs::create_symlink(folder_ / "secret", folder_ / "models" / "cup.yaml");
+  EXPECT_EQ(reasonFor("cup"), Status::REASON_MODEL_UNREADABLE) << "it leads out of the root";
+}
+
 TEST_F(ObjectStoreTest, WritesBelowItsRootOnly) {
   const ObjectStore store = this->store();
   EXPECT_THROW(store.save(smallField("../mug", 0.01)), std::invalid_argument);

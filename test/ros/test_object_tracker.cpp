@@ -51,6 +51,39 @@ TEST_F(ObjectTrackerTest, RefinesInModelUnitsAndAnswersInMetres) {
   EXPECT_EQ(int{reports_.back().state}, int{Status::STATE_REFINING}) << "said before it began";
 }
 
+TEST_F(ObjectTrackerTest, SpeaksOfTheFrameThatUsersMean) {
+  useModel(fieldWithFrameAt(2));
+  offer();
+  const auto result = tracker_->process(frameAt(0));
+  ASSERT_TRUE(result && result->pose);
+  EXPECT_NEAR(search_->priors.at(0).T_O_C.t.z(), -2, 1e-12);    // 0.4 m, less 2 units
+  EXPECT_NEAR(result->pose->pose.pose.position.z, 0.3, 1e-12);  // 1 + 2 units
+  EXPECT_NEAR(result->hypotheses.hypotheses[1].pose.position.z, 0.3, 1e-12);
+}
+
+TEST_F(ObjectTrackerTest, GoesOnWhenTheFrameIsMoved) {
+  useModel();
+  offer();
+  tracker_->process(frameAt(0));
+  useModel(fieldWithFrameAt(-0.5), /*same_looks=*/true);
+  const auto result = tracker_->process(frameAt(0.1));
+  ASSERT_TRUE(result && result->pose);
+  EXPECT_TRUE(search_->was_tracked.at(1));
+  EXPECT_NEAR(search_->priors.at(1).T_O_C.t.z(), -1, 1e-12) << "the object is where it was";
+  EXPECT_NEAR(result->pose->pose.pose.position.z, 0.05, 1e-12);
+}
+
+TEST_F(ObjectTrackerTest, BeginsAnewWithAnotherScale) {
+  useModel();
+  offer();
+  tracker_->process(frameAt(0));
+  auto field = fieldWithFrameAt(0);
+  field->metadata.metres_per_unit = 0.2;
+  useModel(field, /*same_looks=*/true);
+  EXPECT_FALSE(tracker_->process(frameAt(0.1)));
+  EXPECT_EQ(int{reports_.back().state}, int{Status::STATE_WAITING});
+}
+
 TEST_F(ObjectTrackerTest, FollowsFromTheLastPoseInANarrowSearch) {
   useModel();
   offer();

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <fstream>
 #include <string>
 
 #include "pose_refiner_graph.h"
@@ -15,6 +16,10 @@ namespace fs = std::filesystem;
 
 fs::path modelFile(const std::string& name) {
   return fs::path(world->root) / "models" / (name + ".safetensors");
+}
+
+fs::path metadataFile(const std::string& name) {
+  return fs::path(world->root) / "models" / (name + ".yaml");
 }
 
 /// As an editor does it: the new file takes the place of the old one at once.
@@ -33,6 +38,7 @@ class ObjectsTest : public PoseRefinerTest {
   void TearDown() override {
     EXPECT_TRUE(setObject("toy").success);
     fs::remove(modelFile("spare"));
+    fs::remove(metadataFile("spare"));
   }
 };
 
@@ -71,6 +77,41 @@ TEST_F(ObjectsTest, AreListedLoadedChosenAndUnloaded) {
   EXPECT_FALSE(none.success);
   EXPECT_NE(none.message.find("no_such_object"), std::string::npos);
   EXPECT_TRUE(infoOf("toy")->tracked) << "as it was";
+}
+
+// The frame of the object is moved while it is followed, and then the file is spoilt.
+TEST_F(ObjectsTest, WhatIsSaidOfItIsReadAgain) {
+  fs::copy_file(modelFile("toy"), modelFile("spare"));
+  ASSERT_TRUE(setObject("spare").success);
+  ASSERT_TRUE(track());
+  const std::uint64_t read = ask<ListObjects>("list_objects").files_read;
+  world->status.clear();
+  std::ofstream(metadataFile("spare"))
+      << "frame_in_model: {position: [0, 0, 1], orientation: [0, 0, 1, 0]}\n"
+         "bounding_box: {min: [-1, -1, -1], max: [1, 1, 2]}\n"
+         "symmetries: {discrete: [{axis: [0, 0, 1], fold: 2}]}\n";
+  const Pose moved = world->truth() * Pose(expSO3({0, 0, M_PI}), {0, 0, kMetresPerUnit});
+  const auto isMoved = [&](const geometry_msgs::PoseStamped& message) {
+    const Pose pose = fromMessage(message.pose);
+    return rotationDistance(pose.R, moved.R) < 0.04 && (pose.t - moved.t).norm() < 0.004;
+  };
+  ASSERT_TRUE(world->poses.wait(isMoved)) << "its frame is another one now";
+  const auto info = infoOf("spare");
+  EXPECT_NEAR(info->frame_in_model.position.z, kMetresPerUnit, 1e-12);
+  EXPECT_NEAR(info->box_max.z, 2 * kMetresPerUnit, 1e-12);
+  EXPECT_EQ(info->symmetries, "1 motion");
+  EXPECT_TRUE(info->tracked);
+  std::ofstream(metadataFile("spare")) << "frame_in_model: nowhere\n";
+  ASSERT_TRUE(waitUntil([] { return !infoOf("spare")->message.empty(); }));
+  EXPECT_NE(infoOf("spare")->message.find("line 1: frame_in_model"), std::string::npos)
+      << infoOf("spare")->message;
+  world->poses.clear();
+  const auto pose = world->poses.wait();
+  ASSERT_TRUE(pose);
+  EXPECT_TRUE(isMoved(*pose)) << "the last that was good serves";
+  EXPECT_EQ(ask<ListObjects>("list_objects").files_read, read);
+  EXPECT_FALSE(setObject("spare").success) << "asked for, it is an error";
+  EXPECT_EQ(world->status.last()->state, Status::STATE_TRACKING) << "all the time";
 }
 
 TEST_F(ObjectsTest, AModelFileIsSwappedUnderIt) {

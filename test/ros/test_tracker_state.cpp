@@ -216,6 +216,18 @@ TEST_F(TrackerStateTest, TakesInitialPosesWhileTrackingIfAsked) {
   EXPECT_EQ(image(0.2).start->T_P_U.t.x(), 0.4);
 }
 
+TEST_F(TrackerStateTest, KeepsItsPosesWhenTheFrameOfTheObjectMoves) {
+  Pose T_U_V(expSO3({0, 0, M_PI / 2}), {0.1, 0, 0});
+  state_.offer(poseAt(at(0)));
+  track(0, 0.4);
+  state_.offer(poseAt(at(0.1), 9));
+  state_.objectFrameMoved(T_U_V);
+  expect(Status::STATE_TRACKING, Status::REASON_NONE);
+  const FrameDecision decision = image(0.1);
+  EXPECT_NEAR(decision.start->T_P_U.t.x(), 0.5, 1e-12);
+  EXPECT_LT(rotationDistance(decision.start->T_P_U.R, T_U_V.R), 1e-12);
+}
+
 TEST_F(TrackerStateTest, BridgesAFewUntrustedImages) {
   state_.offer(poseAt(at(0)));
   track(0, 0.4);

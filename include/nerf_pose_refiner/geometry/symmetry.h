@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "nerf_pose_refiner/geometry/pose.h"
@@ -53,6 +54,9 @@ class Symmetries {
   std::optional<SymmetryAxis> axis_;
   std::vector<Pose> motions_ = {Pose()};
 };
+
+/// In words: "any turn about an axis, and 1 motion"; empty for none.
+std::string describe(const Symmetries& symmetries);
 
 /// Of the camera's poses from which the object looks as from T_O_C, the one whose orientation is
 /// nearest to that of a reference.

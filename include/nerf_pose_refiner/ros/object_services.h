@@ -9,6 +9,7 @@
 #include <ros/node_handle.h>
 #include <ros/service_server.h>
 #include <ros/spinner.h>
+#include <ros/wall_timer.h>
 
 #include <functional>
 #include <future>
@@ -23,6 +24,9 @@ namespace nerf_pose_refiner {
 /// ~load_object, ~unload_object, ~list_objects and ~set_object, on a queue and a thread of their
 /// own: they answer while registrations and refinements run. All answer with success and message,
 /// for a service that fails loses its text on the way.
+///
+/// Looks every now and then whether other things are said of the tracked object in the file beside
+/// its model, and takes them over.
 class ObjectServices {
  public:
   /// @param tracked outlives this object.
@@ -37,12 +41,14 @@ class ObjectServices {
   bool list(ListObjects::Request& request, ListObjects::Response& response);
   bool set(SetObject::Request& request, SetObject::Response& response);
   void loadFirst(const std::string& name);
+  void renewTracked();
 
   ObjectStore store_;
   TrackedObject* tracked_;
   std::future<void> first_;
   ros::CallbackQueue queue_;
   std::vector<ros::ServiceServer> servers_;
+  ros::WallTimer renewal_;
   ros::AsyncSpinner spinner_;
 };
 

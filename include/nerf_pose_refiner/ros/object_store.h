@@ -42,10 +42,17 @@ class ObjectStore {
   /// lack of a scale.
   std::shared_ptr<const Field> find(const std::string& name) const;
 
+  /// The same model, once other things are said of its object: as ModelCache::renewed.
+  std::shared_ptr<const Field> renewed(const std::shared_ptr<const Field>& field) const;
+
+  /// @throws std::runtime_error as readObjectMetadata, if what is said of an object cannot be read.
+  void requireMetadata(const std::string& name) const;
+
   /// Writes under the name in its metadata; creates the folder.
+  /// @return it with what is said of the object.
   /// @throws std::invalid_argument for a bad name, std::runtime_error if it cannot be written: then
   /// the file that was there stays.
-  void save(std::shared_ptr<const Field> field) const;
+  std::shared_ptr<const Field> save(std::shared_ptr<const Field> field) const;
 
   /// Frees the memory of a model; the file stays.
   /// @throws std::invalid_argument for a bad name, std::runtime_error if it is in use or not in
@@ -56,6 +63,7 @@ class ObjectStore {
   std::vector<StoredObject> list() const;
 
  private:
+  /// @throws std::invalid_argument also if what is said of the object lies elsewhere.
   std::string pathOf(const std::string& name) const;
 
   std::string root_;

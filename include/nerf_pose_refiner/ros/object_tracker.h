@@ -73,7 +73,9 @@ class ObjectTracker {
   void modelIsLoading();
   void modelFailed(std::uint8_t reason, const std::string& message);
   /// Hands over a model with metric scale. The future is ready when it is in use.
-  std::future<void> offerModel(std::shared_ptr<const Field> field);
+  /// @param same_looks of the one before, with other metadata: the track goes on, unless the scale
+  /// is another one.
+  std::future<void> offerModel(std::shared_ptr<const Field> field, bool same_looks = false);
 
   void reset();
   void setEnabled(bool enabled);
@@ -95,6 +97,7 @@ class ObjectTracker {
  private:
   struct PendingModel {
     std::shared_ptr<const Field> field;
+    bool same_looks = false;
     std::promise<void> done;
   };
 

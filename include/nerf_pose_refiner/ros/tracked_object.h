@@ -20,6 +20,10 @@ class TrackedObject {
   /// @return what is in use now, in words. @throws what the tracker's search throws.
   std::string track(std::shared_ptr<const Field> field);
 
+  /// Puts the same model with other metadata in its place, if it is still in use. The track goes
+  /// on.
+  void renew(const std::shared_ptr<const Field>& before, std::shared_ptr<const Field> field);
+
   /// Null: none was chosen yet.
   std::shared_ptr<const Field> field() const;
 

@@ -63,6 +63,10 @@ class TrackerState {
   void modelIsLoading();
   /// From now on there is a model. Poses of the model before, if there was one, are forgotten.
   void modelIsReady();
+  /// What users mean by the object's frame is V instead of U from now on: poses that are kept
+  /// follow. (An initial pose that was not used yet is of the new one.)
+  /// @param T_U_V [m]
+  void objectFrameMoved(const Pose& T_U_V);
   /// The model could not be had; one that is there already stays in use.
   void modelFailed(std::uint8_t reason, const std::string& message);
 
