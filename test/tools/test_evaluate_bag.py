@@ -83,6 +83,22 @@ class Evaluation(unittest.TestCase):
         (rows, _), _ = self.evaluate('other', *options, '--no-plots', '--seed', '2', '--frames', '1')
         self.assertNotEqual(rows[0]['start_rotation_deg'], again[0][0]['start_rotation_deg'])
 
+    def test_symmetries_are_said(self):
+        options = QUICK + TRUTH + ('--frames', '1', '--no-plots')
+        (_, summary), text = self.evaluate('plain', *options)
+        self.assertEqual(summary['settings']['modulo_symmetries'], '')
+        self.assertNotIn('symmetries', text)
+        metadata = os.path.splitext(self.model)[0] + '.yaml'
+        self.addCleanup(os.remove, metadata)
+        # A half turn about z, which changes nothing: the truth is that of the model's frame.
+        with open(metadata, 'w', encoding='utf-8') as file:
+            file.write('frame_in_model: {orientation: [0, 0, 1, 0]}\n'
+                       'symmetries: {discrete: [{axis: [0, 0, 1], fold: 2}]}\n')
+        (rows, summary), text = self.evaluate('turned', *options)
+        self.assertEqual(summary['settings']['modulo_symmetries'], '1 motion')
+        self.assertIn('errors are modulo symmetries: 1 motion', text)
+        self.assertLess(float(rows[0]['start_rotation_deg']), 6)
+
     def test_following_from_the_recorded_initial_pose(self):
         (rows, summary), _ = self.evaluate('track', '--truth-frame', 'ground_truth_object', '--track', *QUICK,
                                            '--start', 'recorded', '--initial-pose', '/initial_pose', '--frames',

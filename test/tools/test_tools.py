@@ -250,6 +250,31 @@ class WholePath(unittest.TestCase):
         self.assertLess(report['error']['diameters'], 0.05)
         self.assertGreater(report['error_at_start']['rotation_deg'], 3)
 
+    def test_poses_are_of_the_frame_in_the_metadata(self):
+        view = ('--transforms', TEST_VIEWS, '--view', 'view_003', '--start-rotation', '0', '--start-translation',
+                '0', '--preset', 'track', '--json')
+        plain = json.loads(run(REFINE, self.model, *view).stdout)
+        model, metadata = path('moved.safetensors'), path('moved.yaml')
+        shutil.copy(self.model, model)
+        with open(metadata, 'w', encoding='utf-8') as file:
+            file.write('frame_in_model: {position: [0, 0, 0.5], orientation: [0, 0, 1, 0]}\nmetres_per_unit: 2\n'
+                       'symmetries: {discrete: [{axis: [0, 0, 1], fold: 2}]}\n')
+        result = run(REFINE, model, *view[:-1])
+        self.assertIn('modulo symmetries: 1 motion', result.stdout)
+        moved = json.loads(run(REFINE, model, *view).stdout)
+        x, y, z, w = plain['pose'][3:]
+        axis = (2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x * x + y * y))  # the model's z axis
+        for i in range(3):
+            self.assertAlmostEqual(moved['pose'][i], plain['pose'][i] + 0.5 * axis[i], delta=1e-6)
+            self.assertAlmostEqual(moved['pose_m'][i], 2 * moved['pose'][i], delta=1e-6)
+        self.assertAlmostEqual(moved['error']['rotation_deg'], plain['error']['rotation_deg'], delta=1e-6)
+        with open(metadata, 'w', encoding='utf-8') as file:
+            file.write('frame: {}\n')
+        result = run(REFINE, model, *view)
+        self.assertEqual(result.returncode, 1, result)
+        self.assertIn('moved.yaml', result.stderr)
+        self.assertIn("line 1: 'frame' is unknown", result.stderr)
+
     def test_refine_an_image_from_a_pose(self):
         view = run(REFINE, self.model, '--transforms', TEST_VIEWS, '--view', 'view_003',
                    '--start-rotation', '0', '--start-translation', '0', '--preset', 'track',
