@@ -144,6 +144,22 @@ TEST_F(ObjectTrackerTest, TellsThatAnInitialPoseIsIgnored) {
 }
 
 // TF1 put a slash before the names of frames, and TF2 throws at it.
+// Images at 30 Hz, initial poses at 10 Hz: a detector that goes on sending what it sees.
+TEST_F(ObjectTrackerTest, ADetectorThatGoesOnSendingDoesNotRestartIt) {
+  useModel();
+  for (int i = 0; i < 60; ++i) {
+    const double seconds = i / 30.0;
+    setClock(seconds);
+    if (i % 3 == 0) offer();
+    const auto result = tracker_->process(frameAt(seconds));
+    ASSERT_TRUE(result && result->pose) << "image " << i;
+    EXPECT_EQ(int{result->status.state}, int{Status::STATE_TRACKING}) << "image " << i;
+  }
+  std::vector<bool> followed(60, true);
+  followed[0] = false;
+  EXPECT_EQ(search_->was_tracked, followed);
+}
+
 TEST_F(ObjectTrackerTest, TakesTheSlashOffAFrame) {
   parameters_.frames.output_frame = "base";
   restart();

@@ -4,15 +4,14 @@
 
 #include <Eigen/Geometry>
 #include <cmath>
+#include <cstdlib>
 #include <memory>
 #include <optional>
 #include <utility>
 
 #include "nerf_pose_refiner/field/object_frame.h"
-#include "nerf_pose_refiner/image/colour.h"
-#include "nerf_pose_refiner/ros/object_tracker.h"
 #include "nerf_pose_refiner/ros/pose_conversions.h"
-#include "support/analytic_scene.h"
+#include "scene_search.h"
 #include "support/revolved_scene.h"
 
 namespace nerf_pose_refiner {
@@ -23,33 +22,6 @@ using Shape = RevolvedScene::Shape;
 constexpr double kDegree = M_PI / 180;
 constexpr double kMetresPerUnit = 0.2;
 const Camera kCamera = {120, 90, 150, 150, 59.5, 44.5};
-
-/// Searches the scene, whatever model it is given.
-class SceneSearch final : public ObjectSearch {
- public:
-  explicit SceneSearch(const LoadedField& scene)
-      : scene_(scene),
-        engine_(makeCpuEngine(1)),
-        initial_(engine_, quick("align")),
-        tracking_(engine_, quick("track")) {}
-  void use(std::shared_ptr<const Field>) override {}
-  void configure(const RefinerSettings&, const RefinerSettings&) override {}
-  Refinement search(const Observation& observation, const Prior& prior, bool tracked,
-                    const StopToken& stop) override {
-    return (tracked ? tracking_ : initial_).refine(scene_, observation, prior, stop);
-  }
-
- private:
-  static RefinerSettings quick(const char* preset) {
-    RefinerSettings settings = RefinerSettings::named(preset);
-    settings.stages.resize(2);
-    return settings;
-  }
-
-  const LoadedField& scene_;
-  std::shared_ptr<Engine> engine_;
-  Refiner initial_, tracking_;
-};
 
 /// A camera goes around the object, up and down, and rolls.
 Pose cameraOf(const LoadedField& scene, int frame) {
@@ -66,32 +38,21 @@ class SymmetricObjectTest : public testing::TestWithParam<Shape> {
     field->metadata.metres_per_unit = kMetresPerUnit;
     // What users mean by it: upside down, and not at the model's origin.
     field->metadata.T_O_U = Pose(expSO3({M_PI, 0, 0}), {0.1, 0, 0.5});
-    tracker_ = std::make_unique<ObjectTracker>(parameters_, std::make_unique<SceneSearch>(scene_),
-                                               &transforms_, [](const RefinementStatus&) {});
+    tracker_ = std::make_unique<ObjectTracker>(
+        parameters_,
+        std::make_unique<SceneSearch>(scene_, firstStages("align", 2), firstStages("track", 2)),
+        &transforms_, [](const RefinementStatus&) {});
     frame_.emplace(ObjectFrame::inMetres(field->metadata));
     std::future<void> loaded = tracker_->offerModel(field);
     tracker_->applyModels();
     loaded.get();
   }
 
-  CameraFrame photograph(int frame) {
-    const Observation view =
-        observeScene(camera_engine_.get(), scene_, kCamera, cameraOf(scene_, frame));
-    auto image = boost::make_shared<sensor_msgs::Image>();
-    image->header.frame_id = "camera";
-    image->header.stamp = ros::Time(1000 + frame / 30.0);
-    image->width = static_cast<std::uint32_t>(kCamera.width);
-    image->height = static_cast<std::uint32_t>(kCamera.height);
-    image->encoding = "rgb8";
-    image->step = 3 * image->width;
-    image->data = toBytes(composite({view.image, view.alpha}, {0.4f, 0.4f, 0.4f})).values;
-    auto info = boost::make_shared<sensor_msgs::CameraInfo>(toMessage(kCamera));
-    return {image, info, ros::WallTime::now(), 0};
-  }
-
   /// What is published of an image; nothing: it is not trusted.
   std::optional<geometry_msgs::PoseWithCovariance> published(int frame) {
-    const auto result = tracker_->process(photograph(frame));
+    const auto result =
+        tracker_->process(photograph(camera_engine_.get(), scene_, kCamera, cameraOf(scene_, frame),
+                                     ros::Time(1000 + frame / 30.0)));
     if (!result || !result->pose) return std::nullopt;
     return result->pose->pose;
   }
@@ -114,7 +75,7 @@ TEST_P(SymmetricObjectTest, NeverFlips) {
   tracker_->offer(start);
 
   Pose last = start.T_P_U;
-  const int frames = GetParam() == Shape::kBottle ? 300 : 60;
+  const int frames = std::getenv("NERF_POSE_REFINER_LONG_TESTS") ? 300 : 60;
   for (int i = 0; i < frames; ++i) {
     const auto message = published(i);
     ASSERT_TRUE(message) << "image " << i;
