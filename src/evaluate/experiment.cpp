@@ -80,12 +80,16 @@ SearchVariant variantFrom(const Json& json, const std::string& where) {
   keys.get("label", &variant.label);
   keys.get("hypotheses", &variant.hypotheses);
   keys.get("resampling", &variant.resampling);
+  keys.get("update", &variant.update);
   keys.get("image_scale", &variant.image_scale);
   keys.rejectUnknown();
   keys.require(variant.hypotheses == -1 || (variant.hypotheses >= 1 && variant.hypotheses <= 4096),
                "hypotheses", "1..4096");
   keys.require(variant.resampling >= -1 && variant.resampling <= 1, "resampling", "0 or 1");
   keys.require(variant.image_scale >= 0.1 && variant.image_scale <= 1, "image_scale", "0.1..1");
+  if (!variant.update.empty()) {
+    keys.requireNames("update", {variant.update}, {"about_camera", "about_object", "twist"});
+  }
   keys.require(variant.label.find_first_of(",\"\n") == std::string::npos, "label",
                "without commas and quotes");
   return variant;

@@ -64,6 +64,7 @@ RefinerSettings trialSettings(const std::string& method, const std::string& loss
           std::max(1, static_cast<int>(std::lround(stage.hypotheses * variant.hypotheses / 64.0)));
     }
   }
+  if (!variant.update.empty()) inversion.descent.update = poseUpdateFromName(variant.update);
   if (variant.resampling == 0) {
     inversion.first_steps += inversion.rounds * inversion.round_steps;
     inversion.rounds = 0;

@@ -22,10 +22,11 @@ std::uint64_t seedOf(const RefinerSettings& settings, std::uint64_t part) {
   return randomBits(settings.seed, part, 0);
 }
 
-DescentPlan descentPlan(const RefinerSettings& settings, double unit) {
-  DescentPlan plan = settings.inversion.descent;
+DescentPlan descentPlan(const RefinementRun& run, double unit) {
+  DescentPlan plan = run.settings.inversion.descent;
+  plan.object_centre = run.field.field().metadata.centre;
   plan.length_unit *= unit;
-  plan.seed = seedOf(settings, kPixelSeed);
+  plan.seed = seedOf(run.settings, kPixelSeed);
   return plan;
 }
 
@@ -96,7 +97,7 @@ void runInversion(RefinementRun* run) {
   // In slices, the last of them as long as losses are gathered over: they end where all steps at
   // once would.
   const auto descend = [&](const std::string& stage, int first_step, int steps) {
-    const DescentPlan plan = descentPlan(run->settings, unit);
+    const DescentPlan plan = descentPlan(*run, unit);
     for (int left = steps; left > 0;) {
       const int slice = left % plan.score_steps > 0 ? left % plan.score_steps : plan.score_steps;
       engine.descend(batch.get(), run->field, *observation, kSearchLevel, plan,
@@ -111,8 +112,8 @@ void runInversion(RefinementRun* run) {
     descend("round " + std::to_string(round), s.first_steps + (round - 1) * s.round_steps,
             s.round_steps);
   }
-  engine.measure(batch.get(), run->field, *observation, kSearchLevel,
-                 descentPlan(run->settings, unit), s.score_pixels, run->stop);
+  engine.measure(batch.get(), run->field, *observation, kSearchLevel, descentPlan(*run, unit),
+                 s.score_pixels, run->stop);
   HypothesisTable table = engine.read(*batch);
   if (!table.empty() && table.front().state == HypothesisState::kLive) {
     judge(*run, *observation, &table.front());

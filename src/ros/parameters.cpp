@@ -73,6 +73,9 @@ void readDescent(ParamReader& read, DescentPlan& descent) {
   std::string loss = lossName(descent.loss);
   read.get("loss", loss);
   descent.loss = lossFromName(loss);
+  std::string update = poseUpdateName(descent.update);
+  read.get("update", update);
+  descent.update = poseUpdateFromName(update);
   read.get("length_unit", descent.length_unit);
   read.get("translation_learning_rate", descent.translation_learning_rate);
   read.get("rotation_learning_rate", descent.rotation_learning_rate);

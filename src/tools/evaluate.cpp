@@ -230,9 +230,8 @@ class Evaluation {
     const Prior prior =
         protocol.prior(view.T_O_C, object, plan_.seed, kStartsPerView * key.view + key.start);
     const Observation picture = trialPicture(observation, key.method, variant);
-    if (isOnDevice(*engine_) && warmed_ != scene.name + key.method) {  // memory, graphs: once
+    if (isOnDevice(*engine_) && warmed_.insert(scene.name + key.method).second) {
       refiner.refine(*scene.field, picture, prior, stop_);
-      warmed_ = scene.name + key.method;
     }
     const Refinement refinement = refiner.refine(*scene.field, picture, prior, stop_);
     const auto errorOf = [&](const Pose& T_O_C) {
@@ -293,8 +292,8 @@ class Evaluation {
   std::shared_ptr<Engine> engine_;
   std::unique_ptr<TrialTable> trials_, traces_;
   ProgressLine line_;
-  std::string warmed_;
-  int index_ = 0;  // of trials in the whole plan
+  std::set<std::string> warmed_;  // scenes and methods whose memory and graphs are made
+  int index_ = 0;                 // of trials in the whole plan
   int done_ = 0;
 };
 

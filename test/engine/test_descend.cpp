@@ -117,6 +117,26 @@ TEST(Descend, gradientsAreGatheredOverTheStepsOfAnUpdate) {
   EXPECT_NEAR(one.pose().t.x(), one.plan.translation_learning_rate, 1e-9);
 }
 
+// About the object a turn leads the camera around it.
+TEST(Descend, aTurnAboutTheObjectLeadsTheCameraAroundIt) {
+  OneHypothesis one;
+  ScatterPlan plan;
+  plan.count = 1;
+  Pose start;
+  start.t = {3, 0, 0};
+  one.engine->scatter(one.batch.get(), start, plan);
+  one.plan.update = PoseUpdate::kAboutObject;
+  one.plan.object_centre = {1, 0, 0};
+  one.plan.length_unit = 1;
+  one.plan.translation_learning_rate = 1e-12;  // the turn alone
+  one.plan.rotation_learning_rate = 0.1;
+  one.scene.pull = {{0, -1, 0}, {0, 0, 0}};  // 2 e_x x -e_y: a torque of -2 about z
+  one.descend(0, 1);
+  EXPECT_NEAR(logSO3(one.pose().R).z(), 0.1, 1e-8);
+  const Eigen::Vector3d expected(1 + 2 * std::cos(0.1), 2 * std::sin(0.1), 0);
+  EXPECT_NEAR((one.pose().t - expected).norm(), 0, 1e-8);
+}
+
 // As a twist the pose turns about the origin of O: the camera, which is away from it, goes along.
 TEST(Descend, aTwistTurnsAboutTheOrigin) {
   OneHypothesis one;

@@ -56,7 +56,8 @@ struct AlignStage {
 /// searched in the same way.
 struct DescentPlan {
   Loss loss = Loss::kL2;
-  PoseUpdate update = PoseUpdate::kSeparate;
+  PoseUpdate update = PoseUpdate::kAboutCamera;
+  Eigen::Vector3d object_centre = Eigen::Vector3d::Zero();  ///< model units
   double length_unit = 3.03;                ///< side of the paper's unit cube [model units]
   double translation_learning_rate = 3e-3;  ///< [length_unit] an update
   double rotation_learning_rate = 5e-3;     ///< [rad] an update
@@ -77,6 +78,7 @@ struct DescentPlan {
   /// Of an update. @param decayed the learning rates' share that is left.
   DescentRates rates(double decayed) const {
     return {update,
+            {object_centre.x(), object_centre.y(), object_centre.z()},
             length_unit,
             decayed * translation_learning_rate,
             decayed * rotation_learning_rate,

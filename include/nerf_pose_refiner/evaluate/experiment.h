@@ -31,6 +31,7 @@ struct SearchVariant {
   std::string label;       ///< in tables; empty: the preset itself
   int hypotheses = -1;     ///< of the first stage; alignment follows fewer later
   int resampling = -1;     ///< 0: none, as many steps in one go
+  std::string update;      ///< of inversion, @see PoseUpdate; empty: as the preset says
   double image_scale = 1;  ///< of the observed picture's width and height
 };
 

@@ -1,6 +1,9 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <stdexcept>
+#include <string>
+
 #include "nerf_pose_refiner/maths/adam.h"
 #include "nerf_pose_refiner/maths/projection.h"
 #include "nerf_pose_refiner/maths/so3.h"
@@ -10,13 +13,31 @@ namespace nerf_pose_refiner {
 
 /// What Adam moves in an inversion.
 enum class PoseUpdate {
-  kSeparate,  ///< SO(3) x T(3), rotation about the camera's centre (Lin et al., section IV-A)
-  kTwist,     ///< xi of se(3) in exp(xi) T_start, about O's origin (Yen-Chen et al., iNeRF, III-C)
+  kAboutCamera,  ///< SO(3) x T(3), rotation about the camera's centre (Lin et al., section IV-A)
+  kAboutObject,  ///< the same about the object's: turning it does not move it in the picture
+  kTwist,  ///< xi of se(3) in exp(xi) T_start, about O's origin (Yen-Chen et al., iNeRF, III-C)
 };
+
+/// Name of an update in settings: "about_camera", "about_object", "twist".
+inline const char* poseUpdateName(PoseUpdate update) {
+  constexpr const char* kNames[] = {"about_camera", "about_object", "twist"};
+  return kNames[static_cast<int>(update)];
+}
+
+/// The update of that name. @throws std::invalid_argument listing the names that exist.
+inline PoseUpdate poseUpdateFromName(const std::string& name) {
+  for (int i = 0; i < 3; ++i) {
+    const PoseUpdate update = static_cast<PoseUpdate>(i);
+    if (name == poseUpdateName(update)) return update;
+  }
+  throw std::invalid_argument("no update is called '" + name +
+                              "'; there are about_camera, about_object, twist");
+}
 
 /// How far an update goes. Lengths are in units of `length_unit` [model units].
 struct DescentRates {
   PoseUpdate update;
+  Vec3<double> object_centre;  ///< in O [model units]
   double length_unit;
   double translation, rotation;  ///< learning rates, decayed
   double regularisation;         ///< L2, on the offset from the start
@@ -40,14 +61,18 @@ NPR_HOST_DEVICE inline bool updatePose(const DescentRates& rates, const Vec3<dou
                                        const Vec3<double>& torque, DescentMotion* motion,
                                        CameraPose<double>* pose) {
   const double unit = rates.length_unit, pull = rates.regularisation;
-  const bool separate = rates.update == PoseUpdate::kSeparate;
-  Twist<double> gradient = {force, torque}, offset = motion->twist;
-  if (separate) {
+  const bool twist = rates.update == PoseUpdate::kTwist;
+  // What the rotation is about.
+  const Vec3<double> centre = rates.update == PoseUpdate::kAboutCamera   ? pose->o
+                              : rates.update == PoseUpdate::kAboutObject ? rates.object_centre
+                                                                         : Vec3<double>{0, 0, 0};
+  Twist<double> gradient = {force, torque + cross((1 / unit) * (pose->o - centre), force)};
+  Twist<double> offset = motion->twist;
+  if (twist) {
+    gradient = gradientByTwist(motion->twist, gradient);
+  } else {
     offset.v = (1 / unit) * (pose->o - motion->start.o);
     offset.w = logSO3(timesTransposed(pose->R, motion->start.R));
-  } else {
-    gradient.w = torque + cross((1 / unit) * pose->o, force);  // about the origin of O
-    gradient = gradientByTwist(motion->twist, gradient);
   }
   gradient = gradient + pull * offset;
   ++motion->updates;
@@ -57,12 +82,12 @@ NPR_HOST_DEVICE inline bool updatePose(const DescentRates& rates, const Vec3<dou
       -rates.rotation * adamDirection(rates.adam, gradient.w, motion->updates, &motion->rotation);
   const double sum = v.x + v.y + v.z + w.x + w.y + w.z;
   if (!(sum - sum == 0)) return false;
-  if (separate) {
-    pose->o += unit * v;
-    pose->R = orthonormalized(expSO3(w) * pose->R);
-  } else {
+  if (twist) {
     motion->twist = motion->twist + Twist<double>{v, w};
     *pose = expTimes(Twist<double>{unit * motion->twist.v, motion->twist.w}, motion->start);
+  } else {
+    *pose = moveCamera(*pose, centre, unit * v, w);
+    pose->R = orthonormalized(pose->R);
   }
   return true;
 }
