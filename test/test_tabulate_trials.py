@@ -147,6 +147,7 @@ class Tables(InFolder):
         self.assertEqual(mean['trials'], 20)
         self.assertAlmostEqual(mean['deg5_low'], trial_statistics.wilson(0.8, 20)[0])
         self.assertAlmostEqual(rows['mean', 'multiple', 'paper']['units005'], 0.92)  # (1.00 + 0.84) / 2
+        self.assertEqual(rows['chair', 'inerf', 'paper']['deg5'], 0.44)  # was not tried here
         self.assertEqual(rows['mean of all 8', 'single', 'paper']['units005'], 0.62)  # as printed; 0.615 before
         self.assertFalse([key for key in rows if key[0] in ('fern', 'mean of own')])
         self.assertNotIn(('own', 'single', 'paper'), rows)

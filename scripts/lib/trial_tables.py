@@ -135,6 +135,21 @@ def as_in_paper(row):
     return row['loss'] == 'l2' and row['condition'] == 'clean' and not row['variant']
 
 
+def beside_paper(rows, paper, kind, scenes, label):
+    """Rows, each (row, its scenes), with the paper's behind those of the same method; methods that were not tried on
+    these scenes last."""
+    found, tried = [], set()
+    for row, of_row in rows:
+        found.append(row)
+        if as_in_paper(row):
+            tried.add(row['method'])
+            found += paper_rows(paper, kind, row['method'], of_row, label)
+    for method in METHODS:
+        if method not in tried:
+            found += paper_rows(paper, kind, method, scenes, label)
+    return found
+
+
 def experiment_rows(trials, paper):
     """A row for every scene, condition, variant, method and loss, and their means over the scenes.
 
@@ -144,21 +159,21 @@ def experiment_rows(trials, paper):
     kind = trials[0]['kind']
     found = [dict(zip(names, values), source='ours', kind=kind, **summary(group))
              for values, group in groups(sorted(trials, key=sorting), names).items()]
-    rows = []
-    for row in found:
-        rows.append(row)
-        if paper and as_in_paper(row):
-            rows += paper_rows(paper, kind, row['method'], [row['scene']], row['scene'])
     all_scenes = list(dict.fromkeys(row['scene'] for row in found))
+    means = []
     for values, group in groups(sorted(found, key=lambda row: sorting(row)[1:]), names[1:]).items():
         scenes = [row['scene'] for row in group]
-        if len(scenes) < 2:
-            continue
-        label = MEAN if scenes == all_scenes else '%s of %s' % (MEAN, ', '.join(scenes))
-        rows.append(dict(zip(names, (label,) + values), source='ours', kind=kind, **mean_summary(group)))
-        if paper and as_in_paper(rows[-1]):
-            rows += paper_rows(paper, kind, values[2], scenes, MEAN)
-    if paper and kind in paper['table1']:
+        if len(scenes) > 1:
+            label = MEAN if scenes == all_scenes else '%s of %s' % (MEAN, ', '.join(scenes))
+            means.append((dict(zip(names, (label,) + values), source='ours', kind=kind, **mean_summary(group)), scenes))
+    if not paper:
+        return found + [row for row, _ in means]
+    rows = []
+    for (scene,), group in groups(found, ('scene',)).items():
+        rows += beside_paper([(row, [scene]) for row in group], paper, kind, [scene], scene)
+    if means:
+        rows += beside_paper(means, paper, kind, all_scenes, MEAN)
+    if kind in paper['table1']:
         everything = paper['table1'][kind]['scenes']
         for method in METHODS:
             rows += paper_rows(paper, kind, method, everything, 'mean of all %d' % len(everything))
