@@ -219,9 +219,11 @@ void declareStarts(CLI::App* app, Options* options) {
 }
 
 void declareObservation(CLI::App* app, TrialObservation* observation) {
-  app->add_option("--background", observation->background,
-                  "white: known colour; alpha: known; mask: a photo, and a mask; photo: unknown")
-      ->check(CLI::IsMember({"white", "alpha", "mask", "photo"}))
+  app->add_option(
+         "--background", observation->background,
+         "white: known colour; alpha: known; mask: a photo, and a mask; own: the view's own "
+         "surroundings, and its mask; photo: unknown")
+      ->check(CLI::IsMember({"white", "alpha", "mask", "own", "photo"}))
       ->capture_default_str();
   app->add_option("--photos", observation->photos,
                   "Pictures to put behind the object, in turn; none: drawn clutter");
