@@ -20,6 +20,11 @@ Eigen::Matrix3d crossMatrix(const Eigen::Vector3d& a) {
   return m;
 }
 
+// What a turn by 1 rad about an axis does: motion of a point, rotation.
+Vector6 turnOf(const SymmetryAxis& axis, const Eigen::Vector3d& point) {
+  return (Vector6() << axis.direction.cross(point - axis.point), axis.direction).finished();
+}
+
 // Of a prior that is uniform within its half widths.
 Vector6 priorVariance(const Prior& prior, const FieldMetadata& object) {
   constexpr double kLeast = 1e-3;  // a prior of no width says that nothing was sought
@@ -94,13 +99,23 @@ HypothesisTable nearestEquivalents(const HypothesisTable& hypotheses, const Prio
   return result;
 }
 
+Matrix6 atPoint(const Matrix6& covariance, const Eigen::Vector3d& offset) {
+  Matrix6 jacobian = Matrix6::Identity();
+  jacobian.topRightCorner<3, 3>() = -crossMatrix(offset);  // w x offset
+  return jacobian * covariance * jacobian.transpose();
+}
+
+Matrix6 withoutTurns(const SymmetryAxis& axis, const Matrix6& covariance,
+                     const Eigen::Vector3d& point) {
+  Matrix6 without = Matrix6::Identity();  // takes the angle about the axis out of a motion
+  without.rightCols<3>() -= turnOf(axis, point) * axis.direction.transpose();
+  return without * covariance * without.transpose();
+}
+
 Matrix6 freeAbout(const SymmetryAxis& axis, const Matrix6& of_twist,
                   const Eigen::Vector3d& centre) {
-  Vector6 turn;  // by 1 rad about the axis, as a twist about the centre
-  turn << axis.direction.cross(centre - axis.point), axis.direction;
-  Matrix6 without = Matrix6::Identity();  // takes the angle about the axis out of a twist
-  without.rightCols<3>() -= turn * axis.direction.transpose();
-  return without * of_twist * without.transpose() + M_PI * M_PI / 3 * turn * turn.transpose();
+  const Vector6 turn = turnOf(axis, centre);
+  return withoutTurns(axis, of_twist, centre) + M_PI * M_PI / 3 * turn * turn.transpose();
 }
 
 std::vector<double> hypothesisWeights(const HypothesisTable& hypotheses) {

@@ -1,7 +1,6 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include "nerf_pose_refiner/ros/pose_conversions.h"
 
-#include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
@@ -13,15 +12,6 @@ namespace nerf_pose_refiner {
 namespace {
 
 using Status = RefinementStatus;
-
-/// Two standard deviations in the worst direction of a 3 x 3 block on the diagonal.
-double searchWidth(const Eigen::Matrix<double, 6, 6>& covariance, int block) {
-  const Eigen::Matrix3d part = covariance.block<3, 3>(3 * block, 3 * block);
-  const Eigen::Matrix3d symmetric = 0.5 * (part + part.transpose());
-  const double variance =
-      Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(symmetric).eigenvalues().maxCoeff();
-  return 2 * std::sqrt(std::max(0.0, variance));
-}
 
 }  // namespace
 
@@ -93,15 +83,14 @@ StartPose startFromMessage(const geometry_msgs::PoseWithCovarianceStamped& messa
   StartPose start = startFromMessage(pose);
   const Eigen::Map<const Eigen::Matrix<double, 6, 6, Eigen::RowMajor>> values(
       message.pose.covariance.data());
-  const Eigen::Matrix<double, 6, 6> covariance = values;
+  const Matrix6 covariance = values;
   if (!covariance.allFinite()) {
     throw InputError(Status::REASON_PRIOR_NOT_FINITE, "the covariance holds NaN or infinity");
   }
   if (covariance.diagonal().minCoeff() < 0) {
     throw InputError(Status::REASON_PRIOR_BAD_COVARIANCE, "the covariance has a negative variance");
   }
-  start.translation_m = searchWidth(covariance, 0);
-  start.rotation_rad = searchWidth(covariance, 1);
+  if (!covariance.isZero(0)) start.covariance = covariance;
   return start;
 }
 

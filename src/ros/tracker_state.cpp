@@ -55,7 +55,10 @@ void TrackerState::modelIsReady() {
 
 void TrackerState::objectFrameMoved(const Pose& T_U_V) {
   for (std::optional<StartPose>* kept : {&last_, &anchor_}) {
-    if (*kept) (*kept)->T_P_U = (*kept)->T_P_U * T_U_V;
+    if (!*kept) continue;
+    StartPose& start = **kept;
+    if (start.covariance) start.covariance = atPoint(*start.covariance, start.T_P_U.R * T_U_V.t);
+    start.T_P_U = start.T_P_U * T_U_V;
   }
 }
 

@@ -76,6 +76,14 @@ inline std::shared_ptr<Field> fieldWithFrameAt(double z) {
   return field;
 }
 
+/// The same standard deviations in all directions.
+inline Matrix6 covarianceOf(double rotation_rad, double translation_m) {
+  Vector6 variances;
+  variances << Eigen::Vector3d::Constant(translation_m * translation_m),
+      Eigen::Vector3d::Constant(rotation_rad * rotation_rad);
+  return variances.asDiagonal();
+}
+
 class ObjectTrackerTest : public testing::Test {
  protected:
   ObjectTrackerTest() {

@@ -102,8 +102,7 @@ TEST_F(ObjectTrackerTest, SearchesAsWideAsTheInitialPoseSays) {
   useModel();
   StartPose start;
   start.frame_id = "camera";
-  start.rotation_rad = 0.5;
-  start.translation_m = 0.05;
+  start.covariance = covarianceOf(0.25, 0.025);
   tracker_->offer(start);
   tracker_->process(frameAt(0));
   EXPECT_NEAR(search_->priors.at(0).rotation_rad, 0.5, 1e-12);

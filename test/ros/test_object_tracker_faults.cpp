@@ -116,7 +116,7 @@ TEST_F(ObjectTrackerTest, RefusesACovarianceThatIsTooWideToSearch) {
   useModel();
   StartPose start;
   start.frame_id = "camera";
-  start.translation_m = 1000;  // the object is 0.2 m across
+  start.covariance = covarianceOf(0, 500);  // the object is 0.2 m across
   tracker_->offer(start);
   const auto result = tracker_->process(frameAt(0));
   ASSERT_TRUE(result);
@@ -124,8 +124,7 @@ TEST_F(ObjectTrackerTest, RefusesACovarianceThatIsTooWideToSearch) {
   EXPECT_EQ(int{result->status.state}, int{Status::STATE_WAITING});
   EXPECT_EQ(int{result->status.reason}, int{Status::REASON_PRIOR_BAD_COVARIANCE})
       << result->status.message;
-  start.translation_m = 0.1;
-  start.rotation_rad = 1000;  // all that can be
+  start.covariance = covarianceOf(500, 0.05);  // all that can be
   tracker_->offer(start);
   EXPECT_TRUE(tracker_->process(frameAt(0.1))->pose);
 }

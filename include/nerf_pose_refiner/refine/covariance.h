@@ -30,6 +30,16 @@ Hypothesis moved(const Hypothesis& hypothesis, const Pose& motion, const Eigen::
 HypothesisTable nearestEquivalents(const HypothesisTable& hypotheses, const Prior& prior,
                                    const FieldMetadata& object);
 
+/// The covariance of (position of a point, rotation), both in the same axes, as that of another
+/// point of the same body.
+/// @param offset from the first point to the other.
+Matrix6 atPoint(const Matrix6& covariance, const Eigen::Vector3d& offset);
+
+/// The covariance of (motion of a point, rotation) without turns about an axis.
+/// @param axis in the axes, and relative to the origin, that `point` is given in.
+Matrix6 withoutTurns(const SymmetryAxis& axis, const Matrix6& covariance,
+                     const Eigen::Vector3d& point);
+
 /// The covariance of a twist about `centre` if nothing is known of the angle about an axis: there
 /// it has the variance of a uniform angle, pi^2 / 3, whatever it was; what remains is unchanged.
 /// @param axis in O [model units].

@@ -33,8 +33,7 @@ geometry_msgs::TransformStamped toTransform(const geometry_msgs::PoseStamped& po
 /// An initial pose. @throws InputError if it makes no sense or names no frame.
 StartPose startFromMessage(const geometry_msgs::PoseStamped& message);
 
-/// The same; two standard deviations of the worst direction give the width of the search. A
-/// covariance of all zeros says nothing, and leaves the width to the parameters.
+/// The same with its covariance. One of all zeros says nothing: it is left out.
 /// @throws InputError also for a covariance that is not finite or has a negative variance.
 StartPose startFromMessage(const geometry_msgs::PoseWithCovarianceStamped& message);
 

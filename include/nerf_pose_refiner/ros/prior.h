@@ -12,7 +12,10 @@
 namespace nerf_pose_refiner {
 
 /// A start pose as the library has it.
-/// @param start its widths, where they are not zero, go before those of the settings.
+///
+/// Two standard deviations of the worst direction in the start's covariance give the width of the
+/// search: carried over to the object's centre, about which it turns, and without turns that change
+/// nothing. Where they are zero, the settings say how wide.
 /// @param T_C_U where it is for the camera, at the image's time [m].
 /// @throws InputError (REASON_PRIOR_BAD_COVARIANCE) for a width that asks for the impossible.
 Prior priorFrom(const StartPose& start, const Pose& T_C_U, const FieldMetadata& object,

@@ -9,6 +9,7 @@
 #include <string>
 
 #include "nerf_pose_refiner/geometry/pose.h"
+#include "nerf_pose_refiner/refine/covariance.h"
 #include "nerf_pose_refiner/ros/parameters.h"
 
 namespace nerf_pose_refiner {
@@ -27,12 +28,13 @@ struct Condition {
 
 /// Where the object was at some time: from outside, or from the last trusted refinement.
 struct StartPose {
-  Pose T_P_U;                ///< the object's frame U, as its users mean it, in frame P [m]
-  std::string frame_id;      ///< P
-  ros::Time stamp;           ///< zero: the time of the image it is used for
-  bool tracked = false;      ///< from the last refinement, not from outside
-  double rotation_rad = 0;   ///< half width of the search per axis; 0: the parameter's
-  double translation_m = 0;  ///< half width of the search per axis; 0: the parameter's
+  Pose T_P_U;            ///< the object's frame U, as its users mean it, in frame P [m]
+  std::string frame_id;  ///< P
+  ros::Time stamp;       ///< zero: the time of the image it is used for
+  bool tracked = false;  ///< from the last refinement, not from outside
+  /// Of it as REP-103 has it, in the axes of P [m^2, rad^2]: how wide to search. Nothing: as the
+  /// parameters say.
+  std::optional<Matrix6> covariance;
 };
 
 /// What to do with an image.
