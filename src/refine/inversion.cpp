@@ -76,6 +76,42 @@ void judge(const RefinementRun& run, const LoadedObservation& observation, Hypot
   winner->residual_variance = judged.residual_variance;
 }
 
+/// The mean of the hypotheses that are near the best and about as good: each has a noise of its
+/// own.
+Pose meanOfBest(const HypothesisTable& table, const InversionSettings& s, double unit) {
+  constexpr double kAboutAsGood = 1.1;  // of the best one's loss
+  const Hypothesis& best = table.front();
+  Eigen::Vector3d turn = Eigen::Vector3d::Zero(), offset = Eigen::Vector3d::Zero();
+  int count = 0;
+  for (const Hypothesis& h : table) {
+    const Eigen::Vector3d turned = logSO3(Eigen::Matrix3d(h.T_O_C.R * best.T_O_C.R.transpose()));
+    const Eigen::Vector3d moved = h.T_O_C.t - best.T_O_C.t;
+    const bool near =
+        turned.norm() < s.jitter_rotation_rad && moved.norm() < s.jitter_translation * unit;
+    if (h.state != HypothesisState::kLive || h.loss > kAboutAsGood * best.loss || !near) continue;
+    turn += turned;
+    offset += moved;
+    ++count;
+  }
+  return {expSO3(Eigen::Vector3d(turn / count)) * best.T_O_C.R, best.T_O_C.t + offset / count};
+}
+
+/// Moves the winner to that mean if its loss is lower there.
+void improve(const RefinementRun& run, const LoadedObservation& observation, double unit,
+             Hypothesis* winner, const Pose& mean) {
+  Engine& engine = *run.engine;
+  ScatterPlan alone;
+  alone.count = 1;
+  const auto batch = engine.batch(1);
+  engine.scatter(batch.get(), mean, alone);
+  engine.measure(batch.get(), run.field, observation, kSearchLevel, descentPlan(run, unit),
+                 run.settings.inversion.score_pixels, run.stop);
+  const Hypothesis measured = engine.read(*batch).front();
+  if (measured.state != HypothesisState::kLive || !(measured.loss < winner->loss)) return;
+  winner->T_O_C = measured.T_O_C;
+  winner->loss = measured.loss;
+}
+
 }  // namespace
 
 void runInversion(RefinementRun* run) {
@@ -116,6 +152,9 @@ void runInversion(RefinementRun* run) {
                  s.score_pixels, run->stop);
   HypothesisTable table = engine.read(*batch);
   if (!table.empty() && table.front().state == HypothesisState::kLive) {
+    if (s.hypotheses > 1) {
+      improve(*run, *observation, unit, &table.front(), meanOfBest(table, s, unit));
+    }
     judge(*run, *observation, &table.front());
   }
   run->trace("choose", table);

@@ -77,6 +77,7 @@ RefinerSettings RefinerSettings::named(const std::string& preset) {
   } else if (preset == "paper_single") {
     settings.method = Method::kDescend;
     settings.inversion.hypotheses = 1;
+    settings.inversion.descent.update = PoseUpdate::kAboutCamera;
   } else if (preset == "inerf") {
     settings.method = Method::kDescend;
     settings.inversion = inerf();

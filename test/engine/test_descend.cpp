@@ -61,6 +61,7 @@ struct OneHypothesis {
     plan.samples_per_step = 100;
     plan.steps_per_update = 1;
     plan.regularisation = 0;
+    plan.update = PoseUpdate::kAboutCamera;
   }
 
   void descend(int first_step, int steps) {
@@ -247,6 +248,13 @@ TEST(Descend, stopsOnRequest) {
       Stopped);
 }
 
+/// A turn about fog itself shows little.
+DescentPlan aboutTheCamera() {
+  DescentPlan plan;
+  plan.update = PoseUpdate::kAboutCamera;
+  return plan;
+}
+
 /// A picture of the fog, and hypotheses near the camera that took it.
 class FogTrial {
  public:
@@ -279,7 +287,7 @@ class FogTrial {
   std::unique_ptr<Engine> engine;
   Pose truth;
   Observation observation;
-  DescentPlan plan;
+  DescentPlan plan = aboutTheCamera();
 };
 
 // Eq. 2 and 3 have the right sign: one update moves and turns the camera towards the truth. Moved

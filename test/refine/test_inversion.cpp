@@ -52,7 +52,9 @@ TEST(Inversion, scheduleOfThePaper) {
     if (round > 0) expected.push_back(round == 1 ? "select 8 for 64" : "select 4 for 64");
     expectSlices({128, 128, 128, 128}, 512 * round, &expected);
   }
-  expected.insert(expected.end(), {"measure 16384", "scatter 1", "score"});
+  // The choice; whether the mean of the best is better; how firmly the image holds the winner.
+  expected.insert(expected.end(),
+                  {"measure 16384", "scatter 1", "measure 16384", "scatter 1", "score"});
   EXPECT_EQ(engine->calls, expected);
 }
 

@@ -10,6 +10,7 @@ inline RefinerSettings smallInversion() {
   RefinerSettings settings = RefinerSettings::named("paper");
   InversionSettings& s = settings.inversion;
   s.hypotheses = 12;
+  s.descent.update = PoseUpdate::kAboutCamera;  // a turn about fog itself shows little
   s.first_steps = 60;
   s.rounds = 2;
   s.round_steps = 60;

@@ -47,7 +47,8 @@ struct AlignStage {
   double convergence_px = 0.02;  ///< a step that moves the object's rim by less ends the stage
 };
 
-/// First-order inversion (Lin et al., section IV); the defaults are the paper's and its authors'.
+/// First-order inversion (Lin et al., section IV); the defaults are the paper's and its authors',
+/// unless it is said.
 ///
 /// Every step draws pixels, the same ones for every hypothesis, and gathers force (eq. 2) and
 /// torque (eq. 3), averaged over the rays. Every `steps_per_update` steps Adam takes their mean:
@@ -56,7 +57,9 @@ struct AlignStage {
 /// searched in the same way.
 struct DescentPlan {
   Loss loss = Loss::kL2;
-  PoseUpdate update = PoseUpdate::kAboutCamera;
+  /// Not the paper's, which turns about the camera: turning and moving then undo each other in the
+  /// picture, and Adam, which takes numbers one by one, is slow along what is left.
+  PoseUpdate update = PoseUpdate::kAboutObject;
   Eigen::Vector3d object_centre = Eigen::Vector3d::Zero();  ///< model units
   double length_unit = 3.03;                ///< side of the paper's unit cube [model units]
   double translation_learning_rate = 3e-3;  ///< [length_unit] an update
