@@ -60,6 +60,18 @@ symmetries:
   EXPECT_EQ(m.symmetries.motions().size(), 2u) << "two flips that differ by a turn about the axis";
 }
 
+TEST_F(ObjectMetadataTest, ReadsTheExampleOfTheReadme) {
+  const std::string readme = readFile(std::string(NPR_SOURCE_DIR) + "/README.md");
+  const std::size_t begin = readme.find("    metres_per_unit: 0.1");
+  ASSERT_NE(begin, std::string::npos);
+  const ObjectMetadata m = read(readme.substr(begin, readme.find("\n\n", begin) - begin));
+  EXPECT_EQ(m.metres_per_unit, 0.1);
+  EXPECT_EQ(m.T_O_U.t.z(), -0.4);
+  EXPECT_EQ(m.box->max.z(), 1.6);
+  EXPECT_TRUE(m.symmetries.axis());
+  EXPECT_EQ(m.symmetries.motions().size(), 2u);
+}
+
 TEST_F(ObjectMetadataTest, AllMayBeLeftOut) {
   for (const char* text : {"", "# nothing\n", "---\n", "symmetries: {}\n"}) {
     const ObjectMetadata m = read(text);
