@@ -16,7 +16,6 @@ add_library(${ros_library} STATIC
   src/ros/object_services.cpp
   src/ros/object_store.cpp
   src/ros/object_tracker.cpp
-  src/ros/overlay.cpp
   src/ros/overlay_publisher.cpp
   src/ros/param_reader.cpp
   src/ros/parameters.cpp

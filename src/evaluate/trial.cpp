@@ -28,7 +28,8 @@ std::string presetOf(const std::string& method) {
 
 TrialProtocol::TrialProtocol(const std::string& name, SceneKind kind, const FieldMetadata& object) {
   const bool paper = name == "paper";
-  unit = kind == SceneKind::kMasked ? object.diameter / kInversionUnitsPerDiameter : 1;
+  const bool measured = kind == SceneKind::kMasked || object.metres_per_unit > 0;
+  unit = measured ? object.diameter / kInversionUnitsPerDiameter : 1;
   const double width = paper ? (kind == SceneKind::kForwardFacing ? kUnitsAhead : kUnits) * unit
                              : kDiameters * object.diameter;
   start.rotation_rad = kRotation;

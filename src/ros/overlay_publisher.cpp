@@ -10,7 +10,7 @@
 
 #include "nerf_pose_refiner/image/resample.h"
 #include "nerf_pose_refiner/ros/camera_input.h"
-#include "nerf_pose_refiner/ros/overlay.h"
+#include "nerf_pose_refiner/engine/overlay.h"
 
 namespace nerf_pose_refiner {
 OverlayPublisher::OverlayPublisher(const image_transport::CameraPublisher& publisher,

@@ -12,10 +12,12 @@
 #include <vector>
 
 #include "nerf_pose_refiner/dataset/dataset.h"
+#include "nerf_pose_refiner/engine/overlay.h"
 #include "nerf_pose_refiner/evaluate/trial.h"
 #include "nerf_pose_refiner/evaluate/trial_observation.h"
 #include "nerf_pose_refiner/evaluate/trial_table.h"
 #include "nerf_pose_refiner/field/model_file.h"
+#include "nerf_pose_refiner/image/io.h"
 #include "tool.h"
 
 // Runs the trials of a plan on the scenes of a data folder. What is there already is not run again.
@@ -32,6 +34,7 @@ struct EvaluateOptions {
   std::string data, models, experiments, output;
   std::vector<std::string> only, scenes, photos;
   std::string shard = "0/1";
+  int pictures = 0;
   EngineOptions engine;
 };
 
@@ -64,6 +67,11 @@ void declare(CLI::App* app, EvaluateOptions* options) {
                   "Pictures to put behind the object, in turn; default: drawn clutter")
       ->check(CLI::ExistingFile);
   app->add_option("--shard", options->shard, "i/n: every n-th trial, from the i-th (0..n-1)")
+      ->capture_default_str();
+  app->add_option("--pictures", options->pictures,
+                  "Draw start and result over the picture: first start of so many views of each "
+                  "scene, condition and method")
+      ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
   options->engine.addTo(app);
 }
@@ -240,6 +248,10 @@ class Evaluation {
     if (experiment.traces) addTrace(key, prior, refinement, protocol.unit, errorOf);
     addTrial(key, errorOf(prior.T_O_C), errorOf(refinement.T_O_C), refinement, protocol.unit,
              object.diameter);
+    if (key.start == 0 && key.variant == experiment.variants.front().label &&
+        isPictured(scene, experiment, key.view)) {
+      drawTrial(scene, key, view.camera, observation, prior.T_O_C, refinement.T_O_C);
+    }
     ++done_;
     line_.show(0, scene.name + " " + key.experiment + " " + key.condition + ": view " +
                       std::to_string(key.view) + ", " + std::to_string(done_) + " trials");
@@ -277,6 +289,33 @@ class Evaluation {
       addRow(entry.stage, entry.best_T_O_C);
     }
     traces_->add(key, rows);
+  }
+
+  bool isPictured(const LoadedScene& scene, const Experiment& experiment, int view) const {
+    const int available = static_cast<int>(scene.dataset.views.size());
+    const std::vector<int> views = chosenViews(experiment.views, available);
+    return std::find(views.begin(), views.end(), view) - views.begin() < options_.pictures;
+  }
+
+  /// Start and result, side by side, over the picture in grey.
+  void drawTrial(const LoadedScene& scene, const TrialKey& key, const Camera& camera,
+                 const Observation& observation, const Pose& start, const Pose& found) {
+    Image8 pair(2 * camera.width, camera.height, 3);
+    for (int side = 0; side < 2; ++side) {
+      const Rendering rendering =
+          engine_->render(*scene.field, camera, side == 0 ? start : found, {}, stop_);
+      const Image8 overlay = drawOverlay(observation.image, rendering, 0.7);
+      for (int y = 0; y < camera.height; ++y) {
+        std::copy(overlay.pixel(0, y), overlay.pixel(0, y) + 3 * camera.width,
+                  pair.pixel(side * camera.width, y));
+      }
+    }
+    const fs::path folder = fs::path(options_.output) / "pictures";
+    fs::create_directories(folder);
+    const std::string loss = key.loss.empty() ? "" : "_" + key.loss;
+    writePng(pair, (folder / (key.experiment + "_" + key.scene + "_" + key.condition + "_" +
+                              key.method + loss + "_" + std::to_string(key.view) + ".png"))
+                       .string());
   }
 
   std::string engineCell() const {

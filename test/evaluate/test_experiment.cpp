@@ -102,6 +102,9 @@ TEST(TrialProtocol, lengthsByHand) {
   const TrialProtocol masked("paper", SceneKind::kMasked, object);
   EXPECT_EQ(masked.unit, 2);  // 2.5 of them to the diameter
   EXPECT_EQ(masked.start.translation, 0.5);
+  FieldMetadata in_metres = object;
+  in_metres.metres_per_unit = 0.1;
+  EXPECT_EQ(TrialProtocol("paper", SceneKind::kSynthetic, in_metres).unit, 2);
   const TrialProtocol robot("robot", SceneKind::kSynthetic, object);
   EXPECT_EQ(robot.start.translation, 0.75);
   EXPECT_TRUE(robot.start.about_object);

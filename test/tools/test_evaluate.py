@@ -57,7 +57,9 @@ class Evaluate(unittest.TestCase):
         assert result.returncode == 0, result
 
     def test_shards_make_what_one_run_makes_and_nothing_is_run_twice(self):
-        self.assertEqual(evaluate('one').returncode, 0)
+        self.assertEqual(evaluate('one', '--pictures', '1').returncode, 0)
+        self.assertEqual(sorted(os.listdir(path('one/pictures'))),
+                         [f'near_toy_kiosk_{condition}_alignment_0.png' for condition in ('clean', 'discs')])
         one = rows('one', 'trials')
         self.assertEqual(len(one), 4)  # 2 conditions, 2 starts
         self.assertGreater(len(rows('one', 'traces')), 4 * 3)

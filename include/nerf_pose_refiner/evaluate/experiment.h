@@ -9,7 +9,8 @@ namespace nerf_pose_refiner {
 
 /// What a scene's pictures show.
 enum class SceneKind {
-  kSynthetic,      ///< an object with known opacity (NeRF Synthetic); a unit is the dataset's
+  kSynthetic,      ///< an object with known opacity (NeRF Synthetic); a unit is the dataset's,
+                   ///< unless that is said in metres: then as of kMasked
   kForwardFacing,  ///< a whole scene, seen from the front (LLFF); a unit is the dataset's
   kMasked,         ///< photos of an object with masks; its diameter counts as 2.5 units
 };
