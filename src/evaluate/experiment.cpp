@@ -182,6 +182,13 @@ std::vector<Scene> findScenes(const std::string& folder) {
   }
   std::sort(scenes.begin(), scenes.end(),
             [](const Scene& a, const Scene& b) { return a.name < b.name; });
+  for (const Scene& scene : scenes) {
+    if (scene.name.find_first_of(",\"\n") != std::string::npos) {
+      throw std::runtime_error("the scene '" + scene.name +
+                               "' has a comma, a quote or a line's end " +
+                               "in its name, which tables cannot hold");
+    }
+  }
   for (std::size_t i = 1; i < scenes.size(); ++i) {
     if (scenes[i].name == scenes[i - 1].name) {
       throw std::runtime_error("two scenes are called '" + scenes[i].name + "': '" +

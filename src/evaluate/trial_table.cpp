@@ -18,7 +18,7 @@ constexpr std::size_t kKeyCells = 10;
 
 std::string joined(const std::vector<std::string>& cells) {
   std::string line;
-  for (const std::string& cell : cells) line += (line.empty() ? "" : ",") + cell;
+  for (std::size_t i = 0; i < cells.size(); ++i) line += (i > 0 ? "," : "") + cells[i];
   return line;
 }
 
@@ -56,10 +56,10 @@ std::vector<std::string> TrialKey::cells() const {
 TrialTable::TrialTable(const std::string& path, const std::vector<std::string>& columns)
     : path_(path) {
   const std::string header = std::string(kKeyColumns) + "," + joined(columns) + "\n";
-  const bool exists = std::filesystem::exists(path);
-  if (exists) readExisting(header);
+  if (std::filesystem::exists(path)) readExisting(header);
+  const bool is_new = !std::filesystem::exists(path) || std::filesystem::file_size(path) == 0;
   file_.open(path, std::ios::binary | std::ios::app);
-  if (!exists) file_ << header << std::flush;
+  if (is_new) file_ << header << std::flush;
   if (!file_) throw std::runtime_error("cannot write '" + path + "': " + std::strerror(errno));
 }
 
@@ -79,7 +79,14 @@ void TrialTable::readExisting(const std::string& header) {
     whole += line.size() + 1;
   }
   file.close();
-  if (whole == 0) throw std::runtime_error("'" + path_ + "' holds no table");
+  if (whole == 0) {
+    file.open(path_, std::ios::binary);
+    const std::string begun{std::istreambuf_iterator<char>(file), {}};
+    if (header.compare(0, begun.size(), begun) != 0) {
+      throw std::runtime_error("'" + path_ + "' holds no table");
+    }
+    file.close();
+  }
   std::filesystem::resize_file(path_, whole);
 }
 

@@ -87,7 +87,7 @@ Pose meanOfBest(const HypothesisTable& table, const InversionSettings& s, double
     const Eigen::Vector3d turned = logSO3(Eigen::Matrix3d(h.T_O_C.R * best.T_O_C.R.transpose()));
     const Eigen::Vector3d moved = h.T_O_C.t - best.T_O_C.t;
     const bool near =
-        turned.norm() < s.jitter_rotation_rad && moved.norm() < s.jitter_translation * unit;
+        turned.norm() <= s.jitter_rotation_rad && moved.norm() <= s.jitter_translation * unit;
     if (h.state != HypothesisState::kLive || h.loss > kAboutAsGood * best.loss || !near) continue;
     turn += turned;
     offset += moved;

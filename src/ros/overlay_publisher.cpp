@@ -8,9 +8,9 @@
 #include <chrono>
 #include <utility>
 
+#include "nerf_pose_refiner/engine/overlay.h"
 #include "nerf_pose_refiner/image/resample.h"
 #include "nerf_pose_refiner/ros/camera_input.h"
-#include "nerf_pose_refiner/engine/overlay.h"
 
 namespace nerf_pose_refiner {
 OverlayPublisher::OverlayPublisher(const image_transport::CameraPublisher& publisher,

@@ -18,6 +18,7 @@
 #include "nerf_pose_refiner/evaluate/trial_table.h"
 #include "nerf_pose_refiner/field/model_file.h"
 #include "nerf_pose_refiner/image/io.h"
+#include "nerf_pose_refiner/maths/checksum.h"
 #include "tool.h"
 
 // Runs the trials of a plan on the scenes of a data folder. What is there already is not run again.
@@ -66,7 +67,7 @@ void declare(CLI::App* app, EvaluateOptions* options) {
   app->add_option("--photo", options->photos,
                   "Pictures to put behind the object, in turn; default: drawn clutter")
       ->check(CLI::ExistingFile);
-  app->add_option("--shard", options->shard, "i/n: every n-th trial, from the i-th (0..n-1)")
+  app->add_option("--shard", options->shard, "i/n: one of n parts of the trials, i from 0")
       ->capture_default_str();
   app->add_option("--pictures", options->pictures,
                   "Draw start and result over the picture: first start of so many views of each "
@@ -85,6 +86,12 @@ struct Shard {
         index >= count) {
       throw std::invalid_argument("--shard " + text + " is not i/n with 0 <= i < n");
     }
+  }
+  /// By its name, so that a trial stays where it is when others come or go.
+  bool has(const TrialKey& key) const {
+    Checksum name;
+    for (const std::string& cell : key.cells()) name.add(cell.c_str(), cell.size() + 1);
+    return name.value() % static_cast<std::uint64_t>(count) == static_cast<std::uint64_t>(index);
   }
   std::string suffix() const {
     return std::to_string(index) + "-of-" + std::to_string(count) + ".csv";
@@ -217,11 +224,10 @@ class Evaluation {
                                          : std::vector<std::string>{method == "inerf" ? "l2" : ""};
           for (const std::string& loss : losses) {
             stop_.check();
-            if (index_++ % shard_.count != shard_.index) continue;
             const TrialKey key = {
                 experiment.name, scene.name, sceneKindName(scene.kind), method, loss,
                 variant.label,   condition,  experiment.protocol,       view,   start};
-            if (!trials_->has(key)) run(key, variant);
+            if (shard_.has(key) && !trials_->has(key)) run(key, variant);
           }
         }
       }
@@ -238,10 +244,11 @@ class Evaluation {
     const Prior prior =
         protocol.prior(view.T_O_C, object, plan_.seed, kStartsPerView * key.view + key.start);
     const Observation picture = trialPicture(observation, key.method, variant);
-    if (isOnDevice(*engine_) && warmed_.insert(scene.name + key.method).second) {
+    if (isOnDevice(*engine_) && warmed_.insert(scene.name + key.method + key.variant).second) {
       refiner.refine(*scene.field, picture, prior, stop_);
     }
     const Refinement refinement = refiner.refine(*scene.field, picture, prior, stop_);
+    stop_.check();  // what was interrupted is no result
     const auto errorOf = [&](const Pose& T_O_C) {
       return poseError(T_O_C, view.T_O_C, object.centre, view.camera);
     };
@@ -332,7 +339,6 @@ class Evaluation {
   std::unique_ptr<TrialTable> trials_, traces_;
   ProgressLine line_;
   std::set<std::string> warmed_;  // scenes and methods whose memory and graphs are made
-  int index_ = 0;                 // of trials in the whole plan
   int done_ = 0;
 };
 

@@ -138,6 +138,22 @@ TEST(Descend, aTurnAboutTheObjectLeadsTheCameraAroundIt) {
   EXPECT_NEAR((one.pose().t - expected).norm(), 0, 1e-8);
 }
 
+// Turned about the object alone, there is no move to be pulled back; the turn is.
+TEST(Descend, aTurnAboutTheObjectIsNoMoveToTheRegularisation) {
+  const Vec3<double> centre = {1, 0, 0};
+  DescentPlan plan;
+  plan.object_centre = {1, 0, 0};
+  plan.length_unit = 1;
+  plan.regularisation = 1;
+  DescentMotion motion = {};
+  motion.start = {expSO3(Vec3<double>{0, 0, 0}), {3, 0, 0}};
+  CameraPose<double> pose = moveCamera(motion.start, centre, {0, 0, 0}, {0, 0, 0.3});
+  ASSERT_TRUE(updatePose(plan.rates(1), {0, 0, 0}, {0, 0, 0}, &motion, &pose));
+  EXPECT_NEAR(motion.translation.x.first, 0, 1e-12);
+  EXPECT_NEAR(motion.translation.y.first, 0, 1e-12);
+  EXPECT_NEAR(motion.rotation.z.first, 0.1 * 0.3, 1e-12);  // Adam's beta1 keeps a tenth
+}
+
 // As a twist the pose turns about the origin of O: the camera, which is away from it, goes along.
 TEST(Descend, aTwistTurnsAboutTheOrigin) {
   OneHypothesis one;

@@ -56,6 +56,15 @@ TEST(TrialTable, halfALineIsCutOff) {
   EXPECT_EQ(contents(path), whole);
 }
 
+TEST(TrialTable, halfAHeaderIsBegunAnew) {
+  const TemporaryFolder folder;
+  for (const std::string& begun : {std::string(), kHeader.substr(0, 30)}) {
+    const std::string path = folder.write("trials.csv", begun);
+    TrialTable(path, {"deg", "units"});
+    EXPECT_EQ(contents(path), kHeader);
+  }
+}
+
 TEST(TrialTable, anotherTableIsRefused) {
   const TemporaryFolder folder;
   const std::string path = folder.file("trials.csv");

@@ -112,7 +112,8 @@ class CommandLine(unittest.TestCase):
 def examples_of_readme():
     """The command lines of README's section on the tools: (tool, arguments)."""
     with open(os.path.join(TOP, 'README.md'), encoding='utf-8') as file:
-        lines = file.read().splitlines()
+        section = file.read().split('\n## Tools\n')[1].split('\n## ')[0]
+    lines = section.splitlines()
     words = [shlex.split(line) for line in lines if line.startswith('    rosrun nerf_pose_refiner ')]
     return [(line[2], line[3:]) for line in words]
 

@@ -71,8 +71,13 @@ NPR_HOST_DEVICE inline bool updatePose(const DescentRates& rates, const Vec3<dou
   if (twist) {
     gradient = gradientByTwist(motion->twist, gradient);
   } else {
-    offset.v = (1 / unit) * (pose->o - motion->start.o);
-    offset.w = logSO3(timesTransposed(pose->R, motion->start.R));
+    const Mat3<double> turned = timesTransposed(pose->R, motion->start.R);
+    offset.w = logSO3(turned);
+    // What it moved by besides what turning about the object did.
+    const bool about_object = rates.update == PoseUpdate::kAboutObject;
+    const Vec3<double> led =
+        about_object ? centre + turned * (motion->start.o - centre) : motion->start.o;
+    offset.v = (1 / unit) * (pose->o - led);
   }
   gradient = gradient + pull * offset;
   ++motion->updates;

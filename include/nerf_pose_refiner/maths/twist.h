@@ -22,7 +22,7 @@ NPR_HOST_DEVICE inline Twist<T> operator*(T s, const Twist<T>& a) {
   return {s * a.v, s * a.w};
 }
 
-/// The power series below end here: |w| <= 4 rad leaves less than 1e-15 of the first term.
+/// The power series below end here: |w| <= 4 rad leaves less than 1e-14 of the first term.
 constexpr int kTwistTerms = 28;
 
 /// exp(xi) T, xi a vector of se(3) in the axes of O: p_O -> Exp(w) p_O + V v with
