@@ -1,10 +1,7 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
-#include <chrono>
-#include <cmath>
 #include <cstdio>
 #include <filesystem>
-#include <fstream>
 #include <memory>
 #include <set>
 #include <stdexcept>
@@ -41,11 +38,9 @@ struct EvaluateOptions {
 
 void declare(CLI::App* app, EvaluateOptions* options) {
   app->description(
-      "Runs trials of pose refinement: views of the scenes below a folder, each started from "
-      "wrong\n"
-      "poses, as a plan says (config/experiments.json). Writes a line a trial; what is there is "
-      "not\n"
-      "run again. scripts/tabulate_trials makes tables and plots of it.");
+      "Runs trials of pose refinement: views of the scenes below a folder, each started from\n"
+      "wrong poses, as a plan says (config/experiments.json). Writes a line a trial; what is\n"
+      "there is not run again. scripts/tabulate_trials makes tables and plots of it.");
   app->footer("Example:\n  " + app->get_name() +
               " scenes --models models --experiments config/experiments.json -o results --backend "
               "auto\n\n" +
@@ -132,7 +127,6 @@ struct LoadedScene {
   std::shared_ptr<const LoadedField> field;
 
   const FieldMetadata& object() const { return field->field().metadata; }
-  bool isFirst(const PosedView& view) const { return &view == &dataset.views.front(); }
 };
 
 SceneKind kindOf(const Dataset& dataset) {
@@ -280,7 +274,7 @@ class Evaluation {
   template <typename ErrorOf>
   void addTrace(const TrialKey& key, const Prior& prior, const Refinement& refinement, double unit,
                 const ErrorOf& errorOf) {
-    if (traces_->has(key)) return;
+    // A trace whose trial is missing was cut by an interruption: it is begun anew behind that.
     std::vector<std::vector<std::string>> rows;
     double seconds = 0, samples = 0;
     const auto addRow = [&](const std::string& stage, const Pose& T_O_C) {

@@ -24,8 +24,11 @@ constexpr double kDegree = M_PI / 180;
 Camera smallCamera() { return {64, 64, 80, 80, 31.5, 31.5}; }
 
 /// What a recording engine is asked for by a preset.
-std::shared_ptr<RecordingEngine> recorded(const RefinerSettings& settings, const Prior& prior) {
+/// @param table what it finds.
+std::shared_ptr<RecordingEngine> recorded(const RefinerSettings& settings, const Prior& prior,
+                                          const HypothesisTable& table = HypothesisTable(1)) {
   const auto engine = std::make_shared<RecordingEngine>();
+  engine->table = table;
   const FogScene scene(5);  // an object of 5 model units
   Observation observation;
   observation.camera = smallCamera();
@@ -36,7 +39,6 @@ std::shared_ptr<RecordingEngine> recorded(const RefinerSettings& settings, const
   return engine;
 }
 
-// Lin et al., section IV-D: 64 hypotheses, 2560 = 512 + 4 x 512 steps.
 /// Steps go in slices, behind each of which there is a line in the trace.
 void expectSlices(const std::vector<int>& sizes, int first_step, std::vector<std::string>* calls) {
   for (const int size : sizes) {
@@ -45,6 +47,7 @@ void expectSlices(const std::vector<int>& sizes, int first_step, std::vector<std
   }
 }
 
+// Lin et al., section IV-D: 64 hypotheses, 2560 = 512 + 4 x 512 steps.
 TEST(Inversion, scheduleOfThePaper) {
   const auto engine = recorded(RefinerSettings::named("paper"), Prior());
   std::vector<std::string> expected = {"scatter 64"};
@@ -64,6 +67,30 @@ TEST(Inversion, singleIsNotResampled) {
   expectSlices(std::vector<int>(20, 128), 0, &expected);
   expected.insert(expected.end(), {"measure 16384", "scatter 1", "score"});
   EXPECT_EQ(engine->calls, expected);
+}
+
+Hypothesis hypothesisAt(double x, double loss) {
+  Hypothesis hypothesis;
+  hypothesis.T_O_C.t.x() = x;
+  hypothesis.T_O_C.R = expSO3(Eigen::Vector3d(0, 0, 0.1 * x));
+  hypothesis.loss = loss;
+  return hypothesis;
+}
+
+// Near (0.2 model units, of which the paper's are 2) and about as good: those at 0, 0.04 and 0.08.
+TEST(Inversion, theMeanOfTheBestIsTried) {
+  const HypothesisTable table = {hypothesisAt(0, 1), hypothesisAt(0.04, 1.05),
+                                 hypothesisAt(0.08, 1.09), hypothesisAt(0.01, 1.2),
+                                 hypothesisAt(0.3, 1.01)};
+  RefinerSettings settings = RefinerSettings::named("paper");
+  const auto engine = recorded(settings, Prior(), table);
+  ASSERT_EQ(engine->priors.size(), 3u);  // the search, the mean, the winner
+  EXPECT_NEAR(engine->priors[1].t.x(), 0.04, 1e-12);
+  EXPECT_NEAR(logSO3(engine->priors[1].R).z(), 0.004, 1e-12);
+  EXPECT_EQ(engine->priors[2].t.x(), 0);  // its loss is that of the best: no gain, the best stays
+
+  settings.inversion.jitter_rotation_rad = settings.inversion.jitter_translation = 0;
+  EXPECT_EQ(recorded(settings, Prior(), table)->priors[1].t.x(), 0);  // the best alone is near
 }
 
 // The last slice is as long as losses are gathered over.

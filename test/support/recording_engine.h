@@ -14,6 +14,8 @@ class RecordingEngine : public Engine {
  public:
   std::vector<std::string> calls;
   ScatterPlan scattered;
+  std::vector<Pose> priors;                    ///< of all calls of scatter
+  HypothesisTable table = HypothesisTable(1);  ///< what is read
   std::vector<SelectPlan> selected;
   std::vector<DescentPlan> descended;
 
@@ -34,8 +36,9 @@ class RecordingEngine : public Engine {
   std::unique_ptr<HypothesisBatch> batch(int) override {
     return std::make_unique<HypothesisBatch>();
   }
-  void scatter(HypothesisBatch*, const Pose&, const ScatterPlan& plan) override {
+  void scatter(HypothesisBatch*, const Pose& prior, const ScatterPlan& plan) override {
     if (calls.empty()) scattered = plan;
+    priors.push_back(prior);
     calls.push_back("scatter " + std::to_string(plan.count));
   }
   void align(HypothesisBatch*, const LoadedField&, const LoadedObservation&, int, const AlignStage&,
@@ -60,7 +63,7 @@ class RecordingEngine : public Engine {
     calls.push_back("select " + std::to_string(plan.keep) + " for " +
                     std::to_string(plan.offspring));
   }
-  HypothesisTable read(const HypothesisBatch&) override { return HypothesisTable(1); }
+  HypothesisTable read(const HypothesisBatch&) override { return table; }
   Work work() const override { return {}; }
 };
 
