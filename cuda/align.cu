@@ -170,24 +170,40 @@ __device__ void sumScatter(const double* partial_sums, int view, int tiles, Tile
   __syncthreads();
 }
 
-/// A block per search.
-__global__ void advanceKernel(CudaSearches searches, AlignmentRules rules, int chunks,
-                              bool only_score) {
+/// Copies a search, by all threads of a block.
+__device__ void copySearch(const AlignmentSearch* from, AlignmentSearch* to) {
+  static_assert(sizeof(AlignmentSearch) % sizeof(int) == 0, "");
+  constexpr int kWords = sizeof(AlignmentSearch) / sizeof(int);
+  for (int i = threadIdx.x; i < kWords; i += blockDim.x) {
+    reinterpret_cast<int*>(to)[i] = reinterpret_cast<const int*>(from)[i];
+  }
+  __syncthreads();
+}
+
+/// A block per search. The one thread that takes the step works in shared memory: it would wait for
+/// every number of the device's.
+__global__ void __launch_bounds__(kAdvanceThreads)
+    advanceKernel(CudaSearches searches, AlignmentRules rules, int chunks, bool only_score) {
   const int v = static_cast<int>(blockIdx.x);
   if (!searches.active[v]) return;
   __shared__ double numbers[kAlignmentSums];
+  __shared__ alignas(AlignmentSearch) unsigned char memory[sizeof(AlignmentSearch)];
+  auto* search = reinterpret_cast<AlignmentSearch*>(memory);
+  copySearch(&searches.searches[v], search);
   sumChunks<kAlignmentSums>(searches.partial_sums, v, chunks, numbers);
-  AlignmentSearch* search = &searches.searches[v];
   sumScatter(searches.partial_sums, v, chunks, &search->trial_scatter);
-  if (threadIdx.x != 0) return;
-  const auto& sums = *reinterpret_cast<const AlignmentSumsOf<double>*>(numbers);
-  if (only_score) {
-    scoreSearch(rules, sums, search);
-  } else {
-    advanceSearch(rules, sums, search);
+  if (threadIdx.x == 0) {
+    const auto& sums = *reinterpret_cast<const AlignmentSumsOf<double>*>(numbers);
+    if (only_score) {
+      scoreSearch(rules, sums, search);
+    } else {
+      advanceSearch(rules, sums, search);
+    }
+    searches.poses[v] = search->trial;
+    searches.active[v] = !search->done;
   }
-  searches.poses[v] = search->trial;
-  searches.active[v] = !search->done;
+  __syncthreads();
+  copySearch(search, &searches.searches[v]);
 }
 
 /// A block per chunk (x) and search (y).

@@ -11,7 +11,7 @@ namespace nerf_pose_refiner {
 namespace {
 
 constexpr int kStepsPerGraph = 4;
-constexpr unsigned kPointsPerSample = 8;  // room: the first step only guesses at its samples
+constexpr unsigned kPointsPerSample = 4;  // room: the first step only guesses at its samples
 constexpr int kGraphsAhead = 2;           // of the device: so soon a stop is heard
 
 }  // namespace

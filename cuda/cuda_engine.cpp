@@ -7,6 +7,7 @@
 #include <stdexcept>
 
 #include "cuda_trainer.h"
+#include "engine/batch_room.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -241,31 +242,28 @@ std::unique_ptr<HypothesisBatch> CudaEngine::batch(int capacity) {
   return made;
 }
 
-void CudaEngine::scatter(HypothesisBatch* batch, const Pose& prior_T_O_C, const ScatterPlan& plan) {
+void CudaEngine::scatter(HypothesisBatch* batch, const std::vector<Pose>& priors_T_O_C,
+                         const ScatterPlan& plan) {
   enter();
   CudaBatch& hypotheses = own(batch);
-  if (plan.count < 1 || plan.count > hypotheses.view().capacity) {
-    throw std::invalid_argument("ScatterPlan::count is " + std::to_string(plan.count) +
-                                ", the batch holds 1 to " +
-                                std::to_string(hypotheses.view().capacity));
-  }
-  hypotheses.prior_T_O_C = prior_T_O_C;
+  requireRoom(priors_T_O_C.size(), plan, hypotheses.view().capacity);
+  hypotheses.searches = static_cast<int>(priors_T_O_C.size());
+  hypotheses.prior_T_O_C = priors_T_O_C.front();
   hypotheses.scatter = plan;
-  hypotheses.bound = plan.count;
+  hypotheses.bound = hypotheses.searches * plan.count;
+  std::vector<CameraPose<double>> priors;
+  for (const Pose& prior : priors_T_O_C) priors.push_back(plainPose(prior));
+  priors_.upload(priors, stream_);
   const PoseSpread spread = {plainVector(plan.rotation_rad), plainVector(plan.translation),
                              plan.rotate_about_object, plainVector(plan.object_centre)};
-  scatterHypotheses(hypotheses.view(), plainPose(prior_T_O_C), spread, plan.count, plan.seed,
-                    stream_);
+  scatterHypotheses(hypotheses.view(), priors_.data(), hypotheses.searches, spread, plan.count,
+                    plan.seed, stream_);
 }
 
 void CudaEngine::select(HypothesisBatch* batch, const SelectPlan& plan) {
   enter();
   CudaBatch& hypotheses = own(batch);
-  if (plan.keep < 1 || plan.offspring > hypotheses.view().capacity) {
-    throw std::invalid_argument("SelectPlan keeps " + std::to_string(plan.keep) + " and makes " +
-                                std::to_string(plan.offspring) + " of a batch that holds " +
-                                std::to_string(hypotheses.view().capacity));
-  }
+  requireRoom(plan, hypotheses.view().capacity, hypotheses.searches);
   CudaSelectPlan plain;
   plain.keep = plan.keep;
   plain.offspring = plan.offspring;
@@ -277,7 +275,8 @@ void CudaEngine::select(HypothesisBatch* batch, const SelectPlan& plan) {
                   plan.rotate_about_object, plainVector(plan.object_centre)};
   plain.seed = plan.seed;
   selectHypotheses(hypotheses.view(), plain, stream_);
-  hypotheses.bound = std::min(hypotheses.view().capacity, std::max(plan.keep, plan.offspring));
+  hypotheses.bound = std::min(hypotheses.view().capacity,
+                              hypotheses.searches * std::max(plan.keep, plan.offspring));
 }
 
 HypothesisTable CudaEngine::read(const HypothesisBatch& batch) {
@@ -301,6 +300,7 @@ HypothesisTable CudaEngine::read(const HypothesisBatch& batch) {
     Hypothesis& to = table[k];
     to.T_O_C = poseOf(from.pose);
     to.state = from.state;
+    to.search = from.search;
     to.loss = from.loss;
     to.visible_fraction = from.visible_fraction;
     to.score = from.score;

@@ -78,7 +78,8 @@ class CudaBatch final : public HypothesisBatch {
   double* samplesPerRay() { return lease_.get()->samples_per_ray.data(); }
 
   int bound = 0;  ///< there are no more hypotheses than so many
-  Pose prior_T_O_C;
+  int searches = 0;
+  Pose prior_T_O_C;  ///< of the first search
   ScatterPlan scatter;
 
  private:
@@ -106,7 +107,8 @@ class CudaEngine final : public Engine {
   std::shared_ptr<const LoadedObservation> observe(const Observation& observation,
                                                    const std::vector<ImageLevel>& levels) override;
   std::unique_ptr<HypothesisBatch> batch(int capacity) override;
-  void scatter(HypothesisBatch* batch, const Pose& prior_T_O_C, const ScatterPlan& plan) override;
+  void scatter(HypothesisBatch* batch, const std::vector<Pose>& priors_T_O_C,
+               const ScatterPlan& plan) override;
   void align(HypothesisBatch* batch, const LoadedField& field, const LoadedObservation& observation,
              int level, const AlignStage& stage, const StopToken& stop) override;
   void score(HypothesisBatch* batch, const LoadedField& field, const LoadedObservation& observation,
@@ -159,7 +161,7 @@ class CudaEngine final : public Engine {
   DeviceBuffer<RayHit> hits_;
   DeviceBuffer<unsigned> hit_count_;
   DeviceBuffer<float4> pictures_, scratch_, rays_;
-  DeviceBuffer<CameraPose<double>> poses_;
+  DeviceBuffer<CameraPose<double>> poses_, priors_;
   DeviceBuffer<AlignmentSearch> searches_;
   DeviceBuffer<int> active_;
   DeviceBuffer<double> partial_sums_;

@@ -208,27 +208,44 @@ __device__ float4 logitGradient(const RayRecord& record, const RayPoint& point) 
                      point.length * (through - behind) * point.density);
 }
 
-/// Adds a sample's pull to the sums of its hypothesis; what is not finite pulls at nothing.
-/// @param gradient by the sample's position, in N. @param lever_extra of the direction's own.
-__device__ void addPull(const RayLine& line, float t, const float gradient[3],
-                        const float lever_extra[3], PullSums* sums) {
+/// Sum over a warp; the result in lane 0.
+__device__ long long warpSum(long long x) {
+#pragma unroll
+  for (int away = 16; away > 0; away /= 2) x += __shfl_down_sync(kWholeWarp, x, away);
+  return x;
+}
+
+/// Adds samples' pulls to the sums of their hypotheses; what is not finite pulls at nothing. All
+/// lanes of a warp take part: nearly always its samples are of one hypothesis, and are summed
+/// before they meet those of other warps at the same few numbers.
+/// @param gradient by the sample's position, in N; 0 for a lane that does not pull.
+/// @param lever_extra of the direction's own.
+__device__ void addPulls(const RayLine& line, float t, const float gradient[3],
+                         const float lever_extra[3], int hypothesis, PullSums* sums) {
   const float* d = line.direction;
   float lever[3];
 #pragma unroll
   for (int a = 0; a < 3; ++a) lever[a] = t * gradient[a] + lever_extra[a];
-  const float torque[3] = {d[1] * lever[2] - d[2] * lever[1], d[2] * lever[0] - d[0] * lever[2],
-                           d[0] * lever[1] - d[1] * lever[0]};
-  const float size = fabsf(gradient[0]) + fabsf(gradient[1]) + fabsf(gradient[2]) +
-                     fabsf(torque[0]) + fabsf(torque[1]) + fabsf(torque[2]);
-  if (!isfinite(size)) return;
-  const auto add = [](long long* sum, float value) {
-    const long long whole = llrint(value / kPullUnit);
-    atomicAdd(reinterpret_cast<unsigned long long*>(sum), static_cast<unsigned long long>(whole));
-  };
+  const float pull[6] = {gradient[0],
+                         gradient[1],
+                         gradient[2],
+                         d[1] * lever[2] - d[2] * lever[1],
+                         d[2] * lever[0] - d[0] * lever[2],
+                         d[0] * lever[1] - d[1] * lever[0]};
+  float size = 0;
 #pragma unroll
-  for (int a = 0; a < 3; ++a) {
-    add(&sums->force[a], gradient[a]);
-    add(&sums->torque[a], torque[a]);
+  for (int k = 0; k < 6; ++k) size += fabsf(pull[k]);
+  const bool finite = isfinite(size);
+  const bool alone = !__all_sync(kWholeWarp, hypothesis == __shfl_sync(kWholeWarp, hypothesis, 0));
+  static_assert(sizeof(PullSums) == 6 * sizeof(long long), "");
+  auto* to = reinterpret_cast<unsigned long long*>(sums + hypothesis);
+#pragma unroll
+  for (int k = 0; k < 6; ++k) {
+    long long whole = finite ? llrint(pull[k] / kPullUnit) : 0;
+    if (!alone) whole = warpSum(whole);
+    if (whole != 0 && (alone || threadIdx.x % 32 == 0)) {
+      atomicAdd(to + k, static_cast<unsigned long long>(whole));
+    }
   }
 }
 
@@ -267,19 +284,21 @@ __global__ void __launch_bounds__(kPullThreads, 1)
                           ? make_float4(inverse * g.x, inverse * g.y, inverse * g.z, inverse * g.w)
                           : make_float4(0, 0, 0, 0),
                       task.direction_gradient ? by_harmonics : nullptr);
-    if (!pulls) continue;
-    float gradient[3], lever[3] = {0, 0, 0};
-    positionGradient(field, memory.row(), memory.slopeRow(), memory.slopePlane(), gradient);
-    const float* d = line.direction;
-    if (task.direction_gradient) {
-      sphericalHarmonicsGradient(d[0], d[1], d[2], field.sh_degree, by_harmonics, lever);
-    }
+    float gradient[3] = {0, 0, 0}, lever[3] = {0, 0, 0};
+    if (pulls) {
+      positionGradient(field, memory.row(), memory.slopeRow(), memory.slopePlane(), gradient);
+      const float* d = line.direction;
+      if (task.direction_gradient) {
+        sphericalHarmonicsGradient(d[0], d[1], d[2], field.sh_degree, by_harmonics, lever);
+      }
 #pragma unroll
-    for (int a = 0; a < 3; ++a) {
-      gradient[a] *= scale;
-      lever[a] *= scale;
+      for (int a = 0; a < 3; ++a) {
+        gradient[a] *= scale;
+        lever[a] *= scale;
+      }
     }
-    addPull(line, point.t, gradient, lever, &task.sums[point.id / task.clock->rays]);
+    addPulls(line, point.t, gradient, lever, static_cast<int>(point.id / task.clock->rays),
+             task.sums);
   }
 }
 

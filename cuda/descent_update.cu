@@ -7,7 +7,7 @@
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr int kSumThreads = 256;
+constexpr int kSumThreads = 512;              // a hypothesis alone has all the rays of a step
 constexpr int kRaySums = 2;                    // loss, weight
 constexpr double kGuessedSamplesPerRay = 8;    // before any was cast
 constexpr double kFewestSamplesPerRay = 0.25;  // bounds the rays of an empty picture
@@ -49,6 +49,7 @@ __device__ void sumRays(const DescentTask& task, double (&sums)[kSumThreads][kRa
   double own[kRaySums] = {};
   const int rays = task.clock->rays;
   const std::size_t first = static_cast<std::size_t>(blockIdx.x) * rays;
+#pragma unroll 4
   for (int i = threadIdx.x; i < rays; i += kSumThreads) {
     own[0] += task.records[first + i].loss;
     own[1] += task.records[first + i].weight;
@@ -92,7 +93,7 @@ __device__ Vec3<double> vectorOf(const long long (&sums)[3]) {
 }
 
 /// A block per live hypothesis: takes one step's means, and updates the pose if there are enough.
-__global__ void updateKernel(DescentTask task, float side) {
+__global__ void __launch_bounds__(kSumThreads) updateKernel(DescentTask task, float side) {
   const int i = static_cast<int>(blockIdx.x);
   if (i >= task.clock->live) return;
   __shared__ double sums[kSumThreads][kRaySums];
@@ -132,7 +133,7 @@ __global__ void finishKernel(DescentTask task) {
 }
 
 /// A block per live hypothesis.
-__global__ void lossKernel(DescentTask task) {
+__global__ void __launch_bounds__(kSumThreads) lossKernel(DescentTask task) {
   const int i = static_cast<int>(blockIdx.x);
   if (i >= task.clock->live) return;
   __shared__ double sums[kSumThreads][kRaySums];

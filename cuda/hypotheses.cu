@@ -10,20 +10,24 @@ namespace {
 constexpr int kThreads = 128;
 constexpr int kSelectThreads = 256;
 
-__device__ CudaHypothesis freshHypothesis(const CameraPose<double>& pose) {
+__device__ CudaHypothesis freshHypothesis(const CameraPose<double>& pose, int search) {
   CudaHypothesis h = {};
   h.pose = pose;
+  h.search = search;
   h.state = HypothesisState::kLive;
   return h;
 }
 
 /// A thread per hypothesis.
-__global__ void scatterKernel(CudaHypotheses batch, CameraPose<double> prior, PoseSpread spread,
-                              int count, std::uint64_t seed) {
-  const int i = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
-  if (i == 0) *batch.count = count;
-  if (i >= count) return;
-  batch.items[i] = freshHypothesis(i == 0 ? prior : drawnAround(prior, spread, seed, i));
+__global__ void scatterKernel(CudaHypotheses batch, const CameraPose<double>* priors, int searches,
+                              PoseSpread spread, int count, std::uint64_t seed) {
+  const int place = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
+  if (place == 0) *batch.count = searches * count;
+  if (place >= searches * count) return;
+  const int search = place / count, i = place % count;
+  const CameraPose<double> prior = priors[search];
+  batch.items[place] =
+      freshHypothesis(i == 0 ? prior : drawnAround(prior, spread, seed, i), search);
 }
 
 __device__ bool isLive(const CudaHypothesis& h) { return h.state == HypothesisState::kLive; }
@@ -34,34 +38,38 @@ __device__ bool isBefore(const CudaHypothesis& a, int i, const CudaHypothesis& b
   return i < j && !isBetter(b.state, b.loss, a.state, a.loss);
 }
 
-/// One block.
-__global__ void selectKernel(CudaHypotheses batch, CudaSelectPlan plan) {
+/// The next hypotheses of the search in items[first..last), by all threads of a block: written to
+/// scratch from `to` on, as many as there is room for. @return how many there are.
+__device__ int selectSearch(const CudaHypotheses& batch, const CudaSelectPlan& plan, int first,
+                            int last, int to) {
   __shared__ int flagged, survivors;
-  const int n = *batch.count;
   const int thread = static_cast<int>(threadIdx.x);
+  const CudaHypothesis* items = batch.items + first;
+  CudaHypothesis* next = batch.scratch + to;
+  const int n = last - first;
   if (thread == 0) flagged = survivors = 0;
   __syncthreads();
   for (int i = thread; i < n; i += kSelectThreads) {
     int rank = 0;
-    for (int j = 0; j < n; ++j) rank += isBefore(batch.items[j], j, batch.items[i], i);
+    for (int j = 0; j < n; ++j) rank += isBefore(items[j], j, items[i], i);
     batch.order[rank] = i;
-    if (!isLive(batch.items[i])) atomicAdd(&flagged, 1);
+    if (!isLive(items[i])) atomicAdd(&flagged, 1);
   }
   __syncthreads();
 
   // Best first; duplicates of better ones are left out.
   for (int r = 0; r < n && survivors < plan.keep; ++r) {
-    const CudaHypothesis& h = batch.items[batch.order[r]];
+    const CudaHypothesis& h = items[batch.order[r]];
     if (!isLive(h)) break;
     bool same = false;
     for (int k = thread; k < survivors; k += kSelectThreads) {
-      same = same || isDuplicate(batch.scratch[k].pose, h.pose, plan.jitter.object_centre,
+      same = same || isDuplicate(next[k].pose, h.pose, plan.jitter.object_centre,
                                  plan.merge_rotation_rad, plan.merge_translation);
     }
     const int any = __syncthreads_or(same);
     if (thread == 0 && !any) {
-      batch.scratch[survivors] = h;
-      batch.scratch[survivors].descent = CudaDescentState{};
+      next[survivors] = h;
+      next[survivors].descent = CudaDescentState{};
       ++survivors;
     }
     __syncthreads();
@@ -69,25 +77,39 @@ __global__ void selectKernel(CudaHypotheses batch, CudaSelectPlan plan) {
 
   const int kept = survivors;
   const int redrawn = min(plan.keep, kept + (plan.redraw ? flagged : 0));
-  const int total = kept == 0 ? 0 : min(max(kept, max(plan.offspring, redrawn)), batch.capacity);
+  const int wanted = kept == 0 ? 0 : max(kept, max(plan.offspring, redrawn));
+  const int total = min(wanted, batch.capacity - to);
   for (int i = kept + thread; i < total; i += kSelectThreads) {
-    CudaHypothesis child =
-        freshHypothesis(drawnAround(batch.scratch[i % kept].pose, plan.jitter, plan.seed, i));
+    CudaHypothesis child = freshHypothesis(
+        drawnAround(next[i % kept].pose, plan.jitter, plan.seed, i), items[0].search);
     child.loss = HUGE_VAL;  // not known yet: no better than any that was looked at
-    batch.scratch[i] = child;
+    next[i] = child;
   }
   __syncthreads();
-  for (int i = thread; i < total; i += kSelectThreads) batch.items[i] = batch.scratch[i];
-  if (thread == 0) *batch.count = total;
+  return total;
+}
+
+/// One block.
+__global__ void selectKernel(CudaHypotheses batch, CudaSelectPlan plan) {
+  const int n = *batch.count;
+  int total = 0;
+  for (int first = 0, last; first < n; first = last) {
+    for (last = first + 1; last < n && batch.items[last].search == batch.items[first].search;) {
+      ++last;
+    }
+    total += selectSearch(batch, plan, first, last, total);
+  }
+  for (int i = threadIdx.x; i < total; i += kSelectThreads) batch.items[i] = batch.scratch[i];
+  if (threadIdx.x == 0) *batch.count = total;
 }
 
 }  // namespace
 
-void scatterHypotheses(const CudaHypotheses& batch, const CameraPose<double>& prior,
+void scatterHypotheses(const CudaHypotheses& batch, const CameraPose<double>* priors, int searches,
                        const PoseSpread& spread, int count, std::uint64_t seed,
                        cudaStream_t stream) {
-  scatterKernel<<<(count + kThreads - 1) / kThreads, kThreads, 0, stream>>>(batch, prior, spread,
-                                                                            count, seed);
+  const int blocks = (searches * count + kThreads - 1) / kThreads;
+  scatterKernel<<<blocks, kThreads, 0, stream>>>(batch, priors, searches, spread, count, seed);
   NPR_CUDA_CHECK(cudaGetLastError());
 }
 

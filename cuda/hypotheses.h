@@ -22,14 +22,14 @@ struct CudaDescentState {
 struct CudaHypothesis {
   CameraPose<double> pose;  ///< T_O_C
   HypothesisState state;
-  int iterations;
+  int iterations, search;
   double loss, visible_fraction, score, residual_variance;
   double information[21];       ///< lower triangle, row by row
   double gradient_scatter[21];  ///< the same
   CudaDescentState descent;
 };
 
-/// Hypotheses of a batch on the device; there are never more than `capacity`.
+/// Hypotheses of a batch on the device, search after search; there are never more than `capacity`.
 struct CudaHypotheses {
   CudaHypothesis* items;
   CudaHypothesis* scratch;  ///< [capacity]
@@ -38,12 +38,13 @@ struct CudaHypotheses {
   int capacity;
 };
 
-/// The first is the prior, the others are drawn around it.
-void scatterHypotheses(const CudaHypotheses& batch, const CameraPose<double>& prior,
+/// `count` hypotheses a search: the first is the prior, the others are drawn around it.
+/// @param priors on the device, of `searches`.
+void scatterHypotheses(const CudaHypotheses& batch, const CameraPose<double>* priors, int searches,
                        const PoseSpread& spread, int count, std::uint64_t seed,
                        cudaStream_t stream);
 
-/// @see SelectPlan
+/// Of every search. @see SelectPlan
 struct CudaSelectPlan {
   int keep, offspring;
   bool redraw;

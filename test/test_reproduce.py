@@ -107,6 +107,18 @@ class Reproduce(unittest.TestCase):
         call, = self.calls('train')
         self.assertIn('mic.safetensors', call)
 
+    def test_profiles_of_variants_are_learned_too(self):
+        self.file('plan.json', json.dumps({'experiments': [
+            {'name': 'a', 'variants': [{'label': 'x'}, {'label': 'y', 'profile': 'paper'}]},
+            {'name': 'b', 'variants': [{'profile': 'cpu'}, {'profile': 'paper'}]}, {'name': 'c'}]}))
+        self.assertEqual(self.reproduce('--only', 'a').returncode, 0)
+        self.assertEqual([call.split()[3].split('/')[-1] + ' ' + call.split()[5] for call in self.calls('train')], [
+            name + ' ' + profile for scene in ('chair', 'mic', 'head')
+            for name, profile in ((scene + '.safetensors', 'cpu'), (scene + '.paper.safetensors', 'paper'))])
+        self.assertEqual(self.reproduce().returncode, 0)
+        self.assertEqual([os.path.basename(call.split()[3]) for call in self.calls('train')[-3:]],
+                         [scene + '.cpu.safetensors' for scene in ('chair', 'mic', 'head')])
+
     def test_a_gpu_is_taken_where_one_is(self):
         self.program('nvidia-smi', 'exit 0')
         self.reproduce('--only', 'robot')

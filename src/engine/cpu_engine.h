@@ -36,13 +36,14 @@ struct CpuHypothesis : Hypothesis {
   DescentState descent;  ///< fresh in a hypothesis that was just seeded
 };
 
-/// Hypotheses in this process' memory, in no special order until `select` or `read` sorts them.
+/// Hypotheses in this process' memory; those of a search are in no special order until `select`
+/// sorts them.
 struct CpuBatch final : HypothesisBatch {
   int capacity = 0;
-  Pose prior_T_O_C;     ///< that the hypotheses were scattered around
+  Pose prior_T_O_C;     ///< that the hypotheses of the first search were scattered around
   ScatterPlan scatter;  ///< with which they were
-  std::vector<CpuHypothesis> hypotheses;
-  double samples_per_ray = -1;  ///< as `descend` measures it for its budget; < 0: not yet
+  std::vector<CpuHypothesis> hypotheses;  ///< search after search
+  double samples_per_ray = -1;            ///< as `descend` measures it for its budget; < 0: not yet
 };
 
 /// Carries out plans on the cores of this computer. The pose solvers see a field through
@@ -61,7 +62,8 @@ class CpuEngine final : public Engine {
   std::shared_ptr<const LoadedObservation> observe(const Observation& observation,
                                                    const std::vector<ImageLevel>& levels) override;
   std::unique_ptr<HypothesisBatch> batch(int capacity) override;
-  void scatter(HypothesisBatch* batch, const Pose& prior_T_O_C, const ScatterPlan& plan) override;
+  void scatter(HypothesisBatch* batch, const std::vector<Pose>& priors_T_O_C,
+               const ScatterPlan& plan) override;
   void align(HypothesisBatch* batch, const LoadedField& field, const LoadedObservation& observation,
              int level, const AlignStage& stage, const StopToken& stop) override;
   void score(HypothesisBatch* batch, const LoadedField& field, const LoadedObservation& observation,

@@ -4,6 +4,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "batch_room.h"
 #include "cpu_engine.h"
 #include "nerf_pose_refiner/maths/pose_spread.h"
 #include "plain_pose.h"
@@ -36,6 +37,32 @@ std::vector<CpuHypothesis> survivorsOf(const std::vector<CpuHypothesis>& sorted,
   return survivors;
 }
 
+// Survivors and offspring of one search.
+std::vector<CpuHypothesis> selectedFrom(std::vector<CpuHypothesis> search, const SelectPlan& plan) {
+  const auto flagged = plan.redraw ? std::count_if(search.begin(), search.end(),
+                                                   [](const Hypothesis& h) { return !isLive(h); })
+                                   : 0;
+  std::stable_sort(search.begin(), search.end(), isBefore);
+  std::vector<CpuHypothesis> next = survivorsOf(search, plan);
+  const int survivors = static_cast<int>(next.size());
+  if (survivors == 0) return next;
+  const int redrawn = std::min(plan.keep, survivors + static_cast<int>(flagged));
+  for (CpuHypothesis& h : next) h.descent = DescentState();
+  const double turn = plan.rotation_jitter_rad, move = plan.translation_jitter;
+  const PoseSpread spread = {{turn, turn, turn},
+                             {move, move, move},
+                             plan.rotate_about_object,
+                             plainVector(plan.object_centre)};
+  for (int i = survivors; i < std::max(plan.offspring, redrawn); ++i) {
+    CpuHypothesis child;
+    child.search = next.front().search;
+    child.loss = std::numeric_limits<double>::infinity();
+    child.T_O_C = poseAround(next[i % survivors].T_O_C, spread, plan.seed, i);
+    next.push_back(child);
+  }
+  return next;
+}
+
 }  // namespace
 
 CpuBatch& cpuBatch(HypothesisBatch* batch) {
@@ -60,49 +87,37 @@ std::unique_ptr<HypothesisBatch> CpuEngine::batch(int capacity) {
   return batch;
 }
 
-void CpuEngine::scatter(HypothesisBatch* batch, const Pose& prior_T_O_C, const ScatterPlan& plan) {
+void CpuEngine::scatter(HypothesisBatch* batch, const std::vector<Pose>& priors_T_O_C,
+                        const ScatterPlan& plan) {
   CpuBatch& own = cpuBatch(batch);
-  if (plan.count < 1 || plan.count > own.capacity) {
-    throw std::invalid_argument("ScatterPlan::count is " + std::to_string(plan.count) +
-                                ", the batch holds 1 to " + std::to_string(own.capacity));
-  }
+  requireRoom(priors_T_O_C.size(), plan, own.capacity);
   const PoseSpread spread = {plainVector(plan.rotation_rad), plainVector(plan.translation),
                              plan.rotate_about_object, plainVector(plan.object_centre)};
-  own.prior_T_O_C = prior_T_O_C;
+  own.prior_T_O_C = priors_T_O_C.front();
   own.scatter = plan;
-  own.hypotheses.assign(plan.count, CpuHypothesis());
-  own.hypotheses[0].T_O_C = prior_T_O_C;
-  for (int i = 1; i < plan.count; ++i) {
-    own.hypotheses[i].T_O_C = poseAround(prior_T_O_C, spread, plan.seed, i);
+  own.hypotheses.clear();
+  for (std::size_t search = 0; search < priors_T_O_C.size(); ++search) {
+    const Pose& prior = priors_T_O_C[search];
+    for (int i = 0; i < plan.count; ++i) {
+      CpuHypothesis h;
+      h.search = static_cast<int>(search);
+      h.T_O_C = i == 0 ? prior : poseAround(prior, spread, plan.seed, i);
+      own.hypotheses.push_back(h);
+    }
   }
 }
 
 void CpuEngine::select(HypothesisBatch* batch, const SelectPlan& plan) {
   CpuBatch& own = cpuBatch(batch);
-  if (plan.keep < 1 || plan.offspring > own.capacity) {
-    throw std::invalid_argument("SelectPlan keeps " + std::to_string(plan.keep) + " and makes " +
-                                std::to_string(plan.offspring) + " of a batch that holds " +
-                                std::to_string(own.capacity));
-  }
-  const auto flagged = plan.redraw ? std::count_if(own.hypotheses.begin(), own.hypotheses.end(),
-                                                   [](const Hypothesis& h) { return !isLive(h); })
-                                   : 0;
-  std::stable_sort(own.hypotheses.begin(), own.hypotheses.end(), isBefore);
-  own.hypotheses = survivorsOf(own.hypotheses, plan);
-  const int survivors = static_cast<int>(own.hypotheses.size());
-  if (survivors == 0) return;
-  const int redrawn = std::min(plan.keep, survivors + static_cast<int>(flagged));
-  for (CpuHypothesis& h : own.hypotheses) h.descent = DescentState();
-  const double turn = plan.rotation_jitter_rad, move = plan.translation_jitter;
-  const PoseSpread spread = {{turn, turn, turn},
-                             {move, move, move},
-                             plan.rotate_about_object,
-                             plainVector(plan.object_centre)};
-  for (int i = survivors; i < std::max(plan.offspring, redrawn); ++i) {
-    CpuHypothesis child;
-    child.loss = std::numeric_limits<double>::infinity();
-    child.T_O_C = poseAround(own.hypotheses[i % survivors].T_O_C, spread, plan.seed, i);
-    own.hypotheses.push_back(child);
+  requireRoom(plan, own.capacity, own.hypotheses.empty() ? 0 : own.hypotheses.back().search + 1);
+  std::vector<CpuHypothesis> all;
+  all.swap(own.hypotheses);
+  for (auto first = all.begin(); first != all.end();) {
+    const auto last = std::find_if(first, all.end(),
+                                   [&](const Hypothesis& h) { return h.search != first->search; });
+    const std::vector<CpuHypothesis> next = selectedFrom({first, last}, plan);
+    own.hypotheses.insert(own.hypotheses.end(), next.begin(), next.end());
+    first = last;
   }
 }
 

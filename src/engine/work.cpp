@@ -22,4 +22,14 @@ Work operator-(const Work& after, const Work& before) {
   return spent;
 }
 
+Work operator/(const Work& work, int count) {
+  Work share;
+  share.rays = work.rays / count;
+  share.samples = work.samples / count;
+  share.colour_samples = work.colour_samples / count;
+  share.gathers = work.gathers / count;
+  share.flops = work.flops / count;
+  return share;
+}
+
 }  // namespace nerf_pose_refiner

@@ -12,6 +12,7 @@
 #include <stdexcept>
 
 #include "nerf_pose_refiner/evaluate/trial_observation.h"
+#include "nerf_pose_refiner/field/field.h"
 #include "nerf_pose_refiner/maths/loss.h"
 
 namespace nerf_pose_refiner {
@@ -82,6 +83,7 @@ SearchVariant variantFrom(const Json& json, const std::string& where) {
   keys.get("resampling", &variant.resampling);
   keys.get("update", &variant.update);
   keys.get("image_scale", &variant.image_scale);
+  keys.get("profile", &variant.profile);
   keys.rejectUnknown();
   keys.require(variant.hypotheses == -1 || (variant.hypotheses >= 1 && variant.hypotheses <= 4096),
                "hypotheses", "1..4096");
@@ -89,6 +91,9 @@ SearchVariant variantFrom(const Json& json, const std::string& where) {
   keys.require(variant.image_scale >= 0.1 && variant.image_scale <= 1, "image_scale", "0.1..1");
   if (!variant.update.empty()) {
     keys.requireNames("update", {variant.update}, {"about_camera", "about_object", "twist"});
+  }
+  if (!variant.profile.empty()) {
+    keys.requireNames("profile", {variant.profile}, FieldConfig::profileNames());
   }
   keys.require(variant.label.find_first_of(",\"\n") == std::string::npos, "label",
                "without commas and quotes");

@@ -15,7 +15,7 @@ void runAlignment(RefinementRun* run) {
   Engine& engine = *run->engine;
   const auto observation = engine.observe(run->observation, plan->levels);
   const auto batch = engine.batch(plan->scatter.count);
-  engine.scatter(batch.get(), run->prior.T_O_C, plan->scatter);
+  engine.scatter(batch.get(), {run->prior.T_O_C}, plan->scatter);
   HypothesisTable table;
   int hypotheses = plan->scatter.count;
   // Otherwise what alignment compares is the same for all of them already.

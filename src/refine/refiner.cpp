@@ -42,8 +42,8 @@ void RefinementRun::trace(const std::string& stage, const HypothesisTable& table
   const auto now = std::chrono::steady_clock::now();
   TraceEntry entry;
   entry.stage = stage;
-  entry.seconds = secondsBetween(stage_start, now);
-  entry.work = engine->work() - stage_work;
+  entry.seconds = secondsBetween(stage_start, now) / together;
+  entry.work = (engine->work() - stage_work) / together;
   entry.live = countLive(table);
   if (entry.live > 0) {
     entry.best_loss = table.front().loss;
@@ -71,6 +71,11 @@ void RefinementRun::finish(const HypothesisTable& table) {
   result->covariance = poseCovariance(result->hypotheses, prior, object);
 }
 
+bool Prior::isAsWideAs(const Prior& other) const {
+  return rotation_rad == other.rotation_rad && translation == other.translation &&
+         rotate_about_object == other.rotate_about_object;
+}
+
 Refiner::Refiner(std::shared_ptr<Engine> engine, const RefinerSettings& settings)
     : engine_(std::move(engine)), settings_(settings) {
   if (!engine_) throw std::invalid_argument("Refiner: the engine is null");
@@ -79,28 +84,52 @@ Refiner::Refiner(std::shared_ptr<Engine> engine, const RefinerSettings& settings
 
 Refinement Refiner::refine(const LoadedField& field, const Observation& observation,
                            const Prior& prior, const StopToken& stop) {
-  prior.validate();
+  return refineAll(field, observation, {prior}, stop).front();
+}
+
+std::vector<Refinement> Refiner::refineAll(const LoadedField& field, const Observation& observation,
+                                           const std::vector<Prior>& priors,
+                                           const StopToken& stop) {
   if (!(field.field().metadata.diameter > 0)) {
     throw std::invalid_argument("Refiner: the diameter of the object '" +
                                 field.field().metadata.name + "' is not known");
   }
+  const bool together = settings_.method == Method::kDescend;
+  for (const Prior& prior : priors) {
+    prior.validate();
+    if (together && !prior.isAsWideAs(priors.front())) {
+      throw std::invalid_argument("Refiner: priors of one batch must be equally wide");
+    }
+  }
+  std::vector<Refinement> results(priors.size());
+  std::vector<RefinementRun> runs;
+  for (std::size_t i = 0; i < priors.size(); ++i) {
+    results[i].T_O_C = priors[i].T_O_C;
+    runs.push_back({engine_.get(), field, observation, priors[i], settings_, stop, &results[i]});
+    if (together && i + 1 < priors.size()) continue;
+    carryOut(&runs);
+    runs.clear();
+  }
+  return results;
+}
+
+void Refiner::carryOut(std::vector<RefinementRun>* runs) {
   const auto start = std::chrono::steady_clock::now();
   const Work work_before = engine_->work();
-  Refinement result;
-  result.T_O_C = prior.T_O_C;
-  RefinementRun run{engine_.get(), field, observation, prior, settings_, stop, &result};
   try {
     if (settings_.method == Method::kAlign) {
-      runAlignment(&run);
+      for (RefinementRun& run : *runs) runAlignment(&run);
     } else {
-      runInversion(&run);
+      runInversions(runs);
     }
   } catch (const Stopped&) {
-    result.outcome = Outcome::kStopped;
+    for (RefinementRun& run : *runs) run.result->outcome = Outcome::kStopped;
   }
-  result.work = engine_->work() - work_before;
-  result.seconds = secondsBetween(start, std::chrono::steady_clock::now());
-  return result;
+  const int together = static_cast<int>(runs->size());
+  for (RefinementRun& run : *runs) {
+    run.result->work = (engine_->work() - work_before) / together;
+    run.result->seconds = secondsBetween(start, std::chrono::steady_clock::now()) / together;
+  }
 }
 
 }  // namespace nerf_pose_refiner

@@ -3,6 +3,7 @@
 
 #include <chrono>
 #include <string>
+#include <vector>
 
 #include "nerf_pose_refiner/refine/refiner.h"
 
@@ -17,11 +18,12 @@ struct RefinementRun {
   const RefinerSettings& settings;
   const StopToken& stop;
   Refinement* result;
+  int together = 1;  ///< runs that share the engine's time and work
 
   std::chrono::steady_clock::time_point stage_start = std::chrono::steady_clock::now();
   Work stage_work = engine->work();  ///< the engine's meter when the stage began
 
-  /// Ends a stage: appends a line to the trace with the time and work since the last one.
+  /// Ends a stage: appends a line to the trace with its share of time and work since the last one.
   /// @param table best first.
   void trace(const std::string& stage, const HypothesisTable& table);
 
@@ -32,7 +34,8 @@ struct RefinementRun {
 /// Direct alignment, Method::kAlign.
 void runAlignment(RefinementRun* run);
 
-/// The paper's parallel inversion, Method::kDescend.
-void runInversion(RefinementRun* run);
+/// The paper's parallel inversion, Method::kDescend: of one image from several priors at once, whose
+/// widths are the same.
+void runInversions(std::vector<RefinementRun>* runs);
 
 }  // namespace nerf_pose_refiner

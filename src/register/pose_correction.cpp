@@ -102,7 +102,7 @@ Pose alignView(Engine* engine, const LoadedField& field, const PosedView& view,
   start.rotation_limit_rad = kMostRotation_rad;
   start.translation_limit = kMostTranslation * object.diameter;
   const auto batch = engine->batch(1);
-  engine->scatter(batch.get(), view.T_O_C, start);
+  engine->scatter(batch.get(), {view.T_O_C}, start);
   AlignStage stage;
   stage.alpha_weight = has_alpha ? 1.0 : 0.03;  // probabilities from colours err often
   for (std::size_t i = 0; i < levels.size(); ++i) {

@@ -60,10 +60,10 @@ std::unique_ptr<HypothesisBatch> SharedEngine::batch(int capacity) {
   return engine_->batch(capacity);
 }
 
-void SharedEngine::scatter(HypothesisBatch* batch, const Pose& prior_T_O_C,
+void SharedEngine::scatter(HypothesisBatch* batch, const std::vector<Pose>& priors_T_O_C,
                            const ScatterPlan& plan) {
   const Turn turn(this);
-  engine_->scatter(batch, prior_T_O_C, plan);
+  engine_->scatter(batch, priors_T_O_C, plan);
 }
 
 void SharedEngine::align(HypothesisBatch* batch, const LoadedField& field,

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
+#include <map>
 #include <memory>
 #include <set>
 #include <stdexcept>
@@ -50,7 +51,10 @@ void declare(CLI::App* app, EvaluateOptions* options) {
          "Folder of scenes: folders with a transforms_test.json, three levels deep at most")
       ->required()
       ->check(CLI::ExistingDirectory);
-  app->add_option("--models", options->models, "Folder of models, <scene>.safetensors")
+  app->add_option(
+         "--models", options->models,
+         "Folder of models, <scene>.safetensors, and <scene>.<profile>.safetensors where a plan "
+         "names a profile")
       ->required()
       ->check(CLI::ExistingDirectory);
   app->add_option("--experiments", options->experiments, "Plan: which trials there are (JSON)")
@@ -82,8 +86,10 @@ struct Shard {
       throw std::invalid_argument("--shard " + text + " is not i/n with 0 <= i < n");
     }
   }
-  /// By its name, so that a trial stays where it is when others come or go.
-  bool has(const TrialKey& key) const {
+  /// By its name, so that a trial stays where it is when others come or go; all starts of one image
+  /// are together.
+  bool has(TrialKey key) const {
+    key.start = 0;
     Checksum name;
     for (const std::string& cell : key.cells()) name.add(cell.c_str(), cell.size() + 1);
     return name.value() % static_cast<std::uint64_t>(count) == static_cast<std::uint64_t>(index);
@@ -124,9 +130,10 @@ struct LoadedScene {
   std::string name;
   SceneKind kind;
   Dataset dataset;
-  std::shared_ptr<const LoadedField> field;
+  /// By the profile that a variant asks for, loaded when one does; that of the scene itself is "".
+  std::map<std::string, std::shared_ptr<const LoadedField>> fields;
 
-  const FieldMetadata& object() const { return field->field().metadata; }
+  const FieldMetadata& object() const { return fields.at("")->field().metadata; }
 };
 
 SceneKind kindOf(const Dataset& dataset) {
@@ -171,20 +178,28 @@ class Evaluation {
 
  private:
   void runScene(const Scene& scene) {
-    const fs::path model = fs::path(options_.models) / (scene.name + ".safetensors");
     LoadedScene loaded;
     loaded.name = scene.name;
     loaded.dataset = loadTransforms(scene.test_path, options_.engine.datasetOptions(), stop_);
     loaded.kind = kindOf(loaded.dataset);
-    loaded.field = engine_->load(std::make_shared<const Field>(loadModel(model.string())));
+    loadField("", &loaded);
     for (const Experiment& experiment : plan_.experiments) {
       const auto& kinds = experiment.kinds;
       if (!isWanted(options_.only, experiment.name)) continue;
       if (std::find(kinds.begin(), kinds.end(), loaded.kind) == kinds.end()) continue;
+      for (const SearchVariant& variant : experiment.variants) loadField(variant.profile, &loaded);
       for (const std::string& condition : experiment.conditions) {
         runCondition(loaded, experiment, condition);
       }
     }
+  }
+
+  void loadField(const std::string& profile, LoadedScene* scene) {
+    std::shared_ptr<const LoadedField>& field = scene->fields[profile];
+    if (field) return;
+    const std::string name = scene->name + (profile.empty() ? "" : "." + profile) + ".safetensors";
+    const fs::path path = fs::path(options_.models) / name;
+    field = engine_->load(std::make_shared<const Field>(loadModel(path.string())));
   }
 
   void runCondition(const LoadedScene& scene, const Experiment& experiment,
@@ -197,65 +212,97 @@ class Evaluation {
     for (const int v : chosenViews(experiment.views, available)) {
       const PosedView& view = scene.dataset.views[v];
       Observation observation;  // made when a trial needs it
-      forEachTrial(scene, experiment, condition, v,
+      forEachBatch(scene, experiment, condition, v,
                    [&](const TrialKey& key, const SearchVariant& how) {
                      if (observation.image.empty()) observation = disturbance.of(view, v);
-                     runTrial(scene, experiment, key, how, view, observation);
+                     runBatch(scene, experiment, key, how, view, observation);
                    });
     }
   }
 
-  /// Calls `run` for the view's trials that are this process' and were not run yet.
+  /// Calls `run` with the first trial of the view's starts that are this process' and were not all
+  /// run yet.
   template <typename Run>
-  void forEachTrial(const LoadedScene& scene, const Experiment& experiment,
+  void forEachBatch(const LoadedScene& scene, const Experiment& experiment,
                     const std::string& condition, int view, const Run& run) {
-    for (int start = 0; start < experiment.starts; ++start) {
-      for (const SearchVariant& variant : experiment.variants) {
-        for (const std::string& method : experiment.methods) {
-          // Alignment has a loss of its own, and iNeRF is what its authors made it: L2.
-          const bool has_losses = method == "single" || method == "multiple";
-          const auto losses = has_losses ? experiment.losses
-                                         : std::vector<std::string>{method == "inerf" ? "l2" : ""};
-          for (const std::string& loss : losses) {
-            stop_.check();
-            const TrialKey key = {
-                experiment.name, scene.name, sceneKindName(scene.kind), method, loss,
-                variant.label,   condition,  experiment.protocol,       view,   start};
-            if (shard_.has(key) && !trials_->has(key)) run(key, variant);
+    for (const SearchVariant& variant : experiment.variants) {
+      for (const std::string& method : experiment.methods) {
+        // Alignment has a loss of its own, and iNeRF is what its authors made it: L2.
+        const bool has_losses = method == "single" || method == "multiple";
+        const auto losses = has_losses ? experiment.losses
+                                       : std::vector<std::string>{method == "inerf" ? "l2" : ""};
+        for (const std::string& loss : losses) {
+          stop_.check();
+          const TrialKey first = {
+              experiment.name, scene.name, sceneKindName(scene.kind), method, loss,
+              variant.label,   condition,  experiment.protocol,       view,   0};
+          bool complete = true;
+          for (const TrialKey& key : startsOf(first, experiment)) {
+            complete = complete && trials_->has(key);
           }
+          if (shard_.has(first) && !complete) run(first, variant);
         }
       }
     }
   }
 
-  void runTrial(const LoadedScene& scene, const Experiment& experiment, const TrialKey& key,
+  static std::vector<TrialKey> startsOf(const TrialKey& first, const Experiment& experiment) {
+    std::vector<TrialKey> keys(experiment.starts, first);
+    for (int start = 0; start < experiment.starts; ++start) keys[start].start = start;
+    return keys;
+  }
+
+  /// All starts of an image at once. Those that an earlier process has written are searched again,
+  /// for a search's samples depend a little on the others', and are not written.
+  void runBatch(const LoadedScene& scene, const Experiment& experiment, const TrialKey& first,
                 const SearchVariant& variant, const PosedView& view,
                 const Observation& observation) {
     const FieldMetadata& object = scene.object();
     const TrialProtocol protocol(experiment.protocol, scene.kind, object);
-    const std::string loss = key.loss.empty() ? "l2" : key.loss;
-    Refiner refiner(engine_, trialSettings(key.method, loss, variant, protocol.unit, plan_.seed));
-    const Prior prior =
-        protocol.prior(view.T_O_C, object, plan_.seed, kStartsPerView * key.view + key.start);
-    const Observation picture = trialPicture(observation, key.method, variant);
-    if (isOnDevice(*engine_) && warmed_.insert(scene.name + key.method + key.variant).second) {
-      refiner.refine(*scene.field, picture, prior, stop_);
+    const std::vector<TrialKey> keys = startsOf(first, experiment);
+    std::vector<Prior> priors;
+    for (const TrialKey& key : keys) {
+      priors.push_back(
+          protocol.prior(view.T_O_C, object, plan_.seed, kStartsPerView * key.view + key.start));
     }
-    const Refinement refinement = refiner.refine(*scene.field, picture, prior, stop_);
+    const Observation picture = trialPicture(observation, first.method, variant);
+    const std::vector<Refinement> refinements =
+        refineAll(scene, first, variant, protocol.unit, picture, priors);
     stop_.check();  // what was interrupted is no result
     const auto errorOf = [&](const Pose& T_O_C) {
       return poseError(T_O_C, view.T_O_C, object.centre, view.camera);
     };
-    if (experiment.traces) addTrace(key, prior, refinement, protocol.unit, errorOf);
-    addTrial(key, errorOf(prior.T_O_C), errorOf(refinement.T_O_C), refinement, protocol.unit,
-             object.diameter);
-    if (key.start == 0 && key.variant == experiment.variants.front().label &&
-        isPictured(scene, experiment, key.view)) {
-      drawTrial(scene, key, view.camera, observation, prior.T_O_C, refinement.T_O_C);
+    for (std::size_t i = 0; i < keys.size(); ++i) {
+      if (trials_->has(keys[i])) continue;
+      const Refinement& refinement = refinements[i];
+      if (experiment.traces) addTrace(keys[i], priors[i], refinement, protocol.unit, errorOf);
+      addTrial(keys[i], errorOf(priors[i].T_O_C), errorOf(refinement.T_O_C), refinement,
+               protocol.unit, object.diameter);
+      ++done_;
     }
-    ++done_;
-    line_.show(0, scene.name + " " + key.experiment + " " + key.condition + ": view " +
-                      std::to_string(key.view) + ", " + std::to_string(done_) + " trials");
+    if (first.variant == experiment.variants.front().label &&
+        isPictured(scene, experiment, first.view)) {
+      drawTrial(scene, first, view.camera, observation, priors.front().T_O_C,
+                refinements.front().T_O_C);
+    }
+    line_.show(0, scene.name + " " + first.experiment + " " + first.condition + ": view " +
+                      std::to_string(first.view) + ", " + std::to_string(done_) + " trials");
+  }
+
+  std::vector<Refinement> refineAll(const LoadedScene& scene, const TrialKey& key,
+                                    const SearchVariant& variant, double unit,
+                                    const Observation& picture, const std::vector<Prior>& priors) {
+    const LoadedField& field = *scene.fields.at(variant.profile);
+    const RefinerSettings settings =
+        trialSettings(key.method, key.loss.empty() ? "l2" : key.loss, variant, unit, plan_.seed);
+    if (isOnDevice(*engine_) && warmed_.insert(scene.name + key.method + key.variant).second) {
+      // A few steps make memory and graphs.
+      RefinerSettings brief = settings;
+      brief.inversion.first_steps = brief.inversion.descent.score_steps;
+      brief.inversion.rounds = 0;
+      Refiner(engine_, brief).refineAll(field, picture, priors, stop_);
+    }
+    return Refiner(engine_, settings).refineAll(field, picture, priors, stop_);
   }
 
   void addTrial(const TrialKey& key, const PoseError& before, const PoseError& after,
@@ -304,7 +351,7 @@ class Evaluation {
     Image8 pair(2 * camera.width, camera.height, 3);
     for (int side = 0; side < 2; ++side) {
       const Rendering rendering =
-          engine_->render(*scene.field, camera, side == 0 ? start : found, {}, stop_);
+          engine_->render(*scene.fields.at(""), camera, side == 0 ? start : found, {}, stop_);
       const Image8 overlay = drawOverlay(observation.image, rendering, 0.7);
       for (int y = 0; y < camera.height; ++y) {
         std::copy(overlay.pixel(0, y), overlay.pixel(0, y) + 3 * camera.width,

@@ -22,7 +22,7 @@ class CudaDescend : public LearnedObjectTest {
     plan.count = count;
     plan.rotation_rad.setConstant(0.05);
     plan.translation.setConstant(0.02 * field->metadata.diameter);
-    engine->scatter(batch.get(), disturbed(truth, *field, 4, 0.05), plan);
+    engine->scatter(batch.get(), {disturbed(truth, *field, 4, 0.05)}, plan);
     return batch;
   }
 };
@@ -157,6 +157,41 @@ TEST_F(CudaDescend, theSameBitsEveryTime) {
   }
 }
 
+// Searches of one batch share the budget, and nothing else.
+TEST_F(CudaDescend, equalSearchesOfABatchEndAtTheSameBits) {
+  const Observation seen =
+      observe(cpu.get(), *on_cpu, someCamera(), truth, Background::kKnownAlpha);
+  const auto observed = cuda->observe(seen, {{someCamera(), 0}});
+  const Pose near = disturbed(truth, *field, 2, 0.02), far = disturbed(truth, *field, 5, 0.05);
+  const auto batch = cuda->batch(15);
+  ScatterPlan plan;
+  plan.count = 5;
+  plan.rotation_rad.setConstant(0.05);
+  plan.translation.setConstant(0.02 * field->metadata.diameter);
+  cuda->scatter(batch.get(), {far, near, far}, plan);
+  SelectPlan select;
+  select.keep = 2;
+  select.offspring = 5;
+  select.rotation_jitter_rad = 0.01;
+  DescentPlan descent;
+  descent.samples_per_step = 1 << 14;
+  cuda->descend(batch.get(), *on_cuda, *observed, 0, descent, 0, 12, {});
+  cuda->select(batch.get(), select);
+  cuda->descend(batch.get(), *on_cuda, *observed, 0, descent, 12, 12, {});
+  cuda->measure(batch.get(), *on_cuda, *observed, 0, descent, 1000, {});
+  std::vector<Hypothesis> of[3];
+  for (const Hypothesis& h : cuda->read(*batch)) of[h.search].push_back(h);
+  ASSERT_EQ(of[0].size(), 5u);
+  ASSERT_EQ(of[1].size(), 5u);
+  ASSERT_EQ(of[2].size(), 5u);
+  for (int i = 0; i < 5; ++i) {
+    EXPECT_EQ(of[0][i].T_O_C.t, of[2][i].T_O_C.t);
+    EXPECT_EQ(of[0][i].T_O_C.R, of[2][i].T_O_C.R);
+    EXPECT_EQ(of[0][i].loss, of[2][i].loss);
+    EXPECT_NE(of[0][i].T_O_C.t, of[1][i].T_O_C.t);
+  }
+}
+
 // Fog, of which the first step takes many more samples than there is room for: it is left out.
 TEST_F(CudaDescend, aStepWithTooManySamplesChangesNothing) {
   FieldConfig config;
@@ -176,7 +211,7 @@ TEST_F(CudaDescend, aStepWithTooManySamplesChangesNothing) {
       const auto batch = cuda->batch(1);
       ScatterPlan plan;
       plan.count = 1;
-      cuda->scatter(batch.get(), disturbed(pose, fog, 4, 0.05), plan);
+      cuda->scatter(batch.get(), {disturbed(pose, fog, 4, 0.05)}, plan);
       DescentPlan descent;
       descent.steps_per_update = 1;
       descent.samples_per_step = 1 << 12;

@@ -45,7 +45,7 @@ struct Setting {
     const auto batch = engine->batch(1);
     ScatterPlan scatter;
     scatter.count = 1;
-    engine->scatter(batch.get(), start, scatter);
+    engine->scatter(batch.get(), {start}, scatter);
     const auto observed = engine->observe(observation, {level});
     engine->align(batch.get(), *scene, *observed, 0, stage, stop);
     return engine->read(*batch).front();

@@ -57,7 +57,7 @@ struct OneHypothesis {
     batch = engine->batch(1);
     ScatterPlan one;
     one.count = 1;
-    engine->scatter(batch.get(), Pose(), one);
+    engine->scatter(batch.get(), {Pose()}, one);
     plan.samples_per_step = 100;
     plan.steps_per_update = 1;
     plan.regularisation = 0;
@@ -97,7 +97,7 @@ TEST(Descend, rotationIsAboutTheCameraInTheAxesOfTheObject) {
   Pose start;
   start.R = Eigen::AngleAxisd(M_PI / 2, Eigen::Vector3d::UnitX()).toRotationMatrix();
   start.t = {1, 2, 3};
-  one.engine->scatter(one.batch.get(), start, plan);
+  one.engine->scatter(one.batch.get(), {start}, plan);
   one.plan.rotation_learning_rate = 0.1;
   one.scene.pull = {{0, 0, 0}, {0, 0, 1}};
   one.descend(0, 1);
@@ -125,7 +125,7 @@ TEST(Descend, aTurnAboutTheObjectLeadsTheCameraAroundIt) {
   plan.count = 1;
   Pose start;
   start.t = {3, 0, 0};
-  one.engine->scatter(one.batch.get(), start, plan);
+  one.engine->scatter(one.batch.get(), {start}, plan);
   one.plan.update = PoseUpdate::kAboutObject;
   one.plan.object_centre = {1, 0, 0};
   one.plan.length_unit = 1;
@@ -161,7 +161,7 @@ TEST(Descend, aTwistTurnsAboutTheOrigin) {
   plan.count = 1;
   Pose start;
   start.t = {2, 0, 0};
-  one.engine->scatter(one.batch.get(), start, plan);
+  one.engine->scatter(one.batch.get(), {start}, plan);
   one.plan.update = PoseUpdate::kTwist;
   one.plan.length_unit = 1;
   one.plan.translation_learning_rate = 1e-12;  // the turn alone
@@ -286,7 +286,7 @@ class FogTrial {
     const auto batch = engine->batch(1);
     ScatterPlan one;
     one.count = 1;
-    engine->scatter(batch.get(), start, one);
+    engine->scatter(batch.get(), {start}, one);
     const auto picture = engine->observe(observation, {{observation.camera, 0}});
     engine->descend(batch.get(), scene, *picture, 0, plan, 0, steps, StopToken());
     return engine->read(*batch).front().T_O_C;
@@ -374,7 +374,7 @@ HypothesisTable descendMany(FogTrial* trial, int first, int second) {
   scatter.rotation_rad.setConstant(5 * kDegree);
   scatter.translation.setConstant(0.1);
   scatter.rotate_about_object = false;
-  engine.scatter(batch.get(), trial->truth, scatter);
+  engine.scatter(batch.get(), {trial->truth}, scatter);
   const auto picture = engine.observe(trial->observation, {{trial->observation.camera, 0}});
   const auto descend = [&](int from, int steps) {
     engine.descend(batch.get(), trial->scene, *picture, 0, trial->plan, from, steps, StopToken());
@@ -424,7 +424,7 @@ TEST(Measure, theTruthHasTheLowestLoss) {
   ScatterPlan scatter;
   scatter.count = 8;
   scatter.translation.setConstant(0.2);
-  engine.scatter(batch.get(), trial.truth, scatter);
+  engine.scatter(batch.get(), {trial.truth}, scatter);
   const auto picture = engine.observe(trial.observation, {{trial.observation.camera, 0}});
   engine.measure(batch.get(), trial.scene, *picture, 0, trial.plan, 500, StopToken());
   const HypothesisTable table = engine.read(*batch);

@@ -45,7 +45,7 @@ TEST(Scatter, firstIsThePriorAndOthersAreWithinTheSpread) {
   plan.translation = Eigen::Vector3d(0.4, 0.5, 0.6);
   plan.object_centre = Eigen::Vector3d(1, 2, 3);
   const Pose prior = poseAt(0);
-  engine->scatter(batch.get(), prior, plan);
+  engine->scatter(batch.get(), {prior}, plan);
   const HypothesisTable table = engine->read(*batch);
   ASSERT_EQ(table.size(), 64u);
   EXPECT_EQ(table[0].T_O_C.t, prior.t);
@@ -73,16 +73,39 @@ TEST(Scatter, aboutTheCameraKeepsItsPlace) {
   plan.rotation_rad.setConstant(0.3);
   plan.rotate_about_object = false;
   plan.object_centre = Eigen::Vector3d(1, 2, 3);
-  engine->scatter(batch.get(), poseAt(0), plan);
+  engine->scatter(batch.get(), {poseAt(0)}, plan);
   for (const Hypothesis& h : engine->read(*batch)) EXPECT_EQ(h.T_O_C.t, poseAt(0).t);
+}
+
+TEST(Scatter, aroundEveryPriorAlike) {
+  const auto engine = makeCpuEngine(1);
+  const auto batch = engine->batch(6);
+  ScatterPlan plan;
+  plan.count = 3;
+  plan.translation.setConstant(0.1);
+  engine->scatter(batch.get(), {poseAt(0), poseAt(10)}, plan);
+  const HypothesisTable table = engine->read(*batch);
+  ASSERT_EQ(table.size(), 6u);
+  for (int i = 0; i < 3; ++i) {
+    EXPECT_EQ(table[i].search, 0);
+    EXPECT_EQ(table[3 + i].search, 1);
+    EXPECT_NEAR(table[3 + i].T_O_C.t.x() - table[i].T_O_C.t.x(), 10, 1e-12);
+  }
+  EXPECT_EQ(table[3].T_O_C.t, poseAt(10).t);
 }
 
 TEST(Scatter, moreThanTheBatchHoldsIsRefused) {
   const auto engine = makeCpuEngine(1);
   const auto batch = engine->batch(4);
   ScatterPlan plan;
+  plan.count = 2;
+  const std::vector<Pose> three(3);
+  expectError<std::invalid_argument>([&] { engine->scatter(batch.get(), three, plan); }, "2 for 3",
+                                     "4");
+  expectError<std::invalid_argument>([&] { engine->scatter(batch.get(), {}, plan); }, "no prior");
   plan.count = 5;
-  expectError<std::invalid_argument>([&] { engine->scatter(batch.get(), Pose(), plan); }, "5", "4");
+  expectError<std::invalid_argument>([&] { engine->scatter(batch.get(), {Pose()}, plan); }, "5",
+                                     "4");
 }
 
 TEST(Select, keepsTheBest) {
@@ -91,6 +114,26 @@ TEST(Select, keepsTheBest) {
   plan.keep = 2;
   s.engine->select(s.batch.get(), plan);
   EXPECT_EQ(s.read(), (std::vector<double>{2, 4}));
+}
+
+TEST(Select, everySearchKeepsItsBest) {
+  Selection s({0.3, 0.1, 0.2, 5.0, 7.0, 6.0});
+  for (int i = 3; i < 6; ++i) s.hypotheses()[i].search = 1;
+  SelectPlan plan;
+  plan.keep = 2;
+  plan.offspring = 3;
+  plan.translation_jitter = 0.25;
+  s.engine->select(s.batch.get(), plan);
+  const std::vector<CpuHypothesis>& all = s.hypotheses();
+  ASSERT_EQ(all.size(), 6u);
+  const double at[] = {2, 3, 2, 4, 6, 4};  // the third of each is the best one's child
+  for (int i = 0; i < 6; ++i) {
+    EXPECT_EQ(all[i].search, i / 3);
+    EXPECT_NEAR(all[i].T_O_C.t.x(), at[i], i % 3 < 2 ? 0 : 0.25);
+  }
+  plan.offspring = 9;  // 18 of a batch of 16
+  expectError<std::invalid_argument>([&] { s.engine->select(s.batch.get(), plan); }, "2 searches",
+                                     "16");
 }
 
 TEST(Select, dropsTheFlaggedHoweverGood) {

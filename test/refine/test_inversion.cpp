@@ -234,6 +234,49 @@ TEST(Inversion, aPriorOutsideOfThePictureHasNoOverlap) {
   EXPECT_EQ(result.work.samples, 0u);
 }
 
+// Priors of one image share steps and nothing else: equal ones end at equal poses, and near where
+// each would alone (the budget's rays are those of all).
+TEST(Inversion, severalPriorsAtOnce) {
+  Trial trial;
+  const Refinement alone = trial.run(smallInversion());
+  Prior outside = trial.prior, other = trial.prior;
+  outside.T_O_C.R = trial.truth.R * expSO3(Eigen::Vector3d(0, M_PI, 0));
+  other.T_O_C.t += Eigen::Vector3d(0.03, -0.02, 0.01);
+  Refiner refiner(trial.engine, smallInversion());
+  const Work before = trial.engine->work();
+  const std::vector<Refinement> results =
+      refiner.refineAll(trial.scene, trial.observation, {trial.prior, outside, other, trial.prior});
+  const Work spent = trial.engine->work() - before;
+  ASSERT_EQ(results.size(), 4u);
+  EXPECT_EQ(results[1].outcome, Outcome::kNoOverlap);
+  EXPECT_EQ(results[1].T_O_C.t, outside.T_O_C.t);
+  for (const int i : {0, 2, 3}) {
+    SCOPED_TRACE(i);
+    ASSERT_EQ(results[i].outcome, Outcome::kRefined);
+    EXPECT_LT(trial.displacement(results[i].T_O_C), 0.02);
+    EXPECT_EQ(results[i].hypotheses.size(), 12u);
+    EXPECT_EQ(results[i].trace.size(), 10u);
+    EXPECT_NEAR(results[i].score, alone.score, 0.05);
+  }
+  EXPECT_EQ(results[0].T_O_C.t, results[3].T_O_C.t);
+  EXPECT_EQ(results[0].T_O_C.R, results[3].T_O_C.R);
+  EXPECT_NE(results[0].T_O_C.t, results[2].T_O_C.t);
+  EXPECT_EQ(results[0].work.samples, spent.samples / 4);
+  EXPECT_NEAR(static_cast<double>(spent.samples), 3.0 * alone.work.samples, 0.1 * spent.samples);
+}
+
+TEST(Inversion, priorsOfOneBatchAreEquallyWide) {
+  Trial trial;
+  Prior wider = trial.prior;
+  wider.translation *= 2;
+  Refiner refiner(trial.engine, smallInversion());
+  expectError<std::invalid_argument>(
+      [&] {
+        refiner.refineAll(trial.scene, trial.observation, {trial.prior, wider});
+      },
+      "equally wide");
+}
+
 TEST(Inversion, noSurvivorIsNoResult) {
   struct LosingEngine : RecordingEngine {
     HypothesisTable read(const HypothesisBatch&) override { return {}; }

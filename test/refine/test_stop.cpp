@@ -61,7 +61,7 @@ struct Setting {
     plan.rotation_rad.setConstant(0.2);
     plan.translation.setConstant(0.1);
     auto batch = engine->batch(count);
-    engine->scatter(batch.get(), T_O_C, plan);
+    engine->scatter(batch.get(), {T_O_C}, plan);
     return batch;
   }
 

@@ -41,7 +41,7 @@ class CountingEngine final : public Engine {
     --inside;
     return nullptr;
   }
-  void scatter(HypothesisBatch*, const Pose&, const ScatterPlan&) override {}
+  void scatter(HypothesisBatch*, const std::vector<Pose>&, const ScatterPlan&) override {}
   void align(HypothesisBatch*, const LoadedField&, const LoadedObservation&, int, const AlignStage&,
              const StopToken&) override {
     throw std::runtime_error("the engine broke");

@@ -36,9 +36,9 @@ class RecordingEngine : public Engine {
   std::unique_ptr<HypothesisBatch> batch(int) override {
     return std::make_unique<HypothesisBatch>();
   }
-  void scatter(HypothesisBatch*, const Pose& prior, const ScatterPlan& plan) override {
+  void scatter(HypothesisBatch*, const std::vector<Pose>& from, const ScatterPlan& plan) override {
     if (calls.empty()) scattered = plan;
-    priors.push_back(prior);
+    priors.insert(priors.end(), from.begin(), from.end());
     calls.push_back("scatter " + std::to_string(plan.count));
   }
   void align(HypothesisBatch*, const LoadedField&, const LoadedObservation&, int, const AlignStage&,

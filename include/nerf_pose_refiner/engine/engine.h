@@ -32,6 +32,9 @@ struct Work {
 /// What was spent between two readings.
 Work operator-(const Work& after, const Work& before);
 
+/// The share of one of `count` that worked together.
+Work operator/(const Work& work, int count);
+
 /// How a picture is rendered.
 struct RenderOptions {
   float near = 0;                   ///< nothing nearer is seen [model units along the ray]
@@ -96,8 +99,10 @@ class Engine {
 
   virtual std::unique_ptr<HypothesisBatch> batch(int capacity) = 0;
 
-  /// Fills the batch with `plan.count` hypotheses around the prior; the first is the prior itself.
-  virtual void scatter(HypothesisBatch* batch, const Pose& prior_T_O_C,
+  /// Fills the batch with `plan.count` hypotheses around each prior, the first of which is the
+  /// prior itself: as many searches, which share the processor and nothing else. The limits of
+  /// `plan` are of the first prior.
+  virtual void scatter(HypothesisBatch* batch, const std::vector<Pose>& priors_T_O_C,
                        const ScatterPlan& plan) = 0;
 
   /// Direct alignment of every live hypothesis on one level (@see AlignStage).
@@ -122,7 +127,7 @@ class Engine {
                        const LoadedObservation& observation, int level, const DescentPlan& plan,
                        int pixels, const StopToken& stop) = 0;
 
-  /// Keeps the best, merges duplicates, and seeds new ones around the survivors.
+  /// In each search: keeps the best, merges duplicates, and seeds new ones around the survivors.
   virtual void select(HypothesisBatch* batch, const SelectPlan& plan) = 0;
 
   /// Waits for all that was asked, and reads the hypotheses, best first.

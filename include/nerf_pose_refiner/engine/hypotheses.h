@@ -14,6 +14,7 @@ namespace nerf_pose_refiner {
 struct Hypothesis {
   Pose T_O_C;
   HypothesisState state = HypothesisState::kLive;
+  int search = 0;               ///< place of the prior that it comes from, @see Engine::scatter
   double loss = 0;              ///< lower is better; comparable within one call of `score`
   double visible_fraction = 0;  ///< of the rendered silhouette that agrees with the image, 0..1
   /// How well the pose explains the image, 0..1 (maths/alignment_search.h, scoreOf).

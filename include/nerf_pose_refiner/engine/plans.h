@@ -19,7 +19,7 @@ struct ImageLevel {
 
 /// Start poses around a prior.
 struct ScatterPlan {
-  int count = 64;  ///< hypotheses, the first being the prior itself
+  int count = 64;  ///< hypotheses of a search, the first being the prior itself
   Eigen::Vector3d rotation_rad = Eigen::Vector3d::Zero();  ///< half width per axis, uniform
   Eigen::Vector3d translation = Eigen::Vector3d::Zero();   ///< half width per axis, model units
   bool rotate_about_object = true;  ///< false: about the camera (the paper's protocol)

@@ -34,6 +34,7 @@ struct SearchVariant {
   int resampling = -1;     ///< 0: none, as many steps in one go
   std::string update;      ///< of inversion, @see PoseUpdate; empty: as the preset says
   double image_scale = 1;  ///< of the observed picture's width and height
+  std::string profile;     ///< of the field; empty: the model of the scene, whatever it has
 };
 
 /// Trials of one kind: every scene of the kinds, condition, view, start, method, loss and variant.

@@ -23,6 +23,8 @@ struct Prior {
 
   /// @throws std::invalid_argument for a pose that is not rigid or a width that makes no sense.
   void validate() const;
+
+  bool isAsWideAs(const Prior& other) const;
 };
 
 enum class Outcome {
@@ -41,6 +43,8 @@ struct TraceEntry {
   double best_loss = 0;
   Pose best_T_O_C;
 };
+
+struct RefinementRun;  // src/refine/schedule.h
 
 struct Refinement {
   Outcome outcome = Outcome::kDiverged;
@@ -68,9 +72,18 @@ class Refiner {
   Refinement refine(const LoadedField& field, const Observation& observation, const Prior& prior,
                     const StopToken& stop = {});
 
+  /// The same from several priors. Inversions share the engine's batches: each has its part of the
+  /// time and work, and there must be memory for as many samples a step as all of them take.
+  /// Alignments look at parts of the image that their prior says, and go one after another.
+  /// @throws std::invalid_argument also for priors of inversions that are not equally wide.
+  std::vector<Refinement> refineAll(const LoadedField& field, const Observation& observation,
+                                    const std::vector<Prior>& priors, const StopToken& stop = {});
+
   const RefinerSettings& settings() const { return settings_; }
 
  private:
+  void carryOut(std::vector<RefinementRun>* runs);
+
   std::shared_ptr<Engine> engine_;
   RefinerSettings settings_;
 };

@@ -33,7 +33,8 @@ class SharedEngine final : public Engine {
   std::shared_ptr<const LoadedObservation> observe(const Observation& observation,
                                                    const std::vector<ImageLevel>& levels) override;
   std::unique_ptr<HypothesisBatch> batch(int capacity) override;
-  void scatter(HypothesisBatch* batch, const Pose& prior_T_O_C, const ScatterPlan& plan) override;
+  void scatter(HypothesisBatch* batch, const std::vector<Pose>& priors_T_O_C,
+               const ScatterPlan& plan) override;
   void align(HypothesisBatch* batch, const LoadedField& field, const LoadedObservation& observation,
              int level, const AlignStage& stage, const StopToken& stop) override;
   void score(HypothesisBatch* batch, const LoadedField& field, const LoadedObservation& observation,
