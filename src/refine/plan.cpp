@@ -86,7 +86,7 @@ AlignStage judgingStage(const RefinerSettings& settings, Background background) 
   const bool unknown = background == Background::kUnknown;
   AlignStage stage;
   stage.robust_scale = settings.robust_scale;
-  stage.fit_gain_bias = settings.fit_gain_bias && (unknown || background == Background::kMask);
+  stage.fit_gain_bias = settings.fit_gain_bias && background != Background::kKnownColour;
   stage.compare_contrast = settings.compare_contrast && unknown;
   stage.alpha_weight = opacityWeight(background);
   return stage;

@@ -62,7 +62,7 @@ NPR_HOST_DEVICE inline RobustResidual robustResidual(const PixelResidual<float>&
   RobustResidual robust;
   robust.squared = r.value[0] * r.value[0] + r.value[1] * r.value[1] + r.value[2] * r.value[2];
   robust.colour = gemanMcClure(robust.squared, colour_scale);
-  robust.opacity = huber(r.value[3] * r.value[3], opacity_scale);
+  robust.opacity = gemanMcClure(r.value[3] * r.value[3], opacity_scale);
   return robust;
 }
 
@@ -176,10 +176,13 @@ NPR_HOST_DEVICE inline void addComparedPixel(const ComparisonRules& rules,
                                              const PixelFlow<float>& flow, AlignmentSumsOf<T>* sums,
                                              NormalEquations6<float>* equations) {
   constexpr float kContrastScale = 2;  // contrasts differ by more than colours
+  // Wider, for outlines find the object from afar; not without an end, for they end at what covers
+  // it.
+  constexpr float kOpacityScale = 3;
   const float scale = rules.robust_scale;
   const bool contrasts = rules.kind == Comparison::kContrasts;
   const float colour_scale = (contrasts ? kContrastScale : 1) * scale;
-  const RobustResidual robust = robustResidual(r, colour_scale, scale);
+  const RobustResidual robust = robustResidual(r, colour_scale, kOpacityScale * scale);
   PixelJudgement judgement =
       contrasts ? judgeContrast(robust, opacity, colour_scale) : judgeResidual(r, robust, scale);
   if (rules.kind == Comparison::kRegions) {

@@ -1,8 +1,6 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <cmath>
-
 #include "nerf_pose_refiner/maths/host_device.h"
 
 namespace nerf_pose_refiner {
@@ -14,15 +12,8 @@ struct RobustTerm {
   T weight;  ///< rho'(r) / r, 1 for a small residual
 };
 
-/// Huber: a parabola up to |r| = scale, a line beyond. Takes r^2, the sum over a pixel's channels.
-template <typename T>
-NPR_HOST_DEVICE inline RobustTerm<T> huber(T squared_residual, T scale) {
-  if (squared_residual <= scale * scale) return {squared_residual / 2, T(1)};
-  const T residual = std::sqrt(squared_residual);
-  return {scale * (residual - scale / 2), scale / residual};
-}
-
-/// Geman-McClure: rho = r^2 / 2 / (1 + (r / scale)^2), bounded by scale^2 / 2. Takes r^2.
+/// Geman-McClure: rho = r^2 / 2 / (1 + (r / scale)^2), bounded by scale^2 / 2. Takes r^2, the sum
+/// over a pixel's channels.
 template <typename T>
 NPR_HOST_DEVICE inline RobustTerm<T> gemanMcClure(T squared_residual, T scale) {
   const T factor = 1 / (1 + squared_residual / (scale * scale));

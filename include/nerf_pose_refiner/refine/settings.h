@@ -73,7 +73,7 @@ struct RefinerSettings {
   /// Before an unknown background: compare contrasts with the surroundings instead of colours.
   /// Right for textured objects in any light; false for plain ones in the light of the photos.
   bool compare_contrast = true;
-  bool fit_gain_bias = true;  ///< used while the background is unknown, or with a mask
+  bool fit_gain_bias = true;  ///< not used before a known colour, whose light is known
 
   InversionSettings inversion;  ///< of Method::kDescend
 
