@@ -243,6 +243,8 @@ __global__ void startKernel(CudaSearches searches, CudaHypotheses batch, Alignme
   const int v = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
   if (v >= searches.view_count) return;
   searches.active[v] = 0;
+  // Whole, with what is between its numbers: blocks copy it word by word.
+  memset(&searches.searches[v], 0, sizeof(AlignmentSearch));
   searches.searches[v].judged = false;
   searches.searches[v].done = true;
   if (v >= *batch.count) return;

@@ -122,7 +122,7 @@ class Reproduce(unittest.TestCase):
     def test_a_gpu_is_taken_where_one_is(self):
         self.program('nvidia-smi', 'exit 0')
         self.reproduce('--only', 'robot')
-        self.assertIn('--profile gpu --steps 20000 --samples-per-step 262144 --backend cuda', self.calls('train')[0])
+        self.assertIn('--profile gpu --steps 10000 --samples-per-step 262144 --backend cuda', self.calls('train')[0])
         self.assertIn('--backend cuda --shard 0/1 --only robot', self.calls('evaluate')[0])
 
     def test_the_last_shard_makes_the_tables(self):
