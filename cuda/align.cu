@@ -245,7 +245,6 @@ __global__ void startKernel(CudaSearches searches, CudaHypotheses batch, Alignme
   searches.active[v] = 0;
   // Whole, with what is between its numbers: blocks copy it word by word.
   memset(&searches.searches[v], 0, sizeof(AlignmentSearch));
-  searches.searches[v].judged = false;
   searches.searches[v].done = true;
   if (v >= *batch.count) return;
   CudaHypothesis& h = batch.items[v];

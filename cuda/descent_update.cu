@@ -7,7 +7,7 @@
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr int kSumThreads = 512;              // a hypothesis alone has all the rays of a step
+constexpr int kSumThreads = 512;               // a hypothesis alone has all the rays of a step
 constexpr int kRaySums = 2;                    // loss, weight
 constexpr double kGuessedSamplesPerRay = 8;    // before any was cast
 constexpr double kFewestSamplesPerRay = 0.25;  // bounds the rays of an empty picture

@@ -22,7 +22,8 @@ struct CudaDescentState {
 struct CudaHypothesis {
   CameraPose<double> pose;  ///< T_O_C
   HypothesisState state;
-  int iterations, search;
+  int iterations;
+  int search;  ///< place of the prior that it comes from
   double loss, visible_fraction, score, residual_variance;
   double information[21];       ///< lower triangle, row by row
   double gradient_scatter[21];  ///< the same

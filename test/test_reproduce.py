@@ -42,6 +42,7 @@ class Reproduce(unittest.TestCase):
         self.out = self.path('out')
         self.program('train', TRAIN)
         self.program('evaluate', EVALUATE)
+        self.program('draw_figure2', 'echo figure >"$1"')
         self.program('nvidia-smi', 'exit 1')
         for scene in ('nerf_synthetic/chair', 'nerf_synthetic/mic', 'photos/head'):
             self.scene(scene)
@@ -64,7 +65,7 @@ class Reproduce(unittest.TestCase):
             self.file('data/%s/transforms_%s.json' % (name, part), '{}')
 
     def plan(self, seed):
-        self.file('plan.json', json.dumps({'seed': seed, 'experiments': []}))
+        self.file('plan.json', json.dumps({'seed': seed, 'experiments': [{'name': 'table1'}, {'name': 'robot'}]}))
 
     def reproduce(self, *options, data='data'):
         return subprocess.run([SCRIPT, '--programs', self.path('bin'), '--experiments', self.path('plan.json'),
@@ -97,6 +98,7 @@ class Reproduce(unittest.TestCase):
             page = file.read()
         self.assertIn('scripts/reproduce --programs', page)
         self.assertIn('| chair | alignment | 1 | 1.00', page)
+        self.assertTrue(os.path.exists(self.path('out', 'tables', 'figure2.svg')))
         self.assertFalse(glob.glob(self.path('out', 'models', '*.log')))
 
     def test_what_is_there_is_not_done_again(self):
@@ -116,8 +118,12 @@ class Reproduce(unittest.TestCase):
             name + ' ' + profile for scene in ('chair', 'mic', 'head')
             for name, profile in ((scene + '.safetensors', 'cpu'), (scene + '.paper.safetensors', 'paper'))])
         self.assertEqual(self.reproduce().returncode, 0)
-        self.assertEqual([os.path.basename(call.split()[3]) for call in self.calls('train')[-3:]],
-                         [scene + '.cpu.safetensors' for scene in ('chair', 'mic', 'head')])
+        self.assertEqual(len(self.calls('train')), 6)  # "cpu" is what scenes are learned with on a CPU
+        self.assertEqual(os.readlink(self.path('out', 'models', 'mic.cpu.safetensors')), 'mic.safetensors')
+
+    def test_an_experiment_that_there_is_not_is_said_before_anything_is_learned(self):
+        self.refused(1, "plan.json: no experiment 'tabel1'", options=('--only', 'tabel1'))
+        self.assertEqual(self.calls('train'), [])
 
     def test_a_gpu_is_taken_where_one_is(self):
         self.program('nvidia-smi', 'exit 0')

@@ -40,6 +40,7 @@ struct CpuHypothesis : Hypothesis {
 /// sorts them.
 struct CpuBatch final : HypothesisBatch {
   int capacity = 0;
+  int searches = 0;
   Pose prior_T_O_C;     ///< that the hypotheses of the first search were scattered around
   ScatterPlan scatter;  ///< with which they were
   std::vector<CpuHypothesis> hypotheses;  ///< search after search

@@ -93,6 +93,7 @@ void CpuEngine::scatter(HypothesisBatch* batch, const std::vector<Pose>& priors_
   requireRoom(priors_T_O_C.size(), plan, own.capacity);
   const PoseSpread spread = {plainVector(plan.rotation_rad), plainVector(plan.translation),
                              plan.rotate_about_object, plainVector(plan.object_centre)};
+  own.searches = static_cast<int>(priors_T_O_C.size());
   own.prior_T_O_C = priors_T_O_C.front();
   own.scatter = plan;
   own.hypotheses.clear();
@@ -109,7 +110,7 @@ void CpuEngine::scatter(HypothesisBatch* batch, const std::vector<Pose>& priors_
 
 void CpuEngine::select(HypothesisBatch* batch, const SelectPlan& plan) {
   CpuBatch& own = cpuBatch(batch);
-  requireRoom(plan, own.capacity, own.hypotheses.empty() ? 0 : own.hypotheses.back().search + 1);
+  requireRoom(plan, own.capacity, own.searches);
   std::vector<CpuHypothesis> all;
   all.swap(own.hypotheses);
   for (auto first = all.begin(); first != all.end();) {

@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 #include <set>
 #include <stdexcept>
+#include <type_traits>
 
 #include "nerf_pose_refiner/evaluate/trial_observation.h"
 #include "nerf_pose_refiner/field/field.h"
@@ -41,6 +42,11 @@ class Keys {
   void get(const char* key, Value* value) {
     const auto found = rest_.find(key);
     if (found == rest_.end()) return;
+    if (std::is_integral<Value>::value && found->is_number()) {  // 3.7 is not 3, -1 is no seed
+      const bool fits =
+          std::is_signed<Value>::value ? found->is_number_integer() : found->is_number_unsigned();
+      if (!fits) fail(where_ + "." + key, "must be a whole number, is " + found->dump());
+    }
     try {
       *value = found->template get<Value>();
     } catch (const Json::exception& error) {

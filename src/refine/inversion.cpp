@@ -216,6 +216,7 @@ void runInversions(std::vector<RefinementRun>* runs) {
         objectRegion(camera, run.prior, run.field.field().metadata);
     if (!region) {
       run.result->outcome = Outcome::kNoOverlap;
+      run.together = 0;
       continue;
     }
     visible.push_back(&run);

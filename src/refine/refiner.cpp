@@ -22,6 +22,8 @@ void requireWidth(const char* name, double value, double most) {
   }
 }
 
+constexpr double kMostSamplesPerStep = 1 << 28;  // of a batch
+
 int countLive(const HypothesisTable& table) {
   int live = 0;
   for (const Hypothesis& h : table) live += h.state == HypothesisState::kLive ? 1 : 0;
@@ -95,6 +97,11 @@ std::vector<Refinement> Refiner::refineAll(const LoadedField& field, const Obser
                                 field.field().metadata.name + "' is not known");
   }
   const bool together = settings_.method == Method::kDescend;
+  const double samples = static_cast<double>(settings_.inversion.descent.samples_per_step);
+  if (together && samples * static_cast<double>(priors.size()) > kMostSamplesPerStep) {
+    throw std::invalid_argument("Refiner: " + std::to_string(priors.size()) +
+                                " priors at once are too many");
+  }
   for (const Prior& prior : priors) {
     prior.validate();
     if (together && !prior.isAsWideAs(priors.front())) {
@@ -125,10 +132,12 @@ void Refiner::carryOut(std::vector<RefinementRun>* runs) {
   } catch (const Stopped&) {
     for (RefinementRun& run : *runs) run.result->outcome = Outcome::kStopped;
   }
-  const int together = static_cast<int>(runs->size());
+  const Work work = engine_->work() - work_before;
+  const double seconds = secondsBetween(start, std::chrono::steady_clock::now());
   for (RefinementRun& run : *runs) {
-    run.result->work = (engine_->work() - work_before) / together;
-    run.result->seconds = secondsBetween(start, std::chrono::steady_clock::now()) / together;
+    if (run.together == 0) continue;
+    run.result->work = work / run.together;
+    run.result->seconds = seconds / run.together;
   }
 }
 

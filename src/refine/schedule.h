@@ -18,7 +18,7 @@ struct RefinementRun {
   const RefinerSettings& settings;
   const StopToken& stop;
   Refinement* result;
-  int together = 1;  ///< runs that share the engine's time and work
+  int together = 1;  ///< runs that share the engine's time and work; 0: this one takes none
 
   std::chrono::steady_clock::time_point stage_start = std::chrono::steady_clock::now();
   Work stage_work = engine->work();  ///< the engine's meter when the stage began
@@ -34,8 +34,8 @@ struct RefinementRun {
 /// Direct alignment, Method::kAlign.
 void runAlignment(RefinementRun* run);
 
-/// The paper's parallel inversion, Method::kDescend: of one image from several priors at once, whose
-/// widths are the same.
+/// The paper's parallel inversion, Method::kDescend: of one image from several priors at once,
+/// whose widths are the same.
 void runInversions(std::vector<RefinementRun>* runs);
 
 }  // namespace nerf_pose_refiner

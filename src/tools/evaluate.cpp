@@ -16,8 +16,8 @@
 #include "nerf_pose_refiner/evaluate/trial_table.h"
 #include "nerf_pose_refiner/field/model_file.h"
 #include "nerf_pose_refiner/image/io.h"
-#include "nerf_pose_refiner/maths/checksum.h"
 #include "tool.h"
+#include "trial_shard.h"
 
 // Runs the trials of a plan on the scenes of a data folder. What is there already is not run again.
 
@@ -75,29 +75,6 @@ void declare(CLI::App* app, EvaluateOptions* options) {
       ->capture_default_str();
   options->engine.addTo(app);
 }
-
-struct Shard {
-  int index = 0, count = 1;
-
-  explicit Shard(const std::string& text) {
-    char rest = 0;
-    if (std::sscanf(text.c_str(), "%d/%d%c", &index, &count, &rest) != 2 || index < 0 ||
-        index >= count) {
-      throw std::invalid_argument("--shard " + text + " is not i/n with 0 <= i < n");
-    }
-  }
-  /// By its name, so that a trial stays where it is when others come or go; all starts of one image
-  /// are together.
-  bool has(TrialKey key) const {
-    key.start = 0;
-    Checksum name;
-    for (const std::string& cell : key.cells()) name.add(cell.c_str(), cell.size() + 1);
-    return name.value() % static_cast<std::uint64_t>(count) == static_cast<std::uint64_t>(index);
-  }
-  std::string suffix() const {
-    return std::to_string(index) + "-of-" + std::to_string(count) + ".csv";
-  }
-};
 
 bool isWanted(const std::vector<std::string>& wanted, const std::string& name) {
   return wanted.empty() || std::find(wanted.begin(), wanted.end(), name) != wanted.end();
@@ -213,15 +190,14 @@ class Evaluation {
       const PosedView& view = scene.dataset.views[v];
       Observation observation;  // made when a trial needs it
       forEachBatch(scene, experiment, condition, v,
-                   [&](const TrialKey& key, const SearchVariant& how) {
+                   [&](const std::vector<TrialKey>& keys, const SearchVariant& how) {
                      if (observation.image.empty()) observation = disturbance.of(view, v);
-                     runBatch(scene, experiment, key, how, view, observation);
+                     runBatch(scene, experiment, keys, how, view, observation);
                    });
     }
   }
 
-  /// Calls `run` with the first trial of the view's starts that are this process' and were not all
-  /// run yet.
+  /// Calls `run` for each set of starts of the view that is this process' and lacks a result.
   template <typename Run>
   void forEachBatch(const LoadedScene& scene, const Experiment& experiment,
                     const std::string& condition, int view, const Run& run) {
@@ -236,30 +212,37 @@ class Evaluation {
           const TrialKey first = {
               experiment.name, scene.name, sceneKindName(scene.kind), method, loss,
               variant.label,   condition,  experiment.protocol,       view,   0};
-          bool complete = true;
-          for (const TrialKey& key : startsOf(first, experiment)) {
-            complete = complete && trials_->has(key);
+          if (!shard_.has(first)) continue;
+          const int at_once = startsAtOnce(method);
+          for (int start = 0; start < experiment.starts; start += at_once) {
+            std::vector<TrialKey> keys(std::min(at_once, experiment.starts - start), first);
+            for (std::size_t i = 0; i < keys.size(); ++i)
+              keys[i].start = start + static_cast<int>(i);
+            const bool complete =
+                std::all_of(keys.begin(), keys.end(),
+                            [this](const TrialKey& key) { return trials_->has(key); });
+            if (!complete) run(keys, variant);
           }
-          if (shard_.has(first) && !complete) run(first, variant);
         }
       }
     }
   }
 
-  static std::vector<TrialKey> startsOf(const TrialKey& first, const Experiment& experiment) {
-    std::vector<TrialKey> keys(experiment.starts, first);
-    for (int start = 0; start < experiment.starts; ++start) keys[start].start = start;
-    return keys;
+  /// Inversions fill a device better together; where nothing is gained by it, less is lost by an
+  /// interruption.
+  int startsAtOnce(const std::string& method) const {
+    constexpr int kOnDevice = 5;  // some 100 MiB each
+    return method != "alignment" && isOnDevice(*engine_) ? kOnDevice : 1;
   }
 
-  /// All starts of an image at once. Those that an earlier process has written are searched again,
-  /// for a search's samples depend a little on the others', and are not written.
-  void runBatch(const LoadedScene& scene, const Experiment& experiment, const TrialKey& first,
-                const SearchVariant& variant, const PosedView& view,
-                const Observation& observation) {
+  /// Starts of one image. Those that an earlier process has written are searched again, for a
+  /// search's samples depend a little on the others', and are not written.
+  void runBatch(const LoadedScene& scene, const Experiment& experiment,
+                const std::vector<TrialKey>& keys, const SearchVariant& variant,
+                const PosedView& view, const Observation& observation) {
     const FieldMetadata& object = scene.object();
     const TrialProtocol protocol(experiment.protocol, scene.kind, object);
-    const std::vector<TrialKey> keys = startsOf(first, experiment);
+    const TrialKey& first = keys.front();
     std::vector<Prior> priors;
     for (const TrialKey& key : keys) {
       priors.push_back(
@@ -280,7 +263,7 @@ class Evaluation {
                protocol.unit, object.diameter);
       ++done_;
     }
-    if (first.variant == experiment.variants.front().label &&
+    if (first.start == 0 && first.variant == experiment.variants.front().label &&
         isPictured(scene, experiment, first.view)) {
       drawTrial(scene, first, view.camera, observation, priors.front().T_O_C,
                 refinements.front().T_O_C);
@@ -295,7 +278,9 @@ class Evaluation {
     const LoadedField& field = *scene.fields.at(variant.profile);
     const RefinerSettings settings =
         trialSettings(key.method, key.loss.empty() ? "l2" : key.loss, variant, unit, plan_.seed);
-    if (isOnDevice(*engine_) && warmed_.insert(scene.name + key.method + key.variant).second) {
+    TrialKey likewise = key;
+    likewise.view = likewise.start = 0;
+    if (isOnDevice(*engine_) && warmed_.insert(likewise.cells()).second) {
       // A few steps make memory and graphs.
       RefinerSettings brief = settings;
       brief.inversion.first_steps = brief.inversion.descent.score_steps;
@@ -379,7 +364,7 @@ class Evaluation {
   std::shared_ptr<Engine> engine_;
   std::unique_ptr<TrialTable> trials_, traces_;
   ProgressLine line_;
-  std::set<std::string> warmed_;  // scenes and methods whose memory and graphs are made
+  std::set<std::vector<std::string>> warmed_;  // trials whose like has its memory and graphs
   int done_ = 0;
 };
 

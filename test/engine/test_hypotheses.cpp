@@ -119,6 +119,7 @@ TEST(Select, keepsTheBest) {
 TEST(Select, everySearchKeepsItsBest) {
   Selection s({0.3, 0.1, 0.2, 5.0, 7.0, 6.0});
   for (int i = 3; i < 6; ++i) s.hypotheses()[i].search = 1;
+  cpuBatch(s.batch.get()).searches = 2;
   SelectPlan plan;
   plan.keep = 2;
   plan.offspring = 3;

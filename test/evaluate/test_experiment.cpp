@@ -56,6 +56,9 @@ TEST_F(ExperimentFile, whatMakesNoSenseIsRefusedByName) {
   expectRefused(R"({"experiments": [{"name": "a", "view": 3}]})", "unknown key 'view'");
   expectRefused(R"({"experiments": [{"name": "a", "views": 0}]})", "views: must be 1..10000");
   expectRefused(R"({"experiments": [{"name": "a", "views": "many"}]})", "experiments[0].views");
+  expectRefused(R"({"experiments": [{"name": "a", "views": 3.7}]})",
+                "views: must be a whole number");
+  expectRefused(R"({"seed": -1, "experiments": [{"name": "a"}]})", "seed: must be a whole number");
   expectRefused(R"({"experiments": [{"name": "a", "methods": ["icp"]}]})", "no 'icp'");
   expectRefused(R"({"experiments": [{"name": "a", "conditions": []}]})", "names nothing");
   expectRefused(R"({"experiments": [{"name": "a"}, {"name": "a"}]})", "its name is taken");

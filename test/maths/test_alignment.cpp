@@ -106,6 +106,27 @@ LightMomentsOf<double> momentsOf(const float gain, const float bias) {
   return moments;
 }
 
+// The opacity's scale is 0.3, three times that of colours: weights (1 / (1 + (r / 0.3)^2))^2. An
+// outline that is far off pulls; one that is covered altogether pulls less than one that is near.
+TEST(ComparedPixel, opacityPullsByHand) {
+  const auto pullOf = [](float opacity_residual) {
+    PixelResidual<float> r = {};
+    r.value[3] = opacity_residual;
+    r.du[3] = 0.5f;
+    r.opacity_weight = 1;
+    PixelFlow<float> flow = {};
+    flow.u[0] = 2;  // the Jacobian is 1
+    ComparisonRules rules;
+    rules.robust_scale = 0.1f;
+    AlignmentSumsOf<float> sums;
+    addComparedPixel(rules, r, 1.0f, RegionPixel(), 1.0f, flow, &sums, &sums.equations);
+    return sums.equations.gradient[0];
+  };
+  EXPECT_NEAR(pullOf(0.03f), 0.03 / (1.01 * 1.01), 1e-6);
+  EXPECT_NEAR(pullOf(0.3f), 0.3 / 4, 1e-6);
+  EXPECT_NEAR(pullOf(1.0f), std::pow(0.09 / 1.09, 2), 1e-6);
+}
+
 TEST(SolveLight, finds) {
   const GainBias<float> light = solveLight(momentsOf(1.2f, 0));
   EXPECT_NEAR(light.gain[0], 1.2, 0.03);

@@ -261,8 +261,20 @@ TEST(Inversion, severalPriorsAtOnce) {
   EXPECT_EQ(results[0].T_O_C.t, results[3].T_O_C.t);
   EXPECT_EQ(results[0].T_O_C.R, results[3].T_O_C.R);
   EXPECT_NE(results[0].T_O_C.t, results[2].T_O_C.t);
-  EXPECT_EQ(results[0].work.samples, spent.samples / 4);
+  EXPECT_EQ(results[0].work.samples, spent.samples / 3);
+  EXPECT_EQ(results[1].work.samples, 0u);
+  EXPECT_EQ(results[1].seconds, 0);
   EXPECT_NEAR(static_cast<double>(spent.samples), 3.0 * alone.work.samples, 0.1 * spent.samples);
+}
+
+TEST(Inversion, tooManyPriorsAreRefused) {
+  Trial trial;
+  RefinerSettings settings = smallInversion();
+  settings.inversion.descent.samples_per_step = 1 << 27;
+  Refiner refiner(trial.engine, settings);
+  const std::vector<Prior> three(3, trial.prior);
+  expectError<std::invalid_argument>(
+      [&] { refiner.refineAll(trial.scene, trial.observation, three); }, "3 priors");
 }
 
 TEST(Inversion, priorsOfOneBatchAreEquallyWide) {

@@ -172,6 +172,7 @@ TEST(PlanAlignment, learnsTheSurroundingsOfAnUnknownBackground) {
   const AlignmentPlan unknown = plan_for(Background::kUnknown);
   EXPECT_GT(unknown.levels[0].camera.width, known.levels[0].camera.width);
   EXPECT_TRUE(unknown.stages[0].align.fit_gain_bias);
+  EXPECT_TRUE(known.stages[0].align.fit_gain_bias);  // a known alpha says nothing of the light
   EXPECT_LT(unknown.stages[0].align.alpha_weight, known.stages[0].align.alpha_weight);
 }
 

@@ -31,18 +31,24 @@ def run(*arguments):
 
 
 def evaluate(output, *arguments):
-    return run(EVALUATE, SCENES, '--models', path('models'), '--experiments', path('plan.json'),
-               '-o', path(output), '--scene', 'toy_kiosk', *arguments)
+    plan = () if '--experiments' in arguments else ('--experiments', path('plan.json'))
+    return run(EVALUATE, SCENES, '--models', path('models'), *plan, '-o', path(output), '--scene', 'toy_kiosk',
+               *arguments)
 
 
-def rows(output, table):
-    """All lines of a folder's tables, without times, in any order."""
+def dicts(output, table):
+    """All lines of a folder's tables."""
     lines = []
     for name in os.listdir(path(output)):
         if name.startswith(table):
             with open(os.path.join(path(output), name), newline='', encoding='utf-8') as file:
-                lines += [tuple(v for k, v in row.items() if k not in TIMED) for row in csv.DictReader(file)]
-    return sorted(lines)
+                lines += list(csv.DictReader(file))
+    return lines
+
+
+def rows(output, table):
+    """The same without times, in any order."""
+    return sorted(tuple(v for k, v in row.items() if k not in TIMED) for row in dicts(output, table))
 
 
 class Evaluate(unittest.TestCase):
@@ -77,6 +83,21 @@ class Evaluate(unittest.TestCase):
             file.truncate(os.path.getsize(table) - 20)
         self.assertIn('4 trials, 1 of them new', evaluate('one').stdout)
         self.assertEqual(rows('one', 'trials'), one)
+
+    def test_a_variants_profile_names_its_model(self):
+        variants = [{'label': 'own', 'hypotheses': 4}, {'label': 'other', 'hypotheses': 4, 'profile': 'paper'}]
+        plan = {'experiments': [{'name': 'shapes', 'methods': ['alignment'], 'protocol': 'robot', 'views': 1,
+                                 'starts': 1, 'variants': variants}]}
+        with open(path('shapes.json'), 'w', encoding='utf-8') as file:
+            json.dump(plan, file)
+        result = evaluate('shapes', '--experiments', path('shapes.json'))
+        self.assertEqual(result.returncode, 1)
+        self.assertIn('toy_kiosk.paper.safetensors', result.stderr)
+        shutil.copy(path('models/toy_kiosk.safetensors'), path('models/toy_kiosk.paper.safetensors'))
+        self.assertEqual(evaluate('shapes', '--experiments', path('shapes.json')).returncode, 0)
+        one, other = ({k: v for k, v in row.items() if k not in TIMED + ('variant',)}
+                      for row in dicts('shapes', 'trials'))
+        self.assertEqual(one, other)
 
     def test_errors_are_told(self):
         for arguments, code, word in ((('--only', 'nothing'), 2, "no experiment 'nothing'"),

@@ -176,8 +176,8 @@ NPR_HOST_DEVICE inline void addComparedPixel(const ComparisonRules& rules,
                                              const PixelFlow<float>& flow, AlignmentSumsOf<T>* sums,
                                              NormalEquations6<float>* equations) {
   constexpr float kContrastScale = 2;  // contrasts differ by more than colours
-  // Wider, for outlines find the object from afar; not without an end, for they end at what covers
-  // it.
+  // Wider than the colours': outlines pull from afar. Bounded: where something covers the object,
+  // the outline is not its own.
   constexpr float kOpacityScale = 3;
   const float scale = rules.robust_scale;
   const bool contrasts = rules.kind == Comparison::kContrasts;

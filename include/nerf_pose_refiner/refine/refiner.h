@@ -24,6 +24,7 @@ struct Prior {
   /// @throws std::invalid_argument for a pose that is not rigid or a width that makes no sense.
   void validate() const;
 
+  /// Whether the same poses are looked for around it, wherever it is.
   bool isAsWideAs(const Prior& other) const;
 };
 

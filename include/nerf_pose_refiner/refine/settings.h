@@ -73,7 +73,7 @@ struct RefinerSettings {
   /// Before an unknown background: compare contrasts with the surroundings instead of colours.
   /// Right for textured objects in any light; false for plain ones in the light of the photos.
   bool compare_contrast = true;
-  bool fit_gain_bias = true;  ///< not used before a known colour, whose light is known
+  bool fit_gain_bias = true;  ///< ignored before a known colour: the light is that of the photos
 
   InversionSettings inversion;  ///< of Method::kDescend
 
