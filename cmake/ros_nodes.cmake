@@ -59,12 +59,16 @@ endforeach()
 
 target_link_libraries(${PROJECT_NAME}_initial_pose_marker_node PRIVATE ${ros_library})
 
-# The evaluation reads bags, and so is the one tool that knows ROS. Its script lies beside it.
+# What reads bags knows ROS. The evaluation's script lies beside it.
 if(CLI11_FOUND)
+  npr_add_tool(check_trust src/tools/check_trust.cpp src/tools/tool.cpp
+    src/tools/trust_trials.cpp)
   npr_add_tool(evaluate_bag src/tools/bag_evaluation.cpp src/tools/evaluate_bag.cpp
     src/tools/evaluation_files.cpp src/tools/refine_case.cpp src/tools/tool.cpp)
-  target_link_libraries(${PROJECT_NAME}_evaluate_bag PRIVATE
-    ${ros_library} CLI11::CLI11 nlohmann_json::nlohmann_json)
+  foreach(tool check_trust evaluate_bag)
+    target_link_libraries(${PROJECT_NAME}_${tool} PRIVATE
+      ${ros_library} CLI11::CLI11 nlohmann_json::nlohmann_json)
+  endforeach()
 endif()
 catkin_install_python(PROGRAMS scripts/llff_to_transforms scripts/plot_evaluation
   DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})

@@ -112,7 +112,7 @@ def pack(args):
     with rosbag.Bag(args.out, "w") as bag:
         for i, frame in enumerate(sequence["frames"]):
             T_C_O = np.array(frame["T_C_O"])
-            stamp = rospy.Time(FIRST_STAMP_S) + rospy.Duration.from_sec(i / sequence["rate_hz"])
+            stamp = rospy.Time(FIRST_STAMP_S) + rospy.Duration.from_sec(frame["index"] / sequence["rate_hz"])
             if i == 0:
                 start = perturbed(T_C_O, centre_O, model["diameter"], args.seed)
                 bag.write(START_TOPIC, pose_message(start, stamp), stamp - rospy.Duration.from_sec(START_LEAD_S))

@@ -232,7 +232,8 @@ def render_sequence(args):
     for folder in ("frames", "masks"):
         os.makedirs(os.path.join(args.out, folder), exist_ok=True)
     frames = []
-    for i in range(0, args.frames, args.every):
+    last = args.frames - 1 if args.last is None else args.last
+    for i in range(args.first, last + 1, args.every):
         T_W_G = camera_at(i / (args.frames - 1), args.path, centre_W)
         mask = mask_of(scene, parts, T_W_G, K, width, height, box_O)
         cv2.imwrite(os.path.join(args.out, "masks/mask_%03d.png" % i), mask, [cv2.IMWRITE_PNG_COMPRESSION, 9])
@@ -266,6 +267,8 @@ def main():
     sequence.add_argument("--occluder", choices=("cup", "none"), default="cup")
     sequence.add_argument("--frames", type=int, default=76)
     sequence.add_argument("--every", type=int, default=1, help="only every n-th of these frames, for a look")
+    sequence.add_argument("--first", type=int, default=0, help="only from this frame on")
+    sequence.add_argument("--last", type=int, help="only up to this frame")
     sequence.add_argument("--samples", type=int, default=64, help="paths a pixel")
     sequence.add_argument("--masks-only", action="store_true", help="poses and masks, no pictures")
     for command in (views, sequence):

@@ -7,6 +7,7 @@
 #include <chrono>
 
 #include "nerf_pose_refiner/ros/error_of.h"
+#include "nerf_pose_refiner/ros/pose_conversions.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -22,14 +23,6 @@ CaptureParameters readParameters(const ros::NodeHandle& pnh) {
   ROS_INFO("parameters:%s", text.c_str());
   for (const std::string& line : reader.unknown()) ROS_WARN("%s", line.c_str());
   return parameters;
-}
-
-geometry_msgs::Point toMessage(const Eigen::Vector3d& p) {
-  geometry_msgs::Point point;
-  point.x = p.x();
-  point.y = p.y();
-  point.z = p.z();
-  return point;
 }
 
 /// @return why the object was not registered; empty: it was.
@@ -139,8 +132,8 @@ void CaptureNode::registerObject() {
   request.dataset = parameters_.name;
   request.metres_per_unit = 1;
   if (parameters_.has_box) {
-    request.box_min = toMessage(parameters_.box_min);
-    request.box_max = toMessage(parameters_.box_max);
+    request.box_min = toPoint(parameters_.box_min);
+    request.box_max = toPoint(parameters_.box_max);
   }
   registration_ =
       std::async(std::launch::async, callRegistration, parameters_.register_service, request);

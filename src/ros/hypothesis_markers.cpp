@@ -3,6 +3,8 @@
 
 #include <algorithm>
 
+#include "nerf_pose_refiner/ros/pose_conversions.h"
+
 namespace nerf_pose_refiner {
 namespace {
 
@@ -11,14 +13,6 @@ using visualization_msgs::Marker;
 constexpr double kLifetime_s = 5;        // longer than a refinement from an initial pose may take
 constexpr double kLineWidth = 0.006;     // in diagonals of the box
 constexpr double kBestLineWidth = 0.02;  // the same
-
-geometry_msgs::Point toPoint(const Eigen::Vector3d& p) {
-  geometry_msgs::Point point;
-  point.x = p.x();
-  point.y = p.y();
-  point.z = p.z();
-  return point;
-}
 
 std_msgs::ColorRGBA colour(float r, float g, float b, float a) {
   std_msgs::ColorRGBA rgba;

@@ -13,14 +13,6 @@ namespace {
 
 constexpr double kRenewal_s = 0.5;  // between looks at what is said of the object
 
-geometry_msgs::Point toPoint(const Eigen::Vector3d& p) {
-  geometry_msgs::Point point;
-  point.x = p.x();
-  point.y = p.y();
-  point.z = p.z();
-  return point;
-}
-
 /// What is said of an object beside its model.
 void describeFrame(const FieldMetadata& object, ObjectInfo* info) {
   const double unit_m = object.metres_per_unit;

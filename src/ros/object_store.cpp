@@ -27,9 +27,9 @@ StoredObject onDisk(const std::string& root, const fs::path& file) {
   StoredObject object;
   object.name = file.stem().string();
   try {
-    const std::string path = pathBelow(root, file.filename().string());
-    object.bytes = fs::file_size(path);
-    object.metadata = readObject(path);
+    pathBelow(root, file.filename().string());
+    object.bytes = fs::file_size(file);
+    object.metadata = readObject(file.string());
   } catch (const std::exception& e) {
     object.message = e.what();
   }
@@ -53,10 +53,12 @@ void requireObjectName(const std::string& name) {
 std::string ObjectStore::pathOf(const std::string& name) const {
   requireObjectName(name);
   if (root_.empty()) throw std::invalid_argument("~model_root is not set");
-  const std::string path = pathBelow(root_, name + kExtension);
-  const fs::path metadata = metadataPathOf(path);
-  pathBelow(root_, metadata.lexically_relative(pathBelow(root_, ".")).string());
-  return path;
+  // Both may be links that stay below the root. A link's own path counts: so does what is said
+  // beside it, which may differ from what is said beside the file.
+  const std::string file = name + kExtension;
+  pathBelow(root_, file);
+  pathBelow(root_, metadataPathOf(file));
+  return (fs::path(pathBelow(root_, ".")) / file).string();
 }
 
 std::shared_ptr<const Field> ObjectStore::find(const std::string& name) const {

@@ -235,7 +235,8 @@ std::optional<Prior> ObjectTracker::prepare(const std_msgs::Header& header,
     return priorFrom(start, tf_.startInCamera(start, header.frame_id, header.stamp, stop),
                      field_->metadata, start.tracked ? parameters_.tracking : parameters_.initial);
   } catch (const InputError& e) {
-    const bool unknown_frame = e.reason() == Status::REASON_NO_TRANSFORM && !start.tracked;
+    const bool from_outside = !start.tracked && !decision.recovering;
+    const bool unknown_frame = e.reason() == Status::REASON_NO_TRANSFORM && from_outside;
     std::lock_guard<std::mutex> lock(mutex_);
     state_.startRefused(decision.ticket,
                         unknown_frame ? std::uint8_t{Status::REASON_PRIOR_NO_FRAME} : e.reason(),

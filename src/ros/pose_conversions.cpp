@@ -19,12 +19,18 @@ std::string withoutSlash(const std::string& frame_id) {
   return !frame_id.empty() && frame_id[0] == '/' ? frame_id.substr(1) : frame_id;
 }
 
+geometry_msgs::Point toPoint(const Eigen::Vector3d& p) {
+  geometry_msgs::Point point;
+  point.x = p.x();
+  point.y = p.y();
+  point.z = p.z();
+  return point;
+}
+
 geometry_msgs::Pose toMessage(const Pose& pose) {
   const Eigen::Quaterniond q = Eigen::Quaterniond(pose.R).normalized();
   geometry_msgs::Pose message;
-  message.position.x = pose.t.x();
-  message.position.y = pose.t.y();
-  message.position.z = pose.t.z();
+  message.position = toPoint(pose.t);
   message.orientation.x = q.x();
   message.orientation.y = q.y();
   message.orientation.z = q.z();

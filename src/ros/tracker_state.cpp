@@ -178,6 +178,7 @@ std::optional<StartPose> TrackerState::startFor(const ros::Time& stamp, FrameDec
   }
   if (last_) return last_;
   if (anchor_ && secondsBetween(anchor_->stamp, stamp) > rules_.recover_s) anchor_.reset();
+  decision->recovering = anchor_.has_value();
   return anchor_;
 }
 

@@ -4,6 +4,8 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
+#include <cstdlib>
 
 #include "nerf_pose_refiner/evaluate/start.h"
 #include "nerf_pose_refiner/maths/random.h"
@@ -252,12 +254,14 @@ double meanNormalisedError(double noise, int trials) {
   return sum / trials;
 }
 
-// The whole bar is 0.7 to 1.4 over 500 trials (bench/align_trials); over 40 the mean itself
-// scatters by 0.09.
+// Over 40 trials the mean itself scatters by 0.09, and the bounds are wider by that much and more.
 TEST(PoseCovariance, IsWhatTheErrorsAreInNoise) {
-  const double error = meanNormalisedError(0.03, 40);
-  EXPECT_GT(error, 0.6);
-  EXPECT_LT(error, 1.6);
+  const bool long_test = std::getenv("NERF_POSE_REFINER_LONG_TESTS") != nullptr;
+  const int trials = long_test ? 500 : 40;
+  const double error = meanNormalisedError(0.03, trials);
+  std::printf("e^T C^-1 e / 6: %.3f in the mean of %d trials\n", error, trials);
+  EXPECT_GT(error, long_test ? 0.7 : 0.6);
+  EXPECT_LT(error, long_test ? 1.4 : 1.6);
 }
 
 }  // namespace

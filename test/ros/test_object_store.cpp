@@ -143,6 +143,19 @@ TEST_F(ObjectStoreTest, KnowsWhatIsSaidOfAnObjectBesideItsModel) {
   EXPECT_EQ(reasonFor("cup"), Status::REASON_MODEL_UNREADABLE) << "it leads out of the root";
 }
 
+TEST_F(ObjectStoreTest, ReadsWhatIsSaidBesideALink) {
+  store().save(smallField("mug", 0.01));
+  fs::create_symlink("mug.safetensors", folder_ / "models" / "small_mug.safetensors");
+  temporary_.write("models/small_mug.yaml", "metres_per_unit: 0.005\n");
+  const std::shared_ptr<const Field> mug = store().load("mug"), small = store().load("small_mug");
+  EXPECT_EQ(mug->metadata.metres_per_unit, 0.01);
+  EXPECT_EQ(small->metadata.metres_per_unit, 0.005);
+  const std::vector<StoredObject> objects = store().list();
+  ASSERT_EQ(objects.size(), 2u);
+  EXPECT_EQ(objects[1].name, "small_mug");
+  EXPECT_EQ(objects[1].metadata.metres_per_unit, 0.005);
+}
+
 TEST_F(ObjectStoreTest, WritesBelowItsRootOnly) {
   const ObjectStore store = this->store();
   EXPECT_THROW(store.save(smallField("../mug", 0.01)), std::invalid_argument);

@@ -1,6 +1,7 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <geometry_msgs/Point.h>
 #include <geometry_msgs/PoseArray.h>
 #include <geometry_msgs/PoseStamped.h>
 #include <geometry_msgs/PoseWithCovarianceStamped.h>
@@ -19,6 +20,8 @@ namespace nerf_pose_refiner {
 
 /// A frame as TF2 names it: TF1 put a slash before the name, and old drivers and bags still do.
 std::string withoutSlash(const std::string& frame_id);
+
+geometry_msgs::Point toPoint(const Eigen::Vector3d& p);
 
 geometry_msgs::Pose toMessage(const Pose& pose);
 

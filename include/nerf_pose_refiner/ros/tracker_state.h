@@ -42,6 +42,7 @@ struct FrameDecision {
   std::optional<StartPose> start;     ///< refine from here; nothing: leave the image alone
   std::uint64_t ticket = 0;           ///< to be handed back with the result
   bool clock_jumped = false;          ///< time went back: transforms from before are worthless
+  bool recovering = false;            ///< the start is where a lost object was seen last
   bool initial_pose_ignored = false;  ///< one came while the object is tracked
 };
 

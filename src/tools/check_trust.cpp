@@ -1,0 +1,202 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
+#include <cstdio>
+#include <map>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "nerf_pose_refiner/field/object_metadata.h"
+#include "tool.h"
+#include "trust_trials.h"
+
+// A model and recordings to how far published poses can be believed.
+
+namespace nerf_pose_refiner {
+namespace {
+
+struct TrustOptions {
+  std::string model;
+  std::vector<std::string> bags;
+  std::vector<std::string> gone;
+  int runs = 50;
+  double published_right = 0.99, right_published = 0.9;
+  bool json = false;
+  BagTopics topics;
+  TrustSettings trials;
+  PoseRefinerParameters node;
+  EngineOptions engine;
+};
+
+void declareRuns(CLI::App* app, TrustOptions* options) {
+  TrustSettings& t = options->trials;
+  app->add_option("--runs", options->runs, "Of each recording")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
+  app->add_option("--images", t.images, "Of a run in which the object stays")
+      ->capture_default_str();
+  app->add_option("--every", t.every, "Process every n-th image, as a slower computer would")
+      ->capture_default_str();
+  app->add_option("--before", t.before, "Images of a run before the object goes")
+      ->capture_default_str();
+  app->add_option("--limit", t.limit, "Images within which it must be lost then")
+      ->capture_default_str();
+  app->add_option("--after", t.after, "Images after that on which it is looked for, up to --limit")
+      ->capture_default_str();
+  app->add_option("--start-rotation", t.start_rotation_deg,
+                  "Initial poses are off by up to so much about each axis [degrees]")
+      ->capture_default_str();
+  app->add_option("--start-translation", t.start_translation,
+                  "... and along each axis [object diameters]")
+      ->capture_default_str();
+  app->add_option("--seed", t.seed, "Of runs: same seed, same numbers")->capture_default_str();
+  app->add_option("--published-right", options->published_right,
+                  "Share of the published poses that must be right: within 5 degrees and 5 % of "
+                  "the diameter")
+      ->capture_default_str();
+  app->add_option("--right-published", options->right_published,
+                  "Share of the right poses that must be published")
+      ->capture_default_str();
+}
+
+void declare(CLI::App* app, TrustOptions* options) {
+  const std::string name = app->get_name();
+  app->description(
+      "Measures how far the node's published poses can be believed.\n\n"
+      "The node's tracker follows the object through recordings, image after image, from initial\n"
+      "poses that are off: are published poses right, and right ones published? And when the\n"
+      "object goes (recordings of the same camera's motion without it, covered, or with another\n"
+      "in its place) from one image to the next: is it lost soon?");
+  app->footer("Example:\n  " + name + " kiosk.safetensors kiosk.bag dim.bag --gone absent.bag\n\n" +
+              "Exit code: 0 all that is asked holds, 1 it does not or failed, 2 wrong usage.");
+  app->add_option("model", options->model, "Model file, with a scale")
+      ->required()
+      ->check(CLI::ExistingFile);
+  app->add_option("bags", options->bags, "Recordings of the object, with its true pose")
+      ->required()
+      ->check(CLI::ExistingFile);
+  app->add_option("--gone", options->gone,
+                  "Recordings without it, with stamps of the first bag, which they continue")
+      ->check(CLI::ExistingFile);
+  app->add_option("--image", options->topics.image,
+                  "Topic of images, raw or compressed; default: the only one of the bag");
+  auto* truth = app->add_option("--truth", options->topics.truth, "Topic of true poses");
+  app->add_option("--truth-frame", options->topics.truth_frame, "Instead: TF frame of the object")
+      ->excludes(truth);
+  app->add_flag("--rectified", options->node.image_is_rectified,
+                "The images are rectified: P counts, not K and D");
+  app->add_option("--trust-score", options->node.rules.trust_score, "The node's ~tracker/...")
+      ->capture_default_str();
+  app->add_option("--min-score", options->node.rules.min_score, "Likewise")->capture_default_str();
+  declareRuns(app, options);
+  options->engine.addTo(app);
+  app->add_flag("--json", options->json, "Print the results as JSON");
+}
+
+double share(int part, int whole) { return whole > 0 ? static_cast<double>(part) / whole : 0; }
+
+/// What was measured, and whether it is enough.
+struct Report {
+  nlohmann::json json = {{"stays", nlohmann::json::object()}, {"goes", nlohmann::json::object()}};
+  std::string text;
+  bool holds = true;
+};
+
+void tell(const std::string& name, const PublishedPoses& poses, Report* report) {
+  const double right = share(poses.published_right, poses.published);
+  const double published = share(poses.published_right, poses.right);
+  report->json["stays"][name] = {{"images", poses.images},
+                                 {"right", poses.right},
+                                 {"published", poses.published},
+                                 {"published_right", poses.published_right}};
+  char line[240];
+  std::snprintf(line, sizeof line,
+                ": %d images; %d poses published, %.2f %% of them right; %d right, %.2f %% of them "
+                "published\n",
+                poses.images, poses.published, 100 * right, poses.right, 100 * published);
+  report->text += name + line;
+}
+
+void tell(const std::string& name, const std::vector<Disappearance>& runs, int limit,
+          Report* report) {
+  int tracked = 0, soon = 0, last = 0, published = 0;
+  for (const Disappearance& run : runs) {
+    tracked += run.tracked;
+    soon += run.tracked && run.lost_after > 0 && run.lost_after <= limit;
+    last = std::max(last, run.lost_after);
+    published += run.published;
+  }
+  const int count = static_cast<int>(runs.size());
+  report->json["goes"][name] = {{"runs", count},
+                                {"tracked", tracked},
+                                {"lost_soon", soon},
+                                {"images_until_lost", last},
+                                {"published", published}};
+  report->holds = report->holds && soon == count;
+  char line[240];
+  std::snprintf(line, sizeof line,
+                ": tracked in %d of %d runs when the object went, lost soon enough in %d, after %d "
+                "images at most; %d poses published of what was not there\n",
+                tracked, count, soon, last, published);
+  report->text += name + line;
+}
+
+/// Runs in which the object stays, and their report. @return the first recording.
+Recording followAll(const TrustOptions& options, TrustTrials* trials, const StopToken& stop,
+                    Report* report) {
+  ProgressLine line;
+  Recording first;
+  PublishedPoses all;
+  for (const std::string& path : options.bags) {
+    Recording recording = Recording::of(BagSequence(path, options.topics));
+    PublishedPoses poses;
+    for (int run = 0; run < options.runs; ++run) {
+      stop.check();
+      line.show(1.0 * run / options.runs, path);
+      poses += trials->follow(recording, run);
+    }
+    line.end();
+    tell(fileName(path), poses, report);
+    all += poses;
+    if (first.images.empty()) first = std::move(recording);
+  }
+  if (options.bags.size() > 1) tell("all", all, report);
+  report->holds = report->holds && all.published > 0 &&
+                  share(all.published_right, all.published) >= options.published_right &&
+                  share(all.published_right, all.right) >= options.right_published;
+  return first;
+}
+
+void check(const TrustOptions& options, const StopToken& stop) {
+  const auto field = std::make_shared<const Field>(loadObject(options.model));
+  TrustTrials trials(options.engine.make(), field, options.node, options.trials);
+  Report report;
+  const Recording first = followAll(options, &trials, stop, &report);
+  ProgressLine line;
+  for (const std::string& path : options.gone) {
+    const Recording gone = Recording::of(BagSequence(path, options.topics));
+    std::vector<Disappearance> runs;
+    for (int run = 0; run < options.runs; ++run) {
+      stop.check();
+      line.show(1.0 * run / options.runs, path);
+      runs.push_back(trials.lose(first, gone, run));
+    }
+    line.end();
+    tell(fileName(path), runs, options.trials.limit, &report);
+  }
+  if (options.json) {
+    report.json["holds"] = report.holds;
+    printJson(report.json);
+  } else {
+    std::printf("%s", report.text.c_str());
+  }
+  if (!report.holds) throw std::runtime_error("less than was asked for");
+}
+
+}  // namespace
+}  // namespace nerf_pose_refiner
+
+int main(int argc, char** argv) {
+  return nerf_pose_refiner::runTool(argc, argv, nerf_pose_refiner::declare,
+                                    nerf_pose_refiner::check);
+}
