@@ -15,12 +15,15 @@ cuda_architecture() {
   printf '%s' "${capability/./}"
 }
 
+# For CMake, beside what all builds have.
+BUILD_OPTIONS=()
+
 # build_package TARGET...
 build_package() {
   say "building in $BUILD_DIR"
   mkdir -p "$BUILD_DIR"
   cmake -S "$TOP" -B "$BUILD_DIR" -DCMAKE_BUILD_TYPE=Release \
-    -DCMAKE_CUDA_ARCHITECTURES="$(cuda_architecture)" >"$BUILD_DIR/configure.log" 2>&1 || {
+    -DCMAKE_CUDA_ARCHITECTURES="$(cuda_architecture)" "${BUILD_OPTIONS[@]}" >"$BUILD_DIR/configure.log" 2>&1 || {
     tail -n 30 "$BUILD_DIR/configure.log" >&2
     die "configuring failed; all of it: $BUILD_DIR/configure.log"
   }

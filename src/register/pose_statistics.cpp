@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
+#include <optional>
 
 #include "nerf_pose_refiner/image/colour.h"
 #include "nerf_pose_refiner/maths/random.h"
@@ -15,8 +16,9 @@ namespace {
 constexpr std::uint64_t kSeed = 1;
 enum Stream : std::uint64_t { kClutter, kTurn, kMove, kWrongAxis, kWrongAngle };
 
-constexpr double kStartRotation_rad = 0.03;  // a little off
-constexpr double kStartTranslation = 0.02;   // [diameters]
+constexpr double kStartRotation_rad = 0.03;                      // a little off
+constexpr double kStartTranslation = 0.02;                       // [diameters]
+constexpr std::uint64_t kWrongDraws = 8, kDrawStride = 1 << 20;  // beyond any view's number
 
 /// Blocks of random colours, a tenth of the picture across.
 Image clutter(const Camera& camera, std::uint64_t index) {
@@ -65,9 +67,23 @@ Pose littleOff(const Pose& T_O_C, const FieldMetadata& object, std::uint64_t ind
 }
 
 /// By 60 to 180 degrees.
-Pose wrongSide(const Pose& T_O_C, const FieldMetadata& object, std::uint64_t index) {
+Pose turnedFar(const Pose& T_O_C, const FieldMetadata& object, std::uint64_t index) {
   const double angle = 1.05 + 2.09 * randomUniform(kSeed, kWrongAngle, index);
   return turned(T_O_C, angle * randomVector(kWrongAxis, index).normalized(), object.centre);
+}
+
+/// The same; of an object with symmetries the one of a few that looks least like the view.
+Pose wrongSide(const Pose& T_O_C, const FieldMetadata& object, std::uint64_t index) {
+  Pose wrong = turnedFar(T_O_C, object, index);
+  if (!object.symmetries.any()) return wrong;
+  const auto distance = [&](const Pose& pose) {
+    return rotationDistance(nearestEquivalent(pose, T_O_C, object.symmetries).R, T_O_C.R);
+  };
+  for (std::uint64_t i = 1; i < kWrongDraws; ++i) {
+    const Pose other = turnedFar(T_O_C, object, index + i * kDrawStride);
+    if (distance(other) > distance(wrong)) wrong = other;
+  }
+  return wrong;
 }
 
 /// Errors across and along the line of sight, in the units of PoseStatistics: their second moments,
@@ -75,14 +91,19 @@ Pose wrongSide(const Pose& T_O_C, const FieldMetadata& object, std::uint64_t ind
 class ErrorMoments {
  public:
   void add(const Refinement& found, const Pose& true_T_O_C, const FieldMetadata& object) {
-    const Eigen::Vector3d centre_C = found.T_O_C.inverse() * object.centre;
+    const Pose T_O_C = nearestEquivalent(found.T_O_C, true_T_O_C, object.symmetries);
+    const Eigen::Vector3d centre_C = T_O_C.inverse() * object.centre;
     Matrix6 to_sight = Matrix6::Zero();
     to_sight.topLeftCorner<3, 3>() = to_sight.bottomRightCorner<3, 3>() =
-        (found.T_O_C.R * lineOfSightAxes(centre_C)).transpose();
+        (T_O_C.R * lineOfSightAxes(centre_C)).transpose();
     to_sight.topRows<2>() /= object.diameter;
     to_sight.row(2) /= centre_C.norm();
-    const Vector6 error = to_sight * cameraTwist(found.T_O_C, true_T_O_C, object.centre);
-    excess_ += error.cwiseAbs2() - (to_sight * found.covariance * to_sight.transpose()).diagonal();
+    const Vector6 error = to_sight * cameraTwist(T_O_C, true_T_O_C, object.centre);
+    // A turn about a free axis is no error, so that none was expected.
+    const std::optional<SymmetryAxis>& axis = object.symmetries.axis();
+    const Matrix6 expected =
+        axis ? withoutTurns(*axis, found.covariance, object.centre) : found.covariance;
+    excess_ += error.cwiseAbs2() - (to_sight * expected * to_sight.transpose()).diagonal();
     ++views_;
   }
 
@@ -113,17 +134,17 @@ double mean(const std::vector<double>& values) {
 /// Whether a refinement ended nearer to the truth than it began: errors are those of found poses.
 bool isFound(const Refinement& refinement, const Pose& true_T_O_C, const FieldMetadata& object) {
   if (refinement.outcome != Outcome::kRefined) return false;
-  const Vector6 error = cameraTwist(refinement.T_O_C, true_T_O_C, object.centre);
+  const Pose T_O_C = nearestEquivalent(refinement.T_O_C, true_T_O_C, object.symmetries);
+  const Vector6 error = cameraTwist(T_O_C, true_T_O_C, object.centre);
   return error.head<3>().norm() < kStartTranslation * object.diameter &&
          error.tail<3>().norm() < kStartRotation_rad;
 }
 
 }  // namespace
 
-PoseStatistics measurePoses(Engine* engine, const Field& field, const std::vector<PosedView>& views,
-                            const StopToken& stop) {
-  const FieldMetadata& object = field.metadata;
-  const auto loaded = engine->load(std::make_shared<Field>(field));
+PoseStatistics measurePoses(Engine* engine, const LoadedField& field,
+                            const std::vector<PosedView>& views, const StopToken& stop) {
+  const FieldMetadata& object = field.field().metadata;
   const std::shared_ptr<Engine> borrowed(engine, [](Engine*) {});
   Refiner refiner(borrowed, RefinerSettings::named("track"));
   ErrorMoments errors;
@@ -135,9 +156,9 @@ PoseStatistics measurePoses(Engine* engine, const Field& field, const std::vecto
     prior.rotation_rad = 2 * kStartRotation_rad;
     prior.translation = 2 * kStartTranslation;
     prior.T_O_C = littleOff(truth, object, i);
-    const Refinement found = refiner.refine(*loaded, observation, prior, stop);
+    const Refinement found = refiner.refine(field, observation, prior, stop);
     prior.T_O_C = wrongSide(truth, object, i);
-    const Refinement mistaken = refiner.refine(*loaded, observation, prior, stop);
+    const Refinement mistaken = refiner.refine(field, observation, prior, stop);
     if (found.outcome == Outcome::kStopped || mistaken.outcome == Outcome::kStopped) stop.check();
     if (mistaken.outcome == Outcome::kRefined) wrong.push_back(mistaken.score);
     if (!isFound(found, truth, object)) continue;

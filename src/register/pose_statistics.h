@@ -8,9 +8,11 @@
 
 namespace nerf_pose_refiner {
 
-/// Finds the poses of views again, from a little off and from a wrong side, before clutter.
+/// Finds the poses of views again, from a little off and from a wrong side, before clutter. Of
+/// poses that look alike by the field's symmetries, the one nearest to the truth is compared with
+/// it.
 /// @param views that show the object. @throws Stopped.
-PoseStatistics measurePoses(Engine* engine, const Field& field, const std::vector<PosedView>& views,
-                            const StopToken& stop);
+PoseStatistics measurePoses(Engine* engine, const LoadedField& field,
+                            const std::vector<PosedView>& views, const StopToken& stop);
 
 }  // namespace nerf_pose_refiner

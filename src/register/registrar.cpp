@@ -277,7 +277,9 @@ Field train(Engine* engine, const Dataset& dataset, const RegistrationSettings& 
   run.report("quality");
   measureQuality(engine, held_out, stop, &field);
   run.report("pose quality");
-  field.metadata.pose = measurePoses(engine, field, poseViews(held_out, training), stop);
+  field.metadata.symmetries = settings.symmetries;
+  const auto loaded = engine->load(std::make_shared<Field>(field));
+  field.metadata.pose = measurePoses(engine, *loaded, poseViews(held_out, training), stop);
   return field;
 }
 

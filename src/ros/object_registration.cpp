@@ -71,13 +71,15 @@ RegisteredObject ObjectRegistration::run(const RegisterObject::Request& request,
                                          const RegistrationQueue::Progress& progress,
                                          const StopToken& stop) const {
   requireObjectName(request.name);
-  store_.requireMetadata(request.name);  // better now than after the training
+  // Read before the training: a mistake in it is better told now.
+  const ObjectMetadata said = store_.metadataOf(request.name);
   requireLength("metres_per_unit", request.metres_per_unit);
   requireLength("max_seconds", request.max_seconds);
   const std::shared_ptr<ProcessorSchedule> schedule = find_schedule_();
   const ProcessorSchedule::Training after_refinements(schedule.get(), stop);
   const Dataset dataset = readPhotos(request, stop);
-  const RegistrationSettings settings = settingsOf(request, dataset);
+  RegistrationSettings settings = settingsOf(request, dataset);
+  settings.symmetries = said.symmetries.inFrame(said.T_O_U);
   if (!request.force_retrain) {
     const std::shared_ptr<const Field> existing = store_.find(request.name);
     if (existing && existing->metadata.data_hash == registrationHash(dataset, settings, stop)) {

@@ -91,8 +91,8 @@ std::shared_ptr<const Field> ObjectStore::renewed(const std::shared_ptr<const Fi
   return cache_->renewed(field);
 }
 
-void ObjectStore::requireMetadata(const std::string& name) const {
-  readObjectMetadata(metadataPathOf(pathOf(name)));
+ObjectMetadata ObjectStore::metadataOf(const std::string& name) const {
+  return readObjectMetadata(metadataPathOf(pathOf(name)));
 }
 
 std::shared_ptr<const Field> ObjectStore::save(std::shared_ptr<const Field> field) const {

@@ -85,6 +85,9 @@ void declare(CLI::App* app, TrustOptions* options) {
       ->excludes(truth);
   app->add_flag("--rectified", options->node.image_is_rectified,
                 "The images are rectified: P counts, not K and D");
+  app->add_option("--preset", options->node.initial.preset, "The node's ~refiner/preset")
+      ->check(CLI::IsMember(RefinerSettings::presetNames()))
+      ->capture_default_str();
   app->add_option("--trust-score", options->node.rules.trust_score, "The node's ~tracker/...")
       ->capture_default_str();
   app->add_option("--min-score", options->node.rules.min_score, "Likewise")->capture_default_str();
@@ -98,8 +101,14 @@ double share(int part, int whole) { return whole > 0 ? static_cast<double>(part)
 /// What was measured, and whether it is enough.
 struct Report {
   nlohmann::json json = {{"stays", nlohmann::json::object()}, {"goes", nlohmann::json::object()}};
-  std::string text;
   bool holds = true;
+  bool print = true;  ///< a line for people, as soon as it is known
+
+  void say(const std::string& line) const {
+    if (!print) return;
+    std::printf("%s\n", line.c_str());
+    std::fflush(stdout);
+  }
 };
 
 void tell(const std::string& name, const PublishedPoses& poses, Report* report) {
@@ -112,9 +121,9 @@ void tell(const std::string& name, const PublishedPoses& poses, Report* report) 
   char line[240];
   std::snprintf(line, sizeof line,
                 ": %d images; %d poses published, %.2f %% of them right; %d right, %.2f %% of them "
-                "published\n",
+                "published",
                 poses.images, poses.published, 100 * right, poses.right, 100 * published);
-  report->text += name + line;
+  report->say(name + line);
 }
 
 void tell(const std::string& name, const std::vector<Disappearance>& runs, int limit,
@@ -136,9 +145,9 @@ void tell(const std::string& name, const std::vector<Disappearance>& runs, int l
   char line[240];
   std::snprintf(line, sizeof line,
                 ": tracked in %d of %d runs when the object went, lost soon enough in %d, after %d "
-                "images at most; %d poses published of what was not there\n",
+                "images at most; %d poses published of what was not there",
                 tracked, count, soon, last, published);
-  report->text += name + line;
+  report->say(name + line);
 }
 
 /// Runs in which the object stays, and their report. @return the first recording.
@@ -169,8 +178,11 @@ Recording followAll(const TrustOptions& options, TrustTrials* trials, const Stop
 
 void check(const TrustOptions& options, const StopToken& stop) {
   const auto field = std::make_shared<const Field>(loadObject(options.model));
-  TrustTrials trials(options.engine.make(), field, options.node, options.trials);
+  PoseRefinerParameters node = options.node;
+  node.initial.refiner = RefinerSettings::named(node.initial.preset);
+  TrustTrials trials(options.engine.make(), field, node, options.trials);
   Report report;
+  report.print = !options.json;
   const Recording first = followAll(options, &trials, stop, &report);
   ProgressLine line;
   for (const std::string& path : options.gone) {
@@ -187,8 +199,6 @@ void check(const TrustOptions& options, const StopToken& stop) {
   if (options.json) {
     report.json["holds"] = report.holds;
     printJson(report.json);
-  } else {
-    std::printf("%s", report.text.c_str());
   }
   if (!report.holds) throw std::runtime_error("less than was asked for");
 }

@@ -5,6 +5,7 @@
 
 #include "nerf_pose_refiner/dataset/dataset.h"
 #include "nerf_pose_refiner/field/model_file.h"
+#include "nerf_pose_refiner/field/object_metadata.h"
 #include "nerf_pose_refiner/register/registrar.h"
 #include "tool.h"
 
@@ -114,6 +115,8 @@ void train(const TrainOptions& options, const StopToken& stop) {
   }
   RegistrationSettings settings = options.settings;
   settings.threads = options.engine.threads;
+  const ObjectMetadata said = readObjectMetadata(metadataPathOf(options.model));
+  settings.symmetries = said.symmetries.inFrame(said.T_O_U);
   double seconds = 0;
   Field field;
   {

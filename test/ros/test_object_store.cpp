@@ -134,7 +134,7 @@ TEST_F(ObjectStoreTest, KnowsWhatIsSaidOfAnObjectBesideItsModel) {
   EXPECT_EQ(store().save(smallField("mug", 5))->metadata.metres_per_unit, 0.03) << "learned anew";
   temporary_.write("models/mug.yaml", "metres: 1\n");
   EXPECT_EQ(reasonFor("mug"), Status::REASON_MODEL_UNREADABLE);
-  expectError<std::runtime_error>([&] { store().requireMetadata("mug"); }, "mug.yaml", "'metres'");
+  expectError<std::runtime_error>([&] { store().metadataOf("mug"); }, "mug.yaml", "'metres'");
   temporary_.write("models/cup.yaml", "metres: 1\n");
   fs::copy_file(folder_ / "models" / "mug.safetensors", folder_ / "models" / "cup.safetensors");
   EXPECT_NE(store().list().at(0).message.find("'metres'"), std::string::npos);

@@ -41,6 +41,24 @@ TEST_F(ObjectTrackerTest, RefusesAnInitialPoseInAnUnknownFrame) {
   EXPECT_TRUE(search_->priors.empty());
 }
 
+// What is missing then is no frame of an initial pose.
+TEST_F(ObjectTrackerTest, SaysThatTransformsAreMissingWhileItLooksForALostObject) {
+  parameters_.frames.fixed_frame = "base";
+  parameters_.rules.max_failures = 0;
+  restart();
+  useModel();
+  addTransform("base", "camera", 0, 0);
+  addTransform("base", "camera", 0.1, 0);
+  offer();
+  EXPECT_TRUE(tracker_->process(frameAt(0))->pose);
+  search_->score = 0;
+  EXPECT_EQ(int{tracker_->process(frameAt(0.1))->status.state}, int{Status::STATE_LOST});
+  const auto result = tracker_->process(frameAt(0.2));
+  ASSERT_TRUE(result);
+  EXPECT_EQ(int{result->status.state}, int{Status::STATE_LOST});
+  EXPECT_EQ(int{result->status.reason}, int{Status::REASON_NO_TRANSFORM});
+}
+
 TEST_F(ObjectTrackerTest, KeepsItsModelWhenAnotherCannotBeUsed) {
   useModel();
   std::future<void> done = tracker_->offerModel(fieldCalled("cursed"));

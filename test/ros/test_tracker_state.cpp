@@ -1,65 +1,8 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "nerf_pose_refiner/ros/tracker_state.h"
-
-#include <gtest/gtest.h>
+#include "tracker_state_fixture.h"
 
 namespace nerf_pose_refiner {
 namespace {
-
-using Status = RefinementStatus;
-
-const char kCamera[] = "camera_optical";
-
-ros::Time at(double seconds) { return ros::Time(1000.0 + seconds); }
-
-StartPose poseAt(const ros::Time& stamp, double x = 0) {
-  StartPose start;
-  start.T_P_U.t.x() = x;
-  start.frame_id = kCamera;
-  start.stamp = stamp;
-  return start;
-}
-
-/// A tracker with a model; images are given by their time in seconds.
-class TrackerStateTest : public testing::Test {
- protected:
-  TrackerStateTest() {
-    rules_.max_failures = 2;
-    rules_.initial_pose_max_age_s = 1.0;
-    rules_.image_timeout_s = 2.0;
-    rules_.recover_s = 0;
-    restart();
-  }
-
-  void restart() {
-    state_ = TrackerState(rules_);
-    state_.modelIsReady();
-  }
-
-  FrameDecision image(double seconds) {
-    state_.clockIs(at(seconds));
-    state_.imageArrived();
-    return state_.decide(at(seconds), kCamera);
-  }
-
-  /// Makes a trusted pose of the image.
-  void track(double seconds, double x = 0) {
-    const FrameDecision decision = image(seconds);
-    ASSERT_TRUE(decision.start);
-    Pose pose;
-    pose.t.x() = x;
-    ASSERT_TRUE(state_.trusted(decision.ticket, pose, kCamera, at(seconds)));
-    expect(Status::STATE_TRACKING, Status::REASON_NONE);
-  }
-
-  void expect(std::uint8_t state, std::uint8_t reason) const {
-    EXPECT_EQ(int{state_.condition().state}, int{state});
-    EXPECT_EQ(int{state_.condition().reason}, int{reason}) << state_.condition().message;
-  }
-
-  TrackingRules rules_;
-  TrackerState state_{rules_};
-};
 
 // Looked for where it was last trusted, as widely as from an initial pose, for ~recover_s.
 TEST_F(TrackerStateTest, LooksForALostObjectAroundItsLastPose) {
@@ -135,13 +78,6 @@ TEST_F(TrackerStateTest, FollowsFromImageToImage) {
   expect(Status::STATE_TRACKING, Status::REASON_NONE);
 }
 
-TEST_F(TrackerStateTest, UsesAnInitialPoseWithTheFirstImageThatIsNotOlder) {
-  state_.offer(poseAt(at(1)));
-  EXPECT_FALSE(image(0.9).start);
-  expect(Status::STATE_WAITING, Status::REASON_PRIOR_IN_FUTURE);
-  EXPECT_TRUE(image(1.0).start);
-}
-
 TEST_F(TrackerStateTest, UsesAnInitialPoseOnce) {
   state_.offer(poseAt(at(0)));
   const FrameDecision first = image(0);
@@ -153,19 +89,6 @@ TEST_F(TrackerStateTest, UsesAnInitialPoseOnce) {
   state_.offer(poseAt(at(0.1)));
   expect(Status::STATE_WAITING, Status::REASON_NONE);
   EXPECT_TRUE(image(0.2).start);
-}
-
-TEST_F(TrackerStateTest, RefusesAnInitialPoseThatIsTooOld) {
-  state_.offer(poseAt(at(0)));
-  EXPECT_FALSE(image(1.1).start);
-  expect(Status::STATE_WAITING, Status::REASON_PRIOR_TOO_OLD);
-  state_.offer(poseAt(at(0.2)));
-  EXPECT_TRUE(image(1.2).start);
-}
-
-TEST_F(TrackerStateTest, TakesAPoseWithoutStampForTheNextImage) {
-  state_.offer(poseAt(ros::Time()));
-  EXPECT_TRUE(image(500).start);
 }
 
 TEST_F(TrackerStateTest, SaysThatAnInitialPoseCame) {
@@ -272,68 +195,6 @@ TEST_F(TrackerStateTest, RefinesAnImageOnce) {
   expect(Status::STATE_TRACKING, Status::REASON_NONE);
 }
 
-TEST_F(TrackerStateTest, ForgetsAllWhenImagesGoBackInTime) {
-  state_.offer(poseAt(at(10)));
-  track(10);
-  // The clock is not told: a bag that is played without simulated time.
-  const FrameDecision decision = state_.decide(at(5), kCamera);
-  EXPECT_TRUE(decision.clock_jumped);
-  EXPECT_FALSE(decision.start);
-  expect(Status::STATE_WAITING, Status::REASON_CLOCK_JUMPED);
-  EXPECT_FALSE(state_.decide(at(5.1), kCamera).clock_jumped);
-  state_.offer(poseAt(at(5.2)));
-  EXPECT_TRUE(state_.decide(at(5.2), kCamera).start);
-}
-
-TEST_F(TrackerStateTest, ForgetsAllWhenTheClockGoesBack) {
-  state_.offer(poseAt(at(10)));
-  track(10);
-  const FrameDecision running = image(10.1);
-  EXPECT_FALSE(state_.clockIs(at(9.8))) << "a clock that is put right by a little";
-  EXPECT_TRUE(state_.clockIs(at(0)));
-  expect(Status::STATE_WAITING, Status::REASON_CLOCK_JUMPED);
-  EXPECT_FALSE(state_.trusted(running.ticket, Pose(), kCamera, at(10.1)));
-  expect(Status::STATE_WAITING, Status::REASON_CLOCK_JUMPED);
-  EXPECT_FALSE(state_.clockIs(at(0.1)));
-}
-
-TEST_F(TrackerStateTest, KeepsAnInitialPoseFromAfterTheJump) {
-  state_.offer(poseAt(at(10)));
-  track(10);
-  state_.offer(poseAt(at(0), 3));  // the bag begins again
-  const FrameDecision decision = state_.decide(at(0), kCamera);
-  EXPECT_TRUE(decision.clock_jumped);
-  ASSERT_TRUE(decision.start);
-  EXPECT_EQ(decision.start->T_P_U.t.x(), 3);
-}
-
-TEST_F(TrackerStateTest, DropsAnInitialPoseFromBeforeTheJump) {
-  image(10);
-  state_.offer(poseAt(at(11)));
-  EXPECT_TRUE(state_.clockIs(at(0)));
-  EXPECT_FALSE(image(0.1).start);
-  EXPECT_FALSE(image(11).start);
-}
-
-TEST_F(TrackerStateTest, IsLostWithoutImages) {
-  state_.offer(poseAt(at(0)));
-  track(0);
-  state_.clockIs(at(1.9));
-  expect(Status::STATE_TRACKING, Status::REASON_NONE);
-  state_.clockIs(at(2.1));
-  expect(Status::STATE_LOST, Status::REASON_NO_IMAGES);
-  EXPECT_FALSE(image(2.2).start);
-}
-
-TEST_F(TrackerStateTest, NeverLosesATrackForLackOfImagesIfAsked) {
-  rules_.image_timeout_s = 0;
-  restart();
-  state_.offer(poseAt(at(0)));
-  track(0);
-  state_.clockIs(at(1000));
-  expect(Status::STATE_TRACKING, Status::REASON_NONE);
-}
-
 TEST_F(TrackerStateTest, ForgetsAllOnRequest) {
   state_.offer(poseAt(at(0)));
   track(0);
@@ -409,13 +270,6 @@ TEST_F(TrackerStateTest, ReportsARefusedInitialPoseAndKeepsTheState) {
   expect(Status::STATE_WAITING, Status::REASON_PRIOR_NOT_FINITE);
   state_.offer(poseAt(at(0)));
   EXPECT_TRUE(image(0).start);
-}
-
-TEST_F(TrackerStateTest, SurvivesStampsThatMakeNoSense) {
-  state_.offer(poseAt(ros::Time(4e9)));
-  EXPECT_FALSE(image(0).start);
-  EXPECT_FALSE(state_.decide(ros::Time(4.2e9), kCamera).start);
-  EXPECT_TRUE(state_.decide(ros::Time(0.1), kCamera).clock_jumped);
 }
 
 }  // namespace

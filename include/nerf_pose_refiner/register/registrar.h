@@ -22,6 +22,9 @@ struct RegistrationSettings {
   /// two short ones whose models the photos are aligned with. Takes half as long again, at least;
   /// of `max_seconds` a half is left to the training itself.
   bool refine_poses = false;
+  /// In O [model units], if they are known: what is measured of poses is modulo these. Does not
+  /// change the model.
+  Symmetries symmetries;
   TrainingPlan plan;  ///< its region, background and seed are set here
   std::uint64_t seed = 1;
   int threads = 0;  ///< for what is not the engine's work; 0: all cores. Does not change the result

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "nerf_pose_refiner/field/field.h"
+#include "nerf_pose_refiner/field/object_metadata.h"
 #include "nerf_pose_refiner/ros/model_cache.h"
 
 namespace nerf_pose_refiner {
@@ -45,8 +46,9 @@ class ObjectStore {
   /// The same model, once other things are said of its object: as ModelCache::renewed.
   std::shared_ptr<const Field> renewed(const std::shared_ptr<const Field>& field) const;
 
-  /// @throws std::runtime_error as readObjectMetadata, if what is said of an object cannot be read.
-  void requireMetadata(const std::string& name) const;
+  /// What is said of an object beside its model, which need not be there yet.
+  /// @throws std::runtime_error as readObjectMetadata.
+  ObjectMetadata metadataOf(const std::string& name) const;
 
   /// Writes under the name in its metadata; creates the folder.
   /// @return it with what is said of the object.
