@@ -22,7 +22,8 @@ import trials  # noqa: E402
 TRAIN = '''while [ $# -gt 0 ]; do [ "$1" != -o ] || echo model >"$2"; shift; done
 echo '{"psnr_db": 30}'
 '''
-EVALUATE = '''out='' shard=''
+EVALUATE = '''case $* in *--check-plan*) exit ;; esac
+out='' shard=''
 while [ $# -gt 0 ]; do
   case $1 in -o) out=$2 ;; --shard) shard=$2 ;; esac
   shift
@@ -74,11 +75,11 @@ class Reproduce(unittest.TestCase):
                               env=dict(os.environ, PATH=self.path('bin') + ':/usr/bin:/bin'))
 
     def calls(self, name):
-        """How a program was called since the last look."""
+        """How a program was called, but for looks at the plan."""
         if not os.path.exists(self.path('calls')):
             return []
         with open(self.path('calls'), encoding='utf-8') as file:
-            return [line.strip() for line in file if line.startswith(name)]
+            return [line.strip() for line in file if line.startswith(name) and '--check-plan' not in line]
 
     def refused(self, code, *words, **arguments):
         result = self.reproduce(*arguments.pop('options', ()), **arguments)
@@ -141,6 +142,18 @@ class Reproduce(unittest.TestCase):
         with open(self.path('out', 'tables', 'table1_synthetic.json'), encoding='utf-8') as file:
             self.assertEqual(json.load(file)['rows'][0]['trials'], 2)
 
+    def test_a_plan_that_makes_no_sense_is_told_before_anything_is_learned(self):
+        self.program('evaluate', 'echo "experiments[0]: unknown key" >&2; exit 2')
+        self.refused(2, 'experiments[0]: unknown key')
+        self.assertEqual(self.calls('train'), [])
+        self.program('evaluate', EVALUATE)
+        self.plan(2)  # there are no trials of the first one
+        self.assertEqual(self.reproduce().returncode, 0)
+
+    def test_models_of_another_training_are_not_mixed_in(self):
+        self.assertEqual(self.reproduce('--quick').returncode, 0)
+        self.refused(1, "learned with 'cpu, profile cpu, --steps 500', not with 'cpu, profile cpu, --steps 4000'")
+
     def test_a_failed_training_ends_it(self):
         self.program('train', 'echo "no memory" >&2; exit 1')
         self.refused(1, 'no memory', 'chair: training failed')
@@ -190,7 +203,7 @@ class Reproduce(unittest.TestCase):
 
     def test_wrong_usage(self):
         for options in (('--shard', '2/2'), ('--shard', 'x'), ('--backend', 'gpu'), ('--what',)):
-            self.refused(2, 'Usage:', options=options)
+            self.refused(2, 'see --help', options=options)
 
     def test_photos_are_handed_on(self):
         for name in ('b.jpg', 'a.png', 'notes.txt'):

@@ -48,8 +48,7 @@ take_common_option() {
 }
 
 usage_error() {
-  printf '%s: %s\n\n' "$(basename "$0")" "$*" >&2
-  usage >&2
+  printf '%s: %s; see --help\n' "$(basename "$0")" "$*" >&2
   exit 2
 }
 

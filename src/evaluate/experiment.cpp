@@ -70,9 +70,10 @@ class Keys {
                     const std::vector<std::string>& known) const {
     if (names.empty()) fail(where_ + "." + key, "names nothing");
     for (const std::string& name : names) {
-      if (std::find(known.begin(), known.end(), name) == known.end()) {
-        fail(where_ + "." + key, "there is no '" + name + "'");
-      }
+      if (std::find(known.begin(), known.end(), name) != known.end()) continue;
+      std::string list;
+      for (const std::string& one : known) list += (list.empty() ? "" : ", ") + one;
+      fail(where_ + "." + key, "there is no '" + name + "' among " + list);
     }
   }
 
@@ -150,7 +151,8 @@ ExperimentPlan planFrom(const Json& json) {
   keys.get("seed", &plan.seed);
   const Json experiments = keys.take("experiments");
   keys.rejectUnknown();
-  if (!experiments.is_array() || experiments.empty()) fail("experiments", "must be an array");
+  if (!experiments.is_array() || experiments.empty())
+    fail("experiments", "must be an array of one or more");
   std::set<std::string> names;
   for (std::size_t i = 0; i < experiments.size(); ++i) {
     const std::string where = "experiments[" + std::to_string(i) + "]";

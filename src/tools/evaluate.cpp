@@ -34,6 +34,7 @@ struct EvaluateOptions {
   std::vector<std::string> only, scenes, photos;
   std::string shard = "0/1";
   int pictures = 0;
+  bool check_plan = false;
   EngineOptions engine;
 };
 
@@ -73,6 +74,9 @@ void declare(CLI::App* app, EvaluateOptions* options) {
                   "scene, condition and method")
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
+  app->add_flag("--check-plan", options->check_plan,
+                "Look whether the plan and the names of scenes and experiments make sense, and run "
+                "nothing");
   options->engine.addTo(app);
 }
 
@@ -86,6 +90,18 @@ void requireKnown(const std::vector<std::string>& wanted, const std::set<std::st
   for (const std::string& name : wanted) {
     if (known.count(name) == 0) throw std::invalid_argument("no " + (what + (" '" + name + "'")));
   }
+}
+
+/// The scenes of the folder. @throws std::runtime_error if there are none, std::invalid_argument
+/// for a name of a scene or an experiment that there is not.
+std::vector<Scene> checkedScenes(const EvaluateOptions& options, const ExperimentPlan& plan) {
+  const std::vector<Scene> scenes = findScenes(options.data);
+  std::set<std::string> names, experiments;
+  for (const Scene& scene : scenes) names.insert(scene.name);
+  for (const Experiment& experiment : plan.experiments) experiments.insert(experiment.name);
+  requireKnown(options.scenes, names, "scene");
+  requireKnown(options.only, experiments, "experiment");
+  return scenes;
 }
 
 const char* nameOf(Outcome outcome) {
@@ -139,13 +155,7 @@ class Evaluation {
   }
 
   void run() {
-    const std::vector<Scene> scenes = findScenes(options_.data);
-    std::set<std::string> names, experiments;
-    for (const Scene& scene : scenes) names.insert(scene.name);
-    for (const Experiment& experiment : plan_.experiments) experiments.insert(experiment.name);
-    requireKnown(options_.scenes, names, "scene");
-    requireKnown(options_.only, experiments, "experiment");
-    for (const Scene& scene : scenes) {
+    for (const Scene& scene : checkedScenes(options_, plan_)) {
       if (isWanted(options_.scenes, scene.name)) runScene(scene);
     }
     line_.end();
@@ -369,6 +379,10 @@ class Evaluation {
 };
 
 void evaluate(const EvaluateOptions& options, const StopToken& stop) {
+  if (options.check_plan) {
+    checkedScenes(options, loadExperiments(options.experiments));
+    return;
+  }
   Evaluation(options, stop).run();
 }
 
