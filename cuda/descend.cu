@@ -236,14 +236,14 @@ __device__ void addPulls(const RayLine& line, float t, const float gradient[3],
 #pragma unroll
   for (int k = 0; k < 6; ++k) size += fabsf(pull[k]);
   const bool finite = isfinite(size);
-  const bool alone = !__all_sync(kWholeWarp, hypothesis == __shfl_sync(kWholeWarp, hypothesis, 0));
+  const bool mixed = !__all_sync(kWholeWarp, hypothesis == __shfl_sync(kWholeWarp, hypothesis, 0));
   static_assert(sizeof(PullSums) == 6 * sizeof(long long), "");
   auto* to = reinterpret_cast<unsigned long long*>(sums + hypothesis);
 #pragma unroll
   for (int k = 0; k < 6; ++k) {
     long long whole = finite ? llrint(pull[k] / kPullUnit) : 0;
-    if (!alone) whole = warpSum(whole);
-    if (whole != 0 && (alone || threadIdx.x % 32 == 0)) {
+    if (!mixed) whole = warpSum(whole);
+    if (whole != 0 && (mixed || threadIdx.x % 32 == 0)) {
       atomicAdd(to + k, static_cast<unsigned long long>(whole));
     }
   }

@@ -151,8 +151,9 @@ ExperimentPlan planFrom(const Json& json) {
   keys.get("seed", &plan.seed);
   const Json experiments = keys.take("experiments");
   keys.rejectUnknown();
-  if (!experiments.is_array() || experiments.empty())
+  if (!experiments.is_array() || experiments.empty()) {
     fail("experiments", "must be an array of one or more");
+  }
   std::set<std::string> names;
   for (std::size_t i = 0; i < experiments.size(); ++i) {
     const std::string where = "experiments[" + std::to_string(i) + "]";

@@ -45,7 +45,7 @@ void declare(CLI::App* app, TrainOptions* options) {
       ->capture_default_str();
   app->add_option("--steps", settings.steps, "Training steps at most")->capture_default_str();
   app->add_option("--samples-per-step", settings.plan.samples_per_step,
-                  "Samples of a training step: more are slower, and better")
+                  "Samples of a training step: more are slower and, with few photos, may be too many")
       ->capture_default_str();
   app->add_option("--max-seconds", settings.max_seconds, "Training time at most [s]; 0: any")
       ->capture_default_str();

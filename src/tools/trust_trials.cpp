@@ -51,7 +51,7 @@ void TrustSettings::validate() const {
   require(before >= 1, "before", before, "1 or more");
   require(limit >= 1, "limit", limit, "1 or more");
   require(after >= 0, "after", after, "0 or more");
-  StartSpread{start_rotation_deg, start_translation, true}.validate();
+  StartSpread{start_rotation_deg * kRadPerDegree, start_translation, true}.validate();
 }
 
 PublishedPoses& PublishedPoses::operator+=(const PublishedPoses& other) {

@@ -52,7 +52,7 @@ TEST(Experiments, everyPlanOfConfigIsRead) {
 
 TEST_F(ExperimentFile, whatMakesNoSenseIsRefusedByName) {
   expectRefused("{", "parse error");
-  expectRefused("{}", "experiments: must be an array");
+  expectRefused("{}", "experiments: must be an array of one or more");
   expectRefused(R"({"experiments": [{"name": "a", "view": 3}]})", "unknown key 'view'");
   expectRefused(R"({"experiments": [{"name": "a", "views": 0}]})", "views: must be 1..10000");
   expectRefused(R"({"experiments": [{"name": "a", "views": "many"}]})", "experiments[0].views");
