@@ -44,8 +44,9 @@ void declare(CLI::App* app, TrainOptions* options) {
       ->check(CLI::IsMember(FieldConfig::profileNames()))
       ->capture_default_str();
   app->add_option("--steps", settings.steps, "Training steps at most")->capture_default_str();
-  app->add_option("--samples-per-step", settings.plan.samples_per_step,
-                  "Samples of a training step: more are slower and, with few photos, may be too many")
+  app->add_option(
+         "--samples-per-step", settings.plan.samples_per_step,
+         "Samples of a training step: more are slower and, with few photos, may be too many")
       ->capture_default_str();
   app->add_option("--max-seconds", settings.max_seconds, "Training time at most [s]; 0: any")
       ->capture_default_str();
