@@ -271,6 +271,8 @@ void declareFollowing(CLI::App* app, Following* following) {
   app->add_option("--frame-share", following->frame_share,
                   "Motion from frame to frame, in diameters")
       ->capture_default_str();
+  app->add_flag("!--no-prediction", following->predict,
+                "Look around the last pose, not where the last two point to");
   app->add_option("--frame-background", following->background,
                   "grey: known colour; clutter: unknown; mask: clutter, and a mask")
       ->check(CLI::IsMember({"grey", "clutter", "mask"}))

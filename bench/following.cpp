@@ -4,11 +4,13 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <optional>
 #include <vector>
 
 #include "nerf_pose_refiner/evaluate/clutter.h"
 #include "nerf_pose_refiner/evaluate/pose_error.h"
 #include "nerf_pose_refiner/image/colour.h"
+#include "nerf_pose_refiner/refine/motion.h"
 #include "nerf_pose_refiner/refine/refiner.h"
 #include "work_report.h"
 
@@ -79,6 +81,7 @@ void follow(const Following& plan, const std::shared_ptr<Engine>& engine, const 
   std::vector<Frame> frames;
   int lost = 0, near = 0;
   Pose truth = poseOfFrame(plan, object, Pose(), 0), found = truth;
+  std::optional<Pose> before;  // the pose found before `found`
   for (int i = 1; i <= plan.frames; ++i) {
     truth = poseOfFrame(plan, object, truth, i);
     const Rendering rendering = engine->render(field, camera, truth, {}, {});
@@ -87,6 +90,7 @@ void follow(const Following& plan, const std::shared_ptr<Engine>& engine, const 
     prior.T_O_C = found;
     prior.rotation_rad = 1.5 * plan.frame_deg * kDegree;
     prior.translation = 1.5 * plan.frame_share;
+    if (plan.predict && before) prior = movedOn(prior, *before, 1, object);
     if (i == 1) {
       for (int k = 0; k < kWarmUp; ++k) refiner.refine(field, observation, prior);
     }
@@ -99,12 +103,14 @@ void follow(const Following& plan, const std::shared_ptr<Engine>& engine, const 
     near += frame.deg < 0.3 && frame.share < 0.005;
     const bool is_lost = !(frame.deg < kLostDeg && frame.share < kLostShare);
     lost += is_lost;
+    before = is_lost ? std::nullopt : std::make_optional(found);
     found = is_lost ? truth : refined.T_O_C;  // each loss is counted, and the rest goes on
   }
   std::printf(
-      "follow %s, %.0f deg and %.0f %% a frame: %d of %zu within 0.3 deg and 0.5 %%, %d lost; "
+      "follow %s, %.0f deg and %.0f %% a frame%s: %d of %zu within 0.3 deg and 0.5 %%, %d lost; "
       "median %.3f deg, %.3f %%; %.2f ms median, %.2f ms p99; %.2f of the floor\n",
-      plan.background.c_str(), plan.frame_deg, 100 * plan.frame_share, near, frames.size(), lost,
+      plan.background.c_str(), plan.frame_deg, 100 * plan.frame_share,
+      plan.predict ? "" : ", from the last pose", near, frames.size(), lost,
       quantile(frames, &Frame::deg, 0.5), 100 * quantile(frames, &Frame::share, 0.5),
       1e3 * quantile(frames, &Frame::seconds, 0.5), 1e3 * quantile(frames, &Frame::seconds, 0.99),
       quantile(frames, &Frame::of_floor, 0.5));

@@ -32,6 +32,7 @@ add_library(${ros_library} STATIC
   src/ros/tf_bridge.cpp
   src/ros/tracked_object.cpp
   src/ros/tracker_state.cpp
+  src/ros/transform_input.cpp
   src/ros/view_capture.cpp)
 add_dependencies(${ros_library}
   ${PROJECT_NAME}_gencfg ${PROJECT_NAME}_generate_messages_cpp ${catkin_EXPORTED_TARGETS})

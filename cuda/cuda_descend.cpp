@@ -23,8 +23,7 @@ DescentTask CudaEngine::descentTask(CudaBatch* batch, const CudaField& field,
   DescentTask task = {};
   task.loss = plan.loss;
   task.rates = plan.rates(1);
-  task.decay = plan.decay;
-  task.decay_updates = plan.decay_updates;
+  task.schedule = plan.schedule;
   task.steps_per_update = plan.steps_per_update;
   task.samples_per_step = plan.samples_per_step;
   task.direction_gradient = plan.direction_gradient;

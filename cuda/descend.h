@@ -52,8 +52,7 @@ struct DescentTask {
   // The plan.
   Loss loss;
   DescentRates rates;  ///< before any decay
-  double decay;
-  int decay_updates;
+  RateSchedule schedule;
   int steps_per_update, samples_per_step;
   bool direction_gradient;
   std::uint64_t seed;

@@ -116,8 +116,7 @@ __global__ void __launch_bounds__(kSumThreads) updateKernel(DescentTask task, fl
   state.force += (task.rates.length_unit / side * share) * vectorOf(pull.force);
   state.torque += share * vectorOf(pull.torque);
   if (++state.gathered < task.steps_per_update) return;
-  const int decays = step / task.steps_per_update / task.decay_updates;
-  updatePose(task, pow(task.decay, static_cast<double>(decays)), hypothesis);
+  updatePose(task, task.schedule.shareAt(step / task.steps_per_update), hypothesis);
 }
 
 /// Infinite where no pixel tells anything: the worst there is.

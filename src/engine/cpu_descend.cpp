@@ -147,8 +147,7 @@ void gather(const DescentPlan& plan, int step, int rays, const RaySums& sums,
   state.force += plan.length_unit / rays * sums.force;
   state.torque += sums.torque / rays;
   if (++state.gathered < plan.steps_per_update) return;
-  const int decays = step / plan.steps_per_update / plan.decay_updates;
-  updatePose(plan, std::pow(plan.decay, decays), hypothesis);
+  updatePose(plan, plan.schedule.shareAt(step / plan.steps_per_update), hypothesis);
 }
 
 std::vector<CpuHypothesis*> liveHypotheses(CpuBatch* batch) {

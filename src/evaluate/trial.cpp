@@ -66,6 +66,9 @@ RefinerSettings trialSettings(const std::string& method, const std::string& loss
     }
   }
   if (!variant.update.empty()) inversion.descent.update = poseUpdateFromName(variant.update);
+  if (variant.anneal_share >= 0) {
+    inversion.descent.schedule.anneal_share = variant.anneal_share;
+  }
   if (variant.resampling == 0) {
     inversion.first_steps += inversion.rounds * inversion.round_steps;
     inversion.rounds = 0;

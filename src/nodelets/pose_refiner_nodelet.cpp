@@ -80,7 +80,7 @@ void PoseRefinerNodelet::start() {
   };
 
   transforms_ = std::make_unique<tf2_ros::Buffer>(ros::Duration(p.frames.tf_cache_s));
-  listener_ = std::make_unique<tf2_ros::TransformListener>(*transforms_, nh);
+  transform_input_ = std::make_unique<TransformInput>(*transforms_, nh);
   diagnostics_ = std::make_unique<Diagnostics>(nh, pnh, getName(), p.diagnostics);
   diagnostics_->showMemory([this] { return memoryFacts(); });
   {

@@ -6,7 +6,6 @@
 #include <std_srvs/SetBool.h>
 #include <std_srvs/Trigger.h>
 #include <tf2_ros/buffer.h>
-#include <tf2_ros/transform_listener.h>
 
 #include <atomic>
 #include <functional>
@@ -27,6 +26,7 @@
 #include "nerf_pose_refiner/ros/registration_services.h"
 #include "nerf_pose_refiner/ros/result_publisher.h"
 #include "nerf_pose_refiner/ros/tracked_object.h"
+#include "nerf_pose_refiner/ros/transform_input.h"
 
 namespace nerf_pose_refiner {
 
@@ -73,8 +73,8 @@ class PoseRefinerNodelet : public nodelet::Nodelet {
 
   PoseRefinerParameters parameters_;
   std::shared_ptr<RefinerProcess> process_;      // outlives all that follows
-  std::unique_ptr<tf2_ros::Buffer> transforms_;  // outlives the listener
-  std::unique_ptr<tf2_ros::TransformListener> listener_;
+  std::unique_ptr<tf2_ros::Buffer> transforms_;  // outlives what fills it
+  std::unique_ptr<TransformInput> transform_input_;
   std::atomic<bool> on_gpu_{false};  // the engine in use
   std::unique_ptr<Diagnostics> diagnostics_;
 

@@ -125,6 +125,8 @@ class Inversion {
     plan.object_centre = object_.centre;
     plan.length_unit *= unit_;
     plan.samples_per_step *= static_cast<int>(runs_.size());
+    plan.schedule.run_updates =
+        (settings_.first_steps + settings_.rounds * settings_.round_steps) / plan.steps_per_update;
     plan.seed = seedOf(first_.settings, kPixelSeed);
     return plan;
   }

@@ -35,8 +35,10 @@ void validateDescent(const DescentPlan& plan) {
   requirePositive("descent.length_unit", plan.length_unit);
   requirePositive("descent.translation_learning_rate", plan.translation_learning_rate);
   requirePositive("descent.rotation_learning_rate", plan.rotation_learning_rate);
-  requireShare("descent.decay", plan.decay);
-  requirePositive("descent.decay_updates", plan.decay_updates);
+  requireShare("descent.decay", plan.schedule.decay);
+  requirePositive("descent.decay_updates", plan.schedule.decay_updates);
+  require(plan.schedule.anneal_share >= 0 && plan.schedule.anneal_share <= 1,
+          "descent.anneal_share", plan.schedule.anneal_share, "in [0, 1]");
   requireAverage("descent.beta1", plan.beta1);
   requireAverage("descent.beta2", plan.beta2);
   requirePositive("descent.epsilon", plan.epsilon);

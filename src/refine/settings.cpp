@@ -52,8 +52,8 @@ InversionSettings inerf() {
   s.descent.update = PoseUpdate::kTwist;
   s.descent.length_unit = 1;
   s.descent.translation_learning_rate = s.descent.rotation_learning_rate = 0.01;
-  s.descent.decay = 0.8;
-  s.descent.decay_updates = 100;
+  s.descent.schedule.decay = 0.8;
+  s.descent.schedule.decay_updates = 100;
   s.descent.beta2 = 0.999;
   s.descent.regularisation = 0;
   s.descent.steps_per_update = 1;

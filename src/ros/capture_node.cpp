@@ -38,7 +38,7 @@ std::string callRegistration(const std::string& service, RegisterObject::Request
 CaptureNode::CaptureNode(ros::NodeHandle nh, ros::NodeHandle pnh)
     : parameters_(readParameters(pnh)),
       nh_(nh),
-      listener_(transforms_, nh),
+      transform_input_(transforms_, nh),
       capture_(parameters_, transforms_),
       status_(pnh.advertise<CaptureStatus>("status", 1, true)),
       transport_(nh) {

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "nerf_pose_refiner/field/object_frame.h"
+#include "nerf_pose_refiner/refine/motion.h"
 #include "nerf_pose_refiner/ros/input_error.h"
 #include "nerf_pose_refiner/ros/pose_conversions.h"
 #include "nerf_pose_refiner/ros/prior.h"
@@ -232,8 +233,10 @@ std::optional<Prior> ObjectTracker::prepare(const std_msgs::Header& header,
                                             const FrameDecision& decision, const StopToken& stop) {
   const StartPose& start = *decision.start;
   try {
-    return priorFrom(start, tf_.startInCamera(start, header.frame_id, header.stamp, stop),
-                     field_->metadata, start.tracked ? parameters_.tracking : parameters_.initial);
+    const Prior prior =
+        priorFrom(start, tf_.startInCamera(start, header.frame_id, header.stamp, stop),
+                  field_->metadata, start.tracked ? parameters_.tracking : parameters_.initial);
+    return decision.before ? predict(prior, header, decision, stop) : prior;
   } catch (const InputError& e) {
     const bool from_outside = !start.tracked && !decision.recovering;
     const bool unknown_frame = e.reason() == Status::REASON_NO_TRANSFORM && from_outside;
@@ -242,6 +245,22 @@ std::optional<Prior> ObjectTracker::prepare(const std_msgs::Header& header,
                         unknown_frame ? std::uint8_t{Status::REASON_PRIOR_NO_FRAME} : e.reason(),
                         e.what());
     return std::nullopt;
+  }
+}
+
+/// Where the object is if it goes on as it did; where it was if TF knows nothing of the pose
+/// before.
+Prior ObjectTracker::predict(const Prior& last, const std_msgs::Header& header,
+                             const FrameDecision& decision, const StopToken& stop) {
+  const StartPose& before = *decision.before;
+  const ros::Time since = decision.start->stamp;
+  const double share = (header.stamp - since).toSec() / (since - before.stamp).toSec();
+  try {
+    const Pose T_C_U = tf_.startInCamera(before, header.frame_id, header.stamp, stop);
+    const Pose T_O_C = ObjectFrame::inMetres(field_->metadata).cameraInModel(T_C_U);
+    return movedOn(last, T_O_C, share, field_->metadata);
+  } catch (const InputError&) {
+    return last;
   }
 }
 

@@ -79,8 +79,9 @@ void readDescent(ParamReader& read, DescentPlan& descent) {
   read.get("length_unit", descent.length_unit);
   read.get("translation_learning_rate", descent.translation_learning_rate);
   read.get("rotation_learning_rate", descent.rotation_learning_rate);
-  read.get("decay", descent.decay);
-  read.get("decay_updates", descent.decay_updates);
+  read.get("decay", descent.schedule.decay);
+  read.get("decay_updates", descent.schedule.decay_updates);
+  read.get("anneal_share", descent.schedule.anneal_share);
   read.get("beta1", descent.beta1);
   read.get("beta2", descent.beta2);
   read.get("epsilon", descent.epsilon);
@@ -255,6 +256,7 @@ PoseRefinerParameters readParameters(ParamReader& reader, const PoseRefinerParam
   tracker.get("trust_score", p.rules.trust_score);
   tracker.get("min_score", p.rules.min_score);
   tracker.get("max_failures", p.rules.max_failures);
+  tracker.get("predict", p.rules.predict);
   tracker.rejectUnknown();
 
   ParamReader overlay = reader.group("overlay");

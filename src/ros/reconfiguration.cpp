@@ -66,6 +66,7 @@ void toConfig(const PoseRefinerParameters& p, TrackerConfig* config) {
   config->trust_score = p.rules.trust_score;
   config->min_score = p.rules.min_score;
   config->max_failures = p.rules.max_failures;
+  config->predict = p.rules.predict;
 }
 
 void fromConfig(const TrackerConfig& config, PoseRefinerParameters* p) {
@@ -73,6 +74,7 @@ void fromConfig(const TrackerConfig& config, PoseRefinerParameters* p) {
   p->rules.trust_score = config.trust_score;
   p->rules.min_score = config.min_score;
   p->rules.max_failures = config.max_failures;
+  p->rules.predict = config.predict;
 }
 
 void toConfig(const PoseRefinerParameters& p, OverlayConfig* config) {

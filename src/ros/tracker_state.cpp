@@ -54,7 +54,7 @@ void TrackerState::modelIsReady() {
 }
 
 void TrackerState::objectFrameMoved(const Pose& T_U_V) {
-  for (std::optional<StartPose>* kept : {&last_, &anchor_}) {
+  for (std::optional<StartPose>* kept : {&last_, &before_last_, &anchor_}) {
     if (!*kept) continue;
     StartPose& start = **kept;
     if (start.covariance) start.covariance = atPoint(*start.covariance, start.T_P_U.R * T_U_V.t);
@@ -176,7 +176,10 @@ std::optional<StartPose> TrackerState::startFor(const ros::Time& stamp, FrameDec
     if (start.stamp.isZero()) start.stamp = stamp;
     return start;
   }
-  if (last_) return last_;
+  if (last_) {
+    if (rules_.predict) decision->before = before_last_;
+    return last_;
+  }
   if (anchor_ && secondsBetween(anchor_->stamp, stamp) > rules_.recover_s) anchor_.reset();
   decision->recovering = anchor_.has_value();
   return anchor_;
@@ -219,6 +222,7 @@ bool TrackerState::trusted(std::uint64_t ticket, const Pose& T_C_U, const std::s
     become(Status::STATE_WAITING);
     return true;
   }
+  before_last_ = running_start_.tracked ? last_ : std::nullopt;
   last_ = StartPose();
   last_->T_P_U = T_C_U;
   last_->frame_id = frame_id;

@@ -5,6 +5,7 @@
 
 #include "nerf_pose_refiner/evaluate/start.h"
 #include "nerf_pose_refiner/field/object_frame.h"
+#include "nerf_pose_refiner/refine/motion.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -83,7 +84,7 @@ BagEvaluationResult BagEvaluation::run(const std::function<void(const EvaluatedF
   object_.emplace(EvaluatedObject{
       ModelPoints(std::move(points)), frame.point(metadata.centre), unit_m * metadata.diameter,
       metadata.symmetries.inFrame(metadata.T_O_U.inverse()).scaled(unit_m)});
-  last_T_C_U_.reset();
+  followed_.clear();
   int looked_at = 0;
   for (int i = settings_.first; i < bag_.size(); i += settings_.every) {
     if (settings_.most > 0 && looked_at++ == settings_.most) break;
@@ -146,7 +147,7 @@ void BagEvaluation::evaluate(const BagFrame& frame, const StopToken& stop) {
 
 std::optional<BagEvaluation::Start> BagEvaluation::startOf(const BagFrame& frame,
                                                            const Pose& true_T_C_U) {
-  if (last_T_C_U_) return Start{*last_T_C_U_, true};
+  if (!followed_.empty()) return startFromLast(frame.image->header.stamp.toNSec());
   if (settings_.start == StartMode::kRecorded) {
     const std_msgs::Header& header = frame.image->header;
     const std::optional<Pose> recorded =
@@ -161,13 +162,27 @@ std::optional<BagEvaluation::Start> BagEvaluation::startOf(const BagFrame& frame
   return Start{wrong.inverse(), false};
 }
 
+BagEvaluation::Start BagEvaluation::startFromLast(std::uint64_t stamp_ns) const {
+  const EvaluatedFrame &last = followed_.back(), &before = followed_.front();
+  const bool in_order = before.stamp_ns < last.stamp_ns && last.stamp_ns < stamp_ns;
+  if (!in_order || !settings_.rules.predict) return {last.T_C_U, true};
+  const double share = static_cast<double>(stamp_ns - last.stamp_ns) /
+                       static_cast<double>(last.stamp_ns - before.stamp_ns);
+  return {last.T_C_U, true, before.T_C_U, share};
+}
+
 Refinement BagEvaluation::refine(const Observation& observation, const Start& start,
                                  const StopToken& stop) {
+  const FieldMetadata& object = field_->field().metadata;
+  const ObjectFrame frame = ObjectFrame::inMetres(object);
   Prior prior;
-  prior.T_O_C = ObjectFrame::inMetres(field_->field().metadata).cameraInModel(start.T_C_U);
+  prior.T_O_C = frame.cameraInModel(start.T_C_U);
   prior.rotation_rad = kRadPerDegree * (start.from_last ? settings_.track_rotation_deg
                                                         : settings_.search_rotation_deg);
   prior.translation = start.from_last ? settings_.track_translation : settings_.search_translation;
+  if (start.T_C_U_before) {
+    prior = movedOn(prior, frame.cameraInModel(*start.T_C_U_before), start.share, object);
+  }
   return (start.from_last ? narrow_ : wide_).refine(*field_, observation, prior, stop);
 }
 
@@ -176,10 +191,12 @@ Refinement BagEvaluation::refine(const Observation& observation, const Start& st
 void BagEvaluation::remember(const EvaluatedFrame& frame) {
   if (!settings_.track) return;
   if (frame.trusted) {
-    last_T_C_U_ = frame.T_C_U;
+    if (!frame.from_last) followed_.clear();
+    if (followed_.size() == 2) followed_.erase(followed_.begin());
+    followed_.push_back(frame);
     failures_ = 0;
   } else if (++failures_ > settings_.rules.max_failures) {
-    last_T_C_U_.reset();
+    followed_.clear();
   }
 }
 

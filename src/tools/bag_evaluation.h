@@ -37,7 +37,8 @@ struct BagEvaluationSettings {
   std::string track_preset = "track";  ///< of the search from the last pose
   double track_rotation_deg = 5;
   double track_translation = 0.05;
-  TrackingRules rules;  ///< the node's: trust_score, min_score and max_failures count here
+  /// The node's: trust_score, min_score, max_failures and predict count here.
+  TrackingRules rules;
   bool image_is_rectified = false;
   int points = 1000;  ///< of the surface, for ADD, ADD-S and reprojection
   std::uint64_t seed = 1;
@@ -71,10 +72,13 @@ class BagEvaluation {
   struct Start {
     Pose T_C_U;  ///< [m]
     bool from_last = false;
+    std::optional<Pose> T_C_U_before = {};  ///< of the trusted image before
+    double share = 0;                       ///< of the motion since: @see movedOn
   };
 
   void evaluate(const BagFrame& frame, const StopToken& stop);
   std::optional<Start> startOf(const BagFrame& frame, const Pose& true_T_C_U);
+  Start startFromLast(std::uint64_t stamp_ns) const;
   Refinement refine(const Observation& observation, const Start& start, const StopToken& stop);
   void remember(const EvaluatedFrame& frame);
 
@@ -85,8 +89,9 @@ class BagEvaluation {
   Refiner wide_, narrow_;
   CameraInput input_;
   std::optional<EvaluatedObject> object_;
-  std::optional<Pose> last_T_C_U_;  ///< the last trusted pose, while the object is tracked
-  int failures_ = 0;                ///< in a row
+  /// The last trusted poses, one or two, oldest first, while the object is tracked.
+  std::vector<EvaluatedFrame> followed_;
+  int failures_ = 0;  ///< in a row
   BagEvaluationResult result_;
 };
 

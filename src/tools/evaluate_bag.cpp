@@ -104,6 +104,8 @@ void declareTrials(CLI::App* app, EvaluateOptions* options) {
   app->add_option("--max-failures", s.rules.max_failures,
                   "Untrusted images in a row that --track bridges")
       ->capture_default_str();
+  app->add_flag("!--no-prediction", s.rules.predict,
+                "With --track: look around the last pose, not where the last two point to");
   app->add_option("--points", s.points, "Points of the surface, for ADD, ADD-S and reprojection")
       ->capture_default_str();
   app->add_option("--seed", s.seed, "Of starts, searches and points: same seed, same numbers")

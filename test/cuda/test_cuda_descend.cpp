@@ -117,7 +117,7 @@ TEST_F(CudaDescend, bothEnginesEndAtTheSamePoses) {
   plan.samples_per_step = 1 << 14;
   plan.epsilon = 0.02;
   plan.length_unit = 1.2 * field->metadata.diameter;
-  plan.decay_updates = 8;
+  plan.schedule.decay_updates = 8;
   plan.score_steps = 32;
   HypothesisTable tables[2], starts;
   for (Engine* engine : {cpu.get(), cuda.get()}) {

@@ -203,7 +203,7 @@ TEST(Descend, learningRateDecaysWithTheUpdatesOfTheWholeRun) {
   OneHypothesis one;
   one.plan.length_unit = 1;
   one.plan.translation_learning_rate = 1;
-  one.plan.decay_updates = 2;
+  one.plan.schedule.decay_updates = 2;
   one.scene.pull = {{-1, 0, 0}, {0, 0, 0}};
   double x = 0;
   const double expected[5] = {1, 1, 0.33, 0.33, 0.33 * 0.33};
@@ -325,7 +325,7 @@ TEST(Descend, everyLossReducesTheError) {
   const Eigen::Vector3d turn = 2 * kDegree * Eigen::Vector3d(1, -1, 1);
   const Pose start = {expSO3(turn) * trial.truth.R,
                       trial.truth.t + Eigen::Vector3d(0.06, -0.04, 0.05)};
-  trial.plan.decay_updates = 60;
+  trial.plan.schedule.decay_updates = 60;
   for (int k = 0; k < kLossCount; ++k) {
     trial.plan.loss = static_cast<Loss>(k);
     const Pose end = trial.descendFrom(start, 300);

@@ -162,7 +162,9 @@ TEST(Inversion, refusesSettingsOutOfRange) {
   expectRefused("score_pixels", [](InversionSettings* s) { s->score_pixels = 0; });
   expectRefused("jitter_translation", [](InversionSettings* s) { s->jitter_translation = NAN; });
   expectRefused("descent.beta2", [](InversionSettings* s) { s->descent.beta2 = 1; });
-  expectRefused("descent.decay", [](InversionSettings* s) { s->descent.decay = 0; });
+  expectRefused("descent.decay", [](InversionSettings* s) { s->descent.schedule.decay = 0; });
+  expectRefused("descent.anneal_share",
+                [](InversionSettings* s) { s->descent.schedule.anneal_share = 1.1; });
   expectRefused("descent.steps_per_update",
                 [](InversionSettings* s) { s->descent.steps_per_update = 0; });
 }

@@ -17,7 +17,7 @@
 
 namespace nerf_pose_refiner {
 
-/// Finds the object one unit in front of the camera, and remembers what it was asked.
+/// Finds the object one unit in front of the camera, say, and remembers what it was asked.
 class FakeSearch : public ObjectSearch {
  public:
   void use(std::shared_ptr<const Field> field) override {
@@ -43,9 +43,9 @@ class FakeSearch : public ObjectSearch {
     refinement.outcome = stop.stopRequested() ? Outcome::kStopped : outcome;
     refinement.score = score;
     refinement.visible_fraction = 0.75;
-    refinement.T_O_C.t.z() = -1;
+    refinement.T_O_C = T_O_C;
     refinement.hypotheses.resize(2);
-    for (Hypothesis& hypothesis : refinement.hypotheses) hypothesis.T_O_C.t.z() = -1;
+    for (Hypothesis& hypothesis : refinement.hypotheses) hypothesis.T_O_C = T_O_C;
     return refinement;
   }
 
@@ -54,6 +54,7 @@ class FakeSearch : public ObjectSearch {
   std::vector<bool> was_tracked;
   std::vector<std::uint64_t> seeds;  ///< of the settings, once they were changed
   int width = 0;
+  Pose T_O_C = {Eigen::Matrix3d::Identity(), {0, 0, -1}};  ///< what is found
   Outcome outcome = Outcome::kRefined;
   double score = 0.9;
   bool throws = false;

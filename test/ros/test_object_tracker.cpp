@@ -207,6 +207,59 @@ TEST_F(ObjectTrackerTest, FollowsThroughTheFixedFrame) {
   EXPECT_NEAR(search_->priors.at(1).T_O_C.t.x(), 3, 1e-9);
 }
 
+// The object is found at x in units: the model's axes are the camera's, in which
+// the camera goes the other way.
+TEST_F(ObjectTrackerTest, LooksWhereTheLastTwoPosesPointTo) {
+  useModel();
+  offer();
+  const auto find = [this](double seconds, double x) {
+    search_->T_O_C.t.x() = -x;
+    tracker_->process(frameAt(seconds));
+    return -search_->priors.back().T_O_C.t.x();
+  };
+  find(0, -0.1);
+  EXPECT_NEAR(find(0.2, 0.06), -0.1, 1e-9) << "how fast it is, nobody knows";
+  EXPECT_NEAR(find(0.3, 0.06), 0.14, 1e-9) << "0.16 in 0.2 s, so 0.08 in 0.1 s";
+  EXPECT_NEAR(find(0.4, 0.1), 0.06, 1e-9) << "it stood still";
+  parameters_.rules.predict = false;
+  tracker_->change(parameters_);
+  find(0.5, 0.2);
+  EXPECT_NEAR(find(0.6, 0.2), 0.2, 1e-9);
+}
+
+TEST_F(ObjectTrackerTest, PredictsInTheFixedFrame) {
+  parameters_.frames.fixed_frame = "base";
+  restart();
+  useModel();
+  for (const int i : {0, 1, 2}) addTransform("base", "camera", 0.1 * i, 0.3 * i);
+  offer();
+  for (const int i : {0, 1, 2}) {
+    search_->T_O_C.t.x() = 3 * i;  // it stands still, and the camera goes to +x by 3 units
+    tracker_->process(frameAt(0.1 * i));
+  }
+  EXPECT_NEAR(search_->priors.at(2).T_O_C.t.x(), 6, 1e-9)
+      << "the camera's way does not count twice";
+}
+
+TEST_F(ObjectTrackerTest, FollowsIfTransformsBeginAfterAPose) {
+  parameters_.frames.fixed_frame = "base";
+  restart();
+  useModel();
+  // Nothing of the first pose's time is left when the third image comes.
+  transforms_.clear();
+  addTransform("base", "camera", 0, 0);
+  addTransform("base", "camera", 0.1, 0);
+  offer();
+  tracker_->process(frameAt(0));
+  tracker_->process(frameAt(0.1));
+  transforms_.clear();
+  addTransform("base", "camera", 0.1, 0);
+  addTransform("base", "camera", 0.2, 0.3);
+  const auto result = tracker_->process(frameAt(0.2));
+  ASSERT_TRUE(result && result->pose);
+  EXPECT_NEAR(search_->priors.at(2).T_O_C.t.x(), 3, 1e-9);
+}
+
 TEST_F(ObjectTrackerTest, ChangesTheModelWhileItRefines) {
   useModel();
   offer();

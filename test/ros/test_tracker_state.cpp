@@ -45,6 +45,34 @@ TEST_F(TrackerStateTest, AnInitialPoseIsTriedOnMoreThanOneImage) {
   EXPECT_FALSE(image(0.2).start);
 }
 
+TEST_F(TrackerStateTest, KnowsHowTheObjectMovesOnceItIsTracked) {
+  rules_.initial_pose_policy = InitialPosePolicy::kAlways;
+  restart();
+  state_.offer(poseAt(at(0)));
+  track(0, 0.1);
+  EXPECT_FALSE(image(0.1).before) << "an initial pose says nothing of motion";
+  track(0.2, 0.2);
+  const FrameDecision third = image(0.3);
+  ASSERT_TRUE(third.start && third.before);
+  EXPECT_EQ(third.start->T_P_U.t.x(), 0.2);
+  EXPECT_EQ(third.before->T_P_U.t.x(), 0.1);
+  EXPECT_EQ(third.before->stamp, at(0));
+  state_.notTrusted(third.ticket, Status::REASON_LOW_SCORE, "");
+  const FrameDecision fourth = image(0.4);
+  ASSERT_TRUE(fourth.before) << "an image that is not trusted changes nothing";
+  EXPECT_EQ(fourth.before->stamp, at(0));
+  state_.trusted(fourth.ticket, {}, kCamera, at(0.4));
+
+  state_.offer(poseAt(at(0.5), 0.9));
+  track(0.5, 0.9);
+  EXPECT_FALSE(image(0.6).before) << "the jump to an initial pose is no motion";
+  track(0.7, 0.9);
+  EXPECT_TRUE(image(0.8).before);
+  rules_.predict = false;
+  state_.setRules(rules_);
+  EXPECT_FALSE(image(0.9).before);
+}
+
 TEST_F(TrackerStateTest, BeginsWithoutAModel) {
   state_ = TrackerState(rules_);
   expect(Status::STATE_NO_MODEL, Status::REASON_NONE);

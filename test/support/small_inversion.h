@@ -16,7 +16,7 @@ inline RefinerSettings smallInversion() {
   s.round_steps = 60;
   s.descent.samples_per_step = 2048;
   s.descent.steps_per_update = 2;
-  s.descent.decay_updates = 30;
+  s.descent.schedule.decay_updates = 30;
   s.descent.score_steps = 20;
   s.score_pixels = 1000;
   return settings;

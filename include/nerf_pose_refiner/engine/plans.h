@@ -64,8 +64,7 @@ struct DescentPlan {
   double length_unit = 3.03;                ///< side of the paper's unit cube [model units]
   double translation_learning_rate = 3e-3;  ///< [length_unit] an update
   double rotation_learning_rate = 5e-3;     ///< [rad] an update
-  double decay = 0.33;                      ///< of both, every `decay_updates` updates
-  int decay_updates = 256;                  ///< counted over the whole run
+  RateSchedule schedule;                    ///< of both, counted over the whole run
   double beta1 = 0.9;
   double beta2 = 0.99;
   double epsilon = 1e-8;

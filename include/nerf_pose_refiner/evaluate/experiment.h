@@ -29,12 +29,13 @@ std::vector<Scene> findScenes(const std::string& folder);
 
 /// A way to search that differs from its method's preset. Negative: as the preset says.
 struct SearchVariant {
-  std::string label;       ///< in tables; empty: the preset itself
-  int hypotheses = -1;     ///< of the first stage; alignment follows fewer later
-  int resampling = -1;     ///< 0: none, as many steps in one go
-  std::string update;      ///< of inversion, @see PoseUpdate; empty: as the preset says
-  double image_scale = 1;  ///< of the observed picture's width and height
-  std::string profile;     ///< of the field; empty: the model of the scene, whatever it has
+  std::string label;         ///< in tables; empty: the preset itself
+  int hypotheses = -1;       ///< of the first stage; alignment follows fewer later
+  int resampling = -1;       ///< 0: none, as many steps in one go
+  double anneal_share = -1;  ///< of inversion, @see RateSchedule
+  std::string update;        ///< of inversion, @see PoseUpdate; empty: as the preset says
+  double image_scale = 1;    ///< of the observed picture's width and height
+  std::string profile;       ///< of the field; empty: the model of the scene, whatever it has
 };
 
 /// Trials of one kind: every scene of the kinds, condition, view, start, method, loss and variant.

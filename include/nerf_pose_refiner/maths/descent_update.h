@@ -1,6 +1,7 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cmath>
 #include <stdexcept>
 #include <string>
 
@@ -42,6 +43,24 @@ struct DescentRates {
   double translation, rotation;  ///< learning rates, decayed
   double regularisation;         ///< L2, on the offset from the start
   AdamConstants<double> adam;
+};
+
+/// How learning rates fall over a run: by `decay` every `decay_updates` updates (Lin et al.,
+/// section V), and, which is not the paper's, to zero in a straight line over the last
+/// `anneal_share` of it: a pose trembles by as much as its last updates move it.
+struct RateSchedule {
+  double decay = 0.33;
+  int decay_updates = 256;
+  double anneal_share = 0;  ///< 0: none, as the paper
+  int run_updates = 0;      ///< of the whole run; 0: nobody knows, and nothing is annealed
+
+  /// Share of the learning rates at an update, from 0 on.
+  NPR_HOST_DEVICE double shareAt(int update) const {
+    const double decayed = pow(decay, static_cast<double>(update / decay_updates));
+    const double left = run_updates - update, annealed = anneal_share * run_updates;
+    return run_updates > 0 && left < annealed ? decayed * (left > 0 ? left : 0) / annealed
+                                              : decayed;
+  }
 };
 
 /// Where an inversion began and what Adam carries on; fresh in a hypothesis that was just seeded.

@@ -7,12 +7,12 @@
 #include <ros/ros.h>
 #include <std_srvs/Trigger.h>
 #include <tf2_ros/buffer.h>
-#include <tf2_ros/transform_listener.h>
 
 #include <future>
 #include <memory>
 #include <string>
 
+#include "nerf_pose_refiner/ros/transform_input.h"
 #include "nerf_pose_refiner/ros/view_capture.h"
 
 namespace nerf_pose_refiner {
@@ -48,7 +48,7 @@ class CaptureNode {
   CaptureParameters parameters_;
   ros::NodeHandle nh_;
   tf2_ros::Buffer transforms_;
-  tf2_ros::TransformListener listener_;
+  TransformInput transform_input_;
   ViewCapture capture_;
   CaptureStatus reported_;
   ros::Publisher status_;

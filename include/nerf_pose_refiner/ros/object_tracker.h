@@ -108,6 +108,8 @@ class ObjectTracker {
                                       const StopToken& stop);
   std::optional<Prior> prepare(const std_msgs::Header& header, const FrameDecision& decision,
                                const StopToken& stop);
+  Prior predict(const Prior& last, const std_msgs::Header& header, const FrameDecision& decision,
+                const StopToken& stop);
   void refine(const CameraFrame& frame, const std_msgs::Header& header,
               const FrameDecision& decision, const StopToken& stop, FrameResult* result);
   Trust conclude(const std_msgs::Header& header, const FrameDecision& decision,

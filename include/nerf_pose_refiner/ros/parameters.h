@@ -29,6 +29,7 @@ struct TrackingRules {
   double trust_score = 0.18;  ///< 0..1: a track begins with a pose that explains the image so well
   double min_score = 0.1;     ///< 0..trust_score: it does not go on with one that does so worse
   int max_failures = 2;       ///< so many untrusted images in a row are bridged, >= 0
+  bool predict = true;        ///< look where the last two poses point to, not around the last
   double recover_s = 5;  ///< so long after the last trusted pose it is tried again [s]; 0: never
   bool once = false;     ///< back to waiting after one trusted pose
   InitialPosePolicy initial_pose_policy = InitialPosePolicy::kWhenNotTracking;

@@ -40,6 +40,7 @@ struct StartPose {
 /// What to do with an image.
 struct FrameDecision {
   std::optional<StartPose> start;     ///< refine from here; nothing: leave the image alone
+  std::optional<StartPose> before;    ///< the trusted pose before `start`: the object goes on so
   std::uint64_t ticket = 0;           ///< to be handed back with the result
   bool clock_jumped = false;          ///< time went back: transforms from before are worthless
   bool recovering = false;            ///< the start is where a lost object was seen last
@@ -121,8 +122,9 @@ class TrackerState {
   std::optional<Condition> before_refusal_;  ///< restored by the next usable image
   bool has_model_ = false;
   bool enabled_ = true;
-  std::optional<StartPose> prior_;  ///< from outside, not yet used
-  std::optional<StartPose> last_;   ///< the last trusted pose, while it may be followed
+  std::optional<StartPose> prior_;        ///< from outside, not yet used
+  std::optional<StartPose> last_;         ///< the last trusted pose, while it may be followed
+  std::optional<StartPose> before_last_;  ///< what last_ was found from, if that was tracked, too
   /// While lost: where to look for the object, the last trusted pose or an initial one of no avail.
   std::optional<StartPose> anchor_;
   int failures_ = 0;           ///< untrusted images since then

@@ -1,0 +1,26 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "nerf_pose_refiner/refine/motion.h"
+
+#include <algorithm>
+
+namespace nerf_pose_refiner {
+
+Prior movedOn(const Prior& last, const Pose& T_O_C_before, double share,
+              const FieldMetadata& object) {
+  const Pose T_C_O_before = T_O_C_before.inverse();
+  Pose T_C_O = last.T_O_C.inverse();
+  const Eigen::Vector3d centre_C = T_C_O * object.centre;
+  const Eigen::Vector3d shift_C = centre_C - T_C_O_before * object.centre;
+  const Eigen::Vector3d turn_C = logSO3(Eigen::Matrix3d(T_C_O.R * T_C_O_before.R.transpose()));
+  const auto limited = [share](double motion, double most) {
+    return motion * share > most ? most / motion : share;
+  };
+  T_C_O.R = expSO3(limited(turn_C.norm(), last.rotation_rad) * turn_C) * T_C_O.R;
+  const double shift_share = limited(shift_C.norm(), last.translation * object.diameter);
+  T_C_O.t = centre_C + shift_share * shift_C - T_C_O.R * object.centre;
+  Prior moved = last;
+  moved.T_O_C = T_C_O.inverse();
+  return moved;
+}
+
+}  // namespace nerf_pose_refiner

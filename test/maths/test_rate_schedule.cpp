@@ -1,0 +1,41 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include <gtest/gtest.h>
+
+#include "nerf_pose_refiner/maths/descent_update.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+// The paper's: x 0.33 every 256 updates of 640.
+TEST(RateSchedule, decaysInSteps) {
+  RateSchedule schedule;
+  schedule.run_updates = 640;
+  EXPECT_DOUBLE_EQ(schedule.shareAt(0), 1);
+  EXPECT_DOUBLE_EQ(schedule.shareAt(255), 1);
+  EXPECT_DOUBLE_EQ(schedule.shareAt(256), 0.33);
+  EXPECT_DOUBLE_EQ(schedule.shareAt(639), 0.33 * 0.33);
+}
+
+TEST(RateSchedule, fallsToZeroAtTheEnd) {
+  RateSchedule schedule;
+  schedule.decay = 0.5;
+  schedule.decay_updates = 100;
+  schedule.anneal_share = 0.2;
+  schedule.run_updates = 200;
+  EXPECT_DOUBLE_EQ(schedule.shareAt(159), 0.5);
+  EXPECT_DOUBLE_EQ(schedule.shareAt(160), 0.5);
+  EXPECT_DOUBLE_EQ(schedule.shareAt(180), 0.25);
+  EXPECT_DOUBLE_EQ(schedule.shareAt(199), 0.0125);
+  EXPECT_DOUBLE_EQ(schedule.shareAt(200), 0);
+  EXPECT_DOUBLE_EQ(schedule.shareAt(300), 0) << "beyond the run";
+}
+
+TEST(RateSchedule, anUnknownEndIsNotAnnealed) {
+  RateSchedule schedule;
+  schedule.anneal_share = 0.5;
+  EXPECT_DOUBLE_EQ(schedule.shareAt(255), 1);
+  EXPECT_DOUBLE_EQ(schedule.shareAt(256), 0.33);
+}
+
+}  // namespace
+}  // namespace nerf_pose_refiner

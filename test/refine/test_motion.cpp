@@ -1,0 +1,65 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include <gtest/gtest.h>
+
+#include "nerf_pose_refiner/refine/motion.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+constexpr double kDegree = 3.14159265358979323846 / 180;
+
+/// An object whose centre is not the origin of its frame, which turns about it and goes to the
+/// right before a camera that looks at it.
+class MotionTest : public testing::Test {
+ protected:
+  MotionTest() {
+    object_.centre = {0.3, -0.2, 0.1};
+    object_.diameter = 2;
+    last_.T_O_C = cameraAt(1);
+    last_.rotation_rad = 5 * kDegree;
+    last_.translation = 0.05;  // 0.1 units
+  }
+
+  /// 4 degrees and 0.06 units a time unit.
+  Pose cameraAt(double time) const {
+    Pose T_C_O;
+    T_C_O.R = expSO3({0, 0, 4 * kDegree * time}) * expSO3({1, 0.5, 0});
+    T_C_O.t = Eigen::Vector3d(0.06 * time, 0, 3) - T_C_O.R * object_.centre;
+    return T_C_O.inverse();
+  }
+
+  static void expectNear(const Pose& found, const Pose& truth) {
+    EXPECT_LT((found.R - truth.R).norm(), 1e-12);
+    EXPECT_LT((found.t - truth.t).norm(), 1e-12);
+  }
+
+  FieldMetadata object_;
+  Prior last_;
+};
+
+TEST_F(MotionTest, GoesOnWithTheSameVelocity) {
+  expectNear(movedOn(last_, cameraAt(0), 1, object_).T_O_C, cameraAt(2));
+  expectNear(movedOn(last_, cameraAt(0.5), 1, object_).T_O_C, cameraAt(1.5));
+  expectNear(movedOn(last_, cameraAt(0), 0.25, object_).T_O_C, cameraAt(1.25));
+  expectNear(movedOn(last_, cameraAt(0), 0, object_).T_O_C, cameraAt(1));
+}
+
+TEST_F(MotionTest, WhatStandsStillStays) {
+  expectNear(movedOn(last_, cameraAt(1), 3, object_).T_O_C, cameraAt(1));
+}
+
+TEST_F(MotionTest, KeepsTheWidthOfTheSearch) {
+  EXPECT_TRUE(movedOn(last_, cameraAt(0), 1, object_).isAsWideAs(last_));
+}
+
+TEST_F(MotionTest, GoesNoFartherThanTheSearchIsWide) {
+  const Prior moved = movedOn(last_, cameraAt(0), 3, object_);
+  const Pose before = last_.T_O_C.inverse(), now = moved.T_O_C.inverse();
+  EXPECT_NEAR(rotationDistance(now.R, before.R), 5 * kDegree, 1e-9) << "not by 12 degrees";
+  const Eigen::Vector3d shift = now * object_.centre - before * object_.centre;
+  EXPECT_NEAR(shift.x(), 0.1, 1e-12) << "not by 0.18 units";
+  EXPECT_NEAR(shift.norm(), 0.1, 1e-12);
+}
+
+}  // namespace
+}  // namespace nerf_pose_refiner
