@@ -36,7 +36,7 @@ struct Options {
   double unit = 1;           // of the paper [model units]; 0: a share of the object
   int samples_per_step = 0;  // of the paper's mode; 0: the preset's
   int score_pixels = 0;      // likewise
-  std::string loss = lossName(DescentPlan().loss);
+  std::string loss;  ///< empty: the preset's
   bool json = false, trace = false, colours = false, first_pose = false, quiet = false;
   EngineChoice engine = {"cpu", 0, "auto", 0};
   Following following;
@@ -72,7 +72,7 @@ RefinerSettings settingsOf(const Options& options, double diameter) {
   settings.compare_contrast = !options.colours;
   settings.seed = options.seed;
   settings.inversion.unit = unitOf(options, diameter);
-  settings.inversion.descent.loss = lossFromName(options.loss);
+  if (!options.loss.empty()) settings.inversion.descent.loss = lossFromName(options.loss);
   if (options.samples_per_step > 0) {
     settings.inversion.descent.samples_per_step = options.samples_per_step;
   }
@@ -247,8 +247,8 @@ void declareRefiner(CLI::App* app, Options* options) {
                   "The paper's mode: pixels that choose the winner; 0: the preset's");
   app->add_option("--samples-per-step", options->samples_per_step,
                   "The paper's mode: samples a step, of all hypotheses; 0: the preset's");
-  app->add_option("--loss", options->loss, "The paper's mode: one of the seven")
-      ->capture_default_str();
+  app->add_option("--loss", options->loss,
+                  "The paper's mode: one of the seven; default: the preset's");
   app->add_flag("--colours", options->colours,
                 "Unknown background: compare colours, not contrasts (plain objects)");
 }

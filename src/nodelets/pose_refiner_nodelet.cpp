@@ -34,6 +34,7 @@ PoseRefinerNodelet::~PoseRefinerNodelet() {
   initial_pose_with_covariance_.shutdown();
   reset_server_.shutdown();
   enable_server_.shutdown();
+  if (advertised_.valid()) advertised_.wait();
   registrations_.reset();  // those who ask for them may wait for the worker
   objects_.reset();        // the same
   stopping_ = true;
@@ -106,9 +107,8 @@ void PoseRefinerNodelet::start() {
   pairing_ = std::make_unique<MaskPairing>(
       p.masks, [this](CameraFrame frame) { mailbox_.put(std::move(frame)); });
   const ObjectStore store(p.model_root, &process_->models);
-  startPoseService(store);  // before the worker, which changes its parameters
+  startPoseService(store);
   worker_ = std::thread([this] { work(); });
-  startObjectServices(store);
   reset_server_ = pnh.advertiseService(topics::kReset, &PoseRefinerNodelet::onReset, this);
   enable_server_ = pnh.advertiseService(topics::kEnable, &PoseRefinerNodelet::onEnable, this);
   initial_pose_ = pnh.subscribe<geometry_msgs::PoseStamped>(
@@ -118,6 +118,12 @@ void PoseRefinerNodelet::start() {
       topics::kInitialPoseWithCovariance, 5,
       &PoseRefinerNodelet::onInitialPose<geometry_msgs::PoseWithCovarianceStamped>, this);
   enable(true);
+  // A call to the master for every topic and service: more of them than the loading should wait
+  // for.
+  advertised_ = std::async(std::launch::async, [this, store] {
+    guard("advertising services", [&] { startObjectServices(store); });
+    guard("dynamic_reconfigure", [this] { startReconfiguration(); });
+  });
 }
 
 /// A GPU that is not in use is left asleep.
@@ -173,6 +179,15 @@ void PoseRefinerNodelet::startObjectServices(const ObjectStore& store) {
       getPrivateNodeHandle(),
       ObjectRegistration(p.dataset_root, p.registration, store, make_engine, schedule()),
       &process_->registrations, tracked_.get());
+}
+
+void PoseRefinerNodelet::startReconfiguration() {
+  reconfiguration_ = std::make_unique<Reconfiguration>(
+      getPrivateNodeHandle(), parameters_, [this](const PoseRefinerParameters& changed) {
+        tracker_->change(changed);
+        poses_->change(changed);
+        overlay_->change(changed.overlay);
+      });
 }
 
 void PoseRefinerNodelet::enable(bool enabled) {
@@ -281,14 +296,6 @@ bool PoseRefinerNodelet::onEnable(std_srvs::SetBool::Request& request,
 }
 
 void PoseRefinerNodelet::work() {
-  guard("dynamic_reconfigure", [this] {
-    reconfiguration_ = std::make_unique<Reconfiguration>(
-        getPrivateNodeHandle(), parameters_, [this](const PoseRefinerParameters& changed) {
-          tracker_->change(changed);
-          poses_->change(changed);
-          overlay_->change(changed.overlay);
-        });
-  });
   while (!stopping_) guard("refinement", [this] { workOnce(); });
 }
 

@@ -9,6 +9,7 @@
 
 #include <atomic>
 #include <functional>
+#include <future>
 #include <memory>
 #include <mutex>
 #include <thread>
@@ -33,8 +34,9 @@ namespace nerf_pose_refiner {
 /// Follows an object from image to image: the ROS graph around ObjectTracker.
 ///
 /// Threads: callbacks on the nodelet's queue, none of which waits; the worker, which refines the
-/// newest image; those of the services, OverlayPublisher and the TF listener. Models, engines and
-/// the queue of registrations are shared with all other refiners of the process.
+/// newest image; one that advertises, at the start, what the loading need not wait for; those of
+/// the services, OverlayPublisher and TransformInput. Models, engines and the queue of
+/// registrations are shared with all other refiners of the process.
 class PoseRefinerNodelet : public nodelet::Nodelet {
  public:
   ~PoseRefinerNodelet() override;
@@ -47,6 +49,7 @@ class PoseRefinerNodelet : public nodelet::Nodelet {
   ScheduleFactory schedule() const;
   void startPoseService(const ObjectStore& store);
   void startObjectServices(const ObjectStore& store);
+  void startReconfiguration();
 
   /// Runs what a callback does: whatever is thrown is reported, and ends nothing.
   void guard(const char* name, const std::function<void()>& callback);
@@ -90,7 +93,7 @@ class PoseRefinerNodelet : public nodelet::Nodelet {
   std::unique_ptr<ObjectTracker> tracker_;
   std::unique_ptr<TrackedObject> tracked_;
   std::unique_ptr<ObjectServices> objects_;
-  std::unique_ptr<Reconfiguration> reconfiguration_;  // made by the worker
+  std::unique_ptr<Reconfiguration> reconfiguration_;
   std::unique_ptr<RegistrationServices> registrations_;
   std::unique_ptr<PoseService> poses_;
   ros::ServiceServer reset_server_;
@@ -102,6 +105,7 @@ class PoseRefinerNodelet : public nodelet::Nodelet {
   std::unique_ptr<MaskPairing> pairing_;  // before mailbox_ on an image's way
   std::atomic<bool> stopping_{false};
   std::thread worker_;
+  std::future<void> advertised_;  // objects_, registrations_ and reconfiguration_ are made
 };
 
 }  // namespace nerf_pose_refiner
