@@ -36,7 +36,7 @@ struct Options {
   double unit = 1;           // of the paper [model units]; 0: a share of the object
   int samples_per_step = 0;  // of the paper's mode; 0: the preset's
   int score_pixels = 0;      // likewise
-  std::string loss;  ///< empty: the preset's
+  std::string loss;          ///< empty: the preset's
   bool json = false, trace = false, colours = false, first_pose = false, quiet = false;
   EngineChoice engine = {"cpu", 0, "auto", 0};
   Following following;
