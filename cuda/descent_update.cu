@@ -116,7 +116,7 @@ __global__ void __launch_bounds__(kSumThreads) updateKernel(DescentTask task, fl
   state.force += (task.rates.length_unit / side * share) * vectorOf(pull.force);
   state.torque += share * vectorOf(pull.torque);
   if (++state.gathered < task.steps_per_update) return;
-  updatePose(task, task.schedule.shareAt(step / task.steps_per_update), hypothesis);
+  updatePose(task, task.schedule.rateFactor(step / task.steps_per_update), hypothesis);
 }
 
 /// Infinite where no pixel tells anything: the worst there is.

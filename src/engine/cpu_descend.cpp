@@ -147,7 +147,7 @@ void gather(const DescentPlan& plan, int step, int rays, const RaySums& sums,
   state.force += plan.length_unit / rays * sums.force;
   state.torque += sums.torque / rays;
   if (++state.gathered < plan.steps_per_update) return;
-  updatePose(plan, plan.schedule.shareAt(step / plan.steps_per_update), hypothesis);
+  updatePose(plan, plan.schedule.rateFactor(step / plan.steps_per_update), hypothesis);
 }
 
 std::vector<CpuHypothesis*> liveHypotheses(CpuBatch* batch) {

@@ -97,7 +97,9 @@ SearchVariant variantFrom(const Json& json, const std::string& where) {
                "hypotheses", "1..4096");
   keys.require(variant.resampling >= -1 && variant.resampling <= 1, "resampling", "0 or 1");
   keys.require(variant.image_scale >= 0.1 && variant.image_scale <= 1, "image_scale", "0.1..1");
-  keys.require(variant.anneal_share >= -1 && variant.anneal_share <= 1, "anneal_share", "0..1");
+  keys.require(
+      variant.anneal_share == -1 || (variant.anneal_share >= 0 && variant.anneal_share <= 1),
+      "anneal_share", "0..1");
   if (!variant.update.empty()) {
     keys.requireNames("update", {variant.update}, {"about_camera", "about_object", "twist"});
   }

@@ -121,8 +121,13 @@ void PoseRefinerNodelet::start() {
   // A call to the master for every topic and service: more of them than the loading should wait
   // for.
   advertised_ = std::async(std::launch::async, [this, store] {
-    guard("advertising services", [&] { startObjectServices(store); });
-    guard("dynamic_reconfigure", [this] { startReconfiguration(); });
+    const std::optional<std::string> error = errorOf([&] {
+      startObjectServices(store);
+      startReconfiguration();
+    });
+    if (!error) return;
+    NODELET_FATAL("no services: %s", error->c_str());
+    tracker_->modelFailed(RefinementStatus::REASON_INTERNAL, "no services: " + *error);
   });
 }
 

@@ -253,12 +253,12 @@ std::optional<Prior> ObjectTracker::prepare(const std_msgs::Header& header,
 Prior ObjectTracker::predict(const Prior& last, const std_msgs::Header& header,
                              const FrameDecision& decision, const StopToken& stop) {
   const StartPose& before = *decision.before;
-  const ros::Time since = decision.start->stamp;
-  const double share = (header.stamp - since).toSec() / (since - before.stamp).toSec();
+  const double now = header.stamp.toSec(), since = decision.start->stamp.toSec();
+  const double time_ratio = (now - since) / (since - before.stamp.toSec());
   try {
     const Pose T_C_U = tf_.startInCamera(before, header.frame_id, header.stamp, stop);
     const Pose T_O_C = ObjectFrame::inMetres(field_->metadata).cameraInModel(T_C_U);
-    return movedOn(last, T_O_C, share, field_->metadata);
+    return movedOn(last, T_O_C, time_ratio, field_->metadata);
   } catch (const InputError&) {
     return last;
   }

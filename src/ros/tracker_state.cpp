@@ -177,7 +177,8 @@ std::optional<StartPose> TrackerState::startFor(const ros::Time& stamp, FrameDec
     return start;
   }
   if (last_) {
-    if (rules_.predict) decision->before = before_last_;
+    // After an image that was not trusted the object may be where it was seen last.
+    if (rules_.predict && failures_ == 0) decision->before = before_last_;
     return last_;
   }
   if (anchor_ && secondsBetween(anchor_->stamp, stamp) > rules_.recover_s) anchor_.reset();

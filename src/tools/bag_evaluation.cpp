@@ -122,7 +122,10 @@ void BagEvaluation::evaluate(const BagFrame& frame, const StopToken& stop) {
   }
   result_.masked += observation.background == Background::kMask;
 
-  const Refinement refinement = refine(observation, *start, stop);
+  const ObjectFrame object_frame = ObjectFrame::inMetres(field_->field().metadata);
+  const Prior prior = priorFrom(*start);
+  const Refinement refinement =
+      (start->from_last ? narrow_ : wide_).refine(*field_, observation, prior, stop);
   stop.check();
   EvaluatedFrame evaluated;
   evaluated.index = frame.index;
@@ -132,10 +135,10 @@ void BagEvaluation::evaluate(const BagFrame& frame, const StopToken& stop) {
   evaluated.score = refinement.score;
   evaluated.latency_s = refinement.seconds;
   const Pose truth = true_T_C_U.inverse();
-  evaluated.start = object_->compare(start->T_C_U.inverse(), truth, observation.camera);
+  const Pose start_T_C_U = object_frame.objectInCamera(prior.T_O_C);
+  evaluated.start = object_->compare(start_T_C_U.inverse(), truth, observation.camera);
   if (refinement.outcome == Outcome::kRefined) {
-    evaluated.T_C_U =
-        ObjectFrame::inMetres(field_->field().metadata).objectInCamera(refinement.T_O_C);
+    evaluated.T_C_U = object_frame.objectInCamera(refinement.T_O_C);
     evaluated.found = object_->compare(evaluated.T_C_U.inverse(), truth, observation.camera);
     const TrackingRules& rules = settings_.rules;
     evaluated.trusted =
@@ -165,14 +168,13 @@ std::optional<BagEvaluation::Start> BagEvaluation::startOf(const BagFrame& frame
 BagEvaluation::Start BagEvaluation::startFromLast(std::uint64_t stamp_ns) const {
   const EvaluatedFrame &last = followed_.back(), &before = followed_.front();
   const bool in_order = before.stamp_ns < last.stamp_ns && last.stamp_ns < stamp_ns;
-  if (!in_order || !settings_.rules.predict) return {last.T_C_U, true};
-  const double share = static_cast<double>(stamp_ns - last.stamp_ns) /
-                       static_cast<double>(last.stamp_ns - before.stamp_ns);
-  return {last.T_C_U, true, before.T_C_U, share};
+  if (!in_order || failures_ > 0 || !settings_.rules.predict) return {last.T_C_U, true};
+  const double time_ratio = static_cast<double>(stamp_ns - last.stamp_ns) /
+                            static_cast<double>(last.stamp_ns - before.stamp_ns);
+  return {last.T_C_U, true, before.T_C_U, time_ratio};
 }
 
-Refinement BagEvaluation::refine(const Observation& observation, const Start& start,
-                                 const StopToken& stop) {
+Prior BagEvaluation::priorFrom(const Start& start) const {
   const FieldMetadata& object = field_->field().metadata;
   const ObjectFrame frame = ObjectFrame::inMetres(object);
   Prior prior;
@@ -180,10 +182,8 @@ Refinement BagEvaluation::refine(const Observation& observation, const Start& st
   prior.rotation_rad = kRadPerDegree * (start.from_last ? settings_.track_rotation_deg
                                                         : settings_.search_rotation_deg);
   prior.translation = start.from_last ? settings_.track_translation : settings_.search_translation;
-  if (start.T_C_U_before) {
-    prior = movedOn(prior, frame.cameraInModel(*start.T_C_U_before), start.share, object);
-  }
-  return (start.from_last ? narrow_ : wide_).refine(*field_, observation, prior, stop);
+  if (!start.T_C_U_before) return prior;
+  return movedOn(prior, frame.cameraInModel(*start.T_C_U_before), start.time_ratio, object);
 }
 
 /// The rules of following are the node's: a few untrusted images are bridged from the last trusted
@@ -191,7 +191,6 @@ Refinement BagEvaluation::refine(const Observation& observation, const Start& st
 void BagEvaluation::remember(const EvaluatedFrame& frame) {
   if (!settings_.track) return;
   if (frame.trusted) {
-    if (!frame.from_last) followed_.clear();
     if (followed_.size() == 2) followed_.erase(followed_.begin());
     followed_.push_back(frame);
     failures_ = 0;

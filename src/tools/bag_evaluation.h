@@ -73,13 +73,13 @@ class BagEvaluation {
     Pose T_C_U;  ///< [m]
     bool from_last = false;
     std::optional<Pose> T_C_U_before = {};  ///< of the trusted image before
-    double share = 0;                       ///< of the motion since: @see movedOn
+    double time_ratio = 0;                  ///< @see movedOn
   };
 
   void evaluate(const BagFrame& frame, const StopToken& stop);
   std::optional<Start> startOf(const BagFrame& frame, const Pose& true_T_C_U);
   Start startFromLast(std::uint64_t stamp_ns) const;
-  Refinement refine(const Observation& observation, const Start& start, const StopToken& stop);
+  Prior priorFrom(const Start& start) const;
   void remember(const EvaluatedFrame& frame);
 
   const BagSequence& bag_;

@@ -10,10 +10,11 @@ namespace {
 TEST(RateSchedule, decaysInSteps) {
   RateSchedule schedule;
   schedule.run_updates = 640;
-  EXPECT_DOUBLE_EQ(schedule.shareAt(0), 1);
-  EXPECT_DOUBLE_EQ(schedule.shareAt(255), 1);
-  EXPECT_DOUBLE_EQ(schedule.shareAt(256), 0.33);
-  EXPECT_DOUBLE_EQ(schedule.shareAt(639), 0.33 * 0.33);
+  EXPECT_DOUBLE_EQ(schedule.rateFactor(0), 1);
+  EXPECT_DOUBLE_EQ(schedule.rateFactor(255), 1);
+  EXPECT_DOUBLE_EQ(schedule.rateFactor(256), 0.33);
+  EXPECT_DOUBLE_EQ(schedule.rateFactor(639), 0.33 * 0.33);
+  EXPECT_DOUBLE_EQ(schedule.rateFactor(700), 0.33 * 0.33) << "beyond the run";
 }
 
 TEST(RateSchedule, fallsToZeroAtTheEnd) {
@@ -22,19 +23,19 @@ TEST(RateSchedule, fallsToZeroAtTheEnd) {
   schedule.decay_updates = 100;
   schedule.anneal_share = 0.2;
   schedule.run_updates = 200;
-  EXPECT_DOUBLE_EQ(schedule.shareAt(159), 0.5);
-  EXPECT_DOUBLE_EQ(schedule.shareAt(160), 0.5);
-  EXPECT_DOUBLE_EQ(schedule.shareAt(180), 0.25);
-  EXPECT_DOUBLE_EQ(schedule.shareAt(199), 0.0125);
-  EXPECT_DOUBLE_EQ(schedule.shareAt(200), 0);
-  EXPECT_DOUBLE_EQ(schedule.shareAt(300), 0) << "beyond the run";
+  EXPECT_DOUBLE_EQ(schedule.rateFactor(159), 0.5);
+  EXPECT_DOUBLE_EQ(schedule.rateFactor(160), 0.5);
+  EXPECT_DOUBLE_EQ(schedule.rateFactor(180), 0.25);
+  EXPECT_DOUBLE_EQ(schedule.rateFactor(199), 0.0125);
+  EXPECT_DOUBLE_EQ(schedule.rateFactor(200), 0);
+  EXPECT_DOUBLE_EQ(schedule.rateFactor(300), 0) << "beyond the run";
 }
 
 TEST(RateSchedule, anUnknownEndIsNotAnnealed) {
   RateSchedule schedule;
   schedule.anneal_share = 0.5;
-  EXPECT_DOUBLE_EQ(schedule.shareAt(255), 1);
-  EXPECT_DOUBLE_EQ(schedule.shareAt(256), 0.33);
+  EXPECT_DOUBLE_EQ(schedule.rateFactor(255), 1);
+  EXPECT_DOUBLE_EQ(schedule.rateFactor(256), 0.33);
 }
 
 }  // namespace

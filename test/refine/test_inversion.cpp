@@ -228,6 +228,24 @@ TEST(Inversion, aScaledSceneGivesTheSameTrial) {
   EXPECT_LT(rotationDistance(whole.T_O_C.R, twentieth.T_O_C.R), 1 * kDegree);
 }
 
+// How far the last updates move the pose is how much it trembles.
+TEST(Inversion, anAnnealedRunComesToRest) {
+  const auto lastMove = [](double anneal_share) {
+    RefinerSettings settings = smallInversion();
+    InversionSettings& s = settings.inversion;
+    s.hypotheses = 1;
+    s.first_steps = 180;
+    s.rounds = 0;
+    s.descent.schedule.anneal_share = anneal_share;
+    const std::vector<TraceEntry> trace = Trial().run(settings).trace;
+    // The last entry is of the choice.
+    const Pose &before = trace.at(trace.size() - 3).best_T_O_C,
+               &end = trace.at(trace.size() - 2).best_T_O_C;
+    return (end.t - before.t).norm() + rotationDistance(end.R, before.R);
+  };
+  EXPECT_LT(lastMove(0.5), 0.5 * lastMove(0));
+}
+
 TEST(Inversion, aPriorOutsideOfThePictureHasNoOverlap) {
   Trial trial;
   trial.prior.T_O_C.R = trial.truth.R * expSO3(Eigen::Vector3d(0, M_PI, 0));

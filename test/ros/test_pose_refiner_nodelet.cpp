@@ -149,6 +149,8 @@ TEST_F(PoseRefinerTest, NodeletIsUnloadedAndLoadedWhileItRefines) {
     ASSERT_TRUE(waitUntil([] {
       return !world->camera->connected() && world->initial_pose.getNumSubscribers() == 0;
     }));
+    ASSERT_TRUE(loadNodelet("/pose_refiner"));
+    ASSERT_TRUE(unloadNodelet("/pose_refiner")) << "while it still advertises";
     world->status.clear();
     ASSERT_TRUE(loadNodelet("/pose_refiner"));
     ASSERT_TRUE(waitForState(Status::STATE_WAITING)) << "the object is read by itself";

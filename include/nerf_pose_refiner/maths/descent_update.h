@@ -54,12 +54,11 @@ struct RateSchedule {
   double anneal_share = 0;  ///< 0: none, as the paper
   int run_updates = 0;      ///< of the whole run; 0: nobody knows, and nothing is annealed
 
-  /// Share of the learning rates at an update, from 0 on.
-  NPR_HOST_DEVICE double shareAt(int update) const {
+  /// Of the learning rates at an update, from 0 on.
+  NPR_HOST_DEVICE double rateFactor(int update) const {
     const double decayed = pow(decay, static_cast<double>(update / decay_updates));
     const double left = run_updates - update, annealed = anneal_share * run_updates;
-    return run_updates > 0 && left < annealed ? decayed * (left > 0 ? left : 0) / annealed
-                                              : decayed;
+    return annealed > 0 && left < annealed ? decayed * (left > 0 ? left : 0) / annealed : decayed;
   }
 };
 
