@@ -50,7 +50,8 @@ void TrackerState::modelIsReady() {
   // An initial pose that came while the first model was loading is still good.
   if (has_model_) forgetPoses();
   has_model_ = true;
-  waitBecause(enabled_ ? Status::REASON_NONE : Status::REASON_DISABLED, "");
+  const char* message = enabled_ && !prior_ ? "waiting for an initial pose" : "";
+  waitBecause(enabled_ ? Status::REASON_NONE : Status::REASON_DISABLED, message);
 }
 
 void TrackerState::objectFrameMoved(const Pose& T_U_V) {
