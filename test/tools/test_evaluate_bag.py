@@ -117,6 +117,13 @@ class Evaluation(unittest.TestCase):
         self.assertAlmostEqual(float(rows[1]['start_rotation_deg']), float(rows[0]['rotation_deg']), delta=2)
         self.assertEqual(summary['skipped'], {})
 
+    def test_the_third_image_is_looked_for_where_two_point_to(self):
+        options = (*TRUTH, '--track', *QUICK, '--frames', '3', '--min-score', '0', '--trust-score', '0', '--no-plots')
+        predicted = without_latency(*self.evaluate('predicted', *options)[0])[0]
+        around_last = without_latency(*self.evaluate('around_last', *options, '--no-prediction')[0])[0]
+        self.assertEqual(predicted[:2], around_last[:2], 'until then nobody knows how it moves')
+        self.assertNotEqual(predicted[2]['start_rotation_deg'], around_last[2]['start_rotation_deg'])
+
     def test_images_without_an_initial_pose_are_skipped(self):
         (rows, summary), _ = self.evaluate('skip', *TRUTH, *QUICK, '--start', 'recorded', '--initial-pose',
                                            '/initial_pose', '--every', '10', '--frames', '3', '--no-plots')
