@@ -38,7 +38,8 @@ class Caller {
 
   /// Waits for the end of the goal. @return how it ended, and the result.
   std::string end(RegisterResult* result) {
-    if (!client_.waitForResult(ros::Duration(30))) return "not at all";
+    // Under AddressSanitizer learning takes most of a minute.
+    if (!client_.waitForResult(ros::Duration(120))) return "not at all";
     *result = *client_.getResult();
     return client_.getState().toString();
   }
