@@ -85,6 +85,7 @@ BagEvaluationResult BagEvaluation::run(const std::function<void(const EvaluatedF
       ModelPoints(std::move(points)), frame.point(metadata.centre), unit_m * metadata.diameter,
       metadata.symmetries.inFrame(metadata.T_O_U.inverse()).scaled(unit_m)});
   followed_.clear();
+  failures_ = 0;
   int looked_at = 0;
   for (int i = settings_.first; i < bag_.size(); i += settings_.every) {
     if (settings_.most > 0 && looked_at++ == settings_.most) break;

@@ -1,6 +1,8 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "nerf_pose_refiner/refine/motion.h"
 
 namespace nerf_pose_refiner {
@@ -42,6 +44,12 @@ TEST_F(MotionTest, GoesOnWithTheSameVelocity) {
   expectNear(movedOn(last_, cameraAt(0.5), 1, object_).T_O_C, cameraAt(1.5));
   expectNear(movedOn(last_, cameraAt(0), 0.25, object_).T_O_C, cameraAt(1.25));
   expectNear(movedOn(last_, cameraAt(0), 0, object_).T_O_C, cameraAt(1));
+}
+
+TEST_F(MotionTest, TimesThatMakeNoSenseMoveNothing) {
+  expectNear(movedOn(last_, cameraAt(0.5), NAN, object_).T_O_C, cameraAt(1));
+  expectNear(movedOn(last_, cameraAt(0.5), -1, object_).T_O_C, cameraAt(1));
+  expectNear(movedOn(last_, cameraAt(0.9), INFINITY, object_).T_O_C, cameraAt(1.3));
 }
 
 TEST_F(MotionTest, WhatStandsStillStays) {

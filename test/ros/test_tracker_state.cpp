@@ -83,7 +83,10 @@ TEST_F(TrackerStateTest, BeginsWithoutAModel) {
   expect(Status::STATE_ERROR, Status::REASON_MODEL_UNREADABLE);
   state_.modelIsReady();
   expect(Status::STATE_WAITING, Status::REASON_NONE);
+  EXPECT_EQ(state_.condition().message, "") << "an initial pose is there";
   EXPECT_TRUE(image(1).start) << "an initial pose that came before the model was ready is good";
+  restart();
+  EXPECT_EQ(state_.condition().message, "waiting for an initial pose");
 }
 
 TEST_F(TrackerStateTest, FollowsFromImageToImage) {
