@@ -9,12 +9,12 @@
 
 #include "engine_floor.h"
 #include "following.h"
-#include "nerf_pose_refiner/dataset/dataset.h"
-#include "nerf_pose_refiner/engine/make_engine.h"
-#include "nerf_pose_refiner/evaluate/trial_observation.h"
-#include "nerf_pose_refiner/field/model_file.h"
-#include "nerf_pose_refiner/refine/refiner.h"
-#include "nerf_pose_refiner/tasks/parallel.h"
+#include "dataset/dataset.h"
+#include "backend/make_engine.h"
+#include "evaluation/trial_observation.h"
+#include "field/model_file.h"
+#include "refinement/refiner.h"
+#include "concurrency/parallel.h"
 #include "trial_report.h"
 
 // Trials of pose refinement: views of a dataset, each started from wrong poses. Prints a line a

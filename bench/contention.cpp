@@ -9,11 +9,11 @@
 #include <thread>
 #include <vector>
 
-#include "nerf_pose_refiner/field/model_file.h"
-#include "nerf_pose_refiner/geometry/pose.h"
-#include "nerf_pose_refiner/image/colour.h"
-#include "nerf_pose_refiner/register/registrar.h"
-#include "nerf_pose_refiner/ros/object_search.h"
+#include "field/model_file.h"
+#include "nerf_pose_refiner/pose.h"
+#include "image/colour.h"
+#include "registration/registrar.h"
+#include "tracking/object_search.h"
 
 // What refiners of one process cost each other: tracking alone, beside a second tracked object, and
 // beside a training. Images come without a pause, which is the worst case.

@@ -1,7 +1,7 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include "engine_floor.h"
 
-#include "nerf_pose_refiner/engine/make_engine.h"
+#include "backend/make_engine.h"
 
 #ifdef NPR_BENCH_CUDA
 #include "device_floor.h"

@@ -4,7 +4,7 @@
 #include <cstddef>
 
 #include "floor.h"
-#include "nerf_pose_refiner/engine/engine.h"
+#include "backend/engine.h"
 
 namespace nerf_pose_refiner {
 

@@ -7,11 +7,11 @@
 #include <optional>
 #include <vector>
 
-#include "nerf_pose_refiner/evaluate/clutter.h"
-#include "nerf_pose_refiner/evaluate/pose_error.h"
-#include "nerf_pose_refiner/image/colour.h"
-#include "nerf_pose_refiner/refine/motion.h"
-#include "nerf_pose_refiner/refine/refiner.h"
+#include "evaluation/clutter.h"
+#include "evaluation/pose_error.h"
+#include "image/colour.h"
+#include "tracking/motion.h"
+#include "refinement/refiner.h"
 #include "work_report.h"
 
 namespace nerf_pose_refiner {

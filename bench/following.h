@@ -6,7 +6,7 @@
 #include <string>
 
 #include "floor.h"
-#include "nerf_pose_refiner/engine/engine.h"
+#include "backend/engine.h"
 
 namespace nerf_pose_refiner {
 

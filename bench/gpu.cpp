@@ -8,13 +8,13 @@
 #include <vector>
 
 #include "device_floor.h"
-#include "engine/ray_march.h"
-#include "nerf_pose_refiner/dataset/dataset.h"
-#include "nerf_pose_refiner/engine/make_engine.h"
-#include "nerf_pose_refiner/field/model_file.h"
-#include "nerf_pose_refiner/image/colour.h"
-#include "nerf_pose_refiner/maths/half.h"
-#include "nerf_pose_refiner/maths/random.h"
+#include "backend/common/ray_march.h"
+#include "dataset/dataset.h"
+#include "backend/make_engine.h"
+#include "field/model_file.h"
+#include "image/colour.h"
+#include "math/half.h"
+#include "math/random.h"
 
 // Rates of the CUDA engine's kernels against the device's gather rate, measured in the same run.
 

@@ -8,12 +8,12 @@
 #include <vector>
 
 #include "engine_floor.h"
-#include "nerf_pose_refiner/engine/make_engine.h"
-#include "nerf_pose_refiner/field/model_file.h"
-#include "nerf_pose_refiner/image/colour.h"
-#include "nerf_pose_refiner/image/resample.h"
-#include "nerf_pose_refiner/register/registrar.h"
-#include "nerf_pose_refiner/tasks/parallel.h"
+#include "backend/make_engine.h"
+#include "field/model_file.h"
+#include "image/colour.h"
+#include "image/resample.h"
+#include "registration/registrar.h"
+#include "concurrency/parallel.h"
 #include "work_report.h"
 
 // Registers an object and measures: time and work against the machine's floor, quality over test

@@ -23,13 +23,13 @@
 #include <string>
 #include <vector>
 
-#include "nerf_pose_refiner/dataset/dataset.h"
-#include "nerf_pose_refiner/field/model_file.h"
-#include "nerf_pose_refiner/field/object_frame.h"
-#include "nerf_pose_refiner/image/colour.h"
-#include "nerf_pose_refiner/register/registrar.h"
-#include "nerf_pose_refiner/ros/camera_input.h"
-#include "nerf_pose_refiner/ros/pose_conversions.h"
+#include "dataset/dataset.h"
+#include "field/model_file.h"
+#include "field/object_frame.h"
+#include "image/colour.h"
+#include "registration/registrar.h"
+#include "ros/conversions/camera_input.h"
+#include "ros/conversions/pose_conversions.h"
 #include "support/analytic_scene.h"
 #include "support/scene_dataset.h"
 

@@ -4,11 +4,11 @@
 #include <cstdio>
 #include <string>
 
-#include "nerf_pose_refiner/dataset/dataset.h"
-#include "nerf_pose_refiner/field/model_file.h"
-#include "nerf_pose_refiner/image/colour.h"
-#include "nerf_pose_refiner/refine/refiner.h"
-#include "nerf_pose_refiner/tasks/parallel.h"
+#include "dataset/dataset.h"
+#include "field/model_file.h"
+#include "image/colour.h"
+#include "refinement/refiner.h"
+#include "concurrency/parallel.h"
 #include "work_report.h"
 
 // The rate of rendering and of direct alignment on this machine, against the floor that gathers and

@@ -4,10 +4,10 @@
 #include <nlohmann/json.hpp>
 #include <vector>
 
-#include "nerf_pose_refiner/dataset/dataset.h"
-#include "nerf_pose_refiner/evaluate/pose_error.h"
-#include "nerf_pose_refiner/evaluate/start.h"
-#include "nerf_pose_refiner/refine/refiner.h"
+#include "dataset/dataset.h"
+#include "evaluation/pose_error.h"
+#include "evaluation/start.h"
+#include "refinement/refiner.h"
 #include "work_report.h"
 
 namespace nerf_pose_refiner {

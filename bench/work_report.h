@@ -2,7 +2,7 @@
 #pragma once
 
 #include "floor.h"
-#include "nerf_pose_refiner/engine/engine.h"
+#include "backend/engine.h"
 
 namespace nerf_pose_refiner {
 

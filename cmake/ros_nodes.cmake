@@ -2,38 +2,31 @@
 # The ROS room, the nodelet and the nodes; what belongs to them and is installed.
 set(ros_library ${PROJECT_NAME}_ros)
 add_library(${ros_library} STATIC
-  src/ros/bag_sequence.cpp
-  src/ros/camera_input.cpp
-  src/ros/capture_node.cpp
-  src/ros/diagnostics.cpp
-  src/ros/engine_factory.cpp
-  src/ros/hypothesis_markers.cpp
-  src/ros/initial_pose_marker.cpp
-  src/ros/mask_pairing.cpp
-  src/ros/model_cache.cpp
-  src/ros/object_registration.cpp
-  src/ros/object_search.cpp
-  src/ros/object_services.cpp
-  src/ros/object_store.cpp
-  src/ros/object_tracker.cpp
-  src/ros/overlay_publisher.cpp
-  src/ros/param_reader.cpp
-  src/ros/parameters.cpp
-  src/ros/pose_conversions.cpp
-  src/ros/pose_service.cpp
-  src/ros/prior.cpp
-  src/ros/processor_schedule.cpp
-  src/ros/reconfiguration.cpp
-  src/ros/refiner_process.cpp
-  src/ros/registration_queue.cpp
-  src/ros/registration_services.cpp
-  src/ros/result_publisher.cpp
-  src/ros/shared_engine.cpp
-  src/ros/tf_bridge.cpp
-  src/ros/tracked_object.cpp
-  src/ros/tracker_state.cpp
-  src/ros/transform_input.cpp
-  src/ros/view_capture.cpp)
+  src/ros/bag/bag_sequence.cpp
+  src/ros/capture/capture_node.cpp
+  src/ros/capture/view_capture.cpp
+  src/ros/conversions/camera_input.cpp
+  src/ros/conversions/hypothesis_markers.cpp
+  src/ros/conversions/mask_pairing.cpp
+  src/ros/conversions/param_reader.cpp
+  src/ros/conversions/parameters.cpp
+  src/ros/conversions/pose_conversions.cpp
+  src/ros/conversions/prior.cpp
+  src/ros/conversions/tf_bridge.cpp
+  src/ros/nodelet/diagnostics.cpp
+  src/ros/nodelet/initial_pose_marker.cpp
+  src/ros/nodelet/object_tracker.cpp
+  src/ros/nodelet/overlay_publisher.cpp
+  src/ros/nodelet/result_publisher.cpp
+  src/ros/nodelet/tracker_state.cpp
+  src/ros/nodelet/transform_input.cpp
+  src/ros/services/object_registration.cpp
+  src/ros/services/object_services.cpp
+  src/ros/services/object_store.cpp
+  src/ros/services/pose_service.cpp
+  src/ros/services/reconfiguration.cpp
+  src/ros/services/registration_services.cpp
+  src/ros/services/tracked_object.cpp)
 add_dependencies(${ros_library}
   ${PROJECT_NAME}_gencfg ${PROJECT_NAME}_generate_messages_cpp ${catkin_EXPORTED_TARGETS})
 npr_set_warnings(${ros_library})
@@ -43,13 +36,13 @@ target_include_directories(${ros_library} SYSTEM PUBLIC ${catkin_INCLUDE_DIRS})
 target_include_directories(${ros_library} SYSTEM PRIVATE ${OpenCV_INCLUDE_DIRS})
 target_link_libraries(${ros_library} PUBLIC ${PROJECT_NAME} ${catkin_LIBRARIES})
 
-add_library(${PROJECT_NAME}_nodelets SHARED src/nodelets/pose_refiner_nodelet.cpp)
+add_library(${PROJECT_NAME}_nodelets SHARED src/ros/nodelet/pose_refiner_nodelet.cpp)
 npr_set_warnings(${PROJECT_NAME}_nodelets)
 target_link_libraries(${PROJECT_NAME}_nodelets PRIVATE ${ros_library})
 
 # Called `pose_refiner` in the package's own folder (rosrun nerf_pose_refiner pose_refiner).
 foreach(node decode_images initial_pose_marker pose_refiner)
-  add_executable(${PROJECT_NAME}_${node}_node src/nodes/${node}_node.cpp)
+  add_executable(${PROJECT_NAME}_${node}_node src/ros/nodelet/${node}_node.cpp)
   set_target_properties(${PROJECT_NAME}_${node}_node PROPERTIES OUTPUT_NAME ${node})
   npr_set_warnings(${PROJECT_NAME}_${node}_node)
   target_include_directories(${PROJECT_NAME}_${node}_node SYSTEM PRIVATE
@@ -74,7 +67,7 @@ endif()
 catkin_install_python(PROGRAMS scripts/llff_to_transforms scripts/plot_evaluation
   DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
 
-add_executable(${PROJECT_NAME}_capture_views_node src/nodes/capture_views_node.cpp)
+add_executable(${PROJECT_NAME}_capture_views_node src/ros/capture/capture_views_node.cpp)
 set_target_properties(${PROJECT_NAME}_capture_views_node PROPERTIES OUTPUT_NAME capture_views)
 npr_set_warnings(${PROJECT_NAME}_capture_views_node)
 target_link_libraries(${PROJECT_NAME}_capture_views_node PRIVATE ${ros_library})

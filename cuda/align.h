@@ -4,7 +4,7 @@
 #include <cuda_runtime_api.h>
 
 #include "hypotheses.h"
-#include "nerf_pose_refiner/maths/alignment_search.h"
+#include "math/alignment_search.h"
 #include "views.h"
 
 namespace nerf_pose_refiner {

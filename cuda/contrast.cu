@@ -1,6 +1,6 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include "cuda_error.h"
-#include "nerf_pose_refiner/maths/local_contrast.h"
+#include "math/local_contrast.h"
 #include "unknown_background.h"
 
 namespace nerf_pose_refiner {

@@ -4,9 +4,9 @@
 #include <stdexcept>
 
 #include "cuda_engine.h"
-#include "engine/alignment_rules.h"
-#include "nerf_pose_refiner/image/filter.h"
-#include "nerf_pose_refiner/maths/local_contrast.h"
+#include "backend/common/alignment_rules.h"
+#include "image/filter.h"
+#include "math/local_contrast.h"
 
 // Direct alignment: evaluations of a stage are enqueued until all searches are done.
 

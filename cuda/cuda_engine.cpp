@@ -7,7 +7,7 @@
 #include <stdexcept>
 
 #include "cuda_trainer.h"
-#include "engine/batch_room.h"
+#include "backend/common/batch_room.h"
 
 namespace nerf_pose_refiner {
 namespace {

@@ -5,8 +5,8 @@
 #include <stdexcept>
 #include <string>
 
-#include "engine/ray_march.h"
-#include "nerf_pose_refiner/maths/hash.h"
+#include "backend/common/ray_march.h"
+#include "math/hash.h"
 #include "network_layers.h"
 
 namespace nerf_pose_refiner {

@@ -6,7 +6,7 @@
 
 #include "device_memory.h"
 #include "field_view.h"
-#include "nerf_pose_refiner/engine/engine.h"
+#include "backend/engine.h"
 #include "views.h"
 
 namespace nerf_pose_refiner {

@@ -4,8 +4,8 @@
 #include <stdexcept>
 
 #include "cuda_engine.h"
-#include "nerf_pose_refiner/image/filter.h"
-#include "nerf_pose_refiner/tasks/parallel.h"
+#include "image/filter.h"
+#include "concurrency/parallel.h"
 
 namespace nerf_pose_refiner {
 namespace {

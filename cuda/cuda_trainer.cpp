@@ -5,10 +5,10 @@
 #include <cmath>
 #include <cstddef>
 
-#include "engine/pixel_window.h"
-#include "engine/training_setup.h"
-#include "nerf_pose_refiner/field/matter.h"
-#include "nerf_pose_refiner/maths/half.h"
+#include "backend/common/pixel_window.h"
+#include "backend/common/training_setup.h"
+#include "field/matter.h"
+#include "math/half.h"
 
 namespace nerf_pose_refiner {
 namespace {

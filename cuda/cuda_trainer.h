@@ -5,8 +5,8 @@
 
 #include "cuda_field.h"
 #include "device_memory.h"
-#include "engine/training_occupancy.h"
-#include "nerf_pose_refiner/engine/engine.h"
+#include "backend/common/training_occupancy.h"
+#include "backend/engine.h"
 #include "train.h"
 
 namespace nerf_pose_refiner {

@@ -3,8 +3,8 @@
 
 #include "cast_rays.cuh"
 #include "launch.cuh"
-#include "nerf_pose_refiner/maths/pixel_draw.h"
-#include "nerf_pose_refiner/maths/pixel_loss.h"
+#include "math/pixel_draw.h"
+#include "math/pixel_loss.h"
 #include "ray_hits.cuh"
 
 // Rays of the paper's mode, for all hypotheses at once. First all of them are cast, which gives the

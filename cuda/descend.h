@@ -7,7 +7,7 @@
 
 #include "field_view.h"
 #include "hypotheses.h"
-#include "nerf_pose_refiner/maths/loss.h"
+#include "math/loss.h"
 #include "views.h"
 
 namespace nerf_pose_refiner {

@@ -3,7 +3,7 @@
 
 #include <cstdint>
 
-#include "nerf_pose_refiner/maths/ray_lattice.h"
+#include "math/ray_lattice.h"
 
 namespace nerf_pose_refiner {
 

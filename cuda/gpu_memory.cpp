@@ -1,10 +1,10 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "nerf_pose_refiner/engine/gpu_memory.h"
+#include "backend/gpu_memory.h"
 
 #include <cuda_runtime_api.h>
 
 #include "cuda_error.h"
-#include "nerf_pose_refiner/engine/make_engine.h"
+#include "backend/make_engine.h"
 
 namespace nerf_pose_refiner {
 

@@ -5,8 +5,8 @@
 
 #include <cstdint>
 
-#include "nerf_pose_refiner/maths/descent_update.h"
-#include "nerf_pose_refiner/maths/pose_spread.h"
+#include "math/descent_update.h"
+#include "math/pose_spread.h"
 
 namespace nerf_pose_refiner {
 

@@ -2,7 +2,7 @@
 #pragma once
 
 #include "field_view.h"
-#include "nerf_pose_refiner/maths/half.h"
+#include "math/half.h"
 
 namespace nerf_pose_refiner {
 

@@ -1,7 +1,7 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include "nerf_pose_refiner/maths/ray_lattice.h"
+#include "math/ray_lattice.h"
 #include "views.h"
 #include "warp_tiles.cuh"
 

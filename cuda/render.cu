@@ -3,7 +3,7 @@
 
 #include "cast_rays.cuh"
 #include "launch.cuh"
-#include "nerf_pose_refiner/maths/pixel_window.h"
+#include "math/pixel_window.h"
 #include "ray_hits.cuh"
 
 namespace nerf_pose_refiner {

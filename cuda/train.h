@@ -6,7 +6,7 @@
 #include <cstdint>
 
 #include "field_view.h"
-#include "nerf_pose_refiner/maths/training.h"
+#include "math/training.h"
 #include "network_layers.h"
 
 namespace nerf_pose_refiner {

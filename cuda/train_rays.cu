@@ -4,7 +4,7 @@
 
 #include "cast_rays.cuh"
 #include "cuda_error.h"
-#include "nerf_pose_refiner/maths/composite_ray.h"
+#include "math/composite_ray.h"
 #include "train.h"
 
 // Rays of a training step.

@@ -3,7 +3,7 @@
 
 #include <cstdint>
 
-#include "nerf_pose_refiner/maths/projection.h"
+#include "math/projection.h"
 
 namespace nerf_pose_refiner {
 

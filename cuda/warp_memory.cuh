@@ -2,7 +2,7 @@
 #pragma once
 
 #include "hash_encoding.cuh"
-#include "nerf_pose_refiner/maths/spherical_harmonics.h"
+#include "math/spherical_harmonics.h"
 #include "network_layers.h"
 
 namespace nerf_pose_refiner {

@@ -7,9 +7,9 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "nerf_pose_refiner/dataset/dataset.h"
-#include "nerf_pose_refiner/image/io.h"
-#include "nerf_pose_refiner/register/visual_hull.h"
+#include "dataset/dataset.h"
+#include "image/io.h"
+#include "registration/visual_hull.h"
 #include "support/analytic_dataset.h"
 #include "support/temporary_folder.h"
 

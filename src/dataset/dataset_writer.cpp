@@ -1,5 +1,5 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "nerf_pose_refiner/dataset/dataset_writer.h"
+#include "dataset/dataset_writer.h"
 
 #include <cerrno>
 #include <cstdio>
@@ -9,7 +9,7 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
-#include "nerf_pose_refiner/image/io.h"
+#include "image/io.h"
 
 namespace nerf_pose_refiner {
 namespace {

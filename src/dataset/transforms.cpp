@@ -8,12 +8,12 @@
 #include <utility>
 #include <vector>
 
-#include "nerf_pose_refiner/dataset/dataset.h"
-#include "nerf_pose_refiner/dataset/path_below.h"
-#include "nerf_pose_refiner/image/io.h"
-#include "nerf_pose_refiner/image/undistort.h"
-#include "nerf_pose_refiner/tasks/parallel.h"
-#include "transforms_json.h"
+#include "dataset/dataset.h"
+#include "dataset/path_below.h"
+#include "image/io.h"
+#include "image/undistort.h"
+#include "concurrency/parallel.h"
+#include "dataset/transforms_json.h"
 
 namespace nerf_pose_refiner {
 namespace {

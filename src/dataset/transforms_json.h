@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "nerf_pose_refiner/geometry/camera.h"
-#include "nerf_pose_refiner/geometry/pose.h"
+#include "nerf_pose_refiner/camera.h"
+#include "nerf_pose_refiner/pose.h"
 
 namespace nerf_pose_refiner {
 

@@ -1,5 +1,5 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "atomic_file.h"
+#include "field/atomic_file.h"
 
 #include <fcntl.h>
 #include <unistd.h>

@@ -1,5 +1,5 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "description.h"
+#include "field/description.h"
 
 #include <nlohmann/json.hpp>
 #include <stdexcept>

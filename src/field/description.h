@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "nerf_pose_refiner/field/field.h"
+#include "field/field.h"
 
 namespace nerf_pose_refiner {
 

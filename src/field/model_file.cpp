@@ -1,5 +1,5 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "nerf_pose_refiner/field/model_file.h"
+#include "field/model_file.h"
 
 #include <array>
 #include <cerrno>
@@ -11,9 +11,9 @@
 #include <stdexcept>
 #include <system_error>
 
-#include "atomic_file.h"
-#include "description.h"
-#include "nerf_pose_refiner/maths/checksum.h"
+#include "field/atomic_file.h"
+#include "field/description.h"
+#include "math/checksum.h"
 
 namespace nerf_pose_refiner {
 namespace {

@@ -1,5 +1,5 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "nerf_pose_refiner/field/object_metadata.h"
+#include "field/object_metadata.h"
 
 #include <yaml-cpp/yaml.h>
 
@@ -15,7 +15,7 @@
 #include <stdexcept>
 #include <vector>
 
-#include "nerf_pose_refiner/field/model_file.h"
+#include "field/model_file.h"
 
 namespace nerf_pose_refiner {
 namespace {

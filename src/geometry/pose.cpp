@@ -1,11 +1,11 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "nerf_pose_refiner/geometry/pose.h"
+#include "nerf_pose_refiner/pose.h"
 
 #include <Eigen/LU>
 #include <Eigen/SVD>
 #include <cmath>
 
-#include "nerf_pose_refiner/maths/so3.h"
+#include "math/so3.h"
 
 namespace nerf_pose_refiner {
 

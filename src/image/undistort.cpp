@@ -1,5 +1,5 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "nerf_pose_refiner/image/undistort.h"
+#include "image/undistort.h"
 
 #include <cmath>
 #include <opencv2/calib3d.hpp>
@@ -7,7 +7,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "nerf_pose_refiner/image/colour.h"
+#include "image/colour.h"
 
 namespace nerf_pose_refiner {
 namespace {

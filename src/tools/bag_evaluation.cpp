@@ -1,11 +1,11 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "bag_evaluation.h"
+#include "tools/bag_evaluation.h"
 
 #include <stdexcept>
 
-#include "nerf_pose_refiner/evaluate/start.h"
-#include "nerf_pose_refiner/field/object_frame.h"
-#include "nerf_pose_refiner/refine/motion.h"
+#include "evaluation/start.h"
+#include "field/object_frame.h"
+#include "tracking/motion.h"
 
 namespace nerf_pose_refiner {
 namespace {

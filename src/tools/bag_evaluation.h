@@ -8,11 +8,11 @@
 #include <string>
 #include <vector>
 
-#include "nerf_pose_refiner/evaluate/sequence.h"
-#include "nerf_pose_refiner/refine/refiner.h"
-#include "nerf_pose_refiner/ros/bag_sequence.h"
-#include "nerf_pose_refiner/ros/camera_input.h"
-#include "nerf_pose_refiner/ros/parameters.h"
+#include "evaluation/sequence.h"
+#include "refinement/refiner.h"
+#include "ros/bag/bag_sequence.h"
+#include "ros/conversions/camera_input.h"
+#include "ros/conversions/parameters.h"
 
 namespace nerf_pose_refiner {
 

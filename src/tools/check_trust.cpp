@@ -6,9 +6,9 @@
 #include <string>
 #include <vector>
 
-#include "nerf_pose_refiner/field/object_metadata.h"
-#include "tool.h"
-#include "trust_trials.h"
+#include "field/object_metadata.h"
+#include "tools/tool.h"
+#include "tools/trust_trials.h"
 
 // A model and recordings to how far published poses can be believed.
 

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "nerf_pose_refiner/maths/planar_descent.h"
+#include "math/planar_descent.h"
 
 // Draws Fig. 2 of Lin et al. as an SVG: descent in the plane on SO(2) x T(2) and on SE(2), with
 // heavy-ball momentum and with Adam beside it.

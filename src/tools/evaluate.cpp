@@ -9,15 +9,15 @@
 #include <string>
 #include <vector>
 
-#include "nerf_pose_refiner/dataset/dataset.h"
-#include "nerf_pose_refiner/engine/overlay.h"
-#include "nerf_pose_refiner/evaluate/trial.h"
-#include "nerf_pose_refiner/evaluate/trial_observation.h"
-#include "nerf_pose_refiner/evaluate/trial_table.h"
-#include "nerf_pose_refiner/field/model_file.h"
-#include "nerf_pose_refiner/image/io.h"
-#include "tool.h"
-#include "trial_shard.h"
+#include "dataset/dataset.h"
+#include "backend/common/overlay.h"
+#include "evaluation/trial.h"
+#include "evaluation/trial_observation.h"
+#include "evaluation/trial_table.h"
+#include "field/model_file.h"
+#include "image/io.h"
+#include "tools/tool.h"
+#include "tools/trial_shard.h"
 
 // Runs the trials of a plan on the scenes of a data folder. What is there already is not run again.
 

@@ -9,11 +9,11 @@
 #include <stdexcept>
 #include <string>
 
-#include "bag_evaluation.h"
-#include "evaluation_files.h"
-#include "nerf_pose_refiner/field/object_metadata.h"
-#include "refine_case.h"
-#include "tool.h"
+#include "tools/bag_evaluation.h"
+#include "tools/evaluation_files.h"
+#include "field/object_metadata.h"
+#include "tools/refine_case.h"
+#include "tools/tool.h"
 
 // A model file and a bag with the truth to errors, shares and latencies.
 

@@ -1,5 +1,5 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "evaluation_files.h"
+#include "tools/evaluation_files.h"
 
 #include <cerrno>
 #include <cmath>
@@ -8,8 +8,8 @@
 #include <fstream>
 #include <stdexcept>
 
-#include "nerf_pose_refiner/evaluate/statistics.h"
-#include "tool.h"
+#include "evaluation/statistics.h"
+#include "tools/tool.h"
 
 namespace nerf_pose_refiner {
 namespace {

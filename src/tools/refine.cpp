@@ -4,15 +4,15 @@
 #include <string>
 #include <vector>
 
-#include "nerf_pose_refiner/dataset/dataset.h"
-#include "nerf_pose_refiner/evaluate/pose_error.h"
-#include "nerf_pose_refiner/evaluate/start.h"
-#include "nerf_pose_refiner/field/object_frame.h"
-#include "nerf_pose_refiner/field/object_metadata.h"
-#include "nerf_pose_refiner/image/io.h"
-#include "nerf_pose_refiner/refine/refiner.h"
-#include "refine_case.h"
-#include "tool.h"
+#include "dataset/dataset.h"
+#include "evaluation/pose_error.h"
+#include "evaluation/start.h"
+#include "field/object_frame.h"
+#include "field/object_metadata.h"
+#include "image/io.h"
+#include "refinement/refiner.h"
+#include "tools/refine_case.h"
+#include "tools/tool.h"
 
 // A model file, a picture and a rough pose to a refined pose.
 

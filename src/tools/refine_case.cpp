@@ -1,8 +1,8 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "refine_case.h"
+#include "tools/refine_case.h"
 
-#include "nerf_pose_refiner/image/colour.h"
-#include "nerf_pose_refiner/image/undistort.h"
+#include "image/colour.h"
+#include "image/undistort.h"
 
 namespace nerf_pose_refiner {
 namespace {

@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "nerf_pose_refiner/dataset/dataset.h"
-#include "nerf_pose_refiner/engine/observation.h"
+#include "dataset/dataset.h"
+#include "nerf_pose_refiner/observation.h"
 
 namespace nerf_pose_refiner {
 

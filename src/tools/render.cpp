@@ -7,12 +7,12 @@
 #include <string>
 #include <vector>
 
-#include "nerf_pose_refiner/dataset/dataset.h"
-#include "nerf_pose_refiner/field/model_file.h"
-#include "nerf_pose_refiner/image/colour.h"
-#include "nerf_pose_refiner/image/io.h"
-#include "nerf_pose_refiner/image/resample.h"
-#include "tool.h"
+#include "dataset/dataset.h"
+#include "field/model_file.h"
+#include "image/colour.h"
+#include "image/io.h"
+#include "image/resample.h"
+#include "tools/tool.h"
 
 // A model file to pictures, and how well they match the photos.
 

@@ -8,11 +8,11 @@
 #include <string>
 #include <vector>
 
-#include "nerf_pose_refiner/dataset/dataset.h"
-#include "nerf_pose_refiner/engine/make_engine.h"
-#include "nerf_pose_refiner/geometry/camera.h"
-#include "nerf_pose_refiner/geometry/pose.h"
-#include "nerf_pose_refiner/tasks/stop_token.h"
+#include "dataset/dataset.h"
+#include "backend/make_engine.h"
+#include "nerf_pose_refiner/camera.h"
+#include "nerf_pose_refiner/pose.h"
+#include "nerf_pose_refiner/stop_token.h"
 
 namespace nerf_pose_refiner {
 

@@ -3,11 +3,11 @@
 #include <string>
 #include <vector>
 
-#include "nerf_pose_refiner/dataset/dataset.h"
-#include "nerf_pose_refiner/field/model_file.h"
-#include "nerf_pose_refiner/field/object_metadata.h"
-#include "nerf_pose_refiner/register/registrar.h"
-#include "tool.h"
+#include "dataset/dataset.h"
+#include "field/model_file.h"
+#include "field/object_metadata.h"
+#include "registration/registrar.h"
+#include "tools/tool.h"
 
 // Posed photos to a model file.
 

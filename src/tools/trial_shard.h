@@ -6,8 +6,8 @@
 #include <stdexcept>
 #include <string>
 
-#include "nerf_pose_refiner/evaluate/trial_table.h"
-#include "nerf_pose_refiner/maths/checksum.h"
+#include "evaluation/trial_table.h"
+#include "math/checksum.h"
 
 namespace nerf_pose_refiner {
 

@@ -1,15 +1,15 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "trust_trials.h"
+#include "tools/trust_trials.h"
 
 #include <algorithm>
 #include <stdexcept>
 #include <string>
 #include <utility>
 
-#include "nerf_pose_refiner/evaluate/pose_error.h"
-#include "nerf_pose_refiner/evaluate/start.h"
-#include "nerf_pose_refiner/field/object_frame.h"
-#include "nerf_pose_refiner/maths/random.h"
+#include "evaluation/pose_error.h"
+#include "evaluation/start.h"
+#include "field/object_frame.h"
+#include "math/random.h"
 
 namespace nerf_pose_refiner {
 namespace {

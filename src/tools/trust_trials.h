@@ -5,10 +5,10 @@
 #include <memory>
 #include <vector>
 
-#include "nerf_pose_refiner/engine/engine.h"
-#include "nerf_pose_refiner/geometry/symmetry.h"
-#include "nerf_pose_refiner/ros/bag_sequence.h"
-#include "nerf_pose_refiner/ros/object_tracker.h"
+#include "backend/engine.h"
+#include "nerf_pose_refiner/symmetry.h"
+#include "ros/bag/bag_sequence.h"
+#include "ros/nodelet/object_tracker.h"
 
 namespace nerf_pose_refiner {
 

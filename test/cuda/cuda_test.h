@@ -7,7 +7,7 @@
 #include <memory>
 #include <string>
 
-#include "nerf_pose_refiner/engine/make_engine.h"
+#include "backend/make_engine.h"
 
 namespace nerf_pose_refiner {
 

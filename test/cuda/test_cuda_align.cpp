@@ -8,7 +8,7 @@
 #include <tuple>
 
 #include "learned_object_test.h"
-#include "nerf_pose_refiner/refine/refiner.h"
+#include "refinement/refiner.h"
 
 // Direct alignment of the CUDA engine against the CPU engine's, from the same plans.
 

@@ -2,8 +2,8 @@
 #include <cmath>
 
 #include "cuda_test.h"
-#include "nerf_pose_refiner/engine/gpu_memory.h"
-#include "nerf_pose_refiner/image/colour.h"
+#include "backend/gpu_memory.h"
+#include "image/colour.h"
 #include "test_object.h"
 
 // Renderings of the CUDA engine against the CPU engine's, which works in single precision: halves

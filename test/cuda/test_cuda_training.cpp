@@ -3,11 +3,11 @@
 #include <stdexcept>
 
 #include "cuda_test.h"
-#include "engine/training_setup.h"
-#include "nerf_pose_refiner/image/colour.h"
-#include "nerf_pose_refiner/maths/half.h"
-#include "nerf_pose_refiner/register/registrar.h"
-#include "nerf_pose_refiner/register/visual_hull.h"
+#include "backend/common/training_setup.h"
+#include "image/colour.h"
+#include "math/half.h"
+#include "registration/registrar.h"
+#include "registration/visual_hull.h"
 #include "support/analytic_dataset.h"
 
 // Training on the GPU: its first step against the CPU engine's, which draws the same rays, and what

@@ -5,8 +5,8 @@
 #include <cmath>
 #include <memory>
 
-#include "nerf_pose_refiner/engine/engine.h"
-#include "nerf_pose_refiner/image/colour.h"
+#include "backend/engine.h"
+#include "image/colour.h"
 #include "support/random_field.h"
 
 namespace nerf_pose_refiner {

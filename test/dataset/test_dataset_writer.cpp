@@ -1,5 +1,5 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "nerf_pose_refiner/dataset/dataset_writer.h"
+#include "dataset/dataset_writer.h"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +7,7 @@
 #include <memory>
 #include <stdexcept>
 
-#include "nerf_pose_refiner/dataset/dataset.h"
+#include "dataset/dataset.h"
 #include "support/expect_error.h"
 #include "support/temporary_folder.h"
 

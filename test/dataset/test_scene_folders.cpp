@@ -6,8 +6,8 @@
 #include <stdexcept>
 #include <string>
 
-#include "nerf_pose_refiner/dataset/dataset.h"
-#include "nerf_pose_refiner/image/io.h"
+#include "dataset/dataset.h"
+#include "image/io.h"
 #include "support/expect_error.h"
 #include "support/temporary_folder.h"
 

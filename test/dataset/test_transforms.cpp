@@ -5,8 +5,8 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
-#include "nerf_pose_refiner/dataset/dataset.h"
-#include "nerf_pose_refiner/image/io.h"
+#include "dataset/dataset.h"
+#include "image/io.h"
 #include "support/expect_error.h"
 #include "support/temporary_folder.h"
 

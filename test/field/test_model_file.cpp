@@ -1,5 +1,5 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "nerf_pose_refiner/field/model_file.h"
+#include "field/model_file.h"
 
 #include <gtest/gtest.h>
 #include <signal.h>
@@ -12,7 +12,7 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
-#include "nerf_pose_refiner/maths/checksum.h"
+#include "math/checksum.h"
 #include "support/expect_error.h"
 #include "support/small_field.h"
 #include "support/temporary_folder.h"

@@ -1,5 +1,5 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "nerf_pose_refiner/field/object_metadata.h"
+#include "field/object_metadata.h"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "nerf_pose_refiner/field/model_file.h"
+#include "field/model_file.h"
 #include "support/expect_error.h"
 #include "support/small_field.h"
 #include "support/temporary_folder.h"

@@ -13,7 +13,7 @@
 #include <utility>
 #include <vector>
 
-#include "nerf_pose_refiner/ros/object_tracker.h"
+#include "ros/nodelet/object_tracker.h"
 
 namespace nerf_pose_refiner {
 

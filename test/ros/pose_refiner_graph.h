@@ -22,10 +22,10 @@
 
 #include "fake_camera.h"
 #include "graph.h"
-#include "nerf_pose_refiner/field/object_frame.h"
-#include "nerf_pose_refiner/image/colour.h"
-#include "nerf_pose_refiner/ros/camera_input.h"
-#include "nerf_pose_refiner/ros/pose_conversions.h"
+#include "field/object_frame.h"
+#include "image/colour.h"
+#include "ros/conversions/camera_input.h"
+#include "ros/conversions/pose_conversions.h"
 #include "support/analytic_scene.h"
 #include "support/scene_dataset.h"
 

@@ -4,10 +4,10 @@
 #include <cstdint>
 #include <memory>
 
-#include "nerf_pose_refiner/image/colour.h"
-#include "nerf_pose_refiner/ros/camera_input.h"
-#include "nerf_pose_refiner/ros/object_search.h"
-#include "nerf_pose_refiner/ros/object_tracker.h"
+#include "image/colour.h"
+#include "ros/conversions/camera_input.h"
+#include "tracking/object_search.h"
+#include "ros/nodelet/object_tracker.h"
 #include "support/analytic_scene.h"
 
 namespace nerf_pose_refiner {

@@ -1,5 +1,5 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "nerf_pose_refiner/ros/bag_sequence.h"
+#include "ros/bag/bag_sequence.h"
 
 #include <cv_bridge/cv_bridge.h>
 #include <geometry_msgs/PoseStamped.h>
@@ -11,8 +11,8 @@
 #include <stdexcept>
 #include <string>
 
-#include "nerf_pose_refiner/ros/camera_input.h"
-#include "nerf_pose_refiner/ros/pose_conversions.h"
+#include "ros/conversions/camera_input.h"
+#include "ros/conversions/pose_conversions.h"
 #include "support/expect_error.h"
 #include "support/temporary_folder.h"
 

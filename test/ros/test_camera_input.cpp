@@ -1,5 +1,5 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "nerf_pose_refiner/ros/camera_input.h"
+#include "ros/conversions/camera_input.h"
 
 #include <gtest/gtest.h>
 #include <nerf_pose_refiner/RefinementStatus.h>
@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "nerf_pose_refiner/ros/input_error.h"
+#include "ros/conversions/input_error.h"
 
 namespace nerf_pose_refiner {
 namespace {

@@ -12,9 +12,9 @@
 #include <string>
 
 #include "graph.h"
-#include "nerf_pose_refiner/dataset/dataset.h"
-#include "nerf_pose_refiner/ros/camera_input.h"
-#include "nerf_pose_refiner/ros/pose_conversions.h"
+#include "dataset/dataset.h"
+#include "ros/conversions/camera_input.h"
+#include "ros/conversions/pose_conversions.h"
 #include "support/capture_scene.h"
 
 namespace nerf_pose_refiner {

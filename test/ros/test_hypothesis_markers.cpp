@@ -1,5 +1,5 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "nerf_pose_refiner/ros/hypothesis_markers.h"
+#include "ros/conversions/hypothesis_markers.h"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 #include <string>
 #include <utility>
 
-#include "nerf_pose_refiner/field/object_frame.h"
+#include "field/object_frame.h"
 
 namespace nerf_pose_refiner {
 namespace {

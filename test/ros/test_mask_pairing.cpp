@@ -1,5 +1,5 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "nerf_pose_refiner/ros/mask_pairing.h"
+#include "ros/conversions/mask_pairing.h"
 
 #include <gtest/gtest.h>
 #include <boost/make_shared.hpp>

@@ -7,8 +7,8 @@
 #include <memory>
 #include <optional>
 
-#include "nerf_pose_refiner/field/object_frame.h"
-#include "nerf_pose_refiner/ros/pose_conversions.h"
+#include "field/object_frame.h"
+#include "ros/conversions/pose_conversions.h"
 #include "scene_search.h"
 
 namespace nerf_pose_refiner {

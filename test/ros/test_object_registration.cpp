@@ -1,5 +1,5 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "nerf_pose_refiner/ros/object_registration.h"
+#include "ros/services/object_registration.h"
 
 #include <gtest/gtest.h>
 #include <signal.h>
@@ -12,8 +12,8 @@
 #include <stdexcept>
 #include <string>
 
-#include "nerf_pose_refiner/field/model_file.h"
-#include "nerf_pose_refiner/image/io.h"
+#include "field/model_file.h"
+#include "image/io.h"
 #include "support/expect_error.h"
 #include "support/scripted_engine.h"
 #include "support/small_field.h"

@@ -1,5 +1,5 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "nerf_pose_refiner/ros/object_store.h"
+#include "ros/services/object_store.h"
 
 #include <gtest/gtest.h>
 #include <nerf_pose_refiner/RefinementStatus.h>
@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "nerf_pose_refiner/ros/input_error.h"
+#include "ros/conversions/input_error.h"
 #include "support/expect_error.h"
 #include "support/random_field.h"
 #include "support/temporary_folder.h"

@@ -1,6 +1,6 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 // Parameters as the parameter server has them: files of config/, and every single one changed.
-#include "nerf_pose_refiner/ros/parameters.h"
+#include "ros/conversions/parameters.h"
 
 #include <gtest/gtest.h>
 #include <ros/ros.h>
@@ -13,7 +13,7 @@
 #include <string>
 #include <vector>
 
-#include "nerf_pose_refiner/ros/view_capture.h"
+#include "ros/capture/view_capture.h"
 
 namespace nerf_pose_refiner {
 namespace {

@@ -1,12 +1,12 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "nerf_pose_refiner/ros/pose_conversions.h"
+#include "ros/conversions/pose_conversions.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <limits>
 
-#include "nerf_pose_refiner/ros/input_error.h"
+#include "ros/conversions/input_error.h"
 
 namespace nerf_pose_refiner {
 namespace {

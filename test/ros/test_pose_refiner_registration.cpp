@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "nerf_pose_refiner/ros/topics.h"
+#include "ros/conversions/topics.h"
 #include "pose_refiner_graph.h"
 
 namespace nerf_pose_refiner {

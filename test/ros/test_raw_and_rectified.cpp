@@ -10,10 +10,10 @@
 #include <string>
 #include <vector>
 
-#include "nerf_pose_refiner/geometry/pose.h"
-#include "nerf_pose_refiner/image/colour.h"
-#include "nerf_pose_refiner/refine/refiner.h"
-#include "nerf_pose_refiner/ros/camera_input.h"
+#include "nerf_pose_refiner/pose.h"
+#include "image/colour.h"
+#include "refinement/refiner.h"
+#include "ros/conversions/camera_input.h"
 #include "support/analytic_scene.h"
 
 namespace nerf_pose_refiner {

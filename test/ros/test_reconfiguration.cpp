@@ -1,6 +1,6 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 // What may be changed while the node runs: dynamic_reconfigure and the strict parameters agree.
-#include "nerf_pose_refiner/ros/reconfiguration.h"
+#include "ros/services/reconfiguration.h"
 
 #include <dynamic_reconfigure/ConfigDescription.h>
 #include <dynamic_reconfigure/Reconfigure.h>

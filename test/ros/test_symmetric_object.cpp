@@ -9,8 +9,8 @@
 #include <optional>
 #include <utility>
 
-#include "nerf_pose_refiner/field/object_frame.h"
-#include "nerf_pose_refiner/ros/pose_conversions.h"
+#include "field/object_frame.h"
+#include "ros/conversions/pose_conversions.h"
 #include "scene_search.h"
 #include "support/revolved_scene.h"
 

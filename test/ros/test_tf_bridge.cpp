@@ -1,5 +1,5 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "nerf_pose_refiner/ros/tf_bridge.h"
+#include "ros/conversions/tf_bridge.h"
 
 #include <geometry_msgs/TransformStamped.h>
 #include <gtest/gtest.h>
@@ -7,7 +7,7 @@
 #include <chrono>
 #include <thread>
 
-#include "nerf_pose_refiner/ros/input_error.h"
+#include "ros/conversions/input_error.h"
 
 namespace nerf_pose_refiner {
 namespace {

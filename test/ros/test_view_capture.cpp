@@ -1,5 +1,5 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "nerf_pose_refiner/ros/view_capture.h"
+#include "ros/capture/view_capture.h"
 
 #include <gtest/gtest.h>
 #include <sensor_msgs/image_encodings.h>
@@ -11,8 +11,8 @@
 #include <stdexcept>
 #include <string>
 
-#include "nerf_pose_refiner/dataset/dataset.h"
-#include "nerf_pose_refiner/ros/pose_conversions.h"
+#include "dataset/dataset.h"
+#include "ros/conversions/pose_conversions.h"
 #include "support/capture_scene.h"
 #include "support/expect_error.h"
 #include "support/temporary_folder.h"

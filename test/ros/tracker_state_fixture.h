@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include "nerf_pose_refiner/ros/tracker_state.h"
+#include "ros/nodelet/tracker_state.h"
 
 namespace nerf_pose_refiner {
 

@@ -5,7 +5,7 @@
 #include <memory>
 
 #include "analytic_scene.h"
-#include "nerf_pose_refiner/image/colour.h"
+#include "image/colour.h"
 
 namespace nerf_pose_refiner {
 

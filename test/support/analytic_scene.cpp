@@ -7,8 +7,8 @@
 #include <limits>
 #include <stdexcept>
 
-#include "nerf_pose_refiner/engine/ray_renderer.h"
-#include "nerf_pose_refiner/image/resample.h"
+#include "backend/ray_renderer.h"
+#include "image/resample.h"
 
 namespace nerf_pose_refiner {
 namespace {

@@ -3,7 +3,7 @@
 
 #include <memory>
 
-#include "nerf_pose_refiner/engine/engine.h"
+#include "backend/engine.h"
 
 namespace nerf_pose_refiner {
 

@@ -8,9 +8,9 @@
 #include <cmath>
 #include <cstdint>
 
-#include "nerf_pose_refiner/geometry/camera.h"
-#include "nerf_pose_refiner/geometry/pose.h"
-#include "nerf_pose_refiner/maths/random.h"
+#include "nerf_pose_refiner/camera.h"
+#include "nerf_pose_refiner/pose.h"
+#include "math/random.h"
 
 namespace nerf_pose_refiner {
 

@@ -5,8 +5,8 @@
 #include <memory>
 #include <vector>
 
-#include "engine/cpu_field.h"
-#include "nerf_pose_refiner/maths/random.h"
+#include "backend/cpu/cpu_field.h"
+#include "math/random.h"
 
 namespace nerf_pose_refiner {
 

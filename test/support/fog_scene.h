@@ -5,7 +5,7 @@
 #include <cmath>
 #include <vector>
 
-#include "nerf_pose_refiner/engine/ray_renderer.h"
+#include "backend/ray_renderer.h"
 #include "support/frozen_ray.h"
 
 namespace nerf_pose_refiner {

@@ -3,7 +3,7 @@
 
 #include <memory>
 
-#include "nerf_pose_refiner/dataset/dataset.h"
+#include "dataset/dataset.h"
 
 namespace nerf_pose_refiner {
 

@@ -4,9 +4,9 @@
 #include <cmath>
 #include <cstdint>
 
-#include "nerf_pose_refiner/field/field.h"
-#include "nerf_pose_refiner/maths/half.h"
-#include "nerf_pose_refiner/maths/random.h"
+#include "field/field.h"
+#include "math/half.h"
+#include "math/random.h"
 
 namespace nerf_pose_refiner {
 

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "nerf_pose_refiner/engine/engine.h"
+#include "backend/engine.h"
 
 namespace nerf_pose_refiner {
 

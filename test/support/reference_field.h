@@ -8,7 +8,7 @@
 #include <limits>
 #include <vector>
 
-#include "nerf_pose_refiner/field/field.h"
+#include "field/field.h"
 #include "support/frozen_ray.h"
 
 namespace nerf_pose_refiner {

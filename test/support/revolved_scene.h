@@ -7,7 +7,7 @@
 #include <limits>
 #include <stdexcept>
 
-#include "nerf_pose_refiner/engine/ray_renderer.h"
+#include "backend/ray_renderer.h"
 
 namespace nerf_pose_refiner {
 

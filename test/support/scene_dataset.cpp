@@ -7,8 +7,8 @@
 #include <nlohmann/json.hpp>
 
 #include "analytic_scene.h"
-#include "nerf_pose_refiner/image/colour.h"
-#include "nerf_pose_refiner/image/io.h"
+#include "image/colour.h"
+#include "image/io.h"
 
 namespace nerf_pose_refiner {
 namespace {

@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "nerf_pose_refiner/engine/engine.h"
+#include "backend/engine.h"
 
 namespace nerf_pose_refiner {
 

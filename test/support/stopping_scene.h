@@ -8,7 +8,7 @@
 #include <memory>
 #include <utility>
 
-#include "nerf_pose_refiner/engine/ray_renderer.h"
+#include "backend/ray_renderer.h"
 
 namespace nerf_pose_refiner {
 

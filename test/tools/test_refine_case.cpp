@@ -7,7 +7,7 @@
 #include <memory>
 #include <stdexcept>
 
-#include "nerf_pose_refiner/image/undistort.h"
+#include "image/undistort.h"
 #include "support/expect_error.h"
 
 namespace nerf_pose_refiner {

@@ -1,0 +1,45 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include "nerf_pose_refiner/observation.h"
+#include "backend/plans.h"
+#include "field/field.h"
+#include "math/alignment_search.h"
+#include "backend/common/plain_pose.h"
+
+namespace nerf_pose_refiner {
+
+/// What holds for every hypothesis of a stage.
+/// @param focal_px of the level's camera. @param scatter where the search began, around the prior.
+inline AlignmentRules alignmentRules(const FieldMetadata& object, double focal_px,
+                                     const AlignStage& stage, const ScatterPlan& scatter,
+                                     const Pose& prior_T_O_C) {
+  AlignmentRules rules;
+  rules.centre = plainVector(object.centre);
+  rules.diameter = object.diameter;
+  rules.focal_px = focal_px;
+  rules.max_iterations = stage.max_iterations;
+  rules.max_rotation_rad = stage.max_rotation_rad;
+  rules.max_translation = stage.max_translation;
+  rules.convergence_px = stage.convergence_px;
+  rules.limits = {plainPose(prior_T_O_C), plainVector(scatter.object_centre),
+                  scatter.rotation_limit_rad, scatter.translation_limit};
+  return rules;
+}
+
+/// How a stage compares pixels. @param colour of the background; 0 if there is an alpha.
+inline ComparisonRules comparisonRules(Background background, const Eigen::Vector3f& colour,
+                                       const AlignStage& stage) {
+  ComparisonRules rules;
+  rules.kind = stage.compare_contrast               ? Comparison::kContrasts
+               : background == Background::kUnknown ? Comparison::kRegions
+                                                    : Comparison::kKnownBackground;
+  for (int c = 0; c < 3; ++c) rules.background[c] = colour[c];
+  rules.robust_scale = static_cast<float>(stage.robust_scale);
+  rules.observed_share = static_cast<float>(stage.observed_share);
+  const bool colour_only = background == Background::kKnownColour;
+  rules.opacity_weight = colour_only ? 0.0f : static_cast<float>(stage.alpha_weight);
+  return rules;
+}
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,58 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "nerf_pose_refiner/observation.h"
+
+#include <algorithm>
+#include <stdexcept>
+#include <string>
+
+namespace nerf_pose_refiner {
+namespace {
+
+constexpr float kTolerance = 1e-4f;  // rounding of a blend or a resampling
+constexpr float kLeast = -kTolerance, kMost = 1 + kTolerance;
+
+void requireImage(const char* name, const Image& image, const Camera& camera, int channels) {
+  const auto size = [](int width, int height, int depth) {
+    return std::to_string(width) + " x " + std::to_string(height) + " x " + std::to_string(depth);
+  };
+  const std::size_t values = image.pixels() * static_cast<std::size_t>(image.channels);
+  if (image.width != camera.width || image.height != camera.height || image.channels != channels ||
+      image.values.size() != values) {
+    throw std::invalid_argument(std::string("Observation::") + name + " is " +
+                                size(image.width, image.height, image.channels) +
+                                ", the camera and its meaning ask for " +
+                                size(camera.width, camera.height, channels));
+  }
+  // Counted, without a way out of the loop: so many are compared at a time.
+  std::size_t inside = 0;
+  constexpr std::size_t kBlock = 4096;
+  for (std::size_t first = 0; first < values; first += kBlock) {
+    int in_block = 0;
+    for (std::size_t i = first; i < std::min(values, first + kBlock); ++i) {
+      in_block += (image.values[i] >= kLeast) & (image.values[i] <= kMost);
+    }
+    inside += in_block;
+  }
+  if (inside == values) return;
+  const float wrong = *std::find_if(image.values.begin(), image.values.end(), [](float value) {
+    return !(value >= kLeast && value <= kMost);
+  });
+  throw std::invalid_argument(std::string("Observation::") + name + " holds " +
+                              std::to_string(wrong) + ", must be in 0..1");
+}
+
+}  // namespace
+
+void Observation::validate() const {
+  camera.validate();
+  requireImage("image", image, camera, 3);
+  const bool needs_alpha = background == Background::kKnownAlpha || background == Background::kMask;
+  if (needs_alpha || !alpha.empty()) requireImage("alpha", alpha, camera, 1);
+  if (!weight.empty()) requireImage("weight", weight, camera, 1);
+  const auto colour = background_colour.array();
+  if (background == Background::kKnownColour && !((colour >= 0) && (colour <= 1)).all()) {
+    throw std::invalid_argument("Observation::background_colour is not in 0..1");
+  }
+}
+
+}  // namespace nerf_pose_refiner

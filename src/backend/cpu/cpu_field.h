@@ -1,0 +1,65 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "backend/cpu/cpu_kernels.h"
+#include "backend/cpu/cpu_networks.h"
+#include "backend/ray_renderer.h"
+#include "backend/cpu/ray_batch.h"
+#include "backend/common/ray_march.h"
+#include "backend/common/workspaces.h"
+
+namespace nerf_pose_refiner {
+
+/// The cube N of a field, for rays given in model units.
+struct CubeFrame {
+  float origin[3];               ///< corner of the cube in O
+  float side;                    ///< [model units]
+  float box_min[3], box_max[3];  ///< of the matter, in N
+
+  explicit CubeFrame(const Box& box);
+  /// From the cameras on: near is 0.
+  MarchSpace space(float step, float cone_angle, const OccupancyMask* mask) const;
+  void toCube(const float p_O[3], float p_N[3]) const {
+    for (int a = 0; a < 3; ++a) p_N[a] = (p_O[a] - origin[a]) / side;
+  }
+};
+
+/// A hash-grid field on the CPU.
+class CpuField : public RayRenderer {
+ public:
+  /// @throws std::invalid_argument if the field is not whole (Field::validate).
+  CpuField(std::shared_ptr<const Field> field, const CpuKernels& kernels);
+
+  const Field& field() const override { return *field_; }
+
+  void renderRays(const Ray* rays, int n, const RenderOptions& options, RayResult* results,
+                  Work* work) const override;
+
+  void pullRays(const Ray* rays, int n, const RenderOptions& options, bool direction_gradient,
+                const std::function<RayLossGradient(int, const RayResult&)>& loss_gradient,
+                RayPull* pulls, Work* work) const override;
+
+ private:
+  void enter(const Ray* rays, int n, const RenderOptions& options, RayBatch* batch) const;
+  void pullPositions(const Ray* rays, bool direction_gradient, RayBatch* batch,
+                     RayPull* pulls) const;
+  void addWork(const RayBatch& batch, int rays, Work* work) const;
+  void addPullWork(const RayBatch& batch, Work* work) const;
+
+  std::shared_ptr<const Field> field_;
+  CpuNetworks networks_;
+  FieldView view_;
+  OccupancyMask mask_;
+  CubeFrame cube_;
+
+  mutable Workspaces<RayBatch> batches_;
+};
+
+/// @see CpuField
+std::shared_ptr<const RayRenderer> makeCpuField(std::shared_ptr<const Field> field,
+                                                const CpuKernels& kernels);
+
+}  // namespace nerf_pose_refiner

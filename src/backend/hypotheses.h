@@ -1,0 +1,35 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <Eigen/Core>
+#include <string>
+#include <vector>
+
+#include "nerf_pose_refiner/pose.h"
+#include "math/hypothesis_state.h"
+
+namespace nerf_pose_refiner {
+
+/// One hypothesis, as read from an engine.
+struct Hypothesis {
+  Pose T_O_C;
+  HypothesisState state = HypothesisState::kLive;
+  int search = 0;               ///< place of the prior that it comes from, @see Engine::scatter
+  double loss = 0;              ///< lower is better; comparable within one call of `score`
+  double visible_fraction = 0;  ///< of the rendered silhouette that agrees with the image, 0..1
+  /// How well the pose explains the image, 0..1 (maths/alignment_search.h, scoreOf).
+  double score = 0;
+  int iterations = 0;  ///< spent on it so far
+  /// Final normal equations J^T W J of direct alignment, order (v, w): translation [model units],
+  /// rotation [rad] about the object's centre, axes of O, camera moved. Zero if there are none.
+  Eigen::Matrix<double, 6, 6> information = Eigen::Matrix<double, 6, 6>::Zero();
+  /// Sum over tiles of the picture of g g^T, g being a tile's share of J^T W r: what the gradient
+  /// would scatter by, were the tiles drawn anew. Same order and axes. Zero if there is none.
+  Eigen::Matrix<double, 6, 6> gradient_scatter = Eigen::Matrix<double, 6, 6>::Zero();
+  double residual_variance = 0;  ///< of the robustly weighted residuals
+};
+
+/// Hypotheses, best first.
+using HypothesisTable = std::vector<Hypothesis>;
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,52 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <functional>
+
+#include "backend/engine.h"
+
+namespace nerf_pose_refiner {
+
+/// A ray in the object's model frame O.
+struct Ray {
+  float origin[3];     ///< [model units]
+  float direction[3];  ///< unit length
+};
+
+/// What a ray sees: sums over its samples, with w the sample's weight (transmittance * opacity).
+struct RayResult {
+  float rgb[3];    ///< sum of w * colour: premultiplied, sRGB-encoded
+  float alpha;     ///< sum of w
+  float point[3];  ///< sum of w * p_O [model units]: divide by alpha for the expected point
+};
+
+/// The pull of a loss on a ray (Lin et al., eq. 2 and 3).
+struct RayPull {
+  float force[3];   ///< sum of dL/dp_i [1 / model unit]
+  float torque[3];  ///< sum of t_i (d x dL/dp_i), t_i from the ray's origin [1 / rad]
+};
+
+/// Derivative of a loss with respect to what a ray saw.
+struct RayLossGradient {
+  float rgb[3];
+  float alpha;
+};
+
+/// Rays through a scene on the CPU: the part of the CPU engine that knows the hash grid. An
+/// analytic scene takes its place in tests. Const methods may be called from many threads at once.
+class RayRenderer : public LoadedField {
+ public:
+  /// Renders n rays. @param work is added to. Results do not depend on how rays are grouped.
+  virtual void renderRays(const Ray* rays, int n, const RenderOptions& options, RayResult* results,
+                          Work* work) const = 0;
+
+  /// Renders n rays, asks `loss_gradient(ray index, result)` once for each, and carries the answer
+  /// back to the sample positions with the parameters frozen. Sample distances are held fixed; the
+  /// viewing direction's own term is added to the torque if `direction_gradient`.
+  virtual void pullRays(const Ray* rays, int n, const RenderOptions& options,
+                        bool direction_gradient,
+                        const std::function<RayLossGradient(int, const RayResult&)>& loss_gradient,
+                        RayPull* pulls, Work* work) const = 0;
+};
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,59 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "nerf_pose_refiner/camera.h"
+#include "nerf_pose_refiner/pose.h"
+#include "nerf_pose_refiner/image.h"
+
+namespace nerf_pose_refiner {
+
+/// What all views of a dataset have in common.
+struct DatasetHeader {
+  Camera camera;          ///< of the pictures as they are written
+  Distortion distortion;  ///< that they have; written as it is, for the loader takes it out
+  double metres_per_unit = 1;
+  bool has_box = false;
+  Eigen::Vector3d box_min = Eigen::Vector3d::Zero();  ///< of the object, in O [model units]
+  Eigen::Vector3d box_max = Eigen::Vector3d::Zero();
+};
+
+/// Writes posed views as a folder that loadTransforms reads: transforms.json and PNG pictures.
+///
+/// The folder appears whole or not at all: until `finish` all is written to a hidden one beside it,
+/// which is removed if that is never reached, and by the next writer if the process was killed.
+class DatasetWriter {
+ public:
+  /// @param folder to be made; its parent is made too.
+  /// @throws std::invalid_argument for a camera or box that makes no sense, std::runtime_error if
+  /// the folder is there already, or cannot be made.
+  DatasetWriter(const std::string& folder, const DatasetHeader& header);
+  ~DatasetWriter();
+  DatasetWriter(const DatasetWriter&) = delete;
+  DatasetWriter& operator=(const DatasetWriter&) = delete;
+
+  /// @param picture RGB, or RGBA with straight alpha; of the camera's size.
+  /// @throws std::invalid_argument, std::runtime_error naming the file (a full disk, say).
+  void add(const Image8& picture, const Pose& T_O_C);
+
+  int views() const { return static_cast<int>(poses_.size()); }
+
+  /// Makes the folder appear, with all views. Once; afterwards nothing can be added.
+  /// @throws std::runtime_error if there are no views or it cannot be written: then nothing
+  /// appears.
+  void finish();
+
+ private:
+  std::string json() const;
+
+  std::string folder_;
+  std::string hidden_;  ///< empty: finished
+  DatasetHeader header_;
+  std::vector<Pose> poses_;
+};
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,167 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "evaluation/trial_observation.h"
+
+#include <algorithm>
+#include <functional>
+#include <stdexcept>
+#include <utility>
+
+#include "evaluation/disturbance.h"
+#include "evaluation/clutter.h"
+#include "image/colour.h"
+#include "image/io.h"
+#include "image/resample.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+// A photo that fills the picture, its middle cut out.
+Image photoOfSize(const std::string& path, const Camera& camera) {
+  const Image photo = toFloat(readImage(path));
+  const double scale = std::max(static_cast<double>(camera.width) / photo.width,
+                                static_cast<double>(camera.height) / photo.height);
+  Camera from{photo.width, photo.height, 1, 1, (photo.width - 1) / 2.0, (photo.height - 1) / 2.0};
+  Camera to{camera.width,
+            camera.height,
+            scale,
+            scale,
+            (camera.width - 1) / 2.0,
+            (camera.height - 1) / 2.0};
+  return resample(photo, from, to);
+}
+
+using Condition = std::pair<const char*, void (*)(TrialObservation*)>;
+
+/// Of the paper's authors: value + 0.2, noise of 0.01, 5 discs of 50 px in pictures of 800.
+constexpr double kBrightness = 0.2, kGaussian = 0.01, kDiscRadius = 50.0 / 800;
+constexpr int kDiscs = 5;
+
+const std::vector<Condition>& conditions() {
+  static const std::vector<Condition> all = {
+      {"clean", [](TrialObservation*) {}},
+      {"brightness", [](TrialObservation* o) { o->brightness = kBrightness; }},
+      {"gaussian", [](TrialObservation* o) { o->gaussian = kGaussian; }},
+      {"poisson", [](TrialObservation* o) { o->poisson = true; }},
+      {"discs", [](TrialObservation* o) { o->discs = kDiscs; }},
+      {"paper_noise",
+       [](TrialObservation* o) {
+         o->brightness = kBrightness;
+         o->gaussian = kGaussian;
+         o->poisson = true;
+         o->discs = kDiscs;
+       }},
+      {"photo", [](TrialObservation* o) { o->background = "photo"; }},
+      {"occluder",
+       [](TrialObservation* o) {
+         o->background = "photo";
+         o->occluder = 0.15;
+       }},
+      {"light",
+       [](TrialObservation* o) {
+         o->background = "photo";
+         o->light = 0.3;
+       }},
+      {"motion_blur",
+       [](TrialObservation* o) {
+         o->background = "photo";
+         o->motion_blur = 10.0 / 800;
+       }},
+      {"defocus",
+       [](TrialObservation* o) {
+         o->background = "photo";
+         o->defocus = 2.0 / 800;
+       }},
+      {"focal",
+       [](TrialObservation* o) {
+         o->background = "photo";
+         o->focal_error = 0.01;
+       }},
+  };
+  return all;
+}
+
+/// The view's straight colours, with the paper's noise.
+Image disturbedColours(const TrialObservation& how, const PosedView& view,
+                       const DisturbanceDraw& draw) {
+  Image straight(view.rgba->width, view.rgba->height, 3);
+  for (std::size_t i = 0; i < straight.values.size(); ++i) {
+    straight.values[i] = view.rgba->values[i / 3 * 4 + i % 3] / 255.0f;
+  }
+  if (how.brightness > 0) brighten(how.brightness, &straight);
+  if (how.gaussian > 0) addGaussianNoise(how.gaussian, draw, &straight);
+  if (how.poisson) addPoissonNoise(draw, &straight);
+  return straight;
+}
+
+PremultipliedImage disturbedObject(const TrialObservation& how, const PosedView& view,
+                                   const Image& straight, const DisturbanceDraw& draw) {
+  PremultipliedImage picture = premultiply(*view.rgba);
+  for (std::size_t i = 0; i < straight.values.size(); ++i) {
+    picture.colour.values[i] = straight.values[i] * picture.alpha.values[i / 3];
+  }
+  if (how.light > 0) relight(how.light, draw, &picture);
+  if (how.discs > 0) cutDiscs(how.discs, how.disc_radius * view.camera.width, draw, &picture);
+  return picture;
+}
+
+}  // namespace
+
+TrialObservation TrialObservation::named(const std::string& condition,
+                                         const std::string& background) {
+  std::string known;
+  for (const auto& [name, set] : conditions()) {
+    TrialObservation observation;
+    observation.background = background;
+    observation.disc_radius = kDiscRadius;
+    set(&observation);
+    if (condition == name) return observation;
+    known += (known.empty() ? "" : ", ") + std::string(name);
+  }
+  throw std::invalid_argument("no condition '" + condition + "', there are: " + known);
+}
+
+std::vector<std::string> TrialObservation::conditionNames() {
+  std::vector<std::string> names;
+  for (const auto& condition : conditions()) names.push_back(condition.first);
+  return names;
+}
+
+Observation TrialObservation::of(const PosedView& view, std::uint64_t index) const {
+  const DisturbanceDraw draw = {seed, index};
+  const Image straight = disturbedColours(*this, view, draw);
+  const PremultipliedImage picture = disturbedObject(*this, view, straight, draw);
+  Observation observation;
+  observation.camera = view.camera;
+  if (background == "alpha") {
+    observation.background = Background::kKnownAlpha;
+    observation.image = picture.colour;
+    observation.alpha = picture.alpha;
+  } else if (background == "white") {
+    observation.background = Background::kKnownColour;
+    observation.background_colour = Eigen::Vector3f::Ones();
+    observation.image = composite(picture, {1, 1, 1});
+  } else if (background == "own") {
+    observation.background = Background::kMask;
+    observation.image = straight;
+    observation.alpha = picture.alpha;
+  } else {
+    const Image photo = photos.empty()
+                            ? clutter(view.camera.width, view.camera.height, seed + index)
+                            : photoOfSize(photos.at(index % photos.size()), view.camera);
+    observation.image = picture.colour;
+    for (std::size_t i = 0; i < photo.values.size(); ++i) {
+      observation.image.values[i] += (1 - picture.alpha.values[i / 3]) * photo.values[i];
+    }
+    observation.background = background == "mask" ? Background::kMask : Background::kUnknown;
+    if (background == "mask") observation.alpha = picture.alpha;
+  }
+  if (occluder > 0) occlude(occluder, draw, picture.alpha, &observation.image);
+  if (motion_blur > 0) blurByMotion(motion_blur * view.camera.width, draw, &observation.image);
+  if (defocus > 0) nerf_pose_refiner::defocus(defocus * view.camera.width, &observation.image);
+  if (noise > 0) addGaussianNoise(noise, draw, &observation.image);
+  observation.camera.fx *= 1 + focal_error;
+  observation.camera.fy *= 1 + focal_error;
+  return observation;
+}
+
+}  // namespace nerf_pose_refiner

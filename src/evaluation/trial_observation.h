@@ -1,0 +1,50 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "dataset/dataset.h"
+#include "nerf_pose_refiner/observation.h"
+
+namespace nerf_pose_refiner {
+
+/// What a trial makes of a view of a dataset: what stands behind the object, and what goes wrong on
+/// the way to the robot. The same for the same seed and index.
+struct TrialObservation {
+  /// white; alpha (known); mask (a photo, and a mask); photo (unknown); own (the view's own photo
+  /// as it is, its alpha taken for a mask)
+  std::string background = "white";
+  std::vector<std::string> photos;  ///< put behind the object, in turn; none: clutter
+
+  // The paper's noise, on the object's straight colours before anything is put behind it.
+  double brightness = 0;     ///< added to the value of HSV, at most 1 then
+  double gaussian = 0;       ///< standard deviation
+  bool poisson = false;      ///< of the 8-bit values, as counted photons
+  int discs = 0;             ///< missing ones, centred on the silhouette's edge
+  double disc_radius = 0.0;  ///< [widths of the picture]
+
+  // What robots meet.
+  double light = 0;        ///< half width of the object's gain per channel around 1
+  double occluder = 0;     ///< share of the object's box that a square covers
+  double motion_blur = 0;  ///< length of the path, of a direction that is drawn [widths]
+  double defocus = 0;      ///< sigma [widths]
+  double noise = 0;        ///< standard deviation; clipped at 0 and 1, as a camera does
+  double focal_error = 0;  ///< share by which the focal length is said too great
+
+  std::uint64_t seed = 1;
+
+  /// Conditions of the experiments: "clean"; "brightness", "gaussian", "poisson", "discs" and all
+  /// four, "paper_noise", as the paper's authors set them; before an unknown background "photo",
+  /// "occluder", "light", "motion_blur", "defocus", "focal".
+  /// @param background of those that keep it: alpha or own.
+  /// @throws std::invalid_argument listing the names that exist.
+  static TrialObservation named(const std::string& condition, const std::string& background);
+  static std::vector<std::string> conditionNames();
+
+  /// @param index of the view among those that are tried. @throws std::runtime_error.
+  Observation of(const PosedView& view, std::uint64_t index) const;
+};
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,31 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <string>
+
+#include "nerf_pose_refiner/image.h"
+
+namespace nerf_pose_refiner {
+
+/// Reads a PNG or JPEG (or what else OpenCV decodes) as RGB, or as RGBA with straight alpha if the
+/// file has an alpha channel. Grey becomes RGB, 16 bits are rounded to 8. The picture is not turned
+/// by its EXIF orientation, for neither are the intrinsics that belong to it.
+/// @throws std::runtime_error naming the path and what is wrong with it (missing, cut off,
+/// damaged).
+Image8 readImage(const std::string& path);
+
+/// Reads a mask as [h][w][1]: 0 outside, 255 on the object, in between at its rim. A file that
+/// holds only 0 and 1 is read as 0 and 255.
+/// @throws std::runtime_error naming the path and what is wrong with it.
+Image8 readMask(const std::string& path);
+
+/// Writes a picture of 1 (grey), 3 (RGB) or 4 (RGBA, straight alpha) channels as PNG.
+/// @throws std::invalid_argument for another number of channels or an empty picture,
+/// std::runtime_error naming the path and the system's reason.
+void writePng(const Image8& image, const std::string& path);
+
+/// Writes depths, [h][w][1] in metres, as a PNG of 16-bit millimetres; 0 means none (REP-118).
+/// @throws as writePng.
+void writeDepthPng(const Image& depth_m, const std::string& path);
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,169 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "refinement/covariance.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+
+#include "refinement/refiner.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+// A loss that is higher by this share of the best one is e times less likely.
+constexpr double kLossTemperature = 0.05;
+
+Eigen::Matrix3d crossMatrix(const Eigen::Vector3d& a) {
+  Eigen::Matrix3d m;
+  m << 0, -a.z(), a.y(), a.z(), 0, -a.x(), -a.y(), a.x(), 0;
+  return m;
+}
+
+// What a turn by 1 rad about an axis does: motion of a point, rotation.
+Vector6 turnOf(const SymmetryAxis& axis, const Eigen::Vector3d& point) {
+  return (Vector6() << axis.direction.cross(point - axis.point), axis.direction).finished();
+}
+
+// Of a prior that is uniform within its half widths.
+Vector6 priorVariance(const Prior& prior, const FieldMetadata& object) {
+  constexpr double kLeast = 1e-3;  // a prior of no width says that nothing was sought
+  const double translation = std::max(prior.translation, kLeast) * object.diameter;
+  const double rotation = std::max(prior.rotation_rad, kLeast);
+  Vector6 variance;
+  variance.head<3>().setConstant(translation * translation / 3);
+  variance.tail<3>().setConstant(rotation * rotation / 3);
+  return variance;
+}
+
+// What the model is off by, as a twist about the object's centre in the axes of O.
+Matrix6 modelCovariance(const Pose& T_O_C, const FieldMetadata& object) {
+  const PoseStatistics& s = object.pose;
+  const double lateral = s.lateral * object.diameter;
+  const double depth = s.depth * (T_O_C.inverse() * object.centre).norm();
+  const Vector6 deviation =
+      (Vector6() << lateral, lateral, depth, s.tilt_rad, s.tilt_rad, s.roll_rad).finished();
+  Matrix6 axes = Matrix6::Zero();
+  axes.topLeftCorner<3, 3>() = axes.bottomRightCorner<3, 3>() =
+      T_O_C.R * lineOfSightAxes(T_O_C.inverse() * object.centre);
+  return axes * deviation.cwiseAbs2().asDiagonal() * axes.transpose();
+}
+
+}  // namespace
+
+Eigen::Matrix3d lineOfSightAxes(const Eigen::Vector3d& point_C) {
+  return Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), point_C).toRotationMatrix();
+}
+
+double calibratedScore(double score, const PoseStatistics& statistics) {
+  if (statistics.views == 0) return score;
+  constexpr double kLeastRange = 0.1;  // an object that looks alike from all sides
+  const double range = std::max(kLeastRange, statistics.right_score - statistics.wrong_score);
+  return std::clamp(1 - (statistics.right_score - score) / range, 0.0, 1.0);
+}
+
+double scoreOfShare(double share) { return std::clamp(2 * share - 1, 0.0, 1.0); }
+
+Vector6 cameraTwist(const Pose& from_T_O_C, const Pose& to_T_O_C, const Eigen::Vector3d& centre) {
+  const Eigen::Matrix3d turn = to_T_O_C.R * from_T_O_C.R.transpose();
+  Vector6 twist;
+  twist.head<3>() = to_T_O_C.t - centre - turn * (from_T_O_C.t - centre);
+  twist.tail<3>() = logSO3(turn);
+  return twist;
+}
+
+Hypothesis moved(const Hypothesis& hypothesis, const Pose& motion, const Eigen::Vector3d& centre) {
+  // The motion takes the centre c to c*; a twist about c* with rotation w moves c by w x (c - c*).
+  Matrix6 twist = Matrix6::Zero();  // of before, as one of after
+  twist.topLeftCorner<3, 3>() = twist.bottomRightCorner<3, 3>() = motion.R;
+  twist.topRightCorner<3, 3>() = -crossMatrix(centre - motion * centre) * motion.R;
+  const Matrix6 back = twist.inverse();
+  Hypothesis result = hypothesis;
+  result.T_O_C = motion * hypothesis.T_O_C;
+  result.information = back.transpose() * hypothesis.information * back;
+  result.gradient_scatter = back.transpose() * hypothesis.gradient_scatter * back;
+  return result;
+}
+
+HypothesisTable nearestEquivalents(const HypothesisTable& hypotheses, const Prior& prior,
+                                   const FieldMetadata& object) {
+  if (!object.symmetries.any()) return hypotheses;
+  HypothesisTable result;
+  Eigen::Matrix3d reference = prior.T_O_C.R;
+  for (const Hypothesis& hypothesis : hypotheses) {
+    const Pose motion =
+        object.symmetries.nearest(hypothesis.T_O_C.R.transpose(), reference.transpose());
+    result.push_back(moved(hypothesis, motion.inverse(), object.centre));
+    reference = result.front().T_O_C.R;
+  }
+  return result;
+}
+
+Matrix6 atPoint(const Matrix6& covariance, const Eigen::Vector3d& offset) {
+  Matrix6 jacobian = Matrix6::Identity();
+  jacobian.topRightCorner<3, 3>() = -crossMatrix(offset);  // w x offset
+  return jacobian * covariance * jacobian.transpose();
+}
+
+Matrix6 withoutTurns(const SymmetryAxis& axis, const Matrix6& covariance,
+                     const Eigen::Vector3d& point) {
+  Matrix6 without = Matrix6::Identity();  // takes the angle about the axis out of a motion
+  without.rightCols<3>() -= turnOf(axis, point) * axis.direction.transpose();
+  return without * covariance * without.transpose();
+}
+
+Matrix6 freeAbout(const SymmetryAxis& axis, const Matrix6& of_twist,
+                  const Eigen::Vector3d& centre) {
+  const Vector6 turn = turnOf(axis, centre);
+  return withoutTurns(axis, of_twist, centre) + M_PI * M_PI / 3 * turn * turn.transpose();
+}
+
+std::vector<double> hypothesisWeights(const HypothesisTable& hypotheses) {
+  std::vector<double> weights(hypotheses.size(), 0.0);
+  double least = 0, sum = 0;
+  for (std::size_t i = 0; i < hypotheses.size(); ++i) {
+    const Hypothesis& h = hypotheses[i];
+    if (h.state != HypothesisState::kLive || !std::isfinite(h.loss)) continue;
+    if (sum == 0) least = h.loss;  // best first
+    const double scale = kLossTemperature * std::max(std::abs(least), 1e-9);
+    weights[i] = std::exp(-(h.loss - least) / scale);
+    sum += weights[i];
+  }
+  for (double& weight : weights) weight /= sum > 0 ? sum : 1;
+  return weights;
+}
+
+Matrix6 poseCovariance(const HypothesisTable& hypotheses, const Prior& prior,
+                       const FieldMetadata& object) {
+  const Hypothesis& best = hypotheses.front();
+  const double variance = std::max(best.residual_variance, 1e-12);
+  const Matrix6 prior_information =
+      variance * priorVariance(prior, object).cwiseInverse().asDiagonal().toDenseMatrix();
+  const Eigen::LDLT<Matrix6> bread(best.information + prior_information);
+  const Matrix6 half = bread.solve(best.gradient_scatter + variance * prior_information);
+  Matrix6 covariance = bread.solve(half.transpose());
+  covariance = (0.5 * (covariance + covariance.transpose())).eval();
+  covariance += modelCovariance(best.T_O_C, object);
+
+  const std::vector<double> weights = hypothesisWeights(hypotheses);
+  for (std::size_t i = 1; i < hypotheses.size(); ++i) {
+    if (weights[i] == 0) continue;
+    const Vector6 away = cameraTwist(best.T_O_C, hypotheses[i].T_O_C, object.centre);
+    covariance += weights[i] * away * away.transpose();
+  }
+  const std::optional<SymmetryAxis>& axis = object.symmetries.axis();
+  return axis ? freeAbout(*axis, covariance, object.centre) : covariance;
+}
+
+Matrix6 covarianceInCamera(const Matrix6& of_twist, const Pose& T_O_C,
+                           const Eigen::Vector3d& centre, const Eigen::Vector3d& point) {
+  // R_C_O -> R_C_O Exp(-w) = Exp(-R_C_O w) R_C_O, and the point, at p - c from the centre, follows.
+  const Eigen::Matrix3d R_C_O = T_O_C.R.transpose();
+  Matrix6 jacobian = Matrix6::Zero();
+  jacobian.topLeftCorner<3, 3>() = -R_C_O;
+  jacobian.topRightCorner<3, 3>() = R_C_O * crossMatrix(point - centre);
+  jacobian.bottomRightCorner<3, 3>() = -R_C_O;
+  return jacobian * of_twist * jacobian.transpose();
+}
+
+}  // namespace nerf_pose_refiner

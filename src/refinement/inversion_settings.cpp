@@ -1,0 +1,79 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <string>
+
+#include "refinement/settings.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+void require(bool holds, const char* name, double value, const char* range) {
+  if (holds) return;
+  throw std::invalid_argument(std::string("InversionSettings::") + name + " is " +
+                              std::to_string(value) + ", must be " + range);
+}
+
+void requirePositive(const char* name, double value) {
+  require(value > 0 && std::isfinite(value), name, value, "positive");
+}
+
+void requireNotNegative(const char* name, double value) {
+  require(value >= 0 && std::isfinite(value), name, value, "0 or more");
+}
+
+void requireShare(const char* name, double value) {
+  require(value > 0 && value <= 1, name, value, "in (0, 1]");
+}
+
+void requireAverage(const char* name, double value) {
+  require(value >= 0 && value < 1, name, value, "in [0, 1)");
+}
+
+void validateDescent(const DescentPlan& plan) {
+  requirePositive("descent.length_unit", plan.length_unit);
+  requirePositive("descent.translation_learning_rate", plan.translation_learning_rate);
+  requirePositive("descent.rotation_learning_rate", plan.rotation_learning_rate);
+  requireShare("descent.decay", plan.schedule.decay);
+  requirePositive("descent.decay_updates", plan.schedule.decay_updates);
+  require(plan.schedule.anneal_share >= 0 && plan.schedule.anneal_share <= 1,
+          "descent.anneal_share", plan.schedule.anneal_share, "in [0, 1]");
+  requireAverage("descent.beta1", plan.beta1);
+  requireAverage("descent.beta2", plan.beta2);
+  requirePositive("descent.epsilon", plan.epsilon);
+  requireNotNegative("descent.regularisation", plan.regularisation);
+  requirePositive("descent.steps_per_update", plan.steps_per_update);
+  requirePositive("descent.samples_per_step", plan.samples_per_step);
+  requirePositive("descent.score_steps", plan.score_steps);
+}
+
+}  // namespace
+
+double InversionSettings::unitFor(double object_diameter) const {
+  return unit > 0 ? unit : object_diameter / kInversionUnitsPerDiameter;
+}
+
+int InversionSettings::survivors(int round) const {
+  const int share = static_cast<int>(hypotheses * keep_share * std::pow(keep_decay, round));
+  return std::min(hypotheses, std::max(keep_at_least, share));
+}
+
+void InversionSettings::validate() const {
+  requireNotNegative("unit", unit);
+  requirePositive("hypotheses", hypotheses);
+  requirePositive("first_steps", first_steps);
+  requireNotNegative("rounds", rounds);
+  requirePositive("round_steps", round_steps);
+  requireNotNegative("spread_rotation_rad", spread_rotation_rad);
+  requireNotNegative("spread_translation", spread_translation);
+  requireShare("keep_share", keep_share);
+  requireShare("keep_decay", keep_decay);
+  requirePositive("keep_at_least", keep_at_least);
+  requireNotNegative("jitter_rotation_rad", jitter_rotation_rad);
+  requireNotNegative("jitter_translation", jitter_translation);
+  requirePositive("score_pixels", score_pixels);
+  validateDescent(descent);
+}
+
+}  // namespace nerf_pose_refiner

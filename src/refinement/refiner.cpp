@@ -1,0 +1,144 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "refinement/refiner.h"
+
+#include <cmath>
+#include <stdexcept>
+
+#include "refinement/plan.h"
+#include "refinement/schedule.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+double secondsBetween(std::chrono::steady_clock::time_point from,
+                      std::chrono::steady_clock::time_point to) {
+  return std::chrono::duration<double>(to - from).count();
+}
+
+void requireWidth(const char* name, double value, double most) {
+  if (!(value >= 0 && value <= most)) {
+    throw std::invalid_argument(std::string("Prior::") + name + " is " + std::to_string(value) +
+                                ", must be 0.." + std::to_string(most));
+  }
+}
+
+constexpr double kMostSamplesPerStep = 1 << 28;  // of a batch
+
+int countLive(const HypothesisTable& table) {
+  int live = 0;
+  for (const Hypothesis& h : table) live += h.state == HypothesisState::kLive ? 1 : 0;
+  return live;
+}
+
+}  // namespace
+
+void Prior::validate() const {
+  if (!T_O_C.isFinite() || !T_O_C.isRigid()) {
+    throw std::invalid_argument("Prior::T_O_C is not a rigid transform");
+  }
+  requireWidth("rotation_rad", rotation_rad, 3.15);
+  requireWidth("translation", translation, 100);
+}
+
+void RefinementRun::trace(const std::string& stage, const HypothesisTable& table) {
+  const auto now = std::chrono::steady_clock::now();
+  TraceEntry entry;
+  entry.stage = stage;
+  entry.seconds = secondsBetween(stage_start, now) / together;
+  entry.work = (engine->work() - stage_work) / together;
+  entry.live = countLive(table);
+  if (entry.live > 0) {
+    entry.best_loss = table.front().loss;
+    entry.best_T_O_C = table.front().T_O_C;
+  }
+  result->trace.push_back(entry);
+  stage_start = now;
+  stage_work = engine->work();
+}
+
+void RefinementRun::finish(const HypothesisTable& table) {
+  result->hypotheses = table;
+  if (countLive(table) == 0) {
+    result->outcome = Outcome::kDiverged;
+    return;
+  }
+  const FieldMetadata& object = field.field().metadata;
+  result->hypotheses = nearestEquivalents(table, prior, object);
+  const Hypothesis& best = result->hypotheses.front();
+  result->outcome = Outcome::kRefined;
+  result->T_O_C = {nearestRotation(best.T_O_C.R), best.T_O_C.t};
+  result->visible_fraction = best.visible_fraction;
+  const bool by_contrast = judgingStage(settings, observation.background).compare_contrast;
+  result->score = by_contrast ? calibratedScore(best.score, object.pose) : scoreOfShare(best.score);
+  result->covariance = poseCovariance(result->hypotheses, prior, object);
+}
+
+bool Prior::isAsWideAs(const Prior& other) const {
+  return rotation_rad == other.rotation_rad && translation == other.translation &&
+         rotate_about_object == other.rotate_about_object;
+}
+
+Refiner::Refiner(std::shared_ptr<Engine> engine, const RefinerSettings& settings)
+    : engine_(std::move(engine)), settings_(settings) {
+  if (!engine_) throw std::invalid_argument("Refiner: the engine is null");
+  settings_.validate();
+}
+
+Refinement Refiner::refine(const LoadedField& field, const Observation& observation,
+                           const Prior& prior, const StopToken& stop) {
+  return refineAll(field, observation, {prior}, stop).front();
+}
+
+std::vector<Refinement> Refiner::refineAll(const LoadedField& field, const Observation& observation,
+                                           const std::vector<Prior>& priors,
+                                           const StopToken& stop) {
+  if (!(field.field().metadata.diameter > 0)) {
+    throw std::invalid_argument("Refiner: the diameter of the object '" +
+                                field.field().metadata.name + "' is not known");
+  }
+  const bool together = settings_.method == Method::kDescend;
+  const double samples = static_cast<double>(settings_.inversion.descent.samples_per_step);
+  if (together && samples * static_cast<double>(priors.size()) > kMostSamplesPerStep) {
+    throw std::invalid_argument("Refiner: " + std::to_string(priors.size()) +
+                                " priors at once are too many");
+  }
+  for (const Prior& prior : priors) {
+    prior.validate();
+    if (together && !prior.isAsWideAs(priors.front())) {
+      throw std::invalid_argument("Refiner: priors of one batch must be equally wide");
+    }
+  }
+  std::vector<Refinement> results(priors.size());
+  std::vector<RefinementRun> runs;
+  for (std::size_t i = 0; i < priors.size(); ++i) {
+    results[i].T_O_C = priors[i].T_O_C;
+    runs.push_back({engine_.get(), field, observation, priors[i], settings_, stop, &results[i]});
+    if (together && i + 1 < priors.size()) continue;
+    carryOut(&runs);
+    runs.clear();
+  }
+  return results;
+}
+
+void Refiner::carryOut(std::vector<RefinementRun>* runs) {
+  const auto start = std::chrono::steady_clock::now();
+  const Work work_before = engine_->work();
+  try {
+    if (settings_.method == Method::kAlign) {
+      for (RefinementRun& run : *runs) runAlignment(&run);
+    } else {
+      runInversions(runs);
+    }
+  } catch (const Stopped&) {
+    for (RefinementRun& run : *runs) run.result->outcome = Outcome::kStopped;
+  }
+  const Work work = engine_->work() - work_before;
+  const double seconds = secondsBetween(start, std::chrono::steady_clock::now());
+  for (RefinementRun& run : *runs) {
+    if (run.together == 0) continue;
+    run.result->work = work / run.together;
+    run.result->seconds = seconds / run.together;
+  }
+}
+
+}  // namespace nerf_pose_refiner

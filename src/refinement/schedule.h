@@ -1,0 +1,41 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <chrono>
+#include <string>
+#include <vector>
+
+#include "refinement/refiner.h"
+
+namespace nerf_pose_refiner {
+
+/// One refinement under way: what a schedule works with, and where it writes its result.
+struct RefinementRun {
+  Engine* engine;
+  const LoadedField& field;
+  const Observation& observation;
+  const Prior& prior;
+  const RefinerSettings& settings;
+  const StopToken& stop;
+  Refinement* result;
+  int together = 1;  ///< runs that share the engine's time and work; 0: this one takes none
+
+  std::chrono::steady_clock::time_point stage_start = std::chrono::steady_clock::now();
+  Work stage_work = engine->work();  ///< the engine's meter when the stage began
+
+  /// Ends a stage: appends a line to the trace with its share of time and work since the last one.
+  /// @param table best first.
+  void trace(const std::string& stage, const HypothesisTable& table);
+
+  /// Takes the outcome, pose and agreement from the final table, best first.
+  void finish(const HypothesisTable& table);
+};
+
+/// Direct alignment, Method::kAlign.
+void runAlignment(RefinementRun* run);
+
+/// The paper's parallel inversion, Method::kDescend: of one image from several priors at once,
+/// whose widths are the same.
+void runInversions(std::vector<RefinementRun>* runs);
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,397 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "registration/registrar.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <sstream>
+#include <stdexcept>
+
+#include "image/colour.h"
+#include "math/checksum.h"
+#include "registration/pose_correction.h"
+#include "registration/visual_hull.h"
+#include "trust/pose_statistics.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+constexpr double kProgressInterval_s = 0.5;
+constexpr double kQualityInterval = 0.1;  // of the training, between looks at the held-out views
+constexpr double kMostPsnr_db = 100;      // of two pictures that are equal
+constexpr double kPreviewSize_px = 320;
+
+// Rounds of a rough training and an alignment of the views with its model, and how far silhouettes
+// may be out of place before each (@see visualHull) and after the last.
+constexpr double kRoundSlack[] = {0.1, 0.03};
+constexpr double kSlackAfter = 0.015;
+constexpr int kRoughShare = 4;  // a rough training has so much fewer steps, and time
+
+double secondsSince(Clock::time_point start) {
+  return std::chrono::duration<double>(Clock::now() - start).count();
+}
+
+/// Every k-th view is held out, so that they are spread over the path.
+void split(const std::vector<PosedView>& views, int held_out, std::vector<PosedView>* training,
+           std::vector<PosedView>* held) {
+  const int count = std::min(held_out, static_cast<int>(views.size()) / 10);
+  const int interval = count > 0 ? static_cast<int>(views.size()) / count : 0;
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    const bool keep_apart = count > 0 && static_cast<int>(held->size()) < count &&
+                            static_cast<int>(i) % interval == interval / 2;
+    (keep_apart ? held : training)->push_back(views[i]);
+  }
+}
+
+/// Views whose poses are found again, to learn how well that goes: those held out, and some that
+/// were learned, for few are held out.
+std::vector<PosedView> poseViews(const std::vector<PosedView>& held_out,
+                                 const std::vector<PosedView>& training) {
+  constexpr std::size_t kViews = 12;
+  std::vector<PosedView> views = held_out;
+  const std::size_t missing = std::min(kViews - std::min(kViews, views.size()), training.size());
+  for (std::size_t i = 0; i < missing; ++i)
+    views.push_back(training[training.size() * i / missing]);
+  return views;
+}
+
+/// Whether nothing but the box is seen in any view: it holds a whole scene, not an object in one.
+bool fillsViews(const Box& box, const std::vector<PosedView>& views) {
+  return std::all_of(views.begin(), views.end(), [&](const PosedView& view) {
+    // What shows a convex box is convex: the corners speak for all pixels.
+    for (const int x : {0, view.camera.width - 1}) {
+      for (const int y : {0, view.camera.height - 1}) {
+        if (!box.meets(view.T_O_C.t, view.T_O_C.R * view.camera.direction(x, y))) return false;
+      }
+    }
+    return true;
+  });
+}
+
+/// Where a view says what there is. One with transparency does so everywhere; one without shows
+/// whatever lies behind the box as well, and counts only where the box can be seen.
+std::vector<std::uint8_t> tellingPixels(const PosedView& view, const Box& box) {
+  const std::vector<std::uint8_t>& rgba = view.rgba->values;
+  std::vector<std::uint8_t> telling(view.rgba->pixels(), 1);
+  for (std::size_t i = 3; i < rgba.size(); i += 4) {
+    if (rgba[i] < 255) return telling;
+  }
+  for (int y = 0; y < view.camera.height; ++y) {
+    for (int x = 0; x < view.camera.width; ++x) {
+      const Eigen::Vector3d direction_O = view.T_O_C.R * view.camera.direction(x, y);
+      telling[static_cast<std::size_t>(y) * view.camera.width + x] =
+          box.meets(view.T_O_C.t, direction_O);
+    }
+  }
+  return telling;
+}
+
+/// Error of a rendering on black against a view.
+struct ViewError {
+  double psnr_db;     ///< at most kMostPsnr_db
+  double inside_rms;  ///< where the view shows the object
+};
+
+ViewError viewError(Engine* engine, const LoadedField& field, const PosedView& view,
+                    const StopToken& stop) {
+  const PremultipliedImage truth = premultiply(*view.rgba);
+  const std::vector<std::uint8_t> telling = tellingPixels(view, field.field().box);
+  const Rendering rendering = engine->render(field, view.camera, view.T_O_C, RenderOptions(), stop);
+  double squares = 0, inside_squares = 0;
+  std::size_t pixels = 0, inside = 0;
+  for (std::size_t i = 0; i < telling.size(); ++i) {
+    if (!telling[i]) continue;
+    double pixel_squares = 0;
+    for (int c = 0; c < 3; ++c) {
+      const double error = rendering.colour.values[3 * i + c] - truth.colour.values[3 * i + c];
+      pixel_squares += error * error;
+    }
+    squares += pixel_squares;
+    ++pixels;
+    if (truth.alpha.values[i] < 0.5f) continue;
+    inside_squares += pixel_squares;
+    ++inside;
+  }
+  const auto mean = [](double sum, std::size_t n) {
+    return n > 0 ? sum / (3.0 * static_cast<double>(n)) : 0;
+  };
+  return {std::min(kMostPsnr_db, -10 * std::log10(mean(squares, pixels))),
+          std::sqrt(mean(inside_squares, inside))};
+}
+
+/// Whether a view can tell how good a model is: it shows the object, or the box that holds it.
+bool isTelling(const PosedView& view, const Box& box) {
+  const std::vector<std::uint8_t> telling = tellingPixels(view, box);
+  for (std::size_t i = 0; i < telling.size(); ++i) {
+    if (telling[i] && view.rgba->values[4 * i + 3] > 0) return true;
+  }
+  return false;
+}
+
+/// One run of a trainer: steps until the time, the steps or the quality are reached.
+class TrainingRun {
+ public:
+  TrainingRun(Engine* engine, FieldTrainer* trainer, const RegistrationSettings& settings,
+              const std::vector<PosedView>& held_out, const PosedView& previewed,
+              const std::function<void(const RegistrationProgress&)>& progress)
+      : engine_(engine),
+        trainer_(trainer),
+        settings_(settings),
+        held_out_(held_out),
+        previewed_(previewed),
+        progress_(progress) {}
+
+  void run(const char* stage, const StopToken& stop) {
+    double next_look = kQualityInterval;
+    while (done() < 1) {
+      stop.check();
+      loss_ = trainer_->step(done());
+      report(stage, [&] { return preview(stop); });
+      if (settings_.target_psnr_db > 0 && !held_out_.empty() && done() >= next_look) {
+        next_look += kQualityInterval;
+        const auto field = engine_->load(std::make_shared<Field>(trainer_->snapshot(stop)));
+        psnr_db_ = meanPsnr(engine_, *field, held_out_, stop);
+        if (psnr_db_ >= settings_.target_psnr_db) break;
+      }
+    }
+  }
+
+  void report(const char* stage, const std::function<Rendering()>& preview = {}) {
+    if (!progress_) return;
+    const double seconds = secondsSince(start_);
+    if (seconds - last_report_s_ < kProgressInterval_s && last_stage_ == stage) return;
+    last_report_s_ = seconds;
+    last_stage_ = stage;
+    RegistrationProgress progress;
+    progress.stage = stage;
+    progress.step = trainer_->stepsDone();
+    progress.steps = settings_.steps;
+    progress.loss = loss_;
+    progress.psnr_db = psnr_db_;
+    progress.seconds = seconds;
+    progress.seconds_left = done() > 0 ? std::max(0.0, seconds * (1 / done() - 1)) : 0;
+    progress.preview = preview;
+    progress_(progress);
+  }
+
+ private:
+  Rendering preview(const StopToken& stop) {
+    const Camera& full = previewed_.camera;
+    const double scale = std::min(1.0, kPreviewSize_px / std::max(full.width, full.height));
+    const auto field = engine_->load(std::make_shared<Field>(trainer_->snapshot(stop)));
+    return engine_->render(*field, full.scaled(scale), previewed_.T_O_C, RenderOptions(), stop);
+  }
+
+  /// Share of the training that is over, by steps or by time.
+  double done() const {
+    const double by_steps = static_cast<double>(trainer_->stepsDone()) / settings_.steps;
+    const double by_time =
+        settings_.max_seconds > 0 ? secondsSince(start_) / settings_.max_seconds : 0;
+    return std::min(1.0, std::max(by_steps, by_time));
+  }
+
+  Engine* engine_;
+  FieldTrainer* trainer_;
+  const RegistrationSettings& settings_;
+  const std::vector<PosedView>& held_out_;
+  const PosedView& previewed_;
+  const std::function<void(const RegistrationProgress&)>& progress_;
+  Clock::time_point start_ = Clock::now();
+  std::string last_stage_;
+  double last_report_s_ = -1e9;
+  double loss_ = 0, psnr_db_ = 0;
+};
+
+/// How well held-out views are shown at their true poses.
+void measureQuality(Engine* engine, const std::vector<PosedView>& held_out, const StopToken& stop,
+                    Field* field) {
+  if (held_out.empty()) return;
+  const auto loaded = engine->load(std::make_shared<Field>(*field));
+  double psnr_sum = 0, sum = 0, squares = 0;
+  for (const PosedView& view : held_out) {
+    const ViewError error = viewError(engine, *loaded, view, stop);
+    psnr_sum += error.psnr_db;
+    sum += error.inside_rms;
+    squares += error.inside_rms * error.inside_rms;
+  }
+  const double n = static_cast<double>(held_out.size());
+  field->metadata.psnr_db = psnr_sum / n;
+  field->metadata.score.views = static_cast<int>(held_out.size());
+  field->metadata.score.mean_loss = sum / n;
+  field->metadata.score.stddev_loss = std::sqrt(std::max(0.0, squares / n - sum * sum / (n * n)));
+}
+
+void requireBox(const Dataset& dataset) {
+  if (!dataset.has_box) return;
+  const Eigen::Vector3d &low = dataset.box_min, &high = dataset.box_max;
+  if (low.allFinite() && high.allFinite() && (low.array() < high.array()).all()) return;
+  std::ostringstream text;
+  text << "the box from " << low.transpose() << " to " << high.transpose() << " is empty";
+  throw std::invalid_argument(text.str());
+}
+
+/// Before backgrounds that change only what is opaque looks right: objects where their photos say
+/// so, and scenes everywhere. (An object in a box may end before the background that is seen in the
+/// box, too.)
+std::unique_ptr<FieldTrainer> trainerOf(Engine* engine, const std::vector<PosedView>& training,
+                                        bool has_alpha, const RegistrationSettings& settings,
+                                        Hull hull) {
+  TrainingPlan plan = settings.plan;
+  plan.region = std::move(hull.region);
+  plan.random_background = has_alpha || fillsViews(hull.box, training);
+  plan.seed = settings.seed;
+  std::vector<TrainingView> views;
+  for (const PosedView& view : training) views.push_back({view.rgba, view.camera, view.T_O_C});
+  return engine->trainer(FieldConfig::named(settings.profile), hull.box, std::move(views), plan);
+}
+
+Hull hullOf(const Dataset& dataset, const RegistrationSettings& settings, double slack,
+            const StopToken& stop) {
+  const int resolution = FieldConfig::named(settings.profile).occupancy_resolution;
+  return visualHull(dataset, resolution, settings.threads, stop, slack);
+}
+
+Field finished(FieldTrainer* trainer, const Dataset& dataset, const StopToken& stop) {
+  Field field = trainer->finish(stop);
+  if (field.metadata.diameter > 0) return field;
+  throw std::runtime_error(dataset.folder + ": training found no opaque matter");
+}
+
+/// One training, and its quality.
+Field train(Engine* engine, const Dataset& dataset, const RegistrationSettings& settings,
+            double slack, const std::function<void(const RegistrationProgress&)>& progress,
+            const StopToken& stop) {
+  Hull hull = hullOf(dataset, settings, slack, stop);
+  std::vector<PosedView> training, held_out;
+  split(dataset.views, settings.held_out, &training, &held_out);
+  held_out.erase(std::remove_if(held_out.begin(), held_out.end(),
+                                [&](const PosedView& view) { return !isTelling(view, hull.box); }),
+                 held_out.end());
+  const auto trainer = trainerOf(engine, training, dataset.has_alpha, settings, std::move(hull));
+  TrainingRun run(engine, trainer.get(), settings, held_out, training.front(), progress);
+  run.run("training", stop);
+  run.report("occupancy");
+  Field field = finished(trainer.get(), dataset, stop);
+  run.report("quality");
+  measureQuality(engine, held_out, stop, &field);
+  run.report("pose quality");
+  field.metadata.symmetries = settings.symmetries;
+  const auto loaded = engine->load(std::make_shared<Field>(field));
+  field.metadata.pose = measurePoses(engine, *loaded, poseViews(held_out, training), stop);
+  return field;
+}
+
+/// The dataset with poses that agree with each other (@see alignViews).
+Dataset withCorrectedPoses(Engine* engine, const Dataset& dataset,
+                           const RegistrationSettings& settings,
+                           const std::function<void(const RegistrationProgress&)>& progress,
+                           const StopToken& stop) {
+  RegistrationSettings rough = settings;
+  rough.steps = std::max(1, settings.steps / kRoughShare);
+  rough.max_seconds = settings.max_seconds / kRoughShare;
+  rough.target_psnr_db = 0;
+  std::vector<Pose> measured;
+  for (const PosedView& view : dataset.views) measured.push_back(view.T_O_C);
+  Dataset corrected = dataset;
+  for (const double slack : kRoundSlack) {
+    const auto trainer = trainerOf(engine, corrected.views, dataset.has_alpha, rough,
+                                   hullOf(corrected, rough, slack, stop));
+    const std::vector<PosedView> none_held_out;
+    TrainingRun run(engine, trainer.get(), rough, none_held_out, corrected.views.front(), progress);
+    run.run("rough training", stop);
+    run.report("poses");
+    const auto field =
+        engine->load(std::make_shared<Field>(finished(trainer.get(), dataset, stop)));
+    const std::vector<Pose> poses = inMeasuredFrame(
+        alignViews(engine, *field, corrected.views, measured, dataset.has_alpha, stop), measured);
+    for (std::size_t i = 0; i < poses.size(); ++i) corrected.views[i].T_O_C = poses[i];
+  }
+  return corrected;
+}
+
+}  // namespace
+
+void RegistrationSettings::validate() const {
+  const auto require = [](bool good, const char* name, double value, const char* range) {
+    if (!good) {
+      throw std::invalid_argument(std::string(name) + " = " + std::to_string(value) +
+                                  ": expected " + range);
+    }
+  };
+  FieldConfig::named(profile);
+  require(steps >= 1, "steps", steps, "at least 1");
+  require(max_seconds >= 0, "max_seconds", max_seconds, "at least 0");
+  require(target_psnr_db >= 0, "target_psnr_db", target_psnr_db, "at least 0");
+  require(held_out >= 0, "held_out", held_out, "at least 0");
+  require(threads >= 0, "threads", threads, "0 (all cores) or more");
+  require(metres_per_unit >= 0 && std::isfinite(metres_per_unit), "metres_per_unit",
+          metres_per_unit, "0 (as the dataset says) or more");
+  require(plan.samples_per_step >= 1024, "samples_per_step", plan.samples_per_step,
+          "at least 1024");
+  require(plan.learning_rate > 0 && std::isfinite(plan.learning_rate), "learning_rate",
+          plan.learning_rate, "above 0");
+  require(plan.final_learning_rate_factor > 0 && plan.final_learning_rate_factor <= 1,
+          "final_learning_rate_factor", plan.final_learning_rate_factor, "in (0, 1]");
+}
+
+Field registerObject(Engine* engine, const Dataset& dataset, const RegistrationSettings& settings,
+                     const std::function<void(const RegistrationProgress&)>& progress,
+                     const StopToken& stop) {
+  settings.validate();
+  requireBox(dataset);
+  Field field;
+  if (settings.refine_poses) {
+    const Dataset corrected = withCorrectedPoses(engine, dataset, settings, progress, stop);
+    RegistrationSettings rest = settings;
+    rest.max_seconds = 0.5 * settings.max_seconds;
+    field = train(engine, corrected, rest, kSlackAfter, progress, stop);
+  } else {
+    field = train(engine, dataset, settings, 0, progress, stop);
+  }
+  field.metadata.metres_per_unit =
+      settings.metres_per_unit > 0 ? settings.metres_per_unit : dataset.metres_per_unit;
+  field.metadata.data_hash = registrationHash(dataset, settings, stop);
+  return field;
+}
+
+std::string registrationHash(const Dataset& dataset, const RegistrationSettings& settings,
+                             const StopToken& stop) {
+  Checksum checksum;
+  for (const PosedView& view : dataset.views) {
+    stop.check();
+    checksum.add(view.rgba->values.data(), view.rgba->values.size());
+    for (const double number : {view.camera.fx, view.camera.fy, view.camera.cx, view.camera.cy}) {
+      checksum.add(&number, sizeof number);
+    }
+    checksum.add(view.T_O_C.R.data(), 9 * sizeof(double));
+    checksum.add(view.T_O_C.t.data(), 3 * sizeof(double));
+  }
+  checksum.add(&dataset.has_alpha, sizeof dataset.has_alpha);
+  if (dataset.has_box) {
+    checksum.add(dataset.box_min.data(), 3 * sizeof(double));
+    checksum.add(dataset.box_max.data(), 3 * sizeof(double));
+  }
+  checksum.add(settings.profile.data(), settings.profile.size());
+  for (const double number :
+       {static_cast<double>(settings.steps), settings.max_seconds, settings.target_psnr_db,
+        static_cast<double>(settings.held_out), settings.metres_per_unit, dataset.metres_per_unit,
+        static_cast<double>(settings.plan.samples_per_step), settings.plan.learning_rate,
+        settings.plan.final_learning_rate_factor, static_cast<double>(settings.seed)}) {
+    checksum.add(&number, sizeof number);
+  }
+  // Only if set: models from before there was the setting stay valid.
+  if (settings.refine_poses) checksum.add(&settings.refine_poses, sizeof settings.refine_poses);
+  return checksum.text();
+}
+
+double meanPsnr(Engine* engine, const LoadedField& field, const std::vector<PosedView>& views,
+                const StopToken& stop) {
+  if (views.empty()) throw std::invalid_argument("PSNR of no views");
+  double sum = 0;
+  for (const PosedView& view : views) sum += viewError(engine, field, view, stop).psnr_db;
+  return sum / static_cast<double>(views.size());
+}
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,266 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "ros/bag/bag_sequence.h"
+
+#include <cv_bridge/cv_bridge.h>
+#include <geometry_msgs/PoseStamped.h>
+#include <geometry_msgs/PoseWithCovarianceStamped.h>
+#include <geometry_msgs/TransformStamped.h>
+#include <sensor_msgs/CompressedImage.h>
+#include <sensor_msgs/image_encodings.h>
+#include <tf2/exceptions.h>
+#include <tf2_msgs/TFMessage.h>
+
+#include <algorithm>
+#include <stdexcept>
+
+#include "ros/conversions/pose_conversions.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+// Poses of the topic with the truth are looked up as TF is, under a name that nobody else has.
+constexpr char kTruthFrame[] = "nerf_pose_refiner/recorded_truth";
+constexpr double kKeepAll_s = 1e8;
+
+std::string frameText(int index, const ros::Time& stamp) {
+  char text[64];
+  std::snprintf(text, sizeof text, "frame %d (stamp %u.%09u)", index, stamp.sec, stamp.nsec);
+  return text;
+}
+
+bool isImage(const std::string& type) {
+  return type == "sensor_msgs/Image" || type == "sensor_msgs/CompressedImage";
+}
+
+/// The name of an image's topic without the suffix of its transport.
+std::string withoutTransport(const std::string& topic) {
+  const std::string suffix = "/compressed";
+  const bool compressed = topic.size() > suffix.size() &&
+                          topic.compare(topic.size() - suffix.size(), suffix.size(), suffix) == 0;
+  return compressed ? topic.substr(0, topic.size() - suffix.size()) : topic;
+}
+
+/// An image, raw or compressed. @param encoding that a compressed one is decoded to.
+sensor_msgs::ImagePtr decode(const rosbag::MessageInstance& message, const std::string& encoding) {
+  if (const auto raw = message.instantiate<sensor_msgs::Image>()) return raw;
+  const auto compressed = message.instantiate<sensor_msgs::CompressedImage>();
+  if (!compressed) throw std::runtime_error("is of type " + message.getDataType());
+  if (compressed->data.empty()) throw std::runtime_error("holds no data");
+  const auto image = cv_bridge::toCvCopy(compressed, encoding);
+  if (image->image.empty()) throw std::runtime_error("cannot be decoded");
+  return image->toImageMsg();
+}
+
+ros::Time stampOf(const rosbag::MessageInstance& message) {
+  if (const auto raw = message.instantiate<sensor_msgs::Image>()) return raw->header.stamp;
+  const auto compressed = message.instantiate<sensor_msgs::CompressedImage>();
+  return compressed ? compressed->header.stamp : ros::Time();
+}
+
+geometry_msgs::TransformStamped transformOf(const std_msgs::Header& header,
+                                            const geometry_msgs::Pose& pose) {
+  geometry_msgs::PoseStamped stamped;
+  stamped.header = header;
+  stamped.pose = pose;
+  return toTransform(stamped, kTruthFrame);
+}
+
+}  // namespace
+
+BagSequence::BagSequence(const std::string& path, const BagTopics& topics)
+    : path_(path), topics_(topics), transforms_(ros::Duration(kKeepAll_s)) {
+  try {
+    bag_.open(path, rosbag::bagmode::Read);
+  } catch (const rosbag::BagException& e) {
+    throw std::runtime_error("cannot read the bag '" + path + "': " + e.what());
+  }
+  completeTopics();
+  requireTopics();
+  image_view_ = std::make_unique<rosbag::View>(bag_, rosbag::TopicQuery(topics_.image));
+  for (const rosbag::MessageInstance& message : *image_view_) images_.push_back(message);
+  readTransforms();
+  readCameraInfos();
+  readMasks();
+  readInitialPoses();
+  readTruth();
+}
+
+std::string BagSequence::theOnlyImageTopic() {
+  std::string found, all;
+  rosbag::View view(bag_);
+  for (const rosbag::ConnectionInfo* connection : view.getConnections()) {
+    if (!isImage(connection->datatype) || connection->topic == found) continue;
+    all += (all.empty() ? "" : ", ") + connection->topic;
+    found = connection->topic;
+  }
+  if (found.empty()) throw std::runtime_error("the bag '" + path_ + "' holds no images");
+  if (all != found) {
+    throw std::runtime_error("the bag '" + path_ +
+                             "' holds images of several topics, name one: " + all);
+  }
+  return found;
+}
+
+void BagSequence::completeTopics() {
+  if (topics_.truth.empty() == topics_.truth_frame.empty()) {
+    throw std::invalid_argument("name a topic or a TF frame with the true pose, one of them");
+  }
+  if (topics_.image.empty()) topics_.image = theOnlyImageTopic();
+  if (topics_.camera_info.empty()) {
+    const std::string image = withoutTransport(topics_.image);
+    topics_.camera_info = image.substr(0, image.find_last_of('/') + 1) + "camera_info";
+  }
+}
+
+void BagSequence::requireTopics() {
+  for (const std::string* topic : {&topics_.image, &topics_.camera_info, &topics_.mask,
+                                   &topics_.initial_pose, &topics_.truth}) {
+    if (topic->empty()) continue;
+    rosbag::View view(bag_, rosbag::TopicQuery(*topic));
+    if (view.size() == 0) {
+      throw std::runtime_error("the bag '" + path_ + "' holds nothing on " + *topic);
+    }
+    const std::string& type = view.getConnections().front()->datatype;
+    const bool image_wanted = topic == &topics_.image || topic == &topics_.mask;
+    const bool good =
+        image_wanted ? isImage(type)
+        : topic == &topics_.camera_info
+            ? type == "sensor_msgs/CameraInfo"
+            : type == "geometry_msgs/PoseStamped" ||
+                  type == "geometry_msgs/PoseWithCovarianceStamped" ||
+                  (topic == &topics_.truth && type == "geometry_msgs/TransformStamped");
+    if (!good) throw std::runtime_error(*topic + " in '" + path_ + "' is of type " + type);
+  }
+}
+
+void BagSequence::readTransforms() {
+  for (const char* topic : {"/tf", "/tf_static"}) {
+    rosbag::View view(bag_, rosbag::TopicQuery(topic));
+    for (const rosbag::MessageInstance& message : view) {
+      const auto transforms = message.instantiate<tf2_msgs::TFMessage>();
+      if (!transforms) continue;
+      for (geometry_msgs::TransformStamped transform : transforms->transforms) {
+        transform.header.frame_id = withoutSlash(transform.header.frame_id);
+        transform.child_frame_id = withoutSlash(transform.child_frame_id);
+        transforms_.setTransform(transform, path_, std::string(topic) == "/tf_static");
+      }
+    }
+  }
+}
+
+void BagSequence::readCameraInfos() {
+  rosbag::View view(bag_, rosbag::TopicQuery(topics_.camera_info));
+  for (const rosbag::MessageInstance& message : view) {
+    const auto info = message.instantiate<sensor_msgs::CameraInfo>();
+    if (info) infos_[info->header.stamp] = info;
+  }
+}
+
+void BagSequence::readMasks() {
+  if (topics_.mask.empty()) return;
+  mask_view_ = std::make_unique<rosbag::View>(bag_, rosbag::TopicQuery(topics_.mask));
+  for (const rosbag::MessageInstance& message : *mask_view_) {
+    masks_.emplace(stampOf(message), message);
+  }
+}
+
+void BagSequence::readInitialPoses() {
+  if (topics_.initial_pose.empty()) return;
+  rosbag::View view(bag_, rosbag::TopicQuery(topics_.initial_pose));
+  for (const rosbag::MessageInstance& message : view) {
+    StartPose start;
+    if (const auto pose = message.instantiate<geometry_msgs::PoseStamped>()) {
+      start = startFromMessage(*pose);
+    } else if (const auto wide = message.instantiate<geometry_msgs::PoseWithCovarianceStamped>()) {
+      start = startFromMessage(*wide);
+    }
+    if (start.stamp.isZero()) start.stamp = message.getTime();
+    initial_poses_[start.stamp] = start;
+  }
+}
+
+void BagSequence::readTruth() {
+  if (topics_.truth.empty()) return;
+  rosbag::View view(bag_, rosbag::TopicQuery(topics_.truth));
+  for (const rosbag::MessageInstance& message : view) {
+    geometry_msgs::TransformStamped transform;
+    if (const auto pose = message.instantiate<geometry_msgs::PoseStamped>()) {
+      transform = transformOf(pose->header, pose->pose);
+    } else if (const auto wide = message.instantiate<geometry_msgs::PoseWithCovarianceStamped>()) {
+      transform = transformOf(wide->header, wide->pose.pose);
+    } else if (const auto direct = message.instantiate<geometry_msgs::TransformStamped>()) {
+      transform = *direct;
+      transform.child_frame_id = kTruthFrame;
+    }
+    transform.header.frame_id = withoutSlash(transform.header.frame_id);
+    if (!transforms_.setTransform(transform, path_)) {
+      throw std::runtime_error(topics_.truth + " in '" + path_ + "': the pose " +
+                               std::to_string(truth_stamps_.size()) + " makes no sense");
+    }
+    truth_stamps_.push_back(transform.header.stamp);
+  }
+  std::sort(truth_stamps_.begin(), truth_stamps_.end());
+}
+
+BagFrame BagSequence::frame(int index) const {
+  BagFrame frame;
+  frame.index = index;
+  try {
+    frame.image = decode(images_.at(index), sensor_msgs::image_encodings::RGB8);
+  } catch (const std::exception& e) {
+    throw std::runtime_error(topics_.image + ", frame " + std::to_string(index) + ": " + e.what());
+  }
+  const ros::Time stamp = frame.image->header.stamp;
+  frame.image->header.frame_id = withoutSlash(frame.image->header.frame_id);
+  const auto info = infos_.size() == 1 ? infos_.begin() : infos_.find(stamp);
+  if (info == infos_.end()) {
+    throw std::runtime_error(topics_.camera_info + ": nothing with the stamp of " +
+                             frameText(index, stamp));
+  }
+  frame.info = info->second;
+  const auto mask = masks_.find(stamp);
+  if (mask != masks_.end()) {
+    try {
+      frame.mask = decode(mask->second, sensor_msgs::image_encodings::MONO8);
+    } catch (const std::exception& e) {
+      throw std::runtime_error(topics_.mask + ", " + frameText(index, stamp) + ": " + e.what());
+    }
+  }
+  return frame;
+}
+
+Pose BagSequence::truth(const std::string& camera_frame, const ros::Time& stamp) const {
+  if (!topics_.truth.empty()) {
+    const auto next = std::lower_bound(truth_stamps_.begin(), truth_stamps_.end(), stamp);
+    const bool exact = next != truth_stamps_.end() && *next == stamp;
+    const bool between = next != truth_stamps_.begin() && next != truth_stamps_.end();
+    if (!exact && !(between && (*next - *(next - 1)).toSec() <= topics_.truth_gap_s)) {
+      throw std::runtime_error(topics_.truth + " says nothing of this time");
+    }
+  }
+  const std::string frame = topics_.truth.empty() ? topics_.truth_frame : kTruthFrame;
+  try {
+    return fromMessage(transforms_.lookupTransform(camera_frame, frame, stamp).transform);
+  } catch (const tf2::TransformException& e) {
+    throw std::runtime_error(std::string("no true pose: ") + e.what());
+  }
+}
+
+std::optional<Pose> BagSequence::initialPose(const std::string& camera_frame,
+                                             const ros::Time& stamp, double max_age_s) const {
+  auto next = initial_poses_.upper_bound(stamp);
+  if (next == initial_poses_.begin()) return std::nullopt;
+  --next;
+  if ((stamp - next->first).toSec() > max_age_s) return std::nullopt;
+  const StartPose& start = next->second;
+  const std::string& fixed = topics_.fixed_frame.empty() ? start.frame_id : topics_.fixed_frame;
+  try {
+    const geometry_msgs::TransformStamped T_C_P =
+        transforms_.lookupTransform(camera_frame, stamp, start.frame_id, start.stamp, fixed);
+    return fromMessage(T_C_P.transform) * start.T_P_U;
+  } catch (const tf2::TransformException& e) {
+    throw std::runtime_error(std::string("no way to the initial pose: ") + e.what());
+  }
+}
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,89 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <rosbag/bag.h>
+#include <rosbag/view.h>
+#include <sensor_msgs/CameraInfo.h>
+#include <sensor_msgs/Image.h>
+#include <tf2/buffer_core.h>
+
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "nerf_pose_refiner/pose.h"
+#include "ros/nodelet/tracker_state.h"
+
+namespace nerf_pose_refiner {
+
+/// What of a bag belongs to a sequence. Topics are absolute, as the bag has them.
+struct BagTopics {
+  std::string image;         ///< Image or CompressedImage; empty: the only one of the bag
+  std::string camera_info;   ///< empty: the image's sibling, as image_transport has it
+  std::string mask;          ///< Image or CompressedImage, paired by exact stamp; empty: none
+  std::string initial_pose;  ///< PoseStamped or PoseWithCovarianceStamped; empty: none
+  std::string truth;         ///< these or TransformStamped: the object's true pose in any TF frame
+  std::string truth_frame;   ///< TF frame of the object; alternative to `truth`
+  std::string fixed_frame;   ///< in which the object stands still between the times of an initial
+                             ///< pose and of the image; empty: the frame of the pose
+  double truth_gap_s = 0.2;  ///< longest gap of `truth` that is bridged by interpolation
+};
+
+/// One image of a bag, decoded, with what belongs to it.
+struct BagFrame {
+  int index = 0;  ///< of the image in the bag, from 0
+  sensor_msgs::ImagePtr image;
+  sensor_msgs::CameraInfoConstPtr info;
+  sensor_msgs::ImagePtr mask;  ///< null: none with this stamp
+};
+
+/// A recorded sequence of images, read from the file itself: no image is dropped, none is late, and
+/// TF is known as a whole. One thread at a time.
+class BagSequence {
+ public:
+  /// Reads all but the images. @throws std::runtime_error naming the file and the topic that is
+  /// missing, ambiguous or of another type.
+  BagSequence(const std::string& path, const BagTopics& topics);
+
+  int size() const { return static_cast<int>(images_.size()); }
+  const BagTopics& topics() const { return topics_; }  ///< completed
+
+  /// @throws std::runtime_error naming topic and frame: an image or mask that cannot be decoded, or
+  /// no camera_info of the image's stamp. (One camera_info in the whole bag is all images'.)
+  BagFrame frame(int index) const;
+
+  /// The object's true pose T_C_U [m]. @throws std::runtime_error naming what is missing.
+  Pose truth(const std::string& camera_frame, const ros::Time& stamp) const;
+
+  /// The newest recorded initial pose T_C_U [m] that is not newer than a time, nor older by more
+  /// than `max_age_s`; nothing: there is none.
+  /// @throws std::runtime_error if TF does not lead to it.
+  std::optional<Pose> initialPose(const std::string& camera_frame, const ros::Time& stamp,
+                                  double max_age_s) const;
+
+ private:
+  void completeTopics();
+  std::string theOnlyImageTopic();
+  void requireTopics();
+  void readTransforms();
+  void readCameraInfos();
+  void readMasks();
+  void readInitialPoses();
+  void readTruth();
+
+  std::string path_;
+  BagTopics topics_;
+  rosbag::Bag bag_;
+  std::unique_ptr<rosbag::View> image_view_;     // what images_ refer to
+  std::vector<rosbag::MessageInstance> images_;  // in the order of their recording
+  std::unique_ptr<rosbag::View> mask_view_;      // what masks_ refer to
+  std::map<ros::Time, rosbag::MessageInstance> masks_;
+  std::map<ros::Time, sensor_msgs::CameraInfoConstPtr> infos_;
+  std::map<ros::Time, StartPose> initial_poses_;
+  std::vector<ros::Time> truth_stamps_;  // of topics_.truth, sorted
+  tf2::BufferCore transforms_;
+};
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,176 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "ros/capture/capture_node.h"
+
+#include <image_transport/camera_common.h>
+#include <nerf_pose_refiner/RegisterObject.h>
+
+#include <chrono>
+
+#include "ros/conversions/error_of.h"
+#include "ros/conversions/pose_conversions.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+constexpr double kTick_s = 0.05;  // how soon an image whose TF came is looked at
+constexpr int kQueue = 30;        // messages whose partners have not come yet
+
+CaptureParameters readParameters(const ros::NodeHandle& pnh) {
+  ParamReader reader = ParamReader::ofNode(pnh);
+  const CaptureParameters parameters = CaptureParameters::read(&reader);
+  std::string text;
+  for (const std::string& line : reader.log()) text += "\n  " + line;
+  ROS_INFO("parameters:%s", text.c_str());
+  for (const std::string& line : reader.unknown()) ROS_WARN("%s", line.c_str());
+  return parameters;
+}
+
+/// @return why the object was not registered; empty: it was.
+std::string callRegistration(const std::string& service, RegisterObject::Request request) {
+  RegisterObject::Response response;
+  if (!ros::service::exists(service, false)) return "there is no service " + service;
+  if (!ros::service::call(service, request, response)) return "the call of " + service + " failed";
+  return response.success ? "" : response.message;
+}
+
+}  // namespace
+
+CaptureNode::CaptureNode(ros::NodeHandle nh, ros::NodeHandle pnh)
+    : parameters_(readParameters(pnh)),
+      nh_(nh),
+      transform_input_(transforms_, nh),
+      capture_(parameters_, transforms_),
+      status_(pnh.advertise<CaptureStatus>("status", 1, true)),
+      transport_(nh) {
+  report(CaptureStatus::STATE_IDLE, "call ~start");
+  start_server_ = pnh.advertiseService("start", &CaptureNode::onStart, this);
+  finish_server_ = pnh.advertiseService("finish", &CaptureNode::onFinish, this);
+  abort_server_ = pnh.advertiseService("abort", &CaptureNode::onAbort, this);
+  timer_ = nh_.createWallTimer(ros::WallDuration(kTick_s),
+                               [this](const ros::WallTimerEvent&) { onTimer(); });
+  subscribe(&nh);
+}
+
+void CaptureNode::subscribe(ros::NodeHandle* nh) {
+  const image_transport::TransportHints hints(parameters_.image_transport);
+  infos_.registerCallback(&CaptureNode::onCameraInfo, this);
+  if (parameters_.use_masks) {
+    triples_ = std::make_unique<message_filters::TimeSynchronizer<Image, CameraInfo, Image>>(
+        images_, infos_, masks_, kQueue);
+    triples_->registerCallback(&CaptureNode::onImage, this);
+    masks_.subscribe(transport_, "mask", kQueue);
+  } else {
+    pairs_ = std::make_unique<message_filters::TimeSynchronizer<Image, CameraInfo>>(images_, infos_,
+                                                                                    kQueue);
+    pairs_->registerCallback(&CaptureNode::onPair, this);
+  }
+  images_.subscribe(transport_, "image", kQueue, hints);
+  infos_.subscribe(*nh, image_transport::getCameraInfoTopic(nh->resolveName("image")), kQueue);
+}
+
+void CaptureNode::report(std::uint8_t state, const std::string& message) {
+  CaptureStatus status = capture_.status();
+  status.header.stamp = ros::Time::now();
+  status.state = state;
+  if (!message.empty()) status.message = message;
+  const bool news = status.state != reported_.state || status.views != reported_.views ||
+                    status.message != reported_.message;
+  if (news && state == CaptureStatus::STATE_FAILED) {
+    ROS_ERROR("%s", status.message.c_str());
+  } else if (news) {
+    ROS_INFO("%u views of %u images, directions covered: %.0f %%. %s", status.views, status.images,
+             100 * status.coverage, status.message.c_str());
+  }
+  reported_ = status;
+  status_.publish(status);
+}
+
+void CaptureNode::onImage(const sensor_msgs::ImageConstPtr& image,
+                          const sensor_msgs::CameraInfoConstPtr& info,
+                          const sensor_msgs::ImageConstPtr& mask) {
+  capture_.add({image, info, mask});
+}
+
+void CaptureNode::onTimer() {
+  const auto error = errorOf([this] {
+    if (capture_.capturing()) {
+      const CaptureStatus before = capture_.status();
+      const bool complete = capture_.process(ros::Time::now());
+      const CaptureStatus now = capture_.status();
+      if (complete) {
+        finish();
+      } else if (now.views != before.views || now.message != before.message) {
+        report(CaptureStatus::STATE_CAPTURING, "");
+      }
+    }
+    if (registration_.valid() &&
+        registration_.wait_for(std::chrono::seconds(0)) == std::future_status::ready) {
+      const std::string problem = registration_.get();
+      report(problem.empty() ? CaptureStatus::STATE_DONE : CaptureStatus::STATE_FAILED,
+             problem.empty() ? "registered" : "written, but not registered: " + problem);
+    }
+  });
+  if (!error) return;
+  capture_.abort();  // a full disk, say
+  report(CaptureStatus::STATE_FAILED, *error);
+}
+
+void CaptureNode::finish() {
+  capture_.finish();
+  if (parameters_.register_service.empty()) {
+    report(CaptureStatus::STATE_DONE, "the dataset is written");
+  } else {
+    registerObject();
+    report(CaptureStatus::STATE_REGISTERING, "the dataset is written, and registered now");
+  }
+}
+
+/// The service blocks for as long as the training takes.
+void CaptureNode::registerObject() {
+  RegisterObject::Request request;
+  request.name = parameters_.name;
+  request.dataset = parameters_.name;
+  request.metres_per_unit = 1;
+  if (parameters_.has_box) {
+    request.box_min = toPoint(parameters_.box_min);
+    request.box_max = toPoint(parameters_.box_max);
+  }
+  registration_ =
+      std::async(std::launch::async, callRegistration, parameters_.register_service, request);
+}
+
+bool CaptureNode::onStart(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {
+  const auto error = errorOf([this] {
+    if (registration_.valid()) throw std::runtime_error("the last dataset is being registered");
+    if (!info_) throw std::runtime_error("no camera_info came on " + infos_.getTopic());
+    capture_.start(*info_);
+    report(CaptureStatus::STATE_CAPTURING, "");
+  });
+  response.success = !error;
+  response.message = error.value_or("move the camera around the object, then call ~finish");
+  if (error) ROS_ERROR("~start: %s", error->c_str());
+  return true;  // false would lose the message on its way
+}
+
+bool CaptureNode::onFinish(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {
+  const auto error = errorOf([this] {
+    if (capture_.capturing()) capture_.process(ros::Time::now());
+    finish();
+  });
+  response.success = !error;
+  response.message = error.value_or(reported_.message);
+  if (error) ROS_ERROR("~finish: %s", error->c_str());
+  return true;
+}
+
+bool CaptureNode::onAbort(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {
+  response.success = capture_.capturing();
+  response.message = response.success ? "what was captured is removed" : "nothing is captured";
+  if (response.success) {
+    capture_.abort();
+    report(CaptureStatus::STATE_IDLE, response.message);
+  }
+  return true;
+}
+
+}  // namespace nerf_pose_refiner

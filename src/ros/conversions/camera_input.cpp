@@ -1,0 +1,226 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "ros/conversions/camera_input.h"
+
+#include <cv_bridge/cv_bridge.h>
+#include <image_geometry/pinhole_camera_model.h>
+#include <nerf_pose_refiner/RefinementStatus.h>
+#include <sensor_msgs/distortion_models.h>
+#include <sensor_msgs/image_encodings.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <string>
+
+#include "image/colour.h"
+#include "ros/conversions/input_error.h"
+#include "ros/conversions/pose_conversions.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+namespace encodings = sensor_msgs::image_encodings;
+using Status = RefinementStatus;
+
+std::string sizeText(std::size_t width, std::size_t height) {
+  return std::to_string(width) + " x " + std::to_string(height);
+}
+
+bool sameModel(const CameraModel& a, const CameraModel& b) {
+  const auto values = [](const CameraModel& m) {
+    return std::array<double, 6>{double(m.camera.width),
+                                 double(m.camera.height),
+                                 m.camera.fx,
+                                 m.camera.fy,
+                                 m.camera.cx,
+                                 m.camera.cy};
+  };
+  return values(a) == values(b) && a.distortion.coefficients == b.distortion.coefficients;
+}
+
+/// What to do with an encoding that is not read here.
+std::string adviceFor(const std::string& encoding) {
+  if (encodings::isBayer(encoding)) {
+    return "a Bayer pattern: the nodelet image_proc/debayer makes colours of it (image_color)";
+  }
+  if (encoding == encodings::YUV422 || encoding == "yuv422_yuy2") {
+    return "YUV: the nodelet image_proc/debayer makes colours of it (image_color)";
+  }
+  const bool is_colour = encodings::isMono(encoding) || encodings::isColor(encoding);
+  if (is_colour && encoding.find("16") != std::string::npos) {
+    return "of 16 bits: let the camera's driver send 8, for image_proc has no node for that";
+  }
+  if (encoding == encodings::TYPE_16UC1 || encoding == encodings::TYPE_32FC1) {
+    return "that of a depth image: listen to the colour image";
+  }
+  return "not one of rgb8, bgr8, rgba8, bgra8 and mono8";
+}
+
+void requireData(const char* what, const sensor_msgs::Image& image, std::uint8_t reason) {
+  const std::size_t row_bytes =
+      std::size_t{image.width} * static_cast<std::size_t>(encodings::numChannels(image.encoding));
+  if (image.step < row_bytes || image.data.size() != std::size_t{image.step} * image.height) {
+    throw InputError(reason,
+                     std::string("the size of the ") + what + " and of its data do not match");
+  }
+}
+
+void requireKnownDistortion(const sensor_msgs::CameraInfo& info) {
+  namespace models = sensor_msgs::distortion_models;
+  const auto is_zero = [](double d) { return d == 0; };
+  if (std::all_of(info.D.begin(), info.D.end(), is_zero)) return;
+  if (info.distortion_model != models::PLUMB_BOB &&
+      info.distortion_model != models::RATIONAL_POLYNOMIAL) {
+    throw InputError(Status::REASON_BAD_CAMERA_INFO,
+                     "the distortion model '" + info.distortion_model +
+                         "' is not supported: let the nodelet image_proc/rectify take it out, "
+                         "listen to its image_rect_color and set ~image_is_rectified");
+  }
+  const std::size_t n = info.D.size();
+  const auto is_finite = [](double d) { return std::isfinite(d); };
+  if ((n != 4 && n != 5 && n != 8) || !std::all_of(info.D.begin(), info.D.end(), is_finite)) {
+    throw InputError(Status::REASON_BAD_CAMERA_INFO,
+                     "D of camera_info must hold 4, 5 or 8 finite numbers, and has " +
+                         std::to_string(n) + " numbers");
+  }
+}
+
+/// Binning and region of interest (REP-104) are image_geometry's work.
+CameraModel readGeometry(const sensor_msgs::CameraInfo& info, bool rectified) {
+  image_geometry::PinholeCameraModel geometry;
+  geometry.fromCameraInfo(info);
+  const cv::Size size = geometry.reducedResolution();
+  CameraModel model;
+  if (rectified) {
+    model.camera = {size.width,    size.height,   geometry.fx(),
+                    geometry.fy(), geometry.cx(), geometry.cy()};
+  } else {
+    const cv::Matx33d& K = geometry.intrinsicMatrix();
+    model.camera = {size.width, size.height, K(0, 0), K(1, 1), K(0, 2), K(1, 2)};
+    model.distortion.coefficients = info.D;
+    if (model.distortion.isZero()) model.distortion.coefficients.clear();
+  }
+  model.camera.validate();
+  return model;
+}
+
+}  // namespace
+
+CameraModel cameraFromMessage(const sensor_msgs::CameraInfo& info, bool rectified) {
+  if (!((rectified ? info.P[0] : info.K[0]) > 0)) {
+    throw InputError(Status::REASON_UNCALIBRATED, std::string("the camera is not calibrated (") +
+                                                      (rectified ? "P" : "K") +
+                                                      "[0] of camera_info is not positive)");
+  }
+  if (rectified && info.P[3] != 0) {
+    throw InputError(Status::REASON_BAD_CAMERA_INFO,
+                     "the right camera of a stereo pair is not supported: use the left one");
+  }
+  if (!rectified) requireKnownDistortion(info);
+  try {
+    return readGeometry(info, rectified);
+  } catch (const std::exception& e) {  // also of OpenCV, which image_geometry lets through
+    throw InputError(Status::REASON_BAD_CAMERA_INFO, std::string("camera_info: ") + e.what());
+  }
+}
+
+void checkImage(const sensor_msgs::Image& image, const Camera& camera) {
+  if (image.header.stamp.isZero() || withoutSlash(image.header.frame_id).empty()) {
+    throw InputError(Status::REASON_BAD_IMAGE, "the image has no stamp or no frame");
+  }
+  const auto known = {encodings::RGB8, encodings::BGR8, encodings::RGBA8, encodings::BGRA8,
+                      encodings::MONO8};
+  if (std::find(known.begin(), known.end(), image.encoding) == known.end()) {
+    throw InputError(Status::REASON_BAD_IMAGE,
+                     "the encoding '" + image.encoding + "' is " + adviceFor(image.encoding));
+  }
+  requireData("image", image, Status::REASON_BAD_IMAGE);
+  if (static_cast<int>(image.width) != camera.width ||
+      static_cast<int>(image.height) != camera.height) {
+    throw InputError(Status::REASON_BAD_CAMERA_INFO,
+                     "the image is " + sizeText(image.width, image.height) +
+                         " but camera_info is for " + sizeText(camera.width, camera.height));
+  }
+}
+
+Image8 rgbPixels(const sensor_msgs::Image& image) {
+  // The caller keeps the message alive while its pixels are shared.
+  const cv_bridge::CvImageConstPtr rgb = cv_bridge::toCvShare(image, nullptr, encodings::RGB8);
+  Image8 bytes(rgb->image.cols, rgb->image.rows, 3);
+  for (int y = 0; y < bytes.height; ++y) {
+    std::copy_n(rgb->image.ptr<std::uint8_t>(y), 3 * bytes.width, bytes.pixel(0, y));
+  }
+  return bytes;
+}
+
+Image8 maskPixels(const char* what, const sensor_msgs::Image& mask, const Camera& camera) {
+  if (mask.encoding != encodings::MONO8 && mask.encoding != encodings::TYPE_8UC1) {
+    throw InputError(Status::REASON_BAD_MASK, std::string("the encoding of the ") + what + " is '" +
+                                                  mask.encoding + "', not mono8");
+  }
+  requireData(what, mask, Status::REASON_BAD_MASK);
+  if (static_cast<int>(mask.width) != camera.width ||
+      static_cast<int>(mask.height) != camera.height) {
+    throw InputError(Status::REASON_BAD_MASK,
+                     std::string("the ") + what + " is " + sizeText(mask.width, mask.height) +
+                         " but the image is " + sizeText(camera.width, camera.height));
+  }
+  Image8 bytes(camera.width, camera.height, 1);
+  for (int y = 0; y < bytes.height; ++y) {
+    const std::uint8_t* row = mask.data.data() + std::size_t{mask.step} * y;
+    std::transform(row, row + bytes.width, bytes.pixel(0, y),
+                   [](std::uint8_t value) { return static_cast<std::uint8_t>(value ? 255 : 0); });
+  }
+  return bytes;
+}
+
+sensor_msgs::CameraInfo toMessage(const Camera& camera) {
+  sensor_msgs::CameraInfo info;
+  info.width = camera.width;
+  info.height = camera.height;
+  info.distortion_model = sensor_msgs::distortion_models::PLUMB_BOB;
+  info.D.assign(5, 0.0);
+  info.K = {camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 1};
+  info.R = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+  info.P = {camera.fx, 0, camera.cx, 0, 0, camera.fy, camera.cy, 0, 0, 0, 1, 0};
+  return info;
+}
+
+const Undistorter& CameraInput::undistorterOf(const CameraModel& model) {
+  if (!undistorter_ || !sameModel(model, model_)) {
+    undistorter_.reset();
+    try {
+      undistorter_.emplace(model.camera, model.distortion);
+    } catch (const std::exception& e) {
+      throw InputError(Status::REASON_BAD_CAMERA_INFO, std::string("camera_info: ") + e.what());
+    }
+    model_ = model;
+  }
+  return *undistorter_;
+}
+
+Observation CameraInput::observe(const sensor_msgs::Image& image,
+                                 const sensor_msgs::CameraInfo& info, const ImageMasks& masks) {
+  const CameraModel model = cameraFromMessage(info, rectified_);
+  checkImage(image, model.camera);
+  const Undistorter& undistorter = undistorterOf(model);
+  Observation observation;
+  observation.image = toFloat(undistorter.undistort(rgbPixels(image)));
+  observation.camera = undistorter.camera();
+  if (masks.object) {
+    observation.background = Background::kMask;
+    observation.alpha =
+        toFloat(undistorter.undistort(maskPixels("mask", *masks.object, model.camera)));
+  }
+  if (masks.ignored) {
+    const Image8 ignored =
+        undistorter.undistort(maskPixels("ignore_mask", *masks.ignored, model.camera));
+    observation.weight = Image(ignored.width, ignored.height, 1);
+    // A pixel that is interpolated from one to be ignored shows some of what is there.
+    std::transform(ignored.values.begin(), ignored.values.end(), observation.weight.values.begin(),
+                   [](std::uint8_t value) { return value ? 0.0f : 1.0f; });
+  }
+  return observation;
+}
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,275 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "ros/conversions/parameters.h"
+
+#include <cmath>
+#include <map>
+#include <sstream>
+#include <stdexcept>
+#include <vector>
+
+#include "ros/conversions/pose_conversions.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+[[noreturn]] void throwRange(const std::string& name, double value, const std::string& range) {
+  std::ostringstream text;
+  text << "parameter " << name << " is " << value << " but must be " << range;
+  throw std::invalid_argument(text.str());
+}
+
+void requirePositive(const std::string& name, double value) {
+  if (!(value > 0) || !std::isfinite(value)) throwRange(name, value, "> 0");
+}
+
+void requireNotNegative(const std::string& name, double value) {
+  if (!(value >= 0) || !std::isfinite(value)) throwRange(name, value, ">= 0");
+}
+
+void requireWidth(const std::string& name, double value, double most) {
+  if (value > 0 && value <= most) return;
+  std::ostringstream range;
+  range << "> 0 and at most " << most;
+  throwRange(name, value, range.str());
+}
+
+/// Reads a word that stands for a value of `choices`.
+template <typename T>
+void getChoice(ParamReader& read, const std::string& name, const std::map<std::string, T>& choices,
+               T& value) {
+  std::string word;
+  std::string known;
+  for (const auto& choice : choices) {
+    if (choice.second == value) word = choice.first;
+    known += (known.empty() ? "" : ", ") + choice.first;
+  }
+  read.get(name, word);
+  const auto found = choices.find(word);
+  if (found == choices.end()) {
+    throw std::invalid_argument("parameter ~" + name + " is '" + word + "' but must be one of " +
+                                known);
+  }
+  value = found->second;
+}
+
+void readStages(ParamReader& read, std::vector<AlignStageSettings>& stages) {
+  std::optional<std::vector<ParamReader>> readers = read.list("stages");
+  if (!readers) return;  // the preset's stay
+  stages.clear();
+  for (ParamReader& reader : *readers) {
+    AlignStageSettings stage;
+    reader.get("object_px", stage.object_px);
+    reader.get("hypotheses", stage.hypotheses);
+    reader.get("iterations", stage.iterations);
+    reader.get("rays_per_side", stage.rays_per_side);
+    reader.get("blur_px", stage.blur_px);
+    reader.get("step_scale", stage.step_scale);
+    reader.rejectUnknown();
+    stages.push_back(stage);
+  }
+}
+
+void readDescent(ParamReader& read, DescentPlan& descent) {
+  std::string loss = lossName(descent.loss);
+  read.get("loss", loss);
+  descent.loss = lossFromName(loss);
+  std::string update = poseUpdateName(descent.update);
+  read.get("update", update);
+  descent.update = poseUpdateFromName(update);
+  read.get("length_unit", descent.length_unit);
+  read.get("translation_learning_rate", descent.translation_learning_rate);
+  read.get("rotation_learning_rate", descent.rotation_learning_rate);
+  read.get("decay", descent.schedule.decay);
+  read.get("decay_updates", descent.schedule.decay_updates);
+  read.get("anneal_share", descent.schedule.anneal_share);
+  read.get("beta1", descent.beta1);
+  read.get("beta2", descent.beta2);
+  read.get("epsilon", descent.epsilon);
+  read.get("regularisation", descent.regularisation);
+  read.get("steps_per_update", descent.steps_per_update);
+  read.get("samples_per_step", descent.samples_per_step);
+  read.get("score_steps", descent.score_steps);
+  read.get("direction_gradient", descent.direction_gradient);
+}
+
+void readInversion(ParamReader& read, InversionSettings& inversion) {
+  read.get("unit", inversion.unit);
+  read.get("hypotheses", inversion.hypotheses);
+  read.get("first_steps", inversion.first_steps);
+  read.get("rounds", inversion.rounds);
+  read.get("round_steps", inversion.round_steps);
+  read.get("spread_rotation_rad", inversion.spread_rotation_rad);
+  read.get("spread_translation", inversion.spread_translation);
+  read.get("keep_share", inversion.keep_share);
+  read.get("keep_decay", inversion.keep_decay);
+  read.get("keep_at_least", inversion.keep_at_least);
+  read.get("jitter_rotation_rad", inversion.jitter_rotation_rad);
+  read.get("jitter_translation", inversion.jitter_translation);
+  read.get("score_pixels", inversion.score_pixels);
+  readDescent(read, inversion.descent);
+  read.rejectUnknown();
+}
+
+/// The part that ~refiner and ~tracker have in common.
+void readSearch(ParamReader& read, SearchSettings& search) {
+  const std::string preset_before = search.preset;
+  read.get("preset", search.preset);
+  if (search.preset != preset_before) search.refiner = RefinerSettings::named(search.preset);
+  read.get("rotation_deg", search.rotation_deg);
+  read.get("translation", search.translation);
+  readStages(read, search.refiner.stages);
+  read.get("robust_scale", search.refiner.robust_scale);
+  read.get("compare_contrast", search.refiner.compare_contrast);
+  read.get("fit_gain_bias", search.refiner.fit_gain_bias);
+  read.get("seed", search.refiner.seed);
+  ParamReader inversion = read.group("inversion");
+  readInversion(inversion, search.refiner.inversion);
+}
+
+void readRegistration(ParamReader& read, RegistrationSettings& registration) {
+  read.get("profile", registration.profile);
+  read.get("steps", registration.steps);
+  read.get("max_seconds", registration.max_seconds);
+  read.get("target_psnr_db", registration.target_psnr_db);
+  read.get("held_out", registration.held_out);
+  read.get("refine_poses", registration.refine_poses);
+  read.get("samples_per_step", registration.plan.samples_per_step);
+  read.get("learning_rate", registration.plan.learning_rate);
+  read.get("final_learning_rate_factor", registration.plan.final_learning_rate_factor);
+  read.get("seed", registration.seed);
+  read.rejectUnknown();
+}
+
+void readFrames(ParamReader& read, FrameSettings& frames) {
+  read.get("object_frame", frames.object_frame);
+  read.get("output_frame", frames.output_frame);
+  read.get("fixed_frame", frames.fixed_frame);
+  for (std::string* name : {&frames.object_frame, &frames.output_frame, &frames.fixed_frame}) {
+    *name = withoutSlash(*name);
+  }
+  read.get("publish_tf", frames.publish_tf);
+  read.get("tf_timeout_s", frames.tf_timeout_s);
+  read.get("tf_cache_s", frames.tf_cache_s);
+}
+
+void readOverlay(ParamReader& read, OverlaySettings& overlay) {
+  read.get("width_px", overlay.width_px);
+  read.get("opacity", overlay.opacity);
+  read.rejectUnknown();
+}
+
+void readDiagnostics(ParamReader& read, DiagnosticSettings& diagnostics) {
+  read.get("min_image_rate_hz", diagnostics.min_image_rate_hz);
+  read.get("max_image_age_s", diagnostics.max_image_age_s);
+  read.rejectUnknown();
+}
+
+void requireShare(const std::string& name, double value) {
+  if (!(value >= 0 && value <= 1)) throwRange(name, value, "in 0..1");
+}
+
+void validateSearch(const std::string& group, const SearchSettings& search) {
+  requireWidth("~" + group + "/rotation_deg", search.rotation_deg, 180);
+  requireWidth("~" + group + "/translation", search.translation, 100);  // object diameters
+  search.refiner.validate();
+}
+
+}  // namespace
+
+PoseRefinerParameters::PoseRefinerParameters() {
+  initial.rotation_deg = 15;
+  initial.translation = 0.15;
+  initial.preset = "align";
+  initial.refiner = RefinerSettings::named(initial.preset);
+  tracking.rotation_deg = 5;
+  tracking.translation = 0.05;
+  tracking.preset = "track";
+  tracking.refiner = RefinerSettings::named(tracking.preset);
+}
+
+EngineChoice PoseRefinerParameters::engineChoice() const {
+  return {backend, threads, instruction_set, device};
+}
+
+void PoseRefinerParameters::validate() const {
+  requireNotNegative("~model_memory_mb", model_memory_mb);
+  requireNotNegative("~threads", threads);
+  requireNotNegative("~device", device);
+  requireNotNegative("~mask_timeout_s", masks.timeout_s);
+  requireNotNegative("~tf_timeout_s", frames.tf_timeout_s);
+  requirePositive("~tf_cache_s", frames.tf_cache_s);
+  requirePositive("~initial_pose_max_age_s", rules.initial_pose_max_age_s);
+  requireNotNegative("~image_timeout_s", rules.image_timeout_s);
+  requireShare("~tracker/trust_score", rules.trust_score);
+  requireShare("~tracker/min_score", rules.min_score);
+  if (rules.min_score > rules.trust_score) {
+    throwRange("~tracker/min_score", rules.min_score, "at most ~tracker/trust_score");
+  }
+  requireNotNegative("~recover_s", rules.recover_s);
+  requireNotNegative("~tracker/max_failures", rules.max_failures);
+  if (overlay.width_px < 16) throwRange("~overlay/width_px", overlay.width_px, ">= 16");
+  requireShare("~overlay/opacity", overlay.opacity);
+  requireNotNegative("~diagnostics/min_image_rate_hz", diagnostics.min_image_rate_hz);
+  requirePositive("~diagnostics/max_image_age_s", diagnostics.max_image_age_s);
+  validateSearch("refiner", initial);
+  validateSearch("tracker", tracking);
+  registration.validate();
+}
+
+PoseRefinerParameters readParameters(ParamReader& reader, const PoseRefinerParameters& defaults) {
+  PoseRefinerParameters p = defaults;
+  reader.get("object", p.object);
+  reader.get("model_root", p.model_root);
+  reader.get("model_memory_mb", p.model_memory_mb);
+  reader.get("dataset_root", p.dataset_root);
+  reader.get("image_transport", p.image_transport);
+  reader.get("image_is_rectified", p.image_is_rectified);
+  getChoice<MaskMode>(reader, "mask_mode",
+                      {{"none", MaskMode::kNone},
+                       {"initial", MaskMode::kInitial},
+                       {"every_frame", MaskMode::kEveryFrame}},
+                      p.masks.mode);
+  reader.get("mask_timeout_s", p.masks.timeout_s);
+  getChoice<std::string>(reader, "backend", {{"auto", "auto"}, {"cpu", "cpu"}, {"cuda", "cuda"}},
+                         p.backend);
+  reader.get("device", p.device);
+  reader.get("threads", p.threads);
+  getChoice<std::string>(reader, "instruction_set",
+                         {{"auto", "auto"}, {"avx2", "avx2"}, {"baseline", "baseline"}},
+                         p.instruction_set);
+  readFrames(reader, p.frames);
+  getChoice<bool>(reader, "mode", {{"track", false}, {"once", true}}, p.rules.once);
+  getChoice<InitialPosePolicy>(reader, "initial_pose_policy",
+                               {{"when_not_tracking", InitialPosePolicy::kWhenNotTracking},
+                                {"always", InitialPosePolicy::kAlways}},
+                               p.rules.initial_pose_policy);
+  reader.get("initial_pose_max_age_s", p.rules.initial_pose_max_age_s);
+  reader.get("image_timeout_s", p.rules.image_timeout_s);
+  reader.get("recover_s", p.rules.recover_s);
+
+  ParamReader refiner = reader.group("refiner");
+  readSearch(refiner, p.initial);
+  refiner.rejectUnknown();
+
+  ParamReader tracker = reader.group("tracker");
+  readSearch(tracker, p.tracking);
+  tracker.get("trust_score", p.rules.trust_score);
+  tracker.get("min_score", p.rules.min_score);
+  tracker.get("max_failures", p.rules.max_failures);
+  tracker.get("predict", p.rules.predict);
+  tracker.rejectUnknown();
+
+  ParamReader overlay = reader.group("overlay");
+  readOverlay(overlay, p.overlay);
+
+  ParamReader diagnostics = reader.group("diagnostics");
+  readDiagnostics(diagnostics, p.diagnostics);
+
+  ParamReader registration = reader.group("register");
+  readRegistration(registration, p.registration);
+  p.registration.threads = p.threads;
+  p.validate();
+  return p;
+}
+
+}  // namespace nerf_pose_refiner

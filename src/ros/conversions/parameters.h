@@ -1,0 +1,119 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <string>
+
+#include "backend/make_engine.h"
+#include "refinement/settings.h"
+#include "registration/registrar.h"
+#include "ros/conversions/param_reader.h"
+
+namespace nerf_pose_refiner {
+
+/// When an initial pose is taken.
+enum class InitialPosePolicy {
+  kWhenNotTracking,  ///< ignored while the object is tracked
+  kAlways,
+};
+
+/// How a refinement searches, and how far around its start.
+struct SearchSettings {
+  std::string preset;       ///< that `refiner` began with, see RefinerSettings::named
+  double rotation_deg = 0;  ///< half width of the search per axis, about the object's centre, > 0
+  double translation = 0;   ///< half width of the search per axis [object diameters], > 0
+  RefinerSettings refiner;
+};
+
+/// What keeps a track, and what ends it.
+struct TrackingRules {
+  double trust_score = 0.18;  ///< 0..1: a track begins with a pose that explains the image so well
+  double min_score = 0.1;     ///< 0..trust_score: it does not go on with one that does so worse
+  int max_failures = 2;       ///< so many untrusted images in a row are bridged, >= 0
+  bool predict = true;        ///< look where the last two poses point to, not around the last
+  double recover_s = 5;  ///< so long after the last trusted pose it is tried again [s]; 0: never
+  bool once = false;     ///< back to waiting after one trusted pose
+  InitialPosePolicy initial_pose_policy = InitialPosePolicy::kWhenNotTracking;
+  double initial_pose_max_age_s = 10;  ///< of an initial pose when it is used [s], > 0
+  double image_timeout_s = 2;          ///< without an image for so long: lost [s]; 0: never
+};
+
+/// Which refinements make use of a mask of the object.
+enum class MaskMode {
+  kNone,
+  kInitial,     ///< those from an initial pose
+  kEveryFrame,  ///< all
+};
+
+struct MaskSettings {
+  MaskMode mode = MaskMode::kNone;
+  double timeout_s = 1;  ///< without a mask for so long: as if there were none [s], >= 0
+
+  /// Whether a refinement makes use of the object's mask. @param tracked it starts from the last
+  /// pose.
+  bool usedFrom(bool tracked) const {
+    return mode == MaskMode::kEveryFrame || (mode == MaskMode::kInitial && !tracked);
+  }
+};
+
+/// How ~overlay is drawn.
+struct OverlaySettings {
+  int width_px = 640;  ///< wider images are drawn in this width, >= 16
+  double opacity = 1;  ///< of the rendering, 0..1: 0 leaves its outline alone
+};
+
+/// What /diagnostics warns of.
+struct DiagnosticSettings {
+  double min_image_rate_hz = 0;  ///< fewer images are a warning [Hz], none an error
+  double max_image_age_s = 5;    ///< older ones are an error [s], > 0
+};
+
+/// Frames, and how long to wait for transforms.
+struct FrameSettings {
+  std::string object_frame;  ///< the object's TF frame; empty: the object's name
+  std::string output_frame;  ///< in which poses are published; empty: the camera's optical frame
+  std::string fixed_frame;   ///< in which the object stands still; empty: none is known
+  bool publish_tf = true;
+  double tf_timeout_s = 0.1;  ///< wall time to wait for a transform [s], >= 0
+  double tf_cache_s = 60;     ///< history of transforms [s], > 0
+};
+
+/// All parameters of the nodelet. Meanings, ranges and advice: config/pose_refiner.yaml.
+struct PoseRefinerParameters {
+  std::string object;      ///< loaded at the start; empty: none
+  std::string model_root;  ///< models are read and written below this folder
+  int model_memory_mb =
+      0;  ///< of all models of the process [10^6 bytes]; 0: as others say, no limit
+  std::string dataset_root;  ///< photos to learn from are read below this folder
+  std::string image_transport = "raw";
+  bool image_is_rectified = false;
+  std::string backend = "auto";          ///< auto, cpu or cuda, @see EngineChoice
+  int device = 0;                        ///< of the CUDA engine: number of the GPU
+  int threads = 0;                       ///< of the CPU engine; 0: all cores
+  std::string instruction_set = "auto";  ///< of the CPU engine
+  MaskSettings masks;
+  OverlaySettings overlay;
+  DiagnosticSettings diagnostics;
+  FrameSettings frames;
+  TrackingRules rules;
+  SearchSettings initial;   ///< group ~refiner: from an initial pose
+  SearchSettings tracking;  ///< group ~tracker: from the last pose
+  RegistrationSettings registration;
+
+  PoseRefinerParameters();
+
+  /// The engine to search and to learn with.
+  EngineChoice engineChoice() const;
+
+  /// @throws std::invalid_argument naming the parameter and the value that is out of range.
+  void validate() const;
+};
+
+/// Reads and checks all parameters. Unknown keys at the top level are left to the caller
+/// (`reader.unknown()`), for other libraries keep keys of their own there; in the groups they are
+/// errors.
+/// @param defaults of what is absent.
+/// @throws std::invalid_argument naming the parameter.
+PoseRefinerParameters readParameters(ParamReader& reader,
+                                     const PoseRefinerParameters& defaults = {});
+
+}  // namespace nerf_pose_refiner

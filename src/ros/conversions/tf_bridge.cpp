@@ -1,0 +1,76 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "ros/conversions/tf_bridge.h"
+
+#include <tf2/exceptions.h>
+
+#include <algorithm>
+#include <chrono>
+
+#include "ros/conversions/input_error.h"
+#include "ros/conversions/pose_conversions.h"
+
+namespace nerf_pose_refiner {
+
+TfBridge::TfBridge(tf2::BufferCore& buffer, const FrameSettings& frames)
+    : buffer_(buffer),
+      frames_(frames),
+      changes_(std::make_shared<Changes>()),
+      listening_(buffer._addTransformsChangedListener([changes = changes_] {
+        {
+          std::lock_guard<std::mutex> lock(changes->mutex);
+          ++changes->count;
+        }
+        changes->changed.notify_all();
+      })) {}
+
+Pose TfBridge::wait(const std::string& what, const Lookup& lookup, const StopToken& stop) const {
+  // tf2_ros::Buffer waits by the ROS clock, which stands still in a simulation that is paused.
+  using std::chrono::steady_clock;
+  const auto deadline =
+      steady_clock::now() + std::chrono::duration_cast<steady_clock::duration>(
+                                std::chrono::duration<double>(frames_.tf_timeout_s));
+  constexpr std::chrono::milliseconds kStopHeard(20);  // a stop is heard within so long
+  std::unique_lock<std::mutex> lock(changes_->mutex);
+  while (true) {
+    const std::uint64_t seen = changes_->count;
+    lock.unlock();  // the buffer calls back under a lock of its own
+    try {
+      return fromMessage(lookup().transform);
+    } catch (const tf2::TransformException& e) {
+      if (stop.stopRequested() || steady_clock::now() >= deadline) {
+        throw InputError(RefinementStatus::REASON_NO_TRANSFORM, what + ": " + e.what());
+      }
+    }
+    lock.lock();
+    changes_->changed.wait_until(lock, std::min(deadline, steady_clock::now() + kStopHeard),
+                                 [&] { return changes_->count != seen; });
+  }
+}
+
+std::string TfBridge::outputFrame(const std::string& camera_frame) const {
+  return frames_.output_frame.empty() ? camera_frame : frames_.output_frame;
+}
+
+Pose TfBridge::cameraInOutput(const std::string& camera_frame, const ros::Time& stamp,
+                              const StopToken& stop) const {
+  const std::string output_frame = outputFrame(camera_frame);
+  if (output_frame == camera_frame) return Pose();
+  return wait(
+      "no transform from " + camera_frame + " to " + output_frame,
+      [&] { return buffer_.lookupTransform(output_frame, camera_frame, stamp); }, stop);
+}
+
+Pose TfBridge::startInCamera(const StartPose& start, const std::string& camera_frame,
+                             const ros::Time& stamp, const StopToken& stop) const {
+  const ros::Time since = start.stamp.isZero() ? stamp : start.stamp;
+  const bool same_frame = start.frame_id == camera_frame;
+  if (same_frame && (frames_.fixed_frame.empty() || since == stamp)) return start.T_P_U;
+  const std::string& fixed = frames_.fixed_frame.empty() ? start.frame_id : frames_.fixed_frame;
+  const Pose T_C_P = wait(
+      "no transform from " + start.frame_id + " to " + camera_frame + " through " + fixed,
+      [&] { return buffer_.lookupTransform(camera_frame, stamp, start.frame_id, since, fixed); },
+      stop);
+  return T_C_P * start.T_P_U;
+}
+
+}  // namespace nerf_pose_refiner

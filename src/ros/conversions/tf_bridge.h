@@ -1,0 +1,61 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <ros/time.h>
+#include <tf2/buffer_core.h>
+
+#include <boost/signals2/connection.hpp>
+#include <condition_variable>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <string>
+
+#include "nerf_pose_refiner/pose.h"
+#include "ros/nodelet/tracker_state.h"
+#include "nerf_pose_refiner/stop_token.h"
+
+namespace nerf_pose_refiner {
+
+/// Where the camera was, and where a pose in another frame is for the camera. Waits for transforms
+/// that are late, for ~tf_timeout_s of wall time: never call it from a callback.
+class TfBridge {
+ public:
+  /// @param buffer outlives this object and is filled by another thread.
+  TfBridge(tf2::BufferCore& buffer, const FrameSettings& frames);
+
+  /// The camera in ~output_frame (T_W_C, metres) at an image's time.
+  /// @throws InputError if TF does not say it in time.
+  Pose cameraInOutput(const std::string& camera_frame, const ros::Time& stamp,
+                      const StopToken& stop) const;
+
+  /// A start pose in the camera's frame C at an image's time (T_C_U, metres).
+  ///
+  /// Between its own time and the image's, the object stands still in ~fixed_frame; if that is not
+  /// set, in the frame that the pose is given in.
+  /// @throws InputError if TF does not say it in time.
+  Pose startInCamera(const StartPose& start, const std::string& camera_frame,
+                     const ros::Time& stamp, const StopToken& stop) const;
+
+  /// Frame in which poses of this camera are published.
+  std::string outputFrame(const std::string& camera_frame) const;
+
+ private:
+  /// Counts what the buffer was told.
+  struct Changes {
+    std::mutex mutex;  ///< guards count
+    std::condition_variable changed;
+    std::uint64_t count = 0;
+  };
+
+  using Lookup = std::function<geometry_msgs::TransformStamped()>;
+  Pose wait(const std::string& what, const Lookup& lookup, const StopToken& stop) const;
+
+  const tf2::BufferCore& buffer_;
+  FrameSettings frames_;
+  std::shared_ptr<Changes> changes_;  ///< shared with a call back that may be under way
+  boost::signals2::scoped_connection listening_;
+};
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,146 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "ros/nodelet/diagnostics.h"
+
+#include <algorithm>
+#include <limits>
+
+namespace nerf_pose_refiner {
+namespace {
+
+using Status = RefinementStatus;
+using Level = diagnostic_msgs::DiagnosticStatus;
+
+struct StateText {
+  std::uint8_t level;
+  const char* name;
+};
+
+StateText describe(std::uint8_t state) {
+  switch (state) {
+    case Status::STATE_NO_MODEL:
+      return {Level::WARN, "no model"};
+    case Status::STATE_LOADING:
+      return {Level::OK, "loading"};
+    case Status::STATE_WAITING:
+      return {Level::OK, "waiting"};
+    case Status::STATE_REFINING:
+      return {Level::OK, "refining"};
+    case Status::STATE_TRACKING:
+      return {Level::OK, "tracking"};
+    case Status::STATE_LOST:
+      return {Level::WARN, "lost"};
+    default:
+      return {Level::ERROR, "error"};
+  }
+}
+
+}  // namespace
+
+TopicHealth::TopicHealth(const std::string& name, const std::string& why_quiet, double min_rate_hz,
+                         double max_age_s)
+    : diagnostic_updater::DiagnosticTask(name),
+      min_rate_hz_(min_rate_hz),
+      max_rate_hz_(std::numeric_limits<double>::infinity()),
+      why_quiet_(why_quiet),
+      rate_(diagnostic_updater::FrequencyStatusParam(&min_rate_hz_, &max_rate_hz_)),
+      stamps_(diagnostic_updater::TimeStampStatusParam(-1, max_age_s)) {}
+
+void TopicHealth::tick(const ros::Time& stamp) {
+  std::lock_guard<std::mutex> lock(mutex_);
+  rate_.tick();
+  stamps_.tick(stamp);
+}
+
+void TopicHealth::expect(bool expected) {
+  std::lock_guard<std::mutex> lock(mutex_);
+  if (expected && !expected_) rate_.clear();  // the rate of the time before is no fault
+  expected_ = expected;
+}
+
+void TopicHealth::run(diagnostic_updater::DiagnosticStatusWrapper& report) {
+  std::lock_guard<std::mutex> lock(mutex_);
+  diagnostic_updater::DiagnosticStatusWrapper of_stamps;
+  stamps_.run(of_stamps);
+  rate_.run(report);
+  report.values.insert(report.values.end(), of_stamps.values.begin(), of_stamps.values.end());
+  if (!expected_) {
+    report.summary(Level::OK, why_quiet_);
+  } else if (of_stamps.level != Level::OK && report.level != Level::ERROR) {
+    report.mergeSummary(of_stamps);
+  }
+}
+
+Diagnostics::Diagnostics(const ros::NodeHandle& nh, const ros::NodeHandle& pnh,
+                         const std::string& name, const DiagnosticSettings& settings)
+    : images_("images", "nobody makes use of them", settings.min_image_rate_hz,
+              settings.max_image_age_s),
+      poses_("poses", "nothing is tracked", 0, std::numeric_limits<double>::infinity()),
+      since_(ros::WallTime::now()),
+      updater_(nh, pnh, name) {
+  updater_.setHardwareID("none");
+  updater_.add("tracking", this, &Diagnostics::fillTracking);
+  updater_.add(images_);
+  updater_.add(poses_);
+  updater_.add("engine", this, &Diagnostics::fillEngine);
+  timer_ = pnh.createWallTimer(ros::WallDuration(1.0),
+                               [this](const ros::WallTimerEvent&) { updater_.force_update(); });
+}
+
+void Diagnostics::statusIs(const RefinementStatus& status) {
+  poses_.expect(status.state == Status::STATE_TRACKING);
+  std::lock_guard<std::mutex> lock(mutex_);
+  if (status.latency_s > 0) refined_ = status;
+  status_ = status;
+}
+
+void Diagnostics::engineIs(const std::string& description) {
+  std::lock_guard<std::mutex> lock(mutex_);
+  engine_ = description;
+}
+
+void Diagnostics::showMemory(std::function<Facts()> memory) {
+  std::lock_guard<std::mutex> lock(mutex_);
+  memory_ = std::move(memory);
+}
+
+void Diagnostics::callbackFailed(const std::string& message) {
+  std::lock_guard<std::mutex> lock(mutex_);
+  ++failures_;
+  failure_ = message;
+}
+
+void Diagnostics::fillTracking(diagnostic_updater::DiagnosticStatusWrapper& report) {
+  std::lock_guard<std::mutex> lock(mutex_);
+  const StateText state = describe(status_.state);
+  report.summary(state.level,
+                 std::string(state.name) + (status_.message.empty() ? "" : ": " + status_.message));
+  if (!failure_.empty()) report.mergeSummary(Level::ERROR, failure_);
+  failure_.clear();
+  const ros::WallTime now = ros::WallTime::now();
+  const double seconds = std::max(1e-3, (now - since_).toSec());
+  report.add("object", status_.object.empty() ? std::string("none") : status_.object);
+  report.addf("refined [Hz]", "%.2f", (status_.processed - processed_before_) / seconds);
+  report.addf("latency [s]", "%.3f", refined_.latency_s);
+  report.addf("age of the image [s]", "%.3f", refined_.image_age_s);
+  report.addf("score", "%.3f", refined_.score);
+  report.addf("visible fraction", "%.3f", refined_.visible_fraction);
+  report.add("refined images", status_.processed);
+  report.add("dropped images", status_.dropped);
+  report.add("exceptions", failures_);
+  processed_before_ = status_.processed;
+  since_ = now;
+}
+
+void Diagnostics::fillEngine(diagnostic_updater::DiagnosticStatusWrapper& report) {
+  std::function<Facts()> memory;
+  {
+    std::lock_guard<std::mutex> lock(mutex_);
+    report.summary(Level::OK, engine_.empty() ? "none yet: made with the first model" : engine_);
+    report.add("engine", engine_.empty() ? std::string("none") : engine_);
+    memory = memory_;
+  }
+  if (!memory) return;
+  for (const auto& fact : memory()) report.add(fact.first, fact.second);
+}
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,87 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <diagnostic_updater/diagnostic_updater.h>
+#include <diagnostic_updater/publisher.h>
+#include <nerf_pose_refiner/RefinementStatus.h>
+#include <ros/node_handle.h>
+#include <ros/wall_timer.h>
+
+#include <cstdint>
+#include <functional>
+#include <mutex>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "ros/conversions/parameters.h"
+
+namespace nerf_pose_refiner {
+
+/// Rate and stamps of a topic, while messages are expected on it. Any thread.
+class TopicHealth : public diagnostic_updater::DiagnosticTask {
+ public:
+  /// @param why_quiet what is said while none are expected.
+  TopicHealth(const std::string& name, const std::string& why_quiet, double min_rate_hz,
+              double max_age_s);
+
+  void tick(const ros::Time& stamp);
+  void expect(bool expected);
+  void run(diagnostic_updater::DiagnosticStatusWrapper& report) override;
+
+ private:
+  double min_rate_hz_;
+  double max_rate_hz_;
+  std::string why_quiet_;
+  std::mutex mutex_;  ///< guards all below
+  bool expected_ = false;
+  diagnostic_updater::FrequencyStatus rate_;
+  diagnostic_updater::TimeStampStatus stamps_;
+};
+
+/// Reports on /diagnostics, by the wall clock, in four parts: images that come in, poses that go
+/// out, tracking (state, score, latency, age, drops), and the engine with its models.
+class Diagnostics {
+ public:
+  /// What else is known, in the order in which it is shown.
+  using Facts = std::vector<std::pair<std::string, std::string>>;
+
+  Diagnostics(const ros::NodeHandle& nh, const ros::NodeHandle& pnh, const std::string& name,
+              const DiagnosticSettings& settings = {});
+
+  /// What the tracker reported last. Any thread.
+  void statusIs(const RefinementStatus& status);
+  /// A usable image came, or a trusted pose went out. Any thread.
+  void imageArrived(const ros::Time& stamp) { images_.tick(stamp); }
+  void posePublished(const ros::Time& stamp) { poses_.tick(stamp); }
+  /// Whether images are listened to. Any thread.
+  void expectImages(bool expected) { images_.expect(expected); }
+  /// The engine in use, in words. Any thread.
+  void engineIs(const std::string& description);
+  /// Asked with each report for what is to be shown of the memory: the GPU's, models in it.
+  void showMemory(std::function<Facts()> memory);
+  /// A callback, or the worker, ended with an exception. Any thread.
+  void callbackFailed(const std::string& message);
+
+ private:
+  void fillTracking(diagnostic_updater::DiagnosticStatusWrapper& report);
+  void fillEngine(diagnostic_updater::DiagnosticStatusWrapper& report);
+
+  TopicHealth images_;
+  TopicHealth poses_;
+
+  std::mutex mutex_;  ///< guards all down to since_
+  RefinementStatus status_;
+  RefinementStatus refined_;  ///< the last with a refinement
+  std::uint32_t processed_before_ = 0;
+  std::uint32_t failures_ = 0;  ///< of callbacks
+  std::string failure_;         ///< the last one's, since the last report
+  std::string engine_;
+  std::function<Facts()> memory_;
+  ros::WallTime since_;  ///< refined images are counted from then on
+
+  diagnostic_updater::Updater updater_;
+  ros::WallTimer timer_;
+};
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,84 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "ros/nodelet/overlay_publisher.h"
+
+#include <ros/console.h>
+#include <sensor_msgs/image_encodings.h>
+
+#include <algorithm>
+#include <chrono>
+#include <utility>
+
+#include "backend/common/overlay.h"
+#include "image/resample.h"
+#include "ros/conversions/camera_input.h"
+
+namespace nerf_pose_refiner {
+OverlayPublisher::OverlayPublisher(const image_transport::CameraPublisher& publisher,
+                                   EngineFactory make_engine, const OverlaySettings& settings)
+    : publisher_(publisher),
+      make_engine_(std::move(make_engine)),
+      settings_(settings),
+      thread_([this] { run(); }) {}
+
+OverlayPublisher::~OverlayPublisher() {
+  stop_.requestStop();
+  jobs_.wake();
+  thread_.join();
+}
+
+void OverlayPublisher::change(const OverlaySettings& settings) {
+  std::lock_guard<std::mutex> lock(settings_mutex_);
+  settings_ = settings;
+}
+
+void OverlayPublisher::draw(Job job) {
+  if (wanted()) jobs_.put(std::move(job));
+}
+
+void OverlayPublisher::run() {
+  while (!stop_.stopRequested()) {
+    const std::optional<Job> job = jobs_.take(std::chrono::seconds(1));
+    if (!job) {
+      loaded_.reset();  // so that a model that is no longer tracked can go
+      field_.reset();
+      continue;
+    }
+    try {
+      drawNow(*job);
+    } catch (const std::exception& e) {
+      if (!stop_.stopRequested()) ROS_ERROR_THROTTLE(5.0, "overlay: %s", e.what());
+    }
+  }
+}
+
+void OverlayPublisher::drawNow(const Job& job) {
+  if (!engine_) engine_ = make_engine_();
+  if (field_ != job.field) {
+    loaded_ = engine_->load(job.field);
+    field_ = job.field;
+  }
+  OverlaySettings settings;
+  {
+    std::lock_guard<std::mutex> lock(settings_mutex_);
+    settings = settings_;
+  }
+  const Camera& full = job.observation->camera;
+  const double shrink = static_cast<double>(settings.width_px) / full.width;
+  const Camera camera = full.scaled(std::min(1.0, shrink));
+  const Rendering rendering = engine_->render(*loaded_, camera, job.T_O_C, RenderOptions(), stop_);
+  const Image8 overlay =
+      drawOverlay(resample(job.observation->image, full, camera), rendering, settings.opacity);
+
+  sensor_msgs::Image image;
+  image.header = job.header;
+  image.width = static_cast<std::uint32_t>(overlay.width);
+  image.height = static_cast<std::uint32_t>(overlay.height);
+  image.encoding = sensor_msgs::image_encodings::RGB8;
+  image.step = 3 * image.width;
+  image.data = overlay.values;
+  sensor_msgs::CameraInfo info = toMessage(camera);
+  info.header = job.header;
+  publisher_.publish(image, info);
+}
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,60 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <image_transport/image_transport.h>
+#include <std_msgs/Header.h>
+
+#include <memory>
+#include <mutex>
+#include <thread>
+
+#include "backend/engine.h"
+#include "runtime/engine_factory.h"
+#include "concurrency/frame_mailbox.h"
+#include "ros/conversions/parameters.h"
+
+namespace nerf_pose_refiner {
+
+/// Draws pictures of what was found on a thread and an engine of its own, so that poses never wait
+/// for them: a picture that comes while another is drawn replaces the one that waits.
+class OverlayPublisher {
+ public:
+  struct Job {
+    std_msgs::Header header;  ///< of the image
+    std::shared_ptr<const Observation> observation;
+    std::shared_ptr<const Field> field;
+    Pose T_O_C;  ///< [model units]
+  };
+
+  /// @param make_engine called by the drawing thread, when there is something to draw.
+  OverlayPublisher(const image_transport::CameraPublisher& publisher, EngineFactory make_engine,
+                   const OverlaySettings& settings = {});
+  ~OverlayPublisher();
+
+  /// Whether anybody looks.
+  bool wanted() const { return publisher_.getNumSubscribers() > 0; }
+
+  /// From the next picture on. Any thread.
+  void change(const OverlaySettings& settings);
+
+  /// Draws nothing while nobody listens. Any thread.
+  void draw(Job job);
+
+ private:
+  void run();
+  void drawNow(const Job& job);
+
+  image_transport::CameraPublisher publisher_;
+  EngineFactory make_engine_;
+  FrameMailbox<Job> jobs_;
+  std::mutex settings_mutex_;  ///< guards settings_
+  OverlaySettings settings_;
+  StopToken stop_;
+  // The drawing thread's own.
+  std::shared_ptr<Engine> engine_;
+  std::shared_ptr<const Field> field_;
+  std::shared_ptr<const LoadedField> loaded_;
+  std::thread thread_;  ///< last: it uses all above
+};
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,42 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <nerf_pose_refiner/RefinementStatus.h>
+#include <ros/node_handle.h>
+#include <ros/publisher.h>
+#include <tf2_ros/transform_broadcaster.h>
+
+#include <string>
+
+#include "ros/nodelet/object_tracker.h"
+#include "ros/conversions/parameters.h"
+
+namespace nerf_pose_refiner {
+
+/// Publishes what the tracker found: ~pose, TF, ~hypotheses and ~status.
+class ResultPublisher {
+ public:
+  /// @param on_connect called when somebody begins or ends to listen.
+  ResultPublisher(ros::NodeHandle pnh, const FrameSettings& frames,
+                  const ros::SubscriberStatusCallback& on_connect);
+
+  void publish(const RefinementStatus& status) { status_.publish(status); }
+
+  /// The pose, once for an image and only if it is trusted, and the hypotheses.
+  void publish(const FrameResult& result);
+
+  /// Whether anybody makes use of poses.
+  bool wanted() const;
+
+ private:
+  FrameSettings frames_;
+  ros::Publisher pose_;
+  ros::Publisher pose_with_covariance_;
+  ros::Publisher status_;  ///< latched: a late listener learns the state
+  ros::Publisher hypotheses_;
+  ros::Publisher hypothesis_poses_;
+  ros::Publisher hypothesis_markers_;
+  tf2_ros::TransformBroadcaster transforms_;
+};
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,174 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "ros/services/pose_service.h"
+
+#include <image_transport/image_transport.h>
+#include <ros/console.h>
+
+#include <chrono>
+#include <cmath>
+#include <future>
+#include <utility>
+
+#include "ros/conversions/input_error.h"
+#include "ros/conversions/pose_conversions.h"
+#include "ros/conversions/prior.h"
+#include "ros/conversions/topics.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+using Status = RefinementStatus;
+
+constexpr double kDefaultTimeout_s = 30;
+
+/// @throws std::invalid_argument.
+double timeoutOf(const RefinePose::Request& request) {
+  if (!std::isfinite(request.timeout_s) || request.timeout_s < 0) {
+    throw std::invalid_argument("timeout_s is " + std::to_string(request.timeout_s) +
+                                " but must be >= 0");
+  }
+  return request.timeout_s > 0 ? request.timeout_s : kDefaultTimeout_s;
+}
+
+std::string seconds(double s) {
+  char text[40];
+  std::snprintf(text, sizeof text, "%g s", s);
+  return text;
+}
+
+}  // namespace
+
+PoseService::PoseService(const ros::NodeHandle& nh, const ros::NodeHandle& pnh,
+                         const PoseRefinerParameters& parameters, const ObjectStore& store,
+                         MakeSearch make_search, const TrackedObject* tracked,
+                         tf2::BufferCore& transforms)
+    : nh_(nh),
+      pnh_(pnh),
+      parameters_(parameters),
+      store_(store),
+      make_search_(std::move(make_search)),
+      tracked_(tracked),
+      input_(parameters.image_is_rectified),
+      tf_(transforms, parameters.frames),
+      spinner_(1, &queue_) {
+  ros::NodeHandle service_nh(pnh);
+  service_nh.setCallbackQueue(&queue_);
+  server_ = service_nh.advertiseService(topics::kRefine, &PoseService::onRefine, this);
+  spinner_.start();
+}
+
+PoseService::~PoseService() {
+  stop_.requestStop();
+  server_.shutdown();
+  spinner_.stop();
+}
+
+void PoseService::change(const PoseRefinerParameters& parameters) {
+  std::lock_guard<std::mutex> lock(mutex_);
+  parameters_ = parameters;
+}
+
+PoseRefinerParameters PoseService::parameters() const {
+  std::lock_guard<std::mutex> lock(mutex_);
+  return parameters_;
+}
+
+bool PoseService::onRefine(RefinePose::Request& request, RefinePose::Response& response) {
+  using Clock = std::chrono::steady_clock;
+  const ros::Time called = ros::Time::now();
+  const Clock::time_point start = Clock::now();
+  const StopToken stop;
+  double timeout_s = 0;
+  bool timed_out = false;
+  try {
+    timeout_s = timeoutOf(request);
+    // This thread watches the time, another one works.
+    std::future<void> work =
+        std::async(std::launch::async, [&] { refine(request, called, stop, &response); });
+    while (work.wait_for(std::chrono::milliseconds(10)) != std::future_status::ready) {
+      timed_out = std::chrono::duration<double>(Clock::now() - start).count() >= timeout_s;
+      if (timed_out || stop_.stopRequested()) stop.requestStop();
+    }
+    work.get();
+  } catch (const InputError& e) {
+    response.reason = e.reason();
+    response.message = e.what();
+  } catch (const std::exception& e) {
+    response.reason = Status::REASON_INTERNAL;
+    response.message = e.what();
+  }
+  if (timed_out && !response.success) response.message += " after " + seconds(timeout_s);
+  if (!response.success) ROS_WARN("~%s: %s", topics::kRefine, response.message.c_str());
+  return true;  // false would lose the message on its way
+}
+
+/// @throws InputError for what cannot be used.
+void PoseService::refine(const RefinePose::Request& request, const ros::Time& called,
+                         const StopToken& stop, RefinePose::Response* response) {
+  const PoseRefinerParameters parameters = this->parameters();
+  const std::shared_ptr<const Field> field = objectOf(request);
+  const StartPose start = startFromMessage(request.initial);
+  const Picture picture = pictureOf(request, called, stop);
+  std_msgs::Header header = picture.image->header;
+  header.frame_id = withoutSlash(header.frame_id);
+  ImageMasks masks;
+  if (!request.mask.data.empty()) {
+    masks.object = boost::make_shared<const sensor_msgs::Image>(request.mask);
+  }
+  const Observation observation = input_.observe(*picture.image, *picture.info, masks);
+  const Pose T_W_C = tf_.cameraInOutput(header.frame_id, header.stamp, stop);
+  const Pose T_C_U = tf_.startInCamera(start, header.frame_id, header.stamp, stop);
+  const Prior prior = priorFrom(start, T_C_U, field->metadata, parameters.initial);
+  const std::unique_ptr<ObjectSearch> search = make_search_(parameters);
+  search->use(field);
+  const Refinement refinement = search->search(observation, prior, /*tracked=*/false, stop);
+
+  const Verdict verdict = verdictOn(refinement, /*tracked=*/false, parameters.rules);
+  response->success = verdict.reason == Status::REASON_NONE;
+  response->reason = verdict.reason;
+  response->message = verdict.message;
+  response->score = static_cast<float>(refinement.score);
+  response->pose.header = header;
+  response->pose.header.frame_id = tf_.outputFrame(header.frame_id);
+  if (refinement.outcome != Outcome::kRefined) return;
+  response->pose.pose = toMessage(refinement, T_W_C, field->metadata);
+  response->hypotheses = toMessage(refinement.hypotheses, T_W_C, field->metadata).hypotheses;
+}
+
+std::shared_ptr<const Field> PoseService::objectOf(const RefinePose::Request& request) const {
+  if (!request.object.empty()) return store_.load(request.object);
+  if (std::shared_ptr<const Field> tracked = tracked_->field()) return tracked;
+  throw InputError(Status::REASON_MODEL_UNREADABLE, "no object is tracked: name one");
+}
+
+PoseService::Picture PoseService::pictureOf(const RefinePose::Request& request,
+                                            const ros::Time& called, const StopToken& stop) const {
+  if (request.image.data.empty()) return waitForPicture(called, stop);
+  return {boost::make_shared<const sensor_msgs::Image>(request.image),
+          boost::make_shared<const sensor_msgs::CameraInfo>(request.camera_info)};
+}
+
+/// Listens to the camera for as long as it takes, whether or not the tracking does.
+PoseService::Picture PoseService::waitForPicture(const ros::Time& called,
+                                                 const StopToken& stop) const {
+  ros::CallbackQueue queue;
+  ros::NodeHandle nh(nh_);
+  nh.setCallbackQueue(&queue);
+  Picture picture;
+  image_transport::ImageTransport transport(nh);
+  const image_transport::TransportHints hints(parameters().image_transport, ros::TransportHints(),
+                                              pnh_);
+  const image_transport::CameraSubscriber subscriber = transport.subscribeCamera(
+      topics::kImage, 10,
+      [&](const sensor_msgs::ImageConstPtr& image, const sensor_msgs::CameraInfoConstPtr& info) {
+        if (!picture.image && image->header.stamp >= called) picture = {image, info};
+      },
+      ros::VoidPtr(), hints);
+  while (!picture.image && !stop.stopRequested()) queue.callAvailable(ros::WallDuration(0.02));
+  if (picture.image) return picture;
+  throw InputError(Status::REASON_NO_IMAGES,
+                   "no image came that is not older than the call (topic '" +
+                       nh.resolveName(topics::kImage) + "')");
+}
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,72 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <nerf_pose_refiner/RefinePose.h>
+#include <ros/callback_queue.h>
+#include <ros/node_handle.h>
+#include <ros/service_server.h>
+#include <ros/spinner.h>
+#include <tf2/buffer_core.h>
+
+#include <functional>
+#include <memory>
+#include <mutex>
+
+#include "ros/conversions/camera_input.h"
+#include "tracking/object_search.h"
+#include "ros/services/object_store.h"
+#include "ros/conversions/parameters.h"
+#include "ros/conversions/tf_bridge.h"
+#include "ros/services/tracked_object.h"
+
+namespace nerf_pose_refiner {
+
+/// ~refine: one image, one initial pose, one answer, beside the tracking and without a trace in it.
+/// Calls are answered one after the other, on a queue of their own.
+class PoseService {
+ public:
+  using MakeSearch = std::function<std::unique_ptr<ObjectSearch>(const PoseRefinerParameters&)>;
+
+  /// @param nh where the topic `image` is.
+  /// @param make_search called for each call, so that no model stays in use.
+  /// @param transforms filled by another thread; outlives this object, as does tracked.
+  PoseService(const ros::NodeHandle& nh, const ros::NodeHandle& pnh,
+              const PoseRefinerParameters& parameters, const ObjectStore& store,
+              MakeSearch make_search, const TrackedObject* tracked, tf2::BufferCore& transforms);
+  /// Interrupts what is under way.
+  ~PoseService();
+
+  /// Takes over the searches and the rules of tracking, from the next call on. By any thread.
+  void change(const PoseRefinerParameters& parameters);
+
+ private:
+  struct Picture {
+    sensor_msgs::ImageConstPtr image;
+    sensor_msgs::CameraInfoConstPtr info;
+  };
+
+  bool onRefine(RefinePose::Request& request, RefinePose::Response& response);
+  void refine(const RefinePose::Request& request, const ros::Time& called, const StopToken& stop,
+              RefinePose::Response* response);
+  std::shared_ptr<const Field> objectOf(const RefinePose::Request& request) const;
+  Picture pictureOf(const RefinePose::Request& request, const ros::Time& called,
+                    const StopToken& stop) const;
+  Picture waitForPicture(const ros::Time& called, const StopToken& stop) const;
+  PoseRefinerParameters parameters() const;
+
+  ros::NodeHandle nh_;
+  ros::NodeHandle pnh_;
+  mutable std::mutex mutex_;  ///< guards parameters_
+  PoseRefinerParameters parameters_;
+  ObjectStore store_;
+  MakeSearch make_search_;
+  const TrackedObject* tracked_;
+  CameraInput input_;
+  TfBridge tf_;
+  StopToken stop_;  ///< of all calls
+  ros::CallbackQueue queue_;
+  ros::ServiceServer server_;
+  ros::AsyncSpinner spinner_;
+};
+
+}  // namespace nerf_pose_refiner

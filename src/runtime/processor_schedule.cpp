@@ -1,0 +1,69 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "runtime/processor_schedule.h"
+
+#include <algorithm>
+#include <thread>
+
+namespace nerf_pose_refiner {
+namespace {
+
+/// The time that trainings get for a time of refinements.
+std::chrono::steady_clock::duration gapAfter(std::chrono::steady_clock::duration busy) {
+  constexpr double kShare = ProcessorSchedule::kTrainingShare;
+  const double gap_s = std::chrono::duration<double>(busy).count() * kShare / (1 - kShare);
+  return std::chrono::duration_cast<std::chrono::steady_clock::duration>(
+      std::chrono::duration<double>(std::min(gap_s, ProcessorSchedule::kLongestGap_s)));
+}
+
+}  // namespace
+
+ProcessorSchedule::Refinement::Refinement(ProcessorSchedule* schedule, const StopToken& stop)
+    : schedule_(schedule) {
+  schedule_->begin(stop);
+}
+
+ProcessorSchedule::Refinement::~Refinement() { schedule_->end(); }
+
+ProcessorSchedule::Training::Training(ProcessorSchedule* schedule, const StopToken& token)
+    : schedule_(schedule) {
+  std::lock_guard<std::mutex> lock(schedule_->mutex_);
+  token_ = schedule_->trainings_.insert(schedule_->trainings_.end(), token);
+  token.setPaused(schedule_->refinements_ > 0);
+}
+
+ProcessorSchedule::Training::~Training() {
+  std::lock_guard<std::mutex> lock(schedule_->mutex_);
+  token_->setPaused(false);
+  schedule_->trainings_.erase(token_);
+}
+
+/// Whether a refinement that wants to begin must wait. Where many overlap, nobody may begin any
+/// more when the share that they owe has become the longest.
+bool ProcessorSchedule::trainingIsDue(Clock::time_point now) const {
+  if (trainings_.empty()) return false;
+  if (refinements_ == 0) return now < gap_end_;
+  return std::chrono::duration<double>(gapAfter(now - busy_since_)).count() >= kLongestGap_s;
+}
+
+void ProcessorSchedule::begin(const StopToken& stop) {
+  std::unique_lock<std::mutex> lock(mutex_);
+  // Polled, for a token that is set wakes nobody.
+  while (trainingIsDue(Clock::now()) && !stop.stopRequested()) {
+    lock.unlock();
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    lock.lock();
+  }
+  if (refinements_++ > 0) return;
+  busy_since_ = Clock::now();
+  for (const StopToken& training : trainings_) training.setPaused(true);
+}
+
+void ProcessorSchedule::end() {
+  std::lock_guard<std::mutex> lock(mutex_);
+  if (--refinements_ > 0) return;
+  const Clock::time_point now = Clock::now();
+  gap_end_ = now + gapAfter(now - busy_since_);
+  for (const StopToken& training : trainings_) training.setPaused(false);
+}
+
+}  // namespace nerf_pose_refiner

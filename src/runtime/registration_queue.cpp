@@ -1,0 +1,154 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "runtime/registration_queue.h"
+
+#include <algorithm>
+#include <chrono>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+#include <thread>
+#include <utility>
+
+#include "image/colour.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+constexpr double kPreviewInterval_s = 5;
+constexpr double kPreviewShare = 0.05;  // of the time of a training, at most
+
+double secondsSince(Clock::time_point start) {
+  return std::chrono::duration<double>(Clock::now() - start).count();
+}
+
+std::vector<std::uint8_t> toJpeg(const Rendering& rendering) {
+  Image8 rgb = toBytes(rendering.colour);  // premultiplied: on black
+  cv::Mat bgr;
+  cv::cvtColor(cv::Mat(rgb.height, rgb.width, CV_8UC3, rgb.values.data()), bgr, cv::COLOR_RGB2BGR);
+  std::vector<std::uint8_t> jpeg;
+  cv::imencode(".jpg", bgr, jpeg);
+  return jpeg;
+}
+
+/// Decides when a preview is made.
+class PreviewRhythm {
+ public:
+  bool isDue() const { return secondsSince(start_) >= next_s_; }
+  std::vector<std::uint8_t> make(const RegistrationProgress& progress) {
+    const Clock::time_point before = Clock::now();
+    std::vector<std::uint8_t> jpeg = toJpeg(progress.preview());
+    next_s_ =
+        secondsSince(start_) + std::max(kPreviewInterval_s, secondsSince(before) / kPreviewShare);
+    return jpeg;
+  }
+
+ private:
+  Clock::time_point start_ = Clock::now();
+  double next_s_ = 0;
+};
+
+std::string describe(const std::string& name, const RegistrationProgress& progress) {
+  if (progress.stage.empty()) return "'" + name + "' is being registered (reading photos)";
+  return "'" + name + "' is being registered (" + progress.stage + ", step " +
+         std::to_string(progress.step) + " of " + std::to_string(progress.steps) + ", " +
+         std::to_string(static_cast<int>(progress.seconds_left + 0.5)) + " s left)";
+}
+
+}  // namespace
+
+/// The job under way. All but `stop`, `thread` and the queue is guarded by the queue's mutex.
+struct RegistrationQueue::Running {
+  RegistrationQueue* queue;
+  std::string name, key;
+  StopToken stop;
+  std::condition_variable changed;
+  std::list<Listener> listeners;  ///< one for each who waits
+  std::uint64_t updates = 0;
+  RegistrationUpdate update;
+  bool done = false;
+  RegisteredObject result;
+  std::exception_ptr error;
+  std::thread thread;
+};
+
+bool RegistrationQueue::previewIsWanted(Running* running) {
+  std::lock_guard<std::mutex> lock(running->queue->mutex_);
+  return std::any_of(running->listeners.begin(), running->listeners.end(),
+                     [](const Listener& l) { return l.wants_preview && l.wants_preview(); });
+}
+
+void RegistrationQueue::work(Running* running, const Job& job) {
+  PreviewRhythm rhythm;
+  const auto progress = [&](const RegistrationProgress& now) {
+    std::vector<std::uint8_t> jpeg;
+    if (now.preview && rhythm.isDue() && previewIsWanted(running)) jpeg = rhythm.make(now);
+    std::lock_guard<std::mutex> lock(running->queue->mutex_);
+    running->update.progress = now;
+    running->update.progress.preview = nullptr;  // it is good for this call alone
+    if (!jpeg.empty()) running->update.preview_jpeg = std::move(jpeg);
+    ++running->updates;
+    running->changed.notify_all();
+  };
+  RegisteredObject result;
+  std::exception_ptr error;
+  try {
+    result = job.work(progress, running->stop);
+  } catch (...) {
+    error = std::current_exception();
+  }
+  std::lock_guard<std::mutex> lock(running->queue->mutex_);
+  running->result = std::move(result);
+  running->error = error;
+  running->done = true;
+  running->changed.notify_all();
+}
+
+/// The job under way, with one more listener. Called with mutex_ held.
+std::shared_ptr<RegistrationQueue::Running> RegistrationQueue::join(const Job& job,
+                                                                    const Listener& listener) {
+  if (running_ && (running_->key != job.key || running_->stop.stopRequested())) {
+    throw RegistrationBusy(describe(running_->name, running_->update.progress));
+  }
+  if (!running_) {
+    running_ = std::make_shared<Running>();
+    running_->queue = this;
+    running_->name = job.name;
+    running_->key = job.key;
+    running_->thread = std::thread([running = running_.get(), job] { work(running, job); });
+  }
+  running_->listeners.push_front(listener);
+  return running_;
+}
+
+RegisteredObject RegistrationQueue::run(const Job& job, const Listener& listener,
+                                        const StopToken& stop) {
+  std::unique_lock<std::mutex> lock(mutex_);
+  const std::shared_ptr<Running> running = join(job, listener);
+  const auto own = running->listeners.begin();
+  std::uint64_t heard = 0;
+  while (!running->done && !stop.stopRequested()) {
+    // Not for ever, for a token that is set wakes nobody.
+    running->changed.wait_for(lock, std::chrono::milliseconds(20));
+    if (running->updates == heard) continue;
+    heard = running->updates;
+    const RegistrationUpdate update = running->update;
+    lock.unlock();
+    if (listener.progress) listener.progress(update);
+    lock.lock();
+  }
+  running->listeners.erase(own);
+  if (running->listeners.empty()) {  // the last one ends it; until then nobody can begin another
+    running->stop.requestStop();
+    running->changed.wait(lock, [&] { return running->done; });
+    running_.reset();
+    lock.unlock();
+    running->thread.join();
+    lock.lock();
+  }
+  if (stop.stopRequested() && !running->done) throw Stopped();
+  if (running->error) std::rethrow_exception(running->error);
+  return running->result;
+}
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,176 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "trust/pose_statistics.h"
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <optional>
+
+#include "image/colour.h"
+#include "math/random.h"
+#include "refinement/refiner.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+constexpr std::uint64_t kSeed = 1;
+enum Stream : std::uint64_t { kClutter, kTurn, kMove, kWrongAxis, kWrongAngle };
+
+constexpr double kStartRotation_rad = 0.03;                      // a little off
+constexpr double kStartTranslation = 0.02;                       // [diameters]
+constexpr std::uint64_t kWrongDraws = 8, kDrawStride = 1 << 20;  // beyond any view's number
+
+/// Blocks of random colours, a tenth of the picture across.
+Image clutter(const Camera& camera, std::uint64_t index) {
+  Image image(camera.width, camera.height, 3);
+  const int side = std::max(2, std::min(camera.width, camera.height) / 10);
+  for (int y = 0; y < camera.height; ++y) {
+    for (int x = 0; x < camera.width; ++x) {
+      const std::uint64_t block = static_cast<std::uint64_t>(y / side) * 4096 + x / side;
+      for (int c = 0; c < 3; ++c) {
+        image.at(x, y, c) = randomUniform(kSeed + index, kClutter, 3 * block + c);
+      }
+    }
+  }
+  return image;
+}
+
+/// A view as a camera would see it: with something unknown behind the object.
+Observation observed(const PosedView& view, std::uint64_t index) {
+  const PremultipliedImage picture = premultiply(*view.rgba);
+  const Image behind = clutter(view.camera, index);
+  Observation observation;
+  observation.camera = view.camera;
+  observation.image = picture.colour;
+  for (std::size_t i = 0; i < behind.values.size(); ++i) {
+    observation.image.values[i] += (1 - picture.alpha.values[i / 3]) * behind.values[i];
+  }
+  return observation;
+}
+
+Eigen::Vector3d randomVector(Stream stream, std::uint64_t index) {
+  Eigen::Vector3d v;
+  for (int a = 0; a < 3; ++a) v[a] = 2 * randomUniform(kSeed, stream, 3 * index + a) - 1;
+  return v;
+}
+
+/// The camera turned about the object's centre.
+Pose turned(const Pose& T_O_C, const Eigen::Vector3d& w, const Eigen::Vector3d& centre) {
+  const Eigen::Matrix3d turn = expSO3(w);
+  return {turn * T_O_C.R, centre + turn * (T_O_C.t - centre)};
+}
+
+Pose littleOff(const Pose& T_O_C, const FieldMetadata& object, std::uint64_t index) {
+  Pose off = turned(T_O_C, kStartRotation_rad * randomVector(kTurn, index), object.centre);
+  off.t += kStartTranslation * object.diameter * randomVector(kMove, index);
+  return off;
+}
+
+/// By 60 to 180 degrees.
+Pose turnedFar(const Pose& T_O_C, const FieldMetadata& object, std::uint64_t index) {
+  const double angle = 1.05 + 2.09 * randomUniform(kSeed, kWrongAngle, index);
+  return turned(T_O_C, angle * randomVector(kWrongAxis, index).normalized(), object.centre);
+}
+
+/// The same; of an object with symmetries the one of a few that looks least like the view.
+Pose wrongSide(const Pose& T_O_C, const FieldMetadata& object, std::uint64_t index) {
+  Pose wrong = turnedFar(T_O_C, object, index);
+  if (!object.symmetries.any()) return wrong;
+  const auto distance = [&](const Pose& pose) {
+    return rotationDistance(nearestEquivalent(pose, T_O_C, object.symmetries).R, T_O_C.R);
+  };
+  for (std::uint64_t i = 1; i < kWrongDraws; ++i) {
+    const Pose other = turnedFar(T_O_C, object, index + i * kDrawStride);
+    if (distance(other) > distance(wrong)) wrong = other;
+  }
+  return wrong;
+}
+
+/// Errors across and along the line of sight, in the units of PoseStatistics: their second moments,
+/// and those that the refinements expected.
+class ErrorMoments {
+ public:
+  void add(const Refinement& found, const Pose& true_T_O_C, const FieldMetadata& object) {
+    const Pose T_O_C = nearestEquivalent(found.T_O_C, true_T_O_C, object.symmetries);
+    const Eigen::Vector3d centre_C = T_O_C.inverse() * object.centre;
+    Matrix6 to_sight = Matrix6::Zero();
+    to_sight.topLeftCorner<3, 3>() = to_sight.bottomRightCorner<3, 3>() =
+        (T_O_C.R * lineOfSightAxes(centre_C)).transpose();
+    to_sight.topRows<2>() /= object.diameter;
+    to_sight.row(2) /= centre_C.norm();
+    const Vector6 error = to_sight * cameraTwist(T_O_C, true_T_O_C, object.centre);
+    // A turn about a free axis is no error, so that none was expected.
+    const std::optional<SymmetryAxis>& axis = object.symmetries.axis();
+    const Matrix6 expected =
+        axis ? withoutTurns(*axis, found.covariance, object.centre) : found.covariance;
+    excess_ += error.cwiseAbs2() - (to_sight * expected * to_sight.transpose()).diagonal();
+    ++views_;
+  }
+
+  void write(PoseStatistics* statistics) const {
+    statistics->lateral = deviation(excess_.head<2>().mean());
+    statistics->depth = deviation(excess_[2]);
+    statistics->tilt_rad = deviation(excess_.segment<2>(3).mean());
+    statistics->roll_rad = deviation(excess_[5]);
+  }
+
+ private:
+  /// An estimate from n views is poor: the variance of errors that are to come is larger by
+  /// n / (n - 2), as in Student's distribution.
+  double deviation(double excess) const {
+    return std::sqrt(std::max(0.0, excess) / std::max(1, views_ - 2));
+  }
+
+  Vector6 excess_ = Vector6::Zero();
+  int views_ = 0;
+};
+
+double mean(const std::vector<double>& values) {
+  double sum = 0;
+  for (const double value : values) sum += value;
+  return values.empty() ? 0 : sum / static_cast<double>(values.size());
+}
+
+/// Whether a refinement ended nearer to the truth than it began: errors are those of found poses.
+bool isFound(const Refinement& refinement, const Pose& true_T_O_C, const FieldMetadata& object) {
+  if (refinement.outcome != Outcome::kRefined) return false;
+  const Pose T_O_C = nearestEquivalent(refinement.T_O_C, true_T_O_C, object.symmetries);
+  const Vector6 error = cameraTwist(T_O_C, true_T_O_C, object.centre);
+  return error.head<3>().norm() < kStartTranslation * object.diameter &&
+         error.tail<3>().norm() < kStartRotation_rad;
+}
+
+}  // namespace
+
+PoseStatistics measurePoses(Engine* engine, const LoadedField& field,
+                            const std::vector<PosedView>& views, const StopToken& stop) {
+  const FieldMetadata& object = field.field().metadata;
+  const std::shared_ptr<Engine> borrowed(engine, [](Engine*) {});
+  Refiner refiner(borrowed, RefinerSettings::named("track"));
+  ErrorMoments errors;
+  std::vector<double> right, wrong;
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    const Pose& truth = views[i].T_O_C;
+    const Observation observation = observed(views[i], i);
+    Prior prior;
+    prior.rotation_rad = 2 * kStartRotation_rad;
+    prior.translation = 2 * kStartTranslation;
+    prior.T_O_C = littleOff(truth, object, i);
+    const Refinement found = refiner.refine(field, observation, prior, stop);
+    prior.T_O_C = wrongSide(truth, object, i);
+    const Refinement mistaken = refiner.refine(field, observation, prior, stop);
+    if (found.outcome == Outcome::kStopped || mistaken.outcome == Outcome::kStopped) stop.check();
+    if (mistaken.outcome == Outcome::kRefined) wrong.push_back(mistaken.score);
+    if (!isFound(found, truth, object)) continue;
+    right.push_back(found.score);
+    errors.add(found, truth, object);
+  }
+  PoseStatistics statistics;
+  statistics.views = static_cast<int>(right.size());
+  statistics.right_score = mean(right);
+  statistics.wrong_score = mean(wrong);
+  errors.write(&statistics);
+  return statistics;
+}
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,18 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <vector>
+
+#include "dataset/dataset.h"
+#include "backend/engine.h"
+
+namespace nerf_pose_refiner {
+
+/// Finds the poses of views again, from a little off and from a wrong side, before clutter. Of
+/// poses that look alike by the field's symmetries, the one nearest to the truth is compared with
+/// it.
+/// @param views that show the object. @throws Stopped.
+PoseStatistics measurePoses(Engine* engine, const LoadedField& field,
+                            const std::vector<PosedView>& views, const StopToken& stop);
+
+}  // namespace nerf_pose_refiner

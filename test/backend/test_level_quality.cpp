@@ -1,0 +1,100 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "backend/cpu/stage_evaluator.h"
+#include "image/colour.h"
+#include "refinement/plan.h"
+#include "registration/visual_hull.h"
+#include "support/analytic_dataset.h"
+
+// Rendering for a stage must not be worse than the field is: fewer rays, longer steps and the blur
+// of the levels of the preset, on a field that was learned.
+
+namespace nerf_pose_refiner {
+namespace {
+
+constexpr int kSize = 160;  // [px]
+
+FieldConfig smallConfig() {
+  FieldConfig config;
+  config.levels = 6;
+  config.log2_table_size = 14;
+  config.base_resolution = 8;
+  config.finest_resolution = 96;
+  config.density_width = 16;
+  config.colour_width = 16;
+  config.step = 1.7320508f / 256;
+  config.occupancy_resolution = 32;
+  return config;
+}
+
+Field learnedField(Engine* engine) {
+  const Dataset photos = analyticDataset(24, 64);
+  const Hull hull = visualHull(photos, smallConfig().occupancy_resolution, 0, StopToken());
+  TrainingPlan plan;
+  plan.samples_per_step = 8192;
+  plan.region = hull.region;
+  const auto trainer = engine->trainer(smallConfig(), hull.box, trainingViews(photos), plan);
+  constexpr int kSteps = 200;
+  for (int i = 0; i < kSteps; ++i) trainer->step(static_cast<double>(i) / kSteps);
+  return trainer->finish(StopToken());
+}
+
+double meanSquare(const Image& a, const Image& b) {
+  double squares = 0;
+  for (std::size_t i = 0; i < a.pixels(); ++i) {
+    for (int c = 0; c < 3; ++c) {
+      const double r = a.values[a.channels * i + c] - b.values[b.channels * i + c];
+      squares += r * r;
+    }
+  }
+  return squares / (3.0 * static_cast<double>(a.pixels()));
+}
+
+double decibel(double mean_square) { return -10 * std::log10(mean_square); }
+
+// Both are compared on the part of the picture that the plan looks at.
+TEST(LevelQuality, everyLevelIsWithinADecibelOfTheFullSize) {
+  const auto engine = makeCpuEngine(2);
+  const auto field = engine->load(std::make_shared<Field>(learnedField(engine.get())));
+  const PosedView view = analyticDataset(6, kSize, 1.0).views[2];
+  const PremultipliedImage photo = premultiply(*view.rgba);
+  Observation observation;
+  observation.image = photo.colour;
+  observation.alpha = photo.alpha;
+  observation.camera = view.camera;
+  observation.background = Background::kKnownAlpha;
+  Prior prior;
+  prior.T_O_C = view.T_O_C;
+  prior.rotation_rad = prior.translation = 0;
+  RefinerSettings settings = RefinerSettings::named("align");
+  settings.stages.push_back(settings.stages.back());  // as large as the picture, for comparison
+  settings.stages.back().object_px = 4096;
+  const AlignmentPlan plan = *planAlignment(settings, observation, prior, field->field().metadata);
+  const auto observed = engine->observe(observation, plan.levels);
+
+  const Camera& crop = plan.levels.back().camera;
+  const Rendering whole = engine->render(*field, crop, view.T_O_C, RenderOptions(), StopToken());
+  const double full_size =
+      decibel(meanSquare(whole.colour, observedLevel(*observed, plan.stages.back().level).image));
+  EXPECT_GT(full_size, 20);
+  EXPECT_LT(full_size, 40);  // or nothing could be a decibel worse
+
+  for (const PlannedStage& stage : plan.stages) {
+    Work work;
+    const StopToken stop;
+    const auto& level = observedLevel(*observed, stage.level);
+    StageEvaluator evaluator(rayRenderer(*field), dynamic_cast<const CpuObservation&>(*observed),
+                             stage.level, stage.align, 2, stop, &work);
+    Evaluation evaluation;
+    evaluation.T_O_C = view.T_O_C;
+    evaluator.evaluate({&evaluation});
+    EXPECT_GT(decibel(meanSquare(evaluation.picture, level.blurred)), full_size - 1) << stage.name;
+  }
+}
+
+}  // namespace
+}  // namespace nerf_pose_refiner

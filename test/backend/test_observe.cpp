@@ -1,0 +1,123 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "backend/cpu/cpu_engine.h"
+#include "backend/cpu/picture.h"
+#include "image/filter.h"
+#include "support/analytic_scene.h"
+#include "support/expect_error.h"
+
+// Observations as the levels of a plan see them.
+
+namespace nerf_pose_refiner {
+namespace {
+
+const Camera kCamera = {320, 240, 440, 440, 159.5, 119.5};
+
+class EveryLevel : public ::testing::TestWithParam<int> {};
+
+// At the true pose a level of the observation is the picture that is rendered for it.
+TEST_P(EveryLevel, rendersWhatIsObserved) {
+  const auto engine = makeCpuEngine(1);
+  const auto scene = makeAnalyticScene();
+  const Pose truth = cameraAround(*scene, -0.5, 0.3);
+  const Observation observation = observeScene(engine.get(), *scene, kCamera, truth);
+  constexpr double kBlurPx = 1.0;
+  const Camera level = kCamera.resized(kCamera.width / GetParam(), kCamera.height / GetParam());
+  const auto observed = engine->observe(observation, {{level, kBlurPx}});
+
+  constexpr int kRays = 6;
+  Image picture, scratch;
+  Work work;
+  renderPictures(rayRenderer(*scene), {{level, truth, kRays, &picture}}, RenderOptions(), 1,
+                 StopToken(), &work);
+  const double lattice = (1 - 1.0 / (kRays * kRays)) / 12;
+  blurPicture(gaussianKernel(std::sqrt(kBlurPx * kBlurPx - lattice)), &picture, &scratch);
+  double squares = 0;
+  for (int y = 0; y < level.height; ++y) {
+    for (int x = 0; x < level.width; ++x) {
+      for (int c = 0; c < 4; ++c) {
+        const double r = picture.at(x, y, c) - observedLevel(*observed, 0).blurred.at(x, y, c);
+        squares += r * r;
+      }
+    }
+  }
+  const double psnr = -10 * std::log10(squares / (4.0 * level.width * level.height));
+  EXPECT_GT(psnr, 45);
+}
+
+INSTANTIATE_TEST_SUITE_P(Shrunk, EveryLevel, ::testing::Values(1, 2, 4, 8));
+
+Observation plainObservation() {
+  Observation observation;
+  observation.camera = {4, 2, 10, 10, 1.5, 0.5};
+  observation.image = Image(4, 2, 3, 0.5f);
+  observation.background = Background::kUnknown;
+  return observation;
+}
+
+TEST(Observe, whatIsOutsideWeighsNothing) {
+  const auto engine = makeCpuEngine(1);
+  const Camera wide = plainObservation().camera.cropped(-1, 0, 6, 2);
+  const auto observed = engine->observe(plainObservation(), {{wide, 0.5}});
+  const ObservedLevel& level = observedLevel(*observed, 0);
+  EXPECT_EQ(level.weight.at(0, 0, 0), 0);
+  EXPECT_EQ(level.weight.at(1, 0, 0), 1);
+  EXPECT_EQ(level.weight.at(4, 1, 0), 1);
+  EXPECT_EQ(level.weight.at(5, 1, 0), 0);
+  EXPECT_NEAR(level.blurred.at(1, 0, 0), 0.5, 1e-6);  // no darkness comes in from outside
+}
+
+TEST(Observe, ignoredPixelsDoNotBleed) {
+  const auto engine = makeCpuEngine(1);
+  Observation observation = plainObservation();
+  observation.weight = Image(4, 2, 1, 1.0f);
+  observation.weight.at(2, 0, 0) = 0;
+  observation.image.at(2, 0, 0) = 1;
+  const auto observed = engine->observe(observation, {{observation.camera, 1.0}});
+  EXPECT_NEAR(observedLevel(*observed, 0).blurred.at(1, 0, 0), 0.5, 1e-6);
+}
+
+TEST(Observe, aMaskMultipliesTheImage) {
+  const auto engine = makeCpuEngine(1);
+  Observation observation = plainObservation();
+  observation.background = Background::kMask;
+  observation.alpha = Image(4, 2, 1, 0.0f);
+  observation.alpha.at(0, 0, 0) = 1;
+  const auto observed = engine->observe(observation, {{observation.camera, 0.5}});
+  EXPECT_EQ(observedLevel(*observed, 0).image.at(0, 0, 1), 0.5f);
+  EXPECT_EQ(observedLevel(*observed, 0).image.at(1, 0, 1), 0.0f);
+}
+
+TEST(Observe, faultsAreNamed) {
+  const auto engine = makeCpuEngine(1);
+  const auto observe = [&](const Observation& o) { engine->observe(o, {{o.camera, 1.0}}); };
+  Observation small = plainObservation();
+  small.camera.width = 5;
+  expectError<std::invalid_argument>([&] { observe(small); }, "image", "4 x 2 x 3", "5 x 2 x 3");
+  Observation no_alpha = plainObservation();
+  no_alpha.background = Background::kMask;
+  expectError<std::invalid_argument>([&] { observe(no_alpha); }, "alpha");
+  Observation broken = plainObservation();
+  broken.image.values[5] = NAN;
+  expectError<std::invalid_argument>([&] { observe(broken); }, "image", "nan");
+  Observation burnt = plainObservation();
+  burnt.image.values[5] = 1.5f;
+  expectError<std::invalid_argument>([&] { observe(burnt); }, "image holds 1.5", "0..1");
+  Observation negative = plainObservation();
+  negative.weight = Image(4, 2, 1, -1.0f);
+  expectError<std::invalid_argument>([&] { observe(negative); }, "weight holds -1");
+  Observation bytes = plainObservation();
+  bytes.background = Background::kMask;
+  bytes.alpha = Image(4, 2, 1, 255.0f);
+  expectError<std::invalid_argument>([&] { observe(bytes); }, "alpha holds 255");
+  Observation coloured = plainObservation();
+  coloured.background = Background::kKnownColour;
+  coloured.background_colour = {0, NAN, 0};
+  expectError<std::invalid_argument>([&] { observe(coloured); }, "background_colour");
+}
+
+}  // namespace
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,85 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <memory>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "registration/registrar.h"
+#include "support/grey_dataset.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+using Change = std::function<void(Dataset*, RegistrationSettings*)>;
+
+std::string hashAfter(const Change& change) {
+  Dataset dataset = greyDataset(3);
+  RegistrationSettings settings;
+  change(&dataset, &settings);
+  return registrationHash(dataset, settings);
+}
+
+TEST(RegistrationHash, ChangesWithWhateverChangesTheModel) {
+  using D = Dataset;
+  using S = RegistrationSettings;
+  const std::vector<Change> changes = {
+      [](D*, S*) {},
+      [](D* d, S*) {
+        auto rgba = std::make_shared<Image8>(*d->views[1].rgba);
+        rgba->at(2, 3, 1) ^= 1;
+        d->views[1].rgba = rgba;
+      },
+      [](D* d, S*) { d->views[1].T_O_C.t.y() += 1e-9; },
+      [](D* d, S*) { d->views[2].T_O_C.R(0, 1) += 1e-9; },
+      [](D* d, S*) { d->views[0].camera.fx += 1e-9; },
+      [](D* d, S*) { d->views[0].camera.cy += 1e-9; },
+      [](D* d, S*) { std::swap(d->views[0], d->views[1]); },
+      [](D* d, S*) { d->views.pop_back(); },
+      [](D* d, S*) { d->has_alpha = true; },
+      [](D* d, S*) { d->has_box = false; },
+      [](D* d, S*) { d->box_max.z() += 1e-9; },
+      [](D* d, S*) { d->metres_per_unit = 1; },
+      [](D*, S* s) { s->metres_per_unit = 1; },
+      [](D*, S* s) { s->profile = "paper"; },
+      [](D*, S* s) { ++s->steps; },
+      [](D*, S* s) { s->max_seconds = 60; },
+      [](D*, S* s) { s->target_psnr_db = 30; },
+      [](D*, S* s) { ++s->held_out; },
+      [](D*, S* s) { ++s->seed; },
+      [](D*, S* s) { ++s->plan.samples_per_step; },
+      [](D*, S* s) { s->plan.learning_rate *= 2; },
+      [](D*, S* s) { s->plan.final_learning_rate_factor *= 2; },
+  };
+  std::set<std::string> hashes;
+  for (const Change& change : changes) hashes.insert(hashAfter(change));
+  EXPECT_EQ(hashes.size(), changes.size());
+}
+
+TEST(RegistrationHash, DoesNotChangeWithAnythingElse) {
+  const std::string expected = hashAfter([](Dataset*, RegistrationSettings*) {});
+  const auto other = [](Dataset* dataset, RegistrationSettings* settings) {
+    dataset->folder = "elsewhere";
+    for (PosedView& view : dataset->views) {
+      view.name = "renamed";
+      view.rgba = std::make_shared<Image8>(*view.rgba);
+    }
+    settings->threads = 3;
+    settings->plan.seed = 5;  // these are set by the registration itself
+    settings->plan.random_background = false;
+    settings->plan.region = {8, std::vector<std::uint8_t>(64, 255)};
+  };
+  EXPECT_EQ(hashAfter(other), expected);
+  EXPECT_FALSE(expected.empty());
+}
+
+TEST(RegistrationHash, CanBeStopped) {
+  const StopToken stop;
+  stop.requestStop();
+  EXPECT_THROW(registrationHash(greyDataset(3), RegistrationSettings(), stop), Stopped);
+}
+
+}  // namespace
+}  // namespace nerf_pose_refiner
