@@ -7,14 +7,14 @@
 #include <string>
 #include <vector>
 
-#include "engine_floor.h"
-#include "following.h"
+#include "backend/make_backend.h"
+#include "backend_floor.h"
+#include "concurrency/parallel.h"
 #include "dataset/dataset.h"
-#include "backend/make_engine.h"
 #include "evaluation/trial_observation.h"
 #include "field/model_file.h"
+#include "following.h"
 #include "refinement/refiner.h"
-#include "concurrency/parallel.h"
 #include "trial_report.h"
 
 // Trials of pose refinement: views of a dataset, each started from wrong poses. Prints a line a
@@ -38,7 +38,7 @@ struct Options {
   int score_pixels = 0;      // likewise
   std::string loss;          ///< empty: the preset's
   bool json = false, trace = false, colours = false, first_pose = false, quiet = false;
-  EngineChoice engine = {"cpu", 0, "auto", 0};
+  BackendChoice backend = {"cpu", 0, "auto", 0};
   Following following;
 };
 
@@ -98,10 +98,10 @@ Trial runTrial(const Options& options, const Protocol& protocol, Refiner* refine
 }
 
 /// Seconds from a model file to a pose, in a process that is warm.
-double secondsToFirstPose(const Options& options, const Protocol& protocol, Engine* engine,
+double secondsToFirstPose(const Options& options, const Protocol& protocol, Backend* backend,
                           Refiner* refiner, const PosedView& view, const Observation& observation) {
   const auto start = std::chrono::steady_clock::now();
-  const auto field = engine->load(std::make_shared<Field>(loadModel(options.model)));
+  const auto field = backend->load(std::make_shared<Field>(loadModel(options.model)));
   runTrial(options, protocol, refiner, *field, view, observation, 0);
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 }
@@ -109,18 +109,18 @@ double secondsToFirstPose(const Options& options, const Protocol& protocol, Engi
 /// Measured anew for every view on the CPU, as it moves with the machine's load.
 class MovingFloor {
  public:
-  MovingFloor(const Engine& engine, int threads, std::size_t table_bytes)
-      : engine_(engine), threads_(threads), table_bytes_(table_bytes) {}
+  MovingFloor(const Backend& backend, int threads, std::size_t table_bytes)
+      : backend_(backend), threads_(threads), table_bytes_(table_bytes) {}
   const Floor& now(bool quiet) {
-    if (floor_.gathers_per_s == 0 || !isOnDevice(engine_)) {
-      floor_ = measureEngineFloor(engine_, threads_, table_bytes_);
+    if (floor_.gathers_per_s == 0 || !isOnDevice(backend_)) {
+      floor_ = measureBackendFloor(backend_, threads_, table_bytes_);
       if (!quiet) printFloor(floor_, table_bytes_);
     }
     return floor_;
   }
 
  private:
-  const Engine& engine_;
+  const Backend& backend_;
   int threads_;
   std::size_t table_bytes_;
   Floor floor_;
@@ -145,7 +145,7 @@ std::vector<Trial> runTrials(const Options& options, const Protocol& protocol, R
                              static_cast<std::uint64_t>(v) * 1000 + s);
       trial.view = index;
       trial.start = s;
-      trial.share = floorShare(trial.refinement.work, trial.refinement.seconds, best);
+      trial.fraction = floorFraction(trial.refinement.work, trial.refinement.seconds, best);
       if (options.json && !options.quiet) {
         std::printf("%s\n", toJson(trial).dump().c_str());
       } else if (!options.quiet) {
@@ -159,23 +159,23 @@ std::vector<Trial> runTrials(const Options& options, const Protocol& protocol, R
 
 void run(const Options& options) {
   const double context_MiB = deviceMemory_MiB();
-  const std::shared_ptr<Engine> engine = makeEngine(options.engine);
-  const bool on_device = isOnDevice(*engine);
-  const auto field = engine->load(std::make_shared<Field>(loadModel(options.model)));
+  const std::shared_ptr<Backend> backend = makeBackend(options.backend);
+  const bool on_device = isOnDevice(*backend);
+  const auto field = backend->load(std::make_shared<Field>(loadModel(options.model)));
   const FieldMetadata& object = field->field().metadata;
   const std::size_t table_bytes = field->field().grid.size() * sizeof(std::uint16_t);
-  const int threads = threadCount(options.engine.threads);
-  MovingFloor floor(*engine, threads, table_bytes);
+  const int threads = threadCount(options.backend.threads);
+  MovingFloor floor(*backend, threads, table_bytes);
   if (options.following.frames > 0) {
     Following following = options.following;
     following.seed = options.seed;
-    follow(following, engine, *field, floor.now(options.quiet));
+    follow(following, backend, *field, floor.now(options.quiet));
     return;
   }
   DatasetOptions reading;
   reading.threads = threads;
   const Dataset dataset = loadTransforms(options.dataset, reading);
-  Refiner refiner(engine, settingsOf(options, object.diameter));
+  Refiner refiner(backend, settingsOf(options, object.diameter));
   const Protocol protocol = protocolOf(options, object.diameter);
   const std::vector<Trial> trials =
       runTrials(options, protocol, &refiner, *field, dataset, on_device, &floor);
@@ -188,10 +188,10 @@ void run(const Options& options) {
   if (options.first_pose) {
     TrialObservation disturbance = options.observation;
     const PosedView& view = dataset.views.front();
-    summary["file_to_first_pose_s"] = secondsToFirstPose(options, protocol, engine.get(), &refiner,
+    summary["file_to_first_pose_s"] = secondsToFirstPose(options, protocol, backend.get(), &refiner,
                                                          view, disturbance.of(view, 0));
   }
-  summary["engine"] = engine->describe();
+  summary["engine"] = backend->describe();
   summary["object"] = object.name;
   summary["peak_memory_mib"] = peakMemory_MiB();
   std::printf("%s\n", options.json ? summary.dump().c_str() : summary.dump(2).c_str());
@@ -227,7 +227,7 @@ void declareObservation(CLI::App* app, TrialObservation* observation) {
       ->capture_default_str();
   app->add_option("--photos", observation->photos,
                   "Pictures to put behind the object, in turn; none: drawn clutter");
-  app->add_option("--light", observation->light, "Gain of the object per channel: 1 +- this");
+  app->add_option("--light", observation->gain_bias, "Gain of the object per channel: 1 +- this");
   app->add_option("--occluder", observation->occluder,
                   "Square over this share of the object's box");
   app->add_option("--noise", observation->noise, "Standard deviation of added Gaussian noise");
@@ -253,13 +253,13 @@ void declareRefiner(CLI::App* app, Options* options) {
                 "Unknown background: compare colours, not contrasts (plain objects)");
 }
 
-void declareEngine(CLI::App* app, EngineChoice* engine) {
-  app->add_option("--backend", engine->backend, "auto, cpu or cuda")
+void declareBackend(CLI::App* app, BackendChoice* backend) {
+  app->add_option("--backend", backend->backend, "auto, cpu or cuda")
       ->check(CLI::IsMember({"auto", "cpu", "cuda"}))
       ->capture_default_str();
-  app->add_option("--device", engine->device, "Number of the GPU")->capture_default_str();
-  app->add_option("--threads", engine->threads, "0: all cores")->capture_default_str();
-  app->add_option("--instruction-set", engine->instruction_set, "auto, baseline or avx2")
+  app->add_option("--device", backend->device, "Number of the GPU")->capture_default_str();
+  app->add_option("--threads", backend->threads, "0: all cores")->capture_default_str();
+  app->add_option("--instruction-set", backend->instruction_set, "auto, baseline or avx2")
       ->capture_default_str();
 }
 
@@ -268,7 +268,7 @@ void declareFollowing(CLI::App* app, Following* following) {
                   "Instead of trials: rendered frames through which the object is followed");
   app->add_option("--frame-deg", following->frame_deg, "Rotation from frame to frame")
       ->capture_default_str();
-  app->add_option("--frame-share", following->frame_share,
+  app->add_option("--frame-share", following->frame_fraction,
                   "Motion from frame to frame, in diameters")
       ->capture_default_str();
   app->add_flag("!--no-prediction", following->predict,
@@ -293,7 +293,7 @@ int main(int argc, char** argv) {
   declareObservation(&app, &options.observation);
   declareRefiner(&app, &options);
   app.add_flag("--json", options.json, "One JSON object a line, the summary last");
-  declareEngine(&app, &options.engine);
+  declareBackend(&app, &options.backend);
   declareFollowing(&app, &options.following);
   app.add_flag("--first-pose", options.first_pose, "Also time from the model file to a pose");
   app.add_flag("--summary", options.quiet, "Only the summary");

@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "field/model_file.h"
-#include "nerf_pose_refiner/pose.h"
 #include "image/colour.h"
+#include "nerf_pose_refiner/pose.h"
 #include "registration/registrar.h"
 #include "tracking/object_search.h"
 
@@ -79,9 +79,9 @@ class Bench {
 
   /// Tracks from starts that are 2 degrees and 2 % off. @param stop ends it early; may be null.
   std::vector<double> track(int frames, const std::atomic<bool>* stop) {
-    RefinerSearch search([this] { return engines_.shared(choice_); },
+    RefinerSearch search([this] { return backends_.shared(choice_); },
                          RefinerSettings::named("align"), RefinerSettings::named("track"),
-                         [this] { return engines_.scheduleOf(choice_); });
+                         [this] { return backends_.scheduleOf(choice_); });
     search.use(field_);
     std::vector<double> seconds;
     for (int i = 0; i < frames && !(stop != nullptr && *stop); ++i) {
@@ -93,7 +93,7 @@ class Bench {
       prior.T_O_C.R = expSO3(Eigen::Vector3d(0.02, -0.02, 0.02)) * prior.T_O_C.R;
       prior.T_O_C.t.x() += 0.02 * field_->metadata.diameter;
       const Clock::time_point start = Clock::now();
-      search.search(observations_[v], prior, /*tracked=*/true, StopToken());
+      search.search(observations_[v], prior, /*tracked=*/true, CancellationToken());
       seconds.push_back(secondsSince(start));
     }
     return seconds;
@@ -109,52 +109,52 @@ class Bench {
   }
 
   /// Trains until it is stopped. @return steps a second.
-  double train(const StopToken& token, std::atomic<int>* steps) {
+  double train(const CancellationToken& token, std::atomic<int>* steps) {
     RegistrationSettings settings;
     settings.steps = 1 << 30;
     settings.threads = options_.threads;
-    const ProcessorSchedule::Training training(engines_.scheduleOf(choice_).get(), token);
-    const std::unique_ptr<Engine> engine = makeEngine(choice_);
+    const ProcessorSchedule::Training training(backends_.scheduleOf(choice_).get(), token);
+    const std::unique_ptr<Backend> backend = makeBackend(choice_);
     Clock::time_point start;
     try {
       registerObject(
-          engine.get(), loadTransforms(options_.photos, {}, token), settings,
+          backend.get(), loadTransforms(options_.photos, {}, token), settings,
           [&](const RegistrationProgress& progress) {
             if (progress.step <= 1) start = Clock::now();
             *steps = progress.step;
           },
           token);
-    } catch (const Stopped&) {
+    } catch (const Cancelled&) {
     }
     return *steps / secondsSince(start);
   }
 
   Latency besideATraining() {
-    const StopToken token;
+    const CancellationToken token;
     std::atomic<int> steps{0};
     std::thread other([&] { steps_beside_ = train(token, &steps); });
     while (steps == 0) std::this_thread::yield();
     const Latency latency(track(options_.frames, nullptr));
-    token.requestStop();
+    token.requestCancel();
     other.join();
     return latency;
   }
 
   double trainAlone() {
-    const StopToken token;
+    const CancellationToken token;
     std::atomic<int> steps{0};
     double rate = 0;
     std::thread other([&] { rate = train(token, &steps); });
     while (steps == 0) std::this_thread::yield();
     std::this_thread::sleep_for(std::chrono::seconds(10));
-    token.requestStop();
+    token.requestCancel();
     other.join();
     return rate;
   }
 
   Options options_;
-  EnginePool engines_;
-  EngineChoice choice_;
+  BackendPool backends_;
+  BackendChoice choice_;
   std::shared_ptr<const Field> field_;
   std::vector<PosedView> views_;
   std::vector<Observation> observations_;

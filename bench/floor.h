@@ -5,7 +5,7 @@
 
 namespace nerf_pose_refiner {
 
-/// What this machine can do at best, measured now: the yardstick for the engine's own rates, which
+/// What this machine can do at best, measured now: the yardstick for the backend's own rates, which
 /// moves with whatever else the machine is doing.
 struct Floor {
   double flops_per_s = 0;    ///< fused multiply-adds in registers, two operations each

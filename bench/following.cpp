@@ -10,24 +10,24 @@
 #include "evaluation/clutter.h"
 #include "evaluation/pose_error.h"
 #include "image/colour.h"
-#include "tracking/motion.h"
 #include "refinement/refiner.h"
+#include "tracking/prediction.h"
 #include "work_report.h"
 
 namespace nerf_pose_refiner {
 namespace {
 
 constexpr double kDegree = 3.14159265358979323846 / 180;
-constexpr double kTurn = 0.13;  // of the circle through the picture, a frame [rad]
-constexpr double kLostDeg = 15, kLostShare = 0.2;
+constexpr double kTurn = 0.13;  // of the circle through the image, a frame [rad]
+constexpr double kLostDeg = 15, kLostFraction = 0.2;
 constexpr int kWarmUp = 5;  // frames whose time does not count
 
 struct Frame {
-  double deg, share, seconds, of_floor;
+  double deg, fraction, seconds, of_floor;
 };
 
 Pose poseOfFrame(const Following& plan, const FieldMetadata& object, const Pose& last, int i) {
-  const double phase = kTurn * i, radius = plan.frame_share / kTurn;
+  const double phase = kTurn * i, radius = plan.frame_fraction / kTurn;
   const Eigen::Vector3d axis =
       Eigen::Vector3d(std::sin(phase), 1, 0.5 * std::cos(0.7 * phase)).normalized();
   const Eigen::Vector3d object_C =
@@ -63,34 +63,34 @@ Observation observationOf(const Following& plan, const Rendering& rendering, con
   return observation;
 }
 
-double quantile(const std::vector<Frame>& frames, double Frame::*value, double share) {
+double quantile(const std::vector<Frame>& frames, double Frame::*value, double fraction) {
   std::vector<double> values;
   for (const Frame& frame : frames) values.push_back(frame.*value);
   std::sort(values.begin(), values.end());
   const double last = static_cast<double>(values.size()) - 1;
-  return values[static_cast<std::size_t>(std::lround(share * last))];
+  return values[static_cast<std::size_t>(std::lround(fraction * last))];
 }
 
 }  // namespace
 
-void follow(const Following& plan, const std::shared_ptr<Engine>& engine, const LoadedField& field,
-            const Floor& floor) {
+void follow(const Following& plan, const std::shared_ptr<Backend>& backend,
+            const LoadedField& field, const Floor& floor) {
   const FieldMetadata& object = field.field().metadata;
   const Camera camera = {640, 480, 700, 700, 319.5, 239.5};
-  Refiner refiner(engine, RefinerSettings::named("track"));
+  Refiner refiner(backend, RefinerSettings::named("track"));
   std::vector<Frame> frames;
   int lost = 0, near = 0;
   Pose truth = poseOfFrame(plan, object, Pose(), 0), found = truth;
   std::optional<Pose> before;  // the pose found before `found`
   for (int i = 1; i <= plan.frames; ++i) {
     truth = poseOfFrame(plan, object, truth, i);
-    const Rendering rendering = engine->render(field, camera, truth, {}, {});
+    const Rendering rendering = backend->render(field, camera, truth, {}, {});
     const Observation observation = observationOf(plan, rendering, camera, i);
     Prior prior;
     prior.T_O_C = found;
     prior.rotation_rad = 1.5 * plan.frame_deg * kDegree;
-    prior.translation = 1.5 * plan.frame_share;
-    if (plan.predict && before) prior = movedOn(prior, *before, 1, object);
+    prior.translation = 1.5 * plan.frame_fraction;
+    if (plan.predict && before) prior = predictConstantVelocity(prior, *before, 1, object);
     if (i == 1) {
       for (int k = 0; k < kWarmUp; ++k) refiner.refine(field, observation, prior);
     }
@@ -98,10 +98,10 @@ void follow(const Following& plan, const std::shared_ptr<Engine>& engine, const 
     const PoseError error = poseError(refined.T_O_C, truth, object.centre, camera);
     const Frame frame = {error.rotation_rad / kDegree, error.object_offset / object.diameter,
                          refined.seconds,
-                         floorShare(refined.work, refined.seconds, floor).of_larger};
+                         floorFraction(refined.work, refined.seconds, floor).of_larger};
     frames.push_back(frame);
-    near += frame.deg < 0.3 && frame.share < 0.005;
-    const bool is_lost = !(frame.deg < kLostDeg && frame.share < kLostShare);
+    near += frame.deg < 0.3 && frame.fraction < 0.005;
+    const bool is_lost = !(frame.deg < kLostDeg && frame.fraction < kLostFraction);
     lost += is_lost;
     before = is_lost ? std::nullopt : std::make_optional(found);
     found = is_lost ? truth : refined.T_O_C;  // each loss is counted, and the rest goes on
@@ -109,9 +109,9 @@ void follow(const Following& plan, const std::shared_ptr<Engine>& engine, const 
   std::printf(
       "follow %s, %.0f deg and %.0f %% a frame%s: %d of %zu within 0.3 deg and 0.5 %%, %d lost; "
       "median %.3f deg, %.3f %%; %.2f ms median, %.2f ms p99; %.2f of the floor\n",
-      plan.background.c_str(), plan.frame_deg, 100 * plan.frame_share,
+      plan.background.c_str(), plan.frame_deg, 100 * plan.frame_fraction,
       plan.predict ? "" : ", from the last pose", near, frames.size(), lost,
-      quantile(frames, &Frame::deg, 0.5), 100 * quantile(frames, &Frame::share, 0.5),
+      quantile(frames, &Frame::deg, 0.5), 100 * quantile(frames, &Frame::fraction, 0.5),
       1e3 * quantile(frames, &Frame::seconds, 0.5), 1e3 * quantile(frames, &Frame::seconds, 0.99),
       quantile(frames, &Frame::of_floor, 0.5));
   std::fflush(stdout);

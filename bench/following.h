@@ -5,17 +5,17 @@
 #include <memory>
 #include <string>
 
+#include "backend/backend.h"
 #include "floor.h"
-#include "backend/engine.h"
 
 namespace nerf_pose_refiner {
 
-/// An object that is followed through rendered pictures of 640 x 480: it circles through them and
+/// An object that is followed through rendered images of 640 x 480: it circles through them and
 /// turns; each pose is found from the last.
 struct Following {
   int frames = 0;
-  double frame_deg = 2;       ///< of rotation from frame to frame
-  double frame_share = 0.02;  ///< of motion from frame to frame, in diameters
+  double frame_deg = 2;          ///< of rotation from frame to frame
+  double frame_fraction = 0.02;  ///< of motion from frame to frame, in diameters
   /// grey: known colour; clutter: unknown, what is drawn there moves; mask: clutter, and a mask.
   std::string background = "clutter";
   bool predict = true;  ///< from where the last two poses point to; false: from the last pose
@@ -24,7 +24,7 @@ struct Following {
 
 /// Prints how many frames were within 0.3 degrees and 0.5 % of the diameter, errors, times, and the
 /// share of the floor.
-void follow(const Following& plan, const std::shared_ptr<Engine>& engine, const LoadedField& field,
-            const Floor& floor);
+void follow(const Following& plan, const std::shared_ptr<Backend>& backend,
+            const LoadedField& field, const Floor& floor);
 
 }  // namespace nerf_pose_refiner

@@ -7,16 +7,16 @@
 #include <string>
 #include <vector>
 
-#include "device_floor.h"
 #include "backend/common/ray_march.h"
+#include "backend/make_backend.h"
 #include "dataset/dataset.h"
-#include "backend/make_engine.h"
+#include "device_floor.h"
 #include "field/model_file.h"
 #include "image/colour.h"
 #include "math/half.h"
 #include "math/random.h"
 
-// Rates of the CUDA engine's kernels against the device's gather rate, measured in the same run.
+// Rates of the CUDA backend's kernels against the device's gather rate, measured in the same run.
 
 namespace nerf_pose_refiner {
 namespace {
@@ -31,7 +31,7 @@ double medianOf(std::vector<double> values) {
 }
 
 /// Occupied samples of the rays of a view, ray after ray: n of them, from rays all over the
-/// picture.
+/// image.
 Samples alongRays(const Field& field, const PosedView& view, std::size_t n) {
   const OccupancyMask mask(field.occupancy);
   const double side = field.cubeSide();
@@ -99,9 +99,9 @@ Field reshaped(const Field& model, const FieldConfig& shape) {
   return field;
 }
 
-void rateRow(Engine* engine, const std::string& name, const Field& field, const char* what,
+void rateRow(Backend* backend, const std::string& name, const Field& field, const char* what,
              const Samples& samples, bool with_gradient, double gathers_per_s) {
-  const auto loaded = engine->load(std::make_shared<Field>(field));
+  const auto loaded = backend->load(std::make_shared<Field>(field));
   const double n = static_cast<double>(samples.positions.size()) / 3;
   const double seconds =
       medianOf(timeEvaluations(*loaded, samples.positions, samples.directions, with_gradient, 15));
@@ -113,7 +113,7 @@ void rateRow(Engine* engine, const std::string& name, const Field& field, const 
 }
 
 /// Steps of training on the views, by the host's clock, to the end of the last.
-void trainingRow(Engine* engine, const std::string& name, const Field& model,
+void trainingRow(Backend* backend, const std::string& name, const Field& model,
                  const FieldConfig& shape, const std::vector<PosedView>& views,
                  double gathers_per_s) {
   constexpr int kSamples = 1 << 18, kWarmUp = 512, kSteps = 512;  // waits come every 16 steps
@@ -124,14 +124,14 @@ void trainingRow(Engine* engine, const std::string& name, const Field& model,
   TrainingPlan plan;
   plan.samples_per_step = kSamples;
   plan.region = model.occupancy;
-  const auto trainer = engine->trainer(config, model.box, learned, plan);
+  const auto trainer = backend->trainer(config, model.box, learned, plan);
   for (int i = 0; i < kWarmUp; ++i) trainer->step(0);
-  const Work before = engine->work();
+  const CostCounters before = backend->work();
   const auto start = std::chrono::steady_clock::now();
   for (int i = 0; i < kSteps; ++i) trainer->step(0);
   const double seconds =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count() / kSteps;
-  const double floor = (engine->work() - before).gathers / kSteps / gathers_per_s;
+  const double floor = (backend->work() - before).gathers / kSteps / gathers_per_s;
   std::printf(
       "%-10s training step of about 2^18 samples: %7.1f us, %6.3f G samples/s; floor %7.1f "
       "us, %.2f; memory in use %zu MiB\n",
@@ -151,11 +151,11 @@ FieldConfig wideFeatures() {
 
 void run(const std::string& path, const std::string& dataset) {
   using Clock = std::chrono::steady_clock;
-  const std::unique_ptr<Engine> engine = makeCudaEngine();
+  const std::unique_ptr<Backend> backend = makeCudaBackend();
   const Field model = loadModel(path);
   const Dataset views = loadTransforms(dataset);
   const PosedView& view = views.views.front();
-  std::printf("%s; memory in use %zu MiB\n", engine->describe().c_str(), deviceMemoryUsed() >> 20);
+  std::printf("%s; memory in use %zu MiB\n", backend->describe().c_str(), deviceMemoryUsed() >> 20);
   const DeviceFloor floor = measureDeviceFloor(model.grid.size() * 2);
   std::printf("products of halves %.0f TFLOP/s; ", 1e-12 * floor.flops_per_s);
   std::printf("copies %.2f TB/s; gathers of 8 bytes from %.0f MiB: %.0f billion/s\n",
@@ -168,15 +168,15 @@ void run(const std::string& path, const std::string& dataset) {
                                       {"paper", reshaped(model, paper)},
                                       {"4 x 8", reshaped(model, wideFeatures())}}) {
       for (const bool back : {false, true}) {
-        rateRow(engine.get(), name, field, "rays", rays, back, floor.gathers_per_s);
-        rateRow(engine.get(), name, field, "random", points, back, floor.gathers_per_s);
+        rateRow(backend.get(), name, field, "rays", rays, back, floor.gathers_per_s);
+        rateRow(backend.get(), name, field, "random", points, back, floor.gathers_per_s);
       }
     }
   }
-  trainingRow(engine.get(), "model", model, model.config, views.views, floor.gathers_per_s);
-  trainingRow(engine.get(), "paper", model, paper, views.views, floor.gathers_per_s);
+  trainingRow(backend.get(), "model", model, model.config, views.views, floor.gathers_per_s);
+  trainingRow(backend.get(), "paper", model, paper, views.views, floor.gathers_per_s);
   const auto start = Clock::now();
-  const auto loaded = engine->load(std::make_shared<Field>(loadModel(path)));
+  const auto loaded = backend->load(std::make_shared<Field>(loadModel(path)));
   std::printf("file to device: %.1f ms\n",
               1e3 * std::chrono::duration<double>(Clock::now() - start).count());
   double psnr_sum = 0;
@@ -184,7 +184,7 @@ void run(const std::string& path, const std::string& dataset) {
   for (const PosedView& v : views.views) {
     device.push_back(medianOf(timeRenderings(*loaded, v.camera, v.T_O_C, 5)));
     const auto begin = Clock::now();
-    const Rendering rendering = engine->render(*loaded, v.camera, v.T_O_C, {}, {});
+    const Rendering rendering = backend->render(*loaded, v.camera, v.T_O_C, {}, {});
     host.push_back(std::chrono::duration<double>(Clock::now() - begin).count());
     psnr_sum += psnr(rendering.colour, premultiply(*v.rgba).colour);
   }

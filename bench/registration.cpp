@@ -7,13 +7,13 @@
 #include <string>
 #include <vector>
 
-#include "engine_floor.h"
-#include "backend/make_engine.h"
+#include "backend/make_backend.h"
+#include "backend_floor.h"
+#include "concurrency/parallel.h"
 #include "field/model_file.h"
 #include "image/colour.h"
 #include "image/resample.h"
 #include "registration/registrar.h"
-#include "concurrency/parallel.h"
 #include "work_report.h"
 
 // Registers an object and measures: time and work against the machine's floor, quality over test
@@ -41,7 +41,7 @@ Camera cameraOf(const PosedView& view, int width) {
 
 struct Options {
   std::string dataset, test, model;
-  EngineChoice engine = {"cpu", 0, "auto", 0};
+  BackendChoice backend = {"cpu", 0, "auto", 0};
   std::vector<int> steps;  ///< one registration each; none: that of the settings
   double until_psnr_db = 0;
   int size = 0;
@@ -50,7 +50,7 @@ struct Options {
 
   DatasetOptions reading() const {
     DatasetOptions reading;
-    reading.threads = engine.threads;
+    reading.threads = backend.threads;
     return reading;
   }
 };
@@ -74,14 +74,14 @@ void declare(CLI::App* app, Options* options) {
   app->add_option("--learning-rate", settings.plan.learning_rate, "of Adam");
   app->add_option("--held-out", settings.held_out, "training views kept apart");
   app->add_option("--seed", settings.seed, "of all random numbers");
-  app->add_option("--backend", options->engine.backend, "auto, cpu or cuda");
-  app->add_option("--device", options->engine.device, "number of the GPU");
-  app->add_option("--threads", options->engine.threads, "0: all cores");
-  app->add_option("--instruction-set", options->engine.instruction_set, "auto, baseline or avx2");
+  app->add_option("--backend", options->backend.backend, "auto, cpu or cuda");
+  app->add_option("--device", options->backend.device, "number of the GPU");
+  app->add_option("--threads", options->backend.threads, "0: all cores");
+  app->add_option("--instruction-set", options->backend.instruction_set, "auto, baseline or avx2");
 }
 
-// How far pictures are from those that are rendered without the occupancy grid, at most.
-double worstWithoutOccupancy(Engine* engine, const LoadedField& field, const Dataset& test,
+// How far images are from those that are rendered without the occupancy grid, at most.
+double worstWithoutOccupancy(Backend* backend, const LoadedField& field, const Dataset& test,
                              int size) {
   RenderOptions all;
   all.use_occupancy = false;
@@ -89,51 +89,51 @@ double worstWithoutOccupancy(Engine* engine, const LoadedField& field, const Dat
   for (const PosedView& view : test.views) {
     const Camera camera = cameraOf(view, size);
     worst =
-        std::max(worst, rootMeanSquare(engine->render(field, camera, view.T_O_C, all, {}).colour,
-                                       engine->render(field, camera, view.T_O_C, {}, {}).colour));
+        std::max(worst, rootMeanSquare(backend->render(field, camera, view.T_O_C, all, {}).colour,
+                                       backend->render(field, camera, view.T_O_C, {}, {}).colour));
   }
   return worst;
 }
 
 /// @return mean PSNR [dB].
-double measureTestViews(Engine* engine, const Field& field, const Dataset& test,
+double measureTestViews(Backend* backend, const Field& field, const Dataset& test,
                         const Options& options, const Floor& floor) {
-  const auto loaded = engine->load(std::make_shared<Field>(field));
+  const auto loaded = backend->load(std::make_shared<Field>(field));
   double psnr_sum = 0, seconds = 0;
-  const Work before = engine->work();
+  const CostCounters before = backend->work();
   for (const PosedView& view : test.views) {
     const Camera camera = cameraOf(view, options.size);
     const Image truth = resample(premultiply(*view.rgba).colour, view.camera, camera);
     const auto start = std::chrono::steady_clock::now();
-    const Rendering rendering = engine->render(*loaded, camera, view.T_O_C, {}, {});
+    const Rendering rendering = backend->render(*loaded, camera, view.T_O_C, {}, {});
     seconds += secondsSince(start);
     psnr_sum += psnr(rendering.colour, truth);
   }
-  printWork("rendering", engine->work() - before, seconds, floor);
+  printWork("rendering", backend->work() - before, seconds, floor);
   std::printf("test views          %zu of %d px width\n", test.views.size(),
               cameraOf(test.views.front(), options.size).width);
   const double psnr_db = psnr_sum / static_cast<double>(test.views.size());
   std::printf("PSNR                %.2f dB (mean over views, sRGB values on black)\n", psnr_db);
   if (options.compare_occupancy) {
     std::printf("occupancy grid      %.2e RMS at most against rendering without it\n",
-                worstWithoutOccupancy(engine, *loaded, test, options.size));
+                worstWithoutOccupancy(backend, *loaded, test, options.size));
   }
   return psnr_db;
 }
 
 /// One registration. @return PSNR of the test views; 0 if there are none.
-double registerOnce(Engine* engine, const Dataset& data, const Dataset& test,
+double registerOnce(Backend* backend, const Dataset& data, const Dataset& test,
                     const Options& options, const RegistrationSettings& settings) {
   double training_s = 0;
-  Work training;
-  const Work before = engine->work();
+  CostCounters training;
+  const CostCounters before = backend->work();
   const auto watch = [&](const RegistrationProgress& progress) {
     if (progress.stage == "quality") return;  // "occupancy" is reported when training ends
     training_s = progress.seconds;
-    training = engine->work() - before;
+    training = backend->work() - before;
   };
   const auto start = std::chrono::steady_clock::now();
-  const Field field = registerObject(engine, data, settings, watch, {});
+  const Field field = registerObject(backend, data, settings, watch, {});
   const double steps = static_cast<double>(field.metadata.training_steps);
   std::printf(
       "registration        %.2f s in all, %.2f s of training, %.0f steps of about %d "
@@ -145,11 +145,12 @@ double registerOnce(Engine* engine, const Dataset& data, const Dataset& test,
   if (!options.model.empty()) saveModel(field, options.model);
 
   const std::size_t table_bytes = field.grid.size() * sizeof(std::uint16_t);
-  const Floor floor = measureEngineFloor(*engine, threadCount(options.engine.threads), table_bytes);
+  const Floor floor =
+      measureBackendFloor(*backend, threadCount(options.backend.threads), table_bytes);
   printFloor(floor, table_bytes);
   printWorkHead();
   printWork("training", training, training_s, floor);
-  return test.views.empty() ? 0 : measureTestViews(engine, field, test, options, floor);
+  return test.views.empty() ? 0 : measureTestViews(backend, field, test, options, floor);
 }
 
 void run(const Options& options) {
@@ -157,22 +158,22 @@ void run(const Options& options) {
   Dataset test;
   if (!options.test.empty()) test = loadTransforms(options.test, options.reading());
   const double context_MiB = deviceMemory_MiB();
-  const auto engine = makeEngine(options.engine);
-  std::printf("engine              %s\n", engine->describe().c_str());
+  const auto backend = makeBackend(options.backend);
+  std::printf("engine              %s\n", backend->describe().c_str());
   RegistrationSettings settings = options.settings;
-  settings.threads = options.engine.threads;
+  settings.threads = options.backend.threads;
   std::vector<int> steps = options.steps;
   if (steps.empty()) steps.push_back(settings.steps);
   for (const int most : steps) {
     settings.steps = most;
-    const double psnr_db = registerOnce(engine.get(), data, test, options, settings);
+    const double psnr_db = registerOnce(backend.get(), data, test, options, settings);
     if (options.until_psnr_db > 0 && psnr_db >= options.until_psnr_db) {
       std::printf("reached             %.2f dB with %d steps\n", options.until_psnr_db, most);
       break;
     }
   }
   std::printf("peak memory         %.0f MiB", peakMemory_MiB());
-  if (isOnDevice(*engine)) {
+  if (isOnDevice(*backend)) {
     std::printf(", on the device %.0f MiB beside a context of %.0f",
                 deviceMemory_MiB() - context_MiB, context_MiB);
   }

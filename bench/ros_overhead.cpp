@@ -49,29 +49,29 @@ double cpuSeconds() {
   return seconds(usage.ru_utime) + seconds(usage.ru_stime);
 }
 
-double quantile(std::vector<double> values, double share) {
+double quantile(std::vector<double> values, double fraction) {
   if (values.empty()) return 0;
   std::sort(values.begin(), values.end());
-  return values[std::min(values.size() - 1, static_cast<std::size_t>(share * values.size()))];
+  return values[std::min(values.size() - 1, static_cast<std::size_t>(fraction * values.size()))];
 }
 
 /// A model in a folder that ends with it, and a picture of the object.
 struct Subject {
   Subject()
       : root(fs::temp_directory_path() / ("ros_overhead_" + std::to_string(getpid()))),
-        engine(makeCpuEngine()),
+        backend(makeCpuBackend()),
         scene(makeAnalyticScene()),
         T_O_C(cameraAround(*scene, 0.7, 0.5)) {
-    writeSceneDataset(engine.get(), *scene, (root / "photos").string(), 40, 64);
+    writeSceneDataset(backend.get(), *scene, (root / "photos").string(), 40, 64);
     RegistrationSettings settings;
     settings.steps = 300;
     settings.metres_per_unit = kMetresPerUnit;
-    Field field = registerObject(engine.get(), loadTransforms((root / "photos").string()), settings,
-                                 {}, StopToken());
+    Field field = registerObject(backend.get(), loadTransforms((root / "photos").string()),
+                                 settings, {}, CancellationToken());
     field.metadata.name = "subject";
     saveModel(field, (root / "subject.safetensors").string());
 
-    const Observation view = observeScene(engine.get(), *scene, kCamera, T_O_C);
+    const Observation view = observeScene(backend.get(), *scene, kCamera, T_O_C);
     const Image8 picture = toBytes(composite({view.image, view.alpha}, {0.4f, 0.4f, 0.4f}));
     image.header.frame_id = "camera";
     image.width = 640;
@@ -85,7 +85,7 @@ struct Subject {
   ~Subject() { fs::remove_all(root); }
 
   fs::path root;
-  std::shared_ptr<Engine> engine;
+  std::shared_ptr<Backend> backend;
   std::shared_ptr<const LoadedField> scene;
   Pose T_O_C;
   sensor_msgs::Image image;
@@ -188,9 +188,9 @@ double measureIdle(const char* what, double seconds, double own,
     tick();
     ros::WallDuration(1.0 / 30).sleep();
   }
-  const double share = (cpuSeconds() - before) / (ros::WallTime::now() - start).toSec();
-  std::printf("%-44s %8.2f %% of a core\n", what, 100 * (share - own));
-  return share;
+  const double fraction = (cpuSeconds() - before) / (ros::WallTime::now() - start).toSec();
+  std::printf("%-44s %8.2f %% of a core\n", what, 100 * (fraction - own));
+  return fraction;
 }
 
 void measureOverhead(const char* what, int images, const std::vector<double>& distortion,

@@ -4,11 +4,11 @@
 #include <cstdio>
 #include <string>
 
+#include "concurrency/parallel.h"
 #include "dataset/dataset.h"
 #include "field/model_file.h"
 #include "image/colour.h"
 #include "refinement/refiner.h"
-#include "concurrency/parallel.h"
 #include "work_report.h"
 
 // The rate of rendering and of direct alignment on this machine, against the floor that gathers and
@@ -24,8 +24,8 @@ double timed(const Body& body) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 }
 
-void run(Engine* engine, const Field& field, const Dataset& data, int threads, int rounds) {
-  const auto loaded = engine->load(std::make_shared<Field>(field));
+void run(Backend* backend, const Field& field, const Dataset& data, int threads, int rounds) {
+  const auto loaded = backend->load(std::make_shared<Field>(field));
   const PosedView& view = data.views.front();
   const PremultipliedImage picture = premultiply(*view.rgba);
   Observation observation;
@@ -35,21 +35,22 @@ void run(Engine* engine, const Field& field, const Dataset& data, int threads, i
   observation.background = Background::kKnownAlpha;
   Prior prior;
   prior.T_O_C = view.T_O_C;
-  Refiner refiner(std::shared_ptr<Engine>(engine, [](Engine*) {}), RefinerSettings::named("align"));
+  Refiner refiner(std::shared_ptr<Backend>(backend, [](Backend*) {}),
+                  RefinerSettings::named("align"));
 
   const std::size_t table_bytes = field.grid.size() * sizeof(std::uint16_t);
   printWorkHead();
   for (int round = 0; round < rounds; ++round) {
     const Floor floor = measureFloor(threads, table_bytes);
     printFloor(floor, table_bytes);
-    Work before = engine->work();
+    CostCounters before = backend->work();
     double seconds = timed([&] {
-      for (const PosedView& v : data.views) engine->render(*loaded, v.camera, v.T_O_C, {}, {});
+      for (const PosedView& v : data.views) backend->render(*loaded, v.camera, v.T_O_C, {}, {});
     });
-    printWork("rendering", engine->work() - before, seconds, floor);
-    before = engine->work();
+    printWork("rendering", backend->work() - before, seconds, floor);
+    before = backend->work();
     seconds = timed([&] { refiner.refine(*loaded, observation, prior); });
-    printWork("alignment", engine->work() - before, seconds, floor);
+    printWork("alignment", backend->work() - before, seconds, floor);
   }
 }
 
@@ -71,11 +72,11 @@ int main(int argc, char** argv) {
   CLI11_PARSE(app, argc, argv);
   try {
     threads = threadCount(threads);
-    const auto engine = makeCpuEngine(threads, instruction_set);
-    std::printf("%s\n", engine->describe().c_str());
+    const auto backend = makeCpuBackend(threads, instruction_set);
+    std::printf("%s\n", backend->describe().c_str());
     DatasetOptions reading;
     reading.threads = threads;
-    run(engine.get(), loadModel(model), loadTransforms(dataset, reading), threads, rounds);
+    run(backend.get(), loadModel(model), loadTransforms(dataset, reading), threads, rounds);
     std::printf("peak memory %.0f MiB\n", peakMemory_MiB());
     return 0;
   } catch (const std::exception& e) {

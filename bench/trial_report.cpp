@@ -26,16 +26,16 @@ double medianOf(const std::vector<Trial>& trials, const Value& value) {
 }
 
 /// Of the seconds.
-double quantileOf(const std::vector<Trial>& trials, double share) {
+double quantileOf(const std::vector<Trial>& trials, double fraction) {
   std::vector<double> values;
   for (const Trial& trial : trials) values.push_back(trial.refinement.seconds);
   std::sort(values.begin(), values.end());
   const double last = static_cast<double>(values.size()) - 1;
-  return values[static_cast<std::size_t>(std::lround(share * last))];
+  return values[static_cast<std::size_t>(std::lround(fraction * last))];
 }
 
 template <typename Test>
-double shareOf(const std::vector<Trial>& trials, const Test& test) {
+double fractionOf(const std::vector<Trial>& trials, const Test& test) {
   return static_cast<double>(std::count_if(trials.begin(), trials.end(), test)) /
          static_cast<double>(trials.size());
 }
@@ -79,7 +79,7 @@ nlohmann::json toJson(const Trial& trial) {
           {"samples", r.work.samples},
           {"gathers", r.work.gathers},
           {"flops", r.work.flops},
-          {"share_of_floor", trial.share.of_larger}};
+          {"share_of_floor", trial.fraction.of_larger}};
 }
 
 nlohmann::json summaryOf(const std::vector<Trial>& trials, const Protocol& protocol) {
@@ -92,13 +92,13 @@ nlohmann::json summaryOf(const std::vector<Trial>& trials, const Protocol& proto
   for (const Trial& t : trials) mean_normalised += t.normalised_error / trials.size();
   return {
       {"trials", trials.size()},
-      {"share_under_5_deg", shareOf(trials, [&](const Trial& t) { return turned(t) < 5; })},
-      {"share_under_offset", shareOf(trials, [&](const Trial& t) { return moved(t) < far; })},
+      {"share_under_5_deg", fractionOf(trials, [&](const Trial& t) { return turned(t) < 5; })},
+      {"share_under_offset", fractionOf(trials, [&](const Trial& t) { return moved(t) < far; })},
       {"offset_bound", far},
       {"share_jointly",
-       shareOf(trials, [&](const Trial& t) { return turned(t) < 5 && moved(t) < far; })},
+       fractionOf(trials, [&](const Trial& t) { return turned(t) < 5 && moved(t) < far; })},
       {"share_1_deg_fifth_of_offset",
-       shareOf(trials, [&](const Trial& t) { return turned(t) < 1 && moved(t) < far / 5; })},
+       fractionOf(trials, [&](const Trial& t) { return turned(t) < 1 && moved(t) < far / 5; })},
       {"median_deg", medianOf(trials, turned)},
       {"median_offset", medianOf(trials, moved)},
       {"median_pixels", medianOf(trials, [](const Trial& t) { return t.after.pixels; })},
@@ -112,9 +112,10 @@ nlohmann::json summaryOf(const std::vector<Trial>& trials, const Protocol& proto
       {"median_gathers",
        medianOf(trials, [](const Trial& t) { return t.refinement.work.gathers; })},
       {"median_flops", medianOf(trials, [](const Trial& t) { return t.refinement.work.flops; })},
-      {"median_share_of_floor", medianOf(trials, [](const Trial& t) { return t.share.of_larger; })},
+      {"median_share_of_floor",
+       medianOf(trials, [](const Trial& t) { return t.fraction.of_larger; })},
       {"median_share_of_floor_without_overlap",
-       medianOf(trials, [](const Trial& t) { return t.share.of_sum; })}};
+       medianOf(trials, [](const Trial& t) { return t.fraction.of_sum; })}};
 }
 
 void printTrial(const Trial& trial, const PosedView& view, const Eigen::Vector3d& centre,
@@ -126,7 +127,7 @@ void printTrial(const Trial& trial, const PosedView& view, const Eigen::Vector3d
       trial.view, trial.start, trial.before.rotation_rad / kDegree, trial.before.camera_offset,
       trial.after.rotation_rad / kDegree, trial.after.camera_offset, trial.after.object_offset,
       trial.after.pixels, r.score, r.seconds, static_cast<double>(r.work.samples) / 1e6,
-      1e-9 * r.work.gathers, 1e-9 * r.work.flops, trial.share.of_larger);
+      1e-9 * r.work.gathers, 1e-9 * r.work.flops, trial.fraction.of_larger);
   if (with_trace) {
     for (const TraceEntry& t : r.trace) {
       const PoseError e = poseError(t.best_T_O_C, view.T_O_C, centre, view.camera);

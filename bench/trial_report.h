@@ -19,7 +19,7 @@ struct Trial {
   std::vector<double> error, deviation;  ///< of the twist to the truth, axes of C
   double normalised_error = 0;  ///< e^T C^-1 e / 6 of the reported covariance: 1 on average
   Refinement refinement;
-  FloorShare share;
+  FloorFraction fraction;
 };
 
 /// The pose errors that a protocol starts from, how wide it searches, and what it accepts.

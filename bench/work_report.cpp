@@ -8,13 +8,13 @@
 
 namespace nerf_pose_refiner {
 
-FloorShare floorShare(const Work& work, double seconds, const Floor& floor) {
-  FloorShare share;
-  share.gather_s = work.gathers / floor.gathers_per_s;
-  share.flop_s = work.flops / floor.flops_per_s;
-  share.of_larger = std::max(share.gather_s, share.flop_s) / seconds;
-  share.of_sum = (share.gather_s + share.flop_s) / seconds;
-  return share;
+FloorFraction floorFraction(const CostCounters& work, double seconds, const Floor& floor) {
+  FloorFraction fraction;
+  fraction.gather_s = work.gathers / floor.gathers_per_s;
+  fraction.flop_s = work.flops / floor.flops_per_s;
+  fraction.of_larger = std::max(fraction.gather_s, fraction.flop_s) / seconds;
+  fraction.of_sum = (fraction.gather_s + fraction.flop_s) / seconds;
+  return fraction;
 }
 
 void printFloor(const Floor& floor, std::size_t table_bytes) {
@@ -29,13 +29,13 @@ void printWorkHead() {
               "of sum");
 }
 
-void printWork(const char* what, const Work& work, double seconds, const Floor& floor) {
-  const FloorShare share = floorShare(work, seconds, floor);
+void printWork(const char* what, const CostCounters& work, double seconds, const Floor& floor) {
+  const FloorFraction fraction = floorFraction(work, seconds, floor);
   std::printf("%-10s %8.1f %9.1f %9.2f %9.1f %8.2f %8.3f %8.3f %8.3f %9.2f %9.2f\n", what,
               1e-6 * static_cast<double>(work.rays), 1e-6 * static_cast<double>(work.samples),
               1e-9 * work.gathers, 1e-9 * work.flops,
-              1e-6 * static_cast<double>(work.samples) / seconds, seconds, share.gather_s,
-              share.flop_s, share.of_larger, share.of_sum);
+              1e-6 * static_cast<double>(work.samples) / seconds, seconds, fraction.gather_s,
+              fraction.flop_s, fraction.of_larger, fraction.of_sum);
 }
 
 double peakMemory_MiB() {

@@ -7,17 +7,17 @@ namespace {
 
 constexpr int kThreads = 128;
 constexpr int kPixelsPerChunk = kTileSide * kTileSide;  // one block's: a tile of the scatter
-constexpr int kLightSums = 15;                          // numbers of LightMomentsOf
+constexpr int kGainBiasSums = 15;                       // numbers of GainBiasMomentsOf
 constexpr int kSumParts = 8;                            // threads that share a sum over chunks
 constexpr int kAdvanceThreads = 288;
 constexpr unsigned kWholeWarp = 0xffffffffu;
 
 static_assert(sizeof(AlignmentSumsOf<float>) == kAlignmentSums * sizeof(float), "");
 static_assert(sizeof(AlignmentSumsOf<double>) == kAlignmentSums * sizeof(double), "");
-static_assert(sizeof(LightMomentsOf<float>) == kLightSums * sizeof(float), "");
+static_assert(sizeof(GainBiasMomentsOf<float>) == kGainBiasSums * sizeof(float), "");
 static_assert(kAdvanceThreads >= kSumParts * kAlignmentSums, "");
-static_assert(kThreads >= kSumParts * kLightSums, "");
-static_assert(sizeof(LightMomentsOf<double>) == kLightSums * sizeof(double), "");
+static_assert(kThreads >= kSumParts * kGainBiasSums, "");
+static_assert(sizeof(GainBiasMomentsOf<double>) == kGainBiasSums * sizeof(double), "");
 
 /// Sum over a block, in a fixed order, of N numbers of every thread; the result in to[0..N).
 template <int N>
@@ -86,9 +86,8 @@ __device__ AlignmentView viewOf(const CudaCamera& camera, const Vec3<double>& ce
   return view;
 }
 
-__device__ PictureSample<float> sampleAt(const float4* picture, int width, int height, int x,
-                                         int y) {
-  const auto at = [&](int u, int v) { return picture[2 * (v * width + u)]; };
+__device__ ImageSample<float> sampleAt(const float4* image, int width, int height, int x, int y) {
+  const auto at = [&](int u, int v) { return image[2 * (v * width + u)]; };
   const float4 left = at(max(x - 1, 0), y), right = at(min(x + 1, width - 1), y);
   const float4 above = at(x, max(y - 1, 0)), below = at(x, min(y + 1, height - 1));
   const float4 here = at(x, y);
@@ -107,18 +106,18 @@ __device__ RegionPixel regionAt(const CudaAlignmentTarget& target, int pixel) {
 
 /// A block per chunk (x) and search (y).
 __global__ void sumAlignmentKernel(CudaAlignmentTarget target, CudaSearches searches,
-                                   const float4* pictures, Vec3<double> centre) {
+                                   const float4* images, Vec3<double> centre) {
   const int v = static_cast<int>(blockIdx.y);
   if (!searches.active[v]) return;
   __shared__ AlignmentView view;
   if (threadIdx.x == 0) view = viewOf(target.camera, centre, searches.searches[v].trial);
   __syncthreads();
   // Contrasts know no light.
-  const GainBias<float> light = target.rules.kind == Comparison::kContrasts
-                                    ? GainBias<float>()
-                                    : searches.searches[v].trial_light;
+  const GainBias<float> gain_bias = target.rules.kind == Comparison::kContrasts
+                                        ? GainBias<float>()
+                                        : searches.searches[v].trial_gain_bias;
   const int width = target.camera.width, height = target.camera.height, pixels = width * height;
-  const float4* picture = pictures + 2 * static_cast<std::size_t>(v) * pixels;
+  const float4* image = images + 2 * static_cast<std::size_t>(v) * pixels;
   AlignmentSumsOf<float> sums;
   const int tiles = (width + kTileSide - 1) / kTileSide;  // in a row
   const int left = static_cast<int>(blockIdx.x) % tiles * kTileSide;
@@ -129,12 +128,13 @@ __global__ void sumAlignmentKernel(CudaAlignmentTarget target, CudaSearches sear
     const int i = y * width + x;
     const float pixel_weight = target.weight[i];
     if (pixel_weight == 0) continue;
-    const PictureSample<float> rendered = sampleAt(picture, width, height, x, y);
-    const PictureSample<float> observed = sampleAt(target.observed, width, height, x, y);
+    const ImageSample<float> rendered = sampleAt(image, width, height, x, y);
+    const ImageSample<float> observed = sampleAt(target.observed, width, height, x, y);
     const RegionPixel region = regionAt(target, i);
-    const PixelResidual<float> r = comparePixel(target.rules, rendered, observed, light, region);
+    const PixelResidual<float> r =
+        comparePixel(target.rules, rendered, observed, gain_bias, region);
     const float A = rendered.value[3];
-    const float4 point = picture[2 * i + 1];
+    const float4 point = image[2 * i + 1];
     addComparedPixel(target.rules, r, A, region, pixel_weight,
                      surfaceFlow(view, {point.x, point.y, point.z}, A, x, y), &sums,
                      &sums.equations);
@@ -207,35 +207,35 @@ __global__ void __launch_bounds__(kAdvanceThreads)
 }
 
 /// A block per chunk (x) and search (y).
-__global__ void sumLightKernel(CudaAlignmentTarget target, CudaSearches searches,
-                               const float4* pictures) {
+__global__ void sumGainBiasKernel(CudaAlignmentTarget target, CudaSearches searches,
+                                  const float4* images) {
   const int v = static_cast<int>(blockIdx.y);
   if (!searches.active[v]) return;
-  const GainBias<float> light = searches.searches[v].trial_light;
+  const GainBias<float> gain_bias = searches.searches[v].trial_gain_bias;
   const int pixels = target.camera.width * target.camera.height;
-  const float4* picture = pictures + 2 * static_cast<std::size_t>(v) * pixels;
-  LightMomentsOf<float> sums;
+  const float4* image = images + 2 * static_cast<std::size_t>(v) * pixels;
+  GainBiasMomentsOf<float> sums;
   for (int k = 0; k < kPixelsPerChunk; k += kThreads) {
     const int i = static_cast<int>(blockIdx.x) * kPixelsPerChunk + k + threadIdx.x;
     if (i >= pixels) break;
-    const float4 rendered = picture[2 * i], observed = target.observed[2 * i];
-    addLightPixel(&rendered.x, &observed.x, target.weight[i], light, target.rules.robust_scale,
-                  &sums);
+    const float4 rendered = image[2 * i], observed = target.observed[2 * i];
+    addGainBiasPixel(&rendered.x, &observed.x, target.weight[i], gain_bias,
+                     target.rules.robust_scale, &sums);
   }
   const std::size_t part = static_cast<std::size_t>(v) * gridDim.x + blockIdx.x;
-  sumBlock<kLightSums>(reinterpret_cast<const float*>(&sums),
-                       searches.partial_sums + part * kAlignmentSums);
+  sumBlock<kGainBiasSums>(reinterpret_cast<const float*>(&sums),
+                          searches.partial_sums + part * kAlignmentSums);
 }
 
 /// A block per search.
-__global__ void solveLightKernel(CudaSearches searches, int chunks) {
+__global__ void solveGainBiasKernel(CudaSearches searches, int chunks) {
   const int v = static_cast<int>(blockIdx.x);
   if (!searches.active[v]) return;
-  __shared__ double numbers[kLightSums];
-  sumChunks<kLightSums>(searches.partial_sums, v, chunks, numbers);
+  __shared__ double numbers[kGainBiasSums];
+  sumChunks<kGainBiasSums>(searches.partial_sums, v, chunks, numbers);
   if (threadIdx.x != 0) return;
-  searches.searches[v].trial_light =
-      solveLight(*reinterpret_cast<const LightMomentsOf<double>*>(numbers));
+  searches.searches[v].trial_gain_bias =
+      solveGainBias(*reinterpret_cast<const GainBiasMomentsOf<double>*>(numbers));
 }
 
 /// A thread per search.
@@ -292,22 +292,22 @@ void startSearches(const CudaSearches& searches, const CudaHypotheses& batch,
   NPR_CUDA_CHECK(cudaGetLastError());
 }
 
-void fitLights(const CudaAlignmentTarget& target, const CudaSearches& searches,
-               const float4* pictures, cudaStream_t stream) {
+void fitGainBiases(const CudaAlignmentTarget& target, const CudaSearches& searches,
+                   const float4* images, cudaStream_t stream) {
   const int chunks = alignmentChunks(target.camera);
   const dim3 grid(chunks, searches.view_count);
-  sumLightKernel<<<grid, kThreads, 0, stream>>>(target, searches, pictures);
+  sumGainBiasKernel<<<grid, kThreads, 0, stream>>>(target, searches, images);
   NPR_CUDA_CHECK(cudaGetLastError());
-  solveLightKernel<<<searches.view_count, kThreads, 0, stream>>>(searches, chunks);
+  solveGainBiasKernel<<<searches.view_count, kThreads, 0, stream>>>(searches, chunks);
   NPR_CUDA_CHECK(cudaGetLastError());
 }
 
 void advanceSearches(const CudaAlignmentTarget& target, const CudaSearches& searches,
-                     const float4* pictures, const AlignmentRules& rules, bool only_score,
+                     const float4* images, const AlignmentRules& rules, bool only_score,
                      cudaStream_t stream) {
   const int chunks = alignmentChunks(target.camera);
   const dim3 grid(chunks, searches.view_count);
-  sumAlignmentKernel<<<grid, kThreads, 0, stream>>>(target, searches, pictures, rules.centre);
+  sumAlignmentKernel<<<grid, kThreads, 0, stream>>>(target, searches, images, rules.centre);
   NPR_CUDA_CHECK(cudaGetLastError());
   advanceKernel<<<searches.view_count, kAdvanceThreads, 0, stream>>>(searches, rules, chunks,
                                                                      only_score);

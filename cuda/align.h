@@ -12,12 +12,12 @@ namespace nerf_pose_refiner {
 /// What every pose of a stage is compared with.
 struct CudaAlignmentTarget {
   CudaCamera camera;
-  /// Blurred picture [h][w][2]; where there are regions, with confidence and inside as its point.
+  /// Blurred image [h][w][2]; where there are regions, with confidence and inside as its point.
   const float4* observed;
   const float* weight;              ///< [h][w]
   const float* background_density;  ///< [h][w], where there are regions
   ComparisonRules rules;
-  bool fit_light;
+  bool fit_gain_bias;
 };
 
 /// The searches of a stage and their workspace, all on the device.
@@ -31,21 +31,21 @@ struct CudaSearches {
 
 constexpr int kAlignmentSums = 34;  // numbers of AlignmentSumsOf
 
-/// Parts of a picture that are summed apart.
+/// Parts of an image that are summed apart.
 int alignmentChunks(const CudaCamera& camera);
 
 /// Starts a search from every live hypothesis; flags those that cannot be followed.
 void startSearches(const CudaSearches& searches, const CudaHypotheses& batch,
                    const AlignmentRules& rules, cudaStream_t stream);
 
-/// Fits gain and bias of the trials to their blurred pictures, from where they are: one pass.
-void fitLights(const CudaAlignmentTarget& target, const CudaSearches& searches,
-               const float4* pictures, cudaStream_t stream);
+/// Fits gain and bias of the trials to their blurred images, from where they are: one pass.
+void fitGainBiases(const CudaAlignmentTarget& target, const CudaSearches& searches,
+                   const float4* images, cudaStream_t stream);
 
-/// Sums residuals of the trials' blurred pictures and takes one step with every search; if
+/// Sums residuals of the trials' blurred images and takes one step with every search; if
 /// `only_score`, takes the sums as they are and ends the searches.
 void advanceSearches(const CudaAlignmentTarget& target, const CudaSearches& searches,
-                     const float4* pictures, const AlignmentRules& rules, bool only_score,
+                     const float4* images, const AlignmentRules& rules, bool only_score,
                      cudaStream_t stream);
 
 /// Writes what the searches found to their hypotheses. @param by_contrast how their score is taken,

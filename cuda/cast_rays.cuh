@@ -22,8 +22,8 @@ namespace nerf_pose_refiner {
 template <typename Source>
 __device__ inline bool findSamples(const OccupancyView& occupancy, Source* source, RayGroup* ray,
                                    bool* fresh) {
-  constexpr int kMostTurns = 4;  // then those that have samples go on
-  for (int turn = 0; turn < kMostTurns; ++turn) {
+  constexpr int kMaxTurns = 4;  // then those that have samples go on
+  for (int turn = 0; turn < kMaxTurns; ++turn) {
     if (source->turnOver(*ray)) {
       source->start(ray);
       *fresh = true;
@@ -70,7 +70,7 @@ __device__ inline LaneWork castRays(const CudaFieldView& field, const MarchSpace
     needs_harmonics = needs_harmonics && !ready;
     const float density = expf(fminf(networks.template density<false>(), 30.0f));
     const SampleWeight sample = weighSamples(density, min_transmittance, ready, &ray);
-    // In fours, as the CPU engine takes and counts them: budgets must agree.
+    // In fours, as the CPU backend takes and counts them: budgets must agree.
     const bool first_seen = __shfl_sync(kWholeWarp, sample.seen, laneSlot() & ~3, kRaySamples);
     work.samples += valid && first_seen;
     const bool heavy = sample.seen && sample.weight >= min_weight;

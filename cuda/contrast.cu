@@ -22,7 +22,7 @@ __global__ void behindKernel(const __grid_constant__ ContrastTask task) {
   int pixel;
   std::size_t at;
   if (!takePixel(task, &pixel, &at)) return;
-  const float free = 1 - task.pictures[at].w;
+  const float free = 1 - task.images[at].w;
   const float4 seen = task.image[pixel];
   task.behind[at] = make_float4(free * seen.x, free * seen.y, free * seen.z, 0);
   task.behind[at + 1] = make_float4(0, 0, 0, 1);
@@ -33,12 +33,12 @@ __global__ void composeKernel(const __grid_constant__ ContrastTask task) {
   int pixel;
   std::size_t at;
   if (!takePixel(task, &pixel, &at)) return;
-  task.seen[pixel] = task.pictures[at + 1].w > 0 ? 1.0f : 0.0f;  // the same for every view
-  const GainBias<float> light = task.searches.searches[blockIdx.y].trial_light;
-  const float4 object = task.pictures[at], behind = task.behind[at];
-  const float r = behind.x + light.gain[0] * object.x + light.bias[0] * object.w;
-  const float g = behind.y + light.gain[1] * object.y + light.bias[1] * object.w;
-  const float b = behind.z + light.gain[2] * object.z + light.bias[2] * object.w;
+  task.seen[pixel] = task.images[at + 1].w > 0 ? 1.0f : 0.0f;  // the same for every view
+  const GainBias<float> gain_bias = task.searches.searches[blockIdx.y].trial_gain_bias;
+  const float4 object = task.images[at], behind = task.behind[at];
+  const float r = behind.x + gain_bias.gain[0] * object.x + gain_bias.bias[0] * object.w;
+  const float g = behind.y + gain_bias.gain[1] * object.y + gain_bias.bias[1] * object.w;
+  const float b = behind.z + gain_bias.gain[2] * object.z + gain_bias.bias[2] * object.w;
   task.behind[at] = make_float4(r, g, b, 0);
   task.behind[at + 1] = make_float4(r * r, g * g, b * b, 1);
 }
@@ -49,14 +49,14 @@ __device__ float4 contrastOf(const float4& colour, const float4& mean, const flo
                      localContrast(colour.z, mean.z, square.z), 0);
 }
 
-/// The same: contrasts times opacity into the pictures.
+/// The same: contrasts times opacity into the images.
 __global__ void contrastKernel(const __grid_constant__ ContrastTask task) {
   int pixel;
   std::size_t at;
   if (!takePixel(task, &pixel, &at)) return;
-  const float opacity = task.pictures[at].w;
+  const float opacity = task.images[at].w;
   const float4 c = contrastOf(task.behind[at], task.statistics[at], task.statistics[at + 1]);
-  task.pictures[at] = make_float4(opacity * c.x, opacity * c.y, opacity * c.z, opacity);
+  task.images[at] = make_float4(opacity * c.x, opacity * c.y, opacity * c.z, opacity);
 }
 
 /// A thread per pixel: colours and squares of a picture.
@@ -86,7 +86,7 @@ BlurTask windowMeans(const ContrastTask& task) {
   means.weight = task.seen;
   means.half_kernel = task.window;
   means.radius = task.window_radius;
-  means.pictures = task.behind;
+  means.images = task.behind;
   means.blurred = task.statistics;
   return means;
 }
@@ -101,14 +101,14 @@ void seeBehind(const ContrastTask& task, cudaStream_t stream) {
   behindKernel<<<gridOf(task), kThreads, 0, stream>>>(task);
   NPR_CUDA_CHECK(cudaGetLastError());
   BlurTask blur = task.blur;
-  blur.pictures = blur.blurred = task.behind;
-  blurPictures(blur, stream);
+  blur.images = blur.blurred = task.behind;
+  blurImages(blur, stream);
 }
 
 void takeContrasts(const ContrastTask& task, cudaStream_t stream) {
   composeKernel<<<gridOf(task), kThreads, 0, stream>>>(task);
   NPR_CUDA_CHECK(cudaGetLastError());
-  blurPictures(windowMeans(task), stream);
+  blurImages(windowMeans(task), stream);
   contrastKernel<<<gridOf(task), kThreads, 0, stream>>>(task);
   NPR_CUDA_CHECK(cudaGetLastError());
 }
@@ -121,7 +121,7 @@ void takeObservedContrasts(const ContrastTask& task, const float4* blurred, floa
   BlurTask means = windowMeans(task);
   means.view_count = 1;
   means.active = nullptr;
-  blurPictures(means, stream);
+  blurImages(means, stream);
   observedContrastKernel<<<blocks, kThreads, 0, stream>>>(blurred, task.statistics, pixels,
                                                           contrasts);
   NPR_CUDA_CHECK(cudaGetLastError());

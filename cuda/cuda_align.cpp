@@ -3,8 +3,8 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "cuda_engine.h"
 #include "backend/common/alignment_rules.h"
+#include "cuda_backend.h"
 #include "image/filter.h"
 #include "math/local_contrast.h"
 
@@ -13,7 +13,7 @@
 namespace nerf_pose_refiner {
 
 /// One stage, ready to be enqueued.
-struct CudaEngine::Stage {
+struct CudaBackend::Stage {
   const CudaField* field;
   RenderTask render;
   BlurTask blur;
@@ -32,9 +32,9 @@ constexpr int kEvaluationsAhead = 2;  // of the device: so soon a stop is heard
 
 }  // namespace
 
-CudaEngine::Stage CudaEngine::prepareStage(const CudaBatch& batch, const CudaField& field,
-                                           const CudaObservation& observation, int level_index,
-                                           const AlignStage& stage) {
+CudaBackend::Stage CudaBackend::prepareStage(const CudaBatch& batch, const CudaField& field,
+                                             const CudaObservation& observation, int level_index,
+                                             const AlignStage& stage) {
   const CudaLevel& level = observation.level(level_index);
   const auto n = static_cast<std::size_t>(batch.bound);
   searches_.reserve(n);
@@ -53,7 +53,7 @@ CudaEngine::Stage CudaEngine::prepareStage(const CudaBatch& batch, const CudaFie
   made.render.active = active_.data();
   made.render.step_scale = stage.step_scale;
   made.render.min_transmittance = stage.min_transmittance;
-  scratch_.reserve(pictures_.capacity());
+  scratch_.reserve(images_.capacity());
   made.blur = {level.camera.width,
                level.camera.height,
                batch.bound,
@@ -61,9 +61,9 @@ CudaEngine::Stage CudaEngine::prepareStage(const CudaBatch& batch, const CudaFie
                level.weight.data(),
                kernel_.data(),
                static_cast<int>(kernel.size()) - 1,
-               pictures_.data(),
+               images_.data(),
                scratch_.data(),
-               pictures_.data()};
+               images_.data()};
   made.target = {level.camera,
                  level.blurred.data(),
                  level.weight.data(),
@@ -73,7 +73,7 @@ CudaEngine::Stage CudaEngine::prepareStage(const CudaBatch& batch, const CudaFie
   made.blurred = level.blurred.data();
   made.searches = {searches_.data(), poses_.data(), active_.data(), partial_sums_.data(),
                    batch.bound};
-  made.rules = alignmentRules(field.field().metadata, level.camera.fx, stage, batch.scatter,
+  made.rules = alignmentRules(field.field().metadata, level.camera.fx, stage, batch.sampling,
                               batch.prior_T_O_C);
   if (made.target.rules.kind == Comparison::kContrasts) prepareContrasts(level, &made);
   if (made.target.rules.kind == Comparison::kRegions) prepareRegions(level, &made);
@@ -81,7 +81,7 @@ CudaEngine::Stage CudaEngine::prepareStage(const CudaBatch& batch, const CudaFie
   return made;
 }
 
-void CudaEngine::prepareContrasts(const CudaLevel& level, Stage* stage) {
+void CudaBackend::prepareContrasts(const CudaLevel& level, Stage* stage) {
   const int width = level.camera.width, height = level.camera.height;
   const std::size_t pixels = static_cast<std::size_t>(width) * height;
   const std::vector<float> window = gaussianKernel(contrastWindow(width, height));
@@ -97,14 +97,14 @@ void CudaEngine::prepareContrasts(const CudaLevel& level, Stage* stage) {
                      stage->blur,
                      window_.data(),
                      static_cast<int>(window.size()) - 1,
-                     pictures_.data(),
+                     images_.data(),
                      behind_.data(),
                      statistics_.data(),
                      inside_weight_.data()};
   takeObservedContrasts(stage->contrast, level.blurred.data(), observed_.data(), stream_);
 }
 
-void CudaEngine::prepareRegions(const CudaLevel& level, Stage* stage) {
+void CudaBackend::prepareRegions(const CudaLevel& level, Stage* stage) {
   const int width = level.camera.width, height = level.camera.height;
   const std::size_t pixels = static_cast<std::size_t>(width) * height;
   const std::vector<float> kernel = gaussianKernel(kColourSigma * kColourBins);
@@ -118,7 +118,7 @@ void CudaEngine::prepareRegions(const CudaLevel& level, Stage* stage) {
   stage->region = {width,
                    height,
                    stage->searches,
-                   pictures_.data(),
+                   images_.data(),
                    level.image.data(),
                    level.blurred.data(),
                    level.weight.data(),
@@ -134,40 +134,40 @@ void CudaEngine::prepareRegions(const CudaLevel& level, Stage* stage) {
   stage->needs_regions = true;
 }
 
-void CudaEngine::fitLight(const Stage& stage) {
-  if (!stage.target.fit_light) return;
+void CudaBackend::fitGainBias(const Stage& stage) {
+  if (!stage.target.fit_gain_bias) return;
   for (int pass = 0; pass < 2; ++pass) {
-    fitLights(stage.target, stage.searches, pictures_.data(), stream_);
+    fitGainBiases(stage.target, stage.searches, images_.data(), stream_);
   }
 }
 
-void CudaEngine::evaluateTrials(Stage* stage, bool only_score) {
+void CudaBackend::evaluateTrials(Stage* stage, bool only_score) {
   const bool contrasts = stage->target.rules.kind == Comparison::kContrasts;
-  renderPictures(stage->field->view(), stage->render, stream_);
+  renderImages(stage->field->view(), stage->render, stream_);
   if (contrasts) stage->target.observed = stage->blurred;
   if (stage->needs_regions) {
-    fitLight(*stage);
+    fitGainBias(*stage);
     modelRegions(stage->region, stream_);
     stage->target.observed = stage->region.observed;
     stage->target.background_density = stage->region.background_density;
     stage->needs_regions = false;
   }
   if (contrasts) seeBehind(stage->contrast, stream_);
-  blurPictures(stage->blur, stream_);
-  fitLight(*stage);
+  blurImages(stage->blur, stream_);
+  fitGainBias(*stage);
   if (contrasts) {
     takeContrasts(stage->contrast, stream_);
     stage->target.observed = observed_.data();
   }
-  advanceSearches(stage->target, stage->searches, pictures_.data(), stage->rules, only_score,
+  advanceSearches(stage->target, stage->searches, images_.data(), stage->rules, only_score,
                   stream_);
 }
 
 // The device is kept at most kEvaluationsAhead evaluations behind: a stop is heard, and nothing is
 // enqueued once all searches are done.
-void CudaEngine::align(HypothesisBatch* batch, const LoadedField& field,
-                       const LoadedObservation& observation, int level, const AlignStage& stage,
-                       const StopToken& stop) {
+void CudaBackend::align(HypothesisBatch* batch, const LoadedField& field,
+                        const LoadedObservation& observation, int level, const AlignStage& stage,
+                        const CancellationToken& stop) {
   enter();
   CudaBatch& hypotheses = own(batch);
   if (hypotheses.bound == 0) return;
@@ -190,9 +190,9 @@ void CudaEngine::align(HypothesisBatch* batch, const LoadedField& field,
   finishSearches(ready.searches, hypotheses.view(), stage.compare_contrast, stream_);
 }
 
-void CudaEngine::score(HypothesisBatch* batch, const LoadedField& field,
-                       const LoadedObservation& observation, int level, const AlignStage& stage,
-                       const StopToken& stop) {
+void CudaBackend::score(HypothesisBatch* batch, const LoadedField& field,
+                        const LoadedObservation& observation, int level, const AlignStage& stage,
+                        const CancellationToken& stop) {
   enter();
   stop.check();
   CudaBatch& hypotheses = own(batch);

@@ -12,7 +12,7 @@
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr int kMostWidth = 64, kMostEncoding = 64, kMostGeometry = 15;
+constexpr int kMaxWidth = 64, kMaxEncoding = 64, kMaxGeometry = 15;
 
 void require(bool holds, const char* name, int value, const char* range) {
   if (holds) return;
@@ -49,10 +49,10 @@ void forEachWeight(const FieldConfig& config, const Body& body) {
 CudaNetworkShape cudaNetworkShape(const FieldConfig& config) {
   const int encoding = config.levels * config.features;
   require(config.features >= 2, "features", config.features, "2, 4 and 8");
-  require(encoding <= kMostEncoding, "levels * features", encoding, "64 and less");
-  require(config.density_width <= kMostWidth, "density_width", config.density_width, "64 and less");
-  require(config.colour_width <= kMostWidth, "colour_width", config.colour_width, "64 and less");
-  require(config.geometry_features <= kMostGeometry, "geometry_features", config.geometry_features,
+  require(encoding <= kMaxEncoding, "levels * features", encoding, "64 and less");
+  require(config.density_width <= kMaxWidth, "density_width", config.density_width, "64 and less");
+  require(config.colour_width <= kMaxWidth, "colour_width", config.colour_width, "64 and less");
+  require(config.geometry_features <= kMaxGeometry, "geometry_features", config.geometry_features,
           "15 and less");
   CudaNetworkShape shape;
   shape.width = std::max(config.density_width, config.colour_width) <= 32 ? 32 : 64;

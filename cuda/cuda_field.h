@@ -4,9 +4,9 @@
 #include <memory>
 #include <vector>
 
+#include "backend/backend.h"
 #include "device_memory.h"
 #include "field_view.h"
-#include "backend/engine.h"
 #include "views.h"
 
 namespace nerf_pose_refiner {

@@ -3,14 +3,14 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "cuda_engine.h"
-#include "image/filter.h"
 #include "concurrency/parallel.h"
+#include "cuda_backend.h"
+#include "image/filter.h"
 
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr int kMostThreads = 4;  // that copy an image
+constexpr int kMaxThreads = 4;  // that copy an image
 
 /// Pixels of the observation that levels take something of.
 struct Crop {
@@ -41,7 +41,7 @@ Crop cropFor(const Camera& camera, const std::vector<ImageLevel>& levels) {
 void uploadCrop(const Image& image, const Crop& crop, StagedImage* to, cudaStream_t stream) {
   const std::size_t row = static_cast<std::size_t>(crop.width) * image.channels;
   to->staged.reserve(row * crop.height);
-  const int bands = std::min(crop.height, std::min(kMostThreads, threadCount(0)));
+  const int bands = std::min(crop.height, std::min(kMaxThreads, threadCount(0)));
   parallelFor(bands, bands, [&](int band) {
     for (int y = crop.height * band / bands; y < crop.height * (band + 1) / bands; ++y) {
       const float* from = image.pixel(crop.x, crop.y + y);
@@ -59,9 +59,9 @@ double remainingBlur(double blur_px, double scale) {
 
 }  // namespace
 
-void CudaEngine::uploadObservation(const Observation& observation,
-                                   const std::vector<ImageLevel>& levels,
-                                   CudaObservedImage* uploaded) {
+void CudaBackend::uploadObservation(const Observation& observation,
+                                    const std::vector<ImageLevel>& levels,
+                                    CudaObservedImage* uploaded) {
   const Crop crop = cropFor(observation.camera, levels);
   uploaded_.wait();  // what was staged for the last one may still be on its way
   uploadCrop(observation.image, crop, &image_, stream_);
@@ -80,8 +80,8 @@ void CudaEngine::uploadObservation(const Observation& observation,
   uploaded->is_mask = observation.background == Background::kMask;
 }
 
-void CudaEngine::observeLevel(const CudaObservedImage& image, const ImageLevel& plan, double scale,
-                              CudaLevel* level) {
+void CudaBackend::observeLevel(const CudaObservedImage& image, const ImageLevel& plan, double scale,
+                               CudaLevel* level) {
   level->camera = plainCamera(plan.camera);
   level->blur_px = plan.blur_px;
   const std::size_t pixels = static_cast<std::size_t>(plan.camera.width) * plan.camera.height;
@@ -93,7 +93,7 @@ void CudaEngine::observeLevel(const CudaObservedImage& image, const ImageLevel& 
   const std::vector<float> kernel = gaussianKernel(remainingBlur(plan.blur_px, scale));
   kernel_.upload(kernel, stream_);
   scratch_.reserve(2 * pixels);
-  packPicture(level->image.data(), static_cast<int>(pixels), level->blurred.data(), stream_);
+  packImage(level->image.data(), static_cast<int>(pixels), level->blurred.data(), stream_);
   BlurTask blur = {};
   blur.width = plan.camera.width;
   blur.height = plan.camera.height;
@@ -101,13 +101,13 @@ void CudaEngine::observeLevel(const CudaObservedImage& image, const ImageLevel& 
   blur.weight = level->weight.data();
   blur.half_kernel = kernel_.data();
   blur.radius = static_cast<int>(kernel.size()) - 1;
-  blur.pictures = level->blurred.data();
+  blur.images = level->blurred.data();
   blur.scratch = scratch_.data();
   blur.blurred = level->blurred.data();
-  blurPictures(blur, stream_);
+  blurImages(blur, stream_);
 }
 
-std::shared_ptr<const LoadedObservation> CudaEngine::observe(
+std::shared_ptr<const LoadedObservation> CudaBackend::observe(
     const Observation& observation, const std::vector<ImageLevel>& levels) {
   enter();
   observation.validate();

@@ -7,14 +7,14 @@
 
 #include "backend/common/pixel_window.h"
 #include "backend/common/training_setup.h"
-#include "field/matter.h"
+#include "field/occupied_volume.h"
 #include "math/half.h"
 
 namespace nerf_pose_refiner {
 namespace {
 
 constexpr int kStepsPerWait = 16;
-constexpr int kMostRays = 1 << 17;
+constexpr int kMaxRays = 1 << 17;
 constexpr unsigned kRoomPerSample = 4;  // samples that are looked at for one that is learned from
 constexpr float kFirstLossScale = 128;
 constexpr int kCellsPerRound = 1 << 18;  // the stop token is looked at in between
@@ -51,7 +51,7 @@ LearnedNumbers CudaTrainer::Parameters::start(const std::vector<float>& from, cu
 }
 
 CudaTrainer::CudaTrainer(const FieldConfig& config, const Box& box, std::vector<TrainingView> views,
-                         const TrainingPlan& plan, int device, Work* work)
+                         const TrainingPlan& plan, int device, CostCounters* work)
     : config_((config.validate(), config)),
       box_(box),
       plan_(plan),
@@ -67,10 +67,10 @@ CudaTrainer::CudaTrainer(const FieldConfig& config, const Box& box, std::vector<
   task_.seed = plan.seed;
   task_.random_background = plan.random_background;
   task_.samples_per_step = plan.samples_per_step;
-  task_.most_rays = std::max(kMostRays, dealtRays(plan.samples_per_step));
+  task_.max_rays = std::max(kMaxRays, dealtRays(plan.samples_per_step));
   task_.room = kEmptyPoints + kRoomPerSample * static_cast<unsigned>(plan.samples_per_step);
   const std::size_t room = task_.room;
-  rays_.reserve(static_cast<std::size_t>(task_.most_rays));
+  rays_.reserve(static_cast<std::size_t>(task_.max_rays));
   values_.reserve(room);
   learned_.reserve(room);
   gradients_.reserve(room);
@@ -161,7 +161,7 @@ void CudaTrainer::startOccupancy() {
   region_.upload(region, stream_);
   box_cells_.upload(cells_.boxCells(), stream_);
   density_.clear(region.size(), stream_);
-  seen_.reserve(region.size() / kOccupancyShare + 1);
+  seen_.reserve(region.size() / kOccupancyFraction + 1);
   highest_.reserve(kCellsPerRound);
   mean_.reserve(kCellsPerRound);
   occupancy_ = {plan_.seed,
@@ -185,11 +185,12 @@ double CudaTrainer::step(double progress) {
   if (steps_ >= kOccupancyStart && steps_ % kOccupancyInterval == 0) {
     occupancy_.step = steps_;
     updateOccupancy(view_, occupancy_, stream_);
-    addWork(0, static_cast<double>(occupancy_.region_count) / kOccupancyShare, 0);
+    addWork(0, static_cast<double>(occupancy_.region_count) / kOccupancyFraction, 0);
   }
   task_.step = steps_;
-  task_.learning_rate = static_cast<float>(
-      plan_.learning_rate * learningRateShare(steps_, progress, plan_.final_learning_rate_factor));
+  task_.learning_rate =
+      static_cast<float>(plan_.learning_rate *
+                         learningRateFraction(steps_, progress, plan_.final_learning_rate_factor));
   task_.push_empty = steps_ >= kOccupancyStart || plan_.region.resolution != 0;
   marchTrainingRays(view_, task_, stream_);
   evaluateTrainingSamples(view_, task_, stream_);
@@ -229,7 +230,7 @@ void CudaTrainer::addWork(double rays, double samples, double learned) {
   work_->flops += flops * (evaluations + 2 * learned);
 }
 
-OccupancyGrid CudaTrainer::freezeOccupancy(const StopToken& stop,
+OccupancyGrid CudaTrainer::freezeOccupancy(const CancellationToken& stop,
                                            std::vector<float>* cell_opacity) {
   const std::vector<std::uint32_t>& cells = cells_.boxCells();
   const int n = config_.occupancy_resolution;
@@ -261,7 +262,7 @@ OccupancyGrid CudaTrainer::freezeOccupancy(const StopToken& stop,
   return dilated(grid);
 }
 
-Field CudaTrainer::snapshot(const StopToken& stop) {
+Field CudaTrainer::snapshot(const CancellationToken& stop) {
   NPR_CUDA_CHECK(cudaSetDevice(device_));
   stop.check();
   takeSums();
@@ -280,7 +281,7 @@ Field CudaTrainer::snapshot(const StopToken& stop) {
   compactWeights(config_, padded, &field.density_weights, &field.colour_weights);
   std::vector<float> cell_opacity;
   field.occupancy = freezeOccupancy(stop, &cell_opacity);
-  const MatterExtent extent = measureMatter(field, cell_opacity);
+  const OccupiedExtent extent = measureOccupiedVolume(field, cell_opacity);
   field.metadata.centre = extent.centre;
   field.metadata.diameter = extent.diameter;
   field.metadata.seed = plan_.seed;

@@ -3,10 +3,10 @@
 
 #include <vector>
 
+#include "backend/backend.h"
+#include "backend/common/training_occupancy.h"
 #include "cuda_field.h"
 #include "device_memory.h"
-#include "backend/common/training_occupancy.h"
-#include "backend/engine.h"
 #include "train.h"
 
 namespace nerf_pose_refiner {
@@ -24,13 +24,13 @@ class CudaTrainer final : public FieldTrainer {
   /// @throws std::invalid_argument for a shape that the kernels do not have, views that do not show
   /// the box, or a region of another resolution.
   CudaTrainer(const FieldConfig& config, const Box& box, std::vector<TrainingView> views,
-              const TrainingPlan& plan, int device, Work* work);
+              const TrainingPlan& plan, int device, CostCounters* work);
   ~CudaTrainer() override;
 
   double step(double progress) override;
   int stepsDone() const override { return steps_; }
-  Field finish(const StopToken& stop) override { return snapshot(stop); }
-  Field snapshot(const StopToken& stop) override;
+  Field finish(const CancellationToken& stop) override { return snapshot(stop); }
+  Field snapshot(const CancellationToken& stop) override;
 
  private:
   /// Numbers and the optimiser's memory of them.
@@ -44,14 +44,14 @@ class CudaTrainer final : public FieldTrainer {
   void startParameters();
   void startOccupancy();
   void takeSums();  ///< waits
-  OccupancyGrid freezeOccupancy(const StopToken& stop, std::vector<float>* cell_opacity);
+  OccupancyGrid freezeOccupancy(const CancellationToken& stop, std::vector<float>* cell_opacity);
   void addWork(double rays, double samples, double learned);
 
   FieldConfig config_;
   Box box_;
   TrainingPlan plan_;
   int device_;
-  Work* work_;
+  CostCounters* work_;
   CudaFieldView view_;
   CudaCosts costs_;
   TrainingOccupancy cells_;  ///< which cells are looked at, and what is occupied at first

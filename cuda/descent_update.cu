@@ -2,7 +2,7 @@
 #include <cmath>
 
 #include "cuda_error.h"
-#include "descend.h"
+#include "optimise.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -10,10 +10,10 @@ namespace {
 constexpr int kSumThreads = 512;               // a hypothesis alone has all the rays of a step
 constexpr int kRaySums = 2;                    // loss, weight
 constexpr double kGuessedSamplesPerRay = 8;    // before any was cast
-constexpr double kFewestSamplesPerRay = 0.25;  // bounds the rays of an empty picture
+constexpr double kFewestSamplesPerRay = 0.25;  // bounds the rays of an empty image
 
 /// One thread: the live hypotheses, in their order.
-__global__ void startKernel(DescentTask task, int first_step) {
+__global__ void startKernel(OptimisationTask task, int first_step) {
   int live = 0;
   for (int i = 0; i < *task.batch.count; ++i) {
     if (task.batch.items[i].state == HypothesisState::kLive) task.live[live++] = i;
@@ -25,9 +25,9 @@ __global__ void startKernel(DescentTask task, int first_step) {
 }
 
 /// One block: rays for each hypothesis so that all samples together come near the plan's budget.
-__global__ void beginKernel(DescentTask task) {
+__global__ void beginKernel(OptimisationTask task) {
   DescentClock* clock = task.clock;
-  for (int i = threadIdx.x; i < clock->live; i += kSumThreads) task.sums[i] = PullSums{};
+  for (int i = threadIdx.x; i < clock->live; i += kSumThreads) task.sums[i] = GradientSums{};
   if (threadIdx.x != 0) return;
   ++clock->step;
   clock->found = clock->cast = clock->kept = 0;
@@ -36,16 +36,16 @@ __global__ void beginKernel(DescentTask task) {
   const double measured = *task.samples_per_ray;
   const double expected = measured < 0 ? kGuessedSamplesPerRay : measured;
   const double rays = task.samples_per_step / (clock->live * fmax(expected, kFewestSamplesPerRay));
-  clock->rays = min(max(1, static_cast<int>(rays)), task.most_rays / clock->live);
+  clock->rays = min(max(1, static_cast<int>(rays)), task.max_rays / clock->live);
 }
 
-__global__ void measureKernel(DescentTask task, int pixels) {
+__global__ void measureKernel(OptimisationTask task, int pixels) {
   task.clock->step = -1;  // a stream of random numbers that no step has
   task.clock->rays = pixels;
 }
 
 /// Sums over a hypothesis' rays, by one block and in a fixed order; the result in sums[0][].
-__device__ void sumRays(const DescentTask& task, double (&sums)[kSumThreads][kRaySums]) {
+__device__ void sumRays(const OptimisationTask& task, double (&sums)[kSumThreads][kRaySums]) {
   double own[kRaySums] = {};
   const int rays = task.clock->rays;
   const std::size_t first = static_cast<std::size_t>(blockIdx.x) * rays;
@@ -64,15 +64,15 @@ __device__ void sumRays(const DescentTask& task, double (&sums)[kSumThreads][kRa
   __syncthreads();
 }
 
-/// One update of Adam from the gathered forces and torques. @see DescentPlan
-__device__ void updatePose(const DescentTask& task, double decay, CudaHypothesis* hypothesis) {
+/// One update of Adam from the gathered forces and torques. @see OptimisationPlan
+__device__ void updatePose(const OptimisationTask& task, double decay, CudaHypothesis* hypothesis) {
   CudaDescentState& state = hypothesis->descent;
   DescentRates rates = task.rates;
   rates.translation *= decay;
   rates.rotation *= decay;
-  const double share = 1.0 / state.gathered;
-  const bool finite = updatePose(rates, share * state.force, share * state.torque, &state.motion,
-                                 &hypothesis->pose);
+  const double fraction = 1.0 / state.gathered;
+  const bool finite = updatePose(rates, fraction * state.force, fraction * state.torque,
+                                 &state.motion, &hypothesis->pose);
   state.gathered = 0;
   state.force = state.torque = {0, 0, 0};
   ++hypothesis->iterations;
@@ -80,7 +80,7 @@ __device__ void updatePose(const DescentTask& task, double decay, CudaHypothesis
 }
 
 /// Follows the samples that a ray takes on average, slowly after the first step.
-__device__ void followSamples(const DescentTask& task) {
+__device__ void followSamples(const OptimisationTask& task) {
   const DescentClock& clock = *task.clock;
   const double rays = static_cast<double>(clock.rays) * clock.live;
   const double measured = static_cast<double>(clock.samples) / rays;
@@ -93,7 +93,7 @@ __device__ Vec3<double> vectorOf(const long long (&sums)[3]) {
 }
 
 /// A block per live hypothesis: takes one step's means, and updates the pose if there are enough.
-__global__ void __launch_bounds__(kSumThreads) updateKernel(DescentTask task, float side) {
+__global__ void __launch_bounds__(kSumThreads) updateKernel(OptimisationTask task, float side) {
   const int i = static_cast<int>(blockIdx.x);
   if (i >= task.clock->live) return;
   __shared__ double sums[kSumThreads][kRaySums];
@@ -111,10 +111,10 @@ __global__ void __launch_bounds__(kSumThreads) updateKernel(DescentTask task, fl
     state.started = 1;
     state.motion.start = hypothesis->pose;
   }
-  const double share = kPullUnit / task.clock->rays;
-  const PullSums& pull = task.sums[i];
-  state.force += (task.rates.length_unit / side * share) * vectorOf(pull.force);
-  state.torque += share * vectorOf(pull.torque);
+  const double fraction = kGradientUnit / task.clock->rays;
+  const GradientSums& gradient = task.sums[i];
+  state.force += (task.rates.length_unit / side * fraction) * vectorOf(gradient.force);
+  state.torque += fraction * vectorOf(gradient.torque);
   if (++state.gathered < task.steps_per_update) return;
   updatePose(task, task.schedule.rateFactor(step / task.steps_per_update), hypothesis);
 }
@@ -125,14 +125,14 @@ __device__ double meanLoss(double loss, double weight) {
 }
 
 /// A thread per live hypothesis.
-__global__ void finishKernel(DescentTask task) {
+__global__ void finishKernel(OptimisationTask task) {
   const int i = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
   if (i >= task.clock->live) return;
   task.batch.items[task.live[i]].loss = meanLoss(task.scores[i].x, task.scores[i].y);
 }
 
 /// A block per live hypothesis.
-__global__ void __launch_bounds__(kSumThreads) lossKernel(DescentTask task) {
+__global__ void __launch_bounds__(kSumThreads) lossKernel(OptimisationTask task) {
   const int i = static_cast<int>(blockIdx.x);
   if (i >= task.clock->live) return;
   __shared__ double sums[kSumThreads][kRaySums];
@@ -142,32 +142,32 @@ __global__ void __launch_bounds__(kSumThreads) lossKernel(DescentTask task) {
 
 }  // namespace
 
-void startDescent(const DescentTask& task, int first_step, cudaStream_t stream) {
+void startOptimisation(const OptimisationTask& task, int first_step, cudaStream_t stream) {
   startKernel<<<1, 1, 0, stream>>>(task, first_step);
   NPR_CUDA_CHECK(cudaGetLastError());
 }
 
-void beginStep(const DescentTask& task, cudaStream_t stream) {
+void beginStep(const OptimisationTask& task, cudaStream_t stream) {
   beginKernel<<<1, kSumThreads, 0, stream>>>(task);
   NPR_CUDA_CHECK(cudaGetLastError());
 }
 
-void beginMeasuring(const DescentTask& task, int pixels, cudaStream_t stream) {
+void beginMeasuring(const OptimisationTask& task, int pixels, cudaStream_t stream) {
   measureKernel<<<1, 1, 0, stream>>>(task, pixels);
   NPR_CUDA_CHECK(cudaGetLastError());
 }
 
-void updatePoses(const DescentTask& task, float side, int hypotheses, cudaStream_t stream) {
+void updatePoses(const OptimisationTask& task, float side, int hypotheses, cudaStream_t stream) {
   updateKernel<<<hypotheses, kSumThreads, 0, stream>>>(task, side);
   NPR_CUDA_CHECK(cudaGetLastError());
 }
 
-void finishDescent(const DescentTask& task, int hypotheses, cudaStream_t stream) {
+void finishOptimisation(const OptimisationTask& task, int hypotheses, cudaStream_t stream) {
   finishKernel<<<(hypotheses + 127) / 128, 128, 0, stream>>>(task);
   NPR_CUDA_CHECK(cudaGetLastError());
 }
 
-void sumLosses(const DescentTask& task, int hypotheses, cudaStream_t stream) {
+void sumLosses(const OptimisationTask& task, int hypotheses, cudaStream_t stream) {
   lossKernel<<<hypotheses, kSumThreads, 0, stream>>>(task);
   NPR_CUDA_CHECK(cudaGetLastError());
 }

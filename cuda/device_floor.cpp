@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include "cuda_engine.h"
+#include "cuda_backend.h"
 #include "evaluate.h"
 #include "gather_rate.h"
 #include "render.h"
@@ -117,7 +117,7 @@ std::vector<double> timeRenderings(const LoadedField& field, const Camera& camer
   DeviceBuffer<CudaView> view(1);
   DeviceBuffer<RayHit> hits(pixels);
   DeviceBuffer<unsigned> hit_count(2);
-  DeviceBuffer<float4> picture(2 * pixels);
+  DeviceBuffer<float4> image(2 * pixels);
   DeviceBuffer<CudaWork> work;
   work.clear(1, stream);
   const CameraPose<double> plain = plainPose(T_O_C);
@@ -133,10 +133,10 @@ std::vector<double> timeRenderings(const LoadedField& field, const Camera& camer
   task.use_occupancy = true;
   task.views = view.data();
   task.hits = {hits.data(), hit_count.data()};
-  task.pictures = task.rays = picture.data();
+  task.images = task.rays = image.data();
   task.costs = loaded.costs();
   task.work = work.data();
-  return timed(stream, repetitions, [&] { renderPictures(loaded.view(), task, stream); });
+  return timed(stream, repetitions, [&] { renderImages(loaded.view(), task, stream); });
 }
 
 }  // namespace nerf_pose_refiner

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "backend/engine.h"
+#include "backend/backend.h"
 
 namespace nerf_pose_refiner {
 
@@ -21,7 +21,7 @@ DeviceFloor measureDeviceFloor(std::size_t table_bytes);
 /// Memory of the device in use by all of its programs [bytes].
 std::size_t deviceMemoryUsed();
 
-/// Seconds that evaluations of a field loaded in a CUDA engine take, each alone, by the device's
+/// Seconds that evaluations of a field loaded in a CUDA backend take, each alone, by the device's
 /// own clock.
 /// @param positions [n][3] in N. @param directions [n][3].
 /// @param with_gradient back to the positions, too.
@@ -29,7 +29,7 @@ std::vector<double> timeEvaluations(const LoadedField& field, const std::vector<
                                     const std::vector<float>& directions, bool with_gradient,
                                     int repetitions);
 
-/// The same for renderings, without the way of the picture to the host.
+/// The same for renderings, without the way of the image to the host.
 std::vector<double> timeRenderings(const LoadedField& field, const Camera& camera,
                                    const Pose& T_O_C, int repetitions);
 

@@ -3,8 +3,8 @@
 
 #include <cuda_runtime_api.h>
 
+#include "backend/make_backend.h"
 #include "cuda_error.h"
-#include "backend/make_engine.h"
 
 namespace nerf_pose_refiner {
 

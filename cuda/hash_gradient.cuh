@@ -51,8 +51,8 @@ __device__ inline void scatterLevel(const CudaGridLevel& level, const float p[3]
 /// Carries the gradient of a position's encoding (a row as encode writes it) to the table.
 /// @return whether it is finite; if not, nothing is carried of the part that is not.
 template <int F>
-__device__ inline bool scatterWith(const CudaFieldView& field, const float p[3],
-                                   const __half* gradient_row, float* table) {
+__device__ inline bool sampleWith(const CudaFieldView& field, const float p[3],
+                                  const __half* gradient_row, float* table) {
   constexpr int kLevels = 8 / F;  // that fill 16 bytes
   bool finite = true;
   for (int unit = 0; unit < 2 * field.shape.encoding_tiles; ++unit) {
@@ -76,11 +76,11 @@ __device__ inline bool scatterGradient(const CudaFieldView& field, const float p
                                        const __half* gradient_row, float* table) {
   switch (field.features) {
     case 2:
-      return scatterWith<2>(field, p, gradient_row, table);
+      return sampleWith<2>(field, p, gradient_row, table);
     case 4:
-      return scatterWith<4>(field, p, gradient_row, table);
+      return sampleWith<4>(field, p, gradient_row, table);
     default:
-      return scatterWith<8>(field, p, gradient_row, table);
+      return sampleWith<8>(field, p, gradient_row, table);
   }
 }
 

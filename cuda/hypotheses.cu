@@ -8,7 +8,7 @@ namespace nerf_pose_refiner {
 namespace {
 
 constexpr int kThreads = 128;
-constexpr int kSelectThreads = 256;
+constexpr int kResampleThreads = 256;
 
 __device__ CudaHypothesis freshHypothesis(const CameraPose<double>& pose, int search) {
   CudaHypothesis h = {};
@@ -19,8 +19,8 @@ __device__ CudaHypothesis freshHypothesis(const CameraPose<double>& pose, int se
 }
 
 /// A thread per hypothesis.
-__global__ void scatterKernel(CudaHypotheses batch, const CameraPose<double>* priors, int searches,
-                              PoseSpread spread, int count, std::uint64_t seed) {
+__global__ void sampleKernel(CudaHypotheses batch, const CameraPose<double>* priors, int searches,
+                             PoseSpread spread, int count, std::uint64_t seed) {
   const int place = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
   if (place == 0) *batch.count = searches * count;
   if (place >= searches * count) return;
@@ -40,8 +40,8 @@ __device__ bool isBefore(const CudaHypothesis& a, int i, const CudaHypothesis& b
 
 /// The next hypotheses of the search in items[first..last), by all threads of a block: written to
 /// scratch from `to` on, as many as there is room for. @return how many there are.
-__device__ int selectSearch(const CudaHypotheses& batch, const CudaSelectPlan& plan, int first,
-                            int last, int to) {
+__device__ int resampleSearch(const CudaHypotheses& batch, const CudaResamplingPlan& plan,
+                              int first, int last, int to) {
   __shared__ int flagged, survivors;
   const int thread = static_cast<int>(threadIdx.x);
   const CudaHypothesis* items = batch.items + first;
@@ -49,7 +49,7 @@ __device__ int selectSearch(const CudaHypotheses& batch, const CudaSelectPlan& p
   const int n = last - first;
   if (thread == 0) flagged = survivors = 0;
   __syncthreads();
-  for (int i = thread; i < n; i += kSelectThreads) {
+  for (int i = thread; i < n; i += kResampleThreads) {
     int rank = 0;
     for (int j = 0; j < n; ++j) rank += isBefore(items[j], j, items[i], i);
     batch.order[rank] = i;
@@ -62,7 +62,7 @@ __device__ int selectSearch(const CudaHypotheses& batch, const CudaSelectPlan& p
     const CudaHypothesis& h = items[batch.order[r]];
     if (!isLive(h)) break;
     bool same = false;
-    for (int k = thread; k < survivors; k += kSelectThreads) {
+    for (int k = thread; k < survivors; k += kResampleThreads) {
       same = same || isDuplicate(next[k].pose, h.pose, plan.jitter.object_centre,
                                  plan.merge_rotation_rad, plan.merge_translation);
     }
@@ -79,7 +79,7 @@ __device__ int selectSearch(const CudaHypotheses& batch, const CudaSelectPlan& p
   const int redrawn = min(plan.keep, kept + (plan.redraw ? flagged : 0));
   const int wanted = kept == 0 ? 0 : max(kept, max(plan.offspring, redrawn));
   const int total = min(wanted, batch.capacity - to);
-  for (int i = kept + thread; i < total; i += kSelectThreads) {
+  for (int i = kept + thread; i < total; i += kResampleThreads) {
     CudaHypothesis child = freshHypothesis(
         drawnAround(next[i % kept].pose, plan.jitter, plan.seed, i), items[0].search);
     child.loss = HUGE_VAL;  // not known yet: no better than any that was looked at
@@ -90,32 +90,32 @@ __device__ int selectSearch(const CudaHypotheses& batch, const CudaSelectPlan& p
 }
 
 /// One block.
-__global__ void selectKernel(CudaHypotheses batch, CudaSelectPlan plan) {
+__global__ void resampleKernel(CudaHypotheses batch, CudaResamplingPlan plan) {
   const int n = *batch.count;
   int total = 0;
   for (int first = 0, last; first < n; first = last) {
     for (last = first + 1; last < n && batch.items[last].search == batch.items[first].search;) {
       ++last;
     }
-    total += selectSearch(batch, plan, first, last, total);
+    total += resampleSearch(batch, plan, first, last, total);
   }
-  for (int i = threadIdx.x; i < total; i += kSelectThreads) batch.items[i] = batch.scratch[i];
+  for (int i = threadIdx.x; i < total; i += kResampleThreads) batch.items[i] = batch.scratch[i];
   if (threadIdx.x == 0) *batch.count = total;
 }
 
 }  // namespace
 
-void scatterHypotheses(const CudaHypotheses& batch, const CameraPose<double>* priors, int searches,
-                       const PoseSpread& spread, int count, std::uint64_t seed,
-                       cudaStream_t stream) {
+void sampleHypotheses(const CudaHypotheses& batch, const CameraPose<double>* priors, int searches,
+                      const PoseSpread& spread, int count, std::uint64_t seed,
+                      cudaStream_t stream) {
   const int blocks = (searches * count + kThreads - 1) / kThreads;
-  scatterKernel<<<blocks, kThreads, 0, stream>>>(batch, priors, searches, spread, count, seed);
+  sampleKernel<<<blocks, kThreads, 0, stream>>>(batch, priors, searches, spread, count, seed);
   NPR_CUDA_CHECK(cudaGetLastError());
 }
 
-void selectHypotheses(const CudaHypotheses& batch, const CudaSelectPlan& plan,
-                      cudaStream_t stream) {
-  selectKernel<<<1, kSelectThreads, 0, stream>>>(batch, plan);
+void resampleHypotheses(const CudaHypotheses& batch, const CudaResamplingPlan& plan,
+                        cudaStream_t stream) {
+  resampleKernel<<<1, kResampleThreads, 0, stream>>>(batch, plan);
   NPR_CUDA_CHECK(cudaGetLastError());
 }
 

@@ -41,18 +41,18 @@ struct CudaHypotheses {
 
 /// `count` hypotheses a search: the first is the prior, the others are drawn around it.
 /// @param priors on the device, of `searches`.
-void scatterHypotheses(const CudaHypotheses& batch, const CameraPose<double>* priors, int searches,
-                       const PoseSpread& spread, int count, std::uint64_t seed,
-                       cudaStream_t stream);
+void sampleHypotheses(const CudaHypotheses& batch, const CameraPose<double>* priors, int searches,
+                      const PoseSpread& spread, int count, std::uint64_t seed, cudaStream_t stream);
 
-/// Of every search. @see SelectPlan
-struct CudaSelectPlan {
+/// Of every search. @see ResamplingPlan
+struct CudaResamplingPlan {
   int keep, offspring;
   bool redraw;
   double merge_rotation_rad, merge_translation;
   PoseSpread jitter;
   std::uint64_t seed;
 };
-void selectHypotheses(const CudaHypotheses& batch, const CudaSelectPlan& plan, cudaStream_t stream);
+void resampleHypotheses(const CudaHypotheses& batch, const CudaResamplingPlan& plan,
+                        cudaStream_t stream);
 
 }  // namespace nerf_pose_refiner

@@ -11,7 +11,7 @@
 namespace nerf_pose_refiner {
 
 int residentBlocks(const void* kernel, int threads, int shared_bytes) {
-  // By thread, so that no lock is needed: every engine is used by one thread at a time.
+  // By thread, so that no lock is needed: every backend is used by one thread at a time.
   thread_local std::map<std::tuple<int, const void*, int>, int> known;
   int device = 0;
   NPR_CUDA_CHECK(cudaGetDevice(&device));

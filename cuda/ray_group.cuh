@@ -182,7 +182,7 @@ __device__ inline float groupSum(float x) {
   return x;
 }
 
-/// Adds what a warp's lanes counted to the engine's meter. All lanes take part.
+/// Adds what a warp's lanes counted to the backend's meter. All lanes take part.
 __device__ inline void addWork(const CudaCosts& costs, unsigned samples, unsigned colours,
                                CudaWork* work) {
 #pragma unroll

@@ -32,7 +32,7 @@ __global__ void observedCountsKernel(const __grid_constant__ RegionTask task) {
   int views = 0;
   for (int v = 0; v < task.searches.view_count; ++v) {
     if (!task.searches.active[v]) continue;
-    opacity += task.pictures[2 * (static_cast<std::size_t>(v) * pixels + i)].w;
+    opacity += task.images[2 * (static_cast<std::size_t>(v) * pixels + i)].w;
     ++views;
   }
   if (views > 0) opacity /= static_cast<float>(views);
@@ -54,12 +54,12 @@ __global__ void renderedCountsKernel(const __grid_constant__ RegionTask task) {
   const int pixels = task.width * task.height;
   const int i = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
   if (i >= pixels) return;
-  const float4 pixel = task.pictures[2 * (static_cast<std::size_t>(blockIdx.y) * pixels + i)];
+  const float4 pixel = task.images[2 * (static_cast<std::size_t>(blockIdx.y) * pixels + i)];
   if (pixel.w < 0.5f) return;
-  const GainBias<float> light = task.searches.searches[blockIdx.y].trial_light;
-  const float rgb[3] = {light.gain[0] * pixel.x / pixel.w + light.bias[0],
-                        light.gain[1] * pixel.y / pixel.w + light.bias[1],
-                        light.gain[2] * pixel.z / pixel.w + light.bias[2]};
+  const GainBias<float> gain_bias = task.searches.searches[blockIdx.y].trial_gain_bias;
+  const float rgb[3] = {gain_bias.gain[0] * pixel.x / pixel.w + gain_bias.bias[0],
+                        gain_bias.gain[1] * pixel.y / pixel.w + gain_bias.bias[1],
+                        gain_bias.gain[2] * pixel.z / pixel.w + gain_bias.bias[2]};
   countColour(rgb, pixel.w / static_cast<float>(views), task.counts->object);
 }
 
@@ -99,7 +99,7 @@ __global__ void __launch_bounds__(kSmoothThreads)
   }
   __syncthreads();
   for (int i = threadIdx.x; i < kAllColourBins; i += kSmoothThreads) {
-    density[i] = densityOfCount(bins[i], sums[0], kUniformShare);
+    density[i] = densityOfCount(bins[i], sums[0], kUniformFraction);
   }
 }
 
@@ -128,7 +128,7 @@ __global__ void regionsKernel(const __grid_constant__ RegionTask task) {
   task.observed[2 * i + 1] = make_float4(fabsf(2 * p - 1), inside, 0, 1);
   task.colours[2 * i] = make_float4(seen.x, seen.y, seen.z, 0);
   task.colours[2 * i + 1] = make_float4(0, 0, 0, 1);
-  task.inside_weight[i] = task.weight[i] * (inside + kLeastProbability);
+  task.inside_weight[i] = task.weight[i] * (inside + kMinProbability);
   const float4 blurred = task.blurred[2 * i];
   const float rgb[3] = {blurred.x, blurred.y, blurred.z};
   task.background_density[i] = colourDensity(task.counts->background_density, rgb);
@@ -159,11 +159,11 @@ void modelRegions(const RegionTask& task, cudaStream_t stream) {
   blur.view_count = 1;
   blur.active = nullptr;
   blur.weight = task.weight;
-  blur.pictures = blur.blurred = task.observed;
-  blurPictures(blur, stream);
+  blur.images = blur.blurred = task.observed;
+  blurImages(blur, stream);
   blur.weight = task.inside_weight;
-  blur.pictures = blur.blurred = task.colours;
-  blurPictures(blur, stream);
+  blur.images = blur.blurred = task.colours;
+  blurImages(blur, stream);
   joinKernel<<<blocks, kThreads, 0, stream>>>(task);
   NPR_CUDA_CHECK(cudaGetLastError());
 }

@@ -44,11 +44,11 @@ __device__ RayLattice rayOf(const CudaFieldView& field, const RenderTask& task,
                             int index) {
   const CudaView& view = task.views[view_index];
   const int side = task.rays_per_side;
-  const float share = 1.0f / static_cast<float>(side);
+  const float fraction = 1.0f / static_cast<float>(side);
   const float u =
-      static_cast<float>(pixel_x) - 0.5f + (static_cast<float>(index % side) + 0.5f) * share;
+      static_cast<float>(pixel_x) - 0.5f + (static_cast<float>(index % side) + 0.5f) * fraction;
   const float v =
-      static_cast<float>(pixel_y) - 0.5f + (static_cast<float>(index / side) + 0.5f) * share;
+      static_cast<float>(pixel_y) - 0.5f + (static_cast<float>(index / side) + 0.5f) * fraction;
   const float x = (u - static_cast<float>(task.camera.cx)) / static_cast<float>(task.camera.fx);
   const float y = (v - static_cast<float>(task.camera.cy)) / static_cast<float>(task.camera.fy);
   const float scale = rsqrtf(x * x + y * y + 1);
@@ -61,7 +61,7 @@ __device__ RayLattice rayOf(const CudaFieldView& field, const RenderTask& task,
   return RayLattice(origin, direction, space, 0);
 }
 
-/// A thread per pixel of the picture, blockIdx.y is the view: lists the rays that meet matter. A
+/// A thread per pixel of the image, blockIdx.y is the view: lists the rays that meet matter. A
 /// warp looks at a tile of kTileWidth x kTileHeight pixels. A ray's id is its place in task.rays.
 __global__ void findRaysKernel(const __grid_constant__ CudaFieldView field,
                                const __grid_constant__ RenderTask task,
@@ -80,8 +80,8 @@ __global__ void findRaysKernel(const __grid_constant__ CudaFieldView field,
   const int rays = task.rays_per_side * task.rays_per_side;
   for (int i = 0; i < rays; ++i) {
     RayInterval interval = {0, 0, 0};
-    const bool found = inside && findMatter(rayOf(field, task, space, view_index, x, y, i),
-                                            space.occupancy, &interval);
+    const bool found = inside && findOccupiedVolume(rayOf(field, task, space, view_index, x, y, i),
+                                                    space.occupancy, &interval);
     const int pixel = (view_index * task.camera.height + y) * task.camera.width + x;
     appendHit(task.hits, found,
               {static_cast<unsigned>(pixel * rays + i), static_cast<unsigned>(interval.k)});
@@ -91,14 +91,14 @@ __global__ void findRaysKernel(const __grid_constant__ CudaFieldView field,
 }
 
 /// Rays that were listed; @see findSamples.
-struct PictureSource {
+struct ImageSource {
   const CudaFieldView& field;
   const RenderTask& task;
   const MarchSpace& space;
   HitQueue queue;
 
-  __device__ PictureSource(const CudaFieldView& the_field, const RenderTask& the_task,
-                           const MarchSpace& the_space)
+  __device__ ImageSource(const CudaFieldView& the_field, const RenderTask& the_task,
+                         const MarchSpace& the_space)
       : field(the_field), task(the_task), space(the_space) {}
 
   __device__ bool active() const { return queue.active; }
@@ -122,7 +122,7 @@ struct PictureSource {
     return queue.take(task.hits, &task.hits.counts[1]);
   }
 
-  /// A picture needs the sums alone.
+  /// An image needs the sums alone.
   __device__ void keep(const RayGroup&, const SampleWeight&, bool, float, const float3&) const {}
 
   __device__ void write(const RayGroup& ray, float3 rgb, float alpha, float depth) {
@@ -148,20 +148,20 @@ __global__ void poolRaysKernel(const __grid_constant__ RenderTask task) {
   if (i >= pixels || (task.active != nullptr && !task.active[blockIdx.y])) return;
   const std::size_t pixel = static_cast<std::size_t>(blockIdx.y) * pixels + i;
   const int rays = task.rays_per_side * task.rays_per_side;
-  const float share = 1.0f / static_cast<float>(rays);
+  const float fraction = 1.0f / static_cast<float>(rays);
   float4 colour = make_float4(0, 0, 0, 0), point = colour;
   for (int k = 0; k < rays; ++k) {
     const float4 c = task.rays[2 * (pixel * rays + k)], p = task.rays[2 * (pixel * rays + k) + 1];
-    colour.x += share * c.x;
-    colour.y += share * c.y;
-    colour.z += share * c.z;
-    colour.w += share * c.w;
-    point.x += share * p.x;
-    point.y += share * p.y;
-    point.z += share * p.z;
+    colour.x += fraction * c.x;
+    colour.y += fraction * c.y;
+    colour.z += fraction * c.z;
+    colour.w += fraction * c.w;
+    point.x += fraction * p.x;
+    point.y += fraction * p.y;
+    point.z += fraction * p.z;
   }
-  task.pictures[2 * pixel] = colour;
-  task.pictures[2 * pixel + 1] = point;
+  task.images[2 * pixel] = colour;
+  task.images[2 * pixel + 1] = point;
 }
 
 /// A persistent grid: warps take rays until there are none.
@@ -170,14 +170,14 @@ __global__ void __launch_bounds__(kRenderThreads, 4)
     renderKernel(const __grid_constant__ CudaFieldView field,
                  const __grid_constant__ RenderTask task,
                  const __grid_constant__ MarchSpace space) {
-  PictureSource source(field, task, space);
+  ImageSource source(field, task, space);
   const LaneWork work = castRays<W>(field, space, task.min_transmittance, task.min_weight, &source);
   addWork(task.costs, work.samples, work.colours, task.work);
 }
 
 }  // namespace
 
-void renderPictures(const CudaFieldView& field, const RenderTask& task, cudaStream_t stream) {
+void renderImages(const CudaFieldView& field, const RenderTask& task, cudaStream_t stream) {
   MarchSpace space = marchSpace(field, task.step_scale);
   space.near = task.near / field.side;
   if (!task.use_occupancy) space.occupancy = OccupancyView();

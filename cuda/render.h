@@ -8,7 +8,7 @@
 
 namespace nerf_pose_refiner {
 
-/// Pictures to be rendered: one camera at many poses.
+/// Images to be rendered: one camera at many poses.
 struct RenderTask {
   CudaCamera camera;
   const CameraPose<double>* poses;  ///< [views]
@@ -20,14 +20,14 @@ struct RenderTask {
   bool use_occupancy;
 
   CudaView* views;  ///< [views], workspace
-  RayHits hits;     ///< [rays of all pictures], workspace
-  float4* rays;     ///< [views][h][w][rays of a pixel][2], workspace; `pictures` if that is one ray
-  float4* pictures;  ///< [views][h][w][2]: premultiplied RGB, opacity; opacity * (point - centre)
+  RayHits hits;     ///< [rays of all images], workspace
+  float4* rays;     ///< [views][h][w][rays of a pixel][2], workspace; `images` if that is one ray
+  float4* images;   ///< [views][h][w][2]: premultiplied RGB, opacity; opacity * (point - centre)
   CudaCosts costs;
   CudaWork* work;
 };
 
-/// Enqueues the rendering of pictures. What of them shows the object is found on the device.
-void renderPictures(const CudaFieldView& field, const RenderTask& task, cudaStream_t stream);
+/// Enqueues the rendering of images. What of them shows the object is found on the device.
+void renderImages(const CudaFieldView& field, const RenderTask& task, cudaStream_t stream);
 
 }  // namespace nerf_pose_refiner

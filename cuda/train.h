@@ -66,7 +66,7 @@ struct OccupancyTask {
   const std::uint32_t* region;  ///< cells that are looked at
   int region_count;
   float* density;            ///< [region_count]: highest of late, fading
-  float* seen;               ///< [region_count / kOccupancyShare + 1], workspace
+  float* seen;               ///< [region_count / kOccupancyFraction + 1], workspace
   std::uint32_t* bits;       ///< [cells^3 / 32]
   std::uint8_t* distance;    ///< [coarse^3]
   std::uint8_t* distance_2;  ///< [coarse^3], workspace
@@ -86,10 +86,10 @@ struct TrainingTask {
   int camera_count;
   const uchar4* pixels;  ///< of all photos, straight alpha
 
-  int most_rays;
+  int max_rays;
   unsigned room;  ///< for samples
   TrainingClock* clock;
-  TrainingRay* rays;     ///< [most_rays]
+  TrainingRay* rays;     ///< [max_rays]
   float4* points;        ///< [room]: position in N, length of the interval
   unsigned* point_rays;  ///< [room]: of which ray; kNoRay for the empty points, which come first
   float4* values;        ///< [room]: colour, density

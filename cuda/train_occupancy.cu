@@ -21,13 +21,14 @@ __global__ void __launch_bounds__(kForwardThreads, 4)
                    const __grid_constant__ OccupancyTask task, int offset) {
   const WarpMemory memory = enterBlock(field, 1, false);
   WarpNetworks<W> networks(field.shape, memory);
-  const int count = (task.region_count + kOccupancyShare - 1 - offset) / kOccupancyShare;
+  const int count = (task.region_count + kOccupancyFraction - 1 - offset) / kOccupancyFraction;
   int first = static_cast<int>((blockIdx.x * blockDim.x + threadIdx.x) / 32) * 32;
   for (; first < count; first += static_cast<int>(gridDim.x * blockDim.x)) {
     const int i = first + memory.lane;
     float p[3] = {0.5f, 0.5f, 0.5f};
     if (i < count) {
-      drawCellPoint(task.seed, task.step, task.region[offset + i * kOccupancyShare], task.cells, p);
+      drawCellPoint(task.seed, task.step, task.region[offset + i * kOccupancyFraction], task.cells,
+                    p);
     }
     encode<false>(field, p, memory.row(), nullptr, 0);
     const float density = expf(fminf(networks.template density<false>(), 30.0f));
@@ -96,14 +97,14 @@ __global__ void distanceKernel(const std::uint8_t* from, std::uint8_t* to, int m
 
 /// A thread per cell of the region: its density fades, or was seen anew; then whether it counts.
 __global__ void decideCellsKernel(const __grid_constant__ OccupancyTask task, int offset,
-                                  float fading, float least_density) {
+                                  float fading, float min_density) {
   const int i = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
   if (i >= task.region_count) return;
   float density = fading * task.density[i];
-  if (i % kOccupancyShare == offset) density = fmaxf(density, task.seen[i / kOccupancyShare]);
+  if (i % kOccupancyFraction == offset) density = fmaxf(density, task.seen[i / kOccupancyFraction]);
   task.density[i] = density;
   const std::uint32_t cell = task.region[i];
-  if (density > least_density) atomicOr(task.bits + (cell >> 5), 1u << (cell & 31));
+  if (density > min_density) atomicOr(task.bits + (cell >> 5), 1u << (cell & 31));
 }
 
 template <typename Kernel, typename... Arguments>
@@ -119,11 +120,11 @@ void launchForward(const CudaFieldView& field, const Kernel& narrow, const Kerne
 void updateOccupancy(const CudaFieldView& field, const OccupancyTask& task, cudaStream_t stream) {
   if (task.region_count == 0) return;
   const int offset = static_cast<int>(
-      randomIndex(task.seed, static_cast<std::uint64_t>(task.step), 0, kOccupancyShare));
+      randomIndex(task.seed, static_cast<std::uint64_t>(task.step), 0, kOccupancyFraction));
   launchForward(field, seeCellsKernel<32>, seeCellsKernel<64>, stream, field, task, offset);
   const std::size_t cells = static_cast<std::size_t>(task.cells) * task.cells * task.cells;
   NPR_CUDA_CHECK(cudaMemsetAsync(task.bits, 0, cells / 8, stream));
-  const float fading = std::pow(kOccupancyFading, 1.0f / kOccupancyShare);
+  const float fading = std::pow(kOccupancyFading, 1.0f / kOccupancyFraction);
   decideCellsKernel<<<(task.region_count + kThreads - 1) / kThreads, kThreads, 0, stream>>>(
       task, offset, fading, kOccupancyThickness / field.step);
   NPR_CUDA_CHECK(cudaGetLastError());

@@ -171,14 +171,14 @@ int blocksFor(int threads) { return (threads + kThreads - 1) / kThreads; }
 }  // namespace
 
 void marchTrainingRays(const CudaFieldView& field, const TrainingTask& task, cudaStream_t stream) {
-  marchKernel<<<blocksFor(kRaySamples * task.most_rays), kThreads, 0, stream>>>(
+  marchKernel<<<blocksFor(kRaySamples * task.max_rays), kThreads, 0, stream>>>(
       field, task, marchSpace(field, 1));
   NPR_CUDA_CHECK(cudaGetLastError());
 }
 
 void compositeTrainingRays(const CudaFieldView& field, const TrainingTask& task,
                            cudaStream_t stream) {
-  compositeKernel<<<blocksFor(task.most_rays), kThreads, 0, stream>>>(field, task);
+  compositeKernel<<<blocksFor(task.max_rays), kThreads, 0, stream>>>(field, task);
   NPR_CUDA_CHECK(cudaGetLastError());
 }
 

@@ -9,7 +9,7 @@ namespace {
 
 constexpr int kThreads = 256;
 
-constexpr float kMostLossScale = 4096, kLeastLossScale = 1.0f / 4096;
+constexpr float kMaxLossScale = 4096, kMinLossScale = 1.0f / 4096;
 constexpr int kWholeSteps = 1000;  // until a larger loss scale is tried
 
 __device__ std::uint32_t roundedPair(float low, float high) {
@@ -27,8 +27,8 @@ __global__ void __launch_bounds__(kThreads)
   if (raw.x == 0 && raw.y == 0 && raw.z == 0 && raw.w == 0) return;
   numbers.gradient[i] = make_float4(0, 0, 0, 0);
   if (clock->broken) return;
-  const float share = 1 / (3 * clock->loss_scale * static_cast<float>(max(clock->cast, 1u)));
-  const float g[4] = {share * raw.x, share * raw.y, share * raw.z, share * raw.w};
+  const float fraction = 1 / (3 * clock->loss_scale * static_cast<float>(max(clock->cast, 1u)));
+  const float g[4] = {fraction * raw.x, fraction * raw.y, fraction * raw.z, fraction * raw.w};
   float4 value = numbers.values[i], first = numbers.first_moment[i],
          second = numbers.second_moment[i];
   const auto update = [&](float gradient, float* v, float* m, float* s) {
@@ -67,18 +67,19 @@ __global__ void finishKernel(const __grid_constant__ TrainingTask task) {
   ++clock->steps;
   if (clock->broken) {
     ++clock->broken_steps;
-    clock->loss_scale = fmaxf(0.5f * clock->loss_scale, kLeastLossScale);
+    clock->loss_scale = fmaxf(0.5f * clock->loss_scale, kMinLossScale);
     clock->whole_steps = 0;
   } else if (++clock->whole_steps == kWholeSteps) {
-    clock->loss_scale = fminf(2 * clock->loss_scale, kMostLossScale);
+    clock->loss_scale = fminf(2 * clock->loss_scale, kMaxLossScale);
     clock->whole_steps = 0;
   }
   // Rays that see much more than they learn from must fit, too.
   const double learned = clock->learned, taken = clock->marched - kEmptyPoints;
   const double crowd = taken / (0.8 * (task.room - kEmptyPoints)) * task.samples_per_step;
-  const double share = static_cast<double>(cast) / clock->rays;  // of the rays there was room for
+  const double fraction =
+      static_cast<double>(cast) / clock->rays;  // of the rays there was room for
   clock->rays =
-      nextRays(clock->rays, fmax(learned / share, crowd), task.samples_per_step, task.most_rays);
+      nextRays(clock->rays, fmax(learned / fraction, crowd), task.samples_per_step, task.max_rays);
   clock->marched = kEmptyPoints;
   clock->learned = clock->cast = 0;
   clock->loss = 0;

@@ -4,35 +4,35 @@
 #include <cuda_runtime_api.h>
 
 #include "align.h"
-#include "picture.h"
+#include "image_level.h"
 
 namespace nerf_pose_refiner {
 
 // Comparisons before a background of which nothing is known: by contrasts, or by regions of
 // colours. @see Comparison
 
-/// Contrasts of pictures.
+/// Contrasts of images.
 struct ContrastTask {
   int width, height;
   CudaSearches searches;
   const float4* image;  ///< observation, not blurred [h][w]
-  BlurTask blur;        ///< of the pictures
+  BlurTask blur;        ///< of the images
   const float* window;  ///< half of the Gaussian over which contrasts are taken
   int window_radius;
-  float4* pictures;    ///< [views][h][w][2], renderings
+  float4* images;      ///< [views][h][w][2], renderings
   float4* behind;      ///< of the same size, workspace
   float4* statistics;  ///< of the same size, workspace
   float* seen;         ///< [h][w], workspace: 1 where pixels have weight
 };
 
-/// Before the pictures are blurred: what the observation shows beside them, blurred alike.
+/// Before the images are blurred: what the observation shows beside them, blurred alike.
 void seeBehind(const ContrastTask& task, cudaStream_t stream);
 
 /// Behind the blur, and the light's fit: the contrasts of renderings before what is behind them,
 /// times their opacity, replace their colours.
 void takeContrasts(const ContrastTask& task, cudaStream_t stream);
 
-/// Contrasts of an observation: replaces the colours of one picture, which is blurred.
+/// Contrasts of an observation: replaces the colours of one image, which is blurred.
 void takeObservedContrasts(const ContrastTask& task, const float4* blurred, float4* contrasts,
                            cudaStream_t stream);
 
@@ -48,11 +48,11 @@ struct ColourCounts {
 struct RegionTask {
   int width, height;
   CudaSearches searches;
-  const float4* pictures;      ///< renderings, not blurred
+  const float4* images;        ///< renderings, not blurred
   const float4* image;         ///< observation, not blurred [h][w]
   const float4* blurred;       ///< the same, blurred, [h][w][2]
   const float* weight;         ///< [h][w]
-  BlurTask blur;               ///< of the pictures
+  BlurTask blur;               ///< of the images
   const float* colour_kernel;  ///< half of the Gaussian that smooths counts
   int colour_radius;
   ColourCounts* counts;

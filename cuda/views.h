@@ -13,7 +13,7 @@ struct CudaCamera {
   int width, height;
 };
 
-/// One picture to be rendered: a pose, and the part of the picture that can show the object.
+/// One image to be rendered: a pose, and the part of the image that can show the object.
 struct CudaView {
   float R[9], o[3];         ///< T_O_C
   int x, y, width, height;  ///< window [px]; empty: nothing to render
@@ -31,7 +31,7 @@ struct RayHits {
   unsigned* counts;  ///< [2]: found, taken
 };
 
-/// What engines count; @see Work.
+/// What backends count; @see Work.
 struct CudaWork {
   unsigned long long rays, samples, colour_samples, gathers, flops;
 };

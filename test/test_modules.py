@@ -61,7 +61,7 @@ PUBLIC = {
     'image.h': 'image',
     'observation.h': 'backend',
     'pose.h': 'geometry',
-    'stop_token.h': 'concurrency',
+    'cancellation_token.h': 'concurrency',
     'symmetry.h': 'geometry',
 }
 MAX_PUBLIC_HEADERS = 16

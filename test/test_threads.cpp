@@ -48,7 +48,7 @@ TEST(Threads, NoMoreThanAskedFor) {
     options.threads = threads;
     EXPECT_EQ(loadTransforms(path, options).views.size(), 16u);
     EXPECT_EQ(threadsOfThisProcess(), threads) << "loading";
-    visualHull(photos, 32, threads, StopToken());
+    visualHull(photos, 32, threads, CancellationToken());
     EXPECT_EQ(threadsOfThisProcess(), threads) << "visual hull";
   }
 }

@@ -9,7 +9,7 @@ namespace nerf_pose_refiner {
 
 /// A pinhole camera in the ROS optical frame C: x right, y down, z forward (REP-103).
 ///
-/// Pixel centres are integers (OpenCV, ROS): the picture covers [-0.5, width - 0.5] in x. Lens
+/// Pixel centres are integers (OpenCV, ROS): the image covers [-0.5, width - 0.5] in x. Lens
 /// distortion is not part of it: images are undistorted once, where they come in
 /// (image/undistort.h), and everything behind works on pinhole cameras.
 struct Camera {

@@ -7,7 +7,7 @@
 
 namespace nerf_pose_refiner {
 
-/// A picture: [height][width][channels], row-major, channels interleaved (RGB or RGBA order).
+/// An image: [height][width][channels], row-major, channels interleaved (RGB or RGBA order).
 template <typename T>
 struct ImageOf {
   int width = 0;

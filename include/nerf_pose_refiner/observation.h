@@ -16,7 +16,7 @@ enum class Background {
   kMask,  ///< `alpha` holds a segmentation: 1 on the object, 0 elsewhere, imperfect at the rim
 };
 
-/// One picture to be explained: an undistorted camera image and what is known of its background.
+/// One image to be explained: an undistorted camera image and what is known of its background.
 struct Observation {
   Image image;   ///< [h][w][3] RGB, sRGB-encoded, 0..1, as the camera saw it: not premultiplied,
                  ///< except for kKnownAlpha, where it is premultiplied by `alpha`

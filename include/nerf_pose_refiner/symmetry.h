@@ -24,7 +24,7 @@ Pose turnAbout(const SymmetryAxis& axis, double angle_rad);
 class Symmetries {
  public:
   /// Most motions beside those about the axis: twice those of an icosahedron.
-  static constexpr std::size_t kMostMotions = 120;
+  static constexpr std::size_t kMaxMotions = 120;
 
   /// None: the object looks different from everywhere.
   Symmetries() = default;

@@ -12,7 +12,7 @@ struct GpuMemory {
   std::size_t total_bytes = 0;
 };
 
-/// Nothing where the CUDA engine does not work (whyNoCuda). Any thread. Wakes the GPU up: to be
+/// Nothing where the CUDA backend does not work (whyNoCuda). Any thread. Wakes the GPU up: to be
 /// asked where it is in use anyway. @throws std::runtime_error with CUDA's text.
 std::optional<GpuMemory> gpuMemory(int device);
 

@@ -5,16 +5,16 @@
 #include <string>
 #include <vector>
 
-#include "nerf_pose_refiner/pose.h"
 #include "math/hypothesis_state.h"
+#include "nerf_pose_refiner/pose.h"
 
 namespace nerf_pose_refiner {
 
-/// One hypothesis, as read from an engine.
+/// One hypothesis, as read from an backend.
 struct Hypothesis {
   Pose T_O_C;
   HypothesisState state = HypothesisState::kLive;
-  int search = 0;               ///< place of the prior that it comes from, @see Engine::scatter
+  int search = 0;               ///< place of the prior that it comes from, @see Backend::scatter
   double loss = 0;              ///< lower is better; comparable within one call of `score`
   double visible_fraction = 0;  ///< of the rendered silhouette that agrees with the image, 0..1
   /// How well the pose explains the image, 0..1 (maths/alignment_search.h, scoreOf).
@@ -23,7 +23,7 @@ struct Hypothesis {
   /// Final normal equations J^T W J of direct alignment, order (v, w): translation [model units],
   /// rotation [rad] about the object's centre, axes of O, camera moved. Zero if there are none.
   Eigen::Matrix<double, 6, 6> information = Eigen::Matrix<double, 6, 6>::Zero();
-  /// Sum over tiles of the picture of g g^T, g being a tile's share of J^T W r: what the gradient
+  /// Sum over tiles of the image of g g^T, g being a tile's share of J^T W r: what the gradient
   /// would scatter by, were the tiles drawn anew. Same order and axes. Zero if there is none.
   Eigen::Matrix<double, 6, 6> gradient_scatter = Eigen::Matrix<double, 6, 6>::Zero();
   double residual_variance = 0;  ///< of the robustly weighted residuals

@@ -5,20 +5,20 @@
 #include <cstdint>
 #include <vector>
 
-#include "nerf_pose_refiner/camera.h"
 #include "math/descent_update.h"
 #include "math/loss.h"
+#include "nerf_pose_refiner/camera.h"
 
 namespace nerf_pose_refiner {
 
 /// A part of the observed image, resized: what one stage of a plan looks at.
 struct ImageLevel {
-  Camera camera;       ///< of the level's picture: cropped and resized from the observation's
-  double blur_px = 1;  ///< sigma of the total blur of both pictures [px of this level]
+  Camera camera;       ///< of the level's image: cropped and resized from the observation's
+  double blur_px = 1;  ///< sigma of the total blur of both images [px of this level]
 };
 
 /// Start poses around a prior.
-struct ScatterPlan {
+struct SamplingPlan {
   int count = 64;  ///< hypotheses of a search, the first being the prior itself
   Eigen::Vector3d rotation_rad = Eigen::Vector3d::Zero();  ///< half width per axis, uniform
   Eigen::Vector3d translation = Eigen::Vector3d::Zero();   ///< half width per axis, model units
@@ -38,7 +38,8 @@ struct AlignStage {
   double max_rotation_rad = 0.17;  ///< bound of a step
   double max_translation = 0.1;    ///< bound of a step, in object diameters
   double robust_scale = 0.1;       ///< of the residual (colour units) beyond which it counts less
-  double observed_share = 0.5;    ///< of the observation in the gradients; 0: the rendering's alone
+  double observed_fraction =
+      0.5;                        ///< of the observation in the gradients; 0: the rendering's alone
   double alpha_weight = 1.0;      ///< of the opacity residual against the three colour residuals
   bool compare_contrast = false;  ///< unknown background: compare contrasts, not colours
   bool fit_gain_bias = false;     ///< fit the observation's gain and bias per channel
@@ -55,10 +56,10 @@ struct AlignStage {
 /// vector moments in t(3) and so(3), second moments element by element, all in the axes of O.
 /// What they move, `update` says. Lengths are measured in `length_unit`, so that a scaled scene is
 /// searched in the same way.
-struct DescentPlan {
+struct OptimisationPlan {
   Loss loss = Loss::kL2;
   /// Not the paper's, which turns about the camera: turning and moving then undo each other in the
-  /// picture, and Adam, which takes numbers one by one, is slow along what is left.
+  /// image, and Adam, which takes numbers one by one, is slow along what is left.
   PoseUpdate update = PoseUpdate::kAboutObject;
   Eigen::Vector3d object_centre = Eigen::Vector3d::Zero();  ///< model units
   double length_unit = 3.03;                ///< side of the paper's unit cube [model units]
@@ -90,7 +91,7 @@ struct DescentPlan {
 };
 
 /// Survivors and their offspring, whose loss is infinite until it is measured.
-struct SelectPlan {
+struct ResamplingPlan {
   int keep = 8;                      ///< best hypotheses that survive
   bool redraw = true;                ///< where flagged hypotheses leave fewer than `keep`, as many
                                      ///< are drawn anew around the survivors

@@ -3,7 +3,7 @@
 
 #include <functional>
 
-#include "backend/engine.h"
+#include "backend/backend.h"
 
 namespace nerf_pose_refiner {
 
@@ -21,7 +21,7 @@ struct RayResult {
 };
 
 /// The pull of a loss on a ray (Lin et al., eq. 2 and 3).
-struct RayPull {
+struct RayGradient {
   float force[3];   ///< sum of dL/dp_i [1 / model unit]
   float torque[3];  ///< sum of t_i (d x dL/dp_i), t_i from the ray's origin [1 / rad]
 };
@@ -32,21 +32,21 @@ struct RayLossGradient {
   float alpha;
 };
 
-/// Rays through a scene on the CPU: the part of the CPU engine that knows the hash grid. An
+/// Rays through a scene on the CPU: the part of the CPU backend that knows the hash grid. An
 /// analytic scene takes its place in tests. Const methods may be called from many threads at once.
 class RayRenderer : public LoadedField {
  public:
   /// Renders n rays. @param work is added to. Results do not depend on how rays are grouped.
   virtual void renderRays(const Ray* rays, int n, const RenderOptions& options, RayResult* results,
-                          Work* work) const = 0;
+                          CostCounters* work) const = 0;
 
   /// Renders n rays, asks `loss_gradient(ray index, result)` once for each, and carries the answer
   /// back to the sample positions with the parameters frozen. Sample distances are held fixed; the
   /// viewing direction's own term is added to the torque if `direction_gradient`.
-  virtual void pullRays(const Ray* rays, int n, const RenderOptions& options,
-                        bool direction_gradient,
-                        const std::function<RayLossGradient(int, const RayResult&)>& loss_gradient,
-                        RayPull* pulls, Work* work) const = 0;
+  virtual void rayGradients(
+      const Ray* rays, int n, const RenderOptions& options, bool direction_gradient,
+      const std::function<RayLossGradient(int, const RayResult&)>& loss_gradient,
+      RayGradient* gradients, CostCounters* work) const = 0;
 };
 
 }  // namespace nerf_pose_refiner

@@ -6,9 +6,9 @@
 
 #include "field/field.h"
 #include "nerf_pose_refiner/camera.h"
-#include "nerf_pose_refiner/pose.h"
+#include "nerf_pose_refiner/cancellation_token.h"
 #include "nerf_pose_refiner/image.h"
-#include "nerf_pose_refiner/stop_token.h"
+#include "nerf_pose_refiner/pose.h"
 
 namespace nerf_pose_refiner {
 
@@ -43,10 +43,10 @@ class FieldTrainer {
   virtual int stepsDone() const = 0;
 
   /// Ends the training: rebuilds the occupancy grid densely and freezes the parameters.
-  virtual Field finish(const StopToken& stop) = 0;
+  virtual Field finish(const CancellationToken& stop) = 0;
 
   /// The field as it is now (for a preview or a test of the quality), with a fresh occupancy grid.
-  virtual Field snapshot(const StopToken& stop) = 0;
+  virtual Field snapshot(const CancellationToken& stop) = 0;
 };
 
 }  // namespace nerf_pose_refiner

@@ -6,9 +6,9 @@
 #include <vector>
 
 #include "nerf_pose_refiner/camera.h"
-#include "nerf_pose_refiner/pose.h"
+#include "nerf_pose_refiner/cancellation_token.h"
 #include "nerf_pose_refiner/image.h"
-#include "nerf_pose_refiner/stop_token.h"
+#include "nerf_pose_refiner/pose.h"
 
 namespace nerf_pose_refiner {
 
@@ -19,7 +19,7 @@ struct PosedView {
   std::shared_ptr<const Image8> rgba;  ///< [h][w][4], straight alpha; 255 where nothing is known
   Camera camera;
   Pose T_O_C;             ///< camera in the object's model frame, model units
-  Camera photo_camera;    ///< of the file's picture: `camera`, where there is no distortion
+  Camera photo_camera;    ///< of the file's image: `camera`, where there is no distortion
   Distortion distortion;  ///< that was taken out; a mask drawn on the photo needs the same
 };
 
@@ -28,7 +28,7 @@ struct Dataset {
   std::string folder;
   std::vector<PosedView> views;
   bool has_alpha = false;  ///< alpha comes from the images or from masks
-  bool has_masks = false;  ///< from masks: the pictures show what is around the object, too
+  bool has_masks = false;  ///< from masks: the images show what is around the object, too
   bool has_box = false;
   Eigen::Vector3d box_min = Eigen::Vector3d::Zero();  ///< of the matter, model units
   Eigen::Vector3d box_max = Eigen::Vector3d::Zero();
@@ -37,8 +37,8 @@ struct Dataset {
 
 /// How a dataset is read.
 struct DatasetOptions {
-  int threads = 0;  ///< that read pictures; 0: all cores
-  /// Refuses pictures and masks that are not below the folder of the transforms.json: absolute
+  int threads = 0;  ///< that read images; 0: all cores
+  /// Refuses images and masks that are not below the folder of the transforms.json: absolute
   /// paths, "..", links that lead out. For datasets of somebody who may not read all files.
   bool confined = false;
 };
@@ -47,19 +47,19 @@ struct DatasetOptions {
 ///
 /// `path` is the JSON file, or a folder that holds transforms.json or transforms_train.json.
 /// Camera-to-world matrices with OpenGL axes (x right, y up, z back) become optical ones here and
-/// nowhere else; principal points, which the file counts from the picture's corner, lose 0.5.
+/// nowhere else; principal points, which the file counts from the image's corner, lose 0.5.
 /// Distorted images (k1 k2 p1 p2 k3 to k6, OpenCV's) are undistorted.
 ///
 /// Intrinsics (fl_x fl_y cx cy w h, or camera_angle_x and _y) stand in the file, or in a frame for
 /// that frame. Opacity comes from an alpha channel, a `mask_path` of the frame, or both multiplied.
 /// The box is `object_aabb` or `aabb`, [[min], [max]] in the units of the poses, and
 /// `metres_per_unit` their scale. Other keys are ignored.
-/// @param stop looked at between pictures.
-/// @throws std::runtime_error naming the file and the frame: for a picture or mask that is missing,
+/// @param stop looked at between images.
+/// @throws std::runtime_error naming the file and the frame: for an image or mask that is missing,
 /// damaged, of another size or not allowed, a matrix that is not finite or not rigid, intrinsics
 /// that are missing or make no sense, a camera that is no pinhole, alpha in some frames only, no
 /// frames, broken JSON. Stopped.
 Dataset loadTransforms(const std::string& path, const DatasetOptions& options = {},
-                       const StopToken& stop = {});
+                       const CancellationToken& stop = {});
 
 }  // namespace nerf_pose_refiner

@@ -17,7 +17,7 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::json;
 
-std::string pictureName(int view) {
+std::string imageName(int view) {
   char name[32];
   std::snprintf(name, sizeof name, "view_%04d.png", view);
   return name;
@@ -63,16 +63,16 @@ DatasetWriter::~DatasetWriter() {
   if (!hidden_.empty()) fs::remove_all(hidden_, ignored);
 }
 
-void DatasetWriter::add(const Image8& picture, const Pose& T_O_C) {
+void DatasetWriter::add(const Image8& image, const Pose& T_O_C) {
   if (hidden_.empty()) throw std::runtime_error("'" + folder_ + "' is finished");
-  if (picture.width != header_.camera.width || picture.height != header_.camera.height ||
-      (picture.channels != 3 && picture.channels != 4)) {
+  if (image.width != header_.camera.width || image.height != header_.camera.height ||
+      (image.channels != 3 && image.channels != 4)) {
     throw std::invalid_argument("the picture is not the camera's");
   }
   if (!T_O_C.isFinite() || !T_O_C.isRigid()) {
     throw std::invalid_argument("the camera's pose is not a rigid transform");
   }
-  writePng(picture, hidden_ + "/" + pictureName(views()));
+  writePng(image, hidden_ + "/" + imageName(views()));
   poses_.push_back(T_O_C);
 }
 
@@ -81,7 +81,7 @@ std::string DatasetWriter::json() const {
   Json document = {
       {"camera_model", "OPENCV"}, {"w", camera.width},
       {"h", camera.height},       {"fl_x", camera.fx},
-      {"fl_y", camera.fy},        {"cx", camera.cx + 0.5},  // counted from the picture's corner
+      {"fl_y", camera.fy},        {"cx", camera.cx + 0.5},  // counted from the image's corner
       {"cy", camera.cy + 0.5},    {"metres_per_unit", header_.metres_per_unit}};
   const char* names[] = {"k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"};
   const std::vector<double>& coefficients = header_.distortion.coefficients;
@@ -90,7 +90,7 @@ std::string DatasetWriter::json() const {
     document["aabb"] = {cornerJson(header_.box_min), cornerJson(header_.box_max)};
   for (int view = 0; view < views(); ++view) {
     document["frames"].push_back(
-        {{"file_path", pictureName(view)}, {"transform_matrix", matrixJson(poses_[view])}});
+        {{"file_path", imageName(view)}, {"transform_matrix", matrixJson(poses_[view])}});
   }
   return document.dump(1) + "\n";
 }

@@ -7,14 +7,14 @@
 #include <vector>
 
 #include "nerf_pose_refiner/camera.h"
-#include "nerf_pose_refiner/pose.h"
 #include "nerf_pose_refiner/image.h"
+#include "nerf_pose_refiner/pose.h"
 
 namespace nerf_pose_refiner {
 
 /// What all views of a dataset have in common.
 struct DatasetHeader {
-  Camera camera;          ///< of the pictures as they are written
+  Camera camera;          ///< of the images as they are written
   Distortion distortion;  ///< that they have; written as it is, for the loader takes it out
   double metres_per_unit = 1;
   bool has_box = false;
@@ -22,7 +22,7 @@ struct DatasetHeader {
   Eigen::Vector3d box_max = Eigen::Vector3d::Zero();
 };
 
-/// Writes posed views as a folder that loadTransforms reads: transforms.json and PNG pictures.
+/// Writes posed views as a folder that loadTransforms reads: transforms.json and PNG images.
 ///
 /// The folder appears whole or not at all: until `finish` all is written to a hidden one beside it,
 /// which is removed if that is never reached, and by the next writer if the process was killed.
@@ -36,9 +36,9 @@ class DatasetWriter {
   DatasetWriter(const DatasetWriter&) = delete;
   DatasetWriter& operator=(const DatasetWriter&) = delete;
 
-  /// @param picture RGB, or RGBA with straight alpha; of the camera's size.
+  /// @param image RGB, or RGBA with straight alpha; of the camera's size.
   /// @throws std::invalid_argument, std::runtime_error naming the file (a full disk, say).
-  void add(const Image8& picture, const Pose& T_O_C);
+  void add(const Image8& image, const Pose& T_O_C);
 
   int views() const { return static_cast<int>(poses_.size()); }
 

@@ -8,12 +8,12 @@
 #include <utility>
 #include <vector>
 
+#include "concurrency/parallel.h"
 #include "dataset/dataset.h"
 #include "dataset/path_below.h"
+#include "dataset/transforms_json.h"
 #include "image/io.h"
 #include "image/undistort.h"
-#include "concurrency/parallel.h"
-#include "dataset/transforms_json.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -47,7 +47,7 @@ class Files {
   }
 
   /// NeRF Synthetic leaves the ending away.
-  std::string findPicture(const std::string& path) const {
+  std::string findImage(const std::string& path) const {
     for (const char* ending : {"", ".png", ".jpg", ".jpeg", ".PNG", ".JPG", ".JPEG"}) {
       const std::string file = find(path + ending);
       if (fs::is_regular_file(file)) return file;
@@ -92,7 +92,7 @@ Image8 withAlpha(const Image8& image) {
   return rgba;
 }
 
-/// Multiplies the alpha of a picture by a mask.
+/// Multiplies the alpha of an image by a mask.
 void applyMask(const std::string& mask_path, Image8* rgba) {
   const Image8 mask = readMask(mask_path);
   if (mask.width != rgba->width || mask.height != rgba->height) {
@@ -129,7 +129,7 @@ class UndistorterCache {
 
 struct LoadedView {
   PosedView view;
-  bool has_alpha_channel = false;  // in the picture or beside it
+  bool has_alpha_channel = false;  // in the image or beside it
   bool has_transparency = false;   // somewhere
 };
 
@@ -137,7 +137,7 @@ LoadedView loadView(const Files& files, const TransformsFrame& frame,
                     UndistorterCache* undistorters) {
   LoadedView loaded;
   PosedView& view = loaded.view;
-  view.name = files.findPicture(frame.file_path);
+  view.name = files.findImage(frame.file_path);
   view.T_O_C = frame.T_O_C;
   const Image8 image = readImage(view.name);
   view.photo_camera = cameraOf(frame, image.width, image.height);
@@ -160,7 +160,7 @@ LoadedView loadView(const Files& files, const TransformsFrame& frame,
 
 /// All views, in parallel. The first frame that fails is the one that is reported.
 std::vector<LoadedView> loadViews(const Files& files, const std::vector<TransformsFrame>& frames,
-                                  int threads, const StopToken& stop) {
+                                  int threads, const CancellationToken& stop) {
   std::vector<LoadedView> views(frames.size());
   UndistorterCache undistorters;
   parallelFor(threadCount(threads), static_cast<int>(frames.size()), [&](int i) {
@@ -177,7 +177,7 @@ std::vector<LoadedView> loadViews(const Files& files, const std::vector<Transfor
 }  // namespace
 
 Dataset loadTransforms(const std::string& path, const DatasetOptions& options,
-                       const StopToken& stop) {
+                       const CancellationToken& stop) {
   const fs::path json_path = jsonPath(path, options);
   const TransformsFile file = readTransformsJson(json_path.string());
   const std::vector<LoadedView> views = loadViews(Files(json_path.parent_path(), options.confined),

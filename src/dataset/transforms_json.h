@@ -18,7 +18,7 @@ struct TransformsFrame {
   std::string mask_path;  ///< as written; empty: none
   Pose T_O_C;             ///< optical axes
 
-  /// As written: principal point counted from the picture's corner.
+  /// As written: principal point counted from the image's corner.
   std::optional<double> width, height, fl_x, fl_y, cx, cy;  ///< [px]
   std::optional<double> camera_angle_x, camera_angle_y;     ///< fields of view [rad]
   Distortion distortion;
@@ -32,7 +32,7 @@ struct TransformsFile {
   double metres_per_unit = 0;  ///< 0: unknown
 };
 
-/// Reads and checks the JSON; opens no picture.
+/// Reads and checks the JSON; opens no image.
 /// @throws std::runtime_error naming the file and the frame.
 TransformsFile readTransformsJson(const std::string& path);
 

@@ -52,7 +52,7 @@ bool Coverage::adds(const Eigen::Vector3d& direction_O) const {
   });
 }
 
-double Coverage::share() const {
+double Coverage::fraction() const {
   const auto covered = std::count_if(directions_.begin(), directions_.end(),
                                      [](const Direction& d) { return d.covered; });
   return static_cast<double>(covered) / static_cast<double>(directions_.size());
@@ -88,7 +88,7 @@ bool ViewSelection::isNew(const Pose& T_O_C) const {
   });
 }
 
-ViewVerdict ViewSelection::judge(const Pose& T_O_C, double sharpness) {
+ViewDecision ViewSelection::judge(const Pose& T_O_C, double sharpness) {
   recent_.push_back(sharpness);
   if (static_cast<int>(recent_.size()) > settings_.recent_images) recent_.pop_front();
   std::vector<double> sorted(recent_.begin(), recent_.end());
@@ -97,9 +97,9 @@ ViewVerdict ViewSelection::judge(const Pose& T_O_C, double sharpness) {
   // The first image alone tells nothing: it may be the blurred one.
   const bool enough = static_cast<int>(recent_.size()) == settings_.recent_images;
   if (settings_.min_sharpness > 0 && !(enough && sharpness >= settings_.min_sharpness * median)) {
-    return ViewVerdict::kBlurred;
+    return ViewDecision::kBlurred;
   }
-  return isNew(T_O_C) ? ViewVerdict::kKeep : ViewVerdict::kTooNear;
+  return isNew(T_O_C) ? ViewDecision::kKeep : ViewDecision::kTooNear;
 }
 
 void ViewSelection::keep(const Pose& T_O_C) {

@@ -21,7 +21,7 @@ class Coverage {
   /// Whether a view from there would cover a direction that none covers yet.
   bool adds(const Eigen::Vector3d& direction_O) const;
 
-  double share() const;  ///< of the directions that are covered, 0..1
+  double fraction() const;  ///< of the directions that are covered, 0..1
 
   /// The others, as the object's axes have them: "-x", "+y-z", "-x-y+z".
   std::vector<std::string> missing() const;
@@ -46,7 +46,7 @@ struct ViewSelectionSettings {
   void validate() const;
 };
 
-enum class ViewVerdict { kKeep, kTooNear, kBlurred };
+enum class ViewDecision { kKeep, kTooNear, kBlurred };
 
 /// Chooses views for a dataset as the images come: far enough from all that are kept, and sharp.
 /// Not thread-safe.
@@ -57,7 +57,7 @@ class ViewSelection {
 
   /// Judges the next image. @param sharpness @see sharpness(). Only the caller knows whether the
   /// image is kept in the end: @see keep.
-  ViewVerdict judge(const Pose& T_O_C, double sharpness);
+  ViewDecision judge(const Pose& T_O_C, double sharpness);
   void keep(const Pose& T_O_C);
 
   Eigen::Vector3d directionOf(const Pose& T_O_C) const { return T_O_C.t - object_centre_; }

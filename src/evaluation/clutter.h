@@ -7,7 +7,7 @@
 
 namespace nerf_pose_refiner {
 
-/// A picture of drawn discs and stripes of many colours and sizes, to be put behind an object where
+/// An image of drawn discs and stripes of many colours and sizes, to be put behind an object where
 /// no photo is at hand [h][w][3], 0..1.
 /// @param shift_px moves what is drawn sideways, what is large most of all, as a camera's own
 /// motion does.

@@ -13,7 +13,7 @@ namespace {
 
 // Streams of random numbers; per-pixel ones add the picture's number.
 enum Stream : std::uint64_t {
-  kLight = 77,
+  kGainBias = 77,
   kOccluder = 78,
   kGaussian = 1000,
   kPoisson = 2000000,
@@ -33,17 +33,17 @@ float nearlyGaussian(std::uint64_t seed, std::uint64_t stream, std::uint64_t cou
 /// Poisson-distributed: by Knuth's products of uniform numbers, or as good as Gaussian.
 int drawnCount(double mean, std::uint64_t seed, std::uint64_t stream, std::uint64_t counter) {
   constexpr double kMany = 30;
-  constexpr int kMost = 100;  // of draws for a mean of kMany: never reached
+  constexpr int kMax = 100;  // of draws for a mean of kMany: never reached
   if (mean > kMany) {
     const double drawn = mean + std::sqrt(mean) * nearlyGaussian(seed, stream + 1, counter);
     return static_cast<int>(std::max(0.0, std::round(drawn)));
   }
   double product = 1;
-  for (int k = 0; k < kMost; ++k) {
-    product *= randomUniform(seed, stream, kMost * counter + k);
+  for (int k = 0; k < kMax; ++k) {
+    product *= randomUniform(seed, stream, kMax * counter + k);
     if (product <= std::exp(-mean)) return k;
   }
-  return kMost;
+  return kMax;
 }
 
 cv::Mat matOf(Image* image) {
@@ -109,11 +109,11 @@ void cutDiscs(int count, double radius_px, const DisturbanceDraw& draw,
   }
 }
 
-void relight(double amount, const DisturbanceDraw& draw, PremultipliedImage* picture) {
+void applyGainBias(double amount, const DisturbanceDraw& draw, PremultipliedImage* picture) {
   const Image& alpha = picture->alpha;
   for (int c = 0; c < 3; ++c) {
     const auto drawn = [&](int k) {
-      return 2 * randomUniform(draw.seed, kLight, 6 * draw.index + 2 * c + k) - 1;
+      return 2 * randomUniform(draw.seed, kGainBias, 6 * draw.index + 2 * c + k) - 1;
     };
     const float gain = 1 + static_cast<float>(amount) * drawn(0);
     const float bias = static_cast<float>(amount) / 6 * drawn(1);
@@ -124,7 +124,7 @@ void relight(double amount, const DisturbanceDraw& draw, PremultipliedImage* pic
   }
 }
 
-void occlude(double share, const DisturbanceDraw& draw, const Image& alpha, Image* image) {
+void occlude(double fraction, const DisturbanceDraw& draw, const Image& alpha, Image* image) {
   int x0 = alpha.width, y0 = alpha.height, x1 = 0, y1 = 0;
   for (int y = 0; y < alpha.height; ++y) {
     for (int x = 0; x < alpha.width; ++x) {
@@ -133,7 +133,7 @@ void occlude(double share, const DisturbanceDraw& draw, const Image& alpha, Imag
     }
   }
   if (x1 < x0) return;
-  const double side = std::sqrt(share * (x1 - x0) * (y1 - y0));
+  const double side = std::sqrt(fraction * (x1 - x0) * (y1 - y0));
   const auto drawn = [&](int k) { return randomUniform(draw.seed, kOccluder, 2 * draw.index + k); };
   const int left = x0 + static_cast<int>((x1 - x0 - side) * drawn(0));
   const int top = y0 + static_cast<int>((y1 - y0 - side) * drawn(1));
@@ -156,11 +156,11 @@ void blurByMotion(double length_px, const DisturbanceDraw& draw, Image* image) {
     const double t = 2 * (k + 0.5) / steps - 1;
     const double x = reach + t * half_x, y = reach + t * half_y;
     const int left = static_cast<int>(x), top = static_cast<int>(y);
-    const double right_share = x - left, lower_share = y - top;
-    path.at<float>(top, left) += static_cast<float>((1 - right_share) * (1 - lower_share));
-    path.at<float>(top, left + 1) += static_cast<float>(right_share * (1 - lower_share));
-    path.at<float>(top + 1, left) += static_cast<float>((1 - right_share) * lower_share);
-    path.at<float>(top + 1, left + 1) += static_cast<float>(right_share * lower_share);
+    const double right_fraction = x - left, lower_fraction = y - top;
+    path.at<float>(top, left) += static_cast<float>((1 - right_fraction) * (1 - lower_fraction));
+    path.at<float>(top, left + 1) += static_cast<float>(right_fraction * (1 - lower_fraction));
+    path.at<float>(top + 1, left) += static_cast<float>((1 - right_fraction) * lower_fraction);
+    path.at<float>(top + 1, left + 1) += static_cast<float>(right_fraction * lower_fraction);
   }
   path /= steps;
   cv::Mat blurred;

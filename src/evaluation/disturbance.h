@@ -21,15 +21,15 @@ void addGaussianNoise(double deviation, const DisturbanceDraw& draw, Image* imag
 /// Draws each 8-bit value anew from a Poisson distribution around it.
 void addPoissonNoise(const DisturbanceDraw& draw, Image* image);
 
-// Of pictures.
+// Of images.
 
 /// Cuts discs out of the object, black and transparent, centred on pixels of its silhouette's edge.
 void cutDiscs(int count, double radius_px, const DisturbanceDraw& draw,
               PremultipliedImage* picture);
 /// Another light on the object: gain in 1 +- amount per channel and an offset of a sixth of that.
-void relight(double amount, const DisturbanceDraw& draw, PremultipliedImage* picture);
+void applyGainBias(double amount, const DisturbanceDraw& draw, PremultipliedImage* picture);
 /// Puts a dark square over a share of the object's box.
-void occlude(double share, const DisturbanceDraw& draw, const Image& alpha, Image* image);
+void occlude(double fraction, const DisturbanceDraw& draw, const Image& alpha, Image* image);
 /// A straight motion of the camera during the exposure, in a direction that is drawn.
 void blurByMotion(double length_px, const DisturbanceDraw& draw, Image* image);
 void defocus(double sigma_px, Image* image);

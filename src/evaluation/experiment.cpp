@@ -88,7 +88,7 @@ SearchVariant variantFrom(const Json& json, const std::string& where) {
   keys.get("label", &variant.label);
   keys.get("hypotheses", &variant.hypotheses);
   keys.get("resampling", &variant.resampling);
-  keys.get("anneal_share", &variant.anneal_share);
+  keys.get("anneal_share", &variant.anneal_fraction);
   keys.get("update", &variant.update);
   keys.get("image_scale", &variant.image_scale);
   keys.get("profile", &variant.profile);
@@ -97,9 +97,9 @@ SearchVariant variantFrom(const Json& json, const std::string& where) {
                "hypotheses", "1..4096");
   keys.require(variant.resampling >= -1 && variant.resampling <= 1, "resampling", "0 or 1");
   keys.require(variant.image_scale >= 0.1 && variant.image_scale <= 1, "image_scale", "0.1..1");
-  keys.require(
-      variant.anneal_share == -1 || (variant.anneal_share >= 0 && variant.anneal_share <= 1),
-      "anneal_share", "0..1");
+  keys.require(variant.anneal_fraction == -1 ||
+                   (variant.anneal_fraction >= 0 && variant.anneal_fraction <= 1),
+               "anneal_share", "0..1");
   if (!variant.update.empty()) {
     keys.requireNames("update", {variant.update}, {"about_camera", "about_object", "twist"});
   }

@@ -7,7 +7,7 @@
 
 namespace nerf_pose_refiner {
 
-/// What a scene's pictures show.
+/// What a scene's images show.
 enum class SceneKind {
   kSynthetic,      ///< an object with known opacity (NeRF Synthetic); a unit is the dataset's,
                    ///< unless that is said in metres: then as of kMasked
@@ -29,13 +29,13 @@ std::vector<Scene> findScenes(const std::string& folder);
 
 /// A way to search that differs from its method's preset. Negative: as the preset says.
 struct SearchVariant {
-  std::string label;         ///< in tables; empty: the preset itself
-  int hypotheses = -1;       ///< of the first stage; alignment follows fewer later
-  int resampling = -1;       ///< 0: none, as many steps in one go
-  double anneal_share = -1;  ///< of inversion, @see RateSchedule
-  std::string update;        ///< of inversion, @see PoseUpdate; empty: as the preset says
-  double image_scale = 1;    ///< of the observed picture's width and height
-  std::string profile;       ///< of the field; empty: the model of the scene, whatever it has
+  std::string label;            ///< in tables; empty: the preset itself
+  int hypotheses = -1;          ///< of the first stage; alignment follows fewer later
+  int resampling = -1;          ///< 0: none, as many steps in one go
+  double anneal_fraction = -1;  ///< of inversion, @see RateSchedule
+  std::string update;           ///< of inversion, @see PoseUpdate; empty: as the preset says
+  double image_scale = 1;       ///< of the observed image's width and height
+  std::string profile;          ///< of the field; empty: the model of the scene, whatever it has
 };
 
 /// Trials of one kind: every scene of the kinds, condition, view, start, method, loss and variant.

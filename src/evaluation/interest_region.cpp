@@ -8,9 +8,9 @@
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr int kMostCorners = 1000;
-constexpr double kQuality = 0.01, kLeastDistance = 3;  // of the best corner's; [px]
-constexpr int kDilations = 3, kDilationSize = 5;       // of their code: 13 px across
+constexpr int kMaxCorners = 1000;
+constexpr double kQuality = 0.01, kMinDistance = 3;  // of the best corner's; [px]
+constexpr int kDilations = 3, kDilationSize = 5;     // of their code: 13 px across
 
 }  // namespace
 
@@ -20,7 +20,7 @@ Image interestRegion(const Image& image) {
   cv::Mat grey;
   cv::cvtColor(rgb, grey, cv::COLOR_RGB2GRAY);
   std::vector<cv::Point2f> corners;
-  cv::goodFeaturesToTrack(grey, corners, kMostCorners, kQuality, kLeastDistance);
+  cv::goodFeaturesToTrack(grey, corners, kMaxCorners, kQuality, kMinDistance);
   Image region(image.width, image.height, 1, corners.empty() ? 1.0f : 0.0f);
   for (const cv::Point2f& corner : corners) {
     region.at(static_cast<int>(corner.x), static_cast<int>(corner.y), 0) = 1;

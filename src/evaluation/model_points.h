@@ -6,7 +6,7 @@
 #include <memory>
 #include <vector>
 
-#include "backend/engine.h"
+#include "backend/backend.h"
 #include "nerf_pose_refiner/camera.h"
 #include "nerf_pose_refiner/pose.h"
 
@@ -32,7 +32,7 @@ class ModelPoints {
   /// for objects that look alike from several sides.
   double addS(const Pose& T_O_C, const Pose& true_T_O_C) const;
 
-  /// Mean distance between the same points in the picture [px]; infinite if one of them lies behind
+  /// Mean distance between the same points in the image [px]; infinite if one of them lies behind
   /// a camera.
   double reprojection(const Pose& T_O_C, const Pose& true_T_O_C, const Camera& camera) const;
 
@@ -47,7 +47,7 @@ class ModelPoints {
 /// @return in O [model units]; fewer if the surface is not resolved into so many.
 /// @throws std::invalid_argument for a count below 1, std::runtime_error if nothing is opaque,
 /// Stopped.
-std::vector<Eigen::Vector3d> surfacePoints(Engine* engine, const LoadedField& field, int count,
-                                           std::uint64_t seed, const StopToken& stop = {});
+std::vector<Eigen::Vector3d> surfacePoints(Backend* backend, const LoadedField& field, int count,
+                                           std::uint64_t seed, const CancellationToken& stop = {});
 
 }  // namespace nerf_pose_refiner

@@ -14,7 +14,7 @@ struct PoseError {
   double rotation_rad = 0;   ///< angle between the two orientations
   double object_offset = 0;  ///< of the object's centre as the two cameras see it [model units]
   double camera_offset = 0;  ///< of the camera's centre in O [model units]; Lin et al. report it
-  double pixels = 0;         ///< of the object's centre in the picture; infinite behind a camera
+  double pixels = 0;         ///< of the object's centre in the image; infinite behind a camera
 };
 
 /// @param object_centre in O [model units].

@@ -13,7 +13,7 @@ namespace nerf_pose_refiner {
 namespace {
 
 constexpr double kDegreesPerRad = 57.295779513082320877;
-constexpr double kAddShare = 0.1;  // of the diameter: the usual bound of ADD and ADD-S
+constexpr double kAddFraction = 0.1;  // of the diameter: the usual bound of ADD and ADD-S
 
 using Rule = std::function<bool(const PoseMetrics&)>;
 
@@ -21,7 +21,7 @@ bool within(const PoseMetrics& found, double degrees, double diameters) {
   return found.rotation_deg <= degrees && found.offset_diameters <= diameters;
 }
 
-double share(std::ptrdiff_t part, std::ptrdiff_t whole) {
+double fraction(std::ptrdiff_t part, std::ptrdiff_t whole) {
   return whole > 0 ? static_cast<double>(part) / static_cast<double>(whole) : 0;
 }
 
@@ -31,8 +31,8 @@ std::vector<Recall> recalls(const std::vector<EvaluatedFrame>& frames, double di
        [](const PoseMetrics& e) { return e.rotation_deg <= 5 && e.offset_m <= 0.05; }},
       {"5 deg and 5 %", [](const PoseMetrics& e) { return within(e, 5, 0.05); }},
       {"2 deg and 2 %", [](const PoseMetrics& e) { return within(e, 2, 0.02); }},
-      {"ADD 10 %", [&](const PoseMetrics& e) { return e.add_m <= kAddShare * diameter_m; }},
-      {"ADD-S 10 %", [&](const PoseMetrics& e) { return e.add_s_m <= kAddShare * diameter_m; }},
+      {"ADD 10 %", [&](const PoseMetrics& e) { return e.add_m <= kAddFraction * diameter_m; }},
+      {"ADD-S 10 %", [&](const PoseMetrics& e) { return e.add_s_m <= kAddFraction * diameter_m; }},
       {"5 px", [](const PoseMetrics& e) { return e.reprojection_px <= 5; }},
   };
   std::vector<Recall> result;
@@ -40,7 +40,7 @@ std::vector<Recall> recalls(const std::vector<EvaluatedFrame>& frames, double di
     const auto good =
         std::count_if(frames.begin(), frames.end(),
                       [&r = rule](const EvaluatedFrame& frame) { return r(frame.found); });
-    result.push_back({name, share(good, static_cast<std::ptrdiff_t>(frames.size()))});
+    result.push_back({name, fraction(good, static_cast<std::ptrdiff_t>(frames.size()))});
   }
   return result;
 }
@@ -59,8 +59,8 @@ void countTrust(const std::vector<EvaluatedFrame>& frames, SequenceSummary* summ
       summary->time_lost_s += 1e-9 * static_cast<double>(frames[i + 1].stamp_ns - frame.stamp_ns);
     }
   }
-  summary->trusted_right = share(both, summary->trusted);
-  summary->right_trusted = share(both, right);
+  summary->trusted_right = fraction(both, summary->trusted);
+  summary->right_trusted = fraction(both, right);
 }
 
 }  // namespace
@@ -109,7 +109,7 @@ SequenceSummary summarise(const std::vector<EvaluatedFrame>& frames, double diam
   for (const EvaluatedFrame& frame : frames) latencies.push_back(frame.latency_s);
   summary.latency_s = distribution(latencies);
   summary.recalls = recalls(frames, diameter_m);
-  const double most = kAddShare * diameter_m;
+  const double most = kAddFraction * diameter_m;
   summary.add_area = areaUnderRecall(column(frames, &PoseMetrics::add_m), most);
   summary.add_s_area = areaUnderRecall(column(frames, &PoseMetrics::add_s_m), most);
   return summary;

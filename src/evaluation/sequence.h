@@ -31,7 +31,7 @@ struct EvaluatedObject {
   double diameter_m;
   Symmetries symmetries_m;  ///< errors are modulo these, as poseError has it
 
-  /// @param T_U_C, true_T_U_C [m]. @param camera of the picture that reprojection is measured in.
+  /// @param T_U_C, true_T_U_C [m]. @param camera of the image that reprojection is measured in.
   PoseMetrics compare(const Pose& T_U_C, const Pose& true_T_U_C, const Camera& camera) const;
 };
 
@@ -58,7 +58,7 @@ Distribution distribution(const std::vector<double>& values);
 /// A rule by which a pose counts as right, and the share of images that fulfil it.
 struct Recall {
   std::string rule;
-  double share = 0;
+  double fraction = 0;
 };
 
 /// What a sequence comes to. Shares are of all images: one without a pose counts as wrong.

@@ -17,11 +17,12 @@ void requireValues(const std::vector<double>& values) {
 
 }  // namespace
 
-double percentile(std::vector<double> values, double share) {
+double percentile(std::vector<double> values, double fraction) {
   requireValues(values);
-  if (!(share >= 0 && share <= 1)) throw std::invalid_argument("a percentile's share is 0..1");
+  if (!(fraction >= 0 && fraction <= 1))
+    throw std::invalid_argument("a percentile's share is 0..1");
   std::sort(values.begin(), values.end());
-  const double position = share * static_cast<double>(values.size() - 1);
+  const double position = fraction * static_cast<double>(values.size() - 1);
   const auto below = static_cast<std::size_t>(position);
   const double rest = position - static_cast<double>(below);
   if (rest == 0) return values[below];

@@ -10,7 +10,7 @@ namespace nerf_pose_refiner {
 /// The value that `share` of the values lie below, between neighbours by linear interpolation (the
 /// definition of numpy's default); infinite if it lies beyond the finite ones.
 /// @param share 0..1. @throws std::invalid_argument for no values, a NaN or another share.
-double percentile(std::vector<double> values, double share);
+double percentile(std::vector<double> values, double fraction);
 
 /// Share of the errors that are not above a threshold, 0..1. @throws std::invalid_argument for no
 /// errors or a NaN.

@@ -12,7 +12,7 @@ namespace nerf_pose_refiner {
 namespace {
 
 constexpr int kViews = 32;
-constexpr int kSide_px = 64;         // of a picture
+constexpr int kSide_px = 64;         // of an image
 constexpr double kDistance = 3;      // of the cameras from the centre [diameters]
 constexpr double kCellsAcross = 72;  // of the grid that thins the points, along the diameter
 constexpr float kOpaque = 0.9f;      // at a rim the expected point hangs between two surfaces
@@ -33,10 +33,10 @@ Pose cameraAround(const Eigen::Vector3d& centre, double distance, int i, int n) 
 }
 
 /// All that is seen, one view after the other.
-std::vector<Eigen::Vector3d> visiblePoints(Engine* engine, const LoadedField& field,
-                                           const StopToken& stop) {
+std::vector<Eigen::Vector3d> visiblePoints(Backend* backend, const LoadedField& field,
+                                           const CancellationToken& stop) {
   const FieldMetadata& object = field.field().metadata;
-  // The picture just holds a ball of the object's diameter around its centre, and half as much
+  // The image just holds a ball of the object's diameter around its centre, and half as much
   // again: the centre of the matter need not be in the middle.
   const double focal_px = 0.5 * kSide_px * std::sqrt(kDistance * kDistance - 0.5625) / 0.75;
   const double middle_px = 0.5 * (kSide_px - 1);
@@ -44,7 +44,7 @@ std::vector<Eigen::Vector3d> visiblePoints(Engine* engine, const LoadedField& fi
   std::vector<Eigen::Vector3d> points;
   for (int i = 0; i < kViews; ++i) {
     const Pose T_O_C = cameraAround(object.centre, kDistance * object.diameter, i, kViews);
-    const Rendering seen = engine->render(field, camera, T_O_C, RenderOptions(), stop);
+    const Rendering seen = backend->render(field, camera, T_O_C, RenderOptions(), stop);
     for (std::size_t p = 0; p < seen.alpha.pixels(); ++p) {
       const float alpha = seen.alpha.values[p];
       if (alpha < kOpaque) continue;
@@ -65,14 +65,14 @@ void shuffle(std::vector<Eigen::Vector3d>* points, std::uint64_t seed) {
 
 }  // namespace
 
-std::vector<Eigen::Vector3d> surfacePoints(Engine* engine, const LoadedField& field, int count,
-                                           std::uint64_t seed, const StopToken& stop) {
+std::vector<Eigen::Vector3d> surfacePoints(Backend* backend, const LoadedField& field, int count,
+                                           std::uint64_t seed, const CancellationToken& stop) {
   if (count < 1) throw std::invalid_argument("surfacePoints: count is below 1");
   const FieldMetadata& object = field.field().metadata;
   if (!(object.diameter > 0)) {
     throw std::runtime_error("the diameter of the object '" + object.name + "' is not known");
   }
-  std::vector<Eigen::Vector3d> points = visiblePoints(engine, field, stop);
+  std::vector<Eigen::Vector3d> points = visiblePoints(backend, field, stop);
   if (points.empty()) throw std::runtime_error("nothing of '" + object.name + "' is opaque");
   shuffle(&points, seed);
   // Near parts of the surface are seen by many pixels: thinned, all of it counts alike.

@@ -14,7 +14,7 @@ constexpr double kDegree = 3.14159265358979323846 / 180;
 constexpr double kRotation = 15 * kDegree;           // half width per axis
 constexpr double kUnits = 0.25, kUnitsAhead = 0.15;  // the same; of forward-facing scenes
 constexpr double kDiameters = 0.15;                  // the same, of the robot's protocol
-constexpr double kSearchShare = 1.2;  // the paper's: hypotheses within 0.3 units, starts 0.25
+constexpr double kSearchFraction = 1.2;  // the paper's: hypotheses within 0.3 units, starts 0.25
 
 std::string presetOf(const std::string& method) {
   if (method == "inerf") return "inerf";
@@ -36,7 +36,7 @@ TrialProtocol::TrialProtocol(const std::string& name, SceneKind kind, const Fiel
   start.translation = width;
   start.about_object = !paper;
   search_rotation_rad = kRotation;
-  search_translation = (paper ? kSearchShare : 1) * width / object.diameter;
+  search_translation = (paper ? kSearchFraction : 1) * width / object.diameter;
 }
 
 Prior TrialProtocol::prior(const Pose& true_T_O_C, const FieldMetadata& object, std::uint64_t seed,
@@ -66,8 +66,8 @@ RefinerSettings trialSettings(const std::string& method, const std::string& loss
     }
   }
   if (!variant.update.empty()) inversion.descent.update = poseUpdateFromName(variant.update);
-  if (variant.anneal_share >= 0) {
-    inversion.descent.schedule.anneal_share = variant.anneal_share;
+  if (variant.anneal_fraction >= 0) {
+    inversion.descent.schedule.anneal_fraction = variant.anneal_fraction;
   }
   if (variant.resampling == 0) {
     inversion.first_steps += inversion.rounds * inversion.round_steps;
@@ -76,8 +76,8 @@ RefinerSettings trialSettings(const std::string& method, const std::string& loss
   return settings;
 }
 
-Observation trialPicture(const Observation& observation, const std::string& method,
-                         const SearchVariant& variant) {
+Observation trialImage(const Observation& observation, const std::string& method,
+                       const SearchVariant& variant) {
   Observation picture = observation;
   if (variant.image_scale < 1) {
     picture.camera = observation.camera.scaled(variant.image_scale);

@@ -36,11 +36,11 @@ RefinerSettings trialSettings(const std::string& method, const std::string& loss
 
 /// The observation as a method gets it: reduced to the variant's size, and for iNeRF with the
 /// weight of its interest region.
-Observation trialPicture(const Observation& observation, const std::string& method,
-                         const SearchVariant& variant);
+Observation trialImage(const Observation& observation, const std::string& method,
+                       const SearchVariant& variant);
 
 /// Where iNeRF samples (Yen-Chen et al., section III-B): the surroundings of corners, 1, elsewhere
-/// 0. [h][w][1]; all 1 in a picture without corners.
+/// 0. [h][w][1]; all 1 in an image without corners.
 /// @param image [h][w][3].
 Image interestRegion(const Image& image);
 

@@ -6,8 +6,8 @@
 #include <stdexcept>
 #include <utility>
 
-#include "evaluation/disturbance.h"
 #include "evaluation/clutter.h"
+#include "evaluation/disturbance.h"
 #include "image/colour.h"
 #include "image/io.h"
 #include "image/resample.h"
@@ -32,7 +32,7 @@ Image photoOfSize(const std::string& path, const Camera& camera) {
 
 using Condition = std::pair<const char*, void (*)(TrialObservation*)>;
 
-/// Of the paper's authors: value + 0.2, noise of 0.01, 5 discs of 50 px in pictures of 800.
+/// Of the paper's authors: value + 0.2, noise of 0.01, 5 discs of 50 px in images of 800.
 constexpr double kBrightness = 0.2, kGaussian = 0.01, kDiscRadius = 50.0 / 800;
 constexpr int kDiscs = 5;
 
@@ -59,7 +59,7 @@ const std::vector<Condition>& conditions() {
       {"light",
        [](TrialObservation* o) {
          o->background = "photo";
-         o->light = 0.3;
+         o->gain_bias = 0.3;
        }},
       {"motion_blur",
        [](TrialObservation* o) {
@@ -99,7 +99,7 @@ PremultipliedImage disturbedObject(const TrialObservation& how, const PosedView&
   for (std::size_t i = 0; i < straight.values.size(); ++i) {
     picture.colour.values[i] = straight.values[i] * picture.alpha.values[i / 3];
   }
-  if (how.light > 0) relight(how.light, draw, &picture);
+  if (how.gain_bias > 0) applyGainBias(how.gain_bias, draw, &picture);
   if (how.discs > 0) cutDiscs(how.discs, how.disc_radius * view.camera.width, draw, &picture);
   return picture;
 }

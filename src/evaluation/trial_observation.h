@@ -23,10 +23,10 @@ struct TrialObservation {
   double gaussian = 0;       ///< standard deviation
   bool poisson = false;      ///< of the 8-bit values, as counted photons
   int discs = 0;             ///< missing ones, centred on the silhouette's edge
-  double disc_radius = 0.0;  ///< [widths of the picture]
+  double disc_radius = 0.0;  ///< [widths of the image]
 
   // What robots meet.
-  double light = 0;        ///< half width of the object's gain per channel around 1
+  double gain_bias = 0;    ///< half width of the object's gain per channel around 1
   double occluder = 0;     ///< share of the object's box that a square covers
   double motion_blur = 0;  ///< length of the path, of a direction that is drawn [widths]
   double defocus = 0;      ///< sigma [widths]

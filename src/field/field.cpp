@@ -10,7 +10,7 @@ namespace nerf_pose_refiner {
 namespace {
 
 constexpr double kSqrt3 = 1.7320508075688772;
-// 1733 samples on the longest ray: as many as the engines hold of one ray.
+// 1733 samples on the longest ray: as many as the backends hold of one ray.
 constexpr float kShortestStep = 1e-3f;
 
 void require(bool condition, const std::string& what) {

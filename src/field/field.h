@@ -122,7 +122,7 @@ struct FieldMetadata {
 ///
 /// Space: `box` bounds the matter in model units (frame O); the cube N is the cube around the box
 /// with the same centre: x_N = (x_O - cube_centre) / cube_side + 0.5. Density outside the box is 0.
-/// Density is per unit of N, so that a scaled scene gives the same picture. The colours are
+/// Density is per unit of N, so that a scaled scene gives the same image. The colours are
 /// sRGB-encoded; a rendering is premultiplied RGB and alpha.
 ///
 /// Networks have no biases. Weights are row-major [outputs][inputs], layer after layer. Density:

@@ -141,8 +141,8 @@ Pose readDiscrete(const Entry& entry) {
   entry.requireKeys({"axis", "point", "fold"});
   const Entry fold = entry.required("fold");
   const double n = fold.number();
-  if (!(n == std::floor(n) && n >= 2 && n <= Symmetries::kMostMotions)) {
-    fold.fail("must be a whole number from 2 to " + std::to_string(Symmetries::kMostMotions));
+  if (!(n == std::floor(n) && n >= 2 && n <= Symmetries::kMaxMotions)) {
+    fold.fail("must be a whole number from 2 to " + std::to_string(Symmetries::kMaxMotions));
   }
   return turnAbout(readAxis(entry), 2 * M_PI / n);
 }

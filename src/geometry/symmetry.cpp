@@ -84,7 +84,7 @@ Symmetries::Symmetries(const std::optional<SymmetryAxis>& axis, const std::vecto
         return compare.same(product, other);
       });
       if (!known) motions_.push_back({nearestRotation(product.R), product.t});
-      require(motions_.size() <= kMostMotions,
+      require(motions_.size() <= kMaxMotions,
               "the products of the symmetries come to no end: no solid object has them");
     }
   }

@@ -11,8 +11,8 @@ namespace nerf_pose_refiner {
 /// image. A sigma below 0.05 px is no blur: {1}.
 std::vector<float> gaussianKernel(double sigma_px);
 
-/// Blurs a picture along both axes with a symmetric kernel, given as the half from its middle on.
-/// At the border the part of the kernel that lies inside of the picture is scaled to sum to one.
+/// Blurs an image along both axes with a symmetric kernel, given as the half from its middle on.
+/// At the border the part of the kernel that lies inside of the image is scaled to sum to one.
 /// @param scratch memory to be reused from call to call.
 void blur(const std::vector<float>& half_kernel, Image* image, Image* scratch);
 

@@ -8,7 +8,7 @@
 namespace nerf_pose_refiner {
 
 /// Reads a PNG or JPEG (or what else OpenCV decodes) as RGB, or as RGBA with straight alpha if the
-/// file has an alpha channel. Grey becomes RGB, 16 bits are rounded to 8. The picture is not turned
+/// file has an alpha channel. Grey becomes RGB, 16 bits are rounded to 8. The image is not turned
 /// by its EXIF orientation, for neither are the intrinsics that belong to it.
 /// @throws std::runtime_error naming the path and what is wrong with it (missing, cut off,
 /// damaged).
@@ -19,8 +19,8 @@ Image8 readImage(const std::string& path);
 /// @throws std::runtime_error naming the path and what is wrong with it.
 Image8 readMask(const std::string& path);
 
-/// Writes a picture of 1 (grey), 3 (RGB) or 4 (RGBA, straight alpha) channels as PNG.
-/// @throws std::invalid_argument for another number of channels or an empty picture,
+/// Writes an image of 1 (grey), 3 (RGB) or 4 (RGBA, straight alpha) channels as PNG.
+/// @throws std::invalid_argument for another number of channels or an empty image,
 /// std::runtime_error naming the path and the system's reason.
 void writePng(const Image8& image, const std::string& path);
 

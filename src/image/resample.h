@@ -6,10 +6,10 @@
 
 namespace nerf_pose_refiner {
 
-/// Resamples a picture to another pinhole camera at the same place: a part of it, resized.
+/// Resamples an image to another pinhole camera at the same place: a part of it, resized.
 ///
 /// Shrinking averages the area that a new pixel covers; enlarging interpolates linearly. What lies
-/// outside of the picture counts as zero: give the weights a channel of their own, and divide.
+/// outside of the image counts as zero: give the weights a channel of their own, and divide.
 /// @param camera of `image`. @param target of the result: `camera` cropped and resized.
 /// @throws std::invalid_argument if `camera` does not have the size of `image`, or a camera makes
 /// no sense.

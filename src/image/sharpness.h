@@ -5,8 +5,8 @@
 
 namespace nerf_pose_refiner {
 
-/// How sharp a picture is: the variance of the Laplacian of its grey values (Pech-Pacheco et al.,
-/// ICPR 2000). Comparable between pictures of one scene alone: motion lowers it, texture raises it.
+/// How sharp an image is: the variance of the Laplacian of its grey values (Pech-Pacheco et al.,
+/// ICPR 2000). Comparable between images of one scene alone: motion lowers it, texture raises it.
 /// @param image RGB or RGBA, whose alpha does not count; grey otherwise.
 double sharpness(const Image8& image);
 

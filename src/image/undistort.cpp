@@ -28,7 +28,7 @@ void check(const Distortion& distortion) {
   }
 }
 
-/// True if every pixel comes from inside of the distorted picture, to `slack_px`.
+/// True if every pixel comes from inside of the distorted image, to `slack_px`.
 bool staysInside(const cv::Mat& map_xy, const Camera& camera, double slack_px) {
   for (int y = 0; y < map_xy.rows; ++y) {
     const cv::Vec2f* row = map_xy.ptr<cv::Vec2f>(y);
@@ -45,7 +45,7 @@ bool staysInside(const cv::Mat& map_xy, const Camera& camera, double slack_px) {
 
 struct Undistorter::Maps {
   Camera distorted;
-  cv::Mat xy;        // [h][w] place in the distorted picture, whole pixels
+  cv::Mat xy;        // [h][w] place in the distorted image, whole pixels
   cv::Mat fraction;  // [h][w] and the rest, in the steps that OpenCV interpolates in
 };
 
@@ -68,14 +68,14 @@ Undistorter::Undistorter(const Camera& camera, const Distortion& distortion)
   cv::Mat xy;
   cv::initUndistortRectifyMap(K, distortion.coefficients, cv::noArray(), new_K, size, CV_32FC2, xy,
                               cv::noArray());
-  // The widest filled picture is found on a coarse grid: it may be off by a little at its rim.
+  // The widest filled image is found on a coarse grid: it may be off by a little at its rim.
   const double slack_px = 1 + 0.01 * std::max(camera.width, camera.height);
   if (!staysInside(xy, camera, slack_px)) {
     throw std::invalid_argument(
         "the lens distortion folds the picture over itself: its coefficients cannot belong to a "
         "camera of this size and focal length");
   }
-  // As cv::remap would do it for each picture: the same pixels, sooner.
+  // As cv::remap would do it for each image: the same pixels, sooner.
   cv::convertMaps(xy, cv::noArray(), maps_->xy, maps_->fraction, CV_16SC2);
 }
 

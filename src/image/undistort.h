@@ -8,23 +8,23 @@
 
 namespace nerf_pose_refiner {
 
-/// Takes the lens distortion out of the pictures of one camera.
+/// Takes the lens distortion out of the images of one camera.
 ///
-/// The undistorted camera is the widest one whose picture is filled wholly by the distorted one, so
+/// The undistorted camera is the widest one whose image is filled wholly by the distorted one, so
 /// no pixel is invented; its focal lengths and principal point therefore differ. Built once per
-/// camera: the maps cost more than a picture. Without distortion pictures pass through unchanged.
+/// camera: the maps cost more than an image. Without distortion images pass through unchanged.
 /// Const methods may be called from many threads at once.
 class Undistorter {
  public:
-  /// @param camera intrinsics and size of the distorted pictures.
+  /// @param camera intrinsics and size of the distorted images.
   /// @throws std::invalid_argument for another number of coefficients, or ones that are not finite
-  /// or fold the picture over itself.
+  /// or fold the image over itself.
   Undistorter(const Camera& camera, const Distortion& distortion);
   ~Undistorter();
   Undistorter(Undistorter&&) noexcept;
   Undistorter& operator=(Undistorter&&) noexcept;
 
-  /// The camera of the undistorted pictures, of the same size.
+  /// The camera of the undistorted images, of the same size.
   const Camera& camera() const { return undistorted_; }
 
   /// @param image 1, 3 or 4 channels; the fourth is straight alpha.

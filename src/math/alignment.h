@@ -10,9 +10,9 @@
 
 namespace nerf_pose_refiner {
 
-/// Channels of a picture and their derivatives at one pixel: red, green, blue, opacity.
+/// Channels of an image and their derivatives at one pixel: red, green, blue, opacity.
 template <typename T>
-struct PictureSample {
+struct ImageSample {
   T value[4];
   T du[4];  ///< [1 / px]
   T dv[4];
@@ -25,7 +25,7 @@ struct GainBias {
   T bias[3] = {0, 0, 0};
 };
 
-/// Residuals of one pixel, three of colour and one of opacity, with the gradients of the picture
+/// Residuals of one pixel, three of colour and one of opacity, with the gradients of the image
 /// that predict how they change when the camera moves, and a weight for each of the two kinds.
 template <typename T>
 struct PixelResidual {
@@ -39,30 +39,30 @@ struct PixelResidual {
 /// Residual where the background is known: C' + (1 - A) B - I, and A - A_observed.
 ///
 /// C' = gain C + bias A is the premultiplied rendering in the observation's light. Gradients are
-/// the mean of the rendered and the observed picture's (ESM, Malis 2004): exact to second order,
+/// the mean of the rendered and the observed image's (ESM, Malis 2004): exact to second order,
 /// and the observation pulls where the rendering is still empty. Near the end they are the
 /// rendering's alone: noise in the observation's goes together with noise in the residual, and
 /// makes the object look nearer or farther.
 /// @param opacity_weight 0 if the observed opacity is not known.
-/// @param observed_share of the observation in the gradients, 0..1.
+/// @param observed_fraction of the observation in the gradients, 0..1.
 template <typename T>
 NPR_HOST_DEVICE inline PixelResidual<T> knownBackgroundResidual(
-    const PictureSample<T>& rendered, const PictureSample<T>& observed, const GainBias<T>& light,
-    const T background[3], T opacity_weight, T observed_share = T(0.5)) {
-  const T rendered_share = 1 - observed_share;
+    const ImageSample<T>& rendered, const ImageSample<T>& observed, const GainBias<T>& gain_bias,
+    const T background[3], T opacity_weight, T observed_fraction = T(0.5)) {
+  const T rendered_fraction = 1 - observed_fraction;
   PixelResidual<T> r;
   for (int c = 0; c < 3; ++c) {
-    const T lift = light.bias[c] - background[c];
-    r.value[c] = light.gain[c] * rendered.value[c] + lift * rendered.value[3] + background[c] -
+    const T lift = gain_bias.bias[c] - background[c];
+    r.value[c] = gain_bias.gain[c] * rendered.value[c] + lift * rendered.value[3] + background[c] -
                  observed.value[c];
-    r.du[c] = rendered_share * (light.gain[c] * rendered.du[c] + lift * rendered.du[3]) +
-              observed_share * observed.du[c];
-    r.dv[c] = rendered_share * (light.gain[c] * rendered.dv[c] + lift * rendered.dv[3]) +
-              observed_share * observed.dv[c];
+    r.du[c] = rendered_fraction * (gain_bias.gain[c] * rendered.du[c] + lift * rendered.du[3]) +
+              observed_fraction * observed.du[c];
+    r.dv[c] = rendered_fraction * (gain_bias.gain[c] * rendered.dv[c] + lift * rendered.dv[3]) +
+              observed_fraction * observed.dv[c];
   }
   r.value[3] = rendered.value[3] - observed.value[3];
-  r.du[3] = rendered_share * rendered.du[3] + observed_share * observed.du[3];
-  r.dv[3] = rendered_share * rendered.dv[3] + observed_share * observed.dv[3];
+  r.du[3] = rendered_fraction * rendered.du[3] + observed_fraction * observed.du[3];
+  r.dv[3] = rendered_fraction * rendered.dv[3] + observed_fraction * observed.dv[3];
   r.colour_weight = 1;
   r.opacity_weight = opacity_weight;
   return r;
@@ -77,27 +77,28 @@ NPR_HOST_DEVICE inline PixelResidual<T> knownBackgroundResidual(
 /// @param inside weight of the colours, 0..1: 0 where other things may tint them.
 /// @param opacity_weight 0 if nothing is known of P.
 template <typename T>
-NPR_HOST_DEVICE inline PixelResidual<T> unknownBackgroundResidual(const PictureSample<T>& rendered,
-                                                                  const PictureSample<T>& observed,
-                                                                  const GainBias<T>& light,
+NPR_HOST_DEVICE inline PixelResidual<T> unknownBackgroundResidual(const ImageSample<T>& rendered,
+                                                                  const ImageSample<T>& observed,
+                                                                  const GainBias<T>& gain_bias,
                                                                   T inside, T opacity_weight,
-                                                                  T observed_share = T(0.5)) {
+                                                                  T observed_fraction = T(0.5)) {
   const T A = rendered.value[3];
   const T inverse = 1 / (A > T(1e-3) ? A : T(1e-3));
-  const T rendered_share = 1 - observed_share;
+  const T rendered_fraction = 1 - observed_fraction;
   PixelResidual<T> r;
   for (int c = 0; c < 3; ++c) {
     const T colour = rendered.value[c] * inverse;
-    r.value[c] = light.gain[c] * rendered.value[c] + (light.bias[c] - observed.value[c]) * A;
+    r.value[c] =
+        gain_bias.gain[c] * rendered.value[c] + (gain_bias.bias[c] - observed.value[c]) * A;
     // A grad(C / A) = grad C - C / A grad A
-    r.du[c] = rendered_share * light.gain[c] * (rendered.du[c] - colour * rendered.du[3]) +
-              observed_share * A * observed.du[c];
-    r.dv[c] = rendered_share * light.gain[c] * (rendered.dv[c] - colour * rendered.dv[3]) +
-              observed_share * A * observed.dv[c];
+    r.du[c] = rendered_fraction * gain_bias.gain[c] * (rendered.du[c] - colour * rendered.du[3]) +
+              observed_fraction * A * observed.du[c];
+    r.dv[c] = rendered_fraction * gain_bias.gain[c] * (rendered.dv[c] - colour * rendered.dv[3]) +
+              observed_fraction * A * observed.dv[c];
   }
   r.value[3] = A - observed.value[3];
-  r.du[3] = rendered_share * rendered.du[3] + observed_share * observed.du[3];
-  r.dv[3] = rendered_share * rendered.dv[3] + observed_share * observed.dv[3];
+  r.du[3] = rendered_fraction * rendered.du[3] + observed_fraction * observed.du[3];
+  r.dv[3] = rendered_fraction * rendered.dv[3] + observed_fraction * observed.dv[3];
   r.colour_weight = inside;
   r.opacity_weight = opacity_weight;
   return r;
@@ -108,11 +109,11 @@ NPR_HOST_DEVICE inline PixelResidual<T> unknownBackgroundResidual(const PictureS
 /// q is the density of the observed colour if the pixel shows the object: that of the rendered
 /// colour's neighbourhood, or, for a share of outliers, as in the background; b is the density of
 /// the observed colour in the background. Covering pixels of the right colours is rewarded,
-/// covering others costs, and what is outside of the picture counts nothing.
+/// covering others costs, and what is outside of the image counts nothing.
 template <typename T>
 NPR_HOST_DEVICE inline T mixtureCost(T opacity, T object_density, T background_density) {
-  constexpr T kOutlierShare = T(0.1);
-  const T ratio = (1 - kOutlierShare) * object_density / background_density + kOutlierShare;
+  constexpr T kOutlierFraction = T(0.1);
+  const T ratio = (1 - kOutlierFraction) * object_density / background_density + kOutlierFraction;
   return -std::log(1 - opacity + opacity * ratio);
 }
 

@@ -32,7 +32,7 @@ struct AlignmentRules {
 /// A hypothesis on its way through a stage: Gauss-Newton with Levenberg damping.
 struct AlignmentSearch {
   CameraPose<double> trial, best;
-  GainBias<float> trial_light, light;
+  GainBias<float> trial_gain_bias, gain_bias;
   double loss;                   ///< of the best pose
   AlignmentSumsOf<double> sums;  ///< of the best pose
   TileScatter trial_scatter, scatter;
@@ -46,8 +46,8 @@ struct AlignmentSearch {
 };
 
 constexpr double kFirstDamping = 1e-2;
-constexpr double kLeastDamping = 1e-4;
-constexpr double kMostDamping = 1e3;
+constexpr double kMinDamping = 1e-4;
+constexpr double kMaxDamping = 1e3;
 
 NPR_HOST_DEVICE inline bool isFinite(const Vec3<double>& v) {
   return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
@@ -115,7 +115,7 @@ NPR_HOST_DEVICE inline HypothesisState stateOf(const AlignmentRules& rules,
   if (!isFinite(pose) || !std::isfinite(lossOf(sums))) return HypothesisState::kNotFinite;
   const double diameter_px = rules.diameter * rules.focal_px / inCamera(pose, rules.centre).z;
   if (sums.opacity < 2e-3 * diameter_px * diameter_px) return HypothesisState::kOutOfImage;
-  const Factors6<double> factors = factorise6(sums.equations.information, kLeastDamping);
+  const Factors6<double> factors = factorise6(sums.equations.information, kMinDamping);
   if (!(factors.smallest_pivot > 0)) return HypothesisState::kIllConditioned;
   return HypothesisState::kLive;
 }
@@ -141,7 +141,7 @@ NPR_HOST_DEVICE inline AlignmentSearch startSearch(const AlignmentRules& rules,
 /// What a whole Gauss-Newton step would still gain by its own account.
 NPR_HOST_DEVICE inline double newtonDecrement(const NormalEquations6<double>& equations) {
   double x[6];
-  if (!solve6(equations, kLeastDamping, 0.0, x)) return HUGE_VAL;
+  if (!solve6(equations, kMinDamping, 0.0, x)) return HUGE_VAL;
   double gain = 0;
   for (int i = 0; i < 6; ++i) gain -= equations.gradient[i] * x[i];
   return std::abs(gain);
@@ -161,7 +161,7 @@ NPR_HOST_DEVICE inline void acceptTrial(const AlignmentSumsOf<double>& sums,
                                         AlignmentSearch* search) {
   search->judged = true;
   search->best = search->trial;
-  search->light = search->trial_light;
+  search->gain_bias = search->trial_gain_bias;
   search->sums = sums;
   search->scatter = search->trial_scatter;
   search->loss = lossOf(sums);
@@ -179,7 +179,7 @@ NPR_HOST_DEVICE inline void scoreSearch(const AlignmentRules& rules,
 
 /// Proposes the next pose to try; false if the step is too small to matter or cannot be computed.
 NPR_HOST_DEVICE inline bool proposeTrial(const AlignmentRules& rules, AlignmentSearch* search) {
-  while (search->damping <= kMostDamping) {
+  while (search->damping <= kMaxDamping) {
     double x[6];
     if (!solve6(search->sums.equations, search->damping, 0.0, x)) return false;
     Vec3<double> v = {x[0], x[1], x[2]}, w = {x[3], x[4], x[5]};
@@ -193,7 +193,7 @@ NPR_HOST_DEVICE inline bool proposeTrial(const AlignmentRules& rules, AlignmentS
     if (rim_px < rules.convergence_px) return false;
     search->step_px = rim_px;
     search->trial = moveCamera(search->best, rules.centre, v, w);
-    search->trial_light = search->light;
+    search->trial_gain_bias = search->gain_bias;
     if (!isBehindCamera(rules, search->trial) && !isBeyondLimit(rules.limits, search->trial)) {
       return true;
     }
@@ -215,7 +215,7 @@ NPR_HOST_DEVICE inline void advanceSearch(const AlignmentRules& rules,
   } else if (lossOf(sums) < search->loss || isNearerRest(sums, *search)) {
     acceptTrial(sums, search);
     const double eased = 0.2 * search->damping;
-    search->damping = eased > kLeastDamping ? eased : kLeastDamping;
+    search->damping = eased > kMinDamping ? eased : kMinDamping;
   } else {
     search->damping *= 8;
   }

@@ -11,11 +11,11 @@ namespace nerf_pose_refiner {
 
 /// Moments of rendered against observed colours, from which gain and bias follow.
 template <typename T>
-struct LightMomentsOf {
+struct GainBiasMomentsOf {
   T weight[3] = {}, x[3] = {}, y[3] = {}, xx[3] = {}, xy[3] = {};
 };
 
-/// Sums over the pixels of a picture that judge a pose and say how to better it.
+/// Sums over the pixels of an image that judge a pose and say how to better it.
 template <typename T>
 struct AlignmentSumsOf {
   T weight = 0;            ///< of the pixels
@@ -36,7 +36,7 @@ struct AlignmentView {
   float centre_depth;  ///< of it, before the camera [model units]
 };
 
-/// How the picture flows past pixel (x, y) when the camera moves. Where the rendering is empty, the
+/// How the image flows past pixel (x, y) when the camera moves. Where the rendering is empty, the
 /// pixel is taken to show the plane through the object's centre, so that the observation can pull.
 /// @param point opacity times the point that the pixel shows, relative to the centre.
 NPR_HOST_DEVICE inline PixelFlow<float> surfaceFlow(const AlignmentView& view,
@@ -99,7 +99,7 @@ NPR_HOST_DEVICE inline PixelJudgement judgeContrast(const RobustResidual& robust
           difference < kChanceDifference};
 }
 
-/// Adds a pixel to the sums of its pose. @param equations may be those of a part of the picture.
+/// Adds a pixel to the sums of its pose. @param equations may be those of a part of the image.
 /// @param judges_background whether a known background is judged, too.
 template <typename T>
 NPR_HOST_DEVICE inline void addJudgedPixel(const PixelResidual<float>& r,
@@ -125,7 +125,7 @@ NPR_HOST_DEVICE inline void addJudgedPixel(const PixelResidual<float>& r,
 enum class Comparison {
   kKnownBackground,
   kRegions,   ///< unknown background: colours of the object against those around it
-  kContrasts  ///< unknown background: pictures hold contrasts, not colours
+  kContrasts  ///< unknown background: images hold contrasts, not colours
 };
 
 /// What holds for all pixels of a stage.
@@ -133,7 +133,7 @@ struct ComparisonRules {
   Comparison kind = Comparison::kKnownBackground;
   float background[3] = {0, 0, 0};  ///< of the object, if it is known
   float robust_scale = 0.1f;
-  float observed_share =
+  float observed_fraction =
       0.5f;                  ///< of the observation in the gradients, @see knownBackgroundResidual
   float opacity_weight = 1;  ///< 0: no opacity is observed
   /// The cost is a log-likelihood (mixtureCost) instead of robust residuals: comparable between
@@ -149,26 +149,27 @@ struct RegionPixel {
 };
 
 NPR_HOST_DEVICE inline PixelResidual<float> comparePixel(const ComparisonRules& rules,
-                                                         const PictureSample<float>& rendered,
-                                                         const PictureSample<float>& observed,
-                                                         const GainBias<float>& light,
+                                                         const ImageSample<float>& rendered,
+                                                         const ImageSample<float>& observed,
+                                                         const GainBias<float>& gain_bias,
                                                          const RegionPixel& region) {
   switch (rules.kind) {
     case Comparison::kContrasts:
-      return unknownBackgroundResidual(rendered, observed, light, interiorWeight(rendered.value[3]),
-                                       0.0f, rules.observed_share);
+      return unknownBackgroundResidual(rendered, observed, gain_bias,
+                                       interiorWeight(rendered.value[3]), 0.0f,
+                                       rules.observed_fraction);
     case Comparison::kRegions:
-      return unknownBackgroundResidual(rendered, observed, light, region.inside,
+      return unknownBackgroundResidual(rendered, observed, gain_bias, region.inside,
                                        rules.opacity_weight * region.confidence,
-                                       rules.observed_share);
+                                       rules.observed_fraction);
     default:
-      return knownBackgroundResidual(rendered, observed, light, rules.background,
-                                     rules.opacity_weight, rules.observed_share);
+      return knownBackgroundResidual(rendered, observed, gain_bias, rules.background,
+                                     rules.opacity_weight, rules.observed_fraction);
   }
 }
 
 /// Adds a pixel to the sums of its pose, robustly. @param r of comparePixel. @param opacity of the
-/// rendering. @param equations may be those of a part of the picture.
+/// rendering. @param equations may be those of a part of the image.
 template <typename T>
 NPR_HOST_DEVICE inline void addComparedPixel(const ComparisonRules& rules,
                                              const PixelResidual<float>& r, float opacity,
@@ -199,15 +200,15 @@ NPR_HOST_DEVICE inline void addComparedPixel(const ComparisonRules& rules,
 /// Adds a pixel to the moments, if it shows the object.
 /// @param rendered premultiplied RGB, opacity. @param observed RGB.
 template <typename T>
-NPR_HOST_DEVICE inline void addLightPixel(const float rendered[4], const float observed[3],
-                                          float pixel_weight, const GainBias<float>& light,
-                                          float robust_scale, LightMomentsOf<T>* sums) {
+NPR_HOST_DEVICE inline void addGainBiasPixel(const float rendered[4], const float observed[3],
+                                             float pixel_weight, const GainBias<float>& gain_bias,
+                                             float robust_scale, GainBiasMomentsOf<T>* sums) {
   const float A = rendered[3];
   if (A < 0.5f || pixel_weight == 0) return;
   float colour[3], squared = 0;
   for (int c = 0; c < 3; ++c) {
     colour[c] = rendered[c] / A;
-    const float r = light.gain[c] * colour[c] + light.bias[c] - observed[c];
+    const float r = gain_bias.gain[c] * colour[c] + gain_bias.bias[c] - observed[c];
     squared += r * r;
   }
   const float weight =
@@ -222,8 +223,8 @@ NPR_HOST_DEVICE inline void addLightPixel(const float rendered[4], const float o
 }
 
 /// Gain and bias by least squares, drawn towards 1 and 0.
-NPR_HOST_DEVICE inline GainBias<float> solveLight(const LightMomentsOf<double>& m) {
-  GainBias<float> light;
+NPR_HOST_DEVICE inline GainBias<float> solveGainBias(const GainBiasMomentsOf<double>& m) {
+  GainBias<float> gain_bias;
   for (int c = 0; c < 3; ++c) {
     // Towards gain 1 and bias 0, each with the strength of a share of the pixels.
     const double gain_prior = 0.02 * m.weight[c] + 1e-6;
@@ -233,10 +234,10 @@ NPR_HOST_DEVICE inline GainBias<float> solveLight(const LightMomentsOf<double>& 
     const double determinant = a * d - b * b;
     const double gain = (d * right_gain - b * right_bias) / determinant;
     const double bias = (a * right_bias - b * right_gain) / determinant;
-    light.gain[c] = static_cast<float>(gain);
-    light.bias[c] = static_cast<float>(bias);
+    gain_bias.gain[c] = static_cast<float>(gain);
+    gain_bias.bias[c] = static_cast<float>(bias);
   }
-  return light;
+  return gain_bias;
 }
 
 }  // namespace nerf_pose_refiner

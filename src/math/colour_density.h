@@ -12,14 +12,14 @@ namespace nerf_pose_refiner {
 // centres are at (i + 0.5) / kColourBins.
 
 constexpr int kColourBins = 16;
-constexpr double kColourSigma = 0.1;        ///< width to which colours are smoothed
-constexpr float kUniformShare = 0.1f;       ///< of a density: colours that nobody has seen yet
-constexpr float kLeastProbability = 0.05f;  ///< weight of pixels that surely show something else
+constexpr double kColourSigma = 0.1;      ///< width to which colours are smoothed
+constexpr float kUniformFraction = 0.1f;  ///< of a density: colours that nobody has seen yet
+constexpr float kMinProbability = 0.05f;  ///< weight of pixels that surely show something else
 
 /// Place of a value between two bins.
 struct BinPlace {
   int low, high;
-  float high_share;
+  float high_fraction;
 };
 
 NPR_HOST_DEVICE inline BinPlace binPlace(float value) {
@@ -34,28 +34,28 @@ template <typename Add>
 NPR_HOST_DEVICE inline void dealColour(const float rgb[3], float weight, const Add& add) {
   const BinPlace r = binPlace(rgb[0]), g = binPlace(rgb[1]), b = binPlace(rgb[2]);
   for (int i = 0; i < 8; ++i) {
-    const float share = (i & 4 ? r.high_share : 1 - r.high_share) *
-                        (i & 2 ? g.high_share : 1 - g.high_share) *
-                        (i & 1 ? b.high_share : 1 - b.high_share);
+    const float fraction = (i & 4 ? r.high_fraction : 1 - r.high_fraction) *
+                           (i & 2 ? g.high_fraction : 1 - g.high_fraction) *
+                           (i & 1 ? b.high_fraction : 1 - b.high_fraction);
     const int bin =
         ((i & 4 ? r.high : r.low) * kColourBins + (i & 2 ? g.high : g.low)) * kColourBins +
         (i & 1 ? b.high : b.low);
-    add(bin, weight * share);
+    add(bin, weight * fraction);
   }
 }
 
-/// A smoothed count as a density with integral 1, of which kUniformShare is spread evenly: no
+/// A smoothed count as a density with integral 1, of which kUniformFraction is spread evenly: no
 /// colour is impossible. @param sum of all counts; 0: the uniform density.
-NPR_HOST_DEVICE inline float densityOfCount(float count, double sum, float uniform_share) {
+NPR_HOST_DEVICE inline float densityOfCount(float count, double sum, float uniform_fraction) {
   constexpr double kBins = kColourBins * kColourBins * kColourBins;
-  const double scale = sum > 0 ? (1 - uniform_share) * kBins / sum : 0.0;
-  return static_cast<float>(scale * count + (sum > 0 ? uniform_share : 1.0));
+  const double scale = sum > 0 ? (1 - uniform_fraction) * kBins / sum : 0.0;
+  return static_cast<float>(scale * count + (sum > 0 ? uniform_fraction : 1.0));
 }
 
 /// Density at a colour, 1 if all colours were equally likely.
 NPR_HOST_DEVICE inline float colourDensity(const float* bins, const float rgb[3]) {
   float density = 0;
-  dealColour(rgb, 1, [&](int bin, float share) { density += share * bins[bin]; });
+  dealColour(rgb, 1, [&](int bin, float fraction) { density += fraction * bins[bin]; });
   return density;
 }
 

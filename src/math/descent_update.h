@@ -15,7 +15,7 @@ namespace nerf_pose_refiner {
 /// What Adam moves in an inversion.
 enum class PoseUpdate {
   kAboutCamera,  ///< SO(3) x T(3), rotation about the camera's centre (Lin et al., section IV-A)
-  kAboutObject,  ///< the same about the object's: turning it does not move it in the picture
+  kAboutObject,  ///< the same about the object's: turning it does not move it in the image
   kTwist,  ///< xi of se(3) in exp(xi) T_start, about O's origin (Yen-Chen et al., iNeRF, III-C)
 };
 
@@ -47,17 +47,17 @@ struct DescentRates {
 
 /// How learning rates fall over a run: by `decay` every `decay_updates` updates (Lin et al.,
 /// section V), and, which is not the paper's, to zero in a straight line over the last
-/// `anneal_share` of it: a pose trembles by as much as its last updates move it.
+/// `anneal_fraction` of it: a pose trembles by as much as its last updates move it.
 struct RateSchedule {
   double decay = 0.33;
   int decay_updates = 256;
-  double anneal_share = 0;  ///< 0: none, as the paper
-  int run_updates = 0;      ///< of the whole run; 0: nobody knows, and nothing is annealed
+  double anneal_fraction = 0;  ///< 0: none, as the paper
+  int run_updates = 0;         ///< of the whole run; 0: nobody knows, and nothing is annealed
 
   /// Of the learning rates at an update, from 0 on.
   NPR_HOST_DEVICE double rateFactor(int update) const {
     const double decayed = pow(decay, static_cast<double>(update / decay_updates));
-    const double left = run_updates - update, annealed = anneal_share * run_updates;
+    const double left = run_updates - update, annealed = anneal_fraction * run_updates;
     return annealed > 0 && left < annealed ? decayed * (left > 0 ? left : 0) / annealed : decayed;
   }
 };

@@ -12,12 +12,12 @@ namespace nerf_pose_refiner {
 /// What is flatter than noise is taken for noise.
 /// @param mean, mean_square of the colour around the pixel.
 NPR_HOST_DEVICE inline float localContrast(float colour, float mean, float mean_square) {
-  constexpr float kUnit = 0.2f, kLeastDeviation = 0.03f;
+  constexpr float kUnit = 0.2f, kMinDeviation = 0.03f;
   const float variance = std::max(0.0f, mean_square - mean * mean);
-  return kUnit * (colour - mean) / std::sqrt(variance + kLeastDeviation * kLeastDeviation);
+  return kUnit * (colour - mean) / std::sqrt(variance + kMinDeviation * kMinDeviation);
 }
 
-/// Sigma of the window over which mean and deviation are taken, for a picture of that size [px].
+/// Sigma of the window over which mean and deviation are taken, for an image of that size [px].
 inline double contrastWindow(int width, int height) {
   return std::max(2.0, 0.1 * std::min(width, height));
 }

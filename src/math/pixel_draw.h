@@ -11,9 +11,9 @@ namespace nerf_pose_refiner {
 NPR_HOST_DEVICE inline std::uint32_t drawPixel(std::uint64_t seed, std::uint64_t stream,
                                                std::uint64_t counter, std::uint32_t pixels,
                                                const float* weight) {
-  constexpr std::uint64_t kMostDraws = 64, kNextDraw = 0xD1B54A32D192ED03ull;
+  constexpr std::uint64_t kMaxDraws = 64, kNextDraw = 0xD1B54A32D192ED03ull;
   std::uint32_t pixel = 0;
-  for (std::uint64_t k = 0; k < kMostDraws; ++k) {
+  for (std::uint64_t k = 0; k < kMaxDraws; ++k) {
     pixel = randomIndex(seed + k * kNextDraw, stream, counter, pixels);
     if (weight[pixel] > 0) break;
   }

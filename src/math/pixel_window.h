@@ -14,8 +14,8 @@ struct PixelWindow {
   NPR_HOST_DEVICE bool empty() const { return width <= 0 || height <= 0; }
 };
 
-/// The pixels of a picture whose areas can show something of a box in O: all of the picture if some
-/// corners of the box lie behind the camera, none if all do or the box is outside of the picture.
+/// The pixels of an image whose areas can show something of a box in O: all of the image if some
+/// corners of the box lie behind the camera, none if all do or the box is outside of the image.
 NPR_HOST_DEVICE inline PixelWindow boxWindow(const Pinhole<double>& K, int width, int height,
                                              const CameraPose<double>& pose,
                                              const double box_min[3], const double box_max[3]) {

@@ -103,8 +103,8 @@ struct PlanarAdam {
 /// @param visit called with the pose before the first and after every step.
 /// @return steps taken.
 template <typename Update, typename Optimiser, typename Visit>
-int descendInPlane(const PlanarPose& start, const PlanarPose& target, Optimiser optimiser,
-                   double tolerance, int max_steps, const Visit& visit) {
+int optimiseInPlane(const PlanarPose& start, const PlanarPose& target, Optimiser optimiser,
+                    double tolerance, int max_steps, const Visit& visit) {
   PlanarPose pose = start;
   visit(pose);
   int steps = 0;

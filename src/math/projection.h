@@ -12,7 +12,7 @@ struct Pinhole {
   T fx, fy, cx, cy;
 };
 
-/// A place in a picture [px].
+/// A place in an image [px].
 template <typename T>
 struct Pixel {
   T u, v;
@@ -56,11 +56,11 @@ NPR_HOST_DEVICE inline CameraPose<T> moveCamera(const CameraPose<T>& pose, const
   return {turn * pose.R, c_O + v + turn * (pose.o - c_O)};
 }
 
-/// How a picture flows past a pixel when the camera moves by (v, w) as in moveCamera.
+/// How an image flows past a pixel when the camera moves by (v, w) as in moveCamera.
 ///
 /// A scene point p (relative to c) that the pixel shows lies at q = R^T (p + c - o) in the camera.
 /// Moving the camera moves it by dq = -R^T (v + w x p), hence its image by du/dq dq; at a fixed
-/// pixel the picture C changes by the opposite:
+/// pixel the image C changes by the opposite:
 ///
 ///     dC = grad C . du/dq . R^T (v + w x p)
 ///

@@ -131,8 +131,9 @@ struct RayInterval {
 
 /// Goes from interval->k on to the first whose middle lies where there is matter.
 /// @return false if there is none before the ray leaves the box.
-NPR_HOST_DEVICE inline bool findMatter(const RayLattice& ray, const OccupancyView& occupancy,
-                                       RayInterval* interval) {
+NPR_HOST_DEVICE inline bool findOccupiedVolume(const RayLattice& ray,
+                                               const OccupancyView& occupancy,
+                                               RayInterval* interval) {
   while (true) {
     const int k = interval->k;
     interval->begin = std::max(ray.start(k), ray.entry);

@@ -10,7 +10,7 @@ namespace nerf_pose_refiner {
 constexpr int kTileSide = 16;
 
 /// How much the gradient of an alignment owes to chance, though residuals of neighbouring pixels go
-/// together: sums over the tiles of a picture.
+/// together: sums over the tiles of an image.
 struct TileScatter {
   double gradients[21] = {};  ///< g g^T, g being a tile's share: lower triangle, row by row
   double information = 0;     ///< what the tiles say of the position

@@ -10,12 +10,12 @@
 
 namespace nerf_pose_refiner {
 
-// How fields are trained: the rules that every engine follows.
+// How fields are trained: the rules that every backend follows.
 
 constexpr float kTrainingMinTransmittance = 1e-3f;  ///< a ray ends when less than this is left
 constexpr int kOccupancyInterval = 16;              ///< steps between updates of the grid
 constexpr int kOccupancyStart = 64;           ///< steps until the densities are worth looking at
-constexpr int kOccupancyShare = 8;            ///< an update looks at every eighth cell
+constexpr int kOccupancyFraction = 8;         ///< an update looks at every eighth cell
 constexpr float kOccupancyFading = 0.95f;     ///< of a density that was seen, in so many updates
 constexpr float kOccupancyThickness = 0.01f;  ///< optical thickness of a step that counts
 constexpr float kFrozenThickness = 1e-3f;     ///< the same for the grid that is kept: stricter
@@ -139,13 +139,13 @@ NPR_HOST_DEVICE inline void frozenCellPoint(std::uint32_t cell, int cells, int k
 }
 
 /// Learning rate of a step, as a share of the plan's: it rises over the first steps, stays, and
-/// falls from kConstantShare of the training on. @param progress 0..1. @param final_factor at 1.
-inline double learningRateShare(int step, double progress, double final_factor) {
+/// falls from kConstantFraction of the training on. @param progress 0..1. @param final_factor at 1.
+inline double learningRateFraction(int step, double progress, double final_factor) {
   constexpr int kWarmUpSteps = 32;
-  constexpr double kConstantShare = 0.4;
+  constexpr double kConstantFraction = 0.4;
   const double warm_up = std::min(1.0, (step + 1.0) / kWarmUpSteps);
   const double falling =
-      std::max(0.0, std::min(1.0, (progress - kConstantShare) / (1 - kConstantShare)));
+      std::max(0.0, std::min(1.0, (progress - kConstantFraction) / (1 - kConstantFraction)));
   return warm_up * std::pow(final_factor, falling);
 }
 
@@ -159,12 +159,11 @@ NPR_HOST_DEVICE inline int dealtRays(double rays) {
 }
 
 /// Rays of the next step, so that its samples come near the plan's number.
-/// @param rays, samples of the last step. @param most_rays at most so many.
-NPR_HOST_DEVICE inline int nextRays(int rays, double samples, int samples_per_step, int most_rays) {
+/// @param rays, samples of the last step. @param max_rays at most so many.
+NPR_HOST_DEVICE inline int nextRays(int rays, double samples, int samples_per_step, int max_rays) {
   const double samples_per_ray = std::max(0.5, samples / rays);
   const double wanted = samples_per_step / samples_per_ray;
-  return dealtRays(
-      std::max(256.0, std::min(static_cast<double>(most_rays), 0.5 * (rays + wanted))));
+  return dealtRays(std::max(256.0, std::min(static_cast<double>(max_rays), 0.5 * (rays + wanted))));
 }
 
 constexpr float kTrainingBeta1 = 0.9f, kTrainingBeta2 = 0.99f, kTrainingEpsilon = 1e-15f;

@@ -12,23 +12,23 @@ void runAlignment(RefinementRun* run) {
     run->result->outcome = Outcome::kNoOverlap;
     return;
   }
-  Engine& engine = *run->engine;
-  const auto observation = engine.observe(run->observation, plan->levels);
-  const auto batch = engine.batch(plan->scatter.count);
-  engine.scatter(batch.get(), {run->prior.T_O_C}, plan->scatter);
+  Backend& backend = *run->backend;
+  const auto observation = backend.observe(run->observation, plan->levels);
+  const auto batch = backend.batch(plan->sampling.count);
+  backend.sample(batch.get(), {run->prior.T_O_C}, plan->sampling);
   HypothesisTable table;
-  int hypotheses = plan->scatter.count;
+  int hypotheses = plan->sampling.count;
   // Otherwise what alignment compares is the same for all of them already.
   const bool ranked_by_regions =
       run->observation.background == Background::kUnknown && !run->settings.compare_contrast;
   for (const PlannedStage& stage : plan->stages) {
-    engine.align(batch.get(), run->field, *observation, stage.level, stage.align, run->stop);
+    backend.align(batch.get(), run->field, *observation, stage.level, stage.align, run->stop);
     if (hypotheses > 1 && ranked_by_regions) {
-      engine.score(batch.get(), run->field, *observation, stage.level, stage.align, run->stop);
+      backend.score(batch.get(), run->field, *observation, stage.level, stage.align, run->stop);
     }
-    engine.select(batch.get(), stage.select);
-    hypotheses = stage.select.keep;
-    table = engine.read(*batch);
+    backend.resample(batch.get(), stage.resample);
+    hypotheses = stage.resample.keep;
+    table = backend.read(*batch);
     run->trace(stage.name, table);
   }
   run->finish(table);

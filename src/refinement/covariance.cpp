@@ -27,9 +27,9 @@ Vector6 turnOf(const SymmetryAxis& axis, const Eigen::Vector3d& point) {
 
 // Of a prior that is uniform within its half widths.
 Vector6 priorVariance(const Prior& prior, const FieldMetadata& object) {
-  constexpr double kLeast = 1e-3;  // a prior of no width says that nothing was sought
-  const double translation = std::max(prior.translation, kLeast) * object.diameter;
-  const double rotation = std::max(prior.rotation_rad, kLeast);
+  constexpr double kMin = 1e-3;  // a prior of no width says that nothing was sought
+  const double translation = std::max(prior.translation, kMin) * object.diameter;
+  const double rotation = std::max(prior.rotation_rad, kMin);
   Vector6 variance;
   variance.head<3>().setConstant(translation * translation / 3);
   variance.tail<3>().setConstant(rotation * rotation / 3);
@@ -57,12 +57,12 @@ Eigen::Matrix3d lineOfSightAxes(const Eigen::Vector3d& point_C) {
 
 double calibratedScore(double score, const PoseStatistics& statistics) {
   if (statistics.views == 0) return score;
-  constexpr double kLeastRange = 0.1;  // an object that looks alike from all sides
-  const double range = std::max(kLeastRange, statistics.right_score - statistics.wrong_score);
+  constexpr double kMinRange = 0.1;  // an object that looks alike from all sides
+  const double range = std::max(kMinRange, statistics.right_score - statistics.wrong_score);
   return std::clamp(1 - (statistics.right_score - score) / range, 0.0, 1.0);
 }
 
-double scoreOfShare(double share) { return std::clamp(2 * share - 1, 0.0, 1.0); }
+double scoreOfFraction(double fraction) { return std::clamp(2 * fraction - 1, 0.0, 1.0); }
 
 Vector6 cameraTwist(const Pose& from_T_O_C, const Pose& to_T_O_C, const Eigen::Vector3d& centre) {
   const Eigen::Matrix3d turn = to_T_O_C.R * from_T_O_C.R.transpose();

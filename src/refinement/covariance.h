@@ -54,9 +54,9 @@ std::vector<double> hypothesisWeights(const HypothesisTable& hypotheses);
 /// How far the best hypothesis may be from the truth: covariance of the twist (v, w) between them.
 ///
 /// The sandwich H^-1 G H^-1 of the final normal equations (Huber 1967): H says how residuals change
-/// with the pose, G how the gradient scatters from tile to tile of the picture, so that residuals
+/// with the pose, G how the gradient scatters from tile to tile of the image, so that residuals
 /// that go together, through blur or because the model does not know the light, are not taken for
-/// independent ones. What the model itself is off by (PoseStatistics) is added. What the picture
+/// independent ones. What the model itself is off by (PoseStatistics) is added. What the image
 /// does not fix is as uncertain as the prior; other hypotheses add their distance, by their
 /// weights. About an axis of symmetry any angle is as good.
 /// @param hypotheses as nearestEquivalents has them.
@@ -65,12 +65,12 @@ Matrix6 poseCovariance(const HypothesisTable& hypotheses, const Prior& prior,
 
 /// How well a pose explains an image, on a scale that holds for all objects: 0 as badly as wrong
 /// poses did when the object was registered, 1 as well as the right ones did.
-/// @param score as the engine has it; returned as it is if nothing was measured.
+/// @param score as the backend has it; returned as it is if nothing was measured.
 double calibratedScore(double score, const PoseStatistics& statistics);
 
 /// The same of a score that is a share of the silhouette (colours were compared, not contrasts): 0
 /// if no more than half of it agrees.
-double scoreOfShare(double share);
+double scoreOfFraction(double fraction);
 
 /// The same uncertainty as that of the object's pose in the camera: position of one of its points
 /// [model units] and rotation [rad] about the axes of C, order (x, y, z, about x, about y, about

@@ -13,20 +13,20 @@ namespace nerf_pose_refiner {
 namespace {
 
 constexpr int kSearchLevel = 0;  // the observed image as it is
-constexpr int kJudgeLevel = 1;   // on: pictures of the object, to say how well winners agree
+constexpr int kJudgeLevel = 1;   // on: images of the object, to say how well winners agree
 constexpr double kJudgedObjectPx = 128;
 
 // Seeds of the parts of a run, all from the one of the settings; rounds add to the last.
-enum SeedOf : std::uint64_t { kPixelSeed, kScatterSeed, kSelectSeed };
+enum SeedOf : std::uint64_t { kPixelSeed, kSamplingSeed, kResamplingSeed };
 
 std::uint64_t seedOf(const RefinerSettings& settings, std::uint64_t part) {
   return randomBits(settings.seed, part, 0);
 }
 
-ScatterPlan scatterPlan(const RefinementRun& run, double unit) {
+SamplingPlan samplingPlan(const RefinementRun& run, double unit) {
   const InversionSettings& s = run.settings.inversion;
   const FieldMetadata& object = run.field.field().metadata;
-  ScatterPlan plan;
+  SamplingPlan plan;
   plan.count = s.hypotheses;
   plan.rotation_rad.setConstant(run.prior.rotation_rad);
   plan.rotate_about_object = run.prior.rotate_about_object;
@@ -37,18 +37,18 @@ ScatterPlan scatterPlan(const RefinementRun& run, double unit) {
   }
   plan.translation.setConstant(s.spread_translation > 0 ? s.spread_translation * unit
                                                         : run.prior.translation * object.diameter);
-  plan.seed = seedOf(run.settings, kScatterSeed);
+  plan.seed = seedOf(run.settings, kSamplingSeed);
   return plan;
 }
 
-SelectPlan selectPlan(const RefinerSettings& settings, double unit, int round) {
+ResamplingPlan resamplingPlan(const RefinerSettings& settings, double unit, int round) {
   const InversionSettings& s = settings.inversion;
-  SelectPlan plan;
+  ResamplingPlan plan;
   plan.keep = s.survivors(round);
   plan.offspring = s.hypotheses;
   plan.rotation_jitter_rad = s.jitter_rotation_rad;
   plan.translation_jitter = s.jitter_translation * unit;
-  plan.seed = seedOf(settings, kSelectSeed + round);
+  plan.seed = seedOf(settings, kResamplingSeed + round);
   return plan;
 }
 
@@ -80,30 +80,30 @@ class Inversion {
   Inversion(std::vector<RefinementRun*> runs, const std::vector<ImageLevel>& judged)
       : runs_(std::move(runs)),
         first_(*runs_.front()),
-        engine_(*first_.engine),
+        backend_(*first_.backend),
         settings_(first_.settings.inversion),
         object_(first_.field.field().metadata),
         unit_(settings_.unitFor(object_.diameter)) {
     std::vector<ImageLevel> levels = {{first_.observation.camera, 0}};
     levels.insert(levels.end(), judged.begin(), judged.end());
-    observation_ = engine_.observe(first_.observation, levels);
+    observation_ = backend_.observe(first_.observation, levels);
     for (RefinementRun* run : runs_) run->together = static_cast<int>(runs_.size());
   }
 
   void run() {
-    const auto batch = engine_.batch(settings_.hypotheses * static_cast<int>(runs_.size()));
+    const auto batch = backend_.batch(settings_.hypotheses * static_cast<int>(runs_.size()));
     std::vector<Pose> priors;
     for (const RefinementRun* run : runs_) priors.push_back(run->prior.T_O_C);
-    engine_.scatter(batch.get(), priors, scatterPlan(first_, unit_));
-    descend(batch.get(), "explore", 0, settings_.first_steps);
+    backend_.sample(batch.get(), priors, samplingPlan(first_, unit_));
+    optimise(batch.get(), "explore", 0, settings_.first_steps);
     for (int round = 1; round <= settings_.rounds; ++round) {
       if (settings_.hypotheses > 1) {
-        engine_.select(batch.get(), selectPlan(first_.settings, unit_, round));
+        backend_.resample(batch.get(), resamplingPlan(first_.settings, unit_, round));
       }
-      descend(batch.get(), "round " + std::to_string(round),
-              settings_.first_steps + (round - 1) * settings_.round_steps, settings_.round_steps);
+      optimise(batch.get(), "round " + std::to_string(round),
+               settings_.first_steps + (round - 1) * settings_.round_steps, settings_.round_steps);
     }
-    measure(batch.get());
+    evaluate(batch.get());
     std::vector<HypothesisTable> tables = read(*batch);
     if (settings_.hypotheses > 1) improve(&tables);
     for (std::size_t i = 0; i < runs_.size(); ++i) {
@@ -120,8 +120,8 @@ class Inversion {
     return !table.empty() && table.front().state == HypothesisState::kLive;
   }
 
-  DescentPlan descentPlan() const {
-    DescentPlan plan = settings_.descent;
+  OptimisationPlan optimisationPlan() const {
+    OptimisationPlan plan = settings_.descent;
     plan.object_centre = object_.centre;
     plan.length_unit *= unit_;
     plan.samples_per_step *= static_cast<int>(runs_.size());
@@ -133,27 +133,27 @@ class Inversion {
 
   /// In slices, the last of them as long as losses are gathered over: they end where all steps at
   /// once would.
-  void descend(HypothesisBatch* batch, const std::string& stage, int first_step, int steps) {
-    const DescentPlan plan = descentPlan();
+  void optimise(HypothesisBatch* batch, const std::string& stage, int first_step, int steps) {
+    const OptimisationPlan plan = optimisationPlan();
     for (int left = steps; left > 0;) {
       const int slice = left % plan.score_steps > 0 ? left % plan.score_steps : plan.score_steps;
-      engine_.descend(batch, first_.field, *observation_, kSearchLevel, plan,
-                      first_step + steps - left, slice, first_.stop);
+      backend_.optimise(batch, first_.field, *observation_, kSearchLevel, plan,
+                        first_step + steps - left, slice, first_.stop);
       left -= slice;
       const std::vector<HypothesisTable> tables = read(*batch);
       for (std::size_t i = 0; i < runs_.size(); ++i) runs_[i]->trace(stage, tables[i]);
     }
   }
 
-  void measure(HypothesisBatch* batch) {
-    engine_.measure(batch, first_.field, *observation_, kSearchLevel, descentPlan(),
-                    settings_.score_pixels, first_.stop);
+  void evaluate(HypothesisBatch* batch) {
+    backend_.evaluate(batch, first_.field, *observation_, kSearchLevel, optimisationPlan(),
+                      settings_.score_pixels, first_.stop);
   }
 
   /// The hypotheses of every search, best first.
   std::vector<HypothesisTable> read(const HypothesisBatch& batch) {
     std::vector<HypothesisTable> tables(runs_.size());
-    for (const Hypothesis& h : engine_.read(batch)) tables.at(h.search).push_back(h);
+    for (const Hypothesis& h : backend_.read(batch)) tables.at(h.search).push_back(h);
     return tables;
   }
 
@@ -166,8 +166,8 @@ class Inversion {
                                        : runs_[i]->prior.T_O_C);
     }
     const auto batch = batchAt(means);
-    measure(batch.get());
-    for (const Hypothesis& measured : engine_.read(*batch)) {
+    evaluate(batch.get());
+    for (const Hypothesis& measured : backend_.read(*batch)) {
       HypothesisTable& table = tables->at(measured.search);
       if (!hasWinner(table) || measured.state != HypothesisState::kLive) continue;
       if (!(measured.loss < table.front().loss)) continue;
@@ -179,9 +179,9 @@ class Inversion {
   /// Says how well a search's winner agrees with the image, and how firmly the image holds it.
   void judge(int search, Hypothesis* winner) {
     const auto batch = batchAt({winner->T_O_C});
-    engine_.score(batch.get(), first_.field, *observation_, kJudgeLevel + search,
-                  judgingStage(first_.settings, first_.observation.background), first_.stop);
-    const Hypothesis judged = engine_.read(*batch).front();
+    backend_.score(batch.get(), first_.field, *observation_, kJudgeLevel + search,
+                   judgingStage(first_.settings, first_.observation.background), first_.stop);
+    const Hypothesis judged = backend_.read(*batch).front();
     winner->visible_fraction = judged.visible_fraction;
     winner->score = judged.score;
     winner->information = judged.information;
@@ -191,16 +191,16 @@ class Inversion {
 
   /// One hypothesis at each pose.
   std::unique_ptr<HypothesisBatch> batchAt(const std::vector<Pose>& poses) {
-    ScatterPlan alone;
+    SamplingPlan alone;
     alone.count = 1;
-    auto batch = engine_.batch(static_cast<int>(poses.size()));
-    engine_.scatter(batch.get(), poses, alone);
+    auto batch = backend_.batch(static_cast<int>(poses.size()));
+    backend_.sample(batch.get(), poses, alone);
     return batch;
   }
 
   const std::vector<RefinementRun*> runs_;
   const RefinementRun& first_;
-  Engine& engine_;
+  Backend& backend_;
   const InversionSettings& settings_;
   const FieldMetadata& object_;
   const double unit_;  ///< [model units]

@@ -23,7 +23,7 @@ void requireNotNegative(const char* name, double value) {
   require(value >= 0 && std::isfinite(value), name, value, "0 or more");
 }
 
-void requireShare(const char* name, double value) {
+void requireFraction(const char* name, double value) {
   require(value > 0 && value <= 1, name, value, "in (0, 1]");
 }
 
@@ -31,14 +31,14 @@ void requireAverage(const char* name, double value) {
   require(value >= 0 && value < 1, name, value, "in [0, 1)");
 }
 
-void validateDescent(const DescentPlan& plan) {
+void validateDescent(const OptimisationPlan& plan) {
   requirePositive("descent.length_unit", plan.length_unit);
   requirePositive("descent.translation_learning_rate", plan.translation_learning_rate);
   requirePositive("descent.rotation_learning_rate", plan.rotation_learning_rate);
-  requireShare("descent.decay", plan.schedule.decay);
+  requireFraction("descent.decay", plan.schedule.decay);
   requirePositive("descent.decay_updates", plan.schedule.decay_updates);
-  require(plan.schedule.anneal_share >= 0 && plan.schedule.anneal_share <= 1,
-          "descent.anneal_share", plan.schedule.anneal_share, "in [0, 1]");
+  require(plan.schedule.anneal_fraction >= 0 && plan.schedule.anneal_fraction <= 1,
+          "descent.anneal_share", plan.schedule.anneal_fraction, "in [0, 1]");
   requireAverage("descent.beta1", plan.beta1);
   requireAverage("descent.beta2", plan.beta2);
   requirePositive("descent.epsilon", plan.epsilon);
@@ -55,8 +55,8 @@ double InversionSettings::unitFor(double object_diameter) const {
 }
 
 int InversionSettings::survivors(int round) const {
-  const int share = static_cast<int>(hypotheses * keep_share * std::pow(keep_decay, round));
-  return std::min(hypotheses, std::max(keep_at_least, share));
+  const int fraction = static_cast<int>(hypotheses * keep_fraction * std::pow(keep_decay, round));
+  return std::min(hypotheses, std::max(keep_at_least, fraction));
 }
 
 void InversionSettings::validate() const {
@@ -67,8 +67,8 @@ void InversionSettings::validate() const {
   requirePositive("round_steps", round_steps);
   requireNotNegative("spread_rotation_rad", spread_rotation_rad);
   requireNotNegative("spread_translation", spread_translation);
-  requireShare("keep_share", keep_share);
-  requireShare("keep_decay", keep_decay);
+  requireFraction("keep_share", keep_fraction);
+  requireFraction("keep_decay", keep_decay);
   requirePositive("keep_at_least", keep_at_least);
   requireNotNegative("jitter_rotation_rad", jitter_rotation_rad);
   requireNotNegative("jitter_translation", jitter_translation);

@@ -15,13 +15,13 @@ constexpr double kStepPixels = 0.2;       // a step that moves the rim by less e
 constexpr double kLastStepPixels = 0.05;  // ... and the last one
 constexpr double kSurroundings =
     0.2;  // around the object where the background is learned, diameters
-constexpr double kLeastContrastPixels = 48;  // across the object: fewer show too little to compare
+constexpr double kMinContrastPixels = 48;  // across the object: fewer show too little to compare
 
 bool learnsBackground(const Observation& observation) {
   return observation.background == Background::kUnknown;
 }
 
-ObjectRegion wholePicture(const Camera& camera) {
+ObjectRegion wholeImage(const Camera& camera) {
   return {-0.5, -0.5, camera.width - 0.5, camera.height - 0.5,
           static_cast<double>(std::max(camera.width, camera.height))};
 }
@@ -45,39 +45,39 @@ AlignStage alignStage(const RefinerSettings& settings, const AlignStageSettings&
   align.rays_per_side = stage.rays_per_side;
   align.max_iterations = stage.iterations;
   align.step_scale = static_cast<float>(stage.step_scale);
-  if (last) align.observed_share = 0;  // nothing is far off any more, and noise should not count
+  if (last) align.observed_fraction = 0;  // nothing is far off any more, and noise should not count
   align.convergence_px = last ? kLastStepPixels : kStepPixels;
   return align;
 }
 
 // Of one stage. After the last, nobody would look at what is drawn anew.
-SelectPlan selectPlan(const RefinerSettings& settings, std::size_t stage, double object_px,
-                      const Prior& prior, const FieldMetadata& object) {
+ResamplingPlan resamplingPlan(const RefinerSettings& settings, std::size_t stage, double object_px,
+                              const Prior& prior, const FieldMetadata& object) {
   const bool last = stage + 1 == settings.stages.size();
-  SelectPlan select;
-  select.keep = settings.stages[last ? stage : stage + 1].hypotheses;
-  select.redraw = !last;
-  select.seed = randomBits(settings.seed, 1 + stage, 0);
-  select.rotation_jitter_rad = 0.5 * prior.rotation_rad;
-  select.translation_jitter = 0.5 * prior.translation * object.diameter;
-  select.merge_rotation_rad = kMergePixels / (0.5 * object_px);
-  select.merge_translation = kMergePixels / object_px * object.diameter;
-  select.rotate_about_object = true;
-  select.object_centre = object.centre;
-  return select;
+  ResamplingPlan resample;
+  resample.keep = settings.stages[last ? stage : stage + 1].hypotheses;
+  resample.redraw = !last;
+  resample.seed = randomBits(settings.seed, 1 + stage, 0);
+  resample.rotation_jitter_rad = 0.5 * prior.rotation_rad;
+  resample.translation_jitter = 0.5 * prior.translation * object.diameter;
+  resample.merge_rotation_rad = kMergePixels / (0.5 * object_px);
+  resample.merge_translation = kMergePixels / object_px * object.diameter;
+  resample.rotate_about_object = true;
+  resample.object_centre = object.centre;
+  return resample;
 }
 
 // Nothing is sought beyond twice the spread, whose corners are at 1.7 times its half width. A prior
 // that is thought to be exact may still be polished.
-void setLimits(const Prior& prior, const FieldMetadata& object, ScatterPlan* scatter) {
-  constexpr double kReach = 2, kLeastRotation = 0.02, kLeastTranslation = 0.02;
+void setLimits(const Prior& prior, const FieldMetadata& object, SamplingPlan* sampling) {
+  constexpr double kReach = 2, kMinRotation = 0.02, kMinTranslation = 0.02;
   double sweep = 0;  // of the object's centre, when the camera turns about itself
   if (!prior.rotate_about_object) {
     sweep = prior.rotation_rad * (prior.T_O_C.inverse() * object.centre).norm();
   }
-  scatter->rotation_limit_rad = kReach * std::max(prior.rotation_rad, kLeastRotation);
-  scatter->translation_limit =
-      kReach * (std::max(prior.translation, kLeastTranslation) * object.diameter + sweep);
+  sampling->rotation_limit_rad = kReach * std::max(prior.rotation_rad, kMinRotation);
+  sampling->translation_limit =
+      kReach * (std::max(prior.translation, kMinTranslation) * object.diameter + sweep);
 }
 
 }  // namespace
@@ -97,7 +97,7 @@ std::optional<ObjectRegion> objectRegion(const Camera& camera, const Prior& prio
   const Eigen::Vector3d centre_C = prior.T_O_C.inverse() * object.centre;
   const double spread = prior.translation * object.diameter;
   const double radius = kBallRadius * object.diameter + spread;
-  const ObjectRegion whole = wholePicture(camera);
+  const ObjectRegion whole = wholeImage(camera);
   if (centre_C.norm() < radius) return whole;
   if (centre_C.z() <= 0) return std::nullopt;
 
@@ -121,7 +121,7 @@ std::optional<ObjectRegion> objectRegion(const Camera& camera, const Prior& prio
 
 Camera levelCamera(const Camera& camera, const ObjectRegion& region, double object_px) {
   const double scale = std::min(1.0, object_px / region.diameter_px);
-  // Whole pixels of the picture, so that a level at its scale is a plain crop.
+  // Whole pixels of the image, so that a level at its scale is a plain crop.
   const double x = std::floor(region.x_min + 0.5), y = std::floor(region.y_min + 0.5);
   Camera level;
   level.width = std::max(1, static_cast<int>(std::ceil((region.x_max + 0.5 - x) * scale)));
@@ -143,24 +143,23 @@ std::optional<AlignmentPlan> planAlignment(const RefinerSettings& settings,
   const ObjectRegion seen = *objectRegion(observation.camera, wide, object);
 
   AlignmentPlan plan;
-  plan.scatter.count = settings.stages.front().hypotheses;
-  plan.scatter.rotation_rad.setConstant(prior.rotation_rad);
-  plan.scatter.translation.setConstant(prior.translation * object.diameter);
-  plan.scatter.rotate_about_object = prior.rotate_about_object;
-  plan.scatter.object_centre = object.centre;
-  plan.scatter.seed = settings.seed;
-  setLimits(prior, object, &plan.scatter);
+  plan.sampling.count = settings.stages.front().hypotheses;
+  plan.sampling.rotation_rad.setConstant(prior.rotation_rad);
+  plan.sampling.translation.setConstant(prior.translation * object.diameter);
+  plan.sampling.rotate_about_object = prior.rotate_about_object;
+  plan.sampling.object_centre = object.centre;
+  plan.sampling.seed = settings.seed;
+  setLimits(prior, object, &plan.sampling);
   for (std::size_t i = 0; i < settings.stages.size(); ++i) {
     const AlignStageSettings& stage = settings.stages[i];
     const bool last = i + 1 == settings.stages.size();
     const AlignStage align = alignStage(settings, stage, observation.background, last);
-    const double least_px = align.compare_contrast ? kLeastContrastPixels : 0;
-    const Camera camera =
-        levelCamera(observation.camera, seen, std::max(stage.object_px, least_px));
+    const double min_px = align.compare_contrast ? kMinContrastPixels : 0;
+    const Camera camera = levelCamera(observation.camera, seen, std::max(stage.object_px, min_px));
     plan.levels.push_back({camera, stage.blur_px});
     const double object_px = seen.diameter_px * camera.fx / observation.camera.fx;
     plan.stages.push_back({std::to_string(std::lround(object_px)) + " px", static_cast<int>(i),
-                           align, selectPlan(settings, i, object_px, prior, object)});
+                           align, resamplingPlan(settings, i, object_px, prior, object)});
   }
   return plan;
 }

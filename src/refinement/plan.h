@@ -5,25 +5,25 @@
 #include <string>
 #include <vector>
 
-#include "nerf_pose_refiner/observation.h"
 #include "field/field.h"
+#include "nerf_pose_refiner/observation.h"
 #include "refinement/refiner.h"
 
 namespace nerf_pose_refiner {
 
-/// The part of a picture in which an object may be seen [px], and how large it is there.
+/// The part of an image in which an object may be seen [px], and how large it is there.
 struct ObjectRegion {
-  double x_min = 0, y_min = 0, x_max = 0, y_max = 0;  ///< borders of pixels, within the picture
-  double diameter_px = 0;  ///< of the object; of the picture if the object is larger
+  double x_min = 0, y_min = 0, x_max = 0, y_max = 0;  ///< borders of pixels, within the image
+  double diameter_px = 0;  ///< of the object; of the image if the object is larger
 };
 
 /// Where an object may be seen if its pose is the prior's, give or take the prior's spread: the
-/// projection of a ball around it, inflated. Nothing if that lies wholly outside of the picture.
+/// projection of a ball around it, inflated. Nothing if that lies wholly outside of the image.
 std::optional<ObjectRegion> objectRegion(const Camera& camera, const Prior& prior,
                                          const FieldMetadata& object);
 
 /// The camera of a region resized so that the object spans `object_px`, never finer than the
-/// picture itself.
+/// image itself.
 Camera levelCamera(const Camera& camera, const ObjectRegion& region, double object_px);
 
 /// How poses are compared with an observation: what all stages have in common.
@@ -34,17 +34,17 @@ struct PlannedStage {
   std::string name;
   int level = 0;
   AlignStage align;
-  SelectPlan select;  ///< after the stage's scores: who goes on
+  ResamplingPlan resample;  ///< after the stage's scores: who goes on
 };
 
 /// Direct alignment from a prior to a pose.
 struct AlignmentPlan {
   std::vector<ImageLevel> levels;
-  ScatterPlan scatter;
+  SamplingPlan sampling;
   std::vector<PlannedStage> stages;
 };
 
-/// Makes the schedule of direct alignment. Nothing if the prior lies wholly outside of the picture.
+/// Makes the schedule of direct alignment. Nothing if the prior lies wholly outside of the image.
 std::optional<AlignmentPlan> planAlignment(const RefinerSettings& settings,
                                            const Observation& observation, const Prior& prior,
                                            const FieldMetadata& object);

@@ -22,7 +22,7 @@ void requireWidth(const char* name, double value, double most) {
   }
 }
 
-constexpr double kMostSamplesPerStep = 1 << 28;  // of a batch
+constexpr double kMaxSamplesPerStep = 1 << 28;  // of a batch
 
 int countLive(const HypothesisTable& table) {
   int live = 0;
@@ -45,7 +45,7 @@ void RefinementRun::trace(const std::string& stage, const HypothesisTable& table
   TraceEntry entry;
   entry.stage = stage;
   entry.seconds = secondsBetween(stage_start, now) / together;
-  entry.work = (engine->work() - stage_work) / together;
+  entry.work = (backend->work() - stage_work) / together;
   entry.live = countLive(table);
   if (entry.live > 0) {
     entry.best_loss = table.front().loss;
@@ -53,7 +53,7 @@ void RefinementRun::trace(const std::string& stage, const HypothesisTable& table
   }
   result->trace.push_back(entry);
   stage_start = now;
-  stage_work = engine->work();
+  stage_work = backend->work();
 }
 
 void RefinementRun::finish(const HypothesisTable& table) {
@@ -69,7 +69,8 @@ void RefinementRun::finish(const HypothesisTable& table) {
   result->T_O_C = {nearestRotation(best.T_O_C.R), best.T_O_C.t};
   result->visible_fraction = best.visible_fraction;
   const bool by_contrast = judgingStage(settings, observation.background).compare_contrast;
-  result->score = by_contrast ? calibratedScore(best.score, object.pose) : scoreOfShare(best.score);
+  result->score =
+      by_contrast ? calibratedScore(best.score, object.pose) : scoreOfFraction(best.score);
   result->covariance = poseCovariance(result->hypotheses, prior, object);
 }
 
@@ -78,27 +79,27 @@ bool Prior::isAsWideAs(const Prior& other) const {
          rotate_about_object == other.rotate_about_object;
 }
 
-Refiner::Refiner(std::shared_ptr<Engine> engine, const RefinerSettings& settings)
-    : engine_(std::move(engine)), settings_(settings) {
-  if (!engine_) throw std::invalid_argument("Refiner: the engine is null");
+Refiner::Refiner(std::shared_ptr<Backend> backend, const RefinerSettings& settings)
+    : backend_(std::move(backend)), settings_(settings) {
+  if (!backend_) throw std::invalid_argument("Refiner: the engine is null");
   settings_.validate();
 }
 
 Refinement Refiner::refine(const LoadedField& field, const Observation& observation,
-                           const Prior& prior, const StopToken& stop) {
+                           const Prior& prior, const CancellationToken& stop) {
   return refineAll(field, observation, {prior}, stop).front();
 }
 
 std::vector<Refinement> Refiner::refineAll(const LoadedField& field, const Observation& observation,
                                            const std::vector<Prior>& priors,
-                                           const StopToken& stop) {
+                                           const CancellationToken& stop) {
   if (!(field.field().metadata.diameter > 0)) {
     throw std::invalid_argument("Refiner: the diameter of the object '" +
                                 field.field().metadata.name + "' is not known");
   }
-  const bool together = settings_.method == Method::kDescend;
+  const bool together = settings_.method == Method::kInversion;
   const double samples = static_cast<double>(settings_.inversion.descent.samples_per_step);
-  if (together && samples * static_cast<double>(priors.size()) > kMostSamplesPerStep) {
+  if (together && samples * static_cast<double>(priors.size()) > kMaxSamplesPerStep) {
     throw std::invalid_argument("Refiner: " + std::to_string(priors.size()) +
                                 " priors at once are too many");
   }
@@ -112,7 +113,7 @@ std::vector<Refinement> Refiner::refineAll(const LoadedField& field, const Obser
   std::vector<RefinementRun> runs;
   for (std::size_t i = 0; i < priors.size(); ++i) {
     results[i].T_O_C = priors[i].T_O_C;
-    runs.push_back({engine_.get(), field, observation, priors[i], settings_, stop, &results[i]});
+    runs.push_back({backend_.get(), field, observation, priors[i], settings_, stop, &results[i]});
     if (together && i + 1 < priors.size()) continue;
     carryOut(&runs);
     runs.clear();
@@ -122,17 +123,17 @@ std::vector<Refinement> Refiner::refineAll(const LoadedField& field, const Obser
 
 void Refiner::carryOut(std::vector<RefinementRun>* runs) {
   const auto start = std::chrono::steady_clock::now();
-  const Work work_before = engine_->work();
+  const CostCounters work_before = backend_->work();
   try {
     if (settings_.method == Method::kAlign) {
       for (RefinementRun& run : *runs) runAlignment(&run);
     } else {
       runInversions(runs);
     }
-  } catch (const Stopped&) {
-    for (RefinementRun& run : *runs) run.result->outcome = Outcome::kStopped;
+  } catch (const Cancelled&) {
+    for (RefinementRun& run : *runs) run.result->outcome = Outcome::kCancelled;
   }
-  const Work work = engine_->work() - work_before;
+  const CostCounters work = backend_->work() - work_before;
   const double seconds = secondsBetween(start, std::chrono::steady_clock::now());
   for (RefinementRun& run : *runs) {
     if (run.together == 0) continue;

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "backend/engine.h"
+#include "backend/backend.h"
 #include "refinement/covariance.h"
 #include "refinement/settings.h"
 
@@ -32,15 +32,15 @@ enum class Outcome {
   kRefined,    ///< a pose was found; `score` says how well it explains the image
   kNoOverlap,  ///< the prior lies wholly outside of the image
   kDiverged,   ///< no hypothesis survived
-  kStopped,    ///< the stop token was set
+  kCancelled,  ///< the stop token was set
 };
 
 /// One line of the trace: the state after a stage.
 struct TraceEntry {
   std::string stage;
   double seconds = 0;
-  Work work;     ///< spent in this stage
-  int live = 0;  ///< hypotheses
+  CostCounters work;  ///< spent in this stage
+  int live = 0;       ///< hypotheses
   double best_loss = 0;
   Pose best_T_O_C;
 };
@@ -50,7 +50,7 @@ struct RefinementRun;  // src/refine/schedule.h
 struct Refinement {
   Outcome outcome = Outcome::kDiverged;
   Pose T_O_C;  ///< best pose, model units; of those that look alike the one nearest to the prior
-  /// 0..1, higher is better: Hypothesis::score on the scale of calibratedScore or scoreOfShare.
+  /// 0..1, higher is better: Hypothesis::score on the scale of calibratedScore or scoreOfFraction.
   double score = 0;
   double visible_fraction = 0;           ///< 0..1
   Matrix6 covariance = Matrix6::Zero();  ///< of the best pose; @see poseCovariance
@@ -58,34 +58,35 @@ struct Refinement {
                                          ///< @see nearestEquivalents
   std::vector<TraceEntry> trace;
   double seconds = 0;
-  Work work;
+  CostCounters work;
 };
 
-/// Finds the pose of an object in one image. Makes the schedule; an engine carries it out.
+/// Finds the pose of an object in one image. Makes the schedule; an backend carries it out.
 ///
-/// Not thread-safe: one caller at a time (an engine is not shared without a lock).
+/// Not thread-safe: one caller at a time (an backend is not shared without a lock).
 class Refiner {
  public:
   /// @param settings validated here. @throws std::invalid_argument.
-  Refiner(std::shared_ptr<Engine> engine, const RefinerSettings& settings);
+  Refiner(std::shared_ptr<Backend> backend, const RefinerSettings& settings);
 
   /// @throws std::invalid_argument for an observation or a prior that makes no sense (sizes, NaN).
   Refinement refine(const LoadedField& field, const Observation& observation, const Prior& prior,
-                    const StopToken& stop = {});
+                    const CancellationToken& stop = {});
 
-  /// The same from several priors. Inversions share the engine's batches: each has its part of the
+  /// The same from several priors. Inversions share the backend's batches: each has its part of the
   /// time and work, and there must be memory for as many samples a step as all of them take.
   /// Alignments look at parts of the image that their prior says, and go one after another.
   /// @throws std::invalid_argument also for priors of inversions that are not equally wide.
   std::vector<Refinement> refineAll(const LoadedField& field, const Observation& observation,
-                                    const std::vector<Prior>& priors, const StopToken& stop = {});
+                                    const std::vector<Prior>& priors,
+                                    const CancellationToken& stop = {});
 
   const RefinerSettings& settings() const { return settings_; }
 
  private:
   void carryOut(std::vector<RefinementRun>* runs);
 
-  std::shared_ptr<Engine> engine_;
+  std::shared_ptr<Backend> backend_;
   RefinerSettings settings_;
 };
 

@@ -11,17 +11,17 @@ namespace nerf_pose_refiner {
 
 /// One refinement under way: what a schedule works with, and where it writes its result.
 struct RefinementRun {
-  Engine* engine;
+  Backend* backend;
   const LoadedField& field;
   const Observation& observation;
   const Prior& prior;
   const RefinerSettings& settings;
-  const StopToken& stop;
+  const CancellationToken& stop;
   Refinement* result;
-  int together = 1;  ///< runs that share the engine's time and work; 0: this one takes none
+  int together = 1;  ///< runs that share the backend's time and work; 0: this one takes none
 
   std::chrono::steady_clock::time_point stage_start = std::chrono::steady_clock::now();
-  Work stage_work = engine->work();  ///< the engine's meter when the stage began
+  CostCounters stage_work = backend->work();  ///< the backend's meter when the stage began
 
   /// Ends a stage: appends a line to the trace with its share of time and work since the last one.
   /// @param table best first.
@@ -34,7 +34,7 @@ struct RefinementRun {
 /// Direct alignment, Method::kAlign.
 void runAlignment(RefinementRun* run);
 
-/// The paper's parallel inversion, Method::kDescend: of one image from several priors at once,
+/// The paper's parallel inversion, Method::kInversion: of one image from several priors at once,
 /// whose widths are the same.
 void runInversions(std::vector<RefinementRun>* runs);
 

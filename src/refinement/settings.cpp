@@ -73,17 +73,17 @@ RefinerSettings RefinerSettings::named(const std::string& preset) {
     settings.stages = {stage(64, 4, 2, 1, 1.5, 4), stage(96, 2, 2, 1, 0.7, 2),
                        stage(128, 1, 3, 1, 0.7, 1)};
   } else if (preset == "paper") {
-    settings.method = Method::kDescend;
+    settings.method = Method::kInversion;
     // One of the paper's losses; its Table I has L2, which ends farther off where the model is
     // wrong.
     settings.inversion.descent.loss = Loss::kLogL1;
-    settings.inversion.descent.schedule.anneal_share = 0.1;
+    settings.inversion.descent.schedule.anneal_fraction = 0.1;
   } else if (preset == "paper_single") {
-    settings.method = Method::kDescend;
+    settings.method = Method::kInversion;
     settings.inversion.hypotheses = 1;
     settings.inversion.descent.update = PoseUpdate::kAboutCamera;
   } else if (preset == "inerf") {
-    settings.method = Method::kDescend;
+    settings.method = Method::kInversion;
     settings.inversion = inerf();
   } else {
     std::string names;

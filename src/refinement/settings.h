@@ -11,8 +11,8 @@ namespace nerf_pose_refiner {
 
 /// How the pose is searched.
 enum class Method {
-  kAlign,    ///< direct alignment: coarse to fine, Gauss-Newton on rendered pictures
-  kDescend,  ///< the paper's parallel inversion: Adam on SO(3) x T(3) with resampling
+  kAlign,      ///< direct alignment: coarse to fine, Gauss-Newton on rendered images
+  kInversion,  ///< the paper's parallel inversion: Adam on SO(3) x T(3) with resampling
 };
 
 /// One stage of direct alignment as a user writes it: sizes relative to the object.
@@ -22,7 +22,7 @@ struct AlignStageSettings {
   int hypotheses = 64;    ///< followed in this stage
   int iterations = 10;    ///< at most
   int rays_per_side = 1;  ///< rays_per_side^2 rays a pixel
-  double blur_px = 1.0;   ///< sigma of the total blur of both pictures
+  double blur_px = 1.0;   ///< sigma of the total blur of both images
   double step_scale = 1;  ///< of the field's sample intervals along a ray: larger is coarser
 };
 
@@ -43,15 +43,16 @@ struct InversionSettings {
                                                      ///< axis, about the camera; 0: the prior's
   double spread_translation = 0.3;  ///< the same for the position, axes of O; 0: the prior's
 
-  double keep_share = 0.25;  ///< round k = 1.. keeps hypotheses * keep_share * keep_decay^k
-  double keep_decay = 0.5;   ///< ... so 8, 4, 4, 4 of 64 ...
-  int keep_at_least = 4;     ///< ... but at least so many
+  double keep_fraction = 0.25;  ///< round k = 1.. keeps hypotheses * keep_fraction * keep_decay^k
+  double keep_decay = 0.5;      ///< ... so 8, 4, 4, 4 of 64 ...
+  int keep_at_least = 4;        ///< ... but at least so many
   double jitter_rotation_rad = 0.052359877559829887;  ///< half width per axis, about the camera
   double jitter_translation = 0.1;                    ///< half width per axis, axes of O, then
 
   int score_pixels = 16384;  ///< on which all are compared at the end, to choose the winner
 
-  DescentPlan descent;  ///< its `length_unit` is in units here; its seed comes from the refiner
+  OptimisationPlan
+      descent;  ///< its `length_unit` is in units here; its seed comes from the refiner
 
   /// Length of a unit for an object of this diameter [model units].
   double unitFor(double object_diameter) const;
@@ -75,7 +76,7 @@ struct RefinerSettings {
   bool compare_contrast = true;
   bool fit_gain_bias = true;  ///< ignored before a known colour: the light is that of the photos
 
-  InversionSettings inversion;  ///< of Method::kDescend
+  InversionSettings inversion;  ///< of Method::kInversion
 
   std::uint64_t seed = 1;
 

@@ -13,8 +13,8 @@ namespace {
 
 constexpr double kLevels_px[] = {48, 96};  // across the object, coarse to fine
 constexpr double kRegion = 1.5;            // side of what is looked at, in object diameters
-constexpr double kMostRotation_rad = 0.1;  // farther from its pose no view is moved
-constexpr double kMostTranslation = 0.15;  // the same for the object's centre, in diameters
+constexpr double kMaxRotation_rad = 0.1;   // farther from its pose no view is moved
+constexpr double kMaxTranslation = 0.15;   // the same for the object's centre, in diameters
 
 // How exact measured poses are taken to be, standard deviations per axis: of the camera's rotation,
 // and of its centre in object diameters (2 mm of 0.2 m).
@@ -86,8 +86,8 @@ Pose fused(const Hypothesis& aligned, const Pose& measured, const FieldMetadata&
 }
 
 /// @param measured where the view's camera was measured to be.
-Pose alignView(Engine* engine, const LoadedField& field, const PosedView& view,
-               const Pose& measured, bool has_alpha, const StopToken& stop) {
+Pose alignView(Backend* backend, const LoadedField& field, const PosedView& view,
+               const Pose& measured, bool has_alpha, const CancellationToken& stop) {
   const FieldMetadata& object = field.field().metadata;
   const Eigen::Vector3d centre_C = view.T_O_C.inverse() * object.centre;
   if (centre_C.z() < object.diameter) return view.T_O_C;
@@ -95,35 +95,35 @@ Pose alignView(Engine* engine, const LoadedField& field, const PosedView& view,
   for (const double object_px : kLevels_px) {
     levels.push_back(levelAround(view.camera, centre_C, object.diameter, object_px));
   }
-  const auto observation = engine->observe(observationOf(view, has_alpha), levels);
-  ScatterPlan start;  // from the pose itself
+  const auto observation = backend->observe(observationOf(view, has_alpha), levels);
+  SamplingPlan start;  // from the pose itself
   start.count = 1;
   start.object_centre = object.centre;
-  start.rotation_limit_rad = kMostRotation_rad;
-  start.translation_limit = kMostTranslation * object.diameter;
-  const auto batch = engine->batch(1);
-  engine->scatter(batch.get(), {view.T_O_C}, start);
+  start.rotation_limit_rad = kMaxRotation_rad;
+  start.translation_limit = kMaxTranslation * object.diameter;
+  const auto batch = backend->batch(1);
+  backend->sample(batch.get(), {view.T_O_C}, start);
   AlignStage stage;
   stage.alpha_weight = has_alpha ? 1.0 : 0.03;  // probabilities from colours err often
   for (std::size_t i = 0; i < levels.size(); ++i) {
     const bool last = i + 1 == levels.size();
     stage.step_scale = last ? 1.0f : 2.0f;
-    engine->align(batch.get(), field, *observation, static_cast<int>(i), stage, stop);
+    backend->align(batch.get(), field, *observation, static_cast<int>(i), stage, stop);
   }
-  const HypothesisTable table = engine->read(*batch);
+  const HypothesisTable table = backend->read(*batch);
   const bool aligned = !table.empty() && table.front().state == HypothesisState::kLive;
   return aligned ? fused(table.front(), measured, object) : view.T_O_C;
 }
 
 }  // namespace
 
-std::vector<Pose> alignViews(Engine* engine, const LoadedField& field,
+std::vector<Pose> alignViews(Backend* backend, const LoadedField& field,
                              const std::vector<PosedView>& views, const std::vector<Pose>& measured,
-                             bool has_alpha, const StopToken& stop) {
+                             bool has_alpha, const CancellationToken& stop) {
   std::vector<Pose> poses;
   for (std::size_t i = 0; i < views.size(); ++i) {
     stop.check();
-    poses.push_back(alignView(engine, field, views[i], measured.at(i), has_alpha, stop));
+    poses.push_back(alignView(backend, field, views[i], measured.at(i), has_alpha, stop));
   }
   return poses;
 }
@@ -143,7 +143,7 @@ std::vector<Pose> inMeasuredFrame(const std::vector<Pose>& refined,
   const Eigen::Vector3d shift = similarity.topRightCorner<3, 1>();
   // Centres on a line leave the rotation about it open: any may come out.
   const bool known = similarity.allFinite() &&
-                     rotationDistance(rotation, Eigen::Matrix3d::Identity()) <= kMostRotation_rad;
+                     rotationDistance(rotation, Eigen::Matrix3d::Identity()) <= kMaxRotation_rad;
   if (!known) return refined;
   std::vector<Pose> poses;
   for (const Pose& pose : refined) {

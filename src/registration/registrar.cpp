@@ -20,14 +20,14 @@ using Clock = std::chrono::steady_clock;
 
 constexpr double kProgressInterval_s = 0.5;
 constexpr double kQualityInterval = 0.1;  // of the training, between looks at the held-out views
-constexpr double kMostPsnr_db = 100;      // of two pictures that are equal
+constexpr double kMaxPsnr_db = 100;       // of two images that are equal
 constexpr double kPreviewSize_px = 320;
 
 // Rounds of a rough training and an alignment of the views with its model, and how far silhouettes
 // may be out of place before each (@see visualHull) and after the last.
 constexpr double kRoundSlack[] = {0.1, 0.03};
 constexpr double kSlackAfter = 0.015;
-constexpr int kRoughShare = 4;  // a rough training has so much fewer steps, and time
+constexpr int kRoughFraction = 4;  // a rough training has so much fewer steps, and time
 
 double secondsSince(Clock::time_point start) {
   return std::chrono::duration<double>(Clock::now() - start).count();
@@ -90,15 +90,16 @@ std::vector<std::uint8_t> tellingPixels(const PosedView& view, const Box& box) {
 
 /// Error of a rendering on black against a view.
 struct ViewError {
-  double psnr_db;     ///< at most kMostPsnr_db
+  double psnr_db;     ///< at most kMaxPsnr_db
   double inside_rms;  ///< where the view shows the object
 };
 
-ViewError viewError(Engine* engine, const LoadedField& field, const PosedView& view,
-                    const StopToken& stop) {
+ViewError viewError(Backend* backend, const LoadedField& field, const PosedView& view,
+                    const CancellationToken& stop) {
   const PremultipliedImage truth = premultiply(*view.rgba);
   const std::vector<std::uint8_t> telling = tellingPixels(view, field.field().box);
-  const Rendering rendering = engine->render(field, view.camera, view.T_O_C, RenderOptions(), stop);
+  const Rendering rendering =
+      backend->render(field, view.camera, view.T_O_C, RenderOptions(), stop);
   double squares = 0, inside_squares = 0;
   std::size_t pixels = 0, inside = 0;
   for (std::size_t i = 0; i < telling.size(); ++i) {
@@ -117,7 +118,7 @@ ViewError viewError(Engine* engine, const LoadedField& field, const PosedView& v
   const auto mean = [](double sum, std::size_t n) {
     return n > 0 ? sum / (3.0 * static_cast<double>(n)) : 0;
   };
-  return {std::min(kMostPsnr_db, -10 * std::log10(mean(squares, pixels))),
+  return {std::min(kMaxPsnr_db, -10 * std::log10(mean(squares, pixels))),
           std::sqrt(mean(inside_squares, inside))};
 }
 
@@ -133,17 +134,17 @@ bool isTelling(const PosedView& view, const Box& box) {
 /// One run of a trainer: steps until the time, the steps or the quality are reached.
 class TrainingRun {
  public:
-  TrainingRun(Engine* engine, FieldTrainer* trainer, const RegistrationSettings& settings,
+  TrainingRun(Backend* backend, FieldTrainer* trainer, const RegistrationSettings& settings,
               const std::vector<PosedView>& held_out, const PosedView& previewed,
               const std::function<void(const RegistrationProgress&)>& progress)
-      : engine_(engine),
+      : backend_(backend),
         trainer_(trainer),
         settings_(settings),
         held_out_(held_out),
         previewed_(previewed),
         progress_(progress) {}
 
-  void run(const char* stage, const StopToken& stop) {
+  void run(const char* stage, const CancellationToken& stop) {
     double next_look = kQualityInterval;
     while (done() < 1) {
       stop.check();
@@ -151,8 +152,8 @@ class TrainingRun {
       report(stage, [&] { return preview(stop); });
       if (settings_.target_psnr_db > 0 && !held_out_.empty() && done() >= next_look) {
         next_look += kQualityInterval;
-        const auto field = engine_->load(std::make_shared<Field>(trainer_->snapshot(stop)));
-        psnr_db_ = meanPsnr(engine_, *field, held_out_, stop);
+        const auto field = backend_->load(std::make_shared<Field>(trainer_->snapshot(stop)));
+        psnr_db_ = meanPsnr(backend_, *field, held_out_, stop);
         if (psnr_db_ >= settings_.target_psnr_db) break;
       }
     }
@@ -177,11 +178,11 @@ class TrainingRun {
   }
 
  private:
-  Rendering preview(const StopToken& stop) {
+  Rendering preview(const CancellationToken& stop) {
     const Camera& full = previewed_.camera;
     const double scale = std::min(1.0, kPreviewSize_px / std::max(full.width, full.height));
-    const auto field = engine_->load(std::make_shared<Field>(trainer_->snapshot(stop)));
-    return engine_->render(*field, full.scaled(scale), previewed_.T_O_C, RenderOptions(), stop);
+    const auto field = backend_->load(std::make_shared<Field>(trainer_->snapshot(stop)));
+    return backend_->render(*field, full.scaled(scale), previewed_.T_O_C, RenderOptions(), stop);
   }
 
   /// Share of the training that is over, by steps or by time.
@@ -192,7 +193,7 @@ class TrainingRun {
     return std::min(1.0, std::max(by_steps, by_time));
   }
 
-  Engine* engine_;
+  Backend* backend_;
   FieldTrainer* trainer_;
   const RegistrationSettings& settings_;
   const std::vector<PosedView>& held_out_;
@@ -205,13 +206,13 @@ class TrainingRun {
 };
 
 /// How well held-out views are shown at their true poses.
-void measureQuality(Engine* engine, const std::vector<PosedView>& held_out, const StopToken& stop,
-                    Field* field) {
+void measureQuality(Backend* backend, const std::vector<PosedView>& held_out,
+                    const CancellationToken& stop, Field* field) {
   if (held_out.empty()) return;
-  const auto loaded = engine->load(std::make_shared<Field>(*field));
+  const auto loaded = backend->load(std::make_shared<Field>(*field));
   double psnr_sum = 0, sum = 0, squares = 0;
   for (const PosedView& view : held_out) {
-    const ViewError error = viewError(engine, *loaded, view, stop);
+    const ViewError error = viewError(backend, *loaded, view, stop);
     psnr_sum += error.psnr_db;
     sum += error.inside_rms;
     squares += error.inside_rms * error.inside_rms;
@@ -235,7 +236,7 @@ void requireBox(const Dataset& dataset) {
 /// Before backgrounds that change only what is opaque looks right: objects where their photos say
 /// so, and scenes everywhere. (An object in a box may end before the background that is seen in the
 /// box, too.)
-std::unique_ptr<FieldTrainer> trainerOf(Engine* engine, const std::vector<PosedView>& training,
+std::unique_ptr<FieldTrainer> trainerOf(Backend* backend, const std::vector<PosedView>& training,
                                         bool has_alpha, const RegistrationSettings& settings,
                                         Hull hull) {
   TrainingPlan plan = settings.plan;
@@ -244,68 +245,69 @@ std::unique_ptr<FieldTrainer> trainerOf(Engine* engine, const std::vector<PosedV
   plan.seed = settings.seed;
   std::vector<TrainingView> views;
   for (const PosedView& view : training) views.push_back({view.rgba, view.camera, view.T_O_C});
-  return engine->trainer(FieldConfig::named(settings.profile), hull.box, std::move(views), plan);
+  return backend->trainer(FieldConfig::named(settings.profile), hull.box, std::move(views), plan);
 }
 
 Hull hullOf(const Dataset& dataset, const RegistrationSettings& settings, double slack,
-            const StopToken& stop) {
+            const CancellationToken& stop) {
   const int resolution = FieldConfig::named(settings.profile).occupancy_resolution;
   return visualHull(dataset, resolution, settings.threads, stop, slack);
 }
 
-Field finished(FieldTrainer* trainer, const Dataset& dataset, const StopToken& stop) {
+Field finished(FieldTrainer* trainer, const Dataset& dataset, const CancellationToken& stop) {
   Field field = trainer->finish(stop);
   if (field.metadata.diameter > 0) return field;
   throw std::runtime_error(dataset.folder + ": training found no opaque matter");
 }
 
 /// One training, and its quality.
-Field train(Engine* engine, const Dataset& dataset, const RegistrationSettings& settings,
+Field train(Backend* backend, const Dataset& dataset, const RegistrationSettings& settings,
             double slack, const std::function<void(const RegistrationProgress&)>& progress,
-            const StopToken& stop) {
+            const CancellationToken& stop) {
   Hull hull = hullOf(dataset, settings, slack, stop);
   std::vector<PosedView> training, held_out;
   split(dataset.views, settings.held_out, &training, &held_out);
   held_out.erase(std::remove_if(held_out.begin(), held_out.end(),
                                 [&](const PosedView& view) { return !isTelling(view, hull.box); }),
                  held_out.end());
-  const auto trainer = trainerOf(engine, training, dataset.has_alpha, settings, std::move(hull));
-  TrainingRun run(engine, trainer.get(), settings, held_out, training.front(), progress);
+  const auto trainer = trainerOf(backend, training, dataset.has_alpha, settings, std::move(hull));
+  TrainingRun run(backend, trainer.get(), settings, held_out, training.front(), progress);
   run.run("training", stop);
   run.report("occupancy");
   Field field = finished(trainer.get(), dataset, stop);
   run.report("quality");
-  measureQuality(engine, held_out, stop, &field);
+  measureQuality(backend, held_out, stop, &field);
   run.report("pose quality");
   field.metadata.symmetries = settings.symmetries;
-  const auto loaded = engine->load(std::make_shared<Field>(field));
-  field.metadata.pose = measurePoses(engine, *loaded, poseViews(held_out, training), stop);
+  const auto loaded = backend->load(std::make_shared<Field>(field));
+  field.metadata.pose = measurePoses(backend, *loaded, poseViews(held_out, training), stop);
   return field;
 }
 
 /// The dataset with poses that agree with each other (@see alignViews).
-Dataset withCorrectedPoses(Engine* engine, const Dataset& dataset,
+Dataset withCorrectedPoses(Backend* backend, const Dataset& dataset,
                            const RegistrationSettings& settings,
                            const std::function<void(const RegistrationProgress&)>& progress,
-                           const StopToken& stop) {
+                           const CancellationToken& stop) {
   RegistrationSettings rough = settings;
-  rough.steps = std::max(1, settings.steps / kRoughShare);
-  rough.max_seconds = settings.max_seconds / kRoughShare;
+  rough.steps = std::max(1, settings.steps / kRoughFraction);
+  rough.max_seconds = settings.max_seconds / kRoughFraction;
   rough.target_psnr_db = 0;
   std::vector<Pose> measured;
   for (const PosedView& view : dataset.views) measured.push_back(view.T_O_C);
   Dataset corrected = dataset;
   for (const double slack : kRoundSlack) {
-    const auto trainer = trainerOf(engine, corrected.views, dataset.has_alpha, rough,
+    const auto trainer = trainerOf(backend, corrected.views, dataset.has_alpha, rough,
                                    hullOf(corrected, rough, slack, stop));
     const std::vector<PosedView> none_held_out;
-    TrainingRun run(engine, trainer.get(), rough, none_held_out, corrected.views.front(), progress);
+    TrainingRun run(backend, trainer.get(), rough, none_held_out, corrected.views.front(),
+                    progress);
     run.run("rough training", stop);
     run.report("poses");
     const auto field =
-        engine->load(std::make_shared<Field>(finished(trainer.get(), dataset, stop)));
+        backend->load(std::make_shared<Field>(finished(trainer.get(), dataset, stop)));
     const std::vector<Pose> poses = inMeasuredFrame(
-        alignViews(engine, *field, corrected.views, measured, dataset.has_alpha, stop), measured);
+        alignViews(backend, *field, corrected.views, measured, dataset.has_alpha, stop), measured);
     for (std::size_t i = 0; i < poses.size(); ++i) corrected.views[i].T_O_C = poses[i];
   }
   return corrected;
@@ -336,19 +338,19 @@ void RegistrationSettings::validate() const {
           "final_learning_rate_factor", plan.final_learning_rate_factor, "in (0, 1]");
 }
 
-Field registerObject(Engine* engine, const Dataset& dataset, const RegistrationSettings& settings,
+Field registerObject(Backend* backend, const Dataset& dataset, const RegistrationSettings& settings,
                      const std::function<void(const RegistrationProgress&)>& progress,
-                     const StopToken& stop) {
+                     const CancellationToken& stop) {
   settings.validate();
   requireBox(dataset);
   Field field;
   if (settings.refine_poses) {
-    const Dataset corrected = withCorrectedPoses(engine, dataset, settings, progress, stop);
+    const Dataset corrected = withCorrectedPoses(backend, dataset, settings, progress, stop);
     RegistrationSettings rest = settings;
     rest.max_seconds = 0.5 * settings.max_seconds;
-    field = train(engine, corrected, rest, kSlackAfter, progress, stop);
+    field = train(backend, corrected, rest, kSlackAfter, progress, stop);
   } else {
-    field = train(engine, dataset, settings, 0, progress, stop);
+    field = train(backend, dataset, settings, 0, progress, stop);
   }
   field.metadata.metres_per_unit =
       settings.metres_per_unit > 0 ? settings.metres_per_unit : dataset.metres_per_unit;
@@ -357,7 +359,7 @@ Field registerObject(Engine* engine, const Dataset& dataset, const RegistrationS
 }
 
 std::string registrationHash(const Dataset& dataset, const RegistrationSettings& settings,
-                             const StopToken& stop) {
+                             const CancellationToken& stop) {
   Checksum checksum;
   for (const PosedView& view : dataset.views) {
     stop.check();
@@ -386,11 +388,11 @@ std::string registrationHash(const Dataset& dataset, const RegistrationSettings&
   return checksum.text();
 }
 
-double meanPsnr(Engine* engine, const LoadedField& field, const std::vector<PosedView>& views,
-                const StopToken& stop) {
+double meanPsnr(Backend* backend, const LoadedField& field, const std::vector<PosedView>& views,
+                const CancellationToken& stop) {
   if (views.empty()) throw std::invalid_argument("PSNR of no views");
   double sum = 0;
-  for (const PosedView& view : views) sum += viewError(engine, field, view, stop).psnr_db;
+  for (const PosedView& view : views) sum += viewError(backend, field, view, stop).psnr_db;
   return sum / static_cast<double>(views.size());
 }
 

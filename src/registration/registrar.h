@@ -5,8 +5,8 @@
 #include <functional>
 #include <string>
 
+#include "backend/backend.h"
 #include "dataset/dataset.h"
-#include "backend/engine.h"
 
 namespace nerf_pose_refiner {
 
@@ -27,7 +27,8 @@ struct RegistrationSettings {
   Symmetries symmetries;
   TrainingPlan plan;  ///< its region, background and seed are set here
   std::uint64_t seed = 1;
-  int threads = 0;  ///< for what is not the engine's work; 0: all cores. Does not change the result
+  int threads =
+      0;  ///< for what is not the backend's work; 0: all cores. Does not change the result
 
   /// @throws std::invalid_argument naming the setting and the value that is out of range.
   void validate() const;
@@ -51,20 +52,20 @@ struct RegistrationProgress {
 /// @param progress called from this thread, about twice a second; may be empty.
 /// @throws std::invalid_argument for settings or a box that make no sense, std::runtime_error for
 /// photos that give no model, Stopped.
-Field registerObject(Engine* engine, const Dataset& dataset, const RegistrationSettings& settings,
+Field registerObject(Backend* backend, const Dataset& dataset, const RegistrationSettings& settings,
                      const std::function<void(const RegistrationProgress&)>& progress,
-                     const StopToken& stop);
+                     const CancellationToken& stop);
 
 /// A hash of the images, poses and settings: equal means that a model was learned from the same.
 /// (To the last bit training gives it again only where no time limit ends it.)
 /// @throws Stopped.
 std::string registrationHash(const Dataset& dataset, const RegistrationSettings& settings,
-                             const StopToken& stop = {});
+                             const CancellationToken& stop = {});
 
 /// Mean PSNR [dB] over views, rendered on black against the views composited on black. Of a view
 /// without transparency only the pixels count whose rays meet the field's box: what lies behind
 /// the others is not of the object.
-double meanPsnr(Engine* engine, const LoadedField& field, const std::vector<PosedView>& views,
-                const StopToken& stop);
+double meanPsnr(Backend* backend, const LoadedField& field, const std::vector<PosedView>& views,
+                const CancellationToken& stop);
 
 }  // namespace nerf_pose_refiner

@@ -7,8 +7,8 @@
 #include <memory>
 #include <stdexcept>
 
-#include "field/matter.h"
 #include "concurrency/parallel.h"
+#include "field/occupied_volume.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -17,7 +17,7 @@ constexpr int kCoarseResolution = 64;  // for the first, generous box
 constexpr int kOpaque = 13;            // alpha of 255 that shows the object: 5 %
 constexpr double kMarginCells = 2;     // around the hull
 
-/// A pixel's number, however far outside of the picture the point lies.
+/// A pixel's number, however far outside of the image the point lies.
 int pixelAt(double whole) { return static_cast<int>(std::min(1e9, std::max(-1e9, whole))); }
 
 /// Numbers of opaque pixels in upright rectangles of a silhouette, by a summed-area table.
@@ -44,13 +44,13 @@ class Silhouette {
     return std::max(columns, rows);
   }
 
-  /// True if an opaque pixel lies on the picture's border: the object may reach out of it.
+  /// True if an opaque pixel lies on the image's border: the object may reach out of it.
   bool touchesBorder() const {
     return touches(0, 0, width_ - 1, 0) || touches(0, height_ - 1, width_ - 1, height_ - 1) ||
            touches(0, 0, 0, height_ - 1) || touches(width_ - 1, 0, width_ - 1, height_ - 1);
   }
 
-  /// True if a pixel of the rectangle (clipped to the picture) is opaque.
+  /// True if a pixel of the rectangle (clipped to the image) is opaque.
   bool touches(int x0, int y0, int x1, int y1) const {
     x0 = std::max(0, x0), y0 = std::max(0, y0);
     x1 = std::min(width_ - 1, x1), y1 = std::min(height_ - 1, y1);
@@ -71,7 +71,7 @@ struct Witness {
   Camera camera;
   Pose T_C_O;
   Silhouette silhouette;
-  bool cut_off;     ///< the object may reach out of the picture
+  bool cut_off;     ///< the object may reach out of the image
   double slack_px;  ///< how far the silhouette may be out of place
 
   Witness(const PosedView& view, double slack)
@@ -83,7 +83,7 @@ struct Witness {
 };
 
 std::vector<Witness> witnessesOf(const std::vector<PosedView>& views, double slack, int threads,
-                                 const StopToken& stop) {
+                                 const CancellationToken& stop) {
   std::vector<std::unique_ptr<Witness>> made(views.size());
   parallelFor(threads, static_cast<int>(views.size()), [&](int i) {
     stop.check();
@@ -95,7 +95,7 @@ std::vector<Witness> witnessesOf(const std::vector<PosedView>& views, double sla
 }
 
 /// A generous first box: a cube around the point nearest to all optical axes. Half its side is the
-/// longest half diagonal of what the pictures show at that point's distance.
+/// longest half diagonal of what the images show at that point's distance.
 Box boxOfPictures(const std::vector<PosedView>& views) {
   Eigen::Matrix3d A = 1e-9 * Eigen::Matrix3d::Identity();
   Eigen::Vector3d b = Eigen::Vector3d::Zero();
@@ -172,7 +172,7 @@ void judgeSlice(const Witness& view, int z, Cells* cells) {
 
 /// Cells of the box that no silhouette denies, in a grid over the box's cube.
 OccupancyGrid carve(const std::vector<Witness>& views, const Box& box, int n, int threads,
-                    const StopToken& stop) {
+                    const CancellationToken& stop) {
   Cells cells(box, n);
   parallelFor(threads, n, [&](int z) {
     for (int y = 0; y < n; ++y) {
@@ -222,7 +222,7 @@ Box tightBox(const OccupancyGrid& grid, const Box& box, const std::string& folde
 
 }  // namespace
 
-Hull visualHull(const Dataset& dataset, int resolution, int threads, const StopToken& stop,
+Hull visualHull(const Dataset& dataset, int resolution, int threads, const CancellationToken& stop,
                 double slack) {
   if (dataset.views.empty()) throw std::runtime_error(dataset.folder + ": no views");
   const Box given{dataset.box_min, dataset.box_max};

@@ -3,7 +3,7 @@
 
 #include "dataset/dataset.h"
 #include "field/field.h"
-#include "nerf_pose_refiner/stop_token.h"
+#include "nerf_pose_refiner/cancellation_token.h"
 
 namespace nerf_pose_refiner {
 
@@ -16,14 +16,14 @@ struct Hull {
 /// Box and region of the matter (Laurentini 1994: the visual hull, on a grid of cells).
 ///
 /// A cell stays if every view that holds it shows some of the object there, and a quarter of the
-/// views hold it. A picture without anything opaque on its border holds the whole object, so all
+/// views hold it. An image without anything opaque on its border holds the whole object, so all
 /// of space; any other holds what lies inside. Without alpha the dataset's own box is taken, whole.
 /// @param resolution of the region's grid, a multiple of 8. @param threads 0: all cores.
 /// @param slack by how much silhouettes may be out of place, a share of their widths and heights:
 /// each is taken as so much wider on all sides. For poses that are not exact.
 /// @throws std::runtime_error if there is neither alpha nor a box, or if the silhouettes have no
 /// common volume (poses that do not belong to the images, say). Stopped.
-Hull visualHull(const Dataset& dataset, int resolution, int threads, const StopToken& stop,
+Hull visualHull(const Dataset& dataset, int resolution, int threads, const CancellationToken& stop,
                 double slack = 0);
 
 }  // namespace nerf_pose_refiner

@@ -9,22 +9,23 @@ namespace {
 
 /// The time that trainings get for a time of refinements.
 std::chrono::steady_clock::duration gapAfter(std::chrono::steady_clock::duration busy) {
-  constexpr double kShare = ProcessorSchedule::kTrainingShare;
-  const double gap_s = std::chrono::duration<double>(busy).count() * kShare / (1 - kShare);
+  constexpr double kFraction = ProcessorSchedule::kTrainingFraction;
+  const double gap_s = std::chrono::duration<double>(busy).count() * kFraction / (1 - kFraction);
   return std::chrono::duration_cast<std::chrono::steady_clock::duration>(
       std::chrono::duration<double>(std::min(gap_s, ProcessorSchedule::kLongestGap_s)));
 }
 
 }  // namespace
 
-ProcessorSchedule::Refinement::Refinement(ProcessorSchedule* schedule, const StopToken& stop)
+ProcessorSchedule::Refinement::Refinement(ProcessorSchedule* schedule,
+                                          const CancellationToken& stop)
     : schedule_(schedule) {
   schedule_->begin(stop);
 }
 
 ProcessorSchedule::Refinement::~Refinement() { schedule_->end(); }
 
-ProcessorSchedule::Training::Training(ProcessorSchedule* schedule, const StopToken& token)
+ProcessorSchedule::Training::Training(ProcessorSchedule* schedule, const CancellationToken& token)
     : schedule_(schedule) {
   std::lock_guard<std::mutex> lock(schedule_->mutex_);
   token_ = schedule_->trainings_.insert(schedule_->trainings_.end(), token);
@@ -45,17 +46,17 @@ bool ProcessorSchedule::trainingIsDue(Clock::time_point now) const {
   return std::chrono::duration<double>(gapAfter(now - busy_since_)).count() >= kLongestGap_s;
 }
 
-void ProcessorSchedule::begin(const StopToken& stop) {
+void ProcessorSchedule::begin(const CancellationToken& stop) {
   std::unique_lock<std::mutex> lock(mutex_);
   // Polled, for a token that is set wakes nobody.
-  while (trainingIsDue(Clock::now()) && !stop.stopRequested()) {
+  while (trainingIsDue(Clock::now()) && !stop.cancelRequested()) {
     lock.unlock();
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
     lock.lock();
   }
   if (refinements_++ > 0) return;
   busy_since_ = Clock::now();
-  for (const StopToken& training : trainings_) training.setPaused(true);
+  for (const CancellationToken& training : trainings_) training.setPaused(true);
 }
 
 void ProcessorSchedule::end() {
@@ -63,7 +64,7 @@ void ProcessorSchedule::end() {
   if (--refinements_ > 0) return;
   const Clock::time_point now = Clock::now();
   gap_end_ = now + gapAfter(now - busy_since_);
-  for (const StopToken& training : trainings_) training.setPaused(false);
+  for (const CancellationToken& training : trainings_) training.setPaused(false);
 }
 
 }  // namespace nerf_pose_refiner

@@ -5,7 +5,7 @@
 #include <list>
 #include <mutex>
 
-#include "nerf_pose_refiner/stop_token.h"
+#include "nerf_pose_refiner/cancellation_token.h"
 
 namespace nerf_pose_refiner {
 
@@ -14,18 +14,19 @@ namespace nerf_pose_refiner {
 ///
 /// So that a training comes to an end beside a camera that never rests, it gets a share: when the
 /// processor was busy with refinements for a time t, the next one waits for
-/// t * kTrainingShare / (1 - kTrainingShare), at most kLongestGap_s, counted from the end of the
-/// last. A gap between two images counts as well. May be used from many threads at once.
+/// t * kTrainingFraction / (1 - kTrainingFraction), at most kLongestGap_s, counted from the end of
+/// the last. A gap between two images counts as well. May be used from many threads at once.
 class ProcessorSchedule {
  public:
-  static constexpr double kTrainingShare = 0.2;  ///< of the time, beside refinements without a gap
+  static constexpr double kTrainingFraction =
+      0.2;  ///< of the time, beside refinements without a gap
   static constexpr double kLongestGap_s = 0.2;
 
   /// A refinement under way, from its construction on, which may wait for a training's share.
   class Refinement {
    public:
     /// @param stop ends the waiting.
-    Refinement(ProcessorSchedule* schedule, const StopToken& stop);
+    Refinement(ProcessorSchedule* schedule, const CancellationToken& stop);
     ~Refinement();
     Refinement(const Refinement&) = delete;
     Refinement& operator=(const Refinement&) = delete;
@@ -37,28 +38,28 @@ class ProcessorSchedule {
   /// A training under way: its token is paused and resumed.
   class Training {
    public:
-    Training(ProcessorSchedule* schedule, const StopToken& token);
+    Training(ProcessorSchedule* schedule, const CancellationToken& token);
     ~Training();
     Training(const Training&) = delete;
     Training& operator=(const Training&) = delete;
 
    private:
     ProcessorSchedule* schedule_;
-    std::list<StopToken>::iterator token_;
+    std::list<CancellationToken>::iterator token_;
   };
 
  private:
   using Clock = std::chrono::steady_clock;
 
-  void begin(const StopToken& stop);
+  void begin(const CancellationToken& stop);
   void end();
   bool trainingIsDue(Clock::time_point now) const;
 
-  std::mutex mutex_;                ///< guards all below
-  std::list<StopToken> trainings_;  ///< under way, or at rest
-  int refinements_ = 0;             ///< under way
-  Clock::time_point busy_since_;    ///< when `refinements_` became 1
-  Clock::time_point gap_end_;       ///< until then the trainings have the processor
+  std::mutex mutex_;                        ///< guards all below
+  std::list<CancellationToken> trainings_;  ///< under way, or at rest
+  int refinements_ = 0;                     ///< under way
+  Clock::time_point busy_since_;            ///< when `refinements_` became 1
+  Clock::time_point gap_end_;               ///< until then the trainings have the processor
 };
 
 }  // namespace nerf_pose_refiner

@@ -3,7 +3,7 @@
 
 #include <memory>
 
-#include "runtime/engine_factory.h"
+#include "runtime/backend_pool.h"
 #include "runtime/model_cache.h"
 #include "runtime/registration_queue.h"
 
@@ -12,7 +12,7 @@ namespace nerf_pose_refiner {
 /// What all refiners of one process share, the nodelets in one manager say.
 struct RefinerProcess {
   ModelCache models;
-  EnginePool engines;
+  BackendPool backends;
   RegistrationQueue registrations;
 
   /// The one of this process. It ends with the last refiner that has it: the library may then be

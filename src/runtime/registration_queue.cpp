@@ -16,7 +16,7 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 constexpr double kPreviewInterval_s = 5;
-constexpr double kPreviewShare = 0.05;  // of the time of a training, at most
+constexpr double kPreviewFraction = 0.05;  // of the time of a training, at most
 
 double secondsSince(Clock::time_point start) {
   return std::chrono::duration<double>(Clock::now() - start).count();
@@ -38,8 +38,8 @@ class PreviewRhythm {
   std::vector<std::uint8_t> make(const RegistrationProgress& progress) {
     const Clock::time_point before = Clock::now();
     std::vector<std::uint8_t> jpeg = toJpeg(progress.preview());
-    next_s_ =
-        secondsSince(start_) + std::max(kPreviewInterval_s, secondsSince(before) / kPreviewShare);
+    next_s_ = secondsSince(start_) +
+              std::max(kPreviewInterval_s, secondsSince(before) / kPreviewFraction);
     return jpeg;
   }
 
@@ -61,7 +61,7 @@ std::string describe(const std::string& name, const RegistrationProgress& progre
 struct RegistrationQueue::Running {
   RegistrationQueue* queue;
   std::string name, key;
-  StopToken stop;
+  CancellationToken stop;
   std::condition_variable changed;
   std::list<Listener> listeners;  ///< one for each who waits
   std::uint64_t updates = 0;
@@ -107,7 +107,7 @@ void RegistrationQueue::work(Running* running, const Job& job) {
 /// The job under way, with one more listener. Called with mutex_ held.
 std::shared_ptr<RegistrationQueue::Running> RegistrationQueue::join(const Job& job,
                                                                     const Listener& listener) {
-  if (running_ && (running_->key != job.key || running_->stop.stopRequested())) {
+  if (running_ && (running_->key != job.key || running_->stop.cancelRequested())) {
     throw RegistrationBusy(describe(running_->name, running_->update.progress));
   }
   if (!running_) {
@@ -122,12 +122,12 @@ std::shared_ptr<RegistrationQueue::Running> RegistrationQueue::join(const Job& j
 }
 
 RegisteredObject RegistrationQueue::run(const Job& job, const Listener& listener,
-                                        const StopToken& stop) {
+                                        const CancellationToken& stop) {
   std::unique_lock<std::mutex> lock(mutex_);
   const std::shared_ptr<Running> running = join(job, listener);
   const auto own = running->listeners.begin();
   std::uint64_t heard = 0;
-  while (!running->done && !stop.stopRequested()) {
+  while (!running->done && !stop.cancelRequested()) {
     // Not for ever, for a token that is set wakes nobody.
     running->changed.wait_for(lock, std::chrono::milliseconds(20));
     if (running->updates == heard) continue;
@@ -139,14 +139,14 @@ RegisteredObject RegistrationQueue::run(const Job& job, const Listener& listener
   }
   running->listeners.erase(own);
   if (running->listeners.empty()) {  // the last one ends it; until then nobody can begin another
-    running->stop.requestStop();
+    running->stop.requestCancel();
     running->changed.wait(lock, [&] { return running->done; });
     running_.reset();
     lock.unlock();
     running->thread.join();
     lock.lock();
   }
-  if (stop.stopRequested() && !running->done) throw Stopped();
+  if (stop.cancelRequested() && !running->done) throw Cancelled();
   if (running->error) std::rethrow_exception(running->error);
   return running->result;
 }

@@ -42,7 +42,7 @@ class RegistrationQueue {
     std::string name;  ///< of the object, for who is turned away
     std::string key;   ///< two jobs with one key are the same
     /// Does it, and owns all that it needs: who asked first may leave while others wait.
-    std::function<RegisteredObject(const Progress&, const StopToken&)> work;
+    std::function<RegisteredObject(const Progress&, const CancellationToken&)> work;
   };
 
   struct Listener {
@@ -55,7 +55,7 @@ class RegistrationQueue {
   /// Does a job, or joins it, and waits for its end.
   /// @param stop leaves. The last who leaves stops the job and waits until it has ended.
   /// @throws RegistrationBusy, Stopped, and what the job throws.
-  RegisteredObject run(const Job& job, const Listener& listener, const StopToken& stop);
+  RegisteredObject run(const Job& job, const Listener& listener, const CancellationToken& stop);
 
  private:
   struct Running;

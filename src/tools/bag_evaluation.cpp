@@ -5,7 +5,7 @@
 
 #include "evaluation/start.h"
 #include "field/object_frame.h"
-#include "tracking/motion.h"
+#include "tracking/prediction.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -35,7 +35,7 @@ const char* outcomeText(Outcome outcome) {
       return "no overlap";
     case Outcome::kDiverged:
       return "diverged";
-    case Outcome::kStopped:
+    case Outcome::kCancelled:
       break;
   }
   return "stopped";
@@ -54,29 +54,29 @@ void BagEvaluationSettings::validate() const {
   require(rules.max_failures >= 0, "max_failures", rules.max_failures, "0 or more");
 }
 
-BagEvaluation::BagEvaluation(const BagSequence& bag, std::shared_ptr<Engine> engine,
+BagEvaluation::BagEvaluation(const BagSequence& bag, std::shared_ptr<Backend> backend,
                              std::shared_ptr<const Field> field,
                              const BagEvaluationSettings& settings)
     : bag_(bag),
       settings_(settings),
-      engine_(std::move(engine)),
-      wide_(engine_, presetWithSeed(settings.preset, settings.seed)),
-      narrow_(engine_, presetWithSeed(settings.track_preset, settings.seed)),
+      backend_(std::move(backend)),
+      wide_(backend_, presetWithSeed(settings.preset, settings.seed)),
+      narrow_(backend_, presetWithSeed(settings.track_preset, settings.seed)),
       input_(settings.image_is_rectified) {
   settings_.validate();
   if (!(field->metadata.metres_per_unit > 0)) {
     throw std::invalid_argument("the model '" + field->metadata.name +
                                 "' does not know its scale: train it with --metres-per-unit");
   }
-  field_ = engine_->load(std::move(field));
+  field_ = backend_->load(std::move(field));
 }
 
 BagEvaluationResult BagEvaluation::run(const std::function<void(const EvaluatedFrame&)>& progress,
-                                       const StopToken& stop) {
+                                       const CancellationToken& stop) {
   const FieldMetadata& metadata = field_->field().metadata;
   const ObjectFrame frame = ObjectFrame::inMetres(metadata);
   std::vector<Eigen::Vector3d> points =
-      surfacePoints(engine_.get(), *field_, settings_.points, settings_.seed, stop);
+      surfacePoints(backend_.get(), *field_, settings_.points, settings_.seed, stop);
   for (Eigen::Vector3d& point : points) point = frame.point(point);
   result_ = {};
   result_.points = static_cast<int>(points.size());
@@ -97,7 +97,7 @@ BagEvaluationResult BagEvaluation::run(const std::function<void(const EvaluatedF
   return result_;
 }
 
-void BagEvaluation::evaluate(const BagFrame& frame, const StopToken& stop) {
+void BagEvaluation::evaluate(const BagFrame& frame, const CancellationToken& stop) {
   const std_msgs::Header& header = frame.image->header;
   Pose true_T_C_U;
   std::optional<Start> start;
@@ -184,7 +184,8 @@ Prior BagEvaluation::priorFrom(const Start& start) const {
                                                         : settings_.search_rotation_deg);
   prior.translation = start.from_last ? settings_.track_translation : settings_.search_translation;
   if (!start.T_C_U_before) return prior;
-  return movedOn(prior, frame.cameraInModel(*start.T_C_U_before), start.time_ratio, object);
+  return predictConstantVelocity(prior, frame.cameraInModel(*start.T_C_U_before), start.time_ratio,
+                                 object);
 }
 
 /// The rules of following are the node's: a few untrusted images are bridged from the last trusted

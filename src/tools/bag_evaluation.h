@@ -60,23 +60,23 @@ struct BagEvaluationResult {
 class BagEvaluation {
  public:
   /// @throws std::invalid_argument for settings that make no sense or a model without a scale.
-  BagEvaluation(const BagSequence& bag, std::shared_ptr<Engine> engine,
+  BagEvaluation(const BagSequence& bag, std::shared_ptr<Backend> backend,
                 std::shared_ptr<const Field> field, const BagEvaluationSettings& settings);
 
   /// @param progress told of each image: its number and the last result; may be empty.
   /// @throws std::runtime_error naming topic and frame of what is damaged; Stopped.
   BagEvaluationResult run(const std::function<void(const EvaluatedFrame&)>& progress,
-                          const StopToken& stop);
+                          const CancellationToken& stop);
 
  private:
   struct Start {
     Pose T_C_U;  ///< [m]
     bool from_last = false;
     std::optional<Pose> T_C_U_before = {};  ///< of the trusted image before
-    double time_ratio = 0;                  ///< @see movedOn
+    double time_ratio = 0;                  ///< @see predictConstantVelocity
   };
 
-  void evaluate(const BagFrame& frame, const StopToken& stop);
+  void evaluate(const BagFrame& frame, const CancellationToken& stop);
   std::optional<Start> startOf(const BagFrame& frame, const Pose& true_T_C_U);
   Start startFromLast(std::uint64_t stamp_ns) const;
   Prior priorFrom(const Start& start) const;
@@ -84,7 +84,7 @@ class BagEvaluation {
 
   const BagSequence& bag_;
   BagEvaluationSettings settings_;
-  std::shared_ptr<Engine> engine_;
+  std::shared_ptr<Backend> backend_;
   std::shared_ptr<const LoadedField> field_;
   Refiner wide_, narrow_;
   CameraInput input_;

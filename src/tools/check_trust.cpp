@@ -25,7 +25,7 @@ struct TrustOptions {
   BagTopics topics;
   TrustSettings trials;
   PoseRefinerParameters node;
-  EngineOptions engine;
+  BackendOptions backend;
 };
 
 void declareRuns(CLI::App* app, TrustOptions* options) {
@@ -92,11 +92,11 @@ void declare(CLI::App* app, TrustOptions* options) {
       ->capture_default_str();
   app->add_option("--min-score", options->node.rules.min_score, "Likewise")->capture_default_str();
   declareRuns(app, options);
-  options->engine.addTo(app);
+  options->backend.addTo(app);
   app->add_flag("--json", options->json, "Print the results as JSON");
 }
 
-double share(int part, int whole) { return whole > 0 ? static_cast<double>(part) / whole : 0; }
+double fraction(int part, int whole) { return whole > 0 ? static_cast<double>(part) / whole : 0; }
 
 /// What was measured, and whether it is enough.
 struct Report {
@@ -112,8 +112,8 @@ struct Report {
 };
 
 void tell(const std::string& name, const PublishedPoses& poses, Report* report) {
-  const double right = share(poses.published_right, poses.published);
-  const double published = share(poses.published_right, poses.right);
+  const double right = fraction(poses.published_right, poses.published);
+  const double published = fraction(poses.published_right, poses.right);
   report->json["stays"][name] = {{"images", poses.images},
                                  {"right", poses.right},
                                  {"published", poses.published},
@@ -151,7 +151,7 @@ void tell(const std::string& name, const std::vector<Disappearance>& runs, int l
 }
 
 /// Runs in which the object stays, and their report. @return the first recording.
-Recording followAll(const TrustOptions& options, TrustTrials* trials, const StopToken& stop,
+Recording followAll(const TrustOptions& options, TrustTrials* trials, const CancellationToken& stop,
                     Report* report) {
   ProgressLine line;
   Recording first;
@@ -171,16 +171,16 @@ Recording followAll(const TrustOptions& options, TrustTrials* trials, const Stop
   }
   if (options.bags.size() > 1) tell("all", all, report);
   report->holds = report->holds && all.published > 0 &&
-                  share(all.published_right, all.published) >= options.published_right &&
-                  share(all.published_right, all.right) >= options.right_published;
+                  fraction(all.published_right, all.published) >= options.published_right &&
+                  fraction(all.published_right, all.right) >= options.right_published;
   return first;
 }
 
-void check(const TrustOptions& options, const StopToken& stop) {
+void check(const TrustOptions& options, const CancellationToken& stop) {
   const auto field = std::make_shared<const Field>(loadObject(options.model));
   PoseRefinerParameters node = options.node;
   node.initial.refiner = RefinerSettings::named(node.initial.preset);
-  TrustTrials trials(options.engine.make(), field, node, options.trials);
+  TrustTrials trials(options.backend.make(), field, node, options.trials);
   Report report;
   report.print = !options.json;
   const Recording first = followAll(options, &trials, stop, &report);

@@ -53,7 +53,7 @@ std::string axes(const PlanarPose& pose, const char* colour) {
 template <typename Update, typename Optimiser>
 std::string path(const Optimiser& optimiser, const char* name, const char* colour, int row) {
   std::ostringstream line, dots;
-  const int steps = descendInPlane<Update>(
+  const int steps = optimiseInPlane<Update>(
       PlanarPose(), kTarget, optimiser, kTolerance, kMaxSteps, [&](const PlanarPose& pose) {
         line << (line.tellp() > 0 ? " " : "") << at(pose);
         const std::string point = at(pose);

@@ -9,8 +9,8 @@
 #include <string>
 #include <vector>
 
-#include "dataset/dataset.h"
 #include "backend/common/overlay.h"
+#include "dataset/dataset.h"
 #include "evaluation/trial.h"
 #include "evaluation/trial_observation.h"
 #include "evaluation/trial_table.h"
@@ -33,9 +33,9 @@ struct EvaluateOptions {
   std::string data, models, experiments, output;
   std::vector<std::string> only, scenes, photos;
   std::string shard = "0/1";
-  int pictures = 0;
+  int images = 0;
   bool check_plan = false;
-  EngineOptions engine;
+  BackendOptions backend;
 };
 
 void declare(CLI::App* app, EvaluateOptions* options) {
@@ -69,7 +69,7 @@ void declare(CLI::App* app, EvaluateOptions* options) {
       ->check(CLI::ExistingFile);
   app->add_option("--shard", options->shard, "i/n: one of n parts of the trials, i from 0")
       ->capture_default_str();
-  app->add_option("--pictures", options->pictures,
+  app->add_option("--pictures", options->images,
                   "Draw start and result over the picture: first start of so many views of each "
                   "scene, condition and method")
       ->check(CLI::NonNegativeNumber)
@@ -77,7 +77,7 @@ void declare(CLI::App* app, EvaluateOptions* options) {
   app->add_flag("--check-plan", options->check_plan,
                 "Look whether the plan and the names of scenes and experiments make sense, and run "
                 "nothing");
-  options->engine.addTo(app);
+  options->backend.addTo(app);
 }
 
 bool isWanted(const std::vector<std::string>& wanted, const std::string& name) {
@@ -112,7 +112,7 @@ const char* nameOf(Outcome outcome) {
       return "no_overlap";
     case Outcome::kDiverged:
       return "diverged";
-    case Outcome::kStopped:
+    case Outcome::kCancelled:
       break;
   }
   return "stopped";
@@ -136,12 +136,12 @@ SceneKind kindOf(const Dataset& dataset) {
 
 class Evaluation {
  public:
-  Evaluation(const EvaluateOptions& options, const StopToken& stop)
+  Evaluation(const EvaluateOptions& options, const CancellationToken& stop)
       : options_(options),
         stop_(stop),
         shard_(options.shard),
         plan_(loadExperiments(options.experiments)),
-        engine_(options.engine.make()) {
+        backend_(options.backend.make()) {
     fs::create_directories(options.output);
     const fs::path folder = options.output;
     trials_ = std::make_unique<TrialTable>(
@@ -160,14 +160,14 @@ class Evaluation {
     }
     line_.end();
     std::printf("%zu trials, %d of them new, on %s\n", trials_->size(), done_,
-                engine_->describe().c_str());
+                backend_->describe().c_str());
   }
 
  private:
   void runScene(const Scene& scene) {
     LoadedScene loaded;
     loaded.name = scene.name;
-    loaded.dataset = loadTransforms(scene.test_path, options_.engine.datasetOptions(), stop_);
+    loaded.dataset = loadTransforms(scene.test_path, options_.backend.datasetOptions(), stop_);
     loaded.kind = kindOf(loaded.dataset);
     loadField("", &loaded);
     for (const Experiment& experiment : plan_.experiments) {
@@ -186,7 +186,7 @@ class Evaluation {
     if (field) return;
     const std::string name = scene->name + (profile.empty() ? "" : "." + profile) + ".safetensors";
     const fs::path path = fs::path(options_.models) / name;
-    field = engine_->load(std::make_shared<const Field>(loadModel(path.string())));
+    field = backend_->load(std::make_shared<const Field>(loadModel(path.string())));
   }
 
   void runCondition(const LoadedScene& scene, const Experiment& experiment,
@@ -242,7 +242,7 @@ class Evaluation {
   /// interruption.
   int startsAtOnce(const std::string& method) const {
     constexpr int kOnDevice = 5;  // some 100 MiB each
-    return method != "alignment" && isOnDevice(*engine_) ? kOnDevice : 1;
+    return method != "alignment" && isOnDevice(*backend_) ? kOnDevice : 1;
   }
 
   /// Starts of one image. Those that an earlier process has written are searched again, for a
@@ -258,7 +258,7 @@ class Evaluation {
       priors.push_back(
           protocol.prior(view.T_O_C, object, plan_.seed, kStartsPerView * key.view + key.start));
     }
-    const Observation picture = trialPicture(observation, first.method, variant);
+    const Observation picture = trialImage(observation, first.method, variant);
     const std::vector<Refinement> refinements =
         refineAll(scene, first, variant, protocol.unit, picture, priors);
     stop_.check();  // what was interrupted is no result
@@ -274,7 +274,7 @@ class Evaluation {
       ++done_;
     }
     if (first.start == 0 && first.variant == experiment.variants.front().label &&
-        isPictured(scene, experiment, first.view)) {
+        isInImage(scene, experiment, first.view)) {
       drawTrial(scene, first, view.camera, observation, priors.front().T_O_C,
                 refinements.front().T_O_C);
     }
@@ -290,14 +290,14 @@ class Evaluation {
         trialSettings(key.method, key.loss.empty() ? "l2" : key.loss, variant, unit, plan_.seed);
     TrialKey likewise = key;
     likewise.view = likewise.start = 0;
-    if (isOnDevice(*engine_) && warmed_.insert(likewise.cells()).second) {
+    if (isOnDevice(*backend_) && warmed_.insert(likewise.cells()).second) {
       // A few steps make memory and graphs.
       RefinerSettings brief = settings;
       brief.inversion.first_steps = brief.inversion.descent.score_steps;
       brief.inversion.rounds = 0;
-      Refiner(engine_, brief).refineAll(field, picture, priors, stop_);
+      Refiner(backend_, brief).refineAll(field, picture, priors, stop_);
     }
-    return Refiner(engine_, settings).refineAll(field, picture, priors, stop_);
+    return Refiner(backend_, settings).refineAll(field, picture, priors, stop_);
   }
 
   void addTrial(const TrialKey& key, const PoseError& before, const PoseError& after,
@@ -310,7 +310,7 @@ class Evaluation {
           cellOf(before.object_offset / diameter), ifFound(after.rotation_rad * kDegreesPerRad),
           ifFound(after.camera_offset / unit), ifFound(after.object_offset / diameter),
           ifFound(after.pixels), nameOf(refinement.outcome), cellOf(refinement.score),
-          cellOf(refinement.seconds), std::to_string(refinement.work.samples), engineCell()}});
+          cellOf(refinement.seconds), std::to_string(refinement.work.samples), backendCell()}});
   }
 
   template <typename ErrorOf>
@@ -334,10 +334,10 @@ class Evaluation {
     traces_->add(key, rows);
   }
 
-  bool isPictured(const LoadedScene& scene, const Experiment& experiment, int view) const {
+  bool isInImage(const LoadedScene& scene, const Experiment& experiment, int view) const {
     const int available = static_cast<int>(scene.dataset.views.size());
     const std::vector<int> views = chosenViews(experiment.views, available);
-    return std::find(views.begin(), views.end(), view) - views.begin() < options_.pictures;
+    return std::find(views.begin(), views.end(), view) - views.begin() < options_.images;
   }
 
   /// Start and result, side by side, over the picture in grey.
@@ -346,7 +346,7 @@ class Evaluation {
     Image8 pair(2 * camera.width, camera.height, 3);
     for (int side = 0; side < 2; ++side) {
       const Rendering rendering =
-          engine_->render(*scene.fields.at(""), camera, side == 0 ? start : found, {}, stop_);
+          backend_->render(*scene.fields.at(""), camera, side == 0 ? start : found, {}, stop_);
       const Image8 overlay = drawOverlay(observation.image, rendering, 0.7);
       for (int y = 0; y < camera.height; ++y) {
         std::copy(overlay.pixel(0, y), overlay.pixel(0, y) + 3 * camera.width,
@@ -361,24 +361,24 @@ class Evaluation {
                        .string());
   }
 
-  std::string engineCell() const {
-    std::string text = engine_->describe();
+  std::string backendCell() const {
+    std::string text = backend_->describe();
     std::replace(text.begin(), text.end(), ',', ';');
     return text;
   }
 
   const EvaluateOptions& options_;
-  const StopToken& stop_;
+  const CancellationToken& stop_;
   const Shard shard_;
   const ExperimentPlan plan_;
-  std::shared_ptr<Engine> engine_;
+  std::shared_ptr<Backend> backend_;
   std::unique_ptr<TrialTable> trials_, traces_;
   ProgressLine line_;
   std::set<std::vector<std::string>> warmed_;  // trials whose like has its memory and graphs
   int done_ = 0;
 };
 
-void evaluate(const EvaluateOptions& options, const StopToken& stop) {
+void evaluate(const EvaluateOptions& options, const CancellationToken& stop) {
   if (options.check_plan) {
     checkedScenes(options, loadExperiments(options.experiments));
     return;

@@ -9,9 +9,9 @@
 #include <stdexcept>
 #include <string>
 
+#include "field/object_metadata.h"
 #include "tools/bag_evaluation.h"
 #include "tools/evaluation_files.h"
-#include "field/object_metadata.h"
 #include "tools/refine_case.h"
 #include "tools/tool.h"
 
@@ -35,7 +35,7 @@ struct EvaluateOptions {
   bool json = false;
   BagTopics topics;
   BagEvaluationSettings settings;
-  EngineOptions engine;
+  BackendOptions backend;
 };
 
 void declareBag(CLI::App* app, EvaluateOptions* options) {
@@ -125,13 +125,13 @@ void declare(CLI::App* app, EvaluateOptions* options) {
               kExitCodes);
   declareBag(app, options);
   declareTrials(app, options);
-  options->engine.addTo(app);
+  options->backend.addTo(app);
   app->add_flag("--no-plots", options->no_plots, "Neither plots nor the page");
   app->add_flag("--json", options->json, "Print the summary as JSON");
 }
 
 nlohmann::json settingsJson(const EvaluateOptions& options, const BagTopics& topics,
-                            const FieldMetadata& object, const std::string& engine) {
+                            const FieldMetadata& object, const std::string& backend) {
   const BagEvaluationSettings& s = options.settings;
   return {{"model", fs::absolute(options.model).string()},
           {"object", object.name},
@@ -155,7 +155,7 @@ nlohmann::json settingsJson(const EvaluateOptions& options, const BagTopics& top
           {"surface_points_asked", s.points},
           {"modulo_symmetries", describe(object.symmetries)},
           {"seed", s.seed},
-          {"engine", engine}};
+          {"engine", backend}};
 }
 
 /// Runs the script that lies beside this program.
@@ -175,7 +175,7 @@ void plot(const std::string& folder) {
 }
 
 BagEvaluationResult evaluateAll(const BagSequence& bag, BagEvaluation* evaluation,
-                                const StopToken& stop) {
+                                const CancellationToken& stop) {
   ProgressLine line;
   const auto show = [&](const EvaluatedFrame& frame) {
     char text[120];
@@ -187,7 +187,7 @@ BagEvaluationResult evaluateAll(const BagSequence& bag, BagEvaluation* evaluatio
   return evaluation->run(show, stop);
 }
 
-void evaluate(const EvaluateOptions& given, const StopToken& stop) {
+void evaluate(const EvaluateOptions& given, const CancellationToken& stop) {
   EvaluateOptions options = given;
   options.settings.start =
       options.start == "recorded" ? StartMode::kRecorded : StartMode::kPerturbed;
@@ -197,8 +197,8 @@ void evaluate(const EvaluateOptions& given, const StopToken& stop) {
   const auto field = std::make_shared<const Field>(loadObject(options.model));
   const FieldMetadata& object = field->metadata;
   const BagSequence bag(options.bag, options.topics);
-  const std::shared_ptr<Engine> engine = options.engine.make();
-  BagEvaluation evaluation(bag, engine, field, options.settings);
+  const std::shared_ptr<Backend> backend = options.backend.make();
+  BagEvaluation evaluation(bag, backend, field, options.settings);
   fs::create_directories(options.out);
   requireWritable(options.out + "/");
   const BagEvaluationResult result = evaluateAll(bag, &evaluation, stop);
@@ -210,7 +210,7 @@ void evaluate(const EvaluateOptions& given, const StopToken& stop) {
     throw std::runtime_error("no image of " + bag.topics().image + " could be evaluated" + reasons);
   }
   nlohmann::json summary = summaryJson(result, object.metres_per_unit * object.diameter);
-  summary["settings"] = settingsJson(options, bag.topics(), object, engine->describe());
+  summary["settings"] = settingsJson(options, bag.topics(), object, backend->describe());
   writeFramesCsv(result, options.out + "/frames.csv");
   writeJson(summary, options.out + "/summary.json");
   if (!options.no_plots) plot(options.out);

@@ -59,9 +59,9 @@ void requireWhole(std::ofstream* file, const std::string& path) {
   if (!*file) throw std::runtime_error("cannot write '" + path + "': " + std::strerror(errno));
 }
 
-std::string percent(const Json& share) {
+std::string percent(const Json& fraction) {
   char text[16];
-  std::snprintf(text, sizeof text, "%.1f %%", 100 * share.get<double>());
+  std::snprintf(text, sizeof text, "%.1f %%", 100 * fraction.get<double>());
   return text;
 }
 
@@ -77,7 +77,7 @@ std::string valueText(const Json& value, double factor, const char* form) {
 Json summaryJson(const BagEvaluationResult& result, double diameter_m) {
   const SequenceSummary s = summarise(result.frames, diameter_m);
   Json recalls;
-  for (const Recall& recall : s.recalls) recalls[recall.rule] = recall.share;
+  for (const Recall& recall : s.recalls) recalls[recall.rule] = recall.fraction;
   return {{"frames", s.frames},
           {"found", s.found},
           {"trusted", s.trusted},
@@ -143,7 +143,8 @@ std::string summaryText(const Json& s) {
                      std::to_string(s["trusted"].get<int>()) + " of them trusted\n";
   const std::string symmetries = s["settings"]["modulo_symmetries"];
   if (!symmetries.empty()) text += "errors are modulo symmetries: " + symmetries + "\n";
-  for (const auto& [rule, share] : s["recall"].items()) text += rule + ": " + percent(share) + "\n";
+  for (const auto& [rule, fraction] : s["recall"].items())
+    text += rule + ": " + percent(fraction) + "\n";
   text += "median error: " + valueText(errors["rotation_deg"]["median"], 1, "%.3f degrees") + ", " +
           valueText(errors["offset_m"]["median"], 1000, "%.2f mm") + ", " +
           valueText(errors["offset_diameters"]["median"], 100, "%.2f %% of the diameter") + ", " +

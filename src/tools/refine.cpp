@@ -14,7 +14,7 @@
 #include "tools/refine_case.h"
 #include "tools/tool.h"
 
-// A model file, a picture and a rough pose to a refined pose.
+// A model file, an image and a rough pose to a refined pose.
 
 namespace nerf_pose_refiner {
 namespace {
@@ -38,7 +38,7 @@ struct RefineOptions {
   std::string mask;
   std::uint64_t seed = 1;
   bool json = false;
-  EngineOptions engine;
+  BackendOptions backend;
 };
 
 void declareInput(CLI::App* app, RefineOptions* options) {
@@ -105,7 +105,7 @@ void declare(CLI::App* app, RefineOptions* options) {
       ->check(CLI::ExistingFile)
       ->excludes(background);
   app->add_option("--seed", options->seed, "Same seed, same answer")->capture_default_str();
-  options->engine.addTo(app);
+  options->backend.addTo(app);
   app->add_flag("--json", options->json, "Print the result as JSON");
 }
 
@@ -131,8 +131,9 @@ const PosedView& findView(const Dataset& dataset, const std::string& name) {
 }
 
 RefineCase caseOfDataset(const RefineOptions& options, const FieldMetadata& object,
-                         const StopToken& stop) {
-  const Dataset dataset = loadTransforms(options.transforms, options.engine.datasetOptions(), stop);
+                         const CancellationToken& stop) {
+  const Dataset dataset =
+      loadTransforms(options.transforms, options.backend.datasetOptions(), stop);
   const PosedView& view = findView(dataset, options.view);
   const StartSpread spread = {options.start_rotation_deg / kDegreesPerRad,
                               options.start_translation * object.diameter, true};
@@ -149,7 +150,7 @@ const char* nameOf(Outcome outcome) {
       return "no overlap: the start lies wholly outside of the image";
     case Outcome::kDiverged:
       return "diverged: no hypothesis survived";
-    case Outcome::kStopped:
+    case Outcome::kCancelled:
       break;
   }
   return "stopped";
@@ -216,7 +217,7 @@ void printResult(const nlohmann::json& result) {
   }
 }
 
-void refine(const RefineOptions& options, const StopToken& stop) {
+void refine(const RefineOptions& options, const CancellationToken& stop) {
   if (options.image.empty() == options.transforms.empty()) {
     throw std::invalid_argument("give an image, or --transforms");
   }
@@ -227,11 +228,11 @@ void refine(const RefineOptions& options, const StopToken& stop) {
   RefinerSettings settings = RefinerSettings::named(options.preset);
   settings.seed = options.seed;
   const Observation observation = observationOf(input, options.background);
-  const std::shared_ptr<Engine> engine = options.engine.make();
-  const std::shared_ptr<const LoadedField> loaded = engine->load(field);
+  const std::shared_ptr<Backend> backend = options.backend.make();
+  const std::shared_ptr<const LoadedField> loaded = backend->load(field);
   const Prior prior = {input.start_T_O_C, options.search_rotation_deg / kDegreesPerRad,
                        options.search_translation};
-  const Refinement result = Refiner(engine, settings).refine(*loaded, observation, prior, stop);
+  const Refinement result = Refiner(backend, settings).refine(*loaded, observation, prior, stop);
   const nlohmann::json document = resultJson(input, result, object);
   if (options.json) {
     printJson(document);

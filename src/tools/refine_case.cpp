@@ -33,7 +33,7 @@ RefineCase caseOfPhoto(const Image8& photo, const Image8& mask, const Camera& ca
                        const Distortion& distortion) {
   const Undistorter undistorter(camera, distortion);
   RefineCase result;
-  result.picture = undistorter.undistort(photo);
+  result.image = undistorter.undistort(photo);
   if (!mask.empty()) result.mask = undistorter.undistort(mask);
   result.camera = undistorter.camera();
   return result;
@@ -42,7 +42,7 @@ RefineCase caseOfPhoto(const Image8& photo, const Image8& mask, const Camera& ca
 RefineCase caseOfView(const PosedView& view, const Image8& mask) {
   RefineCase result;
   result.name = view.name;
-  result.picture = *view.rgba;
+  result.image = *view.rgba;
   if (!mask.empty()) {
     result.mask = Undistorter(view.photo_camera, view.distortion).undistort(mask);
   }
@@ -52,12 +52,12 @@ RefineCase caseOfView(const PosedView& view, const Image8& mask) {
 }
 
 Observation observationOf(const RefineCase& input, const std::vector<float>& background) {
-  const PremultipliedImage picture = premultiply(input.picture);
+  const PremultipliedImage picture = premultiply(input.image);
   Observation observation;
   observation.camera = input.camera;
   if (!input.mask.empty()) {
     observation.background = Background::kMask;
-    observation.image = straightColour(input.picture);
+    observation.image = straightColour(input.image);
     observation.alpha = toFloat(input.mask);
     for (std::size_t i = 0; i < observation.alpha.values.size(); ++i) {
       observation.alpha.values[i] *= picture.alpha.values[i];
@@ -66,7 +66,7 @@ Observation observationOf(const RefineCase& input, const std::vector<float>& bac
     observation.background = Background::kKnownColour;
     observation.background_colour = {background[0], background[1], background[2]};
     observation.image = composite(picture, {background[0], background[1], background[2]});
-  } else if (hasTransparency(input.picture)) {
+  } else if (hasTransparency(input.image)) {
     observation.background = Background::kKnownAlpha;
     observation.image = picture.colour;
     observation.alpha = picture.alpha;

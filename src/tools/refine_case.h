@@ -10,11 +10,11 @@
 
 namespace nerf_pose_refiner {
 
-/// A picture to be explained, where the search starts, and the truth if it is known.
+/// An image to be explained, where the search starts, and the truth if it is known.
 struct RefineCase {
   std::string name;
-  Image8 picture;  ///< undistorted: RGB, or RGBA with straight alpha
-  Image8 mask;     ///< undistorted, [h][w][1]; empty: none
+  Image8 image;  ///< undistorted: RGB, or RGBA with straight alpha
+  Image8 mask;   ///< undistorted, [h][w][1]; empty: none
   Camera camera;
   Pose start_T_O_C;
   std::optional<Pose> true_T_O_C;
@@ -29,8 +29,8 @@ RefineCase caseOfPhoto(const Image8& photo, const Image8& mask, const Camera& ca
 /// @param mask empty: none. @throws std::invalid_argument if its size is not the photo's.
 RefineCase caseOfView(const PosedView& view, const Image8& mask);
 
-/// What the case tells of the background: a mask (and the picture's own alpha, if it has one), or
-/// else one colour (three numbers, 0..1; empty: none), or else transparency of the picture, or else
+/// What the case tells of the background: a mask (and the image's own alpha, if it has one), or
+/// else one colour (three numbers, 0..1; empty: none), or else transparency of the image, or else
 /// nothing.
 Observation observationOf(const RefineCase& input, const std::vector<float>& background);
 

@@ -14,7 +14,7 @@
 #include "image/resample.h"
 #include "tools/tool.h"
 
-// A model file to pictures, and how well they match the photos.
+// A model file to images, and how well they match the photos.
 
 namespace nerf_pose_refiner {
 namespace {
@@ -34,7 +34,7 @@ struct RenderToolOptions {
   bool depth = false;
   bool psnr = false;
   bool json = false;
-  EngineOptions engine;
+  BackendOptions backend;
 };
 
 void declare(CLI::App* app, RenderToolOptions* options) {
@@ -71,13 +71,13 @@ void declare(CLI::App* app, RenderToolOptions* options) {
                 "there is no object (REP-118)");
   app->add_flag("--psnr", options->psnr, "Compare with the photos, both on black")
       ->needs(transforms);
-  options->engine.addTo(app);
+  options->backend.addTo(app);
   app->add_flag("--json", options->json, "Print the result as JSON");
 }
 
-std::vector<PosedView> viewsOf(const RenderToolOptions& options, const StopToken& stop) {
+std::vector<PosedView> viewsOf(const RenderToolOptions& options, const CancellationToken& stop) {
   if (!options.transforms.empty()) {
-    return loadTransforms(options.transforms, options.engine.datasetOptions(), stop).views;
+    return loadTransforms(options.transforms, options.backend.datasetOptions(), stop).views;
   }
   if (options.pose.empty() || options.intrinsics.empty() || options.size.empty()) {
     throw std::invalid_argument("give --transforms, or --pose with --intrinsics and --size");
@@ -115,7 +115,7 @@ Image depthOf(const Rendering& rendering, const Pose& T_O_C, double metres_per_u
   return depth;
 }
 
-/// Of the pictures of a view, without the ending.
+/// Of the images of a view, without the ending.
 std::string outputStem(const RenderToolOptions& options, const PosedView& view) {
   if (!options.transforms.empty()) return options.output + '/' + fileStem(view.name);
   std::filesystem::path path(options.output);
@@ -123,7 +123,7 @@ std::string outputStem(const RenderToolOptions& options, const PosedView& view) 
   return path.string();
 }
 
-/// Views may have equal names in different folders, or depths and pictures may.
+/// Views may have equal names in different folders, or depths and images may.
 void requireDistinctOutputs(const RenderToolOptions& options, const std::vector<PosedView>& views) {
   if (options.output.empty()) return;
   std::set<std::string> stems;
@@ -141,9 +141,9 @@ void write(const RenderToolOptions& options, const Rendering& rendering, const P
            double metres_per_unit) {
   if (options.output.empty()) return;
   const std::string stem = outputStem(options, view);
-  const PremultipliedImage picture = {rendering.colour, rendering.alpha};
+  const PremultipliedImage image = {rendering.colour, rendering.alpha};
   const std::vector<float>& b = options.background;
-  writePng(b.empty() ? straightBytes(picture) : toBytes(composite(picture, {b[0], b[1], b[2]})),
+  writePng(b.empty() ? straightBytes(image) : toBytes(composite(image, {b[0], b[1], b[2]})),
            stem + ".png");
   if (options.depth) {
     writeDepthPng(depthOf(rendering, view.T_O_C, metres_per_unit), stem + kDepthSuffix + ".png");
@@ -183,11 +183,11 @@ void report(const RenderToolOptions& options, const nlohmann::json& views) {
   }
 }
 
-void render(const RenderToolOptions& options, const StopToken& stop) {
+void render(const RenderToolOptions& options, const CancellationToken& stop) {
   const auto field = std::make_shared<const Field>(loadModel(options.model));
   check(options, *field);
-  const std::shared_ptr<Engine> engine = options.engine.make();
-  const std::shared_ptr<const LoadedField> loaded = engine->load(field);
+  const std::shared_ptr<Backend> backend = options.backend.make();
+  const std::shared_ptr<const LoadedField> loaded = backend->load(field);
   const std::vector<PosedView> views = viewsOf(options, stop);
   requireDistinctOutputs(options, views);
   nlohmann::json rows = nlohmann::json::array();
@@ -196,7 +196,7 @@ void render(const RenderToolOptions& options, const StopToken& stop) {
     line.show(static_cast<double>(rows.size()) / views.size(), view.name);
     const Camera camera = limited(view.camera, options.max_size);
     const auto start = std::chrono::steady_clock::now();
-    const Rendering rendering = engine->render(*loaded, camera, view.T_O_C, {}, stop);
+    const Rendering rendering = backend->render(*loaded, camera, view.T_O_C, {}, stop);
     const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
     write(options, rendering, view, field->metadata.metres_per_unit);
     rows.push_back({{"view", view.name}, {"seconds", elapsed.count()}});

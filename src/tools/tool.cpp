@@ -20,26 +20,26 @@ namespace {
 constexpr int kBarWidth = 30;
 
 // Set before the handler is installed and never changed: what a signal handler may touch.
-const StopToken& interruptToken() {
-  static const StopToken token;
+const CancellationToken& interruptToken() {
+  static const CancellationToken token;
   return token;
 }
 
 void onInterrupt(int signal) {
-  interruptToken().requestStop();
+  interruptToken().requestCancel();
   std::signal(signal, SIG_DFL);  // a second Ctrl-C ends the process at once
 }
 
 }  // namespace
 
 int runApp(CLI::App* app, int argc, char** argv,
-           const std::function<void(const StopToken&)>& body) {
+           const std::function<void(const CancellationToken&)>& body) {
   try {
     app->parse(argc, argv);
   } catch (const CLI::ParseError& e) {
     return app->exit(e) == 0 ? 0 : kWrongUsage;
   }
-  const StopToken& stop = interruptToken();
+  const CancellationToken& stop = interruptToken();
   std::signal(SIGINT, onInterrupt);
   std::signal(SIGTERM, onInterrupt);
   try {
@@ -62,13 +62,13 @@ std::string fileStem(const std::string& path) {
   return std::filesystem::path(path).stem().string();
 }
 
-DatasetOptions EngineOptions::datasetOptions() const {
+DatasetOptions BackendOptions::datasetOptions() const {
   DatasetOptions options;
   options.threads = threads;
   return options;
 }
 
-void EngineOptions::addTo(CLI::App* app) {
+void BackendOptions::addTo(CLI::App* app) {
   app->add_option("--backend", backend,
                   "Processor: cpu, cuda, or auto (cuda where that works, else cpu)")
       ->check(CLI::IsMember({"auto", "cpu", "cuda"}))
@@ -91,9 +91,10 @@ void ProgressLine::end() {
   drawn_ = false;
 }
 
-void ProgressLine::show(double share, const std::string& text) {
+void ProgressLine::show(double fraction, const std::string& text) {
   if (!terminal_) return;
-  const int filled = static_cast<int>(std::lround(std::min(1.0, std::max(0.0, share)) * kBarWidth));
+  const int filled =
+      static_cast<int>(std::lround(std::min(1.0, std::max(0.0, fraction)) * kBarWidth));
   const std::string bar = std::string(filled, '#') + std::string(kBarWidth - filled, '.');
   std::fprintf(stderr, "\r\033[K[%s] %s", bar.c_str(), text.c_str());
   std::fflush(stderr);

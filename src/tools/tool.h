@@ -8,11 +8,11 @@
 #include <string>
 #include <vector>
 
+#include "backend/make_backend.h"
 #include "dataset/dataset.h"
-#include "backend/make_engine.h"
 #include "nerf_pose_refiner/camera.h"
+#include "nerf_pose_refiner/cancellation_token.h"
 #include "nerf_pose_refiner/pose.h"
-#include "nerf_pose_refiner/stop_token.h"
 
 namespace nerf_pose_refiner {
 
@@ -24,7 +24,8 @@ constexpr const char* kExitCodes = "Exit code: 0 done, 1 failed, 2 wrong usage."
 /// what went wrong.
 /// @param body gets a token that Ctrl-C sets. It may throw; std::invalid_argument is wrong usage.
 /// @return the exit code.
-int runApp(CLI::App* app, int argc, char** argv, const std::function<void(const StopToken&)>& body);
+int runApp(CLI::App* app, int argc, char** argv,
+           const std::function<void(const CancellationToken&)>& body);
 
 /// The file name of a path, and the same without its last extension.
 std::string fileName(const std::string& path);
@@ -33,23 +34,23 @@ std::string fileStem(const std::string& path);
 /// A whole tool: `declare` adds its options to the app, `run` does the work.
 template <typename Options>
 int runTool(int argc, char** argv, void (*declare)(CLI::App*, Options*),
-            void (*run)(const Options&, const StopToken&)) {
+            void (*run)(const Options&, const CancellationToken&)) {
   CLI::App app("", fileName(argv[0]));
   Options options;
   declare(&app, &options);
-  return runApp(&app, argc, argv, [&](const StopToken& stop) { run(options, stop); });
+  return runApp(&app, argc, argv, [&](const CancellationToken& stop) { run(options, stop); });
 }
 
-/// Which engine, and how much of the machine it takes.
-struct EngineOptions {
+/// Which backend, and how much of the machine it takes.
+struct BackendOptions {
   std::string backend = "cpu";
   int device = 0;
   int threads = 0;
   std::string instruction_set = "auto";
 
   void addTo(CLI::App* app);
-  std::shared_ptr<Engine> make() const {
-    return makeEngine({backend, threads, instruction_set, device});
+  std::shared_ptr<Backend> make() const {
+    return makeBackend({backend, threads, instruction_set, device});
   }
   DatasetOptions datasetOptions() const;
 };
@@ -63,7 +64,7 @@ class ProgressLine {
   ProgressLine& operator=(const ProgressLine&) = delete;
 
   /// @param share 0..1 of the work that is done.
-  void show(double share, const std::string& text);
+  void show(double fraction, const std::string& text);
   void end();  ///< goes to the next line, if anything was shown
 
  private:

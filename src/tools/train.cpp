@@ -20,7 +20,7 @@ struct TrainOptions {
   std::string name;
   std::vector<double> box;  // min x y z, max x y z
   RegistrationSettings settings;
-  EngineOptions engine;
+  BackendOptions backend;
   bool json = false;
 };
 
@@ -64,7 +64,7 @@ void declare(CLI::App* app, TrainOptions* options) {
                   "Bounds of the object: min x y z, max x y z [dataset units]; default: the file's")
       ->expected(6);
   app->add_option("--seed", settings.seed, "Same seed, same model")->capture_default_str();
-  options->engine.addTo(app);
+  options->backend.addTo(app);
   app->add_flag("--json", options->json, "Print the result as JSON");
 }
 
@@ -106,16 +106,16 @@ void report(const TrainOptions& options, const Field& field, double seconds) {
   }
 }
 
-void train(const TrainOptions& options, const StopToken& stop) {
+void train(const TrainOptions& options, const CancellationToken& stop) {
   requireWritable(options.model);
-  Dataset dataset = loadTransforms(options.dataset, options.engine.datasetOptions(), stop);
+  Dataset dataset = loadTransforms(options.dataset, options.backend.datasetOptions(), stop);
   if (!options.box.empty()) {
     dataset.has_box = true;
     dataset.box_min = {options.box[0], options.box[1], options.box[2]};
     dataset.box_max = {options.box[3], options.box[4], options.box[5]};
   }
   RegistrationSettings settings = options.settings;
-  settings.threads = options.engine.threads;
+  settings.threads = options.backend.threads;
   const ObjectMetadata said = readObjectMetadata(metadataPathOf(options.model));
   settings.symmetries = said.symmetries.inFrame(said.T_O_U);
   double seconds = 0;
@@ -130,7 +130,7 @@ void train(const TrainOptions& options, const StopToken& stop) {
       line.show(progress.steps > 0 ? static_cast<double>(progress.step) / progress.steps : 0, text);
       seconds = progress.seconds;
     };
-    field = registerObject(options.engine.make().get(), dataset, settings, show, stop);
+    field = registerObject(options.backend.make().get(), dataset, settings, show, stop);
   }
   field.metadata.name = options.name.empty() ? fileStem(options.model) : options.name;
   saveModel(field, options.model);

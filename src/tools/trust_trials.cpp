@@ -25,8 +25,8 @@ void require(bool holds, const char* name, double value, const char* range) {
 
 /// One of `count` numbers from 0 on, by seed and run.
 int drawn(int count, std::uint64_t seed, int run) {
-  const float share = randomUniform(seed, static_cast<std::uint64_t>(run), 0);
-  return std::min(count - 1, static_cast<int>(share * static_cast<float>(count)));
+  const float fraction = randomUniform(seed, static_cast<std::uint64_t>(run), 0);
+  return std::min(count - 1, static_cast<int>(fraction * static_cast<float>(count)));
 }
 
 ros::Time stampOf(const Recording::Image& image) { return image.frame.image->header.stamp; }
@@ -72,7 +72,7 @@ class TrustTrials::Run {
     std::future<void> loaded = tracker_.offerModel(trials.field_);
     tracker_.applyModels();
     loaded.get();
-    StartPose start;
+    InitialPose start;
     start.T_P_U = trials.initialPose(first.true_T_C_U, number);
     start.frame_id = first.frame.image->header.frame_id;
     start.stamp = stampOf(first);
@@ -97,7 +97,7 @@ class TrustTrials::Run {
                     tracking = trials.parameters_.tracking.refiner;
     initial.seed += static_cast<std::uint64_t>(number);
     tracking.seed += static_cast<std::uint64_t>(number);
-    return std::make_unique<RefinerSearch>([engine = trials.engine_] { return engine; }, initial,
+    return std::make_unique<RefinerSearch>([backend = trials.backend_] { return backend; }, initial,
                                            tracking,
                                            [] { return std::make_shared<ProcessorSchedule>(); });
   }
@@ -107,9 +107,9 @@ class TrustTrials::Run {
   ObjectTracker tracker_;
 };
 
-TrustTrials::TrustTrials(std::shared_ptr<Engine> engine, std::shared_ptr<const Field> field,
+TrustTrials::TrustTrials(std::shared_ptr<Backend> backend, std::shared_ptr<const Field> field,
                          const PoseRefinerParameters& parameters, const TrustSettings& settings)
-    : engine_(std::move(engine)),
+    : backend_(std::move(backend)),
       field_(std::move(field)),
       parameters_(parameters),
       settings_(settings) {

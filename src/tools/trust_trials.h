@@ -5,7 +5,7 @@
 #include <memory>
 #include <vector>
 
-#include "backend/engine.h"
+#include "backend/backend.h"
 #include "nerf_pose_refiner/symmetry.h"
 #include "ros/bag/bag_sequence.h"
 #include "ros/nodelet/object_tracker.h"
@@ -64,7 +64,7 @@ class TrustTrials {
  public:
   /// @param parameters of the node. @throws std::invalid_argument for settings that make no sense
   /// or a model without a scale.
-  TrustTrials(std::shared_ptr<Engine> engine, std::shared_ptr<const Field> field,
+  TrustTrials(std::shared_ptr<Backend> backend, std::shared_ptr<const Field> field,
               const PoseRefinerParameters& parameters, const TrustSettings& settings);
 
   /// Follows the object from an initial pose in an image that is drawn.
@@ -80,7 +80,7 @@ class TrustTrials {
   Pose initialPose(const Pose& true_T_C_U, int run) const;
   bool isRight(const FrameResult& result, const Pose& true_T_C_U) const;
 
-  std::shared_ptr<Engine> engine_;
+  std::shared_ptr<Backend> backend_;
   std::shared_ptr<const Field> field_;
   PoseRefinerParameters parameters_;
   TrustSettings settings_;

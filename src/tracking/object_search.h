@@ -5,11 +5,11 @@
 #include <optional>
 
 #include "refinement/refiner.h"
-#include "runtime/engine_factory.h"
+#include "runtime/backend_pool.h"
 
 namespace nerf_pose_refiner {
 
-/// What tracking asks of the library: find the object in a picture. (Tests put another one in its
+/// What tracking asks of the library: find the object in an image. (Tests put another one in its
 /// place.) One thread at a time.
 class ObjectSearch {
  public:
@@ -23,29 +23,29 @@ class ObjectSearch {
 
   /// @param tracked the prior is the pose of the image before.
   virtual Refinement search(const Observation& observation, const Prior& prior, bool tracked,
-                            const StopToken& stop) = 0;
+                            const CancellationToken& stop) = 0;
 };
 
-/// Searches with an engine: widely from an initial pose, narrowly from the last one. The engine is
-/// made by the thread that searches, with the first object.
+/// Searches with an backend: widely from an initial pose, narrowly from the last one. The backend
+/// is made by the thread that searches, with the first object.
 class RefinerSearch : public ObjectSearch {
  public:
-  /// @param find_schedule of the engine's processor: trainings rest while it searches.
-  RefinerSearch(EngineFactory make_engine, const RefinerSettings& initial,
+  /// @param find_schedule of the backend's processor: trainings rest while it searches.
+  RefinerSearch(BackendFactory make_backend, const RefinerSettings& initial,
                 const RefinerSettings& tracking, ScheduleFactory find_schedule);
 
   void use(std::shared_ptr<const Field> field) override;
   void configure(const RefinerSettings& initial, const RefinerSettings& tracking) override;
   Refinement search(const Observation& observation, const Prior& prior, bool tracked,
-                    const StopToken& stop) override;
+                    const CancellationToken& stop) override;
 
  private:
-  EngineFactory make_engine_;
+  BackendFactory make_backend_;
   RefinerSettings initial_settings_;
   RefinerSettings tracking_settings_;
   ScheduleFactory find_schedule_;
   std::shared_ptr<ProcessorSchedule> schedule_;
-  std::shared_ptr<Engine> engine_;
+  std::shared_ptr<Backend> backend_;
   std::optional<Refiner> initial_;
   std::optional<Refiner> tracking_;
   std::shared_ptr<const LoadedField> field_;

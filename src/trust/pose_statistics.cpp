@@ -142,10 +142,10 @@ bool isFound(const Refinement& refinement, const Pose& true_T_O_C, const FieldMe
 
 }  // namespace
 
-PoseStatistics measurePoses(Engine* engine, const LoadedField& field,
-                            const std::vector<PosedView>& views, const StopToken& stop) {
+PoseStatistics measurePoses(Backend* backend, const LoadedField& field,
+                            const std::vector<PosedView>& views, const CancellationToken& stop) {
   const FieldMetadata& object = field.field().metadata;
-  const std::shared_ptr<Engine> borrowed(engine, [](Engine*) {});
+  const std::shared_ptr<Backend> borrowed(backend, [](Backend*) {});
   Refiner refiner(borrowed, RefinerSettings::named("track"));
   ErrorMoments errors;
   std::vector<double> right, wrong;
@@ -159,7 +159,8 @@ PoseStatistics measurePoses(Engine* engine, const LoadedField& field,
     const Refinement found = refiner.refine(field, observation, prior, stop);
     prior.T_O_C = wrongSide(truth, object, i);
     const Refinement mistaken = refiner.refine(field, observation, prior, stop);
-    if (found.outcome == Outcome::kStopped || mistaken.outcome == Outcome::kStopped) stop.check();
+    if (found.outcome == Outcome::kCancelled || mistaken.outcome == Outcome::kCancelled)
+      stop.check();
     if (mistaken.outcome == Outcome::kRefined) wrong.push_back(mistaken.score);
     if (!isFound(found, truth, object)) continue;
     right.push_back(found.score);

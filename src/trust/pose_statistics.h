@@ -3,8 +3,8 @@
 
 #include <vector>
 
+#include "backend/backend.h"
 #include "dataset/dataset.h"
-#include "backend/engine.h"
 
 namespace nerf_pose_refiner {
 
@@ -12,7 +12,7 @@ namespace nerf_pose_refiner {
 /// poses that look alike by the field's symmetries, the one nearest to the truth is compared with
 /// it.
 /// @param views that show the object. @throws Stopped.
-PoseStatistics measurePoses(Engine* engine, const LoadedField& field,
-                            const std::vector<PosedView>& views, const StopToken& stop);
+PoseStatistics measurePoses(Backend* backend, const LoadedField& field,
+                            const std::vector<PosedView>& views, const CancellationToken& stop);
 
 }  // namespace nerf_pose_refiner

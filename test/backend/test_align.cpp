@@ -7,7 +7,7 @@
 #include <limits>
 #include <vector>
 
-#include "backend/engine.h"
+#include "backend/backend.h"
 #include "support/analytic_scene.h"
 #include "support/expect_error.h"
 
@@ -18,17 +18,17 @@ namespace {
 
 const Camera kCamera = {240, 200, 330, 330, 119.5, 99.5};
 
-/// The scene, a picture of it and the pose that it was taken from.
+/// The scene, an image of it and the pose that it was taken from.
 struct Setting {
-  std::shared_ptr<Engine> engine;
+  std::shared_ptr<Backend> backend;
   std::shared_ptr<const LoadedField> scene = makeAnalyticScene();
   Pose truth = cameraAround(*scene, 0.6, 0.4);
   Observation observation;
   ImageLevel level = {kCamera.resized(120, 100), 1.0};
   AlignStage stage;
 
-  explicit Setting(int threads = 1) : engine(makeCpuEngine(threads)) {
-    observation = observeScene(engine.get(), *scene, kCamera, truth);
+  explicit Setting(int threads = 1) : backend(makeCpuBackend(threads)) {
+    observation = observeScene(backend.get(), *scene, kCamera, truth);
     stage.max_iterations = 20;
     stage.rays_per_side = 4;
   }
@@ -41,14 +41,14 @@ struct Setting {
     return {turn * truth.R, centre() + v + turn * (truth.t - centre())};
   }
 
-  Hypothesis alignFrom(const Pose& start, const StopToken& stop = {}) {
-    const auto batch = engine->batch(1);
-    ScatterPlan scatter;
-    scatter.count = 1;
-    engine->scatter(batch.get(), {start}, scatter);
-    const auto observed = engine->observe(observation, {level});
-    engine->align(batch.get(), *scene, *observed, 0, stage, stop);
-    return engine->read(*batch).front();
+  Hypothesis alignFrom(const Pose& start, const CancellationToken& stop = {}) {
+    const auto batch = backend->batch(1);
+    SamplingPlan sampling;
+    sampling.count = 1;
+    backend->sample(batch.get(), {start}, sampling);
+    const auto observed = backend->observe(observation, {level});
+    backend->align(batch.get(), *scene, *observed, 0, stage, stop);
+    return backend->read(*batch).front();
   }
 };
 
@@ -223,17 +223,17 @@ TEST(Align, sameBitsForAnyNumberOfThreads) {
 
 TEST(Align, stops) {
   Setting setting;
-  StopToken stop;
-  stop.requestStop();
-  EXPECT_THROW(setting.alignFrom(setting.truth, stop), Stopped);
+  CancellationToken stop;
+  stop.requestCancel();
+  EXPECT_THROW(setting.alignFrom(setting.truth, stop), Cancelled);
 }
 
 TEST(Align, wrongLevelIsNamed) {
   Setting setting;
-  const auto batch = setting.engine->batch(1);
-  const auto observed = setting.engine->observe(setting.observation, {setting.level});
+  const auto batch = setting.backend->batch(1);
+  const auto observed = setting.backend->observe(setting.observation, {setting.level});
   expectError<std::invalid_argument>(
-      [&] { setting.engine->align(batch.get(), *setting.scene, *observed, 1, setting.stage, {}); },
+      [&] { setting.backend->align(batch.get(), *setting.scene, *observed, 1, setting.stage, {}); },
       "level 1");
 }
 

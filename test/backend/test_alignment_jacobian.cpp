@@ -4,8 +4,8 @@
 #include <cmath>
 
 #include "backend/common/alignment_system.h"
-#include "backend/cpu/cpu_engine.h"
-#include "backend/cpu/picture.h"
+#include "backend/cpu/cpu_backend.h"
+#include "backend/cpu/rendered_image.h"
 #include "image/filter.h"
 #include "support/analytic_scene.h"
 
@@ -17,12 +17,12 @@ const Camera kCamera = {96, 80, 150, 150, 47.5, 39.5};
 
 // Rendering as alignment makes it: several rays a pixel, blurred.
 Image blurredRendering(const LoadedField& scene, const Pose& T_O_C) {
-  Image picture, scratch;
-  Work work;
-  renderPictures(rayRenderer(scene), {{kCamera, T_O_C, 8, &picture}}, RenderOptions(), 1,
-                 StopToken(), &work);
-  blurPicture(gaussianKernel(kBlurPx), &picture, &scratch);
-  return picture;
+  Image image, scratch;
+  CostCounters work;
+  renderImages(rayRenderer(scene), {{kCamera, T_O_C, 8, &image}}, RenderOptions(), 1,
+               CancellationToken(), &work);
+  blurImage(gaussianKernel(kBlurPx), &image, &scratch);
+  return image;
 }
 
 Pose moved(const Pose& T_O_C, const Eigen::Vector3d& centre, int axis, double step) {
@@ -34,14 +34,14 @@ Pose moved(const Pose& T_O_C, const Eigen::Vector3d& centre, int axis, double st
 
 class AlignmentJacobian : public ::testing::TestWithParam<int> {};
 
-// The predicted change of all four channels over the picture against the one that is rendered.
-// A picture's flow explains it except where a surface turns away behind its own edge.
+// The predicted change of all four channels over the image against the one that is rendered.
+// An image's flow explains it except where a surface turns away behind its own edge.
 TEST_P(AlignmentJacobian, AgreesWithCentralDifferences) {
   const auto scene = makeAnalyticScene();
   const Eigen::Vector3d centre = scene->field().metadata.centre;
   const Pose T_O_C = cameraAround(*scene, 0.6, 0.4);
   const double step = 1e-2;
-  const Image picture = blurredRendering(*scene, T_O_C);
+  const Image image = blurredRendering(*scene, T_O_C);
   const Image after = blurredRendering(*scene, moved(T_O_C, centre, GetParam(), step));
   const Image before = blurredRendering(*scene, moved(T_O_C, centre, GetParam(), -step));
 
@@ -49,7 +49,7 @@ TEST_P(AlignmentJacobian, AgreesWithCentralDifferences) {
   level.camera = kCamera;
   AlignmentTarget target;
   target.level = &level;
-  target.observed = &picture;  // so that the mean of both pictures' gradients is the rendering's
+  target.observed = &image;  // so that the mean of both images' gradients is the rendering's
   target.centre = centre;
   const AlignmentView view = viewOf(target, T_O_C);
   // With the rendered change in the place of the residual the normal equations hold its product
@@ -58,13 +58,13 @@ TEST_P(AlignmentJacobian, AgreesWithCentralDifferences) {
   double rendered_square = 0;
   for (int y = 1; y + 1 < kCamera.height; ++y) {
     for (int x = 1; x + 1 < kCamera.width; ++x) {
-      PixelResidual<float> r = residualAt(target, picture, GainBias<float>(), x, y);
+      PixelResidual<float> r = residualAt(target, image, GainBias<float>(), x, y);
       for (int c = 0; c < 4; ++c) {
         r.value[c] = static_cast<float>((after.at(x, y, c) - before.at(x, y, c)) / (2 * step));
         rendered_square += r.value[c] * r.value[c];
       }
       const float weights[4] = {1, 1, 1, 1};
-      addPixel(flowAt(view, picture, x, y), r, weights, &equations);
+      addPixel(flowAt(view, image, x, y), r, weights, &equations);
     }
   }
   const int axis = GetParam();

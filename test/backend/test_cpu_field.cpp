@@ -88,7 +88,7 @@ TEST(CpuField, ExpectedPointByHand) {
 
 TEST(CpuField, WorkByHand) {
   const auto scene = load(uniformFog(3, 0.8));
-  Work work;
+  CostCounters work;
   const Ray miss = {{-3, 1.1f, 0}, {1, 0, 0}};
   render(*scene, {kAlongX, miss}, everything(), &work);
   EXPECT_EQ(work.rays, 2u);
@@ -104,7 +104,7 @@ TEST(CpuField, WorkByHand) {
 TEST(CpuField, OpaqueRaysEndAfterAFewSamples) {
   Field field = uniformFog(1000, 0.8);
   field.config.step = 1.0f / 64;
-  Work work;
+  CostCounters work;
   const RayResult result = render(*load(field), {kAlongX}, RenderOptions(), &work)[0];
   expectResult(result, 0.8, 1);
   EXPECT_EQ(work.samples, 4u);  // what a ray takes at once
@@ -140,7 +140,7 @@ TEST(CpuField, OccupancySkipsEmptyCells) {
   field.occupancy = {8, std::vector<std::uint8_t>(64, 0x0e)};  // x = 1, 2, 3
   const auto scene = load(field);
   RenderOptions options = everything();
-  Work work;
+  CostCounters work;
   options.use_occupancy = true;
   expectResult(render(*scene, {kAlongX}, options, &work)[0], 0.8, 1 - std::exp(-3 * 3 / 8.0));
   EXPECT_EQ(work.samples, 3u);
@@ -158,7 +158,7 @@ TEST(CpuField, StepScaleMultipliesTheIntervals) {
   coarse.config.cone_angle *= 2;
   const Rays rays = randomRays(field, 50);
   RenderOptions options = everything();
-  Work fine_work, coarse_work;
+  CostCounters fine_work, coarse_work;
   render(*load(field), rays, options, &fine_work);
   options.step_scale = 2;
   const Results scaled = render(*load(field), rays, options, &coarse_work);
@@ -167,7 +167,7 @@ TEST(CpuField, StepScaleMultipliesTheIntervals) {
   EXPECT_NEAR(coarse_work.samples / static_cast<double>(fine_work.samples), 0.5, 0.1);
 }
 
-TEST(CpuField, AScaledSceneGivesTheSamePicture) {
+TEST(CpuField, AScaledSceneGivesTheSameImage) {
   Field field = randomField(smallConfig(), 3);
   field.config.cone_angle = 0.1f;
   RenderOptions options;
@@ -196,14 +196,14 @@ TEST(CpuField, ResultsDoNotDependOnGroupsOrThreads) {
   const Rays rays = randomRays(field, 1000);
   const Results together = render(*scene, rays);
   Results alone(rays.size()), threaded(rays.size());
-  Work work;
+  CostCounters work;
   for (std::size_t i = rays.size(); i-- > 0;) {
     scene->renderRays(&rays[i], 1, RenderOptions(), &alone[i], &work);
   }
   std::vector<std::thread> threads;
   for (int t = 0; t < 4; ++t) {
     threads.emplace_back([&, t] {
-      Work own;
+      CostCounters own;
       for (int first = 50 * t; first < 1000; first += 200) {
         scene->renderRays(&rays[first], 50, RenderOptions(), &threaded[first], &own);
       }
@@ -216,34 +216,34 @@ TEST(CpuField, ResultsDoNotDependOnGroupsOrThreads) {
   }
 }
 
-std::vector<RayPull> pull(const RayRenderer& scene, const Rays& rays, std::vector<int>* asked) {
-  std::vector<RayPull> pulls(rays.size());
+std::vector<RayGradient> pull(const RayRenderer& scene, const Rays& rays, std::vector<int>* asked) {
+  std::vector<RayGradient> gradients(rays.size());
   const auto gradient = [&](int i, const RayResult& result) -> RayLossGradient {
     ++asked->at(i);
     return {{result.rgb[0], 1, -1}, 0.5f};
   };
-  Work work;
-  scene.pullRays(rays.data(), static_cast<int>(rays.size()), everything(), true, gradient,
-                 pulls.data(), &work);
-  return pulls;
+  CostCounters work;
+  scene.rayGradients(rays.data(), static_cast<int>(rays.size()), everything(), true, gradient,
+                     gradients.data(), &work);
+  return gradients;
 }
 
-TEST(CpuField, RaysOfManySamplesArePulledInSmallerGroups) {
+TEST(CpuField, RaysOfManySamplesAreGradientedInSmallerGroups) {
   Field field = randomField(smallConfig(), 3);
   field.config.step = 0.002f;  // several hundred samples a ray: 32 rays do not fit
   const auto scene = load(field);
   const Rays rays = randomRays(field, 70);
   std::vector<int> asked(70, 0), asked_once(1, 0);
-  const std::vector<RayPull> together = pull(*scene, rays, &asked);
+  const std::vector<RayGradient> together = pull(*scene, rays, &asked);
   EXPECT_EQ(asked, std::vector<int>(70, 1));
   for (std::size_t i = 0; i < rays.size(); ++i) {
-    const RayPull alone = pull(*scene, {rays[i]}, &asked_once)[0];
+    const RayGradient alone = pull(*scene, {rays[i]}, &asked_once)[0];
     EXPECT_EQ(std::memcmp(&alone, &together[i], sizeof alone), 0) << i;
   }
 }
 
 // The paper's mode descends on what is scored: the same samples count for both.
-TEST(CpuField, PullSeesWhatIsRendered) {
+TEST(CpuField, GradientSeesWhatIsRendered) {
   Field field = randomField(smallConfig(), 3);
   field.config.step = 0.002f;  // most samples are faint
   const auto scene = load(field);
@@ -252,16 +252,16 @@ TEST(CpuField, PullSeesWhatIsRendered) {
   strict.min_weight = 3e-3f;
   for (const RenderOptions& options : {everything(), RenderOptions(), strict}) {
     const Results rendered = render(*scene, rays, options);
-    std::vector<RayPull> pulls(rays.size());
+    std::vector<RayGradient> gradients(rays.size());
     const auto compare = [&](int i, const RayResult& seen) -> RayLossGradient {
       for (int c = 0; c < 3; ++c) EXPECT_NEAR(seen.rgb[c], rendered[i].rgb[c], 1e-5);
       EXPECT_NEAR(seen.alpha, rendered[i].alpha, 1e-5);
       for (int c = 0; c < 3; ++c) EXPECT_NEAR(seen.point[c], rendered[i].point[c], 4e-5);
       return {{0, 0, 0}, 0};
     };
-    Work work;
-    scene->pullRays(rays.data(), 100, options, false, compare, pulls.data(), &work);
-    for (const RayPull& p : pulls) {
+    CostCounters work;
+    scene->rayGradients(rays.data(), 100, options, false, compare, gradients.data(), &work);
+    for (const RayGradient& p : gradients) {
       for (int a = 0; a < 3; ++a) EXPECT_EQ(std::abs(p.force[a]) + std::abs(p.torque[a]), 0);
     }
   }

@@ -32,7 +32,7 @@ FieldConfig shape(int features, int levels, int width, int hidden_layers, int ge
   return config;
 }
 
-// What a ray sees, and the share of it that is too faint to be coloured by the engine.
+// What a ray sees, and the share of it that is too faint to be coloured by the backend.
 struct Expected {
   Eigen::Vector3d rgb = Eigen::Vector3d::Zero(), point = Eigen::Vector3d::Zero();
   double alpha = 0, faint = 0;

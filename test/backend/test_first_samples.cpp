@@ -4,8 +4,8 @@
 #include <cmath>
 #include <vector>
 
-#include "backend/cpu/cpu_kernels.h"
 #include "backend/common/ray_march.h"
+#include "backend/cpu/cpu_kernels.h"
 #include "math/random.h"
 
 // The kernel that finds where rays meet matter, against the marcher that walks each of them.

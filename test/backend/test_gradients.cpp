@@ -7,14 +7,14 @@
 #include <vector>
 
 #include "backend/ray_renderer.h"
-#include "nerf_pose_refiner/pose.h"
 #include "math/loss.h"
+#include "nerf_pose_refiner/pose.h"
 #include "support/random_field.h"
 #include "support/reference_field.h"
 
 // Gradients of the paper's mode: the double-precision reference against central differences of
-// itself, and the CPU engine against the reference. Sample distances, the viewing direction and the
-// denominators of the relative losses are frozen; no ray ends early; no cell is skipped.
+// itself, and the CPU backend against the reference. Sample distances, the viewing direction and
+// the denominators of the relative losses are frozen; no ray ends early; no cell is skipped.
 
 namespace nerf_pose_refiner {
 namespace {
@@ -151,12 +151,12 @@ bool agree(const Vector6d& a, const Vector6d& b, double tolerance) {
   return close(0) && close(3);
 }
 
-Vector6d referencePull(const ReferenceField& field, const Case& c, Loss kind, bool turns_view) {
+Vector6d referenceGradient(const ReferenceField& field, const Case& c, Loss kind, bool turns_view) {
   const ReferenceField::Ray ray = doubleRay(c.ray);
   const auto samples = field.samples(ray);
   const Eigen::Vector3d p = onBackground(field.render(ray, samples, nullptr), c);
   const Eigen::Vector4d g = lossGradient<double>(kind, p, c);
-  const auto pull = field.pull(ray, samples, {g.head<3>(), g[3]}, turns_view);
+  const auto pull = field.gradient(ray, samples, {g.head<3>(), g[3]}, turns_view);
   Vector6d both;
   both << pull.force, pull.torque;
   return both;
@@ -201,7 +201,7 @@ void expectReferenceMatchesDifferences(bool turns_view) {
     const Loss kind = static_cast<Loss>(k);
     int failures = 0;
     for (int i = 0; i < kCases; ++i) {
-      const Vector6d pull = referencePull(field, drawn.cases[i], kind, turns_view);
+      const Vector6d pull = referenceGradient(field, drawn.cases[i], kind, turns_view);
       const Vector6d expected = centralDifferences(drawn.cases[i], drawn.renderings[i], kind);
       if (!agree(pull, expected, 1e-3)) ++failures;
     }
@@ -217,27 +217,27 @@ TEST(Gradients, referenceMatchesCentralDifferencesThroughTheViewingDirectionToo)
   expectReferenceMatchesDifferences(true);
 }
 
-// The engine's forces and torques of all cases, in one call.
-std::vector<Vector6d> enginePulls(const RayRenderer& scene, const std::vector<Case>& cases,
-                                  Loss kind, bool turns_view) {
+// The backend's forces and torques of all cases, in one call.
+std::vector<Vector6d> engineGradients(const RayRenderer& scene, const std::vector<Case>& cases,
+                                      Loss kind, bool turns_view) {
   std::vector<Ray> rays;
   for (const Case& c : cases) rays.push_back(c.ray);
   RenderOptions options;
   options.min_transmittance = 0;
   options.min_weight = 0;
   options.use_occupancy = false;
-  std::vector<RayPull> pulls(cases.size());
+  std::vector<RayGradient> gradients(cases.size());
   const auto gradient = [&](int i, const RayResult& ray) -> RayLossGradient {
     const Eigen::Vector3f p = Eigen::Map<const Eigen::Vector3f>(ray.rgb) +
                               (1 - ray.alpha) * cases[i].background.cast<float>();
     const Eigen::Vector4f g = lossGradient<float>(kind, p, cases[i]);
     return {{g[0], g[1], g[2]}, g[3]};
   };
-  Work work;
-  scene.pullRays(rays.data(), static_cast<int>(rays.size()), options, turns_view, gradient,
-                 pulls.data(), &work);
+  CostCounters work;
+  scene.rayGradients(rays.data(), static_cast<int>(rays.size()), options, turns_view, gradient,
+                     gradients.data(), &work);
   std::vector<Vector6d> all;
-  for (const RayPull& pull : pulls) {
+  for (const RayGradient& pull : gradients) {
     Vector6d both;
     both << Eigen::Map<const Eigen::Vector3f>(pull.force).cast<double>(),
         Eigen::Map<const Eigen::Vector3f>(pull.torque).cast<double>();
@@ -246,43 +246,43 @@ std::vector<Vector6d> enginePulls(const RayRenderer& scene, const std::vector<Ca
   return all;
 }
 
-void expectEngineMatchesReference(const FieldConfig& config, const std::string& instruction_set,
-                                  bool turns_view, int count) {
+void expectBackendMatchesReference(const FieldConfig& config, const std::string& instruction_set,
+                                   bool turns_view, int count) {
   const auto parameters = std::make_shared<Field>(randomField(config, 7));
   const ReferenceField reference(*parameters);
-  const auto engine = makeCpuEngine(1, instruction_set);
-  const auto loaded = engine->load(parameters);
+  const auto backend = makeCpuBackend(1, instruction_set);
+  const auto loaded = backend->load(parameters);
   const auto* scene = dynamic_cast<const RayRenderer*>(loaded.get());
   ASSERT_NE(scene, nullptr);
   const auto cases = drawSmoothCases(reference, *parameters, count, turns_view).cases;
   for (int k = 0; k < kLossCount; ++k) {
     const Loss kind = static_cast<Loss>(k);
-    const std::vector<Vector6d> pulls = enginePulls(*scene, cases, kind, turns_view);
+    const std::vector<Vector6d> gradients = engineGradients(*scene, cases, kind, turns_view);
     int failures = 0;
     for (int i = 0; i < count; ++i) {
-      const Vector6d expected = referencePull(reference, cases[i], kind, turns_view);
-      if (!agree(pulls[i], expected, 1e-2)) ++failures;
+      const Vector6d expected = referenceGradient(reference, cases[i], kind, turns_view);
+      if (!agree(gradients[i], expected, 1e-2)) ++failures;
     }
     EXPECT_LE(failures, count / 100) << lossName(kind);
   }
 }
 
 TEST(Gradients, engineMatchesReferenceForEveryLoss) {
-  expectEngineMatchesReference(smallConfig(), "auto", false, kCases);
+  expectBackendMatchesReference(smallConfig(), "auto", false, kCases);
 }
 
 TEST(Gradients, engineMatchesReferenceThroughTheViewingDirectionToo) {
-  expectEngineMatchesReference(smallConfig(), "auto", true, kCases);
+  expectBackendMatchesReference(smallConfig(), "auto", true, kCases);
 }
 
 TEST(Gradients, engineMatchesReferenceWithoutVectorInstructions) {
-  expectEngineMatchesReference(smallConfig(), "baseline", false, kCases);
+  expectBackendMatchesReference(smallConfig(), "baseline", false, kCases);
 }
 
 TEST(Gradients, engineMatchesReferenceInThePapersNetwork) {
   FieldConfig config = FieldConfig::named("paper");
   config.step = 0.11f;  // few samples, each of which matters
-  expectEngineMatchesReference(config, "auto", false, 100);
+  expectBackendMatchesReference(config, "auto", false, 100);
 }
 
 }  // namespace

@@ -3,7 +3,7 @@
 
 #include <limits>
 
-#include "backend/cpu/cpu_engine.h"
+#include "backend/cpu/cpu_backend.h"
 #include "support/expect_error.h"
 
 // Scattering, selection and reading of hypotheses.
@@ -15,10 +15,10 @@ Pose poseAt(double x) { return {Eigen::Matrix3d::Identity(), Eigen::Vector3d(x, 
 
 /// A batch whose hypotheses stand at poses 1, 2, ... with the given losses.
 struct Selection {
-  std::unique_ptr<Engine> engine = makeCpuEngine(1);
+  std::unique_ptr<Backend> backend = makeCpuBackend(1);
   std::unique_ptr<HypothesisBatch> batch;
 
-  explicit Selection(const std::vector<double>& losses) : batch(engine->batch(16)) {
+  explicit Selection(const std::vector<double>& losses) : batch(backend->batch(16)) {
     for (std::size_t i = 0; i < losses.size(); ++i) {
       CpuHypothesis h;
       h.T_O_C = poseAt(static_cast<double>(i) + 1);
@@ -31,22 +31,22 @@ struct Selection {
   /// x of the camera of each, best first.
   std::vector<double> read() {
     std::vector<double> x;
-    for (const Hypothesis& h : engine->read(*batch)) x.push_back(h.T_O_C.t.x());
+    for (const Hypothesis& h : backend->read(*batch)) x.push_back(h.T_O_C.t.x());
     return x;
   }
 };
 
 TEST(Scatter, firstIsThePriorAndOthersAreWithinTheSpread) {
-  const auto engine = makeCpuEngine(1);
-  const auto batch = engine->batch(64);
-  ScatterPlan plan;
+  const auto backend = makeCpuBackend(1);
+  const auto batch = backend->batch(64);
+  SamplingPlan plan;
   plan.count = 64;
   plan.rotation_rad = Eigen::Vector3d(0.1, 0.2, 0.3);
   plan.translation = Eigen::Vector3d(0.4, 0.5, 0.6);
   plan.object_centre = Eigen::Vector3d(1, 2, 3);
   const Pose prior = poseAt(0);
-  engine->scatter(batch.get(), {prior}, plan);
-  const HypothesisTable table = engine->read(*batch);
+  backend->sample(batch.get(), {prior}, plan);
+  const HypothesisTable table = backend->read(*batch);
   ASSERT_EQ(table.size(), 64u);
   EXPECT_EQ(table[0].T_O_C.t, prior.t);
   Eigen::Vector3d widest_turn = Eigen::Vector3d::Zero(), widest_move = Eigen::Vector3d::Zero();
@@ -66,25 +66,25 @@ TEST(Scatter, firstIsThePriorAndOthersAreWithinTheSpread) {
 }
 
 TEST(Scatter, aboutTheCameraKeepsItsPlace) {
-  const auto engine = makeCpuEngine(1);
-  const auto batch = engine->batch(4);
-  ScatterPlan plan;
+  const auto backend = makeCpuBackend(1);
+  const auto batch = backend->batch(4);
+  SamplingPlan plan;
   plan.count = 4;
   plan.rotation_rad.setConstant(0.3);
   plan.rotate_about_object = false;
   plan.object_centre = Eigen::Vector3d(1, 2, 3);
-  engine->scatter(batch.get(), {poseAt(0)}, plan);
-  for (const Hypothesis& h : engine->read(*batch)) EXPECT_EQ(h.T_O_C.t, poseAt(0).t);
+  backend->sample(batch.get(), {poseAt(0)}, plan);
+  for (const Hypothesis& h : backend->read(*batch)) EXPECT_EQ(h.T_O_C.t, poseAt(0).t);
 }
 
 TEST(Scatter, aroundEveryPriorAlike) {
-  const auto engine = makeCpuEngine(1);
-  const auto batch = engine->batch(6);
-  ScatterPlan plan;
+  const auto backend = makeCpuBackend(1);
+  const auto batch = backend->batch(6);
+  SamplingPlan plan;
   plan.count = 3;
   plan.translation.setConstant(0.1);
-  engine->scatter(batch.get(), {poseAt(0), poseAt(10)}, plan);
-  const HypothesisTable table = engine->read(*batch);
+  backend->sample(batch.get(), {poseAt(0), poseAt(10)}, plan);
+  const HypothesisTable table = backend->read(*batch);
   ASSERT_EQ(table.size(), 6u);
   for (int i = 0; i < 3; ++i) {
     EXPECT_EQ(table[i].search, 0);
@@ -95,24 +95,24 @@ TEST(Scatter, aroundEveryPriorAlike) {
 }
 
 TEST(Scatter, moreThanTheBatchHoldsIsRefused) {
-  const auto engine = makeCpuEngine(1);
-  const auto batch = engine->batch(4);
-  ScatterPlan plan;
+  const auto backend = makeCpuBackend(1);
+  const auto batch = backend->batch(4);
+  SamplingPlan plan;
   plan.count = 2;
   const std::vector<Pose> three(3);
-  expectError<std::invalid_argument>([&] { engine->scatter(batch.get(), three, plan); }, "2 for 3",
+  expectError<std::invalid_argument>([&] { backend->sample(batch.get(), three, plan); }, "2 for 3",
                                      "4");
-  expectError<std::invalid_argument>([&] { engine->scatter(batch.get(), {}, plan); }, "no prior");
+  expectError<std::invalid_argument>([&] { backend->sample(batch.get(), {}, plan); }, "no prior");
   plan.count = 5;
-  expectError<std::invalid_argument>([&] { engine->scatter(batch.get(), {Pose()}, plan); }, "5",
+  expectError<std::invalid_argument>([&] { backend->sample(batch.get(), {Pose()}, plan); }, "5",
                                      "4");
 }
 
 TEST(Select, keepsTheBest) {
   Selection s({0.3, 0.1, 0.4, 0.2});
-  SelectPlan plan;
+  ResamplingPlan plan;
   plan.keep = 2;
-  s.engine->select(s.batch.get(), plan);
+  s.backend->resample(s.batch.get(), plan);
   EXPECT_EQ(s.read(), (std::vector<double>{2, 4}));
 }
 
@@ -120,11 +120,11 @@ TEST(Select, everySearchKeepsItsBest) {
   Selection s({0.3, 0.1, 0.2, 5.0, 7.0, 6.0});
   for (int i = 3; i < 6; ++i) s.hypotheses()[i].search = 1;
   cpuBatch(s.batch.get()).searches = 2;
-  SelectPlan plan;
+  ResamplingPlan plan;
   plan.keep = 2;
   plan.offspring = 3;
   plan.translation_jitter = 0.25;
-  s.engine->select(s.batch.get(), plan);
+  s.backend->resample(s.batch.get(), plan);
   const std::vector<CpuHypothesis>& all = s.hypotheses();
   ASSERT_EQ(all.size(), 6u);
   const double at[] = {2, 3, 2, 4, 6, 4};  // the third of each is the best one's child
@@ -133,16 +133,16 @@ TEST(Select, everySearchKeepsItsBest) {
     EXPECT_NEAR(all[i].T_O_C.t.x(), at[i], i % 3 < 2 ? 0 : 0.25);
   }
   plan.offspring = 9;  // 18 of a batch of 16
-  expectError<std::invalid_argument>([&] { s.engine->select(s.batch.get(), plan); }, "2 searches",
-                                     "16");
+  expectError<std::invalid_argument>([&] { s.backend->resample(s.batch.get(), plan); },
+                                     "2 searches", "16");
 }
 
 TEST(Select, dropsTheFlaggedHoweverGood) {
   Selection s({0.3, 0.1, 0.4, 0.2});
   s.hypotheses()[1].state = HypothesisState::kOutOfImage;
-  SelectPlan plan;
+  ResamplingPlan plan;
   plan.keep = 2;
-  s.engine->select(s.batch.get(), plan);
+  s.backend->resample(s.batch.get(), plan);
   EXPECT_EQ(s.read(), (std::vector<double>{4, 1}));
 }
 
@@ -150,22 +150,22 @@ TEST(Select, dropsTheFlaggedHoweverGood) {
 TEST(Select, mergesNearDuplicatesIntoTheBest) {
   Selection s({0.2, 0.1, 0.3, 0.4});
   s.hypotheses()[2].T_O_C.R = expSO3({0, 0, 0.2});
-  SelectPlan plan;
+  ResamplingPlan plan;
   plan.keep = 4;
   plan.merge_translation = 1.5;
   plan.merge_rotation_rad = 0.1;
-  s.engine->select(s.batch.get(), plan);
+  s.backend->resample(s.batch.get(), plan);
   EXPECT_EQ(s.read(), (std::vector<double>{2, 3, 4}));
 }
 
 TEST(Select, redrawsTheMissingAroundTheSurvivors) {
   Selection s({0.3, 0.1, 0.4, 0.2});
   s.hypotheses()[0].state = HypothesisState::kIllConditioned;
-  SelectPlan plan;
+  ResamplingPlan plan;
   plan.keep = 4;
   plan.offspring = 5;
   plan.translation_jitter = 0.25;
-  s.engine->select(s.batch.get(), plan);
+  s.backend->resample(s.batch.get(), plan);
   const std::vector<CpuHypothesis>& all = s.hypotheses();
   ASSERT_EQ(all.size(), 5u);
   EXPECT_NEAR(all[3].T_O_C.t.x(), 2, 0.25);  // the best's child
@@ -176,11 +176,11 @@ TEST(Select, redrawsTheMissingAroundTheSurvivors) {
 
 TEST(Select, whatIsDrawnHasNoLossUntilItIsMeasured) {
   Selection s({1.0, 2.0});
-  SelectPlan plan;
+  ResamplingPlan plan;
   plan.keep = 2;
   plan.offspring = 4;
-  s.engine->select(s.batch.get(), plan);
-  const HypothesisTable table = s.engine->read(*s.batch);
+  s.backend->resample(s.batch.get(), plan);
+  const HypothesisTable table = s.backend->read(*s.batch);
   ASSERT_EQ(table.size(), 4u);
   EXPECT_EQ(table[1].loss, 2.0);  // never behind one that nobody has looked at
   EXPECT_EQ(table[2].loss, std::numeric_limits<double>::infinity());
@@ -189,19 +189,19 @@ TEST(Select, whatIsDrawnHasNoLossUntilItIsMeasured) {
 TEST(Select, redrawsOnlyWhereAsked) {
   Selection s({1.0, 2.0, 3.0});
   s.hypotheses()[1].state = HypothesisState::kOutOfImage;
-  SelectPlan plan;
+  ResamplingPlan plan;
   plan.keep = 3;
   plan.redraw = false;
-  s.engine->select(s.batch.get(), plan);
+  s.backend->resample(s.batch.get(), plan);
   EXPECT_EQ(s.read(), (std::vector<double>{1, 3}));
 }
 
 TEST(Select, nothingLivesNothingIsDrawn) {
   Selection s({0.1});
   s.hypotheses()[0].state = HypothesisState::kNotFinite;
-  SelectPlan plan;
+  ResamplingPlan plan;
   plan.offspring = 4;
-  s.engine->select(s.batch.get(), plan);
+  s.backend->resample(s.batch.get(), plan);
   EXPECT_TRUE(s.read().empty());
 }
 

@@ -31,16 +31,16 @@ FieldConfig smallConfig() {
   return config;
 }
 
-Field learnedField(Engine* engine) {
+Field learnedField(Backend* backend) {
   const Dataset photos = analyticDataset(24, 64);
-  const Hull hull = visualHull(photos, smallConfig().occupancy_resolution, 0, StopToken());
+  const Hull hull = visualHull(photos, smallConfig().occupancy_resolution, 0, CancellationToken());
   TrainingPlan plan;
   plan.samples_per_step = 8192;
   plan.region = hull.region;
-  const auto trainer = engine->trainer(smallConfig(), hull.box, trainingViews(photos), plan);
+  const auto trainer = backend->trainer(smallConfig(), hull.box, trainingViews(photos), plan);
   constexpr int kSteps = 200;
   for (int i = 0; i < kSteps; ++i) trainer->step(static_cast<double>(i) / kSteps);
-  return trainer->finish(StopToken());
+  return trainer->finish(CancellationToken());
 }
 
 double meanSquare(const Image& a, const Image& b) {
@@ -58,8 +58,8 @@ double decibel(double mean_square) { return -10 * std::log10(mean_square); }
 
 // Both are compared on the part of the picture that the plan looks at.
 TEST(LevelQuality, everyLevelIsWithinADecibelOfTheFullSize) {
-  const auto engine = makeCpuEngine(2);
-  const auto field = engine->load(std::make_shared<Field>(learnedField(engine.get())));
+  const auto backend = makeCpuBackend(2);
+  const auto field = backend->load(std::make_shared<Field>(learnedField(backend.get())));
   const PosedView view = analyticDataset(6, kSize, 1.0).views[2];
   const PremultipliedImage photo = premultiply(*view.rgba);
   Observation observation;
@@ -74,25 +74,26 @@ TEST(LevelQuality, everyLevelIsWithinADecibelOfTheFullSize) {
   settings.stages.push_back(settings.stages.back());  // as large as the picture, for comparison
   settings.stages.back().object_px = 4096;
   const AlignmentPlan plan = *planAlignment(settings, observation, prior, field->field().metadata);
-  const auto observed = engine->observe(observation, plan.levels);
+  const auto observed = backend->observe(observation, plan.levels);
 
   const Camera& crop = plan.levels.back().camera;
-  const Rendering whole = engine->render(*field, crop, view.T_O_C, RenderOptions(), StopToken());
+  const Rendering whole =
+      backend->render(*field, crop, view.T_O_C, RenderOptions(), CancellationToken());
   const double full_size =
       decibel(meanSquare(whole.colour, observedLevel(*observed, plan.stages.back().level).image));
   EXPECT_GT(full_size, 20);
   EXPECT_LT(full_size, 40);  // or nothing could be a decibel worse
 
   for (const PlannedStage& stage : plan.stages) {
-    Work work;
-    const StopToken stop;
+    CostCounters work;
+    const CancellationToken stop;
     const auto& level = observedLevel(*observed, stage.level);
     StageEvaluator evaluator(rayRenderer(*field), dynamic_cast<const CpuObservation&>(*observed),
                              stage.level, stage.align, 2, stop, &work);
     Evaluation evaluation;
     evaluation.T_O_C = view.T_O_C;
     evaluator.evaluate({&evaluation});
-    EXPECT_GT(decibel(meanSquare(evaluation.picture, level.blurred)), full_size - 1) << stage.name;
+    EXPECT_GT(decibel(meanSquare(evaluation.image, level.blurred)), full_size - 1) << stage.name;
   }
 }
 

@@ -17,29 +17,29 @@ const std::vector<float> kWindow = gaussianKernel(3);
 
 /// Random colours, weight 1.
 Image noise(int size, std::uint64_t seed) {
-  Image picture(size, size, kPictureChannels);
-  for (std::size_t i = 0; i < picture.pixels(); ++i) {
-    float* pixel = picture.values.data() + kPictureChannels * i;
+  Image image(size, size, kImageChannels);
+  for (std::size_t i = 0; i < image.pixels(); ++i) {
+    float* pixel = image.values.data() + kImageChannels * i;
     for (int c = 0; c < 3; ++c) pixel[c] = 0.2f + 0.6f * randomUniform(seed, c, i);
     pixel[kWeight] = 1;
   }
-  return picture;
+  return image;
 }
 
-Image coloursOf(const Image& picture) {
-  Image colours(picture.width, picture.height, 3);
+Image coloursOf(const Image& image) {
+  Image colours(image.width, image.height, 3);
   for (std::size_t i = 0; i < colours.values.size(); ++i) {
-    colours.values[i] = picture.values[kPictureChannels * (i / 3) + i % 3];
+    colours.values[i] = image.values[kImageChannels * (i / 3) + i % 3];
   }
   return colours;
 }
 
 TEST(TakeContrast, ofOneColourIsNone) {
-  Image picture = noise(16, 1);
-  for (std::size_t i = 0; i < picture.pixels(); ++i) picture.values[kPictureChannels * i] = 0.7f;
-  takeContrast(kWindow, &picture);
-  for (std::size_t i = 0; i < picture.pixels(); ++i) {
-    EXPECT_NEAR(picture.values[kPictureChannels * i], 0, 1e-4);
+  Image image = noise(16, 1);
+  for (std::size_t i = 0; i < image.pixels(); ++i) image.values[kImageChannels * i] = 0.7f;
+  takeContrast(kWindow, &image);
+  for (std::size_t i = 0; i < image.pixels(); ++i) {
+    EXPECT_NEAR(image.values[kImageChannels * i], 0, 1e-4);
   }
 }
 
@@ -47,24 +47,24 @@ TEST(TakeContrast, ofOneColourIsNone) {
 // mean is 0.5 + 0.2 erf(0.5 / 6 / sqrt(2)) = 0.5133, the variance 0.2^2 - 0.0133^2, and 0.03^2 is
 // taken for noise: 0.2 * (0.7 - 0.5133) / 0.2018.
 TEST(TakeContrast, ofAStep) {
-  Image picture(64, 64, kPictureChannels);
+  Image image(64, 64, kImageChannels);
   for (int y = 0; y < 64; ++y) {
     for (int x = 0; x < 64; ++x) {
-      picture.at(x, y, 0) = x < 32 ? 0.3f : 0.7f;
-      picture.at(x, y, kWeight) = 1;
+      image.at(x, y, 0) = x < 32 ? 0.3f : 0.7f;
+      image.at(x, y, kWeight) = 1;
     }
   }
-  takeContrast(gaussianKernel(6), &picture);
-  EXPECT_NEAR(picture.at(31, 32, 0) + picture.at(32, 32, 0), 0, 1e-4);
-  EXPECT_NEAR(picture.at(32, 32, 0), 0.18506, 1e-3);
-  EXPECT_NEAR(picture.at(2, 32, 0), 0, 1e-3);
+  takeContrast(gaussianKernel(6), &image);
+  EXPECT_NEAR(image.at(31, 32, 0) + image.at(32, 32, 0), 0, 1e-4);
+  EXPECT_NEAR(image.at(32, 32, 0), 0.18506, 1e-3);
+  EXPECT_NEAR(image.at(2, 32, 0), 0, 1e-3);
 }
 
 // Twice the light and an offset: the same contrasts, but for what is taken for noise.
 TEST(TakeContrast, knowsNoGainAndBias) {
   Image dark = noise(24, 2), bright = dark;
   for (std::size_t i = 0; i < dark.values.size(); ++i) {
-    if (i % kPictureChannels < 3) bright.values[i] = 2 * dark.values[i] + 0.1f;
+    if (i % kImageChannels < 3) bright.values[i] = 2 * dark.values[i] + 0.1f;
   }
   takeContrast(kWindow, &dark);
   takeContrast(kWindow, &bright);
@@ -81,13 +81,13 @@ TEST(TakeContrast, doesNotSeePixelsWithoutWeight) {
   }
   Image white = black;
   for (std::size_t i = 0; i < black.pixels(); ++i) {
-    float* pixel = white.values.data() + kPictureChannels * i;
+    float* pixel = white.values.data() + kImageChannels * i;
     if (pixel[kWeight] == 0) std::fill_n(pixel, 3, 1.0f);
   }
   takeContrast(kWindow, &black);
   takeContrast(kWindow, &white);
   for (std::size_t i = 0; i < black.values.size(); ++i) {
-    if (black.values[i / kPictureChannels * kPictureChannels + kWeight] == 0) continue;
+    if (black.values[i / kImageChannels * kImageChannels + kWeight] == 0) continue;
     EXPECT_EQ(black.values[i], white.values[i]) << i;
   }
 }
@@ -96,25 +96,25 @@ TEST(TakeContrast, doesNotSeePixelsWithoutWeight) {
 // deviation are theirs. The window weighs them g(1) : g(0) : g(1) with g(1) / g(0) = exp(-1 / 18):
 // the mean is 0.3 + 0.4 / (1 + 2 * 0.94596) = 0.43832, the variance 0.4^2 * 0.34580 * 0.65420.
 TEST(TakeContrast, isRelativeToWhatIsSeen) {
-  Image picture(33, 33, kPictureChannels);
+  Image image(33, 33, kImageChannels);
   for (int y = 0; y < 33; ++y) {
     for (int x = 0; x < 33; ++x) {
-      picture.at(x, y, 0) = x == 16 ? 0.7f : 0.3f;
-      picture.at(x, y, kWeight) = x >= 15 && x <= 17 ? 1.0f : 0.0f;
+      image.at(x, y, 0) = x == 16 ? 0.7f : 0.3f;
+      image.at(x, y, kWeight) = x >= 15 && x <= 17 ? 1.0f : 0.0f;
     }
   }
-  takeContrast(kWindow, &picture);
+  takeContrast(kWindow, &image);
   const double deviation = std::sqrt(0.16 * 0.34580 * 0.65420 + 0.03 * 0.03);
-  EXPECT_NEAR(picture.at(16, 16, 0), 0.2 * (0.7 - 0.43832) / deviation, 1e-4);
+  EXPECT_NEAR(image.at(16, 16, 0), 0.2 * (0.7 - 0.43832) / deviation, 1e-4);
 }
 
 // At the true pose the rendering before the rest of the photo is the photo, up to the rim, in any
 // light and under any blur.
 TEST(TakeContrastBefore, atTheTrueLightIsThatOfThePhoto) {
   constexpr int kSize = 32;
-  GainBias<float> light;
-  light.gain[1] = 0.8f;
-  light.bias[2] = 0.1f;
+  GainBias<float> gain_bias;
+  gain_bias.gain[1] = 0.8f;
+  gain_bias.bias[2] = 0.1f;
   Image object = noise(kSize, 3), photo = noise(kSize, 4);
   for (int y = 0; y < kSize; ++y) {
     for (int x = 0; x < kSize; ++x) {
@@ -123,15 +123,15 @@ TEST(TakeContrastBefore, atTheTrueLightIsThatOfThePhoto) {
       rendered[kOpacity] = inside ? 1.0f : 0.0f;
       for (int c = 0; c < 3; ++c) {
         rendered[c] *= rendered[kOpacity];
-        if (inside) photo.at(x, y, c) = light.gain[c] * rendered[c] + light.bias[c];
+        if (inside) photo.at(x, y, c) = gain_bias.gain[c] * rendered[c] + gain_bias.bias[c];
       }
     }
   }
   Image behind = seenBehind(coloursOf(photo), object), scratch;
   const std::vector<float> blur_kernel = gaussianKernel(1.3);
-  for (Image* picture : {&object, &photo, &behind}) blurPicture(blur_kernel, picture, &scratch);
+  for (Image* image : {&object, &photo, &behind}) blurImage(blur_kernel, image, &scratch);
   takeContrast(kWindow, &photo);
-  takeContrastBefore(behind, light, kWindow, &object);
+  takeContrastBefore(behind, gain_bias, kWindow, &object);
   for (int y = 0; y < kSize; ++y) {
     for (int x = 0; x < kSize; ++x) {
       const float opacity = object.at(x, y, kOpacity);

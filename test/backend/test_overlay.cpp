@@ -15,7 +15,7 @@ Bytes pixelOf(const Image8& image, int x, int y) {
   return {image.at(x, y, 0), image.at(x, y, 1), image.at(x, y, 2)};
 }
 
-/// An opaque red square of 4 x 4 pixels before a pure green picture of 8 x 8.
+/// An opaque red square of 4 x 4 pixels before a pure green image of 8 x 8.
 class OverlayTest : public testing::Test {
  protected:
   OverlayTest() : observed_(8, 8, 3) {
@@ -61,14 +61,14 @@ TEST_F(OverlayTest, LetsTheCameraThroughWhereTheRenderingIsThin) {
   EXPECT_EQ(pixelOf(overlay, 0, 0), (Bytes{163, 112, 112}));  // 0.587 * 0.75 = 0.440, and 0.2
 }
 
-TEST_F(OverlayTest, OutlinesAnObjectThatLeavesThePicture) {
+TEST_F(OverlayTest, OutlinesAnObjectThatLeavesTheImage) {
   rendering_.alpha = Image(8, 8, 1, 1.0f);
   const Image8 overlay = drawOverlay(observed_, rendering_);
   EXPECT_EQ(pixelOf(overlay, 0, 4), (Bytes{0, 255, 0}));
   EXPECT_NE(pixelOf(overlay, 4, 4), (Bytes{0, 255, 0}));
 }
 
-TEST_F(OverlayTest, RefusesPicturesOfDifferentSizes) {
+TEST_F(OverlayTest, RefusesImagesOfDifferentSizes) {
   EXPECT_THROW(drawOverlay(Image(8, 7, 3), rendering_), std::invalid_argument);
 }
 

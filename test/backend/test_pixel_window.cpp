@@ -31,21 +31,21 @@ TEST(PixelWindow, AroundTheBox) {
   expectWindow(windowFrom(0, 0, -5), 26, 18, 12, 12);
 }
 
-TEST(PixelWindow, IsCutOffAtThePicture) {
+TEST(PixelWindow, IsCutOffAtTheImage) {
   // From -7.4 px (near face) to 31.5 - 50 * 2.5 / 5.5 = 8.77 px (far face).
   expectWindow(windowFrom(3, 0, -5), 0, 18, 10, 12);
   // From 31.5 + 50 * 2.5 / 5.5 = 54.23 px on.
   expectWindow(windowFrom(-3, 0, -5), 54, 18, 10, 12);
 }
 
-TEST(PixelWindow, IsEmptyBesideThePicture) {
+TEST(PixelWindow, IsEmptyBesideTheImage) {
   EXPECT_TRUE(windowFrom(10, 0, -5).empty());
   EXPECT_TRUE(windowFrom(-10, 0, -5).empty());
   EXPECT_TRUE(windowFrom(0, 10, -5).empty());
   EXPECT_TRUE(windowFrom(0, -1e9, -5).empty());
 }
 
-TEST(PixelWindow, IsThePictureIfACornerIsBehindTheCamera) {
+TEST(PixelWindow, IsTheImageIfACornerIsBehindTheCamera) {
   expectWindow(windowFrom(0, 0, 0), 0, 0, 64, 48);
   expectWindow(windowFrom(0.6, 0, 0.4), 0, 0, 64, 48);
 }

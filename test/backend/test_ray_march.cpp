@@ -325,11 +325,11 @@ TEST(OccupancyMask, DistancesAreChebyshevs) {
   for (std::uint64_t seed = 0; seed < 12; ++seed) {
     const int n = seed % 2 == 0 ? 32 : 64, coarse = n / 4;
     const OccupancyGrid grid = randomGrid(n, 1 + static_cast<int>(seed), seed);
-    std::vector<Eigen::Vector3i> matter;
+    std::vector<Eigen::Vector3i> occupied_volume;
     for (int z = 0; z < n; ++z) {
       for (int y = 0; y < n; ++y) {
         for (int x = 0; x < n; ++x) {
-          if (grid.occupied(x, y, z)) matter.emplace_back(x / 4, y / 4, z / 4);
+          if (grid.occupied(x, y, z)) occupied_volume.emplace_back(x / 4, y / 4, z / 4);
         }
       }
     }
@@ -339,7 +339,7 @@ TEST(OccupancyMask, DistancesAreChebyshevs) {
       for (int y = 0; y < coarse; ++y) {
         for (int x = 0; x < coarse; ++x) {
           int nearest = coarse;
-          for (const Eigen::Vector3i& m : matter) {
+          for (const Eigen::Vector3i& m : occupied_volume) {
             const int away = (m - Eigen::Vector3i(x, y, z)).cwiseAbs().maxCoeff();
             nearest = std::min(nearest, away);
           }

@@ -61,7 +61,7 @@ ObservedLevel redOnGreen() {
   ObservedLevel level;
   level.image = Image(kSize, kSize, 3);
   level.weight = Image(kSize, kSize, 1, 1.0f);
-  level.blurred = Image(kSize, kSize, kPictureChannels);
+  level.blurred = Image(kSize, kSize, kImageChannels);
   for (int y = 0; y < kSize; ++y) {
     for (int x = 0; x < kSize; ++x) {
       for (int c = 0; c < 3; ++c) {
@@ -75,7 +75,7 @@ ObservedLevel redOnGreen() {
 
 /// The square, rendered two pixels too far right.
 Image rendering() {
-  Image picture(kSize, kSize, kPictureChannels);
+  Image picture(kSize, kSize, kImageChannels);
   for (int y = 0; y < kSize; ++y) {
     for (int x = 2; x < kSize; ++x) {
       if (!showsObject(x - 2, y)) continue;

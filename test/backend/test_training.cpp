@@ -7,13 +7,13 @@
 #include <stdexcept>
 #include <vector>
 
-#include "backend/engine.h"
+#include "backend/backend.h"
 #include "image/colour.h"
 #include "registration/visual_hull.h"
 #include "support/analytic_dataset.h"
 #include "support/expect_error.h"
 
-// A small field is trained from 24 small pictures of the analytic scene.
+// A small field is trained from 24 small images of the analytic scene.
 
 namespace nerf_pose_refiner {
 namespace {
@@ -42,7 +42,7 @@ const Dataset& dataset() {
 
 const Hull& hull() {
   static const Hull hull =
-      visualHull(dataset(), trainingConfig().occupancy_resolution, 0, StopToken());
+      visualHull(dataset(), trainingConfig().occupancy_resolution, 0, CancellationToken());
   return hull;
 }
 
@@ -58,20 +58,20 @@ struct Trained {
   std::vector<double> losses;
 };
 
-Trained train(Engine* engine, int steps, const TrainingPlan& plan) {
+Trained train(Backend* backend, int steps, const TrainingPlan& plan) {
   const auto trainer =
-      engine->trainer(trainingConfig(), hull().box, trainingViews(dataset()), plan);
+      backend->trainer(trainingConfig(), hull().box, trainingViews(dataset()), plan);
   Trained trained;
   for (int i = 0; i < steps; ++i) {
     EXPECT_EQ(trainer->stepsDone(), i);
     trained.losses.push_back(trainer->step(static_cast<double>(i) / steps));
   }
-  trained.field = trainer->finish(StopToken());
+  trained.field = trainer->finish(CancellationToken());
   return trained;
 }
 
 const Trained& trained() {
-  static const Trained once = train(makeCpuEngine(1).get(), kSteps, trainingPlan());
+  static const Trained once = train(makeCpuBackend(1).get(), kSteps, trainingPlan());
   return once;
 }
 
@@ -82,13 +82,14 @@ const std::vector<PosedView>& unseenViews() {
 }
 
 std::vector<Rendering> renderUnseen(const Field& field, bool use_occupancy) {
-  const auto engine = makeCpuEngine(1);
-  const auto loaded = engine->load(std::make_shared<Field>(field));
+  const auto backend = makeCpuBackend(1);
+  const auto loaded = backend->load(std::make_shared<Field>(field));
   RenderOptions options;
   options.use_occupancy = use_occupancy;
   std::vector<Rendering> renderings;
   for (const PosedView& view : unseenViews()) {
-    renderings.push_back(engine->render(*loaded, view.camera, view.T_O_C, options, StopToken()));
+    renderings.push_back(
+        backend->render(*loaded, view.camera, view.T_O_C, options, CancellationToken()));
   }
   return renderings;
 }
@@ -169,10 +170,10 @@ TEST(Training, ClearsTheSpaceOutsideTheRegion) {
   forEachCell([&](int x, int y, int z) {
     if (in_region(x, y, z)) plan.region.bits[(z * 32 + y) * 4 + x / 8] |= 1 << (x % 8);
   });
-  const auto engine = makeCpuEngine(1);
-  const auto trainer = engine->trainer(trainingConfig(), box, trainingViews(dataset()), plan);
+  const auto backend = makeCpuBackend(1);
+  const auto trainer = backend->trainer(trainingConfig(), box, trainingViews(dataset()), plan);
   for (int i = 0; i < kSteps / 2; ++i) trainer->step(0);
-  const OccupancyGrid grid = trainer->finish(StopToken()).occupancy;
+  const OccupancyGrid grid = trainer->finish(CancellationToken()).occupancy;
   int outside = 0, left = 0;
   forEachCell([&](int x, int y, int z) {
     if (in_region(x, y, z)) return;
@@ -194,14 +195,14 @@ TEST(Training, MeasuresTheObject) {
 }
 
 TEST(Training, WorksWithoutVectorInstructions) {
-  const auto engine = makeCpuEngine(1, "baseline");
-  EXPECT_GT(unseenPsnr(train(engine.get(), kSteps / 2, trainingPlan()).field), 25);
+  const auto backend = makeCpuBackend(1, "baseline");
+  EXPECT_GT(unseenPsnr(train(backend.get(), kSteps / 2, trainingPlan()).field), 25);
 }
 
 TEST(Training, WorksWithoutARegion) {
   TrainingPlan plan = trainingPlan();
   plan.region = OccupancyGrid();
-  EXPECT_GT(unseenPsnr(train(makeCpuEngine(1).get(), kSteps / 2, plan).field), 25);
+  EXPECT_GT(unseenPsnr(train(makeCpuBackend(1).get(), kSteps / 2, plan).field), 25);
 }
 
 void expectSameBits(const Trained& a, const Trained& b) {
@@ -218,27 +219,28 @@ TEST(Training, SameSeedSameBitsOnAnyNumberOfThreads) {
   TrainingPlan plan = trainingPlan();
   plan.samples_per_step = 2048;
   constexpr int kFewSteps = 90;  // the occupancy grid is updated after 64 and 80
-  const Trained one = train(makeCpuEngine(1).get(), kFewSteps, plan);
-  expectSameBits(one, train(makeCpuEngine(2).get(), kFewSteps, plan));
+  const Trained one = train(makeCpuBackend(1).get(), kFewSteps, plan);
+  expectSameBits(one, train(makeCpuBackend(2).get(), kFewSteps, plan));
   plan.seed = 2;
-  const Trained other = train(makeCpuEngine(1).get(), 2, plan);
+  const Trained other = train(makeCpuBackend(1).get(), 2, plan);
   EXPECT_NE(one.losses[0], other.losses[0]);
   EXPECT_NE(one.field.grid, other.field.grid);
 }
 
 TEST(Training, SnapshotsDoNotDisturb) {
-  const auto engine = makeCpuEngine(1);
+  const auto backend = makeCpuBackend(1);
   const auto views = trainingViews(dataset());
-  const auto a = engine->trainer(trainingConfig(), hull().box, views, trainingPlan());
-  const auto b = engine->trainer(trainingConfig(), hull().box, views, trainingPlan());
+  const auto a = backend->trainer(trainingConfig(), hull().box, views, trainingPlan());
+  const auto b = backend->trainer(trainingConfig(), hull().box, views, trainingPlan());
   for (int i = 0; i < 6; ++i) {
     EXPECT_EQ(a->step(0), b->step(0));
-    EXPECT_EQ(b->snapshot(StopToken()).metadata.training_steps, static_cast<std::uint64_t>(i + 1));
+    EXPECT_EQ(b->snapshot(CancellationToken()).metadata.training_steps,
+              static_cast<std::uint64_t>(i + 1));
   }
-  EXPECT_EQ(a->finish(StopToken()).grid, b->finish(StopToken()).grid);
+  EXPECT_EQ(a->finish(CancellationToken()).grid, b->finish(CancellationToken()).grid);
 }
 
-// White pictures, opaque everywhere, which nothing shows as yet.
+// White images, opaque everywhere, which nothing shows as yet.
 TEST(Training, LossIsTheMeanOverTheRays) {
   std::vector<TrainingView> views = trainingViews(dataset());
   for (TrainingView& view : views) view.rgba = std::make_shared<Image8>(kSize, kSize, 4, 255);
@@ -247,7 +249,7 @@ TEST(Training, LossIsTheMeanOverTheRays) {
   for (const int samples : {1024, 3000, 4096}) {
     plan.samples_per_step = samples;
     const double loss =
-        makeCpuEngine(1)->trainer(trainingConfig(), hull().box, views, plan)->step(0);
+        makeCpuBackend(1)->trainer(trainingConfig(), hull().box, views, plan)->step(0);
     EXPECT_LE(loss, 1 - 0.05) << samples;  // Huber's loss of 1 with a threshold of 0.1
     EXPECT_GT(loss, 0.6) << samples;
   }
@@ -258,28 +260,28 @@ Box boxAt(const Eigen::Vector3d& centre) {
 }
 
 TEST(Training, RefusesViewsThatDoNotShowTheBox) {
-  const auto engine = makeCpuEngine(1);
+  const auto backend = makeCpuBackend(1);
   TrainingPlan plan;
   expectError<std::invalid_argument>(
       [&] {
-        engine->trainer(trainingConfig(), boxAt({0, 0, 50}), {}, plan);
+        backend->trainer(trainingConfig(), boxAt({0, 0, 50}), {}, plan);
       },
       "no view");
   std::vector<TrainingView> views = {trainingViews(dataset())[0]};
   const Eigen::Vector3d beside = views[0].T_O_C * Eigen::Vector3d(5, 0, 2);
   expectError<std::invalid_argument>(
-      [&] { engine->trainer(trainingConfig(), boxAt(beside), views, plan); },
+      [&] { backend->trainer(trainingConfig(), boxAt(beside), views, plan); },
       "no view shows the object's box");
 }
 
 TEST(Training, LeavesOutViewsThatDoNotShowTheBox) {
-  const auto engine = makeCpuEngine(1);
+  const auto backend = makeCpuBackend(1);
   std::vector<TrainingView> views = trainingViews(dataset());
-  const auto expected = engine->trainer(trainingConfig(), hull().box, views, trainingPlan());
+  const auto expected = backend->trainer(trainingConfig(), hull().box, views, trainingPlan());
   TrainingView away = views[3];
   away.T_O_C.t = away.T_O_C * Eigen::Vector3d(20, 0, 0);  // looks past the object
   views.insert(views.begin(), away);
-  const auto trainer = engine->trainer(trainingConfig(), hull().box, views, trainingPlan());
+  const auto trainer = backend->trainer(trainingConfig(), hull().box, views, trainingPlan());
   for (int i = 0; i < 3; ++i) EXPECT_EQ(trainer->step(0), expected->step(0));
 }
 
@@ -288,18 +290,18 @@ TEST(Training, RefusesARegionOfAnotherResolution) {
   plan.region = {16, std::vector<std::uint8_t>(512, 255)};
   expectError<std::invalid_argument>(
       [&] {
-        makeCpuEngine(1)->trainer(trainingConfig(), hull().box, trainingViews(dataset()), plan);
+        makeCpuBackend(1)->trainer(trainingConfig(), hull().box, trainingViews(dataset()), plan);
       },
       "region has 16 cells", "occupancy grid 32");
 }
 
 TEST(Training, FinishCanBeStopped) {
-  const auto engine = makeCpuEngine(1);
+  const auto backend = makeCpuBackend(1);
   const auto trainer =
-      engine->trainer(trainingConfig(), hull().box, trainingViews(dataset()), trainingPlan());
-  StopToken stop;
-  stop.requestStop();
-  EXPECT_THROW(trainer->finish(stop), Stopped);
+      backend->trainer(trainingConfig(), hull().box, trainingViews(dataset()), trainingPlan());
+  CancellationToken stop;
+  stop.requestCancel();
+  EXPECT_THROW(trainer->finish(stop), Cancelled);
 }
 
 }  // namespace

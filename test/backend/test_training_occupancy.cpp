@@ -8,7 +8,7 @@
 #include <stdexcept>
 #include <vector>
 
-#include "field/matter.h"
+#include "field/occupied_volume.h"
 #include "support/expect_error.h"
 
 // The occupancy grid of a training, over densities that are given by hand.
@@ -68,7 +68,8 @@ class Occupancy : public testing::Test {
   void update(TrainingOccupancy* grid, int step, int threads = 1) {
     grid->update(field, networks, step, threads, &work);
   }
-  OccupancyGrid dense(const TrainingOccupancy& grid, const StopToken& stop = {}, int threads = 1) {
+  OccupancyGrid dense(const TrainingOccupancy& grid, const CancellationToken& stop = {},
+                      int threads = 1) {
     return grid.dense(field, networks, threads, stop, &opacity, &work);
   }
 
@@ -76,7 +77,7 @@ class Occupancy : public testing::Test {
   CpuKernels kernels;
   FieldView field;
   std::vector<float> opacity;
-  Work work;
+  CostCounters work;
 };
 
 int countOf(const OccupancyGrid& grid) {
@@ -183,20 +184,20 @@ TEST_F(Occupancy, ThreadsDoNotMatter) {
     update(&shared, step, 3);
   }
   EXPECT_EQ(alone.mask().fine().bits, shared.mask().fine().bits);
-  EXPECT_EQ(dense(alone, StopToken(), 1).bits, dense(shared, StopToken(), 3).bits);
+  EXPECT_EQ(dense(alone, CancellationToken(), 1).bits, dense(shared, CancellationToken(), 3).bits);
 }
 
 // At most one round of 2^16 points is evaluated after a stop: some 10 ms.
 TEST_F(Occupancy, TheDenseGridCanBeStoppedOnTheWay) {
-  const StopToken stop;
+  const CancellationToken stop;
   std::uint64_t evaluated = 0, asked_at = 10000;
   on_evaluation = [&] {
-    if (++evaluated == asked_at) stop.requestStop();
+    if (++evaluated == asked_at) stop.requestCancel();
   };
   FieldConfig large = config();
   large.occupancy_resolution = 64;
   const TrainingOccupancy grid(large, OccupancyGrid(), kZero, kOne, 3);
-  EXPECT_THROW(dense(grid, stop), Stopped);
+  EXPECT_THROW(dense(grid, stop), Cancelled);
   EXPECT_GE(evaluated, asked_at);
   EXPECT_LE(evaluated, asked_at + (1u << 16));
 }

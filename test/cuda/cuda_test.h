@@ -7,7 +7,7 @@
 #include <memory>
 #include <string>
 
-#include "backend/make_engine.h"
+#include "backend/make_backend.h"
 
 namespace nerf_pose_refiner {
 
@@ -17,7 +17,7 @@ class CudaTest : public ::testing::Test {
   void SetUp() override {
     const std::string why = whyNoCuda();
     if (why.empty()) {
-      cuda = makeCudaEngine();
+      cuda = makeCudaBackend();
       return;
     }
     const char* required = std::getenv("NERF_POSE_REFINER_REQUIRE_GPU");
@@ -25,8 +25,8 @@ class CudaTest : public ::testing::Test {
     GTEST_SKIP() << why;
   }
 
-  std::unique_ptr<Engine> cuda;
-  std::unique_ptr<Engine> cpu = makeCpuEngine();
+  std::unique_ptr<Backend> cuda;
+  std::unique_ptr<Backend> cpu = makeCpuBackend();
 };
 
 }  // namespace nerf_pose_refiner

@@ -8,7 +8,7 @@
 
 namespace nerf_pose_refiner {
 
-/// A learned object in the memory of both engines, and a camera before it.
+/// A learned object in the memory of both backends, and a camera before it.
 class LearnedObjectTest : public CudaTest {
  protected:
   void SetUp() override {
@@ -20,8 +20,8 @@ class LearnedObjectTest : public CudaTest {
     on_cuda = cuda->load(field);
   }
 
-  const LoadedField& loaded(const Engine& engine) const {
-    return &engine == cuda.get() ? *on_cuda : *on_cpu;
+  const LoadedField& loaded(const Backend& backend) const {
+    return &backend == cuda.get() ? *on_cuda : *on_cpu;
   }
 
   std::shared_ptr<const Field> field;

@@ -10,7 +10,7 @@
 #include "learned_object_test.h"
 #include "refinement/refiner.h"
 
-// Direct alignment of the CUDA engine against the CPU engine's, from the same plans.
+// Direct alignment of the CUDA backend against the CPU backend's, from the same plans.
 
 namespace nerf_pose_refiner {
 namespace {
@@ -21,14 +21,14 @@ Camera someCamera() { return {160, 128, 190, 190, 78.5, 66.25}; }
 
 class CudaAlign : public LearnedObjectTest {
  protected:
-  /// What both engines are shown: the CPU's rendering.
+  /// What both backends are shown: the CPU's rendering.
   Observation observation(Background background) const {
     return observe(cpu.get(), *on_cpu, someCamera(), truth, background);
   }
 };
 
-ScatterPlan scatterPlan(const Field& field, bool about_object) {
-  ScatterPlan plan;
+SamplingPlan samplingPlan(const Field& field, bool about_object) {
+  SamplingPlan plan;
   plan.count = 24;
   plan.rotation_rad = {0.2, 0.1, 0.15};
   plan.translation = 0.1 * field.metadata.diameter * Eigen::Vector3d(1, 2, 0.5);
@@ -46,11 +46,11 @@ void expectNear(const Pose& a, const Pose& b, double tolerance) {
 TEST_F(CudaAlign, scattersAndReadsAsTheCpu) {
   for (const bool about_object : {true, false}) {
     HypothesisTable tables[2];
-    for (Engine* engine : {cpu.get(), cuda.get()}) {
-      const auto batch = engine->batch(30);
-      EXPECT_TRUE(engine->read(*batch).empty());
-      engine->scatter(batch.get(), {truth}, scatterPlan(*field, about_object));
-      tables[engine == cuda.get()] = engine->read(*batch);
+    for (Backend* backend : {cpu.get(), cuda.get()}) {
+      const auto batch = backend->batch(30);
+      EXPECT_TRUE(backend->read(*batch).empty());
+      backend->sample(batch.get(), {truth}, samplingPlan(*field, about_object));
+      tables[backend == cuda.get()] = backend->read(*batch);
     }
     ASSERT_EQ(tables[0].size(), 24u);
     ASSERT_EQ(tables[1].size(), 24u);
@@ -60,27 +60,27 @@ TEST_F(CudaAlign, scattersAndReadsAsTheCpu) {
 
 TEST_F(CudaAlign, scoresAndSelectsAsTheCpu) {
   const Observation seen = observation(Background::kKnownAlpha);
-  SelectPlan select;
-  select.keep = 6;
-  select.offspring = 20;
-  select.rotation_jitter_rad = 0.05;
-  select.translation_jitter = 0.02 * field->metadata.diameter;
-  select.merge_rotation_rad = 0.05;
-  select.merge_translation = 0.05 * field->metadata.diameter;
-  select.object_centre = field->metadata.centre;
-  select.seed = 7;
+  ResamplingPlan resample;
+  resample.keep = 6;
+  resample.offspring = 20;
+  resample.rotation_jitter_rad = 0.05;
+  resample.translation_jitter = 0.02 * field->metadata.diameter;
+  resample.merge_rotation_rad = 0.05;
+  resample.merge_translation = 0.05 * field->metadata.diameter;
+  resample.object_centre = field->metadata.centre;
+  resample.seed = 7;
   HypothesisTable scored[2], selected[2];
-  for (Engine* engine : {cpu.get(), cuda.get()}) {
-    const int which = engine == cuda.get();
-    const auto batch = engine->batch(30);
-    const auto observed = engine->observe(seen, {{someCamera().scaled(0.4), 1.2}});
-    engine->scatter(batch.get(), {disturbed(truth, *field, 4, 0.05)}, scatterPlan(*field, true));
+  for (Backend* backend : {cpu.get(), cuda.get()}) {
+    const int which = backend == cuda.get();
+    const auto batch = backend->batch(30);
+    const auto observed = backend->observe(seen, {{someCamera().scaled(0.4), 1.2}});
+    backend->sample(batch.get(), {disturbed(truth, *field, 4, 0.05)}, samplingPlan(*field, true));
     AlignStage stage;
     stage.rays_per_side = 2;
-    engine->score(batch.get(), loaded(*engine), *observed, 0, stage, {});
-    scored[which] = engine->read(*batch);
-    engine->select(batch.get(), select);
-    selected[which] = engine->read(*batch);
+    backend->score(batch.get(), loaded(*backend), *observed, 0, stage, {});
+    scored[which] = backend->read(*batch);
+    backend->resample(batch.get(), resample);
+    selected[which] = backend->read(*batch);
   }
   ASSERT_EQ(scored[0].size(), scored[1].size());
   for (std::size_t i = 0; i < scored[0].size(); ++i) {
@@ -103,21 +103,21 @@ TEST_F(CudaAlign, scoresAndSelectsAsTheCpu) {
 TEST_F(CudaAlign, searchesOfABatchAreSelectedAsOnTheCpu) {
   const Observation seen = observation(Background::kKnownAlpha);
   const Pose behind = {truth.R * expSO3(Eigen::Vector3d(0, M_PI, 0)), truth.t};
-  SelectPlan select;
-  select.keep = 5;
-  select.offspring = 30;
-  select.rotation_jitter_rad = 0.05;
-  select.translation_jitter = 0.02 * field->metadata.diameter;
+  ResamplingPlan resample;
+  resample.keep = 5;
+  resample.offspring = 30;
+  resample.rotation_jitter_rad = 0.05;
+  resample.translation_jitter = 0.02 * field->metadata.diameter;
   HypothesisTable tables[2];
-  for (Engine* engine : {cpu.get(), cuda.get()}) {
-    const auto batch = engine->batch(90);
-    const auto observed = engine->observe(seen, {{someCamera().scaled(0.4), 1.2}});
-    engine->scatter(batch.get(), {disturbed(truth, *field, 4, 0.05), behind, truth},
-                    scatterPlan(*field, true));
-    engine->score(batch.get(), loaded(*engine), *observed, 0, AlignStage(), {});
-    engine->select(batch.get(), select);  // nothing is left of the second
-    engine->score(batch.get(), loaded(*engine), *observed, 0, AlignStage(), {});
-    tables[engine == cuda.get()] = engine->read(*batch);
+  for (Backend* backend : {cpu.get(), cuda.get()}) {
+    const auto batch = backend->batch(90);
+    const auto observed = backend->observe(seen, {{someCamera().scaled(0.4), 1.2}});
+    backend->sample(batch.get(), {disturbed(truth, *field, 4, 0.05), behind, truth},
+                    samplingPlan(*field, true));
+    backend->score(batch.get(), loaded(*backend), *observed, 0, AlignStage(), {});
+    backend->resample(batch.get(), resample);  // nothing is left of the second
+    backend->score(batch.get(), loaded(*backend), *observed, 0, AlignStage(), {});
+    tables[backend == cuda.get()] = backend->read(*batch);
   }
   ASSERT_EQ(tables[0].size(), 60u);
   ASSERT_EQ(tables[1].size(), 60u);
@@ -136,7 +136,7 @@ TEST_F(CudaAlign, searchesOfABatchAreSelectedAsOnTheCpu) {
   }
 }
 
-/// By contrasts and by colours, with and without a fit of the light, a part of the picture covered.
+/// By contrasts and by colours, with and without a fit of the light, a part of the image covered.
 TEST_F(CudaAlign, scoresBeforeAnUnknownBackgroundAsTheCpu) {
   Observation seen = observation(Background::kUnknown);
   seen.weight = Image(seen.image.width, seen.image.height, 1, 1.0f);
@@ -144,21 +144,21 @@ TEST_F(CudaAlign, scoresBeforeAnUnknownBackgroundAsTheCpu) {
     for (int x = 80; x < 130; ++x) seen.weight.at(x, y, 0) = 0;
   }
   for (const bool contrasts : {true, false}) {
-    for (const bool light : {false, true}) {
-      SCOPED_TRACE(std::string(contrasts ? "contrasts" : "colours") + (light ? ", light" : ""));
+    for (const bool gain_bias : {false, true}) {
+      SCOPED_TRACE(std::string(contrasts ? "contrasts" : "colours") + (gain_bias ? ", light" : ""));
       HypothesisTable scored[2];
-      for (Engine* engine : {cpu.get(), cuda.get()}) {
-        const auto batch = engine->batch(24);
-        const auto observed = engine->observe(seen, {{someCamera().scaled(0.4), 1.2}});
-        engine->scatter(batch.get(), {disturbed(truth, *field, 4, 0.05)},
-                        scatterPlan(*field, true));
+      for (Backend* backend : {cpu.get(), cuda.get()}) {
+        const auto batch = backend->batch(24);
+        const auto observed = backend->observe(seen, {{someCamera().scaled(0.4), 1.2}});
+        backend->sample(batch.get(), {disturbed(truth, *field, 4, 0.05)},
+                        samplingPlan(*field, true));
         AlignStage stage;
         stage.rays_per_side = 2;
         stage.compare_contrast = contrasts;
-        stage.fit_gain_bias = light;
+        stage.fit_gain_bias = gain_bias;
         stage.alpha_weight = 0.03;
-        engine->score(batch.get(), loaded(*engine), *observed, 0, stage, {});
-        scored[engine == cuda.get()] = engine->read(*batch);
+        backend->score(batch.get(), loaded(*backend), *observed, 0, stage, {});
+        scored[backend == cuda.get()] = backend->read(*batch);
       }
       ASSERT_EQ(scored[0].size(), scored[1].size());
       for (std::size_t i = 0; i < scored[0].size(); ++i) {
@@ -184,11 +184,11 @@ TEST_F(CudaAlign, endsAtTheSamePoseBeforeAnUnknownBackground) {
     RefinerSettings settings = RefinerSettings::named("align");
     settings.compare_contrast = contrasts;
     Refinement found[2];
-    for (auto* engine : {&cpu, &cuda}) {
-      const std::shared_ptr<Engine> shared(engine->get(), [](Engine*) {});
+    for (auto* backend : {&cpu, &cuda}) {
+      const std::shared_ptr<Backend> shared(backend->get(), [](Backend*) {});
       Refiner refiner(shared, settings);
-      found[engine == &cuda] = refiner.refine(loaded(**engine), seen, prior);
-      ASSERT_EQ(found[engine == &cuda].outcome, Outcome::kRefined);
+      found[backend == &cuda] = refiner.refine(loaded(**backend), seen, prior);
+      ASSERT_EQ(found[backend == &cuda].outcome, Outcome::kRefined);
     }
     const double angle = rotationDistance(found[0].T_O_C.R, found[1].T_O_C.R) / kDegree;
     const double distance = (found[0].T_O_C.t - found[1].T_O_C.t).norm() / field->metadata.diameter;
@@ -209,7 +209,7 @@ TEST_F(CudaAlign, theSameBitsBeforeAnUnknownBackground) {
     settings.compare_contrast = contrasts;
     Prior prior;
     prior.T_O_C = disturbed(truth, *field, 9, 0.08);
-    const std::shared_ptr<Engine> shared(cuda.get(), [](Engine*) {});
+    const std::shared_ptr<Backend> shared(cuda.get(), [](Backend*) {});
     Refiner refiner(shared, settings);
     const Refinement once = refiner.refine(*on_cuda, seen, prior);
     const Refinement again = refiner.refine(*on_cuda, seen, prior);
@@ -221,16 +221,16 @@ TEST_F(CudaAlign, theSameBitsBeforeAnUnknownBackground) {
 
 /// Works until it is stopped from another thread, once it is well under way.
 /// @return seconds from the request until nothing is left to be done.
-template <typename Work, typename Wait>
-double secondsToStop(const Work& work, const Wait& wait) {
+template <typename CostCounters, typename Wait>
+double secondsToStop(const CostCounters& work, const Wait& wait) {
   using Clock = std::chrono::steady_clock;
-  StopToken stop;
+  CancellationToken stop;
   std::atomic<int> rounds{0};
   Clock::time_point requested;
   std::thread other([&] {
     while (rounds < 5) std::this_thread::yield();
     requested = Clock::now();
-    stop.requestStop();
+    stop.requestCancel();
   });
   EXPECT_THROW(
       try {
@@ -242,7 +242,7 @@ double secondsToStop(const Work& work, const Wait& wait) {
         rounds = 5;  // whatever it was: the other thread must end
         throw;
       },
-      Stopped);
+      Cancelled);
   wait();
   const Clock::time_point end = Clock::now();
   other.join();
@@ -254,7 +254,7 @@ TEST_F(CudaAlign, hearsAStopWithinTenMilliseconds) {
   const Observation seen = observation(Background::kKnownAlpha);
   const auto observed = cuda->observe(seen, {{someCamera().scaled(0.4), 1.2}});
   const auto batch = cuda->batch(64);
-  ScatterPlan plan = scatterPlan(*field, true);
+  SamplingPlan plan = samplingPlan(*field, true);
   plan.count = 64;
   const auto wait = [&] { cuda->read(*batch); };
   AlignStage stage;
@@ -262,20 +262,20 @@ TEST_F(CudaAlign, hearsAStopWithinTenMilliseconds) {
   stage.max_iterations = 1000;
   stage.convergence_px = 0;
   const double aligning = secondsToStop(
-      [&](const StopToken& stop) {
-        cuda->scatter(batch.get(), {disturbed(truth, *field, 4, 0.05)}, plan);
+      [&](const CancellationToken& stop) {
+        cuda->sample(batch.get(), {disturbed(truth, *field, 4, 0.05)}, plan);
         cuda->align(batch.get(), *on_cuda, *observed, 0, stage, stop);
       },
       wait);
-  cuda->scatter(batch.get(), {truth}, plan);
-  const double descending = secondsToStop(
-      [&](const StopToken& stop) {
-        cuda->descend(batch.get(), *on_cuda, *observed, 0, DescentPlan(), 0, 512, stop);
+  cuda->sample(batch.get(), {truth}, plan);
+  const double optimising = secondsToStop(
+      [&](const CancellationToken& stop) {
+        cuda->optimise(batch.get(), *on_cuda, *observed, 0, OptimisationPlan(), 0, 512, stop);
       },
       wait);
-  std::printf("  aligning %.4f s, descending %.4f s\n", aligning, descending);
+  std::printf("  aligning %.4f s, descending %.4f s\n", aligning, optimising);
   EXPECT_LT(aligning, 0.01);
-  EXPECT_LT(descending, 0.01);
+  EXPECT_LT(optimising, 0.01);
 }
 
 TEST_F(CudaAlign, bothEnginesEndAtTheSamePose) {
@@ -288,11 +288,11 @@ TEST_F(CudaAlign, bothEnginesEndAtTheSamePose) {
     prior.rotation_rad = 0.2;
     prior.translation = 0.1;
     Refinement found[2];
-    for (auto* engine : {&cpu, &cuda}) {
-      const int which = engine == &cuda;
-      const std::shared_ptr<Engine> shared(engine->get(), [](Engine*) {});
+    for (auto* backend : {&cpu, &cuda}) {
+      const int which = backend == &cuda;
+      const std::shared_ptr<Backend> shared(backend->get(), [](Backend*) {});
       Refiner refiner(shared, RefinerSettings::named("align"));
-      found[which] = refiner.refine(loaded(**engine), seen, prior);
+      found[which] = refiner.refine(loaded(**backend), seen, prior);
       ASSERT_EQ(found[which].outcome, Outcome::kRefined);
     }
     const double angle = rotationDistance(found[0].T_O_C.R, found[1].T_O_C.R) / kDegree;
@@ -311,7 +311,7 @@ TEST_F(CudaAlign, theSameBitsEveryTime) {
   const Observation seen = observation(Background::kKnownAlpha);
   Prior prior;
   prior.T_O_C = disturbed(truth, *field, 9, 0.08);
-  const std::shared_ptr<Engine> shared(cuda.get(), [](Engine*) {});
+  const std::shared_ptr<Backend> shared(cuda.get(), [](Backend*) {});
   Refiner refiner(shared, RefinerSettings::named("align"));
   const Refinement once = refiner.refine(*on_cuda, seen, prior);
   const Refinement again = refiner.refine(*on_cuda, seen, prior);
@@ -328,9 +328,9 @@ TEST_F(CudaAlign, flagsWhatCannotBeFollowed) {
   aside.t += 40 * truth.R.col(0);
   const auto stateFrom = [&](const Pose& pose) {
     const auto batch = cuda->batch(1);
-    ScatterPlan alone;
+    SamplingPlan alone;
     alone.count = 1;
-    cuda->scatter(batch.get(), {pose}, alone);
+    cuda->sample(batch.get(), {pose}, alone);
     cuda->align(batch.get(), *on_cuda, *observed, 0, {}, {});
     return cuda->read(*batch).front().state;
   };
@@ -344,15 +344,15 @@ TEST_F(CudaAlign, refusesWhatIsNotItsOwn) {
   const auto own = cuda->observe(seen, {{someCamera(), 1}});
   const auto other = cpu->observe(seen, {{someCamera(), 1}});
   const auto batch = cuda->batch(2), other_batch = cpu->batch(2);
-  ScatterPlan plan;
+  SamplingPlan plan;
   plan.count = 2;
-  cuda->scatter(batch.get(), {truth}, plan);
+  cuda->sample(batch.get(), {truth}, plan);
   EXPECT_THROW(cuda->align(batch.get(), *on_cpu, *own, 0, {}, {}), std::invalid_argument);
   EXPECT_THROW(cuda->align(batch.get(), *on_cuda, *other, 0, {}, {}), std::invalid_argument);
   EXPECT_THROW(cuda->align(other_batch.get(), *on_cuda, *own, 0, {}, {}), std::invalid_argument);
   EXPECT_THROW(cuda->align(batch.get(), *on_cuda, *own, 1, {}, {}), std::invalid_argument);
   plan.count = 3;
-  EXPECT_THROW(cuda->scatter(batch.get(), {truth}, plan), std::invalid_argument);
+  EXPECT_THROW(cuda->sample(batch.get(), {truth}, plan), std::invalid_argument);
   EXPECT_THROW(cuda->batch(0), std::invalid_argument);
 }
 

@@ -1,12 +1,12 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include <cmath>
 
-#include "cuda_test.h"
 #include "backend/gpu_memory.h"
+#include "cuda_test.h"
 #include "image/colour.h"
 #include "test_object.h"
 
-// Renderings of the CUDA engine against the CPU engine's, which works in single precision: halves
+// Renderings of the CUDA backend against the CPU backend's, which works in single precision: halves
 // in the networks and the table's own rounding leave a few thousandths.
 
 namespace nerf_pose_refiner {
@@ -69,7 +69,7 @@ class CudaRender : public CudaTest {
                const RenderOptions& options) {
     const auto shared = std::make_shared<Field>(field);
     const auto on_cpu = cpu->load(shared), on_cuda = cuda->load(shared);
-    const Work before_cpu = cpu->work(), before_cuda = cuda->work();
+    const CostCounters before_cpu = cpu->work(), before_cuda = cuda->work();
     const Rendering expected = cpu->render(*on_cpu, camera, T_O_C, options, {});
     const Rendering actual = cuda->render(*on_cuda, camera, T_O_C, options, {});
     double total = 0;
@@ -79,9 +79,11 @@ class CudaRender : public CudaTest {
     expectSame(expected.alpha, actual.alpha, kColourRms, kColourMax);
     const double size = 5 * field.cubeSide();
     expectSame(expected.point, actual.point, kColourRms * size, kColourMax * size);
-    const Work spent_cpu = cpu->work() - before_cpu, spent_cuda = cuda->work() - before_cuda;
-    const auto same = [](std::uint64_t a, std::uint64_t b, double share) {
-      EXPECT_NEAR(static_cast<double>(a), static_cast<double>(b), share * static_cast<double>(a));
+    const CostCounters spent_cpu = cpu->work() - before_cpu,
+                       spent_cuda = cuda->work() - before_cuda;
+    const auto same = [](std::uint64_t a, std::uint64_t b, double fraction) {
+      EXPECT_NEAR(static_cast<double>(a), static_cast<double>(b),
+                  fraction * static_cast<double>(a));
     };
     same(spent_cpu.samples, spent_cuda.samples, 0.02);
     same(spent_cpu.colour_samples, spent_cuda.colour_samples, 0.02);
@@ -170,22 +172,22 @@ TEST_F(CudaRender, refusesWhatItCannotDo) {
   EXPECT_THROW(cuda->load(std::make_shared<Field>(randomField(wide, 1))), std::invalid_argument);
   field.grid.pop_back();
   EXPECT_THROW(cuda->load(std::make_shared<Field>(field)), std::invalid_argument);
-  StopToken stop;
-  stop.requestStop();
-  EXPECT_THROW(cuda->render(*loaded, someCamera(), {}, {}, stop), Stopped);
+  CancellationToken stop;
+  stop.requestCancel();
+  EXPECT_THROW(cuda->render(*loaded, someCamera(), {}, {}, stop), Cancelled);
 }
 
 TEST(MakeEngine, choosesAndRefuses) {
-  EngineChoice choice;
+  BackendChoice choice;
   choice.backend = "gpu";
-  EXPECT_THROW(makeEngine(choice), std::invalid_argument);
+  EXPECT_THROW(makeBackend(choice), std::invalid_argument);
   choice.backend = "cpu";
-  EXPECT_EQ(makeEngine(choice)->describe().substr(0, 3), "CPU");
+  EXPECT_EQ(makeBackend(choice)->describe().substr(0, 3), "CPU");
   choice.backend = "auto";
-  EXPECT_EQ(makeEngine(choice)->describe().substr(0, 4), whyNoCuda().empty() ? "CUDA" : "CPU,");
+  EXPECT_EQ(makeBackend(choice)->describe().substr(0, 4), whyNoCuda().empty() ? "CUDA" : "CPU,");
   choice.backend = "cuda";
   choice.device = 99;
-  EXPECT_THROW(makeEngine(choice), std::runtime_error);
+  EXPECT_THROW(makeBackend(choice), std::runtime_error);
 }
 
 }  // namespace

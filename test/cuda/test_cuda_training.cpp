@@ -2,16 +2,16 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "cuda_test.h"
 #include "backend/common/training_setup.h"
+#include "cuda_test.h"
 #include "image/colour.h"
 #include "math/half.h"
 #include "registration/registrar.h"
 #include "registration/visual_hull.h"
 #include "support/analytic_dataset.h"
 
-// Training on the GPU: its first step against the CPU engine's, which draws the same rays, and what
-// comes of many steps.
+// Training on the GPU: its first step against the CPU backend's, which draws the same rays, and
+// what comes of many steps.
 
 namespace nerf_pose_refiner {
 namespace {
@@ -100,9 +100,9 @@ std::vector<float> featuresAtStart(std::size_t n, std::uint64_t seed) {
 
 class CudaTraining : public CudaTest {
  protected:
-  std::unique_ptr<FieldTrainer> trainer(Engine* engine, const FieldConfig& config,
+  std::unique_ptr<FieldTrainer> trainer(Backend* backend, const FieldConfig& config,
                                         const TrainingPlan& plan) {
-    return engine->trainer(config, hull().box, trainingViews(photos()), plan);
+    return backend->trainer(config, hull().box, trainingViews(photos()), plan);
   }
 
   Field train(int steps, const FieldConfig& config, const TrainingPlan& plan,
@@ -172,7 +172,7 @@ TEST_F(CudaTraining, showsUnseenViews) {
     const double psnr_db = unseenPsnr(field);
     std::printf("  %d levels: %.2f dB\n", config.levels, psnr_db);
     EXPECT_GT(psnr_db, 27);
-    EXPECT_NEAR(field.metadata.diameter, 1.090, 0.08 * 1.090);  // as the CPU engine's test
+    EXPECT_NEAR(field.metadata.diameter, 1.090, 0.08 * 1.090);  // as the CPU backend's test
     EXPECT_LT((field.metadata.centre - Eigen::Vector3d(0.016, 0.011, 0.013)).norm(), 0.022);
     EXPECT_EQ(field.metadata.training_steps, 300u);
   }
@@ -208,9 +208,9 @@ TEST_F(CudaTraining, keepsToItsBudget) {
     plan.samples_per_step = samples;
     const auto trained = trainer(cuda.get(), trainingConfig(), plan);
     for (int i = 0; i < 48; ++i) trained->step(0);
-    const Work before = cuda->work();
+    const CostCounters before = cuda->work();
     for (int i = 0; i < 32; ++i) trained->step(0);
-    const Work spent = cuda->work() - before;
+    const CostCounters spent = cuda->work() - before;
     // Evaluated before compositing and again on the way back; empty points and cells come on top.
     EXPECT_GT(static_cast<double>(spent.samples), 32 * 1.4 * samples);
     EXPECT_LT(static_cast<double>(spent.samples), 32 * (8.0 * samples + 8192));
@@ -246,9 +246,9 @@ TEST_F(CudaTraining, refusesWhatItCannotDo) {
   EXPECT_THROW(trainer(cuda.get(), trainingConfig(), plan), std::invalid_argument);
   EXPECT_THROW(cuda->trainer(trainingConfig(), hull().box, {}, trainingPlan()),
                std::invalid_argument);
-  StopToken stop;
-  stop.requestStop();
-  EXPECT_THROW(trainer(cuda.get(), trainingConfig(), trainingPlan())->finish(stop), Stopped);
+  CancellationToken stop;
+  stop.requestCancel();
+  EXPECT_THROW(trainer(cuda.get(), trainingConfig(), trainingPlan())->finish(stop), Cancelled);
 }
 
 TEST_F(CudaTraining, registersAnObject) {

@@ -17,14 +17,14 @@ Field learn() {
   config.step = 1.7320508f / 192;
   config.occupancy_resolution = 64;
   const Dataset photos = analyticDataset(kViews, kSize);
-  const Hull hull = visualHull(photos, config.occupancy_resolution, 0, StopToken());
+  const Hull hull = visualHull(photos, config.occupancy_resolution, 0, CancellationToken());
   TrainingPlan plan;
   plan.samples_per_step = 8192;
   plan.region = hull.region;
-  const auto engine = makeCpuEngine();
-  const auto trainer = engine->trainer(config, hull.box, trainingViews(photos), plan);
+  const auto backend = makeCpuBackend();
+  const auto trainer = backend->trainer(config, hull.box, trainingViews(photos), plan);
   for (int i = 0; i < kSteps; ++i) trainer->step(static_cast<double>(i) / kSteps);
-  return trainer->finish(StopToken());
+  return trainer->finish(CancellationToken());
 }
 
 }  // namespace

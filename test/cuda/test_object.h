@@ -5,7 +5,7 @@
 #include <cmath>
 #include <memory>
 
-#include "backend/engine.h"
+#include "backend/backend.h"
 #include "image/colour.h"
 #include "support/random_field.h"
 
@@ -50,19 +50,19 @@ inline Pose cameraBefore(const Field& field, double distance) {
 
 /// The pose, turned by about `degrees` about the field's centre and moved by a share of the
 /// object's diameter.
-inline Pose disturbed(const Pose& T_O_C, const Field& field, double degrees, double share) {
+inline Pose disturbed(const Pose& T_O_C, const Field& field, double degrees, double fraction) {
   const Eigen::Vector3d c = field.metadata.centre;
   const Eigen::Matrix3d turn = expSO3(
       Eigen::Vector3d(degrees * EIGEN_PI / 180 * Eigen::Vector3d(0.6, -0.5, 0.62).normalized()));
   const Eigen::Vector3d move =
-      share * field.metadata.diameter * Eigen::Vector3d(0.5, 0.7, -0.5).normalized();
+      fraction * field.metadata.diameter * Eigen::Vector3d(0.5, 0.7, -0.5).normalized();
   return {turn * T_O_C.R, c + turn * (T_O_C.t - c) + move};
 }
 
-/// What a camera sees of a field, as an engine renders it, before a background.
-inline Observation observe(Engine* engine, const LoadedField& field, const Camera& camera,
+/// What a camera sees of a field, as an backend renders it, before a background.
+inline Observation observe(Backend* backend, const LoadedField& field, const Camera& camera,
                            const Pose& T_O_C, Background background) {
-  const Rendering rendering = engine->render(field, camera, T_O_C, {}, {});
+  const Rendering rendering = backend->render(field, camera, T_O_C, {}, {});
   Observation observation;
   observation.camera = camera;
   observation.background = background;

@@ -61,9 +61,9 @@ TEST(DatasetWriter, AlphaAndDistortionComeBack) {
   DatasetHeader bent = header();
   bent.distortion.coefficients = {0.01, -0.002, 0.0003, 0.0004, 0.00005};
   DatasetWriter writer(folder.file("mug"), bent);
-  Image8 picture(8, 6, 4, 90);
-  picture.at(0, 0, 3) = 0;
-  writer.add(picture, somePose(0));
+  Image8 image(8, 6, 4, 90);
+  image.at(0, 0, 3) = 0;
+  writer.add(image, somePose(0));
   writer.finish();
   const Dataset dataset = loadTransforms(folder.file("mug"));
   EXPECT_TRUE(dataset.has_alpha);

@@ -52,7 +52,7 @@ TEST_F(SceneFolder, NerfSynthetic) {
     }
     folder.write("transforms_" + split + ".json", scene.dump());
   }
-  // Depth pictures and the like lie beside them and are nobody's business.
+  // Depth images and the like lie beside them and are nobody's business.
   writePng(Image8(40, 40, 4, 0), folder.file("test/r_0_depth_0001.png"));
   const Dataset dataset = loadTransforms(folder.path());
   ASSERT_EQ(dataset.views.size(), 3u);

@@ -175,14 +175,14 @@ TEST_F(Transforms, FolderMeansTransformsOrTransformsTrain) {
   EXPECT_EQ(loadTransforms(folder.path()).views.size(), 1u);
 }
 
-TEST_F(Transforms, DistortedPicturesAreUndistorted) {
+TEST_F(Transforms, DistortedImagesAreUndistorted) {
   scene["fl_x"] = 8;
   scene["k1"] = -0.2;
   scene["k2"] = 0.02;
   const Dataset dataset = load();
   const Camera& camera = dataset.views[0].camera;
   EXPECT_EQ(camera.width, 8);
-  EXPECT_LT(camera.fx, 7.9);  // barrel distortion: the straight picture sees more per pixel
+  EXPECT_LT(camera.fx, 7.9);  // barrel distortion: the straight image sees more per pixel
   EXPECT_GT(camera.fx, 6);
   EXPECT_EQ(dataset.views[0].rgba->width, 8);
 }
@@ -215,19 +215,19 @@ TEST_F(Transforms, TheFirstBadFrameIsNamed) {
   expectRefused("frame 0 ('images/none0')");
 }
 
-TEST_F(Transforms, BadPictures) {
+TEST_F(Transforms, BadImages) {
   folder.write("images/b.png", "no picture");
   expectRefused("frame 1", folder.file("images/b.png"), "damaged");
 }
 
-TEST_F(Transforms, NoPictureIsReadAfterAStop) {
+TEST_F(Transforms, NoImageIsReadAfterAStop) {
   for (const char* name : {"a", "b"}) {
     folder.write(std::string("images/") + name + ".png", "no picture");  // reading it would show
   }
-  const StopToken stop;
-  stop.requestStop();
+  const CancellationToken stop;
+  stop.requestCancel();
   const std::string path = folder.write("transforms.json", scene.dump());
-  EXPECT_THROW(loadTransforms(path, DatasetOptions(), stop), Stopped);
+  EXPECT_THROW(loadTransforms(path, DatasetOptions(), stop), Cancelled);
 }
 
 TEST_F(Transforms, WrongSizes) {

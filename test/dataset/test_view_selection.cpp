@@ -37,37 +37,37 @@ ViewSelection selectionAfterSharpImages(int kept_views = 0) {
 TEST(ViewSelection, WantsTurnOrDistance) {
   ViewSelection selection = selectionAfterSharpImages(2);  // at 0 and 20 degrees
   EXPECT_EQ(selection.kept(), 2);
-  EXPECT_EQ(selection.judge(cameraAt(28), 100), ViewVerdict::kTooNear);
-  EXPECT_EQ(selection.judge(cameraAt(31), 100), ViewVerdict::kKeep);
-  EXPECT_EQ(selection.judge(cameraAt(-9), 100), ViewVerdict::kTooNear);
-  EXPECT_EQ(selection.judge(cameraAt(0, 1.21), 100), ViewVerdict::kKeep);
+  EXPECT_EQ(selection.judge(cameraAt(28), 100), ViewDecision::kTooNear);
+  EXPECT_EQ(selection.judge(cameraAt(31), 100), ViewDecision::kKeep);
+  EXPECT_EQ(selection.judge(cameraAt(-9), 100), ViewDecision::kTooNear);
+  EXPECT_EQ(selection.judge(cameraAt(0, 1.21), 100), ViewDecision::kKeep);
 }
 
 TEST(ViewSelection, IsComparedWithAllKeptViews) {
   ViewSelection selection = selectionAfterSharpImages(5);
-  EXPECT_EQ(selection.judge(cameraAt(1), 100), ViewVerdict::kTooNear);  // as the first
+  EXPECT_EQ(selection.judge(cameraAt(1), 100), ViewDecision::kTooNear);  // as the first
 }
 
 TEST(ViewSelection, LeavesOutBlurredImages) {
   ViewSelection selection = selectionAfterSharpImages();
-  EXPECT_EQ(selection.judge(cameraAt(0), 69), ViewVerdict::kBlurred);
-  EXPECT_EQ(selection.judge(cameraAt(0), 71), ViewVerdict::kKeep);
+  EXPECT_EQ(selection.judge(cameraAt(0), 69), ViewDecision::kBlurred);
+  EXPECT_EQ(selection.judge(cameraAt(0), 71), ViewDecision::kKeep);
 }
 
 TEST(ViewSelection, WaitsForImagesToCompareWith) {
   ViewSelectionSettings settings;
   settings.recent_images = 3;
   ViewSelection selection(settings, kCentre);
-  EXPECT_EQ(selection.judge(cameraAt(0), 100), ViewVerdict::kBlurred);
-  EXPECT_EQ(selection.judge(cameraAt(0), 100), ViewVerdict::kBlurred);
-  EXPECT_EQ(selection.judge(cameraAt(0), 100), ViewVerdict::kKeep);
+  EXPECT_EQ(selection.judge(cameraAt(0), 100), ViewDecision::kBlurred);
+  EXPECT_EQ(selection.judge(cameraAt(0), 100), ViewDecision::kBlurred);
+  EXPECT_EQ(selection.judge(cameraAt(0), 100), ViewDecision::kKeep);
 }
 
 // Where there is less texture all images are less sharp, and soon are the measure.
 TEST(ViewSelection, FollowsTheScene) {
   ViewSelection selection = selectionAfterSharpImages();
   for (int i = 0; i < 3; ++i) selection.judge(cameraAt(0), 20);
-  EXPECT_EQ(selection.judge(cameraAt(0), 20), ViewVerdict::kKeep);
+  EXPECT_EQ(selection.judge(cameraAt(0), 20), ViewDecision::kKeep);
 }
 
 TEST(ViewSelection, RefusesSettingsThatMakeNoSense) {
@@ -79,13 +79,13 @@ TEST(ViewSelection, RefusesSettingsThatMakeNoSense) {
 TEST(Coverage, NamesWhatIsMissing) {
   Coverage coverage;
   EXPECT_EQ(coverage.missing().size(), 26u);
-  EXPECT_EQ(coverage.share(), 0);
+  EXPECT_EQ(coverage.fraction(), 0);
   // Within 35 degrees of +x: itself alone, for its neighbours are 45 degrees off.
   coverage.add({2, 0, 0});
-  EXPECT_DOUBLE_EQ(coverage.share(), 1.0 / 26);
+  EXPECT_DOUBLE_EQ(coverage.fraction(), 1.0 / 26);
   // Between +x and +x+y.
   coverage.add({std::cos(22.5 * kRadPerDegree), std::sin(22.5 * kRadPerDegree), 0});
-  EXPECT_DOUBLE_EQ(coverage.share(), 2.0 / 26);
+  EXPECT_DOUBLE_EQ(coverage.fraction(), 2.0 / 26);
   EXPECT_FALSE(coverage.adds({1, 0.1, 0}));
   EXPECT_TRUE(coverage.adds({-1, 0, 0}));
   for (const std::string& name : coverage.missing()) {
@@ -101,7 +101,7 @@ TEST(Coverage, ARingAndATopAreMoreThanHalf) {
     for (const double height : {0.2, 1.0}) coverage.add({std::cos(angle), std::sin(angle), height});
   }
   coverage.add({0, 0, 1});
-  EXPECT_DOUBLE_EQ(coverage.share(), 17.0 / 26);
+  EXPECT_DOUBLE_EQ(coverage.fraction(), 17.0 / 26);
   const std::vector<std::string> missing = coverage.missing();
   EXPECT_EQ(missing.front(), "-x-y-z");
   for (const std::string& name : missing) EXPECT_NE(name.find("-z"), std::string::npos) << name;
@@ -112,7 +112,7 @@ TEST(Coverage, OneSideIsNot) {
   for (int i = -3; i <= 3; ++i) {
     for (int j = -3; j <= 3; ++j) coverage.add({1, 0.2 * i, 0.2 * j});
   }
-  EXPECT_LT(coverage.share(), 0.4);
+  EXPECT_LT(coverage.fraction(), 0.4);
 }
 
 }  // namespace

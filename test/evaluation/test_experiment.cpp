@@ -149,17 +149,17 @@ TEST(InterestRegion, surroundsCorners) {
   EXPECT_EQ(interestRegion(Image(20, 20, 3)).at(3, 3, 0), 1);  // no corners: everywhere
 }
 
-TEST(TrialPicture, isReducedWithItsCamera) {
+TEST(TrialImage, isReducedWithItsCamera) {
   Observation observation;
   observation.camera = {64, 48, 60, 60, 31.5, 23.5};
   observation.image = Image(64, 48, 3, 0.5f);
   SearchVariant half;
   half.image_scale = 0.5;
-  const Observation picture = trialPicture(observation, "single", half);
+  const Observation picture = trialImage(observation, "single", half);
   EXPECT_EQ(picture.image.width, 32);
   EXPECT_EQ(picture.camera.fx, 30);
   EXPECT_TRUE(picture.weight.empty());
-  EXPECT_EQ(trialPicture(observation, "inerf", half).weight.width, 32);
+  EXPECT_EQ(trialImage(observation, "inerf", half).weight.width, 32);
   picture.validate();
 }
 

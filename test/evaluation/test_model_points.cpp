@@ -54,7 +54,7 @@ TEST(ModelPoints, TheNearestPointIsSoughtFromTheTruth) {
   EXPECT_DOUBLE_EQ(points.addS(truth(), moved), 5.0 / 3);
 }
 
-TEST(ModelPoints, ThereIsNoPictureBehindTheCamera) {
+TEST(ModelPoints, ThereIsNoImageBehindTheCamera) {
   const ModelPoints points(kTwoPoints);
   const Pose behind = {Eigen::Matrix3d::Identity(), {0, 0, 2}};
   EXPECT_EQ(points.reprojection(behind, truth(), kCamera), std::numeric_limits<double>::infinity());
@@ -66,10 +66,10 @@ TEST(ModelPoints, RefusesNoPoints) {
 }
 
 TEST(SurfacePoints, LieOnTheObjectAllAround) {
-  const auto engine = makeCpuEngine(2);
+  const auto backend = makeCpuBackend(2);
   const auto scene = makeAnalyticScene();
   const FieldMetadata& object = scene->field().metadata;
-  const auto points = surfacePoints(engine.get(), *scene, 500, 3);
+  const auto points = surfacePoints(backend.get(), *scene, 500, 3);
   ASSERT_EQ(points.size(), 500u);
   Eigen::Vector3d least = points[0], most = points[0];
   for (const Eigen::Vector3d& point : points) {
@@ -83,11 +83,11 @@ TEST(SurfacePoints, LieOnTheObjectAllAround) {
 }
 
 TEST(SurfacePoints, AreTheSameForTheSameSeed) {
-  const auto engine = makeCpuEngine(2);
+  const auto backend = makeCpuBackend(2);
   const auto scene = makeAnalyticScene();
-  const auto points = surfacePoints(engine.get(), *scene, 50, 3);
-  EXPECT_EQ(points, surfacePoints(engine.get(), *scene, 50, 3));
-  EXPECT_NE(points, surfacePoints(engine.get(), *scene, 50, 4));
+  const auto points = surfacePoints(backend.get(), *scene, 50, 3);
+  EXPECT_EQ(points, surfacePoints(backend.get(), *scene, 50, 3));
+  EXPECT_NE(points, surfacePoints(backend.get(), *scene, 50, 4));
 }
 
 }  // namespace

@@ -30,14 +30,14 @@ std::vector<EvaluatedFrame> frames() {
 
 TEST(Sequence, SharesAreOfAllFrames) {
   const SequenceSummary summary = summarise(frames(), 0.2);
-  std::map<std::string, double> shares;
-  for (const Recall& recall : summary.recalls) shares[recall.rule] = recall.share;
-  EXPECT_DOUBLE_EQ(shares.at("5 deg and 5 cm"), 0.6);
-  EXPECT_DOUBLE_EQ(shares.at("5 deg and 5 %"), 0.4);
-  EXPECT_DOUBLE_EQ(shares.at("2 deg and 2 %"), 0.2);
-  EXPECT_DOUBLE_EQ(shares.at("ADD 10 %"), 0.6);
-  EXPECT_DOUBLE_EQ(shares.at("ADD-S 10 %"), 0.8);
-  EXPECT_DOUBLE_EQ(shares.at("5 px"), 0.8);
+  std::map<std::string, double> fractions;
+  for (const Recall& recall : summary.recalls) fractions[recall.rule] = recall.fraction;
+  EXPECT_DOUBLE_EQ(fractions.at("5 deg and 5 cm"), 0.6);
+  EXPECT_DOUBLE_EQ(fractions.at("5 deg and 5 %"), 0.4);
+  EXPECT_DOUBLE_EQ(fractions.at("2 deg and 2 %"), 0.2);
+  EXPECT_DOUBLE_EQ(fractions.at("ADD 10 %"), 0.6);
+  EXPECT_DOUBLE_EQ(fractions.at("ADD-S 10 %"), 0.8);
+  EXPECT_DOUBLE_EQ(fractions.at("5 px"), 0.8);
   // ADD of 2, 30, 8, none and 1 mm up to 20 mm: (0.9 + 0 + 0.6 + 0 + 0.95) / 5.
   EXPECT_NEAR(summary.add_area, 0.49, 1e-12);
   EXPECT_NEAR(summary.add_s_area, (0.95 + 0.25 + 0.8 + 0 + 0.975) / 5, 1e-12);

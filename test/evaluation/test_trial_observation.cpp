@@ -12,7 +12,7 @@ namespace {
 
 constexpr int kSize = 160;
 
-/// A view of a square of one colour, opaque, in a picture that is transparent elsewhere.
+/// A view of a square of one colour, opaque, in an image that is transparent elsewhere.
 PosedView squareView(int r, int g, int b) {
   Image8 rgba(kSize, kSize, 4);
   for (int y = 40; y < 120; ++y) {
@@ -88,7 +88,7 @@ TEST(TrialObservation, discsAreMissingAtTheSilhouettesEdge) {
       changed_outside += !inside && o.alpha.at(x, y, 0) != 0;
     }
   }
-  // Half a disc of a sixteenth of the picture, once or five times.
+  // Half a disc of a sixteenth of the image, once or five times.
   const double half_disc = 0.5 * M_PI * 10 * 10;
   EXPECT_GT(missing, 0.9 * half_disc);
   EXPECT_LT(missing, 5 * 1.2 * half_disc);

@@ -28,7 +28,7 @@ TEST(Camera, ProjectsByHandAndBack) {
 }
 
 TEST(Camera, HalfSizeKeepsCornersNotCentres) {
-  // The centre of a picture stays its centre: 319.5 of 640 becomes 159.5 of 320.
+  // The centre of an image stays its centre: 319.5 of 640 becomes 159.5 of 320.
   expectNear(kCamera.scaled(0.5), {320, 240, 250, 260, 159.5, 119.875});
 }
 
@@ -43,7 +43,7 @@ TEST(Camera, CropShiftsThePrincipalPoint) {
   expectNear(kCamera.cropped(100, -20, 50, 60), {50, 60, 500, 520, 219.5, 260.25});
 }
 
-TEST(Camera, APointStaysAtItsPlaceOfThePictureOnEveryLevel) {
+TEST(Camera, APointStaysAtItsPlaceOfTheImageOnEveryLevel) {
   const Eigen::Vector3d p_C(0.31, -0.17, 1.3);
   const Eigen::Vector2d full = kCamera.project(p_C);
   for (const int width : {640, 320, 211, 97, 32, 7}) {

@@ -13,7 +13,7 @@ namespace {
 
 const Camera kCamera = {160, 120, 150, 140, 79.5, 59.5};
 
-/// A picture with one round spot at a pixel that need not be whole.
+/// An image with one round spot at a pixel that need not be whole.
 Image spotAt(double u, double v, double sigma_px) {
   Image image(kCamera.width, kCamera.height, 1);
   for (int y = 0; y < image.height; ++y) {

@@ -38,7 +38,7 @@ TEST(Sharpness, ByHand) {
   EXPECT_NEAR(sharpness(image), 20.0 * 200 * 200 / 81, 1e-9);
 }
 
-TEST(Sharpness, AFlatPictureHasNone) {
+TEST(Sharpness, AFlatImageHasNone) {
   EXPECT_EQ(sharpness(Image8(9, 9, 3, 80)), 0);
   EXPECT_EQ(sharpness(Image8()), 0);
 }

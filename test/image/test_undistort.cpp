@@ -28,7 +28,7 @@ Eigen::Vector2d distort(const Distortion& distortion, const Eigen::Vector3d& dir
 }
 
 /// The distorted picture of a scene whose colours depend smoothly on the pixel they land on.
-Image8 distortedPicture() {
+Image8 distortedImage() {
   Image8 image(kCamera.width, kCamera.height, 3);
   for (int y = 0; y < image.height; ++y) {
     for (int x = 0; x < image.width; ++x) {
@@ -42,7 +42,7 @@ Image8 distortedPicture() {
 
 void expectUndistorts(const Distortion& distortion) {
   const Undistorter undistorter(kCamera, distortion);
-  const Image8 image = undistorter.undistort(distortedPicture());
+  const Image8 image = undistorter.undistort(distortedImage());
   const Camera& camera = undistorter.camera();
   ASSERT_EQ(image.width, kCamera.width);
   for (int y = 2; y < image.height - 2; y += 4) {
@@ -71,7 +71,7 @@ TEST(Undistort, NoDistortionChangesNothing) {
     const Undistorter undistorter(kCamera, none);
     EXPECT_EQ(undistorter.camera().fx, kCamera.fx);
     EXPECT_EQ(undistorter.camera().cy, kCamera.cy);
-    EXPECT_EQ(undistorter.undistort(distortedPicture()).values, distortedPicture().values);
+    EXPECT_EQ(undistorter.undistort(distortedImage()).values, distortedImage().values);
   }
 }
 
@@ -96,7 +96,7 @@ TEST(Undistort, TransparentPixelsDoNotBleed) {
 
 TEST(Undistort, MasksTakeTheSameWay) {
   const Undistorter undistorter(kCamera, {{-0.25, 0.06, 0.002, -0.003}});
-  const Image8 picture = distortedPicture();
+  const Image8 picture = distortedImage();
   Image8 red(kCamera.width, kCamera.height, 1);
   for (std::size_t i = 0; i < red.pixels(); ++i) red.values[i] = picture.values[3 * i];
   const Image8 a = undistorter.undistort(picture);

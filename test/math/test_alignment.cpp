@@ -11,8 +11,8 @@ namespace nerf_pose_refiner {
 namespace {
 
 /// The object's colour is `colour` in all channels.
-PictureSample<double> sampleOf(double colour, double opacity) {
-  PictureSample<double> s;
+ImageSample<double> sampleOf(double colour, double opacity) {
+  ImageSample<double> s;
   for (int c = 0; c < 3; ++c) {
     s.value[c] = opacity * colour;
     s.du[c] = 0.1 * (c + 1);
@@ -27,7 +27,7 @@ PictureSample<double> sampleOf(double colour, double opacity) {
 // 0.75 * 0.8 + 0.25 * 0.6 - 0.7 = 0.05; its gradient is the mean of (0.1 - 0.6 * 0.5) and 0.1.
 TEST(KnownBackground, byHand) {
   const double background[3] = {0.6, 0.6, 0.6};
-  PictureSample<double> observed = sampleOf(0.7, 1);
+  ImageSample<double> observed = sampleOf(0.7, 1);
   observed.value[3] = 0.5;
   const auto r =
       knownBackgroundResidual(sampleOf(0.8, 0.75), observed, GainBias<double>(), background, 0.3);
@@ -42,11 +42,12 @@ TEST(KnownBackground, byHand) {
 
 // gain 1.5, bias 0.1: 1.5 * 0.6 + 0.1 * 0.75 + 0 - 0.7.
 TEST(KnownBackground, inTheObservationsLight) {
-  GainBias<double> light;
-  light.gain[0] = 1.5;
-  light.bias[0] = 0.1;
+  GainBias<double> gain_bias;
+  gain_bias.gain[0] = 1.5;
+  gain_bias.bias[0] = 0.1;
   const double black[3] = {0, 0, 0};
-  const auto r = knownBackgroundResidual(sampleOf(0.8, 0.75), sampleOf(0.7, 1), light, black, 1.0);
+  const auto r =
+      knownBackgroundResidual(sampleOf(0.8, 0.75), sampleOf(0.7, 1), gain_bias, black, 1.0);
   EXPECT_NEAR(r.value[0], 0.9 + 0.075 - 0.7, 1e-12);
 }
 
@@ -62,7 +63,7 @@ TEST(UnknownBackground, byHand) {
 }
 
 TEST(UnknownBackground, anEmptyPixelSaysNothing) {
-  PictureSample<double> empty = {};
+  ImageSample<double> empty = {};
   const auto r = unknownBackgroundResidual(empty, sampleOf(0.7, 1), GainBias<double>(), 1.0, 0.0);
   for (int c = 0; c < 3; ++c) {
     EXPECT_EQ(r.value[c], 0);
@@ -94,22 +95,22 @@ TEST(JudgeContrast, byHand) {
   EXPECT_EQ(judgeContrast(residualOf(0), 0, 0.2f).cost, 0);
 }
 
-LightMomentsOf<double> momentsOf(const float gain, const float bias) {
-  LightMomentsOf<double> moments;
+GainBiasMomentsOf<double> momentsOf(const float gain, const float bias) {
+  GainBiasMomentsOf<double> moments;
   for (int i = 0; i < 100; ++i) {
     const float x = 0.01f * i;
     const float rendered[4] = {x, x, x, 1};
     const float y = gain * x + bias;
     const float observed[3] = {y, y, y};
-    addLightPixel(rendered, observed, 1, GainBias<float>(), 10.0f, &moments);
+    addGainBiasPixel(rendered, observed, 1, GainBias<float>(), 10.0f, &moments);
   }
   return moments;
 }
 
 // The opacity's scale is 0.3, three times that of colours: weights (1 / (1 + (r / 0.3)^2))^2. An
 // outline that is far off pulls; one that is covered altogether pulls less than one that is near.
-TEST(ComparedPixel, opacityPullsByHand) {
-  const auto pullOf = [](float opacity_residual) {
+TEST(ComparedPixel, opacityGradientsByHand) {
+  const auto gradientOf = [](float opacity_residual) {
     PixelResidual<float> r = {};
     r.value[3] = opacity_residual;
     r.du[3] = 0.5f;
@@ -122,27 +123,27 @@ TEST(ComparedPixel, opacityPullsByHand) {
     addComparedPixel(rules, r, 1.0f, RegionPixel(), 1.0f, flow, &sums, &sums.equations);
     return sums.equations.gradient[0];
   };
-  EXPECT_NEAR(pullOf(0.03f), 0.03 / (1.01 * 1.01), 1e-6);
-  EXPECT_NEAR(pullOf(0.3f), 0.3 / 4, 1e-6);
-  EXPECT_NEAR(pullOf(1.0f), std::pow(0.09 / 1.09, 2), 1e-6);
+  EXPECT_NEAR(gradientOf(0.03f), 0.03 / (1.01 * 1.01), 1e-6);
+  EXPECT_NEAR(gradientOf(0.3f), 0.3 / 4, 1e-6);
+  EXPECT_NEAR(gradientOf(1.0f), std::pow(0.09 / 1.09, 2), 1e-6);
 }
 
-TEST(SolveLight, finds) {
-  const GainBias<float> light = solveLight(momentsOf(1.2f, 0));
-  EXPECT_NEAR(light.gain[0], 1.2, 0.03);
-  EXPECT_NEAR(light.bias[2], 0, 0.02);
+TEST(SolveGainBias, finds) {
+  const GainBias<float> gain_bias = solveGainBias(momentsOf(1.2f, 0));
+  EXPECT_NEAR(gain_bias.gain[0], 1.2, 0.03);
+  EXPECT_NEAR(gain_bias.bias[2], 0, 0.02);
 }
 
-TEST(SolveLight, knowsNothingWithoutPixels) {
-  const GainBias<float> light = solveLight(LightMomentsOf<double>());
-  EXPECT_NEAR(light.gain[1], 1, 1e-6);
-  EXPECT_NEAR(light.bias[1], 0, 1e-6);
+TEST(SolveGainBias, knowsNothingWithoutPixels) {
+  const GainBias<float> gain_bias = solveGainBias(GainBiasMomentsOf<double>());
+  EXPECT_NEAR(gain_bias.gain[1], 1, 1e-6);
+  EXPECT_NEAR(gain_bias.bias[1], 0, 1e-6);
 }
 
-TEST(SolveLight, looksInsideOfTheObjectOnly) {
-  LightMomentsOf<double> moments;
+TEST(SolveGainBias, looksInsideOfTheObjectOnly) {
+  GainBiasMomentsOf<double> moments;
   const float rendered[4] = {0.2f, 0.2f, 0.2f, 0.4f}, observed[3] = {0.5f, 0.5f, 0.5f};
-  addLightPixel(rendered, observed, 1, GainBias<float>(), 0.1f, &moments);
+  addGainBiasPixel(rendered, observed, 1, GainBias<float>(), 0.1f, &moments);
   EXPECT_EQ(moments.weight[0], 0);
 }
 

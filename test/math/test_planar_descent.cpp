@@ -26,10 +26,10 @@ double distanceFromLine(const std::vector<PlanarPose>& path, const PlanarPose& t
 }
 
 template <typename Update, typename Optimiser>
-std::vector<PlanarPose> descend(const PlanarPose& target, const Optimiser& optimiser) {
+std::vector<PlanarPose> optimise(const PlanarPose& target, const Optimiser& optimiser) {
   std::vector<PlanarPose> path;
-  descendInPlane<Update>(PlanarPose(), target, optimiser, kTolerance, kMaxSteps,
-                         [&](const PlanarPose& pose) { path.push_back(pose); });
+  optimiseInPlane<Update>(PlanarPose(), target, optimiser, kTolerance, kMaxSteps,
+                          [&](const PlanarPose& pose) { path.push_back(pose); });
   EXPECT_LT(planarError(path.back(), target), kTolerance);
   return path;
 }
@@ -77,8 +77,8 @@ TEST(PlanarDescent, gradientsAreThoseOfTheirOwnUpdates) {
 TEST(PlanarDescent, separateMomentumStaysOnTheLineAndNeedsFewerSteps) {
   for (const double angle : {1.0, 1.5, 2.0, 2.5}) {
     const PlanarPose target = {3, 1, angle};
-    const auto separate = descend<SeparateUpdate>(target, PlanarHeavyBall());
-    const auto coupled = descend<CoupledUpdate>(target, PlanarHeavyBall());
+    const auto separate = optimise<SeparateUpdate>(target, PlanarHeavyBall());
+    const auto coupled = optimise<CoupledUpdate>(target, PlanarHeavyBall());
     EXPECT_LT(distanceFromLine(separate, target), 1e-6);
     EXPECT_GT(distanceFromLine(coupled, target), 0.1);
     EXPECT_LT(separate.size(), coupled.size());
@@ -90,7 +90,7 @@ TEST(PlanarDescent, separateMomentumStaysOnTheLineAndNeedsFewerSteps) {
 TEST(PlanarDescent, adamLeavesTheLine) {
   const PlanarPose target = {3, 1, 1.5};
   const PlanarAdam adam;
-  const auto path = descend<SeparateUpdate>(target, adam);
+  const auto path = optimise<SeparateUpdate>(target, adam);
   EXPECT_NEAR(path[1].x, adam.rate, 1e-6);
   EXPECT_NEAR(path[1].y, adam.rate, 1e-6);
   EXPECT_GT(distanceFromLine(path, target), 0.1);

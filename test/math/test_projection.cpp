@@ -35,7 +35,7 @@ TEST(Projection, MoveCameraByHand) {
   EXPECT_NEAR(moved.R.m[1][0], 1, 1e-15);
 }
 
-TEST(Projection, CameraToTheRightMovesThePictureToTheLeft) {
+TEST(Projection, CameraToTheRightMovesTheImageToTheLeft) {
   const CameraPose<double> pose = {expSO3(Vec3<double>{0, 0, 0}), {0, 0, -2}};
   const PixelFlow<double> flow = pixelFlow(kCamera, pose, {0, 0, 0}, {0, 0, 0});
   // The pixel sees what was 250 px per unit further right: dC = +dC/du * 250 per unit.
@@ -62,7 +62,7 @@ TEST(Projection, FlowAgreesWithCentralDifferencesOnAllSixAxes) {
     };
     const Pixel<double> ahead = pixelAt(kStep);
     const Pixel<double> behind = pixelAt(-kStep);
-    // The picture at a fixed pixel changes by the opposite of the point's motion.
+    // The image at a fixed pixel changes by the opposite of the point's motion.
     EXPECT_NEAR(flow.u[i], -(ahead.u - behind.u) / (2 * kStep), 1e-5) << "axis " << i;
     EXPECT_NEAR(flow.v[i], -(ahead.v - behind.v) / (2 * kStep), 1e-5) << "axis " << i;
   }

@@ -27,7 +27,7 @@ TEST(Random, UniformIsTheHighest24Bits) {
   EXPECT_EQ(randomUniform(1, 2, 3), 9347684.0f / 16777216.0f);   // 0x8ea264
 }
 
-TEST(Random, IndexIsTheShareOfN) {
+TEST(Random, IndexIsTheFractionOfN) {
   EXPECT_EQ(randomIndex(0, 0, 0, 1000), 883u);  // 0.8833
   EXPECT_EQ(randomIndex(1, 2, 3, 1000), 557u);  // 0.5572
   EXPECT_EQ(randomIndex(1, 2, 3, 1), 0u);

@@ -21,7 +21,7 @@ TEST(RateSchedule, fallsToZeroAtTheEnd) {
   RateSchedule schedule;
   schedule.decay = 0.5;
   schedule.decay_updates = 100;
-  schedule.anneal_share = 0.2;
+  schedule.anneal_fraction = 0.2;
   schedule.run_updates = 200;
   EXPECT_DOUBLE_EQ(schedule.rateFactor(159), 0.5);
   EXPECT_DOUBLE_EQ(schedule.rateFactor(160), 0.5);
@@ -33,7 +33,7 @@ TEST(RateSchedule, fallsToZeroAtTheEnd) {
 
 TEST(RateSchedule, anUnknownEndIsNotAnnealed) {
   RateSchedule schedule;
-  schedule.anneal_share = 0.5;
+  schedule.anneal_fraction = 0.5;
   EXPECT_DOUBLE_EQ(schedule.rateFactor(255), 1);
   EXPECT_DOUBLE_EQ(schedule.rateFactor(256), 0.33);
 }

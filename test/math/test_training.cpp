@@ -134,10 +134,10 @@ TEST(Training, RaysFollowTheBudget) {
 }
 
 TEST(Training, LearningRateRisesStaysAndFalls) {
-  EXPECT_NEAR(learningRateShare(0, 0, 0.1), 1.0 / 32, 1e-12);
-  EXPECT_NEAR(learningRateShare(31, 0.4, 0.1), 1, 1e-12);
-  EXPECT_NEAR(learningRateShare(100, 0.7, 0.1), std::sqrt(0.1), 1e-12);
-  EXPECT_NEAR(learningRateShare(100, 1, 0.1), 0.1, 1e-12);
+  EXPECT_NEAR(learningRateFraction(0, 0, 0.1), 1.0 / 32, 1e-12);
+  EXPECT_NEAR(learningRateFraction(31, 0.4, 0.1), 1, 1e-12);
+  EXPECT_NEAR(learningRateFraction(100, 0.7, 0.1), std::sqrt(0.1), 1e-12);
+  EXPECT_NEAR(learningRateFraction(100, 1, 0.1), 0.1, 1e-12);
 }
 
 TEST(TrainingAdam, FirstStepIsTheLearningRate) {

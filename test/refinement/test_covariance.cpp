@@ -31,7 +31,7 @@ FieldMetadata object() {
 
 Pose somePose() { return {expSO3({0.3, -0.5, 0.8}), {0.4, -1.5, 2.5}}; }
 
-/// A hypothesis whose picture says all: 1000 residuals that are independent of each other.
+/// A hypothesis whose image says all: 1000 residuals that are independent of each other.
 Hypothesis firm() {
   Hypothesis h;
   h.T_O_C = somePose();
@@ -67,7 +67,7 @@ TEST(PoseCovariance, GrowsWithWhatGoesTogether) {
 
 // Uniform within half widths of 0.5 diameters = 1 unit and 0.3 rad: variances of a third of
 // squares.
-TEST(PoseCovariance, IsThePriorWhereThePictureSaysNothing) {
+TEST(PoseCovariance, IsThePriorWhereTheImageSaysNothing) {
   Hypothesis h = firm();
   h.information.setZero();
   h.gradient_scatter.setZero();
@@ -210,21 +210,21 @@ TEST(CalibratedScore, IsOneOfRightPosesAndZeroOfWrongOnes) {
   EXPECT_DOUBLE_EQ(calibratedScore(0.95, statistics), 1);
 }
 
-TEST(ScoreOfShare, IsZeroBelowHalf) {
-  EXPECT_DOUBLE_EQ(scoreOfShare(1), 1);
-  EXPECT_DOUBLE_EQ(scoreOfShare(0.75), 0.5);
-  EXPECT_DOUBLE_EQ(scoreOfShare(0.3), 0);
+TEST(ScoreOfFraction, IsZeroBelowHalf) {
+  EXPECT_DOUBLE_EQ(scoreOfFraction(1), 1);
+  EXPECT_DOUBLE_EQ(scoreOfFraction(0.75), 0.5);
+  EXPECT_DOUBLE_EQ(scoreOfFraction(0.3), 0);
 }
 
 /// e^T C^-1 e / 6 over trials with noise of its own each, from starts a little off.
 double meanNormalisedError(double noise, int trials) {
   const Camera camera = {160, 132, 220, 220, 79.5, 65.5};
-  const auto engine = std::shared_ptr<Engine>(makeCpuEngine(0));
+  const auto backend = std::shared_ptr<Backend>(makeCpuBackend(0));
   const auto scene = makeAnalyticScene();
   const FieldMetadata& metadata = scene->field().metadata;
   const Pose truth = cameraAround(*scene, 0.6, 0.4);
   // Before grey, so that noise is seldom cut off at black and white.
-  Observation clean = observeScene(engine.get(), *scene, camera, truth);
+  Observation clean = observeScene(backend.get(), *scene, camera, truth);
   clean.background = Background::kKnownColour;
   clean.background_colour.setConstant(0.5f);
   for (std::size_t i = 0; i < clean.image.values.size(); ++i) {
@@ -233,8 +233,8 @@ double meanNormalisedError(double noise, int trials) {
   clean.alpha = Image();
   RefinerSettings settings = RefinerSettings::named("track");
   settings.stages = {settings.stages.back()};
-  settings.stages[0].object_px = 400;  // the picture as it is
-  Refiner refiner(engine, settings);
+  settings.stages[0].object_px = 400;  // the image as it is
+  Refiner refiner(backend, settings);
   double sum = 0;
   for (int trial = 0; trial < trials; ++trial) {
     Observation seen = clean;

@@ -11,7 +11,7 @@
 #include "support/analytic_scene.h"
 #include "support/expect_error.h"
 #include "support/fog_scene.h"
-#include "support/recording_engine.h"
+#include "support/recording_backend.h"
 #include "support/small_inversion.h"
 
 // The schedule of the paper's mode, and whole refinements in a scene of fog.
@@ -23,20 +23,21 @@ constexpr double kDegree = M_PI / 180;
 
 Camera smallCamera() { return {64, 64, 80, 80, 31.5, 31.5}; }
 
-/// What a recording engine is asked for by a preset.
+/// What a recording backend is asked for by a preset.
 /// @param table what it finds.
-std::shared_ptr<RecordingEngine> recorded(const RefinerSettings& settings, const Prior& prior,
-                                          const HypothesisTable& table = HypothesisTable(1)) {
-  const auto engine = std::make_shared<RecordingEngine>();
-  engine->table = table;
+std::shared_ptr<RecordingBackend> recorded(const RefinerSettings& settings, const Prior& prior,
+                                           const HypothesisTable& table = HypothesisTable(1)) {
+  const auto backend = std::make_shared<RecordingBackend>();
+  backend->table = table;
   const FogScene scene(5);  // an object of 5 model units
   Observation observation;
   observation.camera = smallCamera();
   observation.image = Image(64, 64, 3);
   Prior there = prior;
   there.T_O_C = cameraAround(scene, 0, 0);
-  EXPECT_EQ(Refiner(engine, settings).refine(scene, observation, there).outcome, Outcome::kRefined);
-  return engine;
+  EXPECT_EQ(Refiner(backend, settings).refine(scene, observation, there).outcome,
+            Outcome::kRefined);
+  return backend;
 }
 
 /// Steps go in slices, behind each of which there is a line in the trace.
@@ -49,7 +50,7 @@ void expectSlices(const std::vector<int>& sizes, int first_step, std::vector<std
 
 // Lin et al., section IV-D: 64 hypotheses, 2560 = 512 + 4 x 512 steps.
 TEST(Inversion, scheduleOfThePaper) {
-  const auto engine = recorded(RefinerSettings::named("paper"), Prior());
+  const auto backend = recorded(RefinerSettings::named("paper"), Prior());
   std::vector<std::string> expected = {"scatter 64"};
   for (int round = 0; round <= 4; ++round) {
     if (round > 0) expected.push_back(round == 1 ? "select 8 for 64" : "select 4 for 64");
@@ -58,15 +59,15 @@ TEST(Inversion, scheduleOfThePaper) {
   // The choice; whether the mean of the best is better; how firmly the image holds the winner.
   expected.insert(expected.end(),
                   {"measure 16384", "scatter 1", "measure 16384", "scatter 1", "score"});
-  EXPECT_EQ(engine->calls, expected);
+  EXPECT_EQ(backend->calls, expected);
 }
 
 TEST(Inversion, singleIsNotResampled) {
-  const auto engine = recorded(RefinerSettings::named("paper_single"), Prior());
+  const auto backend = recorded(RefinerSettings::named("paper_single"), Prior());
   std::vector<std::string> expected = {"scatter 1"};
   expectSlices(std::vector<int>(20, 128), 0, &expected);
   expected.insert(expected.end(), {"measure 16384", "scatter 1", "score"});
-  EXPECT_EQ(engine->calls, expected);
+  EXPECT_EQ(backend->calls, expected);
 }
 
 Hypothesis hypothesisAt(double x, double loss) {
@@ -83,11 +84,11 @@ TEST(Inversion, theMeanOfTheBestIsTried) {
                                  hypothesisAt(0.08, 1.09), hypothesisAt(0.01, 1.2),
                                  hypothesisAt(0.3, 1.01)};
   RefinerSettings settings = RefinerSettings::named("paper");
-  const auto engine = recorded(settings, Prior(), table);
-  ASSERT_EQ(engine->priors.size(), 3u);  // the search, the mean, the winner
-  EXPECT_NEAR(engine->priors[1].t.x(), 0.04, 1e-12);
-  EXPECT_NEAR(logSO3(engine->priors[1].R).z(), 0.004, 1e-12);
-  EXPECT_EQ(engine->priors[2].t.x(), 0);  // its loss is that of the best: no gain, the best stays
+  const auto backend = recorded(settings, Prior(), table);
+  ASSERT_EQ(backend->priors.size(), 3u);  // the search, the mean, the winner
+  EXPECT_NEAR(backend->priors[1].t.x(), 0.04, 1e-12);
+  EXPECT_NEAR(logSO3(backend->priors[1].R).z(), 0.004, 1e-12);
+  EXPECT_EQ(backend->priors[2].t.x(), 0);  // its loss is that of the best: no gain, the best stays
 
   settings.inversion.jitter_rotation_rad = settings.inversion.jitter_translation = 0;
   EXPECT_EQ(recorded(settings, Prior(), table)->priors[1].t.x(), 0);  // the best alone is near
@@ -95,27 +96,27 @@ TEST(Inversion, theMeanOfTheBestIsTried) {
 
 // The last slice is as long as losses are gathered over.
 TEST(Inversion, iNerfHasOneHypothesisAndATwist) {
-  const auto engine = recorded(RefinerSettings::named("inerf"), Prior());
+  const auto backend = recorded(RefinerSettings::named("inerf"), Prior());
   std::vector<std::string> expected = {"scatter 1"};
   expectSlices({116, 128, 128, 128}, 0, &expected);
   expected.insert(expected.end(), {"measure 16384", "scatter 1", "score"});
-  EXPECT_EQ(engine->calls, expected);
-  EXPECT_EQ(engine->descended[0].update, PoseUpdate::kTwist);
+  EXPECT_EQ(backend->calls, expected);
+  EXPECT_EQ(backend->optimised[0].update, PoseUpdate::kTwist);
 }
 
 // The object of 5 model units stands for 2.5 of the paper's: one of those is 2 model units.
 TEST(Inversion, lengthsAreInUnitsOfTheObject) {
-  const auto engine = recorded(RefinerSettings::named("paper"), Prior());
-  EXPECT_NEAR(engine->scattered.translation.x(), 0.6, 1e-12);
-  EXPECT_NEAR(engine->scattered.rotation_rad.x(), 15 * kDegree, 1e-12);
-  EXPECT_FALSE(engine->scattered.rotate_about_object);
-  EXPECT_NEAR(engine->selected[0].translation_jitter, 0.2, 1e-12);
-  EXPECT_NEAR(engine->selected[0].rotation_jitter_rad, 3 * kDegree, 1e-12);
-  EXPECT_NEAR(engine->descended[0].length_unit, 6.06, 1e-12);
+  const auto backend = recorded(RefinerSettings::named("paper"), Prior());
+  EXPECT_NEAR(backend->scattered.translation.x(), 0.6, 1e-12);
+  EXPECT_NEAR(backend->scattered.rotation_rad.x(), 15 * kDegree, 1e-12);
+  EXPECT_FALSE(backend->scattered.rotate_about_object);
+  EXPECT_NEAR(backend->selected[0].translation_jitter, 0.2, 1e-12);
+  EXPECT_NEAR(backend->selected[0].rotation_jitter_rad, 3 * kDegree, 1e-12);
+  EXPECT_NEAR(backend->optimised[0].length_unit, 6.06, 1e-12);
 
   RefinerSettings settings = RefinerSettings::named("paper");
   settings.inversion.unit = 1;  // as in the NeRF Synthetic scenes themselves
-  EXPECT_NEAR(recorded(settings, Prior())->descended[0].length_unit, 3.03, 1e-12);
+  EXPECT_NEAR(recorded(settings, Prior())->optimised[0].length_unit, 3.03, 1e-12);
 }
 
 TEST(Inversion, aSpreadOfZeroIsThePriors) {
@@ -125,18 +126,18 @@ TEST(Inversion, aSpreadOfZeroIsThePriors) {
   Prior prior;
   prior.rotation_rad = 0.1;
   prior.translation = 0.02;
-  const auto engine = recorded(settings, prior);
-  EXPECT_EQ(engine->scattered.rotation_rad.y(), 0.1);
-  EXPECT_NEAR(engine->scattered.translation.y(), 0.1, 1e-12);
-  EXPECT_TRUE(engine->scattered.rotate_about_object);
+  const auto backend = recorded(settings, prior);
+  EXPECT_EQ(backend->scattered.rotation_rad.y(), 0.1);
+  EXPECT_NEAR(backend->scattered.translation.y(), 0.1, 1e-12);
+  EXPECT_TRUE(backend->scattered.rotate_about_object);
 }
 
 TEST(Inversion, everyRandomDrawHasItsOwnSeed) {
-  const auto engine = recorded(RefinerSettings::named("paper"), Prior());
-  std::set<std::uint64_t> seeds = {engine->scattered.seed, engine->descended[0].seed};
-  for (const SelectPlan& plan : engine->selected) seeds.insert(plan.seed);
+  const auto backend = recorded(RefinerSettings::named("paper"), Prior());
+  std::set<std::uint64_t> seeds = {backend->scattered.seed, backend->optimised[0].seed};
+  for (const ResamplingPlan& plan : backend->selected) seeds.insert(plan.seed);
   EXPECT_EQ(seeds.size(), 6u);
-  EXPECT_EQ(engine->descended[0].seed, engine->descended.back().seed);  // steps tell them apart
+  EXPECT_EQ(backend->optimised[0].seed, backend->optimised.back().seed);  // steps tell them apart
 }
 
 TEST(Inversion, survivorsHalveButForTheLastFew) {
@@ -158,34 +159,34 @@ TEST(Inversion, refusesSettingsOutOfRange) {
   };
   expectRefused("hypotheses", [](InversionSettings* s) { s->hypotheses = 0; });
   expectRefused("unit", [](InversionSettings* s) { s->unit = -1; });
-  expectRefused("keep_share", [](InversionSettings* s) { s->keep_share = 1.5; });
+  expectRefused("keep_share", [](InversionSettings* s) { s->keep_fraction = 1.5; });
   expectRefused("score_pixels", [](InversionSettings* s) { s->score_pixels = 0; });
   expectRefused("jitter_translation", [](InversionSettings* s) { s->jitter_translation = NAN; });
   expectRefused("descent.beta2", [](InversionSettings* s) { s->descent.beta2 = 1; });
   expectRefused("descent.decay", [](InversionSettings* s) { s->descent.schedule.decay = 0; });
   expectRefused("descent.anneal_share",
-                [](InversionSettings* s) { s->descent.schedule.anneal_share = 1.1; });
+                [](InversionSettings* s) { s->descent.schedule.anneal_fraction = 1.1; });
   expectRefused("descent.steps_per_update",
                 [](InversionSettings* s) { s->descent.steps_per_update = 0; });
 }
 
 struct Trial {
   explicit Trial(double scale = 1, int threads = 2)
-      : engine(makeCpuEngine(threads)), scene(scale), truth(cameraAround(scene, 0.4, 0.3, 1.3)) {
-    observation = observeScene(engine.get(), scene, smallCamera(), truth);
+      : backend(makeCpuBackend(threads)), scene(scale), truth(cameraAround(scene, 0.4, 0.3, 1.3)) {
+    observation = observeScene(backend.get(), scene, smallCamera(), truth);
     prior.T_O_C.R = expSO3(Eigen::Vector3d(0.1, -0.12, 0.08)) * truth.R;
     prior.T_O_C.t = truth.t + scale * Eigen::Vector3d(0.08, 0.06, -0.05);
   }
 
-  Refinement run(const RefinerSettings& settings, const StopToken& stop = {}) {
-    return Refiner(engine, settings).refine(scene, observation, prior, stop);
+  Refinement run(const RefinerSettings& settings, const CancellationToken& stop = {}) {
+    return Refiner(backend, settings).refine(scene, observation, prior, stop);
   }
   /// Distance of the object from where it stands in the camera's frame, in diameters.
   double displacement(const Pose& pose) const {
     return (pose.inverse().t - truth.inverse().t).norm() / scene.field().metadata.diameter;
   }
 
-  std::shared_ptr<Engine> engine;
+  std::shared_ptr<Backend> backend;
   FogScene scene;
   Pose truth;
   Observation observation;
@@ -230,13 +231,13 @@ TEST(Inversion, aScaledSceneGivesTheSameTrial) {
 
 // How far the last updates move the pose is how much it trembles.
 TEST(Inversion, anAnnealedRunComesToRest) {
-  const auto lastMove = [](double anneal_share) {
+  const auto lastMove = [](double anneal_fraction) {
     RefinerSettings settings = smallInversion();
     InversionSettings& s = settings.inversion;
     s.hypotheses = 1;
     s.first_steps = 180;
     s.rounds = 0;
-    s.descent.schedule.anneal_share = anneal_share;
+    s.descent.schedule.anneal_fraction = anneal_fraction;
     const std::vector<TraceEntry> trace = Trial().run(settings).trace;
     // The last entry is of the choice.
     const Pose &before = trace.at(trace.size() - 3).best_T_O_C,
@@ -246,7 +247,7 @@ TEST(Inversion, anAnnealedRunComesToRest) {
   EXPECT_LT(lastMove(0.5), 0.5 * lastMove(0));
 }
 
-TEST(Inversion, aPriorOutsideOfThePictureHasNoOverlap) {
+TEST(Inversion, aPriorOutsideOfTheImageHasNoOverlap) {
   Trial trial;
   trial.prior.T_O_C.R = trial.truth.R * expSO3(Eigen::Vector3d(0, M_PI, 0));
   const Refinement result = trial.run(smallInversion());
@@ -262,11 +263,11 @@ TEST(Inversion, severalPriorsAtOnce) {
   Prior outside = trial.prior, other = trial.prior;
   outside.T_O_C.R = trial.truth.R * expSO3(Eigen::Vector3d(0, M_PI, 0));
   other.T_O_C.t += Eigen::Vector3d(0.03, -0.02, 0.01);
-  Refiner refiner(trial.engine, smallInversion());
-  const Work before = trial.engine->work();
+  Refiner refiner(trial.backend, smallInversion());
+  const CostCounters before = trial.backend->work();
   const std::vector<Refinement> results =
       refiner.refineAll(trial.scene, trial.observation, {trial.prior, outside, other, trial.prior});
-  const Work spent = trial.engine->work() - before;
+  const CostCounters spent = trial.backend->work() - before;
   ASSERT_EQ(results.size(), 4u);
   EXPECT_EQ(results[1].outcome, Outcome::kNoOverlap);
   EXPECT_EQ(results[1].T_O_C.t, outside.T_O_C.t);
@@ -291,7 +292,7 @@ TEST(Inversion, tooManyPriorsAreRefused) {
   Trial trial;
   RefinerSettings settings = smallInversion();
   settings.inversion.descent.samples_per_step = 1 << 27;
-  Refiner refiner(trial.engine, settings);
+  Refiner refiner(trial.backend, settings);
   const std::vector<Prior> three(3, trial.prior);
   expectError<std::invalid_argument>(
       [&] { refiner.refineAll(trial.scene, trial.observation, three); }, "3 priors");
@@ -301,7 +302,7 @@ TEST(Inversion, priorsOfOneBatchAreEquallyWide) {
   Trial trial;
   Prior wider = trial.prior;
   wider.translation *= 2;
-  Refiner refiner(trial.engine, smallInversion());
+  Refiner refiner(trial.backend, smallInversion());
   expectError<std::invalid_argument>(
       [&] {
         refiner.refineAll(trial.scene, trial.observation, {trial.prior, wider});
@@ -310,7 +311,7 @@ TEST(Inversion, priorsOfOneBatchAreEquallyWide) {
 }
 
 TEST(Inversion, noSurvivorIsNoResult) {
-  struct LosingEngine : RecordingEngine {
+  struct LosingBackend : RecordingBackend {
     HypothesisTable read(const HypothesisBatch&) override { return {}; }
   };
   const FogScene scene;
@@ -319,16 +320,16 @@ TEST(Inversion, noSurvivorIsNoResult) {
   observation.image = Image(64, 64, 3);
   Prior prior;
   prior.T_O_C = cameraAround(scene, 0, 0);
-  Refiner refiner(std::make_shared<LosingEngine>(), RefinerSettings::named("paper"));
+  Refiner refiner(std::make_shared<LosingBackend>(), RefinerSettings::named("paper"));
   const Refinement result = refiner.refine(scene, observation, prior);
   EXPECT_EQ(result.outcome, Outcome::kDiverged);
   EXPECT_EQ(result.T_O_C.t, prior.T_O_C.t);
 }
 
 TEST(Inversion, stopsOnRequest) {
-  const StopToken stop;
-  stop.requestStop();
-  EXPECT_EQ(Trial().run(smallInversion(), stop).outcome, Outcome::kStopped);
+  const CancellationToken stop;
+  stop.requestCancel();
+  EXPECT_EQ(Trial().run(smallInversion(), stop).outcome, Outcome::kCancelled);
 }
 
 }  // namespace

@@ -53,13 +53,13 @@ TEST(ObjectRegion, growsWithTheSweepOfTheCamera) {
   EXPECT_NEAR(region->x_min, 399.5 - 130 - 100.33467, 1e-4);
 }
 
-TEST(ObjectRegion, isCutAtThePicture) {
+TEST(ObjectRegion, isCutAtTheImage) {
   const auto region = objectRegion(kCamera, priorAt(4, 10), objectOfDiameter(2));
   EXPECT_NEAR(region->x_min, 669.5, 1e-9);
   EXPECT_EQ(region->x_max, 799.5);
 }
 
-TEST(ObjectRegion, nothingOutsideOfThePicture) {
+TEST(ObjectRegion, nothingOutsideOfTheImage) {
   EXPECT_FALSE(objectRegion(kCamera, priorAt(6, 10), objectOfDiameter(2)));
   EXPECT_FALSE(objectRegion(kCamera, priorAt(-6, 10), objectOfDiameter(2)));
 }
@@ -68,8 +68,8 @@ TEST(ObjectRegion, nothingBehindTheCamera) {
   EXPECT_FALSE(objectRegion(kCamera, priorAt(0, -10), objectOfDiameter(2)));
 }
 
-// A scene around the camera: the whole picture, whose longer side stands for the diameter.
-TEST(ObjectRegion, isThePictureInsideOfAScene) {
+// A scene around the camera: the whole image, whose longer side stands for the diameter.
+TEST(ObjectRegion, isTheImageInsideOfAScene) {
   const auto region = objectRegion(kCamera, priorAt(0, 1), objectOfDiameter(8));
   EXPECT_EQ(region->x_min, -0.5);
   EXPECT_EQ(region->x_max, 799.5);
@@ -87,7 +87,7 @@ TEST(LevelCamera, shrinksTheObjectToItsSize) {
   EXPECT_NEAR(level.cx, (399.5 - 270 + 0.5) / 4 - 0.5, 1e-12);
 }
 
-TEST(LevelCamera, isNeverFinerThanThePicture) {
+TEST(LevelCamera, isNeverFinerThanTheImage) {
   const auto region = objectRegion(kCamera, priorAt(0, 10), objectOfDiameter(2));
   const Camera level = levelCamera(kCamera, *region, 1000);
   EXPECT_EQ(level.fx, kCamera.fx);
@@ -110,14 +110,14 @@ TEST(PlanAlignment, followsTheSettings) {
       planAlignment(settings, observationOf(Background::kKnownColour), prior, objectOfDiameter(2));
   ASSERT_TRUE(plan);
   ASSERT_EQ(plan->stages.size(), settings.stages.size());
-  EXPECT_EQ(plan->scatter.count, settings.stages[0].hypotheses);
-  EXPECT_EQ(plan->scatter.translation.x(), 0.3);
-  EXPECT_EQ(plan->scatter.rotation_limit_rad, 0.4);
-  EXPECT_EQ(plan->scatter.translation_limit, 0.6);
+  EXPECT_EQ(plan->sampling.count, settings.stages[0].hypotheses);
+  EXPECT_EQ(plan->sampling.translation.x(), 0.3);
+  EXPECT_EQ(plan->sampling.rotation_limit_rad, 0.4);
+  EXPECT_EQ(plan->sampling.translation_limit, 0.6);
   for (std::size_t i = 0; i < plan->stages.size(); ++i) {
     EXPECT_EQ(plan->stages[i].level, static_cast<int>(i));
     const std::size_t next = std::min(i + 1, settings.stages.size() - 1);
-    EXPECT_EQ(plan->stages[i].select.keep, settings.stages[next].hypotheses);
+    EXPECT_EQ(plan->stages[i].resample.keep, settings.stages[next].hypotheses);
     EXPECT_FALSE(plan->stages[i].align.fit_gain_bias);
     EXPECT_NEAR(plan->levels[i].camera.fx * 2 / 10, std::min(settings.stages[i].object_px, 200.0),
                 1e-9);
@@ -145,11 +145,11 @@ TEST(PlanAlignment, drawsAnewButAfterTheLastStage) {
         ->stages;
   };
   const std::vector<PlannedStage> stages = planned();
-  EXPECT_TRUE(stages.front().select.redraw);
-  EXPECT_FALSE(stages.back().select.redraw);
-  EXPECT_NE(stages[0].select.seed, stages[1].select.seed);
+  EXPECT_TRUE(stages.front().resample.redraw);
+  EXPECT_FALSE(stages.back().resample.redraw);
+  EXPECT_NE(stages[0].resample.seed, stages[1].resample.seed);
   settings.seed = 2;
-  EXPECT_NE(stages[0].select.seed, planned()[0].select.seed);
+  EXPECT_NE(stages[0].resample.seed, planned()[0].resample.seed);
 }
 
 // Twice 0.02 rad and 0.02 diameters.
@@ -158,9 +158,9 @@ TEST(PlanAlignment, polishesAPriorThatIsThoughtToBeExact) {
   prior.rotation_rad = 0;
   const auto plan = planAlignment(RefinerSettings::named("track"),
                                   observationOf(Background::kUnknown), prior, objectOfDiameter(2));
-  EXPECT_EQ(plan->scatter.rotation_rad.x(), 0);
-  EXPECT_NEAR(plan->scatter.rotation_limit_rad, 0.04, 1e-12);
-  EXPECT_NEAR(plan->scatter.translation_limit, 0.08, 1e-12);
+  EXPECT_EQ(plan->sampling.rotation_rad.x(), 0);
+  EXPECT_NEAR(plan->sampling.rotation_limit_rad, 0.04, 1e-12);
+  EXPECT_NEAR(plan->sampling.translation_limit, 0.08, 1e-12);
 }
 
 TEST(PlanAlignment, learnsTheSurroundingsOfAnUnknownBackground) {

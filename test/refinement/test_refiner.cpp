@@ -29,19 +29,19 @@ RefinerSettings quickSettings() {
   return settings;
 }
 
-/// The scene at some scale, a picture of it and a start 10 degrees and 10 % off.
+/// The scene at some scale, an image of it and a start 10 degrees and 10 % off.
 struct Setting {
-  std::shared_ptr<Engine> engine;
+  std::shared_ptr<Backend> backend;
   std::shared_ptr<const LoadedField> scene;
   Pose truth;
   Observation observation;
   Prior prior;
 
   explicit Setting(double scale = 1, int threads = 1)
-      : engine(makeCpuEngine(threads)),
+      : backend(makeCpuBackend(threads)),
         scene(makeAnalyticScene(scale)),
         truth(cameraAround(*scene, 0.6, 0.4)),
-        observation(observeScene(engine.get(), *scene, kCamera, truth)) {
+        observation(observeScene(backend.get(), *scene, kCamera, truth)) {
     prior.T_O_C = perturbedStart(truth, {10 * kDegree, 0.1 * scale, true}, centre(), 1, 1);
     prior.rotation_rad = 10 * kDegree;
     prior.translation = 0.1;
@@ -52,8 +52,8 @@ struct Setting {
     return poseError(result.T_O_C, truth, centre(), kCamera);
   }
   Refinement refine(const RefinerSettings& settings = quickSettings(),
-                    const StopToken& stop = {}) const {
-    return Refiner(engine, settings).refine(*scene, observation, prior, stop);
+                    const CancellationToken& stop = {}) const {
+    return Refiner(backend, settings).refine(*scene, observation, prior, stop);
   }
 };
 
@@ -173,9 +173,9 @@ TEST(Refiner, nothingToSeeDiverges) {
 
 TEST(Refiner, stops) {
   const Setting setting;
-  const StopToken stop;
-  stop.requestStop();
-  EXPECT_EQ(setting.refine(quickSettings(), stop).outcome, Outcome::kStopped);
+  const CancellationToken stop;
+  stop.requestCancel();
+  EXPECT_EQ(setting.refine(quickSettings(), stop).outcome, Outcome::kCancelled);
 }
 
 TEST(Refiner, senselessPriorsAreRefused) {
@@ -196,7 +196,7 @@ TEST(Refiner, needsAnEngineAndValidSettings) {
   RefinerSettings broken = quickSettings();
   broken.stages.clear();
   const Setting setting;
-  expectError<std::invalid_argument>([&] { Refiner(setting.engine, broken); }, "stages");
+  expectError<std::invalid_argument>([&] { Refiner(setting.backend, broken); }, "stages");
 }
 
 }  // namespace

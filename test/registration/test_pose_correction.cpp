@@ -101,7 +101,7 @@ TEST(InMeasuredFrame, CentresOnALineTellNoFrame) {
 }
 
 TEST(AlignViews, FindsTheCamerasOfAnExactModel) {
-  const auto engine = makeCpuEngine(2);
+  const auto backend = makeCpuBackend(2);
   const auto scene = makeAnalyticScene();
   const FieldMetadata& object = scene->field().metadata;
   const Dataset truth = analyticDataset(6, 64);
@@ -109,33 +109,34 @@ TEST(AlignViews, FindsTheCamerasOfAnExactModel) {
   std::vector<Pose> before;
   for (const PosedView& view : measured.views) before.push_back(view.T_O_C);
   const std::vector<Pose> after =
-      alignViews(engine.get(), *scene, measured.views, before, true, {});
+      alignViews(backend.get(), *scene, measured.views, before, true, {});
   // Sideways they are found; how far the object is away stays as it was measured, about.
   EXPECT_LT(offset(after, truth.views, object.centre),
             0.5 * offset(before, truth.views, object.centre));
 }
 
 TEST(AlignViews, LeavesViewsAloneThatSeeNothing) {
-  const auto engine = makeCpuEngine(1);
+  const auto backend = makeCpuBackend(1);
   const auto scene = makeAnalyticScene();
   Dataset dataset = analyticDataset(1, 16);
   Pose& pose = dataset.views[0].T_O_C;
   pose.R = pose.R * expSO3({0, 3.1, 0});  // the object is behind the camera
-  const std::vector<Pose> after = alignViews(engine.get(), *scene, dataset.views, {pose}, true, {});
+  const std::vector<Pose> after =
+      alignViews(backend.get(), *scene, dataset.views, {pose}, true, {});
   EXPECT_EQ(after[0].R, pose.R);
   EXPECT_EQ(after[0].t, pose.t);
 }
 
 TEST(RefinePoses, AModelOfNoisyPosesIsBetterWithIt) {
-  const auto engine = makeCpuEngine(2);
+  const auto backend = makeCpuBackend(2);
   const Dataset truth = analyticDataset(32, 48);
   RegistrationSettings settings;
   settings.steps = 320;  // of which the rough trainings have a quarter each
   settings.plan.samples_per_step = 4096;
   const auto psnr = [&] {
     const auto field =
-        std::make_shared<Field>(registerObject(engine.get(), withNoise(truth), settings, {}, {}));
-    return meanPsnr(engine.get(), *engine->load(field), truth.views, {});
+        std::make_shared<Field>(registerObject(backend.get(), withNoise(truth), settings, {}, {}));
+    return meanPsnr(backend.get(), *backend->load(field), truth.views, {});
   };
   const double without = psnr();
   settings.refine_poses = true;

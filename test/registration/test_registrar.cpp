@@ -14,7 +14,7 @@
 #include "support/analytic_dataset.h"
 #include "support/expect_error.h"
 #include "support/grey_dataset.h"
-#include "support/scripted_engine.h"
+#include "support/scripted_backend.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -25,24 +25,24 @@ RegistrationSettings fewSteps(int steps) {
   return settings;
 }
 
-Field registerWith(Engine* engine, const Dataset& dataset, const RegistrationSettings& settings,
+Field registerWith(Backend* backend, const Dataset& dataset, const RegistrationSettings& settings,
                    const std::function<void(const RegistrationProgress&)>& progress = {},
-                   const StopToken& stop = {}) {
-  return registerObject(engine, dataset, settings, progress, stop);
+                   const CancellationToken& stop = {}) {
+  return registerObject(backend, dataset, settings, progress, stop);
 }
 
 std::set<int> heldOut(int views, int held_out) {
-  ScriptedEngine engine;
+  ScriptedBackend backend;
   RegistrationSettings settings = fewSteps(1);
   settings.held_out = held_out;
   const Dataset dataset = greyDataset(views);
-  const Field field = registerWith(&engine, dataset, settings);
+  const Field field = registerWith(&backend, dataset, settings);
   std::set<int> missing;
   for (int i = 0; i < views; ++i) missing.insert(i);
-  for (const TrainingView& view : engine.views) {
+  for (const TrainingView& view : backend.views) {
     missing.erase(static_cast<int>(std::lround(view.T_O_C.t.x())));
   }
-  EXPECT_EQ(engine.views.size() + missing.size(), dataset.views.size());
+  EXPECT_EQ(backend.views.size() + missing.size(), dataset.views.size());
   EXPECT_EQ(field.metadata.score.views, static_cast<int>(missing.size()));
   return missing;
 }
@@ -56,20 +56,20 @@ TEST(RegisterObject, HeldOutViewsAreSpreadOverThePathAndNotTrainedOn) {
 }
 
 TEST(RegisterObject, GivesTheTrainerWhatItNeeds) {
-  ScriptedEngine engine;
+  ScriptedBackend backend;
   RegistrationSettings settings = fewSteps(4);
   settings.seed = 7;
   settings.plan.learning_rate = 0.5;
   settings.plan.seed = 99;  // is not the one
-  registerWith(&engine, greyDataset(10), settings);
-  EXPECT_EQ(engine.box.min, Eigen::Vector3d(-1, -2, -3));
-  EXPECT_EQ(engine.box.max, Eigen::Vector3d(60, 2, 3));
-  EXPECT_EQ(engine.plan.region.resolution, 0);
-  EXPECT_EQ(engine.plan.seed, 7u);
-  EXPECT_EQ(engine.plan.learning_rate, 0.5);
-  EXPECT_EQ(engine.progress, (std::vector<double>{0, 0.25, 0.5, 0.75}));
+  registerWith(&backend, greyDataset(10), settings);
+  EXPECT_EQ(backend.box.min, Eigen::Vector3d(-1, -2, -3));
+  EXPECT_EQ(backend.box.max, Eigen::Vector3d(60, 2, 3));
+  EXPECT_EQ(backend.plan.region.resolution, 0);
+  EXPECT_EQ(backend.plan.seed, 7u);
+  EXPECT_EQ(backend.plan.learning_rate, 0.5);
+  EXPECT_EQ(backend.progress, (std::vector<double>{0, 0.25, 0.5, 0.75}));
 
-  ScriptedEngine with_alpha;
+  ScriptedBackend with_alpha;
   registerWith(&with_alpha, analyticDataset(12, 24), fewSteps(1));
   EXPECT_EQ(with_alpha.plan.region.resolution, FieldConfig::named("cpu").occupancy_resolution);
   EXPECT_TRUE(with_alpha.plan.random_background);
@@ -81,9 +81,9 @@ TEST(RegisterObject, ASceneThatFillsAllViewsIsOpaque) {
   const auto is_opaque = [](double z_of_a_view) {
     Dataset dataset = greyDataset(10);
     dataset.views[6].T_O_C.t.z() = z_of_a_view;
-    ScriptedEngine engine;
-    registerWith(&engine, dataset, fewSteps(1));
-    return engine.plan.random_background;
+    ScriptedBackend backend;
+    registerWith(&backend, dataset, fewSteps(1));
+    return backend.plan.random_background;
   };
   EXPECT_TRUE(is_opaque(0));      // from inside
   EXPECT_TRUE(is_opaque(-9.6));   // 1.98 units above the axis where the box begins
@@ -91,11 +91,11 @@ TEST(RegisterObject, ASceneThatFillsAllViewsIsOpaque) {
 }
 
 TEST(RegisterObject, MeasuresHeldOutViewsByHand) {
-  ScriptedEngine engine;
-  engine.error = [](int, const Pose& T_O_C) { return T_O_C.t.x() < 10 ? 0.1 : -0.01; };
+  ScriptedBackend backend;
+  backend.error = [](int, const Pose& T_O_C) { return T_O_C.t.x() < 10 ? 0.1 : -0.01; };
   RegistrationSettings settings = fewSteps(3);
   settings.held_out = 2;  // views 5 and 15
-  const Field field = registerWith(&engine, greyDataset(20), settings);
+  const Field field = registerWith(&backend, greyDataset(20), settings);
   EXPECT_NEAR(field.metadata.psnr_db, 30, 1e-3);  // 20 and 40 dB
   EXPECT_EQ(field.metadata.score.views, 2);
   EXPECT_NEAR(field.metadata.score.mean_loss, 0.055, 1e-6);
@@ -118,10 +118,10 @@ TEST(RegisterObject, PhotosWithoutAlphaAreJudgedWhereTheBoxIs) {
     view.rgba = std::make_shared<Image8>(photo);
     view.T_O_C.t = {0, 0, -10};
   }
-  ScriptedEngine engine;
+  ScriptedBackend backend;
   RegistrationSettings settings = fewSteps(2);
   settings.target_psnr_db = 19.9;
-  const Field field = registerWith(&engine, dataset, settings);
+  const Field field = registerWith(&backend, dataset, settings);
   EXPECT_NEAR(field.metadata.psnr_db, 20, 1e-3);
   EXPECT_NEAR(field.metadata.score.mean_loss, 0.1, 1e-6);
   EXPECT_EQ(field.metadata.training_steps, 1u);  // it is seen that the quality is reached
@@ -132,17 +132,17 @@ TEST(RegisterObject, HeldOutViewsThatShowNothingDoNotCount) {
   RegistrationSettings settings = fewSteps(1);
   settings.held_out = 2;                  // views 5 and 15
   dataset.views[5].T_O_C.t = {0, 0, 10};  // looks away from the box
-  ScriptedEngine engine;
-  engine.error = [](int, const Pose& T_O_C) { return T_O_C.t.z() > 0 ? 0.0 : 0.1; };
-  const Field field = registerWith(&engine, dataset, settings);
+  ScriptedBackend backend;
+  backend.error = [](int, const Pose& T_O_C) { return T_O_C.t.z() > 0 ? 0.0 : 0.1; };
+  const Field field = registerWith(&backend, dataset, settings);
   EXPECT_EQ(field.metadata.score.views, 1);
   EXPECT_NEAR(field.metadata.psnr_db, 20, 1e-3);
 }
 
-TEST(RegisterObject, ThePsnrOfEqualPicturesIsFinite) {
-  ScriptedEngine engine;
-  engine.error = [](int, const Pose&) { return 0.0; };
-  const Field field = registerWith(&engine, greyDataset(20), fewSteps(1));
+TEST(RegisterObject, ThePsnrOfEqualImagesIsFinite) {
+  ScriptedBackend backend;
+  backend.error = [](int, const Pose&) { return 0.0; };
+  const Field field = registerWith(&backend, greyDataset(20), fewSteps(1));
   EXPECT_EQ(field.metadata.psnr_db, 100);
 }
 
@@ -154,30 +154,30 @@ TEST(RegisterObject, RefusesABoxThatIsNone) {
       Dataset dataset = greyDataset(10);
       dataset.has_alpha = has_alpha;
       dataset.box_max = max;
-      ScriptedEngine engine;
-      expectError<std::invalid_argument>([&] { registerWith(&engine, dataset, fewSteps(1)); },
+      ScriptedBackend backend;
+      expectError<std::invalid_argument>([&] { registerWith(&backend, dataset, fewSteps(1)); },
                                          "the box from -1 -2 -3 to ", "is empty");
-      EXPECT_TRUE(engine.views.empty());
+      EXPECT_TRUE(backend.views.empty());
     }
   }
 }
 
 TEST(RegisterObject, TheSettingsScaleGoesBeforeTheDatasets) {
-  ScriptedEngine engine;
+  ScriptedBackend backend;
   Dataset dataset = greyDataset(10);
   RegistrationSettings settings = fewSteps(1);
-  EXPECT_EQ(registerWith(&engine, dataset, settings).metadata.metres_per_unit, 0);
+  EXPECT_EQ(registerWith(&backend, dataset, settings).metadata.metres_per_unit, 0);
   dataset.metres_per_unit = 0.5;
-  EXPECT_EQ(registerWith(&engine, dataset, settings).metadata.metres_per_unit, 0.5);
+  EXPECT_EQ(registerWith(&backend, dataset, settings).metadata.metres_per_unit, 0.5);
   settings.metres_per_unit = 0.25;
-  EXPECT_EQ(registerWith(&engine, dataset, settings).metadata.metres_per_unit, 0.25);
+  EXPECT_EQ(registerWith(&backend, dataset, settings).metadata.metres_per_unit, 0.25);
 }
 
 TEST(RegisterObject, ReportsItsStagesInOrder) {
-  ScriptedEngine engine;
-  engine.step_ms = 30;
+  ScriptedBackend backend;
+  backend.step_ms = 30;
   std::vector<RegistrationProgress> reports;
-  registerWith(&engine, greyDataset(10), fewSteps(40),
+  registerWith(&backend, greyDataset(10), fewSteps(40),
                [&](const RegistrationProgress& report) { reports.push_back(report); });
   // At once, twice a second, and at every new stage.
   ASSERT_GE(reports.size(), 6u);
@@ -203,15 +203,15 @@ TEST(RegisterObject, ReportsItsStagesInOrder) {
 }
 
 TEST(RegisterObject, EndsByTime) {
-  ScriptedEngine engine;
-  engine.step_ms = 5;
+  ScriptedBackend backend;
+  backend.step_ms = 5;
   RegistrationSettings settings = fewSteps(1000000);
   settings.max_seconds = 0.2;
-  const Field field = registerWith(&engine, greyDataset(10), settings);
+  const Field field = registerWith(&backend, greyDataset(10), settings);
   EXPECT_LE(field.metadata.training_steps, 40u);
   EXPECT_GE(field.metadata.training_steps, 2u);
   double last = 0;  // the learning rate falls by the time
-  for (const double progress : engine.progress) {
+  for (const double progress : backend.progress) {
     EXPECT_GE(progress, last);
     EXPECT_LT(progress, 1);
     last = progress;
@@ -219,49 +219,50 @@ TEST(RegisterObject, EndsByTime) {
 }
 
 TEST(RegisterObject, EndsByQuality) {
-  ScriptedEngine engine;
-  engine.error = [](int steps, const Pose&) { return steps < 35 ? 0.1 : 0.01; };
+  ScriptedBackend backend;
+  backend.error = [](int steps, const Pose&) { return steps < 35 ? 0.1 : 0.01; };
   RegistrationSettings settings = fewSteps(100);
   settings.held_out = 1;
   settings.target_psnr_db = 39;
   double reported = 0;
-  const Field field = registerWith(&engine, greyDataset(20), settings,
+  const Field field = registerWith(&backend, greyDataset(20), settings,
                                    [&](const RegistrationProgress& r) { reported = r.psnr_db; });
   // Looked at after every tenth of the training: after 40 steps, or one more by rounding.
   EXPECT_NEAR(static_cast<double>(field.metadata.training_steps), 40.5, 0.5);
   EXPECT_NEAR(reported, 40, 1e-3);
 
-  engine.progress.clear();
+  backend.progress.clear();
   settings.target_psnr_db = 41;  // is never reached
-  EXPECT_EQ(registerWith(&engine, greyDataset(20), settings).metadata.training_steps, 100u);
+  EXPECT_EQ(registerWith(&backend, greyDataset(20), settings).metadata.training_steps, 100u);
 }
 
 TEST(RegisterObject, StopsWithinAStep) {
   for (const std::string stage : {"training", "occupancy", "quality"}) {
-    ScriptedEngine engine;
-    const StopToken stop;
+    ScriptedBackend backend;
+    const CancellationToken stop;
     const auto stop_there = [&](const RegistrationProgress& report) {
-      if (report.stage == stage) stop.requestStop();
+      if (report.stage == stage) stop.requestCancel();
     };
-    EXPECT_THROW(registerWith(&engine, greyDataset(20), fewSteps(50), stop_there, stop), Stopped);
-    EXPECT_EQ(engine.progress.size(), stage == "training" ? 1u : 50u) << stage;
+    EXPECT_THROW(registerWith(&backend, greyDataset(20), fewSteps(50), stop_there, stop),
+                 Cancelled);
+    EXPECT_EQ(backend.progress.size(), stage == "training" ? 1u : 50u) << stage;
   }
 }
 
 TEST(RegisterObject, RefusesWhatHasNoMatter) {
-  ScriptedEngine engine;
-  engine.diameter = 0;
-  expectError<std::runtime_error>([&] { registerWith(&engine, greyDataset(10), fewSteps(1)); },
+  ScriptedBackend backend;
+  backend.diameter = 0;
+  expectError<std::runtime_error>([&] { registerWith(&backend, greyDataset(10), fewSteps(1)); },
                                   "grey: training found no opaque matter");
 }
 
-// --- the CPU engine
+// --- the CPU backend
 
 TEST(RegisterObject, OnTheCpu) {
-  const auto engine = makeCpuEngine(1);
+  const auto backend = makeCpuBackend(1);
   RegistrationSettings settings = fewSteps(80);
   settings.plan.samples_per_step = 4096;
-  const Field field = registerWith(engine.get(), analyticDataset(24, 40), settings);
+  const Field field = registerWith(backend.get(), analyticDataset(24, 40), settings);
   EXPECT_NO_THROW(field.validate());
   EXPECT_EQ(field.config.profile, "cpu");
   EXPECT_GT(field.metadata.psnr_db, 20);
@@ -270,24 +271,24 @@ TEST(RegisterObject, OnTheCpu) {
   EXPECT_NEAR(field.metadata.diameter, 1.09, 0.1);
 }
 
-// Nothing more is evaluated once a stop is asked for. (How far apart the engine's own looks at the
+// Nothing more is evaluated once a stop is asked for. (How far apart the backend's own looks at the
 // token are is a matter of its tests.)
 TEST(RegisterObject, StopsAtOnceOnTheCpu) {
   for (const std::string stage : {"training", "occupancy", "quality"}) {
-    const auto engine = makeCpuEngine(1);
+    const auto backend = makeCpuBackend(1);
     RegistrationSettings settings = fewSteps(80);  // enough for some matter
     settings.plan.samples_per_step = 4096;
-    const StopToken stop;
+    const CancellationToken stop;
     std::uint64_t samples = 0;
     const auto stop_there = [&](const RegistrationProgress& report) {
       if (report.stage != stage) return;
-      stop.requestStop();
-      samples = engine->work().samples;
+      stop.requestCancel();
+      samples = backend->work().samples;
     };
-    EXPECT_THROW(registerWith(engine.get(), analyticDataset(24, 40), settings, stop_there, stop),
-                 Stopped);
+    EXPECT_THROW(registerWith(backend.get(), analyticDataset(24, 40), settings, stop_there, stop),
+                 Cancelled);
     EXPECT_GT(samples, 0u) << stage;
-    EXPECT_EQ(engine->work().samples, samples) << stage;
+    EXPECT_EQ(backend->work().samples, samples) << stage;
   }
 }
 
@@ -323,9 +324,10 @@ TEST(RegistrationSettings, NamesWhatIsOutOfRange) {
 }
 
 TEST(MeanPsnr, NeedsViews) {
-  ScriptedEngine engine;
+  ScriptedBackend backend;
   const FieldOnly field(std::make_shared<Field>());
-  expectError<std::invalid_argument>([&] { meanPsnr(&engine, field, {}, StopToken()); }, "PSNR");
+  expectError<std::invalid_argument>([&] { meanPsnr(&backend, field, {}, CancellationToken()); },
+                                     "PSNR");
 }
 
 }  // namespace

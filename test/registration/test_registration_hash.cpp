@@ -76,9 +76,9 @@ TEST(RegistrationHash, DoesNotChangeWithAnythingElse) {
 }
 
 TEST(RegistrationHash, CanBeStopped) {
-  const StopToken stop;
-  stop.requestStop();
-  EXPECT_THROW(registrationHash(greyDataset(3), RegistrationSettings(), stop), Stopped);
+  const CancellationToken stop;
+  stop.requestCancel();
+  EXPECT_THROW(registrationHash(greyDataset(3), RegistrationSettings(), stop), Cancelled);
 }
 
 }  // namespace

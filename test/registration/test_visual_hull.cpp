@@ -16,10 +16,10 @@
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr int kSize = 64;        // of the pictures [px]
+constexpr int kSize = 64;        // of the images [px]
 constexpr int kResolution = 32;  // of the region
 constexpr double kDistance = 3;  // from the cameras to the point they look at
-constexpr double kWide = 64;     // focal lengths [px]: the picture is 3 units across
+constexpr double kWide = 64;     // focal lengths [px]: the image is 3 units across
 constexpr double kNarrow = 150;  // 1.28 units
 const Eigen::Vector3d kLookAt(0.2, -0.1, 0.3);
 
@@ -73,7 +73,9 @@ Dataset datasetOf(const Ball& ball, double focal = kWide) {
   return datasetOf([&](int) { return ball; }, focal);
 }
 
-Hull hullOf(const Dataset& dataset) { return visualHull(dataset, kResolution, 0, StopToken()); }
+Hull hullOf(const Dataset& dataset) {
+  return visualHull(dataset, kResolution, 0, CancellationToken());
+}
 
 // The box holds the ball and is at most `slack` wider to every side.
 void expectTight(const Box& box, const Ball& ball, double slack) {
@@ -115,8 +117,8 @@ TEST(VisualHull, SlackOutweighsPosesThatAreNotExact) {
     return Ball{ball.centre + 0.12 * Eigen::Vector3d(i % 3 - 1, (i / 3) % 3 - 1, 0), ball.radius};
   };
   const Dataset dataset = datasetOf(shaken, kNarrow);
-  const Box strict = visualHull(dataset, kResolution, 0, StopToken()).box;
-  const Box slack = visualHull(dataset, kResolution, 0, StopToken(), 0.2).box;
+  const Box strict = visualHull(dataset, kResolution, 0, CancellationToken()).box;
+  const Box slack = visualHull(dataset, kResolution, 0, CancellationToken(), 0.2).box;
   EXPECT_LT(strict.max.x(), ball.centre.x() + ball.radius - 0.02);
   EXPECT_GT(slack.max.x(), ball.centre.x() + ball.radius);
   EXPECT_LT(slack.max.x(), ball.centre.x() + ball.radius + 0.25);
@@ -134,7 +136,7 @@ TEST(VisualHull, HoldsTheObjectTightly) {
 
 TEST(VisualHull, PicturesThatTheObjectFills) {
   Ball ball;
-  ball.radius = 0.6;  // of 0.64; what lies beside the pictures is no object either
+  ball.radius = 0.6;  // of 0.64; what lies beside the images is no object either
   const Hull hull = hullOf(datasetOf(ball, kNarrow));
   expectTight(hull.box, ball, slackOf(kNarrow, 5));
   expectRegionAround(hull, ball, slackOf(kNarrow, 10));
@@ -142,7 +144,7 @@ TEST(VisualHull, PicturesThatTheObjectFills) {
 
 TEST(VisualHull, PicturesThatCutTheObjectOffDoNotDenyTheRest) {
   Ball ball;
-  ball.centre += Eigen::Vector3d(0.3, 0, 0);  // cut off in the pictures from the sides
+  ball.centre += Eigen::Vector3d(0.3, 0, 0);  // cut off in the images from the sides
   const Hull hull = hullOf(datasetOf(ball, kNarrow));
   for (int a = 0; a < 3; ++a) {
     EXPECT_LT(hull.box.min[a], ball.centre[a] - ball.radius);
@@ -233,9 +235,9 @@ TEST(VisualHull, NeedsViews) {
 }
 
 TEST(VisualHull, CanBeStopped) {
-  StopToken stop;
-  stop.requestStop();
-  EXPECT_THROW(visualHull(datasetOf(Ball()), kResolution, 0, stop), Stopped);
+  CancellationToken stop;
+  stop.requestCancel();
+  EXPECT_THROW(visualHull(datasetOf(Ball()), kResolution, 0, stop), Cancelled);
 }
 
 }  // namespace

@@ -14,7 +14,7 @@
 
 namespace nerf_pose_refiner {
 
-/// A camera that takes the same picture again and again, 20 times a second or as often as is said,
+/// A camera that takes the same image again and again, 20 times a second or as often as is said,
 /// with new stamps.
 class FakeCamera {
  public:
@@ -50,13 +50,13 @@ class FakeCamera {
     shift_ = ros::Duration(seconds);
   }
 
-  /// Stamps of the pictures taken so far.
+  /// Stamps of the images taken so far.
   std::set<ros::Time> stamps() const {
     std::lock_guard<std::mutex> lock(mutex_);
     return stamps_;
   }
 
-  /// Whether a picture with this stamp was taken.
+  /// Whether an image with this stamp was taken.
   bool took(const ros::Time& stamp) const {
     std::lock_guard<std::mutex> lock(mutex_);
     return stamps_.count(stamp) > 0;

@@ -30,17 +30,17 @@ class FakeSearch : public ObjectSearch {
   }
 
   Refinement search(const Observation& observation, const Prior& prior, bool tracked,
-                    const StopToken& stop) override {
+                    const CancellationToken& stop) override {
     priors.push_back(prior);
     was_tracked.push_back(tracked);
     width = observation.image.width;
     if (throws) throw std::runtime_error("the engine broke");
-    while (waits_to_be_stopped && !stop.stopRequested()) {
+    while (waits_to_be_stopped && !stop.cancelRequested()) {
       searching = true;
       std::this_thread::yield();
     }
     Refinement refinement;
-    refinement.outcome = stop.stopRequested() ? Outcome::kStopped : outcome;
+    refinement.outcome = stop.cancelRequested() ? Outcome::kCancelled : outcome;
     refinement.score = score;
     refinement.visible_fraction = 0.75;
     refinement.T_O_C = T_O_C;
@@ -130,7 +130,7 @@ class ObjectTrackerTest : public testing::Test {
   }
 
   void offer(const std::string& frame_id = "camera") {
-    StartPose start;
+    InitialPose start;
     start.frame_id = frame_id;
     start.T_P_U.t.z() = 0.4;
     tracker_->offer(start);

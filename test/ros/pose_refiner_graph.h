@@ -21,8 +21,8 @@
 #include <string>
 
 #include "fake_camera.h"
-#include "graph.h"
 #include "field/object_frame.h"
+#include "graph.h"
 #include "image/colour.h"
 #include "ros/conversions/camera_input.h"
 #include "ros/conversions/pose_conversions.h"
@@ -41,7 +41,7 @@ struct World {
   World()
       : pnh("pose_refiner"),
         root(ros::param::param<std::string>("pose_refiner/dataset_root", "")),
-        engine(makeCpuEngine()),
+        backend(makeCpuBackend()),
         scene(makeAnalyticScene()),
         T_O_C(cameraAround(*scene, 0.7, 0.5)),
         initial_pose(pnh.advertise<geometry_msgs::PoseStamped>("initial_pose", 5)),
@@ -49,9 +49,9 @@ struct World {
         status(pnh, "status"),
         hypotheses(pnh, "hypotheses"),
         transforms(nh, "/tf") {
-    writeSceneDataset(engine.get(), *scene, root + "/toy", 40, 48);
+    writeSceneDataset(backend.get(), *scene, root + "/toy", 40, 48);
     // The photo behind the object is grey, and known to nobody.
-    const Observation view = observeScene(engine.get(), *scene, squareCamera(96), T_O_C);
+    const Observation view = observeScene(backend.get(), *scene, squareCamera(96), T_O_C);
     const Image8 picture = toBytes(composite({view.image, view.alpha}, {0.4f, 0.4f, 0.4f}));
     sensor_msgs::Image image;
     image.width = image.height = 96;
@@ -68,7 +68,7 @@ struct World {
   ros::NodeHandle nh;
   ros::NodeHandle pnh;
   std::string root;
-  std::shared_ptr<Engine> engine;
+  std::shared_ptr<Backend> backend;
   std::shared_ptr<const LoadedField> scene;
   Pose T_O_C;
   std::unique_ptr<FakeCamera> camera;

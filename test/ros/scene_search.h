@@ -6,9 +6,9 @@
 
 #include "image/colour.h"
 #include "ros/conversions/camera_input.h"
-#include "tracking/object_search.h"
 #include "ros/nodelet/object_tracker.h"
 #include "support/analytic_scene.h"
+#include "tracking/object_search.h"
 
 namespace nerf_pose_refiner {
 
@@ -19,19 +19,19 @@ class SceneSearch final : public ObjectSearch {
   SceneSearch(const LoadedField& scene, const RefinerSettings& initial,
               const RefinerSettings& tracking)
       : scene_(scene),
-        engine_(makeCpuEngine(1)),
-        initial_(engine_, initial),
-        tracking_(engine_, tracking) {}
+        backend_(makeCpuBackend(1)),
+        initial_(backend_, initial),
+        tracking_(backend_, tracking) {}
   void use(std::shared_ptr<const Field>) override {}
   void configure(const RefinerSettings&, const RefinerSettings&) override {}
   Refinement search(const Observation& observation, const Prior& prior, bool tracked,
-                    const StopToken& stop) override {
+                    const CancellationToken& stop) override {
     return (tracked ? tracking_ : initial_).refine(scene_, observation, prior, stop);
   }
 
  private:
   const LoadedField& scene_;
-  std::shared_ptr<Engine> engine_;
+  std::shared_ptr<Backend> backend_;
   Refiner initial_, tracking_;
 };
 
@@ -43,9 +43,9 @@ inline RefinerSettings firstStages(const char* preset, std::size_t stages) {
 }
 
 /// A scene in front of grey, as the frame "camera" brings it.
-inline CameraFrame photograph(Engine* engine, const LoadedField& scene, const Camera& camera,
+inline CameraFrame photograph(Backend* backend, const LoadedField& scene, const Camera& camera,
                               const Pose& T_O_C, const ros::Time& stamp) {
-  const Observation view = observeScene(engine, scene, camera, T_O_C);
+  const Observation view = observeScene(backend, scene, camera, T_O_C);
   auto image = boost::make_shared<sensor_msgs::Image>();
   image->header.frame_id = "camera";
   image->header.stamp = stamp;

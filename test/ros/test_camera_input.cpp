@@ -17,7 +17,7 @@ namespace {
 
 using Status = RefinementStatus;
 
-/// K for raw pictures, P for rectified ones; they differ, so that they cannot be confused.
+/// K for raw images, P for rectified ones; they differ, so that they cannot be confused.
 sensor_msgs::CameraInfo someInfo() {
   sensor_msgs::CameraInfo info;
   info.width = 8;
@@ -98,7 +98,7 @@ int reasonFor(const sensor_msgs::CameraInfo& info, bool rectified) {
   return reasonOf([&] { cameraFromMessage(info, rectified); });
 }
 
-TEST(CameraFromMessage, TakesKForRawAndPForRectifiedPictures) {
+TEST(CameraFromMessage, TakesKForRawAndPForRectifiedImages) {
   sensor_msgs::CameraInfo info = someInfo();
   info.D = {0.1, 0, 0, 0, 0};
   const CameraModel raw = cameraFromMessage(info, false);
@@ -135,7 +135,7 @@ TEST(CameraFromMessage, HeedsBinningAndRegionOfInterest) {
   EXPECT_EQ(camera.cy, 0.5);  // (2 - 1) / 2
 }
 
-// Of a rectified picture it is P that is cut and shrunk, by other steps along x and y.
+// Of a rectified image it is P that is cut and shrunk, by other steps along x and y.
 TEST(CameraFromMessage, HeedsBinningAndRegionOfInterestOfP) {
   sensor_msgs::CameraInfo info = someInfo();
   info.width = 40;
@@ -304,7 +304,7 @@ TEST_P(EncodingTest, BecomesRgb) {
 INSTANTIATE_TEST_SUITE_P(CameraInput, EncodingTest,
                          testing::Values("rgb8", "bgr8", "rgba8", "bgra8", "mono8"));
 
-TEST(CameraInput, TakesTheDistortionOutOfRawPicturesOnly) {
+TEST(CameraInput, TakesTheDistortionOutOfRawImagesOnly) {
   sensor_msgs::CameraInfo info = someInfo();
   info.D = {-0.2, 0, 0, 0, 0};
   const Observation raw = CameraInput(false).observe(someImage("rgb8"), info);

@@ -11,8 +11,8 @@
 #include <atomic>
 #include <string>
 
-#include "graph.h"
 #include "dataset/dataset.h"
+#include "graph.h"
 #include "ros/conversions/camera_input.h"
 #include "ros/conversions/pose_conversions.h"
 #include "support/capture_scene.h"

@@ -176,7 +176,7 @@ TEST_F(MaskPairingTest, WhatIsOfBeforeAJumpOfTimeIsForgotten) {
 
 TEST_F(MaskPairingTest, HoldsSoManyImagesAtMost) {
   useMode(MaskMode::kEveryFrame);
-  const int most = static_cast<int>(MaskPairing::kMost);
+  const int most = static_cast<int>(MaskPairing::kMax);
   for (int i = 1; i <= most + 3; ++i) image(i, 0.001 * i);
   EXPECT_EQ(pairing_->dropped(), 3u);
   mask(3, 0.5);

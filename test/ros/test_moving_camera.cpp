@@ -21,7 +21,7 @@ constexpr int kAge_ms = 300;  // of the detector's pose when the image comes
 const Camera kCamera = {160, 120, 200, 200, 79.5, 59.5};
 
 /// The object stands at the origin of "base"; the hand takes the camera past it, turning, so that
-/// it crosses the picture.
+/// it crosses the image.
 class MovingCameraTest : public testing::Test {
  protected:
   /// T_B_C [m].
@@ -60,7 +60,7 @@ class MovingCameraTest : public testing::Test {
     loaded.get();
 
     const Pose error(expSO3({3 * kDegree, -4 * kDegree, 2 * kDegree}), {0.006, -0.004, 0.005});
-    StartPose seen;
+    InitialPose seen;
     seen.frame_id = "camera";
     seen.stamp = stampAt(0);
     seen.T_P_U = cameraAt(0).inverse() * error;
@@ -68,12 +68,12 @@ class MovingCameraTest : public testing::Test {
     Pose T_O_C = cameraAt(kAge_ms);
     T_O_C.t /= kMetresPerUnit;
     const auto result =
-        tracker.process(photograph(engine_.get(), *scene_, kCamera, T_O_C, stampAt(kAge_ms)));
+        tracker.process(photograph(backend_.get(), *scene_, kCamera, T_O_C, stampAt(kAge_ms)));
     if (!result || !result->pose) return std::nullopt;
     return fromMessage(result->pose->pose.pose);
   }
 
-  std::shared_ptr<Engine> engine_ = makeCpuEngine(1);
+  std::shared_ptr<Backend> backend_ = makeCpuBackend(1);
   std::shared_ptr<const LoadedField> scene_ = makeAnalyticScene();
   tf2::BufferCore transforms_;
 };

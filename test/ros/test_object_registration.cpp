@@ -15,7 +15,7 @@
 #include "field/model_file.h"
 #include "image/io.h"
 #include "support/expect_error.h"
-#include "support/scripted_engine.h"
+#include "support/scripted_backend.h"
 #include "support/small_field.h"
 #include "support/temporary_folder.h"
 
@@ -25,7 +25,7 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::json;
 
-/// Photos of an object in a box below "photos/mug", and an engine that makes believe to train.
+/// Photos of an object in a box below "photos/mug", and an backend that makes believe to train.
 class Registration : public testing::Test {
  protected:
   Registration() {
@@ -46,34 +46,34 @@ class Registration : public testing::Test {
     request.dataset = "mug";
   }
 
-  RegisteredObject run(const StopToken& stop = {}) {
+  RegisteredObject run(const CancellationToken& stop = {}) {
     folder.write("photos/mug/transforms.json", scene.dump());
     return trainWithoutWriting(stop);
   }
 
-  RegisteredObject trainWithoutWriting(const StopToken& stop = {}) {
-    const auto make_engine = [this] {
-      engine = std::make_shared<ScriptedEngine>();
-      engine->model = smallField();
-      ++engines;
-      return engine;
+  RegisteredObject trainWithoutWriting(const CancellationToken& stop = {}) {
+    const auto make_backend = [this] {
+      backend = std::make_shared<ScriptedBackend>();
+      backend->model = smallField();
+      ++backends;
+      return backend;
     };
-    return ObjectRegistration(dataset_root, settings, store(), make_engine,
+    return ObjectRegistration(dataset_root, settings, store(), make_backend,
                               [this] { return schedule; })
         .run(request, progress, stop);
   }
 
   ObjectStore store() { return ObjectStore(folder.path() + "/models", &cache); }
   bool trained() {
-    const int before = engines;
+    const int before = backends;
     const bool loaded = run().loaded_existing;
-    EXPECT_EQ(engines - before, loaded ? 0 : 1);
+    EXPECT_EQ(backends - before, loaded ? 0 : 1);
     return !loaded;
   }
   template <typename Error = std::invalid_argument, typename... Parts>
   void expectRefused(const Parts&... parts) {
     expectError<Error>([this] { run(); }, parts...);
-    EXPECT_EQ(engines, 0);
+    EXPECT_EQ(backends, 0);
     EXPECT_FALSE(fs::exists(folder.path() + "/models/cup.safetensors"));
   }
 
@@ -84,8 +84,8 @@ class Registration : public testing::Test {
   RegistrationSettings settings;
   RegisterObject::Request request;
   Json scene;
-  std::shared_ptr<ScriptedEngine> engine;
-  int engines = 0;
+  std::shared_ptr<ScriptedBackend> backend;
+  int backends = 0;
   RegistrationQueue::Progress progress;
 };
 
@@ -94,8 +94,8 @@ TEST_F(Registration, TrainsSavesAndNames) {
   EXPECT_FALSE(made.loaded_existing);
   EXPECT_EQ(made.field->metadata.name, "cup");
   EXPECT_EQ(made.field->metadata.metres_per_unit, 0.1);
-  EXPECT_EQ(engine->progress.size(), 2u);
-  EXPECT_EQ(engine->box.max, Eigen::Vector3d(1, 1, 1));
+  EXPECT_EQ(backend->progress.size(), 2u);
+  EXPECT_EQ(backend->box.max, Eigen::Vector3d(1, 1, 1));
   const auto saved = store().load("cup");
   EXPECT_EQ(saved->grid, made.field->grid);
   EXPECT_EQ(saved->metadata.data_hash, made.field->metadata.data_hash);
@@ -115,7 +115,7 @@ TEST_F(Registration, TrainsAgainWhenSomethingIsDifferent) {
   EXPECT_FALSE(trained());
   request.box_max.x = request.box_max.y = request.box_max.z = 0.5;
   EXPECT_TRUE(trained());
-  EXPECT_EQ(engine->box.min, Eigen::Vector3d(0, 0, 0));
+  EXPECT_EQ(backend->box.min, Eigen::Vector3d(0, 0, 0));
   request.max_seconds = 100;
   EXPECT_TRUE(trained());
   writePng(Image8(8, 6, 3, 0), folder.file("photos/mug/1.png"));
@@ -189,11 +189,11 @@ TEST_F(Registration, AFullDiskIsNamedAndLeavesTheOldModel) {
 }
 
 TEST_F(Registration, AStopAtTheLastMomentWritesNothing) {
-  const StopToken stop;
+  const CancellationToken stop;
   progress = [&](const RegistrationProgress& now) {
-    if (now.stage == "quality") stop.requestStop();
+    if (now.stage == "quality") stop.requestCancel();
   };
-  EXPECT_THROW(run(stop), Stopped);
+  EXPECT_THROW(run(stop), Cancelled);
   EXPECT_FALSE(fs::exists(folder.path() + "/models/cup.safetensors"));
   EXPECT_TRUE(cache.list().empty());
 }
@@ -220,10 +220,10 @@ TEST_F(Registration, JobsAreTheSameIfAllThatCountsIs) {
 }
 
 TEST_F(Registration, CanBeStoppedWhileItReads) {
-  const StopToken stop;
-  stop.requestStop();
-  EXPECT_THROW(run(stop), Stopped);
-  EXPECT_EQ(engines, 0);
+  const CancellationToken stop;
+  stop.requestCancel();
+  EXPECT_THROW(run(stop), Cancelled);
+  EXPECT_EQ(backends, 0);
 }
 
 }  // namespace

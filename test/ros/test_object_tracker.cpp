@@ -100,7 +100,7 @@ TEST_F(ObjectTrackerTest, FollowsFromTheLastPoseInANarrowSearch) {
 
 TEST_F(ObjectTrackerTest, SearchesAsWideAsTheInitialPoseSays) {
   useModel();
-  StartPose start;
+  InitialPose start;
   start.frame_id = "camera";
   start.covariance = covarianceOf(0.25, 0.025);
   tracker_->offer(start);

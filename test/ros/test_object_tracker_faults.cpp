@@ -113,7 +113,7 @@ TEST_F(ObjectTrackerTest, RefusesCameraInfoThatOpenCvCannotRead) {
   EXPECT_EQ(int{reports_.back().reason}, int{Status::REASON_BAD_CAMERA_INFO});
 }
 
-// What shows only when the maps are made: a lens that folds the picture over itself.
+// What shows only when the maps are made: a lens that folds the image over itself.
 TEST_F(ObjectTrackerTest, OutlivesALensThatCannotBe) {
   useModel();
   offer();
@@ -132,7 +132,7 @@ TEST_F(ObjectTrackerTest, OutlivesALensThatCannotBe) {
 
 TEST_F(ObjectTrackerTest, RefusesACovarianceThatIsTooWideToSearch) {
   useModel();
-  StartPose start;
+  InitialPose start;
   start.frame_id = "camera";
   start.covariance = covarianceOf(0, 500);  // the object is 0.2 m across
   tracker_->offer(start);

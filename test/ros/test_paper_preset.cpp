@@ -35,13 +35,13 @@ TEST(PaperPreset, PublishesWhatItFinds) {
   Pose rough = truth;
   rough.R = expSO3(Eigen::Vector3d(0.1, -0.12, 0.08)) * truth.R;
   rough.t += Eigen::Vector3d(0.08, 0.06, -0.05);
-  StartPose start;
+  InitialPose start;
   start.frame_id = "camera";
   start.T_P_U = ObjectFrame(Pose(), kMetresPerUnit).objectInCamera(rough);
   tracker.offer(start);
   const Camera camera = {64, 64, 80, 80, 31.5, 31.5};
   const auto result =
-      tracker.process(photograph(makeCpuEngine().get(), fog, camera, truth, ros::Time(1000)));
+      tracker.process(photograph(makeCpuBackend().get(), fog, camera, truth, ros::Time(1000)));
   ASSERT_TRUE(result);
   EXPECT_EQ(int{result->status.reason}, int{RefinementStatus::REASON_NONE})
       << result->status.message << ", score " << result->status.score;

@@ -138,7 +138,7 @@ TEST(Parameters, ChooseTheEngine) {
     values["instruction_set"] = "baseline";
     values["device"] = 2;
     ParamReader reader(values, "~");
-    const EngineChoice choice = readParameters(reader).engineChoice();
+    const BackendChoice choice = readParameters(reader).backendChoice();
     EXPECT_EQ(choice.backend, backend);
     EXPECT_EQ(choice.threads, 3);
     EXPECT_EQ(choice.instruction_set, "baseline");
@@ -174,7 +174,7 @@ TEST(Parameters, PresetsBringTheirStages) {
   const PoseRefinerParameters parameters = readParameters(reader);
   EXPECT_EQ(parameters.tracking.refiner.stages.size(),
             RefinerSettings::named("align").stages.size());
-  EXPECT_EQ(parameters.initial.refiner.method, Method::kDescend);
+  EXPECT_EQ(parameters.initial.refiner.method, Method::kInversion);
   EXPECT_EQ(parameters.initial.refiner.inversion.hypotheses, 1);
 }
 

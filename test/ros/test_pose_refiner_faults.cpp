@@ -67,7 +67,7 @@ TEST_F(PoseRefinerTest, OutlivesImagesThatItCannotUse) {
   world->status.clear();
   EXPECT_TRUE(waitForReason(Status::REASON_BAD_CAMERA_INFO));
   world->camera->change([&](sensor_msgs::Image*, sensor_msgs::CameraInfo* c) { *c = info; });
-  // Another size that fits together, while it tracks: the upper half of the picture.
+  // Another size that fits together, while it tracks: the upper half of the image.
   world->camera->change([&](sensor_msgs::Image* i, sensor_msgs::CameraInfo*) { *i = image; });
   EXPECT_TRUE(track());
   world->status.clear();

@@ -10,8 +10,8 @@
 #include <string>
 #include <vector>
 
-#include "ros/conversions/topics.h"
 #include "pose_refiner_graph.h"
+#include "ros/conversions/topics.h"
 
 namespace nerf_pose_refiner {
 namespace {

@@ -10,8 +10,8 @@
 #include <string>
 #include <vector>
 
-#include "nerf_pose_refiner/pose.h"
 #include "image/colour.h"
+#include "nerf_pose_refiner/pose.h"
 #include "refinement/refiner.h"
 #include "ros/conversions/camera_input.h"
 #include "support/analytic_scene.h"
@@ -26,7 +26,7 @@ struct Lens {
   std::vector<double> D;
 };
 
-/// K is of the raw picture; P, of the rectified one, is what a calibration might have chosen.
+/// K is of the raw image; P, of the rectified one, is what a calibration might have chosen.
 sensor_msgs::CameraInfo infoOf(const Lens& lens) {
   sensor_msgs::CameraInfo info;
   info.width = kWidth;
@@ -54,7 +54,7 @@ sensor_msgs::Image messageOf(const cv::Mat& rgb) {
 /// The scene at twice the resolution and beyond the rim of the others, without a lens.
 struct WideView {
   WideView() : truth(cameraAround(*scene, 0.7, 0.5)) {
-    const Observation view = observeScene(engine.get(), *scene, camera, truth);
+    const Observation view = observeScene(backend.get(), *scene, camera, truth);
     const Image8 bytes = toBytes(composite({view.image, view.alpha}, {0.4f, 0.45f, 0.5f}));
     rgb =
         cv::Mat(bytes.height, bytes.width, CV_8UC3, const_cast<std::uint8_t*>(bytes.values.data()))
@@ -74,7 +74,7 @@ struct WideView {
     return seen;
   }
 
-  std::shared_ptr<Engine> engine = makeCpuEngine();
+  std::shared_ptr<Backend> backend = makeCpuBackend();
   std::shared_ptr<const LoadedField> scene = makeAnalyticScene();
   Camera camera = {800, 600, 800, 800, 399.5, 299.5};
   Pose truth;
@@ -117,7 +117,7 @@ Pose refined(const WideView& view, bool rectified, const cv::Mat& rgb,
   prior.translation = 0.05;
   RefinerSettings settings = RefinerSettings::named("track");
   settings.stages.back().rays_per_side = 2;
-  Refiner refiner(view.engine, settings);
+  Refiner refiner(view.backend, settings);
   const Refinement result = refiner.refine(*view.scene, observation, prior);
   EXPECT_EQ(result.outcome, Outcome::kRefined);
   return result.T_O_C.inverse();

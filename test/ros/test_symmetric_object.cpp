@@ -51,8 +51,8 @@ class SymmetricObjectTest : public testing::TestWithParam<Shape> {
   /// What is published of an image; nothing: it is not trusted.
   std::optional<geometry_msgs::PoseWithCovariance> published(int frame) {
     const auto result =
-        tracker_->process(photograph(camera_engine_.get(), scene_, kCamera, cameraOf(scene_, frame),
-                                     ros::Time(1000 + frame / 30.0)));
+        tracker_->process(photograph(camera_backend_.get(), scene_, kCamera,
+                                     cameraOf(scene_, frame), ros::Time(1000 + frame / 30.0)));
     if (!result || !result->pose) return std::nullopt;
     return result->pose->pose;
   }
@@ -60,7 +60,7 @@ class SymmetricObjectTest : public testing::TestWithParam<Shape> {
   RevolvedScene scene_{GetParam()};
   PoseRefinerParameters parameters_;
   tf2::BufferCore transforms_;
-  std::shared_ptr<Engine> camera_engine_ = makeCpuEngine(1);
+  std::shared_ptr<Backend> camera_backend_ = makeCpuBackend(1);
   std::unique_ptr<ObjectTracker> tracker_;
   std::optional<ObjectFrame> frame_;
 };
@@ -69,7 +69,7 @@ class SymmetricObjectTest : public testing::TestWithParam<Shape> {
 TEST_P(SymmetricObjectTest, NeverFlips) {
   const Pose rough(expSO3({4 * kDegree, -5 * kDegree, 0}), {0.03, -0.02, 0.02});
   const Pose spun = cameraOf(scene_, 0) * rough;
-  StartPose start;
+  InitialPose start;
   start.frame_id = "camera";
   start.T_P_U = frame_->objectInCamera(turnAbout(SymmetryAxis(), 2.5) * spun);
   tracker_->offer(start);

@@ -37,11 +37,13 @@ class TfBridgeTest : public testing::Test {
   }
 
   double startX(const std::string& frame, const ros::Time& stamp, double x) const {
-    StartPose start;
+    InitialPose start;
     start.frame_id = frame;
     start.stamp = stamp;
     start.T_P_U.t.x() = x;
-    return TfBridge(buffer_, frames_).startInCamera(start, "camera", kNow, StopToken()).t.x();
+    return TfBridge(buffer_, frames_)
+        .startInCamera(start, "camera", kNow, CancellationToken())
+        .t.x();
   }
 
   FrameSettings frames_;
@@ -77,13 +79,14 @@ TEST_F(TfBridgeTest, RefusesUnknownFramesAndTimes) {
 
 TEST_F(TfBridgeTest, SaysWhereTheCameraWas) {
   EXPECT_EQ(TfBridge(buffer_, frames_).outputFrame("camera"), "camera");
-  EXPECT_EQ(TfBridge(buffer_, frames_).cameraInOutput("camera", kNow, StopToken()).t.x(), 0);
+  EXPECT_EQ(TfBridge(buffer_, frames_).cameraInOutput("camera", kNow, CancellationToken()).t.x(),
+            0);
   frames_.output_frame = "world";
   const TfBridge bridge(buffer_, frames_);
   EXPECT_EQ(bridge.outputFrame("camera"), "world");
-  EXPECT_NEAR(bridge.cameraInOutput("camera", kThen, StopToken()).t.x(), 101, 1e-12);
-  EXPECT_NEAR(bridge.cameraInOutput("camera", kNow, StopToken()).t.x(), 103, 1e-12);
-  EXPECT_THROW(bridge.cameraInOutput("camera", ros::Time(12), StopToken()), InputError);
+  EXPECT_NEAR(bridge.cameraInOutput("camera", kThen, CancellationToken()).t.x(), 101, 1e-12);
+  EXPECT_NEAR(bridge.cameraInOutput("camera", kNow, CancellationToken()).t.x(), 103, 1e-12);
+  EXPECT_THROW(bridge.cameraInOutput("camera", ros::Time(12), CancellationToken()), InputError);
 }
 
 TEST_F(TfBridgeTest, WaitsForATransformThatIsLate) {
@@ -97,7 +100,8 @@ TEST_F(TfBridgeTest, WaitsForATransformThatIsLate) {
     add("base", "camera", soon, 5);
   });
   double x = 0;
-  EXPECT_NO_THROW(x = TfBridge(buffer_, frames_).cameraInOutput("camera", soon, StopToken()).t.x());
+  EXPECT_NO_THROW(
+      x = TfBridge(buffer_, frames_).cameraInOutput("camera", soon, CancellationToken()).t.x());
   const auto waited = std::chrono::steady_clock::now() - start;
   late.join();
   EXPECT_NEAR(x, 5, 1e-12);
@@ -113,8 +117,8 @@ TEST_F(TfBridgeTest, WaitsNoLongerThanItMay) {
   EXPECT_GE(waited.count(), 0.05);
 
   frames_.tf_timeout_s = 1000;
-  StopToken stop;
-  stop.requestStop();
+  CancellationToken stop;
+  stop.requestCancel();
   frames_.output_frame = "nowhere";
   EXPECT_THROW(TfBridge(buffer_, frames_).cameraInOutput("camera", kNow, stop), InputError);
 }

@@ -13,8 +13,8 @@ inline constexpr char kCamera[] = "camera_optical";
 
 inline ros::Time at(double seconds) { return ros::Time(1000.0 + seconds); }
 
-inline StartPose poseAt(const ros::Time& stamp, double x = 0) {
-  StartPose start;
+inline InitialPose poseAt(const ros::Time& stamp, double x = 0) {
+  InitialPose start;
   start.T_P_U.t.x() = x;
   start.frame_id = kCamera;
   start.stamp = stamp;

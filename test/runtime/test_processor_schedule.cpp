@@ -19,7 +19,7 @@ double secondsSince(Clock::time_point start) {
 
 /// Keeps the processor busy.
 void refineFor(ProcessorSchedule* schedule, double seconds) {
-  const ProcessorSchedule::Refinement refinement(schedule, StopToken());
+  const ProcessorSchedule::Refinement refinement(schedule, CancellationToken());
   const Clock::time_point start = Clock::now();
   while (secondsSince(start) < seconds) std::this_thread::yield();
 }
@@ -36,20 +36,20 @@ class Trainer {
               ++steps;
               std::this_thread::yield();
             }
-          } catch (const Stopped&) {
+          } catch (const Cancelled&) {
           }
         }) {
     while (steps == 0) std::this_thread::yield();
   }
   ~Trainer() {
-    stop_.requestStop();
+    stop_.requestCancel();
     thread_.join();
   }
 
   std::atomic<long> steps{0};
 
  private:
-  StopToken stop_;
+  CancellationToken stop_;
   std::thread thread_;
 };
 
@@ -57,7 +57,7 @@ TEST(ProcessorSchedule, ATrainingRestsWhileSomethingIsRefined) {
   ProcessorSchedule schedule;
   Trainer trainer(&schedule);
   {
-    const ProcessorSchedule::Refinement refinement(&schedule, StopToken());
+    const ProcessorSchedule::Refinement refinement(&schedule, CancellationToken());
     const long before = trainer.steps;
     const Clock::time_point start = Clock::now();
     while (secondsSince(start) < 0.1) std::this_thread::yield();
@@ -69,10 +69,10 @@ TEST(ProcessorSchedule, ATrainingRestsWhileSomethingIsRefined) {
 
 TEST(ProcessorSchedule, ATrainingThatBeginsMeanwhileRestsToo) {
   ProcessorSchedule schedule;
-  const StopToken token;
+  const CancellationToken token;
   std::future<void> looked;
   {
-    const ProcessorSchedule::Refinement refinement(&schedule, StopToken());
+    const ProcessorSchedule::Refinement refinement(&schedule, CancellationToken());
     const ProcessorSchedule::Training training(&schedule, token);
     looked = std::async(std::launch::async, [&] { token.check(); });
     EXPECT_EQ(looked.wait_for(std::chrono::milliseconds(50)), std::future_status::timeout);
@@ -82,22 +82,22 @@ TEST(ProcessorSchedule, ATrainingThatBeginsMeanwhileRestsToo) {
 
 TEST(ProcessorSchedule, AStopEndsTheRest) {
   ProcessorSchedule schedule;
-  const ProcessorSchedule::Refinement refinement(&schedule, StopToken());
-  const StopToken token;
+  const ProcessorSchedule::Refinement refinement(&schedule, CancellationToken());
+  const CancellationToken token;
   const ProcessorSchedule::Training training(&schedule, token);
-  token.requestStop();
-  EXPECT_THROW(token.check(), Stopped);
+  token.requestCancel();
+  EXPECT_THROW(token.check(), Cancelled);
 }
 
 // Beside a camera that is never out of work the training gets its share and not more.
-TEST(ProcessorSchedule, RefinementsWithoutAGapLeaveATrainingItsShare) {
+TEST(ProcessorSchedule, RefinementsWithoutAGapLeaveATrainingItsFraction) {
   ProcessorSchedule schedule;
   Trainer trainer(&schedule);
   const Clock::time_point start = Clock::now();
   for (int i = 0; i < 10; ++i) refineFor(&schedule, 0.04);
-  const double share = 1 - 0.4 / secondsSince(start);
-  EXPECT_GT(share, 0.12);
-  EXPECT_LT(share, 0.45) << "0.2, on a machine that does nothing else";
+  const double fraction = 1 - 0.4 / secondsSince(start);
+  EXPECT_GT(fraction, 0.12);
+  EXPECT_LT(fraction, 0.45) << "0.2, on a machine that does nothing else";
 }
 
 TEST(ProcessorSchedule, WithoutATrainingNobodyWaits) {
@@ -109,7 +109,7 @@ TEST(ProcessorSchedule, WithoutATrainingNobodyWaits) {
 }
 
 // Two cameras whose refinements overlap for ever.
-TEST(ProcessorSchedule, OverlappingRefinementsLeaveATrainingItsShare) {
+TEST(ProcessorSchedule, OverlappingRefinementsLeaveATrainingItsFraction) {
   ProcessorSchedule schedule;
   Trainer trainer(&schedule);
   std::atomic<bool> stop{false};

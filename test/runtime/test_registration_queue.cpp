@@ -18,7 +18,7 @@ namespace {
 class RegistrationQueueTest : public testing::Test {
  protected:
   RegistrationQueue::Job job(const std::string& name, const std::string& data = "photos") {
-    return {name, name + data, [this](const auto& progress, const StopToken& stop) {
+    return {name, name + data, [this](const auto& progress, const CancellationToken& stop) {
               ++jobs;
               while (!let_go) {
                 RegistrationProgress now;
@@ -40,7 +40,7 @@ class RegistrationQueueTest : public testing::Test {
   }
 
   std::future<RegisteredObject> start(const RegistrationQueue::Job& what,
-                                      const StopToken& stop = {}) {
+                                      const CancellationToken& stop = {}) {
     auto running = std::make_shared<std::promise<void>>();
     auto running_soon = running->get_future();
     auto result =
@@ -87,14 +87,14 @@ TEST_F(RegistrationQueueTest, AnotherJobIsTurnedAwayWithTheProgress) {
 }
 
 TEST_F(RegistrationQueueTest, AJobEndsWithTheLastWhoWaits) {
-  const StopToken one, two;
+  const CancellationToken one, two;
   auto first = start(job("mug"), one);
   auto second = start(job("mug"), two);
-  one.requestStop();
-  EXPECT_THROW(first.get(), Stopped);
+  one.requestCancel();
+  EXPECT_THROW(first.get(), Cancelled);
   expectError<RegistrationBusy>([&] { queue.run(job("cup"), {}, {}); }, "'mug'");
-  two.requestStop();
-  EXPECT_THROW(second.get(), Stopped);
+  two.requestCancel();
+  EXPECT_THROW(second.get(), Cancelled);
   let_go = true;
   EXPECT_TRUE(queue.run(job("cup"), {}, {}).field);
 }

@@ -73,15 +73,15 @@ class AnalyticScene final : public RayRenderer {
   const Field& field() const override { return field_; }
 
   void renderRays(const Ray* rays, int n, const RenderOptions& options, RayResult* results,
-                  Work* work) const override {
+                  CostCounters* work) const override {
     for (int i = 0; i < n; ++i) results[i] = trace(rays[i], options);
     work->rays += n;
     work->samples += n;
   }
 
-  void pullRays(const Ray*, int, const RenderOptions&, bool,
-                const std::function<RayLossGradient(int, const RayResult&)>&, RayPull*,
-                Work*) const override {
+  void rayGradients(const Ray*, int, const RenderOptions&, bool,
+                    const std::function<RayLossGradient(int, const RayResult&)>&, RayGradient*,
+                    CostCounters*) const override {
     throw std::logic_error("the analytic scene is made for alignment, which does not pull");
   }
 
@@ -127,11 +127,12 @@ Pose cameraAround(const LoadedField& scene, double azimuth_rad, double elevation
   return T_O_C;
 }
 
-Observation observeScene(Engine* engine, const LoadedField& scene, const Camera& camera,
+Observation observeScene(Backend* backend, const LoadedField& scene, const Camera& camera,
                          const Pose& T_O_C) {
   constexpr int kFiner = 4;
   const Camera fine = camera.resized(kFiner * camera.width, kFiner * camera.height);
-  const Rendering picture = engine->render(scene, fine, T_O_C, RenderOptions(), StopToken());
+  const Rendering picture =
+      backend->render(scene, fine, T_O_C, RenderOptions(), CancellationToken());
   Observation observation;
   observation.image = resample(picture.colour, fine, camera);
   observation.alpha = resample(picture.alpha, fine, camera);

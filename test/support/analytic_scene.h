@@ -3,11 +3,11 @@
 
 #include <memory>
 
-#include "backend/engine.h"
+#include "backend/backend.h"
 
 namespace nerf_pose_refiner {
 
-/// A scene whose pictures are known exactly, in the place of a learned field: a textured box with
+/// A scene whose images are known exactly, in the place of a learned field: a textured box with
 /// a textured ball on one corner, about 1 unit across. The box's outline is made of edges, which
 /// move with the object; the ball's is not.
 /// @param scale multiplies all lengths.
@@ -18,7 +18,7 @@ Pose cameraAround(const LoadedField& scene, double azimuth_rad, double elevation
                   double distance_in_diameters = 2.5);
 
 /// The scene as a camera sees it, every pixel the mean over its area, with known alpha.
-Observation observeScene(Engine* engine, const LoadedField& scene, const Camera& camera,
+Observation observeScene(Backend* backend, const LoadedField& scene, const Camera& camera,
                          const Pose& T_O_C);
 
 }  // namespace nerf_pose_refiner

@@ -8,9 +8,9 @@
 #include <cmath>
 #include <cstdint>
 
+#include "math/random.h"
 #include "nerf_pose_refiner/camera.h"
 #include "nerf_pose_refiner/pose.h"
-#include "math/random.h"
 
 namespace nerf_pose_refiner {
 

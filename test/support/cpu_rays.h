@@ -13,16 +13,16 @@ namespace nerf_pose_refiner {
 using Rays = std::vector<Ray>;
 using Results = std::vector<RayResult>;
 
-/// A field in the CPU engine.
+/// A field in the CPU backend.
 inline std::shared_ptr<const RayRenderer> load(const Field& field,
                                                const char* instruction_set = "auto") {
   return makeCpuField(std::make_shared<Field>(field), selectCpuKernels(instruction_set));
 }
 
 inline Results render(const RayRenderer& scene, const Rays& rays, const RenderOptions& options = {},
-                      Work* work = nullptr) {
+                      CostCounters* work = nullptr) {
   Results results(rays.size());
-  Work unused;
+  CostCounters unused;
   scene.renderRays(rays.data(), static_cast<int>(rays.size()), options, results.data(),
                    work ? work : &unused);
   return results;

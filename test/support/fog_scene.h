@@ -25,22 +25,22 @@ class FogScene final : public RayRenderer {
   const Field& field() const override { return field_; }
 
   void renderRays(const Ray* rays, int n, const RenderOptions&, RayResult* results,
-                  Work* work) const override {
+                  CostCounters* work) const override {
     for (int i = 0; i < n; ++i) results[i] = toResult(trace(rays[i], work));
   }
 
-  void pullRays(const Ray* rays, int n, const RenderOptions&, bool direction_gradient,
-                const std::function<RayLossGradient(int, const RayResult&)>& loss_gradient,
-                RayPull* pulls, Work* work) const override {
+  void rayGradients(const Ray* rays, int n, const RenderOptions&, bool direction_gradient,
+                    const std::function<RayLossGradient(int, const RayResult&)>& loss_gradient,
+                    RayGradient* gradients, CostCounters* work) const override {
     for (int i = 0; i < n; ++i) {
       const Trace ray = trace(rays[i], work);
       const RayLossGradient g = loss_gradient(i, toResult(ray));
       const RayColour gradient = {{g.rgb[0], g.rgb[1], g.rgb[2]}, g.alpha};
-      const FrozenPull pull =
-          pullOf(ray.direction, ray.samples, ray.matter, gradient, direction_gradient);
+      const FrozenGradient pull =
+          gradientOf(ray.direction, ray.samples, ray.occupied_volume, gradient, direction_gradient);
       for (int a = 0; a < 3; ++a) {
-        pulls[i].force[a] = static_cast<float>(pull.force[a] / scale_);
-        pulls[i].torque[a] = static_cast<float>(pull.torque[a]);
+        gradients[i].force[a] = static_cast<float>(pull.force[a] / scale_);
+        gradients[i].torque[a] = static_cast<float>(pull.torque[a]);
       }
     }
   }
@@ -49,14 +49,14 @@ class FogScene final : public RayRenderer {
   struct Trace {
     Eigen::Vector3d direction;
     std::vector<FrozenSample> samples;
-    std::vector<Matter> matter;
+    std::vector<OccupiedVolume> occupied_volume;
   };
 
   static constexpr double kRadius = 0.5;
   static constexpr int kSamples = 16;
 
   // Lengths in units of `scale_`.
-  Trace trace(const Ray& ray, Work* work) const {
+  Trace trace(const Ray& ray, CostCounters* work) const {
     ++work->rays;
     Trace result;
     result.direction = Eigen::Map<const Eigen::Vector3f>(ray.direction).cast<double>();
@@ -70,13 +70,13 @@ class FogScene final : public RayRenderer {
     for (int i = 0; i < kSamples; ++i) {
       const double t = nearest - half + (i + 0.5) * length;
       result.samples.push_back({t, length});
-      result.matter.push_back(matterAt(origin + t * result.direction));
+      result.occupied_volume.push_back(occupiedVolumeAt(origin + t * result.direction));
     }
     work->samples += kSamples;
     return result;
   }
 
-  static Matter matterAt(const Eigen::Vector3d& p) {
+  static OccupiedVolume occupiedVolumeAt(const Eigen::Vector3d& p) {
     static const Eigen::Vector4d kClouds[3] = {
         {0, 0, 0, 0.12}, {0.2, 0.1, 0.05, 0.07}, {-0.1, -0.05, 0.22, 0.06}};  // centre, radius
     Dual x[3];
@@ -84,24 +84,25 @@ class FogScene final : public RayRenderer {
       x[a].value = p[a];
       x[a].d[a] = 1;
     }
-    Matter matter;
+    OccupiedVolume occupied_volume;
     for (const Eigen::Vector4d& cloud : kClouds) {
       Dual square;
       for (int a = 0; a < 3; ++a) {
         const Dual away = -cloud[a] + x[a];
         square = square + away * away;
       }
-      matter.density = matter.density + 25.0 * exponential(-0.5 / (cloud[3] * cloud[3]) * square);
+      occupied_volume.density =
+          occupied_volume.density + 25.0 * exponential(-0.5 / (cloud[3] * cloud[3]) * square);
     }
     for (int c = 0; c < 3; ++c) {
       const Dual wave = 9.0 * x[c] + 5.0 * x[(c + 1) % 3];
-      matter.rgb[c] = 0.5 + 0.4 * sine(0.7 * c + wave);
+      occupied_volume.rgb[c] = 0.5 + 0.4 * sine(0.7 * c + wave);
     }
-    return matter;
+    return occupied_volume;
   }
 
   RayResult toResult(const Trace& ray) const {
-    const RayColour colour = composite(ray.samples, ray.matter);
+    const RayColour colour = composite(ray.samples, ray.occupied_volume);
     RayResult result = {};
     for (int c = 0; c < 3; ++c) result.rgb[c] = static_cast<float>(colour.rgb[c]);
     result.alpha = static_cast<float>(colour.alpha);

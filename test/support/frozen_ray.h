@@ -19,7 +19,7 @@ struct FrozenSample {
 };
 
 /// What is at a sample, with derivatives by its position.
-struct Matter {
+struct OccupiedVolume {
   Dual density;  ///< [1 / unit of length]
   Dual rgb[3];
 };
@@ -30,18 +30,19 @@ struct RayColour {
   double alpha = 0;
 };
 
-struct FrozenPull {
+struct FrozenGradient {
   Eigen::Vector3d force = Eigen::Vector3d::Zero();   ///< [1 / unit of length]
   Eigen::Vector3d torque = Eigen::Vector3d::Zero();  ///< [1 / rad]
 };
 
 inline RayColour composite(const std::vector<FrozenSample>& samples,
-                           const std::vector<Matter>& matter) {
+                           const std::vector<OccupiedVolume>& occupied_volume) {
   RayColour sum;
   double transmittance = 1;
   for (std::size_t i = 0; i < samples.size(); ++i) {
-    const double opacity = 1 - std::exp(-matter[i].density.value * samples[i].length);
-    for (int c = 0; c < 3; ++c) sum.rgb[c] += transmittance * opacity * matter[i].rgb[c].value;
+    const double opacity = 1 - std::exp(-occupied_volume[i].density.value * samples[i].length);
+    for (int c = 0; c < 3; ++c)
+      sum.rgb[c] += transmittance * opacity * occupied_volume[i].rgb[c].value;
     sum.alpha += transmittance * opacity;
     transmittance *= 1 - opacity;
   }
@@ -50,25 +51,26 @@ inline RayColour composite(const std::vector<FrozenSample>& samples,
 
 /// @param gradient derivatives of the loss by the ray's colour.
 /// @param direction_gradient adds the term of the viewing direction to the torque.
-inline FrozenPull pullOf(const Eigen::Vector3d& direction, const std::vector<FrozenSample>& samples,
-                         const std::vector<Matter>& matter, const RayColour& gradient,
-                         bool direction_gradient) {
+inline FrozenGradient gradientOf(const Eigen::Vector3d& direction,
+                                 const std::vector<FrozenSample>& samples,
+                                 const std::vector<OccupiedVolume>& occupied_volume,
+                                 const RayColour& gradient, bool direction_gradient) {
   std::vector<double> transmittance = {1};
   for (std::size_t i = 0; i < samples.size(); ++i) {
-    const double passed = std::exp(-matter[i].density.value * samples[i].length);
+    const double passed = std::exp(-occupied_volume[i].density.value * samples[i].length);
     transmittance.push_back(transmittance.back() * passed);
   }
-  FrozenPull sum;
+  FrozenGradient sum;
   double behind = 0;  // what the samples behind this one add to the loss, to first order
   for (int i = static_cast<int>(samples.size()) - 1; i >= 0; --i) {
     const double weight = transmittance[i] - transmittance[i + 1];
     double worth = gradient.alpha;
-    for (int c = 0; c < 3; ++c) worth += gradient.rgb[c] * matter[i].rgb[c].value;
+    for (int c = 0; c < 3; ++c) worth += gradient.rgb[c] * occupied_volume[i].rgb[c].value;
     const double by_density = samples[i].length * (transmittance[i + 1] * worth - behind);
     behind += weight * worth;
 
-    Eigen::Matrix<double, 6, 1> d = by_density * matter[i].density.d;
-    for (int c = 0; c < 3; ++c) d += weight * gradient.rgb[c] * matter[i].rgb[c].d;
+    Eigen::Matrix<double, 6, 1> d = by_density * occupied_volume[i].density.d;
+    for (int c = 0; c < 3; ++c) d += weight * gradient.rgb[c] * occupied_volume[i].rgb[c].d;
     const Eigen::Vector3d by_position = d.head<3>();
     sum.force += by_position;
     sum.torque += samples[i].t * direction.cross(by_position);

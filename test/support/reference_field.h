@@ -51,31 +51,34 @@ class ReferenceField {
 
   /// Alpha compositing of the frozen samples. @param sides may be null; is added to.
   RayColour render(const Ray& ray, const std::vector<FrozenSample>& samples, Sides* sides) const {
-    return composite(samples, matterAt(ray, samples, sides));
+    return composite(samples, occupiedVolumeAt(ray, samples, sides));
   }
 
   /// Force [1 / model unit] and torque of a loss whose derivatives by the ray's colour are given.
-  FrozenPull pull(const Ray& ray, const std::vector<FrozenSample>& samples,
-                  const RayColour& gradient, bool direction_gradient) const {
-    FrozenPull pull = pullOf(ray.direction, samples, matterAt(ray, samples, nullptr), gradient,
-                             direction_gradient);
+  FrozenGradient pull(const Ray& ray, const std::vector<FrozenSample>& samples,
+                      const RayColour& gradient, bool direction_gradient) const {
+    FrozenGradient pull =
+        gradientOf(ray.direction, samples, occupiedVolumeAt(ray, samples, nullptr), gradient,
+                   direction_gradient);
     pull.force /= field_.cubeSide();
     return pull;
   }
 
  private:
-  std::vector<Matter> matterAt(const Ray& ray, const std::vector<FrozenSample>& samples,
-                               Sides* sides) const {
-    std::vector<Matter> matter;
-    for (const FrozenSample& sample : samples) matter.push_back(evaluate(ray, sample.t, sides));
-    return matter;
+  std::vector<OccupiedVolume> occupiedVolumeAt(const Ray& ray,
+                                               const std::vector<FrozenSample>& samples,
+                                               Sides* sides) const {
+    std::vector<OccupiedVolume> occupied_volume;
+    for (const FrozenSample& sample : samples)
+      occupied_volume.push_back(evaluate(ray, sample.t, sides));
+    return occupied_volume;
   }
 
   Eigen::Vector3d toCube(const Eigen::Vector3d& p_O) const {
     return (p_O - field_.cubeCentre()) / field_.cubeSide() + Eigen::Vector3d::Constant(0.5);
   }
 
-  Matter evaluate(const Ray& ray, double t, Sides* sides) const {
+  OccupiedVolume evaluate(const Ray& ray, double t, Sides* sides) const {
     const Eigen::Vector3d p = toCube(ray.origin) + t * ray.direction;
     const FieldConfig& config = field_.config;
     const std::vector<Dual> out =

@@ -11,7 +11,7 @@
 
 namespace nerf_pose_refiner {
 
-/// An object whose picture does not tell how far it is turned about its z axis, 1 unit long, in the
+/// An object whose image does not tell how far it is turned about its z axis, 1 unit long, in the
 /// place of a learned field: a banded bottle, or a banded cylinder that may stand on its head, too.
 class RevolvedScene final : public RayRenderer {
  public:
@@ -31,15 +31,15 @@ class RevolvedScene final : public RayRenderer {
   const Field& field() const override { return field_; }
 
   void renderRays(const Ray* rays, int n, const RenderOptions& options, RayResult* results,
-                  Work* work) const override {
+                  CostCounters* work) const override {
     for (int i = 0; i < n; ++i) results[i] = trace(rays[i], options);
     work->rays += n;
     work->samples += n;
   }
 
-  void pullRays(const Ray*, int, const RenderOptions&, bool,
-                const std::function<RayLossGradient(int, const RayResult&)>&, RayPull*,
-                Work*) const override {
+  void rayGradients(const Ray*, int, const RenderOptions&, bool,
+                    const std::function<RayLossGradient(int, const RayResult&)>&, RayGradient*,
+                    CostCounters*) const override {
     throw std::logic_error("this scene is made for alignment, which does not pull");
   }
 

@@ -3,16 +3,16 @@
 
 #include <string>
 
-#include "backend/engine.h"
+#include "backend/backend.h"
 
 namespace nerf_pose_refiner {
 
 /// Writes posed views of a scene, all around it, and their transforms.json: photos to learn from.
 /// @param folder is made. @param size_px width and height of a view.
-void writeSceneDataset(Engine* engine, const LoadedField& scene, const std::string& folder,
+void writeSceneDataset(Backend* backend, const LoadedField& scene, const std::string& folder,
                        int views, int size_px);
 
-/// A camera of size_px x size_px whose picture is filled by an object 2.5 diameters away.
+/// A camera of size_px x size_px whose image is filled by an object 2.5 diameters away.
 Camera squareCamera(int size_px);
 
 }  // namespace nerf_pose_refiner

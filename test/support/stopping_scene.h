@@ -21,40 +21,40 @@ class StoppingScene final : public RayRenderer {
         renderer_(dynamic_cast<const RayRenderer&>(*scene_)),
         stop_after_(stop_after) {}
 
-  const StopToken stop;
+  const CancellationToken stop;
 
   std::uint64_t rays() const { return rays_; }
   std::uint64_t raysAfterTheStop() const { return late_rays_; }  ///< of calls that began after it
-  int mostRaysOfACall() const { return most_; }
+  int maxRaysPerCall() const { return max_; }
 
   const Field& field() const override { return renderer_.field(); }
 
   void renderRays(const Ray* rays, int n, const RenderOptions& options, RayResult* results,
-                  Work* work) const override {
+                  CostCounters* work) const override {
     count(n);
     renderer_.renderRays(rays, n, options, results, work);
   }
 
-  void pullRays(const Ray* rays, int n, const RenderOptions& options, bool direction_gradient,
-                const std::function<RayLossGradient(int, const RayResult&)>& loss_gradient,
-                RayPull* pulls, Work* work) const override {
+  void rayGradients(const Ray* rays, int n, const RenderOptions& options, bool direction_gradient,
+                    const std::function<RayLossGradient(int, const RayResult&)>& loss_gradient,
+                    RayGradient* gradients, CostCounters* work) const override {
     count(n);
-    renderer_.pullRays(rays, n, options, direction_gradient, loss_gradient, pulls, work);
+    renderer_.rayGradients(rays, n, options, direction_gradient, loss_gradient, gradients, work);
   }
 
  private:
   void count(int n) const {
-    if (stop.stopRequested()) late_rays_ += static_cast<std::uint64_t>(n);
-    for (int most = most_; most < n && !most_.compare_exchange_weak(most, n);) {
+    if (stop.cancelRequested()) late_rays_ += static_cast<std::uint64_t>(n);
+    for (int most = max_; most < n && !max_.compare_exchange_weak(most, n);) {
     }
-    if ((rays_ += static_cast<std::uint64_t>(n)) >= stop_after_) stop.requestStop();
+    if ((rays_ += static_cast<std::uint64_t>(n)) >= stop_after_) stop.requestCancel();
   }
 
   std::shared_ptr<const LoadedField> scene_;
   const RayRenderer& renderer_;
   std::uint64_t stop_after_;
   mutable std::atomic<std::uint64_t> rays_{0}, late_rays_{0};
-  mutable std::atomic<int> most_{0};
+  mutable std::atomic<int> max_{0};
 };
 
 }  // namespace nerf_pose_refiner

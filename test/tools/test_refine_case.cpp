@@ -59,7 +59,7 @@ TEST(RefineCase, AMaskOfAViewIsUndistortedAsThePhotoWas) {
 TEST(RefineCase, AMaskOfAPhotoGoesWithIt) {
   const RefineCase result = caseOfPhoto(discOn(3, 15), discOn(1, 15), kCamera, kBarrel);
   for (std::size_t i = 0; i < result.mask.pixels(); ++i) {
-    EXPECT_NEAR(result.mask.values[i], result.picture.values[3 * i], 1);
+    EXPECT_NEAR(result.mask.values[i], result.image.values[3 * i], 1);
   }
   EXPECT_NE(result.camera.fx, kCamera.fx);
 }
@@ -75,14 +75,14 @@ TEST(RefineCase, RefusesAMaskOfAnotherSize) {
 /// One pixel with straight alpha, and a mask of one pixel.
 RefineCase onePixel(std::uint8_t alpha, std::uint8_t mask) {
   RefineCase input;
-  input.picture = Image8(1, 1, 4);
-  input.picture.values = {255, 102, 0, alpha};
+  input.image = Image8(1, 1, 4);
+  input.image.values = {255, 102, 0, alpha};
   input.mask = Image8(1, 1, 1, mask);
   input.camera = {1, 1, 1, 1, 0, 0};
   return input;
 }
 
-TEST(RefineCase, WithAMaskThePictureIsAsTheCameraSawIt) {
+TEST(RefineCase, WithAMaskTheImageIsAsTheCameraSawIt) {
   const Observation seen = observationOf(onePixel(51, 255), {});
   EXPECT_EQ(seen.background, Background::kMask);
   EXPECT_FLOAT_EQ(seen.image.values[0], 1);  // not premultiplied
@@ -103,7 +103,7 @@ TEST(RefineCase, WhatIsKnownOfTheBackground) {
   EXPECT_EQ(grey.background, Background::kKnownColour);
   EXPECT_FLOAT_EQ(grey.image.values[0], 0.6f);  // 0.2 * 1 + 0.8 * 0.5
 
-  input.picture.values[3] = 255;
+  input.image.values[3] = 255;
   const Observation opaque = observationOf(input, {});
   EXPECT_EQ(opaque.background, Background::kUnknown);
   EXPECT_TRUE(opaque.alpha.empty());

@@ -1,18 +1,18 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include "nerf_pose_refiner/observation.h"
+#include "backend/common/plain_pose.h"
 #include "backend/plans.h"
 #include "field/field.h"
 #include "math/alignment_search.h"
-#include "backend/common/plain_pose.h"
+#include "nerf_pose_refiner/observation.h"
 
 namespace nerf_pose_refiner {
 
 /// What holds for every hypothesis of a stage.
 /// @param focal_px of the level's camera. @param scatter where the search began, around the prior.
 inline AlignmentRules alignmentRules(const FieldMetadata& object, double focal_px,
-                                     const AlignStage& stage, const ScatterPlan& scatter,
+                                     const AlignStage& stage, const SamplingPlan& sampling,
                                      const Pose& prior_T_O_C) {
   AlignmentRules rules;
   rules.centre = plainVector(object.centre);
@@ -22,8 +22,8 @@ inline AlignmentRules alignmentRules(const FieldMetadata& object, double focal_p
   rules.max_rotation_rad = stage.max_rotation_rad;
   rules.max_translation = stage.max_translation;
   rules.convergence_px = stage.convergence_px;
-  rules.limits = {plainPose(prior_T_O_C), plainVector(scatter.object_centre),
-                  scatter.rotation_limit_rad, scatter.translation_limit};
+  rules.limits = {plainPose(prior_T_O_C), plainVector(sampling.object_centre),
+                  sampling.rotation_limit_rad, sampling.translation_limit};
   return rules;
 }
 
@@ -36,7 +36,7 @@ inline ComparisonRules comparisonRules(Background background, const Eigen::Vecto
                                                     : Comparison::kKnownBackground;
   for (int c = 0; c < 3; ++c) rules.background[c] = colour[c];
   rules.robust_scale = static_cast<float>(stage.robust_scale);
-  rules.observed_share = static_cast<float>(stage.observed_share);
+  rules.observed_fraction = static_cast<float>(stage.observed_fraction);
   const bool colour_only = background == Background::kKnownColour;
   rules.opacity_weight = colour_only ? 0.0f : static_cast<float>(stage.alpha_weight);
   return rules;

@@ -13,13 +13,13 @@ Vec3<float> toVec(const Eigen::Vector3d& v) {
   return {static_cast<float>(v.x()), static_cast<float>(v.y()), static_cast<float>(v.z())};
 }
 
-PictureSample<float> sampleAt(const Image& picture, int x, int y) {
-  const float* left = picture.pixel(std::max(x - 1, 0), y);
-  const float* right = picture.pixel(std::min(x + 1, picture.width - 1), y);
-  const float* above = picture.pixel(x, std::max(y - 1, 0));
-  const float* below = picture.pixel(x, std::min(y + 1, picture.height - 1));
-  const float* here = picture.pixel(x, y);
-  PictureSample<float> sample;
+ImageSample<float> sampleAt(const Image& image, int x, int y) {
+  const float* left = image.pixel(std::max(x - 1, 0), y);
+  const float* right = image.pixel(std::min(x + 1, image.width - 1), y);
+  const float* above = image.pixel(x, std::max(y - 1, 0));
+  const float* below = image.pixel(x, std::min(y + 1, image.height - 1));
+  const float* here = image.pixel(x, y);
+  ImageSample<float> sample;
   for (int c = 0; c < 4; ++c) {
     sample.value[c] = here[c];
     sample.du[c] = 0.5f * (right[c] - left[c]);
@@ -56,19 +56,19 @@ AlignmentView viewOf(const AlignmentTarget& target, const Pose& T_O_C) {
   return view;
 }
 
-PixelResidual<float> residualAt(const AlignmentTarget& target, const Image& picture,
-                                const GainBias<float>& light, int x, int y) {
-  return comparePixel(target.rules, sampleAt(picture, x, y), sampleAt(*target.observed, x, y),
-                      light, regionAt(target, x, y));
+PixelResidual<float> residualAt(const AlignmentTarget& target, const Image& image,
+                                const GainBias<float>& gain_bias, int x, int y) {
+  return comparePixel(target.rules, sampleAt(image, x, y), sampleAt(*target.observed, x, y),
+                      gain_bias, regionAt(target, x, y));
 }
 
-PixelFlow<float> flowAt(const AlignmentView& view, const Image& picture, int x, int y) {
-  const float* pixel = picture.pixel(x, y);
+PixelFlow<float> flowAt(const AlignmentView& view, const Image& image, int x, int y) {
+  const float* pixel = image.pixel(x, y);
   return surfaceFlow(view, {pixel[kPoint], pixel[kPoint + 1], pixel[kPoint + 2]}, pixel[kOpacity],
                      x, y);
 }
 
-void LightMoments::add(const LightMoments& other) {
+void GainBiasMoments::add(const GainBiasMoments& other) {
   for (int c = 0; c < 3; ++c) {
     weight[c] += other.weight[c];
     x[c] += other.x[c];
@@ -91,33 +91,33 @@ void AlignmentSums::add(const AlignmentSums& other) {
   for (int i = 0; i < 6; ++i) equations.gradient[i] += other.equations.gradient[i];
 }
 
-LightMoments sumLight(const AlignmentTarget& target, const Image& picture,
-                      const GainBias<float>& light, int first_row, int last_row) {
-  LightMoments sums;
+GainBiasMoments sumGainBias(const AlignmentTarget& target, const Image& image,
+                            const GainBias<float>& gain_bias, int first_row, int last_row) {
+  GainBiasMoments sums;
   for (int y = first_row; y < last_row; ++y) {
-    for (int x = 0; x < picture.width; ++x) {
-      addLightPixel<double>(picture.pixel(x, y), target.observed->pixel(x, y),
-                            target.level->weight.at(x, y, 0), light, target.rules.robust_scale,
-                            &sums);
+    for (int x = 0; x < image.width; ++x) {
+      addGainBiasPixel<double>(image.pixel(x, y), target.observed->pixel(x, y),
+                               target.level->weight.at(x, y, 0), gain_bias,
+                               target.rules.robust_scale, &sums);
     }
   }
   return sums;
 }
 
-AlignmentSums sumAlignment(const AlignmentTarget& target, const Image& picture, const Pose& T_O_C,
-                           const GainBias<float>& light, int first_row, int last_row) {
+AlignmentSums sumAlignment(const AlignmentTarget& target, const Image& image, const Pose& T_O_C,
+                           const GainBias<float>& gain_bias, int first_row, int last_row) {
   const AlignmentView view = viewOf(target, T_O_C);
   AlignmentSums sums;
-  for (int left = 0; left < picture.width; left += kTileSide) {
-    const int right = std::min(picture.width, left + kTileSide);
+  for (int left = 0; left < image.width; left += kTileSide) {
+    const int right = std::min(image.width, left + kTileSide);
     NormalEquations6<float> tile;  // single precision suffices for a tile
     for (int y = first_row; y < last_row; ++y) {
       for (int x = left; x < right; ++x) {
         const float pixel_weight = target.level->weight.at(x, y, 0);
         if (pixel_weight == 0) continue;
-        addComparedPixel<double>(target.rules, residualAt(target, picture, light, x, y),
-                                 picture.at(x, y, kOpacity), regionAt(target, x, y), pixel_weight,
-                                 flowAt(view, picture, x, y), &sums, &tile);
+        addComparedPixel<double>(target.rules, residualAt(target, image, gain_bias, x, y),
+                                 image.at(x, y, kOpacity), regionAt(target, x, y), pixel_weight,
+                                 flowAt(view, image, x, y), &sums, &tile);
       }
     }
     addTile(tile, &sums);

@@ -1,10 +1,10 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include "backend/cpu/cpu_engine.h"
+#include "backend/cpu/cpu_backend.h"
+#include "backend/cpu/rendered_image.h"
 #include "math/alignment_sums.h"
 #include "math/tile_scatter.h"
-#include "backend/cpu/picture.h"
 
 namespace nerf_pose_refiner {
 
@@ -13,15 +13,15 @@ struct RegionModel;
 /// What every pose of a stage is compared with.
 struct AlignmentTarget {
   const ObservedLevel* level = nullptr;
-  const Image* observed = nullptr;       ///< blurred RGB and opacity [h][w][kPictureChannels]
+  const Image* observed = nullptr;       ///< blurred RGB and opacity [h][w][kImageChannels]
   const RegionModel* regions = nullptr;  ///< set where rules.kind is kRegions
   ComparisonRules rules;
   Eigen::Vector3d centre = Eigen::Vector3d::Zero();  ///< of the object, in O [model units]
-  bool fit_light = false;
+  bool fit_gain_bias = false;
 };
 
-struct LightMoments : LightMomentsOf<double> {
-  void add(const LightMoments& other);
+struct GainBiasMoments : GainBiasMomentsOf<double> {
+  void add(const GainBiasMoments& other);
 };
 
 struct AlignmentSums : AlignmentSumsOf<double> {
@@ -33,19 +33,19 @@ struct AlignmentSums : AlignmentSumsOf<double> {
 AlignmentView viewOf(const AlignmentTarget& target, const Pose& T_O_C);
 
 /// Residual of a pixel of a pose's blurred rendering.
-PixelResidual<float> residualAt(const AlignmentTarget& target, const Image& picture,
-                                const GainBias<float>& light, int x, int y);
+PixelResidual<float> residualAt(const AlignmentTarget& target, const Image& image,
+                                const GainBias<float>& gain_bias, int x, int y);
 
 /// @see surfaceFlow
-PixelFlow<float> flowAt(const AlignmentView& view, const Image& picture, int x, int y);
+PixelFlow<float> flowAt(const AlignmentView& view, const Image& image, int x, int y);
 
-/// Moments over rows [first_row, last_row). @param picture blurred rendering.
-LightMoments sumLight(const AlignmentTarget& target, const Image& picture,
-                      const GainBias<float>& light, int first_row, int last_row);
+/// Moments over rows [first_row, last_row). @param image blurred rendering.
+GainBiasMoments sumGainBias(const AlignmentTarget& target, const Image& image,
+                            const GainBias<float>& gain_bias, int first_row, int last_row);
 
 /// Cost and normal equations over rows [first_row, last_row) of a pose's blurred rendering: a row
 /// of tiles, for the scatter.
-AlignmentSums sumAlignment(const AlignmentTarget& target, const Image& picture, const Pose& T_O_C,
-                           const GainBias<float>& light, int first_row, int last_row);
+AlignmentSums sumAlignment(const AlignmentTarget& target, const Image& image, const Pose& T_O_C,
+                           const GainBias<float>& gain_bias, int first_row, int last_row);
 
 }  // namespace nerf_pose_refiner

@@ -11,7 +11,7 @@
 namespace nerf_pose_refiner {
 
 /// @throws std::invalid_argument for what a batch cannot hold after `scatter`.
-inline void requireRoom(std::size_t priors, const ScatterPlan& plan, int capacity) {
+inline void requireRoom(std::size_t priors, const SamplingPlan& plan, int capacity) {
   if (priors < 1) throw std::invalid_argument("scatter: there is no prior");
   if (plan.count < 1 || static_cast<std::size_t>(plan.count) > capacity / priors) {
     throw std::invalid_argument("ScatterPlan::count is " + std::to_string(plan.count) + " for " +
@@ -21,7 +21,7 @@ inline void requireRoom(std::size_t priors, const ScatterPlan& plan, int capacit
 }
 
 /// @throws std::invalid_argument for what a batch cannot hold after `select`.
-inline void requireRoom(const SelectPlan& plan, int capacity, int searches) {
+inline void requireRoom(const ResamplingPlan& plan, int capacity, int searches) {
   if (plan.keep < 1 || plan.offspring > capacity / std::max(1, searches)) {
     throw std::invalid_argument("SelectPlan keeps " + std::to_string(plan.keep) + " and makes " +
                                 std::to_string(plan.offspring) + " in each of " +

@@ -27,12 +27,12 @@ void ColourHistogram::smoothAxis(const std::vector<float>& kernel, int stride) {
   }
 }
 
-void ColourHistogram::finish(double sigma, float uniform_share) {
+void ColourHistogram::finish(double sigma, float uniform_fraction) {
   const std::vector<float> kernel = gaussianKernel(sigma * kBins);
   for (int stride : {1, kBins, kBins * kBins}) smoothAxis(kernel, stride);
   double sum = 0;
   for (float value : values_) sum += value;
-  for (float& value : values_) value = densityOfCount(value, sum, uniform_share);
+  for (float& value : values_) value = densityOfCount(value, sum, uniform_fraction);
 }
 
 }  // namespace nerf_pose_refiner

@@ -17,9 +17,9 @@ class ColourHistogram {
 
   void add(const float rgb[3], float weight);
 
-  /// Smooths with a Gaussian and makes it a density with integral 1, of which `uniform_share` is
+  /// Smooths with a Gaussian and makes it a density with integral 1, of which `uniform_fraction` is
   /// spread evenly: no colour is impossible. Nothing added yet: the uniform density.
-  void finish(double sigma, float uniform_share);
+  void finish(double sigma, float uniform_fraction);
 
   /// Density at a colour, 1 if all colours were equally likely.
   float density(const float rgb[3]) const { return colourDensity(values_.data(), rgb); }

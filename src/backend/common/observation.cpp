@@ -9,7 +9,7 @@ namespace nerf_pose_refiner {
 namespace {
 
 constexpr float kTolerance = 1e-4f;  // rounding of a blend or a resampling
-constexpr float kLeast = -kTolerance, kMost = 1 + kTolerance;
+constexpr float kMin = -kTolerance, kMax = 1 + kTolerance;
 
 void requireImage(const char* name, const Image& image, const Camera& camera, int channels) {
   const auto size = [](int width, int height, int depth) {
@@ -29,14 +29,13 @@ void requireImage(const char* name, const Image& image, const Camera& camera, in
   for (std::size_t first = 0; first < values; first += kBlock) {
     int in_block = 0;
     for (std::size_t i = first; i < std::min(values, first + kBlock); ++i) {
-      in_block += (image.values[i] >= kLeast) & (image.values[i] <= kMost);
+      in_block += (image.values[i] >= kMin) & (image.values[i] <= kMax);
     }
     inside += in_block;
   }
   if (inside == values) return;
-  const float wrong = *std::find_if(image.values.begin(), image.values.end(), [](float value) {
-    return !(value >= kLeast && value <= kMost);
-  });
+  const float wrong = *std::find_if(image.values.begin(), image.values.end(),
+                                    [](float value) { return !(value >= kMin && value <= kMax); });
   throw std::invalid_argument(std::string("Observation::") + name + " holds " +
                               std::to_string(wrong) + ", must be in 0..1");
 }

@@ -2,9 +2,9 @@
 #pragma once
 
 #include "field/field.h"
+#include "math/pixel_window.h"
 #include "nerf_pose_refiner/camera.h"
 #include "nerf_pose_refiner/pose.h"
-#include "math/pixel_window.h"
 
 namespace nerf_pose_refiner {
 

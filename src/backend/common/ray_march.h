@@ -75,7 +75,7 @@ class RayMarcher {
 
   /// The next sample. @return false at the end of the ray.
   bool next(RaySample* sample) {
-    if (!findMatter(lattice_, occupancy_, &interval_)) return false;
+    if (!findOccupiedVolume(lattice_, occupancy_, &interval_)) return false;
     *sample = {0.5f * (interval_.begin + interval_.end), interval_.end - interval_.begin};
     ++interval_.k;
     return true;

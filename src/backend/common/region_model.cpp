@@ -10,40 +10,40 @@ namespace nerf_pose_refiner {
 namespace {
 
 // Mean opacity of the renderings at each pixel.
-std::vector<float> meanOpacity(const std::vector<const Image*>& pictures) {
-  std::vector<float> mean(pictures[0]->pixels(), 0.0f);
-  for (const Image* picture : pictures) {
+std::vector<float> meanOpacity(const std::vector<const Image*>& images) {
+  std::vector<float> mean(images[0]->pixels(), 0.0f);
+  for (const Image* picture : images) {
     for (std::size_t i = 0; i < mean.size(); ++i) {
-      mean[i] += picture->values[kPictureChannels * i + kOpacity];
+      mean[i] += picture->values[kImageChannels * i + kOpacity];
     }
   }
-  for (float& value : mean) value /= static_cast<float>(pictures.size());
+  for (float& value : mean) value /= static_cast<float>(images.size());
   return mean;
 }
 
 // Colours of the object: as they are rendered, in the observation's light, and as many that are
 // seen where most renderings are opaque.
-ColourHistogram objectColours(const ObservedLevel& level, const std::vector<const Image*>& pictures,
-                              const std::vector<GainBias<float>>& lights,
+ColourHistogram objectColours(const ObservedLevel& level, const std::vector<const Image*>& images,
+                              const std::vector<GainBias<float>>& gain_biases,
                               const std::vector<float>& opacity) {
   ColourHistogram colours;
-  for (std::size_t k = 0; k < pictures.size(); ++k) {
+  for (std::size_t k = 0; k < images.size(); ++k) {
     for (std::size_t i = 0; i < opacity.size(); ++i) {
-      const float* pixel = pictures[k]->values.data() + kPictureChannels * i;
+      const float* pixel = images[k]->values.data() + kImageChannels * i;
       const float A = pixel[kOpacity];
       if (A < 0.5f) continue;
       float rgb[3];
       for (int c = 0; c < 3; ++c) {
-        rgb[c] = lights[k].gain[c] * pixel[c] / A + lights[k].bias[c];
+        rgb[c] = gain_biases[k].gain[c] * pixel[c] / A + gain_biases[k].bias[c];
       }
-      colours.add(rgb, A / static_cast<float>(pictures.size()));
+      colours.add(rgb, A / static_cast<float>(images.size()));
     }
   }
   for (std::size_t i = 0; i < opacity.size(); ++i) {
     if (opacity[i] < 0.5f) continue;
     colours.add(level.image.values.data() + 3 * i, level.weight.values[i] * opacity[i]);
   }
-  colours.finish(kColourSigma, kUniformShare);
+  colours.finish(kColourSigma, kUniformFraction);
   return colours;
 }
 
@@ -55,7 +55,7 @@ ColourHistogram backgroundColours(const ObservedLevel& level, const std::vector<
     colours.add(level.image.values.data() + 3 * i,
                 level.weight.values[i] * empty * empty * empty * empty);
   }
-  colours.finish(kColourSigma, kUniformShare);
+  colours.finish(kColourSigma, kUniformFraction);
   return colours;
 }
 
@@ -86,7 +86,7 @@ float leastAround(const Image& image, int x, int y) {
 // object, so that the rim is not tinted by what is behind.
 Image blurredObservation(const ObservedLevel& level, const Image& probability,
                          const std::vector<float>& blur_kernel) {
-  Image observed(probability.width, probability.height, kPictureChannels);
+  Image observed(probability.width, probability.height, kImageChannels);
   Image colours = observed;
   for (int y = 0; y < observed.height; ++y) {
     for (int x = 0; x < observed.width; ++x) {
@@ -98,26 +98,26 @@ Image blurredObservation(const ObservedLevel& level, const Image& probability,
       pixel[kInside] = inside;
       pixel[kWeight] = weight;
       std::copy_n(level.image.pixel(x, y), 3, colours.pixel(x, y));
-      colours.at(x, y, kWeight) = weight * (inside + kLeastProbability);
+      colours.at(x, y, kWeight) = weight * (inside + kMinProbability);
     }
   }
   Image scratch;
-  blurPicture(blur_kernel, &observed, &scratch);
-  blurPicture(blur_kernel, &colours, &scratch);
+  blurImage(blur_kernel, &observed, &scratch);
+  blurImage(blur_kernel, &colours, &scratch);
   for (std::size_t i = 0; i < observed.pixels(); ++i) {
-    std::copy_n(colours.values.data() + kPictureChannels * i, 3,
-                observed.values.data() + kPictureChannels * i);
+    std::copy_n(colours.values.data() + kImageChannels * i, 3,
+                observed.values.data() + kImageChannels * i);
   }
   return observed;
 }
 
 }  // namespace
 
-RegionModel modelRegions(const ObservedLevel& level, const std::vector<const Image*>& pictures,
-                         const std::vector<GainBias<float>>& lights,
+RegionModel modelRegions(const ObservedLevel& level, const std::vector<const Image*>& images,
+                         const std::vector<GainBias<float>>& gain_biases,
                          const std::vector<float>& blur_kernel) {
-  const std::vector<float> opacity = meanOpacity(pictures);
-  const ColourHistogram object = objectColours(level, pictures, lights, opacity);
+  const std::vector<float> opacity = meanOpacity(images);
+  const ColourHistogram object = objectColours(level, images, gain_biases, opacity);
   const ColourHistogram background = backgroundColours(level, opacity);
   RegionModel model;
   model.observed =
@@ -125,7 +125,7 @@ RegionModel modelRegions(const ObservedLevel& level, const std::vector<const Ima
   model.background_density = Image(level.image.width, level.image.height, 1);
   for (std::size_t i = 0; i < opacity.size(); ++i) {
     model.background_density.values[i] =
-        background.density(level.blurred.values.data() + kPictureChannels * i);
+        background.density(level.blurred.values.data() + kImageChannels * i);
   }
   return model;
 }

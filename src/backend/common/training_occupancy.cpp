@@ -7,11 +7,11 @@
 #include <stdexcept>
 #include <string>
 
-#include "field/matter.h"
+#include "backend/cpu/ray_batch.h"
+#include "concurrency/parallel.h"
+#include "field/occupied_volume.h"
 #include "math/random.h"
 #include "math/training.h"
-#include "concurrency/parallel.h"
-#include "backend/cpu/ray_batch.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -21,7 +21,7 @@ constexpr int kChunk = 1024;  // points that are evaluated together
 /// Densities at many points: `position(i, p)` gives point i in N, `take(i, density)` its density.
 template <typename Position, typename Take>
 void evaluatePoints(const FieldView& field, const CpuNetworks& networks, int sh_degree, int n,
-                    int threads, const Position& position, const Take& take, Work* work) {
+                    int threads, const Position& position, const Take& take, CostCounters* work) {
   work->samples += static_cast<std::uint64_t>(n);
   work->gathers += networks.gathersPerSample() * n;
   work->flops += networks.densityFlops() * n;
@@ -93,23 +93,23 @@ bool TrainingOccupancy::occupied(const float p_N[3]) const {
 }
 
 void TrainingOccupancy::update(const FieldView& field, const CpuNetworks& networks, int step,
-                               int threads, Work* work) {
+                               int threads, CostCounters* work) {
   const int n = config_.occupancy_resolution;
   const std::size_t offset = randomIndex(seed_, static_cast<std::uint64_t>(step), 0,
-                                         kOccupancyShare);  // this update's share
+                                         kOccupancyFraction);  // this update's share
   const int count =
-      static_cast<int>((region_.size() + kOccupancyShare - 1 - offset) / kOccupancyShare);
+      static_cast<int>((region_.size() + kOccupancyFraction - 1 - offset) / kOccupancyFraction);
   std::vector<float> seen(count, 0.0f);
   evaluatePoints(
       field, networks, config_.sh_degree, count, threads,
       [&](int i, float p[3]) {
-        drawCellPoint(seed_, step, region_[offset + static_cast<std::size_t>(i) * kOccupancyShare],
-                      n, p);
+        drawCellPoint(seed_, step,
+                      region_[offset + static_cast<std::size_t>(i) * kOccupancyFraction], n, p);
       },
       [&](int i, float density) { seen[i] = density; }, work);
-  for (float& density : density_) density *= std::pow(kOccupancyFading, 1.0f / kOccupancyShare);
+  for (float& density : density_) density *= std::pow(kOccupancyFading, 1.0f / kOccupancyFraction);
   for (int i = 0; i < count; ++i) {
-    float& density = density_[offset + static_cast<std::size_t>(i) * kOccupancyShare];
+    float& density = density_[offset + static_cast<std::size_t>(i) * kOccupancyFraction];
     density = std::max(density, seen[i]);
   }
   OccupancyGrid grid{n, std::vector<std::uint8_t>(static_cast<std::size_t>(n) * n * n / 8, 0)};
@@ -120,8 +120,8 @@ void TrainingOccupancy::update(const FieldView& field, const CpuNetworks& networ
 }
 
 OccupancyGrid TrainingOccupancy::dense(const FieldView& field, const CpuNetworks& networks,
-                                       int threads, const StopToken& stop,
-                                       std::vector<float>* cell_opacity, Work* work) const {
+                                       int threads, const CancellationToken& stop,
+                                       std::vector<float>* cell_opacity, CostCounters* work) const {
   const int n = config_.occupancy_resolution;
   const float cell_size = 1.0f / static_cast<float>(n);
   constexpr int kPoints = kFrozenPointsPerAxis * kFrozenPointsPerAxis * kFrozenPointsPerAxis;

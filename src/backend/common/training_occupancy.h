@@ -5,10 +5,10 @@
 #include <memory>
 #include <vector>
 
-#include "backend/engine.h"
-#include "nerf_pose_refiner/stop_token.h"
+#include "backend/backend.h"
 #include "backend/common/ray_march.h"
 #include "backend/cpu/sample_pool.h"
+#include "nerf_pose_refiner/cancellation_token.h"
 
 namespace nerf_pose_refiner {
 
@@ -30,13 +30,14 @@ class TrainingOccupancy {
   /// Looks at a share of the region's cells, each at a random point; densities that were seen
   /// before fade. Then decides anew which cells are occupied. @param work is added to.
   void update(const FieldView& field, const CpuNetworks& networks, int step, int threads,
-              Work* work);
+              CostCounters* work);
 
   /// Looks at every cell that touches the box at several points. @param cell_opacity of the way
   /// through each cell, by its mean density. @param work is added to.
   /// @return the occupied cells, dilated by one. @throws Stopped.
   OccupancyGrid dense(const FieldView& field, const CpuNetworks& networks, int threads,
-                      const StopToken& stop, std::vector<float>* cell_opacity, Work* work) const;
+                      const CancellationToken& stop, std::vector<float>* cell_opacity,
+                      CostCounters* work) const;
 
  private:
   FieldConfig config_;

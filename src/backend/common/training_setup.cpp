@@ -5,8 +5,8 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "math/training.h"
 #include "backend/common/pixel_window.h"
+#include "math/training.h"
 
 namespace nerf_pose_refiner {
 namespace {

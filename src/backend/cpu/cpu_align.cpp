@@ -3,11 +3,11 @@
 #include <memory>
 
 #include "backend/common/alignment_rules.h"
-#include "backend/cpu/cpu_engine.h"
+#include "backend/cpu/cpu_backend.h"
 #include "backend/cpu/stage_evaluator.h"
 
 // Direct alignment: Gauss-Newton with Levenberg damping on the difference of rendered and observed
-// pictures, for all hypotheses of a stage in step. The steps themselves are in
+// images, for all hypotheses of a stage in step. The steps themselves are in
 // maths/alignment_search.h.
 
 namespace nerf_pose_refiner {
@@ -23,12 +23,12 @@ struct Track {
 AlignmentRules rulesOf(const StageEvaluator& evaluator, const AlignStage& stage,
                        const CpuBatch& batch) {
   return alignmentRules(evaluator.object(), evaluator.target().level->camera.fx, stage,
-                        batch.scatter, batch.prior_T_O_C);
+                        batch.sampling, batch.prior_T_O_C);
 }
 
 // Hands over what the evaluation found beside the sums.
 void takeTrial(Track* track) {
-  track->search.trial_light = track->trial.light;
+  track->search.trial_gain_bias = track->trial.gain_bias;
   track->search.trial_scatter = track->trial.sums.scatter;
 }
 
@@ -37,7 +37,7 @@ void advance(const AlignmentRules& rules, Track* track) {
   takeTrial(track);
   advanceSearch(rules, track->trial.sums, &track->search);
   track->trial.T_O_C = poseOf(track->search.trial);
-  track->trial.light = track->search.trial_light;
+  track->trial.gain_bias = track->search.trial_gain_bias;
 }
 
 Eigen::Matrix<double, 6, 6> symmetric(const double lower[21]) {
@@ -80,7 +80,8 @@ std::vector<Track> tracksOf(const AlignmentRules& rules, CpuBatch* batch) {
 }
 
 // Evaluates the trials of all tracks that are not done; false if there are none.
-bool evaluateTrials(StageEvaluator* evaluator, std::vector<Track>* tracks, const StopToken& stop) {
+bool evaluateTrials(StageEvaluator* evaluator, std::vector<Track>* tracks,
+                    const CancellationToken& stop) {
   stop.check();
   std::vector<Evaluation*> trials;
   for (Track& track : *tracks) {
@@ -92,9 +93,9 @@ bool evaluateTrials(StageEvaluator* evaluator, std::vector<Track>* tracks, const
 
 }  // namespace
 
-void CpuEngine::align(HypothesisBatch* batch, const LoadedField& field,
-                      const LoadedObservation& observation, int level, const AlignStage& stage,
-                      const StopToken& stop) {
+void CpuBackend::align(HypothesisBatch* batch, const LoadedField& field,
+                       const LoadedObservation& observation, int level, const AlignStage& stage,
+                       const CancellationToken& stop) {
   CpuBatch& own = cpuBatch(batch);
   StageEvaluator evaluator(rayRenderer(field), cpuObservation(observation), level, stage, threads_,
                            stop, &work_);
@@ -108,9 +109,9 @@ void CpuEngine::align(HypothesisBatch* batch, const LoadedField& field,
   for (const Track& track : tracks) writeResult(track, stage.compare_contrast, track.hypothesis);
 }
 
-void CpuEngine::score(HypothesisBatch* batch, const LoadedField& field,
-                      const LoadedObservation& observation, int level, const AlignStage& stage,
-                      const StopToken& stop) {
+void CpuBackend::score(HypothesisBatch* batch, const LoadedField& field,
+                       const LoadedObservation& observation, int level, const AlignStage& stage,
+                       const CancellationToken& stop) {
   CpuBatch& own = cpuBatch(batch);
   StageEvaluator evaluator(rayRenderer(field), cpuObservation(observation), level, stage, threads_,
                            stop, &work_);

@@ -8,8 +8,8 @@
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr int kRaysPerGroup = 256;     // rendered together by a thread
-constexpr int kPullRaysPerGroup = 32;  // whose activations are kept together
+constexpr int kRaysPerGroup = 256;         // rendered together by a thread
+constexpr int kGradientRaysPerGroup = 32;  // whose activations are kept together
 
 RayResult resultOf(const Ray& ray, const RayBatch::Sums& sums, float cube_side) {
   RayResult result;
@@ -80,8 +80,8 @@ void CpuField::enter(const Ray* rays, int n, const RenderOptions& options, RayBa
 }
 
 void CpuField::renderRays(const Ray* rays, int n, const RenderOptions& options, RayResult* results,
-                          Work* work) const {
-  Workspaces<RayBatch>::Lease lease = batches_.borrow();
+                          CostCounters* work) const {
+  ScratchPool<RayBatch>::Lease lease = batches_.borrow();
   RayBatch* batch = lease.get();
   RayBatch::Sums sums[kRaysPerGroup];
   for (int first = 0; first < n; first += kRaysPerGroup) {
@@ -99,15 +99,15 @@ void CpuField::renderRays(const Ray* rays, int n, const RenderOptions& options, 
   }
 }
 
-void CpuField::pullRays(const Ray* rays, int n, const RenderOptions& options,
-                        bool direction_gradient,
-                        const std::function<RayLossGradient(int, const RayResult&)>& loss_gradient,
-                        RayPull* pulls, Work* work) const {
-  Workspaces<RayBatch>::Lease lease = batches_.borrow();
+void CpuField::rayGradients(
+    const Ray* rays, int n, const RenderOptions& options, bool direction_gradient,
+    const std::function<RayLossGradient(int, const RayResult&)>& loss_gradient, RayGradient* pulls,
+    CostCounters* work) const {
+  ScratchPool<RayBatch>::Lease lease = batches_.borrow();
   RayBatch* batch = lease.get();
-  RayBatch::Sums sums[kPullRaysPerGroup];
-  RayLossGradient gradients[kPullRaysPerGroup];
-  int first = 0, group = kPullRaysPerGroup;
+  RayBatch::Sums sums[kGradientRaysPerGroup];
+  RayLossGradient gradients[kGradientRaysPerGroup];
+  int first = 0, group = kGradientRaysPerGroup;
   while (first < n) {
     const int size = std::min(group, n - first);
     enter(rays + first, size, options, batch);
@@ -119,17 +119,17 @@ void CpuField::pullRays(const Ray* rays, int n, const RenderOptions& options,
       gradients[r] = loss_gradient(first + r, resultOf(rays[first + r], sums[r], cube_.side));
     }
     batch->backward(view_, gradients, nullptr);
-    std::fill(pulls + first, pulls + first + size, RayPull{});
-    pullPositions(rays + first, direction_gradient, batch, pulls + first);
+    std::fill(pulls + first, pulls + first + size, RayGradient{});
+    positionGradients(rays + first, direction_gradient, batch, pulls + first);
     addWork(*batch, size, work);
-    addPullWork(*batch, work);
+    addGradientWork(*batch, work);
     first += size;
-    group = kPullRaysPerGroup;
+    group = kGradientRaysPerGroup;
   }
 }
 
-void CpuField::pullPositions(const Ray* rays, bool direction_gradient, RayBatch* batch,
-                             RayPull* pulls) const {
+void CpuField::positionGradients(const Ray* rays, bool direction_gradient, RayBatch* batch,
+                                 RayGradient* pulls) const {
   SamplePool& pool = batch->pool();
   const int count = static_cast<int>(batch->columns().size());
   std::vector<float> gradient[3];  // with respect to positions in N
@@ -156,7 +156,7 @@ void CpuField::pullPositions(const Ray* rays, bool direction_gradient, RayBatch*
       for (int k = 0; k < degree * degree; ++k) weight[k] = harmonics[k * TiledRows::kTileStride];
       sphericalHarmonicsGradient(d[0], d[1], d[2], degree, weight, lever);
     }
-    RayPull& pull = pulls[column.ray];
+    RayGradient& pull = pulls[column.ray];
     for (int a = 0; a < 3; ++a) {
       const int b = (a + 1) % 3, c = (a + 2) % 3;
       pull.force[a] += force[a];
@@ -165,7 +165,7 @@ void CpuField::pullPositions(const Ray* rays, bool direction_gradient, RayBatch*
   }
 }
 
-void CpuField::addWork(const RayBatch& batch, int rays, Work* work) const {
+void CpuField::addWork(const RayBatch& batch, int rays, CostCounters* work) const {
   const double densities = static_cast<double>(batch.densityEvaluations());
   const double colours = static_cast<double>(batch.colourEvaluations());
   work->rays += static_cast<std::uint64_t>(rays);
@@ -176,7 +176,7 @@ void CpuField::addWork(const RayBatch& batch, int rays, Work* work) const {
 }
 
 /// The way back to the positions reads the grid again and costs as much as the way there.
-void CpuField::addPullWork(const RayBatch& batch, Work* work) const {
+void CpuField::addGradientWork(const RayBatch& batch, CostCounters* work) const {
   const double columns = static_cast<double>(batch.columns().size());
   work->gathers += networks_.gathersPerSample() * columns;
   work->flops += (networks_.densityFlops() + networks_.colourFlops()) * columns;

@@ -4,12 +4,12 @@
 #include <memory>
 #include <vector>
 
+#include "backend/common/ray_march.h"
+#include "backend/common/scratch_pool.h"
 #include "backend/cpu/cpu_kernels.h"
 #include "backend/cpu/cpu_networks.h"
-#include "backend/ray_renderer.h"
 #include "backend/cpu/ray_batch.h"
-#include "backend/common/ray_march.h"
-#include "backend/common/workspaces.h"
+#include "backend/ray_renderer.h"
 
 namespace nerf_pose_refiner {
 
@@ -36,18 +36,18 @@ class CpuField : public RayRenderer {
   const Field& field() const override { return *field_; }
 
   void renderRays(const Ray* rays, int n, const RenderOptions& options, RayResult* results,
-                  Work* work) const override;
+                  CostCounters* work) const override;
 
-  void pullRays(const Ray* rays, int n, const RenderOptions& options, bool direction_gradient,
-                const std::function<RayLossGradient(int, const RayResult&)>& loss_gradient,
-                RayPull* pulls, Work* work) const override;
+  void rayGradients(const Ray* rays, int n, const RenderOptions& options, bool direction_gradient,
+                    const std::function<RayLossGradient(int, const RayResult&)>& loss_gradient,
+                    RayGradient* gradients, CostCounters* work) const override;
 
  private:
   void enter(const Ray* rays, int n, const RenderOptions& options, RayBatch* batch) const;
-  void pullPositions(const Ray* rays, bool direction_gradient, RayBatch* batch,
-                     RayPull* pulls) const;
-  void addWork(const RayBatch& batch, int rays, Work* work) const;
-  void addPullWork(const RayBatch& batch, Work* work) const;
+  void positionGradients(const Ray* rays, bool direction_gradient, RayBatch* batch,
+                         RayGradient* gradients) const;
+  void addWork(const RayBatch& batch, int rays, CostCounters* work) const;
+  void addGradientWork(const RayBatch& batch, CostCounters* work) const;
 
   std::shared_ptr<const Field> field_;
   CpuNetworks networks_;
@@ -55,7 +55,7 @@ class CpuField : public RayRenderer {
   OccupancyMask mask_;
   CubeFrame cube_;
 
-  mutable Workspaces<RayBatch> batches_;
+  mutable ScratchPool<RayBatch> batches_;
 };
 
 /// @see CpuField

@@ -5,9 +5,9 @@
 #include <string>
 
 #include "backend/common/batch_room.h"
-#include "backend/cpu/cpu_engine.h"
-#include "math/pose_spread.h"
 #include "backend/common/plain_pose.h"
+#include "backend/cpu/cpu_backend.h"
+#include "math/pose_spread.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -24,7 +24,7 @@ Pose poseAround(const Pose& pose, const PoseSpread& spread, std::uint64_t seed, 
 
 // The best, without the flagged ones and those that stand where a better one does.
 std::vector<CpuHypothesis> survivorsOf(const std::vector<CpuHypothesis>& sorted,
-                                       const SelectPlan& plan) {
+                                       const ResamplingPlan& plan) {
   std::vector<CpuHypothesis> survivors;
   for (const CpuHypothesis& h : sorted) {
     if (!isLive(h) || static_cast<int>(survivors.size()) == plan.keep) break;
@@ -38,7 +38,8 @@ std::vector<CpuHypothesis> survivorsOf(const std::vector<CpuHypothesis>& sorted,
 }
 
 // Survivors and offspring of one search.
-std::vector<CpuHypothesis> selectedFrom(std::vector<CpuHypothesis> search, const SelectPlan& plan) {
+std::vector<CpuHypothesis> resampledFrom(std::vector<CpuHypothesis> search,
+                                         const ResamplingPlan& plan) {
   const auto flagged = plan.redraw ? std::count_if(search.begin(), search.end(),
                                                    [](const Hypothesis& h) { return !isLive(h); })
                                    : 0;
@@ -77,7 +78,7 @@ const CpuBatch& cpuBatch(const HypothesisBatch& batch) {
   return *own;
 }
 
-std::unique_ptr<HypothesisBatch> CpuEngine::batch(int capacity) {
+std::unique_ptr<HypothesisBatch> CpuBackend::batch(int capacity) {
   if (capacity < 1) {
     throw std::invalid_argument("batch capacity is " + std::to_string(capacity) +
                                 ", must be positive");
@@ -87,15 +88,15 @@ std::unique_ptr<HypothesisBatch> CpuEngine::batch(int capacity) {
   return batch;
 }
 
-void CpuEngine::scatter(HypothesisBatch* batch, const std::vector<Pose>& priors_T_O_C,
-                        const ScatterPlan& plan) {
+void CpuBackend::sample(HypothesisBatch* batch, const std::vector<Pose>& priors_T_O_C,
+                        const SamplingPlan& plan) {
   CpuBatch& own = cpuBatch(batch);
   requireRoom(priors_T_O_C.size(), plan, own.capacity);
   const PoseSpread spread = {plainVector(plan.rotation_rad), plainVector(plan.translation),
                              plan.rotate_about_object, plainVector(plan.object_centre)};
   own.searches = static_cast<int>(priors_T_O_C.size());
   own.prior_T_O_C = priors_T_O_C.front();
-  own.scatter = plan;
+  own.sampling = plan;
   own.hypotheses.clear();
   for (std::size_t search = 0; search < priors_T_O_C.size(); ++search) {
     const Pose& prior = priors_T_O_C[search];
@@ -108,7 +109,7 @@ void CpuEngine::scatter(HypothesisBatch* batch, const std::vector<Pose>& priors_
   }
 }
 
-void CpuEngine::select(HypothesisBatch* batch, const SelectPlan& plan) {
+void CpuBackend::resample(HypothesisBatch* batch, const ResamplingPlan& plan) {
   CpuBatch& own = cpuBatch(batch);
   requireRoom(plan, own.capacity, own.searches);
   std::vector<CpuHypothesis> all;
@@ -116,13 +117,13 @@ void CpuEngine::select(HypothesisBatch* batch, const SelectPlan& plan) {
   for (auto first = all.begin(); first != all.end();) {
     const auto last = std::find_if(first, all.end(),
                                    [&](const Hypothesis& h) { return h.search != first->search; });
-    const std::vector<CpuHypothesis> next = selectedFrom({first, last}, plan);
+    const std::vector<CpuHypothesis> next = resampledFrom({first, last}, plan);
     own.hypotheses.insert(own.hypotheses.end(), next.begin(), next.end());
     first = last;
   }
 }
 
-HypothesisTable CpuEngine::read(const HypothesisBatch& batch) {
+HypothesisTable CpuBackend::read(const HypothesisBatch& batch) {
   const CpuBatch& own = cpuBatch(batch);
   HypothesisTable table(own.hypotheses.begin(), own.hypotheses.end());
   std::stable_sort(table.begin(), table.end(), isBefore);

@@ -33,11 +33,11 @@ inline Vector load(const float* p) {
 }
 inline void store(float* p, Vector v) { memcpy(p, &v, sizeof v); }
 inline Vector broadcast(float x) { return x - Vector{}; }
-inline Vector select(IntVector mask, Vector a, Vector b) {
+inline Vector resample(IntVector mask, Vector a, Vector b) {
   return (Vector)((mask & (IntVector)a) | (~mask & (IntVector)b));
 }
-inline Vector minimum(Vector a, Vector b) { return select(a < b, a, b); }
-inline Vector maximum(Vector a, Vector b) { return select(a > b, a, b); }
+inline Vector minimum(Vector a, Vector b) { return resample(a < b, a, b); }
+inline Vector maximum(Vector a, Vector b) { return resample(a > b, a, b); }
 inline float sumLanes(Vector v) {
   float total = 0;
   for (int i = 0; i < kLanes; ++i) total += v[i];
@@ -368,7 +368,7 @@ inline void enterBox(const KernelSpace& space, const float* const origin[3],
     const Vector o = load(origin[a] + s);
     Vector d = load(direction[a] + s);
     // An axis that the ray does not move along: its faces are very far away.
-    d = select((d < 1e-12f) & (d > -1e-12f), broadcast(1e-12f), d);
+    d = resample((d < 1e-12f) & (d > -1e-12f), broadcast(1e-12f), d);
     const Vector inverse = 1.0f / d;
     const Vector t0 = (space.box_min[a] - o) * inverse, t1 = (space.box_max[a] - o) * inverse;
     entry = maximum(entry, minimum(t0, t1));
@@ -376,8 +376,8 @@ inline void enterBox(const KernelSpace& space, const float* const origin[3],
     rays->origin[a] = o;
     rays->direction[a] = d;
     rays->inverse[a] = inverse;
-    rays->ahead[a] = select(d < 0, Vector{}, broadcast(1));
-    rays->sign[a] = select(d < 0, broadcast(-1), broadcast(1));
+    rays->ahead[a] = resample(d < 0, Vector{}, broadcast(1));
+    rays->sign[a] = resample(d < 0, broadcast(-1), broadcast(1));
   }
   rays->entry = entry;
   rays->exit = exit;
@@ -401,15 +401,15 @@ inline IntVector lookAhead(const KernelSpace& space, const RayLanes& rays, Vecto
   }
   const IntVector block = (coarse[2] * space.coarse + coarse[1]) * space.coarse + coarse[0];
   const IntVector cell = (fine[2] * space.fine + fine[1]) * space.fine + fine[0];
-  IntVector distance = {}, matter = {};
+  IntVector distance = {}, occupied_volume = {};
   for (int i = 0; i < kLanes; ++i) {
     distance[i] = space.distance[block[i]];
-    matter[i] = -(space.bits[cell[i] >> 3] >> (cell[i] & 7) & 1);
+    occupied_volume[i] = -(space.bits[cell[i] >> 3] >> (cell[i] & 7) & 1);
   }
   const IntVector far = distance > 0;
-  const Vector radius = select(far, __builtin_convertvector(distance - 1, Vector), Vector{});
+  const Vector radius = resample(far, __builtin_convertvector(distance - 1, Vector), Vector{});
   const Vector size =
-      select(far, broadcast(1.0f / (float)space.coarse), broadcast(1.0f / (float)space.fine));
+      resample(far, broadcast(1.0f / (float)space.coarse), broadcast(1.0f / (float)space.fine));
   *way = broadcast(1e30f);
   for (int a = 0; a < 3; ++a) {
     const Vector corner = __builtin_convertvector((coarse[a] & far) | (fine[a] & ~far), Vector);
@@ -417,7 +417,7 @@ inline IntVector lookAhead(const KernelSpace& space, const RayLanes& rays, Vecto
     *way = minimum(*way, (face * size - p[a]) * rays.inverse[a]);
   }
   *way = maximum(*way, Vector{});
-  return matter & ~far;
+  return occupied_volume & ~far;
 }
 
 void firstSamples(const KernelSpace& space, const float* const origin[3],
@@ -513,7 +513,7 @@ void reluGradient(const float* activation, float* gradient, int rows, int n, int
     const float* a = activation + (int64_t)r * stride;
     float* g = gradient + (int64_t)r * stride;
     for (int s = 0; s < n; s += kLanes) {
-      store(g + s, select(load(a + s) > 0, load(g + s), Vector{}));
+      store(g + s, resample(load(a + s) > 0, load(g + s), Vector{}));
     }
   }
 }
@@ -573,9 +573,9 @@ void adam(float* values, float* first_moment, float* second_moment, float* gradi
     const Vector m = beta1 * m0 + (1 - beta1) * g;
     const Vector v = beta2 * v0 + (1 - beta2) * g * g;
     const Vector p = p0 - learning_rate * m / (squareRoot(v) + epsilon);
-    const Vector updated = select(touched, p, p0);
-    store(first_moment + i, select(touched, m, m0));
-    store(second_moment + i, select(touched, v, v0));
+    const Vector updated = resample(touched, p, p0);
+    store(first_moment + i, resample(touched, m, m0));
+    store(second_moment + i, resample(touched, v, v0));
     store(values + i, updated);
     store(gradient + i, Vector{});
     if (half_values) {

@@ -4,11 +4,11 @@
 #include <stdexcept>
 #include <string>
 
-#include "backend/cpu/cpu_engine.h"
+#include "backend/cpu/cpu_backend.h"
+#include "backend/cpu/rendered_image.h"
+#include "concurrency/parallel.h"
 #include "image/filter.h"
 #include "image/resample.h"
-#include "concurrency/parallel.h"
-#include "backend/cpu/picture.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -48,10 +48,10 @@ ObservedLevel observeLevel(const Observation& observation, const Image& pack,
   level.image = Image(weighted.width, weighted.height, 3);
   level.weight = Image(weighted.width, weighted.height, 1);
   if (has_alpha) level.alpha = level.weight;
-  level.blurred = Image(weighted.width, weighted.height, kPictureChannels);
+  level.blurred = Image(weighted.width, weighted.height, kImageChannels);
   for (std::size_t i = 0; i < weighted.pixels(); ++i) {
     const float* from = weighted.values.data() + 5 * i;
-    float* blurred = level.blurred.values.data() + kPictureChannels * i;
+    float* blurred = level.blurred.values.data() + kImageChannels * i;
     const float inverse = from[4] > 1e-6f ? 1 / from[4] : 0.0f;
     for (int c = 0; c < 4; ++c) blurred[c] = inverse * from[c];
     blurred[kWeight] = from[4];
@@ -61,14 +61,14 @@ ObservedLevel observeLevel(const Observation& observation, const Image& pack,
   }
   Image scratch;
   const double scale = plan.camera.fx / camera.fx;
-  blurPicture(gaussianKernel(remainingBlur(plan.blur_px, scale)), &level.blurred, &scratch);
+  blurImage(gaussianKernel(remainingBlur(plan.blur_px, scale)), &level.blurred, &scratch);
   return level;
 }
 
 }  // namespace
 
-std::shared_ptr<const LoadedObservation> CpuEngine::observe(const Observation& observation,
-                                                            const std::vector<ImageLevel>& levels) {
+std::shared_ptr<const LoadedObservation> CpuBackend::observe(
+    const Observation& observation, const std::vector<ImageLevel>& levels) {
   observation.validate();
   auto observed = std::make_shared<CpuObservation>();
   observed->background = observation.background;

@@ -5,10 +5,10 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "field/matter.h"
-#include "math/half.h"
-#include "concurrency/parallel.h"
 #include "backend/common/training_setup.h"
+#include "concurrency/parallel.h"
+#include "field/occupied_volume.h"
+#include "math/half.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -27,7 +27,8 @@ CpuTrainer::Slot::Slot(const CpuNetworks& networks) {
 }
 
 CpuTrainer::CpuTrainer(const FieldConfig& config, const Box& box, std::vector<TrainingView> views,
-                       const TrainingPlan& plan, const CpuKernels& kernels, int threads, Work* work)
+                       const TrainingPlan& plan, const CpuKernels& kernels, int threads,
+                       CostCounters* work)
     : config_((config.validate(), config)),
       box_(box),
       cube_(box),
@@ -70,8 +71,9 @@ void CpuTrainer::initialiseParameters() {
 }
 
 float CpuTrainer::learningRate(double progress) const {
-  return static_cast<float>(plan_.learning_rate *
-                            learningRateShare(steps_, progress, plan_.final_learning_rate_factor));
+  return static_cast<float>(
+      plan_.learning_rate *
+      learningRateFraction(steps_, progress, plan_.final_learning_rate_factor));
 }
 
 CpuTrainer::TrainingRay CpuTrainer::drawRay(std::uint64_t index) const {
@@ -122,7 +124,8 @@ bool CpuTrainer::trainGroup(RayBatch* batch, Slot* slot, std::uint64_t first_ray
   return true;
 }
 
-void CpuTrainer::countForward(std::uint64_t densities, std::uint64_t colours, Work* work) const {
+void CpuTrainer::countForward(std::uint64_t densities, std::uint64_t colours,
+                              CostCounters* work) const {
   const double n = static_cast<double>(densities), m = static_cast<double>(colours);
   work->samples += densities;
   work->colour_samples += colours;
@@ -132,7 +135,7 @@ void CpuTrainer::countForward(std::uint64_t densities, std::uint64_t colours, Wo
 
 /// A layer's way back costs as much as its way there for its inputs, and again for its weights;
 /// interpolation only once.
-void CpuTrainer::countBackward(std::uint64_t columns, Work* work) const {
+void CpuTrainer::countBackward(std::uint64_t columns, CostCounters* work) const {
   const double n = static_cast<double>(columns);
   work->gathers += networks_.gathersPerSample() * n;
   work->flops += n * (2 * (networks_.densityFlops() + networks_.colourFlops()) -
@@ -185,11 +188,11 @@ void CpuTrainer::pushEmptySpaceDown(SamplePool* pool, Slot* slot, int slot_index
 
 void CpuTrainer::runSlot(int index, int first_ray, int rays) {
   Slot& slot = slots_[index];
-  Workspaces<RayBatch>::Lease batch = batches_.borrow();
+  ScratchPool<RayBatch>::Lease batch = batches_.borrow();
   slot.used_blocks = 0;
   slot.loss = 0;
   slot.samples = 0;
-  slot.work = Work();
+  slot.work = CostCounters();
   for (std::vector<float>& gradient : slot.weight_gradients) {
     std::fill(gradient.begin(), gradient.end(), 0.0f);
   }
@@ -258,7 +261,7 @@ double CpuTrainer::step(double progress) {
   updateNetworks(learning_rate);
   double loss = 0;
   std::uint64_t samples = 0;
-  Work work;
+  CostCounters work;
   for (const Slot& slot : slots_) {
     loss += slot.loss;
     samples += slot.samples;
@@ -271,7 +274,7 @@ double CpuTrainer::step(double progress) {
   return loss;
 }
 
-Field CpuTrainer::snapshot(const StopToken& stop) {
+Field CpuTrainer::snapshot(const CancellationToken& stop) {
   Field field;
   field.config = config_;
   field.box = box_;
@@ -282,7 +285,7 @@ Field CpuTrainer::snapshot(const StopToken& stop) {
   gatherWeights(networks_.colour, field.colour_weights.data());
   std::vector<float> cell_opacity;
   field.occupancy = occupancy_.dense(view_, networks_, threads_, stop, &cell_opacity, work_);
-  const MatterExtent extent = measureMatter(field, cell_opacity);
+  const OccupiedExtent extent = measureOccupiedVolume(field, cell_opacity);
   field.metadata.centre = extent.centre;
   field.metadata.diameter = extent.diameter;
   field.metadata.seed = plan_.seed;

@@ -4,16 +4,16 @@
 #include <memory>
 #include <vector>
 
+#include "backend/backend.h"
+#include "backend/common/pixel_window.h"
+#include "backend/common/scratch_pool.h"
+#include "backend/common/training_occupancy.h"
 #include "backend/cpu/cpu_field.h"
 #include "backend/cpu/cpu_kernels.h"
 #include "backend/cpu/cpu_networks.h"
-#include "backend/engine.h"
+#include "backend/cpu/ray_batch.h"
 #include "backend/training.h"
 #include "math/training.h"
-#include "backend/common/pixel_window.h"
-#include "backend/cpu/ray_batch.h"
-#include "backend/common/training_occupancy.h"
-#include "backend/common/workspaces.h"
 
 namespace nerf_pose_refiner {
 
@@ -24,12 +24,12 @@ class CpuTrainer : public FieldTrainer {
  public:
   /// @param work is added to, as long as the trainer lives.
   CpuTrainer(const FieldConfig& config, const Box& box, std::vector<TrainingView> views,
-             const TrainingPlan& plan, const CpuKernels& kernels, int threads, Work* work);
+             const TrainingPlan& plan, const CpuKernels& kernels, int threads, CostCounters* work);
 
   double step(double progress) override;
   int stepsDone() const override { return steps_; }
-  Field finish(const StopToken& stop) override { return snapshot(stop); }
-  Field snapshot(const StopToken& stop) override;
+  Field finish(const CancellationToken& stop) override { return snapshot(stop); }
+  Field snapshot(const CancellationToken& stop) override;
 
  private:
   /// Numbers and the optimiser's memory of them.
@@ -50,7 +50,7 @@ class CpuTrainer : public FieldTrainer {
     std::size_t used_blocks = 0;
     double loss = 0;
     std::uint64_t samples = 0;  ///< of the rays
-    Work work;                  ///< all of it
+    CostCounters work;          ///< all of it
     explicit Slot(const CpuNetworks& networks);
   };
   struct TrainingRay {
@@ -63,8 +63,8 @@ class CpuTrainer : public FieldTrainer {
   void runSlot(int slot, int first_ray, int rays);
   bool trainGroup(RayBatch* batch, Slot* slot, std::uint64_t first_ray, int rays);
   void pushEmptySpaceDown(SamplePool* pool, Slot* slot, int slot_index);
-  void countForward(std::uint64_t densities, std::uint64_t colours, Work* work) const;
-  void countBackward(std::uint64_t columns, Work* work) const;
+  void countForward(std::uint64_t densities, std::uint64_t colours, CostCounters* work) const;
+  void countBackward(std::uint64_t columns, CostCounters* work) const;
   void keepEncodingGradient(SamplePool* pool, int columns, Slot* slot);
   void updateGridLevel(int level, float learning_rate);
   void updateNetworks(float learning_rate);
@@ -78,7 +78,7 @@ class CpuTrainer : public FieldTrainer {
   TrainingPlan plan_;
   const CpuKernels* kernels_;
   int threads_;
-  Work* work_;
+  CostCounters* work_;
 
   CpuNetworks networks_;
   Parameters grid_;
@@ -86,7 +86,7 @@ class CpuTrainer : public FieldTrainer {
   std::vector<Parameters> layers_;  ///< density layers, colour layers, padded
   FieldView view_;
   TrainingOccupancy occupancy_;
-  Workspaces<RayBatch> batches_;
+  ScratchPool<RayBatch> batches_;
   std::vector<Slot> slots_;
   int steps_ = 0;
   int rays_per_step_;

@@ -4,9 +4,9 @@
 #include <cstdint>
 #include <vector>
 
-#include "backend/ray_renderer.h"
 #include "backend/common/ray_march.h"
 #include "backend/cpu/sample_pool.h"
+#include "backend/ray_renderer.h"
 
 namespace nerf_pose_refiner {
 

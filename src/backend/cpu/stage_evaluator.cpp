@@ -6,10 +6,10 @@
 
 #include "backend/common/alignment_rules.h"
 #include "backend/common/local_contrast.h"
+#include "backend/cpu/rendered_image.h"
+#include "concurrency/parallel.h"
 #include "image/filter.h"
 #include "math/local_contrast.h"
-#include "concurrency/parallel.h"
-#include "backend/cpu/picture.h"
 
 // Sums are taken over chunks of rows whose size is fixed, chunk after chunk, so that they are the
 // same for any number of threads.
@@ -23,18 +23,18 @@ constexpr int kRowsPerChunk = kTileSide;
 
 StageEvaluator::StageEvaluator(const RayRenderer& scene, const CpuObservation& observation,
                                int level, const AlignStage& stage, int threads,
-                               const StopToken& stop, Work* work)
+                               const CancellationToken& stop, CostCounters* work)
     : scene_(scene), stage_(stage), threads_(threads), stop_(stop), work_(work) {
   target_.level = &observedLevel(observation, level);
   target_.observed = &target_.level->blurred;
   target_.centre = scene.field().metadata.centre;
   target_.rules = comparisonRules(observation.background, observation.background_colour, stage);
-  target_.fit_light = stage.fit_gain_bias;
+  target_.fit_gain_bias = stage.fit_gain_bias;
   needs_regions_ = target_.rules.kind == Comparison::kRegions;
   // A lattice of n x n rays has a variance of (1 - 1 / n^2) / 12 of a pixel along each axis.
   const double n = stage.rays_per_side;
   const double blur = target_.level->blur_px;
-  picture_kernel_ = gaussianKernel(std::sqrt(std::max(0.0, blur * blur - (1 - 1 / (n * n)) / 12)));
+  image_kernel_ = gaussianKernel(std::sqrt(std::max(0.0, blur * blur - (1 - 1 / (n * n)) / 12)));
   if (stage.compare_contrast) {
     const Camera& camera = target_.level->camera;
     contrast_window_ = gaussianKernel(contrastWindow(camera.width, camera.height));
@@ -44,30 +44,30 @@ StageEvaluator::StageEvaluator(const RayRenderer& scene, const CpuObservation& o
 }
 
 void StageEvaluator::render(const std::vector<Evaluation*>& evaluations) {
-  std::vector<PictureRequest> requests;
+  std::vector<ImageRequest> requests;
   for (Evaluation* e : evaluations) {
-    requests.push_back({target_.level->camera, e->T_O_C, stage_.rays_per_side, &e->picture});
+    requests.push_back({target_.level->camera, e->T_O_C, stage_.rays_per_side, &e->image});
   }
   RenderOptions options;
   options.step_scale = stage_.step_scale;
   options.min_transmittance = stage_.min_transmittance;
-  renderPictures(scene_, requests, options, threads_, stop_, work_);
+  renderImages(scene_, requests, options, threads_, stop_, work_);
   const std::vector<float>& weight = target_.level->weight.values;
   for (Evaluation* e : evaluations) {
     for (std::size_t i = 0; i < weight.size(); ++i) {
-      e->picture.values[kPictureChannels * i + kWeight] = weight[i];
+      e->image.values[kImageChannels * i + kWeight] = weight[i];
     }
   }
 }
 
 void StageEvaluator::buildRegions(const std::vector<Evaluation*>& evaluations) {
-  std::vector<const Image*> pictures;
-  std::vector<GainBias<float>> lights;
+  std::vector<const Image*> images;
+  std::vector<GainBias<float>> gain_biases;
   for (Evaluation* e : evaluations) {
-    pictures.push_back(&e->picture);
-    lights.push_back(e->light);
+    images.push_back(&e->image);
+    gain_biases.push_back(e->gain_bias);
   }
-  regions_ = modelRegions(*target_.level, pictures, lights, picture_kernel_);
+  regions_ = modelRegions(*target_.level, images, gain_biases, image_kernel_);
   target_.regions = &regions_;
   target_.observed = &regions_.observed;
   needs_regions_ = false;
@@ -87,13 +87,13 @@ std::vector<Sums> StageEvaluator::sumChunks(int count, const SumRows& sum_rows) 
   return sums;
 }
 
-void StageEvaluator::fitLights(const std::vector<Evaluation*>& evaluations) {
+void StageEvaluator::fitGainBiases(const std::vector<Evaluation*>& evaluations) {
   const int count = static_cast<int>(evaluations.size());
   for (int pass = 0; pass < 2; ++pass) {
-    const auto moments = sumChunks<LightMoments>(count, [&](int i, int first, int last) {
-      return sumLight(target_, evaluations[i]->picture, evaluations[i]->light, first, last);
+    const auto moments = sumChunks<GainBiasMoments>(count, [&](int i, int first, int last) {
+      return sumGainBias(target_, evaluations[i]->image, evaluations[i]->gain_bias, first, last);
     });
-    for (int i = 0; i < count; ++i) evaluations[i]->light = solveLight(moments[i]);
+    for (int i = 0; i < count; ++i) evaluations[i]->gain_bias = solveGainBias(moments[i]);
   }
 }
 
@@ -101,18 +101,18 @@ void StageEvaluator::blurAll(const std::vector<Evaluation*>& evaluations) {
   parallelFor(threads_, static_cast<int>(evaluations.size()), [&](int i) {
     Evaluation& e = *evaluations[i];
     if (comparesContrasts()) {
-      e.behind = seenBehind(target_.level->image, e.picture);
-      blurPicture(picture_kernel_, &e.behind, &e.scratch);
+      e.behind = seenBehind(target_.level->image, e.image);
+      blurImage(image_kernel_, &e.behind, &e.scratch);
     }
-    blurPicture(picture_kernel_, &e.picture, &e.scratch);
+    blurImage(image_kernel_, &e.image, &e.scratch);
   });
 }
 
-// From here on the pictures hold contrasts, which know no light.
+// From here on the images hold contrasts, which know no light.
 void StageEvaluator::takeContrasts(const std::vector<Evaluation*>& evaluations) {
   parallelFor(threads_, static_cast<int>(evaluations.size()), [&](int i) {
-    takeContrastBefore(evaluations[i]->behind, evaluations[i]->light, contrast_window_,
-                       &evaluations[i]->picture);
+    takeContrastBefore(evaluations[i]->behind, evaluations[i]->gain_bias, contrast_window_,
+                       &evaluations[i]->image);
   });
   target_.observed = &observed_contrast_;
 }
@@ -122,16 +122,16 @@ void StageEvaluator::evaluate(const std::vector<Evaluation*>& evaluations) {
   render(evaluations);
   if (comparesContrasts()) target_.observed = &target_.level->blurred;
   if (needs_regions_) {
-    if (target_.fit_light) fitLights(evaluations);
+    if (target_.fit_gain_bias) fitGainBiases(evaluations);
     buildRegions(evaluations);
   }
   blurAll(evaluations);
-  if (target_.fit_light) fitLights(evaluations);
+  if (target_.fit_gain_bias) fitGainBiases(evaluations);
   if (comparesContrasts()) takeContrasts(evaluations);
   const auto sums = sumChunks<AlignmentSums>(count, [&](int i, int first, int last) {
     const Evaluation& e = *evaluations[i];
-    const GainBias<float> light = comparesContrasts() ? GainBias<float>() : e.light;
-    return sumAlignment(target_, e.picture, e.T_O_C, light, first, last);
+    const GainBias<float> gain_bias = comparesContrasts() ? GainBias<float>() : e.gain_bias;
+    return sumAlignment(target_, e.image, e.T_O_C, gain_bias, first, last);
   });
   for (int i = 0; i < count; ++i) evaluations[i]->sums = sums[i];
 }

@@ -12,8 +12,8 @@
 #include <memory>
 #include <string>
 
-#include "ros/nodelet/transform_input.h"
 #include "ros/capture/view_capture.h"
+#include "ros/nodelet/transform_input.h"
 
 namespace nerf_pose_refiner {
 

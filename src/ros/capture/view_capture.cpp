@@ -8,13 +8,13 @@
 
 #include "dataset/path_below.h"
 #include "image/sharpness.h"
-#include "ros/services/object_store.h"
 #include "ros/conversions/pose_conversions.h"
+#include "ros/services/object_store.h"
 
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr std::size_t kMostWaiting = 30;  // images: a second's, whose TF is late
+constexpr std::size_t kMaxWaiting = 30;  // images: a second's, whose TF is late
 
 void readPoint(ParamReader* reader, const std::string& name, Eigen::Vector3d* point, bool* given) {
   const std::optional<std::vector<double>> numbers = reader->numbers(name);
@@ -28,7 +28,7 @@ void require(bool holds, const std::string& text) {
   if (!holds) throw std::invalid_argument(text);
 }
 
-/// The picture with the mask as its alpha.
+/// The image with the mask as its alpha.
 Image8 withAlpha(const Image8& rgb, const Image8& mask) {
   Image8 rgba(rgb.width, rgb.height, 4);
   for (std::size_t i = 0; i < rgb.pixels(); ++i) {
@@ -126,7 +126,7 @@ void ViewCapture::add(const CapturedImage& image) {
   if (!capturing()) return;
   ++counts_.images;
   waiting_.push_back(image);
-  if (waiting_.size() <= kMostWaiting) return;
+  if (waiting_.size() <= kMaxWaiting) return;
   waiting_.pop_front();
   ++counts_.no_transform;
   counts_.message = "TF is late: images are left out";
@@ -177,13 +177,13 @@ void ViewCapture::judge(const CapturedImage& image, const Pose& T_O_C) {
   checkImage(*image.image, camera_.camera);
   const Image8 rgb = rgbPixels(*image.image);
   switch (selection_->judge(T_O_C, sharpness(rgb))) {
-    case ViewVerdict::kBlurred:
+    case ViewDecision::kBlurred:
       ++counts_.blurred;
       return;
-    case ViewVerdict::kTooNear:
+    case ViewDecision::kTooNear:
       ++counts_.too_near;
       return;
-    case ViewVerdict::kKeep:
+    case ViewDecision::kKeep:
       break;
   }
   const bool full = parameters_.max_views > 0 && selection_->kept() >= parameters_.max_views;
@@ -209,7 +209,7 @@ std::string ViewCapture::incompleteness() const {
            " are needed (~min_views)";
   }
   const Coverage& coverage = selection_->coverage();
-  if (coverage.share() >= parameters_.min_coverage) return "";
+  if (coverage.fraction() >= parameters_.min_coverage) return "";
   std::string text = "too one-sided (~min_coverage): no view from";
   for (const std::string& name : coverage.missing()) text += " " + name;
   return text + " of " + parameters_.object_reference_frame;
@@ -236,7 +236,7 @@ CaptureStatus ViewCapture::status() const {
   status.dataset = parameters_.name;
   if (capturing()) {
     status.views = static_cast<std::uint32_t>(selection_->kept());
-    status.coverage = static_cast<float>(selection_->coverage().share());
+    status.coverage = static_cast<float>(selection_->coverage().fraction());
     status.missing = selection_->coverage().missing();
   }
   return status;

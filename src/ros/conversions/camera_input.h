@@ -7,49 +7,49 @@
 #include <memory>
 #include <optional>
 
-#include "nerf_pose_refiner/observation.h"
-#include "nerf_pose_refiner/camera.h"
 #include "image/undistort.h"
+#include "nerf_pose_refiner/camera.h"
+#include "nerf_pose_refiner/observation.h"
 
 namespace nerf_pose_refiner {
 
-/// The camera that took a picture, and how its lens bends it.
+/// The camera that took an image, and how its lens bends it.
 struct CameraModel {
   Camera camera;
-  Distortion distortion;  ///< empty for a rectified picture
+  Distortion distortion;  ///< empty for a rectified image
 };
 
 /// Reads camera_info, with its binning and region of interest (REP-104).
-/// @param rectified the picture is rectified: P counts; otherwise K and D.
+/// @param rectified the image is rectified: P counts; otherwise K and D.
 /// @throws InputError if the camera is not calibrated, is the right one of a stereo pair, or has a
 /// distortion model other than plumb_bob and rational_polynomial; the message names what converts.
 CameraModel cameraFromMessage(const sensor_msgs::CameraInfo& info, bool rectified);
 
-/// Whether a picture can be used at all, without looking at its pixels.
+/// Whether an image can be used at all, without looking at its pixels.
 /// @throws InputError if it has no stamp or frame, has an encoding other than rgb8, bgr8, rgba8,
 /// bgra8 and mono8, holds more or less data than its size says, or is not of the camera's size. For
 /// other encodings the message names what converts.
 void checkImage(const sensor_msgs::Image& image, const Camera& camera);
 
-/// The pixels of a picture that passed checkImage as they are, RGB.
+/// The pixels of an image that passed checkImage as they are, RGB.
 Image8 rgbPixels(const sensor_msgs::Image& image);
 
 /// 255 where a mask is not zero, else 0, [h][w][1]. @param what it is called in messages.
 /// @throws InputError if it is not mono8 or not of the camera's size.
 Image8 maskPixels(const char* what, const sensor_msgs::Image& mask, const Camera& camera);
 
-/// camera_info of an undistorted picture.
+/// camera_info of an undistorted image.
 sensor_msgs::CameraInfo toMessage(const Camera& camera);
 
-/// What else is known of a picture, pixel by pixel: mono8, of its size; raw if it is. Each may be
+/// What else is known of an image, pixel by pixel: mono8, of its size; raw if it is. Each may be
 /// null.
 struct ImageMasks {
   sensor_msgs::ImageConstPtr object;   ///< not zero: shows the object
   sensor_msgs::ImageConstPtr ignored;  ///< not zero: to be left out, the robot's gripper say
 };
 
-/// Pictures of a camera as observations for the refiner: RGB, undistorted, with an unknown
-/// background or a mask. Keeps the undistortion maps from one picture to the next. One thread at a
+/// Images of a camera as observations for the refiner: RGB, undistorted, with an unknown
+/// background or a mask. Keeps the undistortion maps from one image to the next. One thread at a
 /// time.
 class CameraInput {
  public:

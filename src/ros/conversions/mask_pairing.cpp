@@ -8,7 +8,7 @@ namespace nerf_pose_refiner {
 void MaskPairing::Masks::add(const sensor_msgs::ImageConstPtr& mask, const ros::WallTime& now) {
   last = now;
   waiting.push_back(mask);
-  if (waiting.size() > kMost) waiting.pop_front();
+  if (waiting.size() > kMax) waiting.pop_front();
 }
 
 sensor_msgs::ImageConstPtr MaskPairing::Masks::find(const ros::Time& stamp) const {
@@ -43,7 +43,7 @@ void MaskPairing::add(const CameraFrame& frame, const ros::WallTime& now) {
   }
   if (object_.last.isZero()) object_.last = now;  // the first mask is waited for, too
   frames_.push_back(frame);
-  if (frames_.size() > kMost) {
+  if (frames_.size() > kMax) {
     frames_.pop_front();
     ++dropped_;
   }

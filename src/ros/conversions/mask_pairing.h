@@ -8,8 +8,8 @@
 #include <functional>
 #include <mutex>
 
-#include "ros/nodelet/object_tracker.h"
 #include "ros/conversions/parameters.h"
+#include "ros/nodelet/object_tracker.h"
 
 namespace nerf_pose_refiner {
 
@@ -25,7 +25,7 @@ namespace nerf_pose_refiner {
 class MaskPairing {
  public:
   /// Images that wait, and masks of each kind: so many at most.
-  static constexpr std::size_t kMost = 100;
+  static constexpr std::size_t kMax = 100;
 
   using Emit = std::function<void(CameraFrame)>;
 

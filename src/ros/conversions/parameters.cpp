@@ -69,7 +69,7 @@ void readStages(ParamReader& read, std::vector<AlignStageSettings>& stages) {
   }
 }
 
-void readDescent(ParamReader& read, DescentPlan& descent) {
+void readDescent(ParamReader& read, OptimisationPlan& descent) {
   std::string loss = lossName(descent.loss);
   read.get("loss", loss);
   descent.loss = lossFromName(loss);
@@ -81,7 +81,7 @@ void readDescent(ParamReader& read, DescentPlan& descent) {
   read.get("rotation_learning_rate", descent.rotation_learning_rate);
   read.get("decay", descent.schedule.decay);
   read.get("decay_updates", descent.schedule.decay_updates);
-  read.get("anneal_share", descent.schedule.anneal_share);
+  read.get("anneal_share", descent.schedule.anneal_fraction);
   read.get("beta1", descent.beta1);
   read.get("beta2", descent.beta2);
   read.get("epsilon", descent.epsilon);
@@ -100,7 +100,7 @@ void readInversion(ParamReader& read, InversionSettings& inversion) {
   read.get("round_steps", inversion.round_steps);
   read.get("spread_rotation_rad", inversion.spread_rotation_rad);
   read.get("spread_translation", inversion.spread_translation);
-  read.get("keep_share", inversion.keep_share);
+  read.get("keep_share", inversion.keep_fraction);
   read.get("keep_decay", inversion.keep_decay);
   read.get("keep_at_least", inversion.keep_at_least);
   read.get("jitter_rotation_rad", inversion.jitter_rotation_rad);
@@ -164,7 +164,7 @@ void readDiagnostics(ParamReader& read, DiagnosticSettings& diagnostics) {
   read.rejectUnknown();
 }
 
-void requireShare(const std::string& name, double value) {
+void requireFraction(const std::string& name, double value) {
   if (!(value >= 0 && value <= 1)) throwRange(name, value, "in 0..1");
 }
 
@@ -187,7 +187,7 @@ PoseRefinerParameters::PoseRefinerParameters() {
   tracking.refiner = RefinerSettings::named(tracking.preset);
 }
 
-EngineChoice PoseRefinerParameters::engineChoice() const {
+BackendChoice PoseRefinerParameters::backendChoice() const {
   return {backend, threads, instruction_set, device};
 }
 
@@ -200,15 +200,15 @@ void PoseRefinerParameters::validate() const {
   requirePositive("~tf_cache_s", frames.tf_cache_s);
   requirePositive("~initial_pose_max_age_s", rules.initial_pose_max_age_s);
   requireNotNegative("~image_timeout_s", rules.image_timeout_s);
-  requireShare("~tracker/trust_score", rules.trust_score);
-  requireShare("~tracker/min_score", rules.min_score);
+  requireFraction("~tracker/trust_score", rules.trust_score);
+  requireFraction("~tracker/min_score", rules.min_score);
   if (rules.min_score > rules.trust_score) {
     throwRange("~tracker/min_score", rules.min_score, "at most ~tracker/trust_score");
   }
   requireNotNegative("~recover_s", rules.recover_s);
   requireNotNegative("~tracker/max_failures", rules.max_failures);
   if (overlay.width_px < 16) throwRange("~overlay/width_px", overlay.width_px, ">= 16");
-  requireShare("~overlay/opacity", overlay.opacity);
+  requireFraction("~overlay/opacity", overlay.opacity);
   requireNotNegative("~diagnostics/min_image_rate_hz", diagnostics.min_image_rate_hz);
   requirePositive("~diagnostics/max_image_age_s", diagnostics.max_image_age_s);
   validateSearch("refiner", initial);

@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "backend/make_engine.h"
+#include "backend/make_backend.h"
 #include "refinement/settings.h"
 #include "registration/registrar.h"
 #include "ros/conversions/param_reader.h"
@@ -86,10 +86,10 @@ struct PoseRefinerParameters {
   std::string dataset_root;  ///< photos to learn from are read below this folder
   std::string image_transport = "raw";
   bool image_is_rectified = false;
-  std::string backend = "auto";          ///< auto, cpu or cuda, @see EngineChoice
-  int device = 0;                        ///< of the CUDA engine: number of the GPU
-  int threads = 0;                       ///< of the CPU engine; 0: all cores
-  std::string instruction_set = "auto";  ///< of the CPU engine
+  std::string backend = "auto";          ///< auto, cpu or cuda, @see BackendChoice
+  int device = 0;                        ///< of the CUDA backend: number of the GPU
+  int threads = 0;                       ///< of the CPU backend; 0: all cores
+  std::string instruction_set = "auto";  ///< of the CPU backend
   MaskSettings masks;
   OverlaySettings overlay;
   DiagnosticSettings diagnostics;
@@ -101,8 +101,8 @@ struct PoseRefinerParameters {
 
   PoseRefinerParameters();
 
-  /// The engine to search and to learn with.
-  EngineChoice engineChoice() const;
+  /// The backend to search and to learn with.
+  BackendChoice backendChoice() const;
 
   /// @throws std::invalid_argument naming the parameter and the value that is out of range.
   void validate() const;

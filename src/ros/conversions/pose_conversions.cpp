@@ -71,8 +71,8 @@ geometry_msgs::TransformStamped toTransform(const geometry_msgs::PoseStamped& po
   return transform;
 }
 
-StartPose startFromMessage(const geometry_msgs::PoseStamped& message) {
-  StartPose start;
+InitialPose startFromMessage(const geometry_msgs::PoseStamped& message) {
+  InitialPose start;
   start.T_P_U = fromMessage(message.pose);
   start.frame_id = withoutSlash(message.header.frame_id);
   start.stamp = message.header.stamp;
@@ -82,11 +82,11 @@ StartPose startFromMessage(const geometry_msgs::PoseStamped& message) {
   return start;
 }
 
-StartPose startFromMessage(const geometry_msgs::PoseWithCovarianceStamped& message) {
+InitialPose startFromMessage(const geometry_msgs::PoseWithCovarianceStamped& message) {
   geometry_msgs::PoseStamped pose;
   pose.header = message.header;
   pose.pose = message.pose.pose;
-  StartPose start = startFromMessage(pose);
+  InitialPose start = startFromMessage(pose);
   const Eigen::Map<const Eigen::Matrix<double, 6, 6, Eigen::RowMajor>> values(
       message.pose.covariance.data());
   const Matrix6 covariance = values;

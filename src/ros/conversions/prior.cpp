@@ -24,7 +24,7 @@ double searchWidth(const Matrix6& covariance, int block) {
 }
 
 /// The covariance of the object's centre and orientation, in the axes that the start's has.
-Matrix6 covarianceOfCentre(const StartPose& start, const FieldMetadata& object) {
+Matrix6 covarianceOfCentre(const InitialPose& start, const FieldMetadata& object) {
   const ObjectFrame frame = ObjectFrame::inMetres(object);
   const Eigen::Matrix3d& R_P_U = start.T_P_U.R;
   const Eigen::Vector3d centre = R_P_U * frame.point(object.centre);  // from U's origin
@@ -37,7 +37,7 @@ Matrix6 covarianceOfCentre(const StartPose& start, const FieldMetadata& object) 
 
 }  // namespace
 
-Prior priorFrom(const StartPose& start, const Pose& T_C_U, const FieldMetadata& object,
+Prior priorFrom(const InitialPose& start, const Pose& T_C_U, const FieldMetadata& object,
                 const SearchSettings& settings) {
   Prior prior;
   prior.T_O_C = ObjectFrame::inMetres(object).cameraInModel(T_C_U);
@@ -61,13 +61,13 @@ Prior priorFrom(const StartPose& start, const Pose& T_C_U, const FieldMetadata& 
   return prior;
 }
 
-Verdict verdictOn(const Refinement& refinement, bool tracked, const TrackingRules& rules) {
+TrustVerdict checkTrust(const Refinement& refinement, bool tracked, const TrackingRules& rules) {
   switch (refinement.outcome) {
     case Outcome::kNoOverlap:
       return {Status::REASON_NO_OVERLAP, "the start pose lies outside of the image"};
     case Outcome::kDiverged:
       return {Status::REASON_DIVERGED, "no hypothesis survived"};
-    case Outcome::kStopped:
+    case Outcome::kCancelled:
       return {Status::REASON_STOPPED, "the refinement was interrupted"};
     case Outcome::kRefined:
       break;

@@ -18,16 +18,16 @@ namespace nerf_pose_refiner {
 /// nothing. Where they are zero, the settings say how wide.
 /// @param T_C_U where it is for the camera, at the image's time [m].
 /// @throws InputError (REASON_PRIOR_BAD_COVARIANCE) for a width that asks for the impossible.
-Prior priorFrom(const StartPose& start, const Pose& T_C_U, const FieldMetadata& object,
+Prior priorFrom(const InitialPose& start, const Pose& T_C_U, const FieldMetadata& object,
                 const SearchSettings& settings);
 
 /// Whether a refined pose is to be trusted.
-struct Verdict {
+struct TrustVerdict {
   std::uint8_t reason;  ///< RefinementStatus::REASON_NONE: it is; else why not
   std::string message;
 };
 
 /// @param tracked it began with the pose of the image before: the lower threshold holds.
-Verdict verdictOn(const Refinement& refinement, bool tracked, const TrackingRules& rules);
+TrustVerdict checkTrust(const Refinement& refinement, bool tracked, const TrackingRules& rules);
 
 }  // namespace nerf_pose_refiner

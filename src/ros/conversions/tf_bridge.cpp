@@ -23,7 +23,8 @@ TfBridge::TfBridge(tf2::BufferCore& buffer, const FrameSettings& frames)
         changes->changed.notify_all();
       })) {}
 
-Pose TfBridge::wait(const std::string& what, const Lookup& lookup, const StopToken& stop) const {
+Pose TfBridge::wait(const std::string& what, const Lookup& lookup,
+                    const CancellationToken& stop) const {
   // tf2_ros::Buffer waits by the ROS clock, which stands still in a simulation that is paused.
   using std::chrono::steady_clock;
   const auto deadline =
@@ -37,7 +38,7 @@ Pose TfBridge::wait(const std::string& what, const Lookup& lookup, const StopTok
     try {
       return fromMessage(lookup().transform);
     } catch (const tf2::TransformException& e) {
-      if (stop.stopRequested() || steady_clock::now() >= deadline) {
+      if (stop.cancelRequested() || steady_clock::now() >= deadline) {
         throw InputError(RefinementStatus::REASON_NO_TRANSFORM, what + ": " + e.what());
       }
     }
@@ -52,7 +53,7 @@ std::string TfBridge::outputFrame(const std::string& camera_frame) const {
 }
 
 Pose TfBridge::cameraInOutput(const std::string& camera_frame, const ros::Time& stamp,
-                              const StopToken& stop) const {
+                              const CancellationToken& stop) const {
   const std::string output_frame = outputFrame(camera_frame);
   if (output_frame == camera_frame) return Pose();
   return wait(
@@ -60,8 +61,8 @@ Pose TfBridge::cameraInOutput(const std::string& camera_frame, const ros::Time& 
       [&] { return buffer_.lookupTransform(output_frame, camera_frame, stamp); }, stop);
 }
 
-Pose TfBridge::startInCamera(const StartPose& start, const std::string& camera_frame,
-                             const ros::Time& stamp, const StopToken& stop) const {
+Pose TfBridge::startInCamera(const InitialPose& start, const std::string& camera_frame,
+                             const ros::Time& stamp, const CancellationToken& stop) const {
   const ros::Time since = start.stamp.isZero() ? stamp : start.stamp;
   const bool same_frame = start.frame_id == camera_frame;
   if (same_frame && (frames_.fixed_frame.empty() || since == stamp)) return start.T_P_U;

@@ -12,9 +12,9 @@
 #include <mutex>
 #include <string>
 
+#include "nerf_pose_refiner/cancellation_token.h"
 #include "nerf_pose_refiner/pose.h"
 #include "ros/nodelet/tracker_state.h"
-#include "nerf_pose_refiner/stop_token.h"
 
 namespace nerf_pose_refiner {
 
@@ -28,15 +28,15 @@ class TfBridge {
   /// The camera in ~output_frame (T_W_C, metres) at an image's time.
   /// @throws InputError if TF does not say it in time.
   Pose cameraInOutput(const std::string& camera_frame, const ros::Time& stamp,
-                      const StopToken& stop) const;
+                      const CancellationToken& stop) const;
 
   /// A start pose in the camera's frame C at an image's time (T_C_U, metres).
   ///
   /// Between its own time and the image's, the object stands still in ~fixed_frame; if that is not
   /// set, in the frame that the pose is given in.
   /// @throws InputError if TF does not say it in time.
-  Pose startInCamera(const StartPose& start, const std::string& camera_frame,
-                     const ros::Time& stamp, const StopToken& stop) const;
+  Pose startInCamera(const InitialPose& start, const std::string& camera_frame,
+                     const ros::Time& stamp, const CancellationToken& stop) const;
 
   /// Frame in which poses of this camera are published.
   std::string outputFrame(const std::string& camera_frame) const;
@@ -50,7 +50,7 @@ class TfBridge {
   };
 
   using Lookup = std::function<geometry_msgs::TransformStamped()>;
-  Pose wait(const std::string& what, const Lookup& lookup, const StopToken& stop) const;
+  Pose wait(const std::string& what, const Lookup& lookup, const CancellationToken& stop) const;
 
   const tf2::BufferCore& buffer_;
   FrameSettings frames_;

@@ -18,7 +18,7 @@ int main(int argc, char** argv) {
     cv_bridge::CvImage image(compressed->header, sensor_msgs::image_encodings::BGR8);
     try {
       if (!compressed->data.empty()) image.image = cv::imdecode(compressed->data, cv::IMREAD_COLOR);
-    } catch (const std::exception& e) {  // a header that asks for too large a picture, say
+    } catch (const std::exception& e) {  // a header that asks for too large an image, say
       ROS_ERROR_THROTTLE(5.0, "%s", e.what());
     }
     if (image.image.empty()) {

@@ -81,7 +81,7 @@ Diagnostics::Diagnostics(const ros::NodeHandle& nh, const ros::NodeHandle& pnh,
   updater_.add("tracking", this, &Diagnostics::fillTracking);
   updater_.add(images_);
   updater_.add(poses_);
-  updater_.add("engine", this, &Diagnostics::fillEngine);
+  updater_.add("engine", this, &Diagnostics::fillBackend);
   timer_ = pnh.createWallTimer(ros::WallDuration(1.0),
                                [this](const ros::WallTimerEvent&) { updater_.force_update(); });
 }
@@ -93,9 +93,9 @@ void Diagnostics::statusIs(const RefinementStatus& status) {
   status_ = status;
 }
 
-void Diagnostics::engineIs(const std::string& description) {
+void Diagnostics::backendIs(const std::string& description) {
   std::lock_guard<std::mutex> lock(mutex_);
-  engine_ = description;
+  backend_ = description;
 }
 
 void Diagnostics::showMemory(std::function<Facts()> memory) {
@@ -131,12 +131,12 @@ void Diagnostics::fillTracking(diagnostic_updater::DiagnosticStatusWrapper& repo
   since_ = now;
 }
 
-void Diagnostics::fillEngine(diagnostic_updater::DiagnosticStatusWrapper& report) {
+void Diagnostics::fillBackend(diagnostic_updater::DiagnosticStatusWrapper& report) {
   std::function<Facts()> memory;
   {
     std::lock_guard<std::mutex> lock(mutex_);
-    report.summary(Level::OK, engine_.empty() ? "none yet: made with the first model" : engine_);
-    report.add("engine", engine_.empty() ? std::string("none") : engine_);
+    report.summary(Level::OK, backend_.empty() ? "none yet: made with the first model" : backend_);
+    report.add("engine", backend_.empty() ? std::string("none") : backend_);
     memory = memory_;
   }
   if (!memory) return;

@@ -40,7 +40,7 @@ class TopicHealth : public diagnostic_updater::DiagnosticTask {
 };
 
 /// Reports on /diagnostics, by the wall clock, in four parts: images that come in, poses that go
-/// out, tracking (state, score, latency, age, drops), and the engine with its models.
+/// out, tracking (state, score, latency, age, drops), and the backend with its models.
 class Diagnostics {
  public:
   /// What else is known, in the order in which it is shown.
@@ -56,8 +56,8 @@ class Diagnostics {
   void posePublished(const ros::Time& stamp) { poses_.tick(stamp); }
   /// Whether images are listened to. Any thread.
   void expectImages(bool expected) { images_.expect(expected); }
-  /// The engine in use, in words. Any thread.
-  void engineIs(const std::string& description);
+  /// The backend in use, in words. Any thread.
+  void backendIs(const std::string& description);
   /// Asked with each report for what is to be shown of the memory: the GPU's, models in it.
   void showMemory(std::function<Facts()> memory);
   /// A callback, or the worker, ended with an exception. Any thread.
@@ -65,7 +65,7 @@ class Diagnostics {
 
  private:
   void fillTracking(diagnostic_updater::DiagnosticStatusWrapper& report);
-  void fillEngine(diagnostic_updater::DiagnosticStatusWrapper& report);
+  void fillBackend(diagnostic_updater::DiagnosticStatusWrapper& report);
 
   TopicHealth images_;
   TopicHealth poses_;
@@ -76,7 +76,7 @@ class Diagnostics {
   std::uint32_t processed_before_ = 0;
   std::uint32_t failures_ = 0;  ///< of callbacks
   std::string failure_;         ///< the last one's, since the last report
-  std::string engine_;
+  std::string backend_;
   std::function<Facts()> memory_;
   ros::WallTime since_;  ///< refined images are counted from then on
 

@@ -6,10 +6,10 @@
 #include <utility>
 
 #include "field/object_frame.h"
-#include "tracking/motion.h"
 #include "ros/conversions/input_error.h"
 #include "ros/conversions/pose_conversions.h"
 #include "ros/conversions/prior.h"
+#include "tracking/prediction.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -36,7 +36,7 @@ std::uint32_t ObjectTracker::readClock() {
   std::lock_guard<std::mutex> lock(mutex_);
   if (state_.clockIs(clock_())) {
     ++clock_jumps_;
-    running_.requestStop();
+    running_.requestCancel();
     transforms_->clear();
   }
   return clock_jumps_;
@@ -56,7 +56,7 @@ std::optional<std::string> ObjectTracker::refusal(const sensor_msgs::Image& imag
   }
 }
 
-void ObjectTracker::offer(const StartPose& initial_pose) {
+void ObjectTracker::offer(const InitialPose& initial_pose) {
   std::lock_guard<std::mutex> lock(mutex_);
   state_.offer(initial_pose);
 }
@@ -79,7 +79,7 @@ void ObjectTracker::modelFailed(std::uint8_t reason, const std::string& message)
 std::future<void> ObjectTracker::offerModel(std::shared_ptr<const Field> field, bool same_looks) {
   std::lock_guard<std::mutex> lock(mutex_);
   pending_models_.push_back({std::move(field), same_looks, {}});
-  if (!same_looks) running_.requestStop();
+  if (!same_looks) running_.requestCancel();
   return pending_models_.back().done.get_future();
 }
 
@@ -115,13 +115,13 @@ void ObjectTracker::applyModels() {
 void ObjectTracker::reset() {
   std::lock_guard<std::mutex> lock(mutex_);
   state_.reset();
-  running_.requestStop();
+  running_.requestCancel();
 }
 
 void ObjectTracker::setEnabled(bool enabled) {
   std::lock_guard<std::mutex> lock(mutex_);
   state_.setEnabled(enabled);
-  if (!enabled) running_.requestStop();
+  if (!enabled) running_.requestCancel();
 }
 
 void ObjectTracker::change(const PoseRefinerParameters& parameters) {
@@ -146,7 +146,7 @@ void ObjectTracker::applyChange() {
 void ObjectTracker::stop() {
   std::lock_guard<std::mutex> lock(mutex_);
   stopping_ = true;
-  running_.requestStop();
+  running_.requestCancel();
 }
 
 RefinementStatus ObjectTracker::statusNow(const std_msgs::Header& header) const {
@@ -172,12 +172,12 @@ void ObjectTracker::reportChange(const std_msgs::Header& header) {
 /// Nothing: the image came before time jumped back.
 std::optional<FrameDecision> ObjectTracker::decide(const CameraFrame& frame,
                                                    const std_msgs::Header& header,
-                                                   const StopToken& stop) {
+                                                   const CancellationToken& stop) {
   std::lock_guard<std::mutex> lock(mutex_);
   if (frame.clock_jumps != clock_jumps_) return std::nullopt;
   const FrameDecision decision = state_.decide(header.stamp, header.frame_id);
   running_ = stop;
-  if (stopping_) stop.requestStop();
+  if (stopping_) stop.requestCancel();
   if (decision.clock_jumped) transforms_->clear();
   return decision;
 }
@@ -185,7 +185,7 @@ std::optional<FrameDecision> ObjectTracker::decide(const CameraFrame& frame,
 std::optional<FrameResult> ObjectTracker::process(const CameraFrame& frame) {
   std_msgs::Header header = frame.image->header;
   header.frame_id = withoutSlash(header.frame_id);
-  const StopToken stop;
+  const CancellationToken stop;
   applyChange();
   const std::optional<FrameDecision> decision = decide(frame, header, stop);
   if (!decision) return std::nullopt;
@@ -230,8 +230,9 @@ RefinementStatus ObjectTracker::statusOf(const FrameResult& result, const Camera
 
 /// The start as the library has it; nothing: it cannot be used, and the state says why.
 std::optional<Prior> ObjectTracker::prepare(const std_msgs::Header& header,
-                                            const FrameDecision& decision, const StopToken& stop) {
-  const StartPose& start = *decision.start;
+                                            const FrameDecision& decision,
+                                            const CancellationToken& stop) {
+  const InitialPose& start = *decision.start;
   try {
     const Prior prior =
         priorFrom(start, tf_.startInCamera(start, header.frame_id, header.stamp, stop),
@@ -251,21 +252,21 @@ std::optional<Prior> ObjectTracker::prepare(const std_msgs::Header& header,
 /// Where the object is if it goes on as it did; where it was if TF knows nothing of the pose
 /// before.
 Prior ObjectTracker::predict(const Prior& last, const std_msgs::Header& header,
-                             const FrameDecision& decision, const StopToken& stop) {
-  const StartPose& before = *decision.before;
+                             const FrameDecision& decision, const CancellationToken& stop) {
+  const InitialPose& before = *decision.before;
   const double now = header.stamp.toSec(), since = decision.start->stamp.toSec();
   const double time_ratio = (now - since) / (since - before.stamp.toSec());
   try {
     const Pose T_C_U = tf_.startInCamera(before, header.frame_id, header.stamp, stop);
     const Pose T_O_C = ObjectFrame::inMetres(field_->metadata).cameraInModel(T_C_U);
-    return movedOn(last, T_O_C, time_ratio, field_->metadata);
+    return predictConstantVelocity(last, T_O_C, time_ratio, field_->metadata);
   } catch (const InputError&) {
     return last;
   }
 }
 
 void ObjectTracker::refine(const CameraFrame& frame, const std_msgs::Header& header,
-                           const FrameDecision& decision, const StopToken& stop,
+                           const FrameDecision& decision, const CancellationToken& stop,
                            FrameResult* result) {
   // Looked up now: when the refinement is done, the buffer may have forgotten.
   std::optional<Pose> T_W_C;
@@ -291,7 +292,7 @@ ObjectTracker::Trust ObjectTracker::conclude(const std_msgs::Header& header,
                                              const FrameDecision& decision,
                                              const Refinement& refinement) {
   const std::uint64_t ticket = decision.ticket;
-  const auto [reason, message] = verdictOn(refinement, decision.start->tracked, parameters_.rules);
+  const auto [reason, message] = checkTrust(refinement, decision.start->tracked, parameters_.rules);
   const Pose T_C_U = ObjectFrame::inMetres(field_->metadata).objectInCamera(refinement.T_O_C);
   std::lock_guard<std::mutex> lock(mutex_);
   if (reason == Status::REASON_NONE) {

@@ -16,10 +16,10 @@
 #include <string>
 
 #include "ros/conversions/camera_input.h"
-#include "tracking/object_search.h"
 #include "ros/conversions/parameters.h"
 #include "ros/conversions/tf_bridge.h"
 #include "ros/nodelet/tracker_state.h"
+#include "tracking/object_search.h"
 
 namespace nerf_pose_refiner {
 
@@ -67,7 +67,7 @@ class ObjectTracker {
   std::optional<std::string> refusal(const sensor_msgs::Image& image,
                                      const sensor_msgs::CameraInfo& info);
 
-  void offer(const StartPose& initial_pose);
+  void offer(const InitialPose& initial_pose);
   void refuseInitialPose(std::uint8_t reason, const std::string& message);
 
   void modelIsLoading();
@@ -105,13 +105,13 @@ class ObjectTracker {
 
   void applyChange();
   std::optional<FrameDecision> decide(const CameraFrame& frame, const std_msgs::Header& header,
-                                      const StopToken& stop);
+                                      const CancellationToken& stop);
   std::optional<Prior> prepare(const std_msgs::Header& header, const FrameDecision& decision,
-                               const StopToken& stop);
+                               const CancellationToken& stop);
   Prior predict(const Prior& last, const std_msgs::Header& header, const FrameDecision& decision,
-                const StopToken& stop);
+                const CancellationToken& stop);
   void refine(const CameraFrame& frame, const std_msgs::Header& header,
-              const FrameDecision& decision, const StopToken& stop, FrameResult* result);
+              const FrameDecision& decision, const CancellationToken& stop, FrameResult* result);
   Trust conclude(const std_msgs::Header& header, const FrameDecision& decision,
                  const Refinement& refinement);
   void place(const std_msgs::Header& header, const Pose& T_W_C, bool trusted,
@@ -135,7 +135,7 @@ class ObjectTracker {
   mutable std::mutex mutex_;  ///< guards all below; field_ is written by the worker alone
   TrackerState state_;
   std::uint32_t clock_jumps_ = 0;
-  StopToken running_;  ///< of the refinement under way
+  CancellationToken running_;  ///< of the refinement under way
   bool stopping_ = false;
   std::optional<PoseRefinerParameters> changed_;  ///< since the last image
   std::shared_ptr<const Field> field_;            ///< in use

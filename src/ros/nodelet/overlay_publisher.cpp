@@ -14,14 +14,14 @@
 
 namespace nerf_pose_refiner {
 OverlayPublisher::OverlayPublisher(const image_transport::CameraPublisher& publisher,
-                                   EngineFactory make_engine, const OverlaySettings& settings)
+                                   BackendFactory make_backend, const OverlaySettings& settings)
     : publisher_(publisher),
-      make_engine_(std::move(make_engine)),
+      make_backend_(std::move(make_backend)),
       settings_(settings),
       thread_([this] { run(); }) {}
 
 OverlayPublisher::~OverlayPublisher() {
-  stop_.requestStop();
+  stop_.requestCancel();
   jobs_.wake();
   thread_.join();
 }
@@ -36,7 +36,7 @@ void OverlayPublisher::draw(Job job) {
 }
 
 void OverlayPublisher::run() {
-  while (!stop_.stopRequested()) {
+  while (!stop_.cancelRequested()) {
     const std::optional<Job> job = jobs_.take(std::chrono::seconds(1));
     if (!job) {
       loaded_.reset();  // so that a model that is no longer tracked can go
@@ -46,15 +46,15 @@ void OverlayPublisher::run() {
     try {
       drawNow(*job);
     } catch (const std::exception& e) {
-      if (!stop_.stopRequested()) ROS_ERROR_THROTTLE(5.0, "overlay: %s", e.what());
+      if (!stop_.cancelRequested()) ROS_ERROR_THROTTLE(5.0, "overlay: %s", e.what());
     }
   }
 }
 
 void OverlayPublisher::drawNow(const Job& job) {
-  if (!engine_) engine_ = make_engine_();
+  if (!backend_) backend_ = make_backend_();
   if (field_ != job.field) {
-    loaded_ = engine_->load(job.field);
+    loaded_ = backend_->load(job.field);
     field_ = job.field;
   }
   OverlaySettings settings;
@@ -65,7 +65,7 @@ void OverlayPublisher::drawNow(const Job& job) {
   const Camera& full = job.observation->camera;
   const double shrink = static_cast<double>(settings.width_px) / full.width;
   const Camera camera = full.scaled(std::min(1.0, shrink));
-  const Rendering rendering = engine_->render(*loaded_, camera, job.T_O_C, RenderOptions(), stop_);
+  const Rendering rendering = backend_->render(*loaded_, camera, job.T_O_C, RenderOptions(), stop_);
   const Image8 overlay =
       drawOverlay(resample(job.observation->image, full, camera), rendering, settings.opacity);
 

@@ -8,15 +8,15 @@
 #include <mutex>
 #include <thread>
 
-#include "backend/engine.h"
-#include "runtime/engine_factory.h"
+#include "backend/backend.h"
 #include "concurrency/frame_mailbox.h"
 #include "ros/conversions/parameters.h"
+#include "runtime/backend_pool.h"
 
 namespace nerf_pose_refiner {
 
-/// Draws pictures of what was found on a thread and an engine of its own, so that poses never wait
-/// for them: a picture that comes while another is drawn replaces the one that waits.
+/// Draws images of what was found on a thread and an backend of its own, so that poses never wait
+/// for them: an image that comes while another is drawn replaces the one that waits.
 class OverlayPublisher {
  public:
   struct Job {
@@ -26,15 +26,15 @@ class OverlayPublisher {
     Pose T_O_C;  ///< [model units]
   };
 
-  /// @param make_engine called by the drawing thread, when there is something to draw.
-  OverlayPublisher(const image_transport::CameraPublisher& publisher, EngineFactory make_engine,
+  /// @param make_backend called by the drawing thread, when there is something to draw.
+  OverlayPublisher(const image_transport::CameraPublisher& publisher, BackendFactory make_backend,
                    const OverlaySettings& settings = {});
   ~OverlayPublisher();
 
   /// Whether anybody looks.
   bool wanted() const { return publisher_.getNumSubscribers() > 0; }
 
-  /// From the next picture on. Any thread.
+  /// From the next image on. Any thread.
   void change(const OverlaySettings& settings);
 
   /// Draws nothing while nobody listens. Any thread.
@@ -45,13 +45,13 @@ class OverlayPublisher {
   void drawNow(const Job& job);
 
   image_transport::CameraPublisher publisher_;
-  EngineFactory make_engine_;
+  BackendFactory make_backend_;
   FrameMailbox<Job> jobs_;
   std::mutex settings_mutex_;  ///< guards settings_
   OverlaySettings settings_;
-  StopToken stop_;
+  CancellationToken stop_;
   // The drawing thread's own.
-  std::shared_ptr<Engine> engine_;
+  std::shared_ptr<Backend> backend_;
   std::shared_ptr<const Field> field_;
   std::shared_ptr<const LoadedField> loaded_;
   std::thread thread_;  ///< last: it uses all above

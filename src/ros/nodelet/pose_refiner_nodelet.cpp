@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "backend/gpu_memory.h"
-#include "backend/make_engine.h"
+#include "backend/make_backend.h"
 #include "ros/conversions/error_of.h"
 #include "ros/conversions/input_error.h"
 #include "ros/conversions/pose_conversions.h"
@@ -70,14 +70,14 @@ void PoseRefinerNodelet::start() {
   const PoseRefinerParameters& p = parameters_;
   process_ = RefinerProcess::ofThisProcess();
   process_->models.setBudget(std::size_t{1000000} * p.model_memory_mb, getName());
-  const auto make_search_engine = [this, make_engine = sharedEngine()] {
-    const std::shared_ptr<Engine> engine = make_engine();
-    diagnostics_->engineIs(engine->describe());
-    on_gpu_ = engine->describe().rfind("CUDA", 0) == 0;
-    return engine;
+  const auto make_search_backend = [this, make_backend = sharedBackend()] {
+    const std::shared_ptr<Backend> backend = make_backend();
+    diagnostics_->backendIs(backend->describe());
+    on_gpu_ = backend->describe().rfind("CUDA", 0) == 0;
+    return backend;
   };
-  const auto make_overlay_engine = [set = p.instruction_set] {
-    return std::shared_ptr<Engine>(makeCpuEngine(1, set));
+  const auto make_overlay_backend = [set = p.instruction_set] {
+    return std::shared_ptr<Backend>(makeCpuBackend(1, set));
   };
 
   transforms_ = std::make_unique<tf2_ros::Buffer>(ros::Duration(p.frames.tf_cache_s));
@@ -96,12 +96,12 @@ void PoseRefinerNodelet::start() {
     overlay_ = std::make_unique<OverlayPublisher>(
         image_transport::ImageTransport(pnh).advertiseCamera(
             topics::kOverlay, 1, on_connect, on_connect, on_connect_info, on_connect_info),
-        make_overlay_engine, p.overlay);
+        make_overlay_backend, p.overlay);
     transport_ = std::make_unique<image_transport::ImageTransport>(nh);
   }
   tracker_ = std::make_unique<ObjectTracker>(
       p,
-      std::make_unique<RefinerSearch>(make_search_engine, p.initial.refiner, p.tracking.refiner,
+      std::make_unique<RefinerSearch>(make_search_backend, p.initial.refiner, p.tracking.refiner,
                                       schedule()),
       transforms_.get(), [this](const RefinementStatus& status) { report(status); });
   pairing_ = std::make_unique<MaskPairing>(
@@ -149,22 +149,22 @@ Diagnostics::Facts PoseRefinerNodelet::memoryFacts() const {
   return facts;
 }
 
-EngineFactory PoseRefinerNodelet::sharedEngine() const {
-  return [process = process_, choice = parameters_.engineChoice()] {
-    return process->engines.shared(choice);
+BackendFactory PoseRefinerNodelet::sharedBackend() const {
+  return [process = process_, choice = parameters_.backendChoice()] {
+    return process->backends.shared(choice);
   };
 }
 
 ScheduleFactory PoseRefinerNodelet::schedule() const {
-  return [process = process_, choice = parameters_.engineChoice()] {
-    return process->engines.scheduleOf(choice);
+  return [process = process_, choice = parameters_.backendChoice()] {
+    return process->backends.scheduleOf(choice);
   };
 }
 
 void PoseRefinerNodelet::startPoseService(const ObjectStore& store) {
-  const auto make_search = [make_engine = sharedEngine(),
+  const auto make_search = [make_backend = sharedBackend(),
                             find_schedule = schedule()](const PoseRefinerParameters& now) {
-    return std::make_unique<RefinerSearch>(make_engine, now.initial.refiner, now.tracking.refiner,
+    return std::make_unique<RefinerSearch>(make_backend, now.initial.refiner, now.tracking.refiner,
                                            find_schedule);
   };
   tracked_ = std::make_unique<TrackedObject>(tracker_.get());
@@ -174,15 +174,15 @@ void PoseRefinerNodelet::startPoseService(const ObjectStore& store) {
 
 void PoseRefinerNodelet::startObjectServices(const ObjectStore& store) {
   const PoseRefinerParameters& p = parameters_;
-  // A training holds its engine for long, so it gets one of its own.
-  const auto make_engine = [choice = p.engineChoice()] {
-    return std::shared_ptr<Engine>(makeEngine(choice));
+  // A training holds its backend for long, so it gets one of its own.
+  const auto make_backend = [choice = p.backendChoice()] {
+    return std::shared_ptr<Backend>(makeBackend(choice));
   };
   objects_ =
       std::make_unique<ObjectServices>(getPrivateNodeHandle(), store, tracked_.get(), p.object);
   registrations_ = std::make_unique<RegistrationServices>(
       getPrivateNodeHandle(),
-      ObjectRegistration(p.dataset_root, p.registration, store, make_engine, schedule()),
+      ObjectRegistration(p.dataset_root, p.registration, store, make_backend, schedule()),
       &process_->registrations, tracked_.get());
 }
 

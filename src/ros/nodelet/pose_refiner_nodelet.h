@@ -14,20 +14,20 @@
 #include <mutex>
 #include <thread>
 
-#include "ros/nodelet/diagnostics.h"
 #include "concurrency/frame_mailbox.h"
 #include "ros/conversions/mask_pairing.h"
-#include "ros/services/object_services.h"
+#include "ros/conversions/parameters.h"
+#include "ros/nodelet/diagnostics.h"
 #include "ros/nodelet/object_tracker.h"
 #include "ros/nodelet/overlay_publisher.h"
-#include "ros/conversions/parameters.h"
+#include "ros/nodelet/result_publisher.h"
+#include "ros/nodelet/transform_input.h"
+#include "ros/services/object_services.h"
 #include "ros/services/pose_service.h"
 #include "ros/services/reconfiguration.h"
-#include "runtime/refiner_process.h"
 #include "ros/services/registration_services.h"
-#include "ros/nodelet/result_publisher.h"
 #include "ros/services/tracked_object.h"
-#include "ros/nodelet/transform_input.h"
+#include "runtime/refiner_process.h"
 
 namespace nerf_pose_refiner {
 
@@ -35,7 +35,7 @@ namespace nerf_pose_refiner {
 ///
 /// Threads: callbacks on the nodelet's queue, none of which waits; the worker, which refines the
 /// newest image; one that advertises, at the start, what the loading need not wait for; those of
-/// the services, OverlayPublisher and TransformInput. Models, engines and the queue of
+/// the services, OverlayPublisher and TransformInput. Models, backends and the queue of
 /// registrations are shared with all other refiners of the process.
 class PoseRefinerNodelet : public nodelet::Nodelet {
  public:
@@ -45,7 +45,7 @@ class PoseRefinerNodelet : public nodelet::Nodelet {
   void onInit() override;
   void start();
   void readParameters();
-  EngineFactory sharedEngine() const;
+  BackendFactory sharedBackend() const;
   ScheduleFactory schedule() const;
   void startPoseService(const ObjectStore& store);
   void startObjectServices(const ObjectStore& store);
@@ -78,7 +78,7 @@ class PoseRefinerNodelet : public nodelet::Nodelet {
   std::shared_ptr<RefinerProcess> process_;      // outlives all that follows
   std::unique_ptr<tf2_ros::Buffer> transforms_;  // outlives what fills it
   std::unique_ptr<TransformInput> transform_input_;
-  std::atomic<bool> on_gpu_{false};  // the engine in use
+  std::atomic<bool> on_gpu_{false};  // the backend in use
   std::unique_ptr<Diagnostics> diagnostics_;
 
   std::mutex connect_mutex_;  // guards all down to enabled_; outlives the publishers that call back

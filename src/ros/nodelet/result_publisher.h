@@ -8,8 +8,8 @@
 
 #include <string>
 
-#include "ros/nodelet/object_tracker.h"
 #include "ros/conversions/parameters.h"
+#include "ros/nodelet/object_tracker.h"
 
 namespace nerf_pose_refiner {
 

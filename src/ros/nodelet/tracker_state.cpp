@@ -55,9 +55,9 @@ void TrackerState::modelIsReady() {
 }
 
 void TrackerState::objectFrameMoved(const Pose& T_U_V) {
-  for (std::optional<StartPose>* kept : {&last_, &before_last_, &anchor_}) {
+  for (std::optional<InitialPose>* kept : {&last_, &before_last_, &anchor_}) {
     if (!*kept) continue;
-    StartPose& start = **kept;
+    InitialPose& start = **kept;
     if (start.covariance) start.covariance = atPoint(*start.covariance, start.T_P_U.R * T_U_V.t);
     start.T_P_U = start.T_P_U * T_U_V;
   }
@@ -67,7 +67,7 @@ void TrackerState::modelFailed(std::uint8_t reason, const std::string& message) 
   if (!has_model_) become(Status::STATE_ERROR, reason, message);
 }
 
-void TrackerState::offer(const StartPose& initial_pose) {
+void TrackerState::offer(const InitialPose& initial_pose) {
   if (!enabled_) return;
   const bool another = prior_.has_value();
   prior_ = initial_pose;
@@ -168,12 +168,12 @@ FrameDecision TrackerState::decide(const ros::Time& stamp, const std::string& fr
 }
 
 /// From where to refine an image.
-std::optional<StartPose> TrackerState::startFor(const ros::Time& stamp, FrameDecision* decision) {
+std::optional<InitialPose> TrackerState::startFor(const ros::Time& stamp, FrameDecision* decision) {
   if (initialPoseIsDue(stamp, decision)) {
     // An earlier track goes on if nothing comes of the new pose.
     anchor_.reset();
     become(Status::STATE_REFINING);
-    StartPose start = *std::exchange(prior_, std::nullopt);
+    InitialPose start = *std::exchange(prior_, std::nullopt);
     if (start.stamp.isZero()) start.stamp = stamp;
     return start;
   }
@@ -225,7 +225,7 @@ bool TrackerState::trusted(std::uint64_t ticket, const Pose& T_C_U, const std::s
     return true;
   }
   before_last_ = running_start_.tracked ? last_ : std::nullopt;
-  last_ = StartPose();
+  last_ = InitialPose();
   last_->T_P_U = T_C_U;
   last_->frame_id = frame_id;
   last_->stamp = stamp;

@@ -27,7 +27,7 @@ struct Condition {
 };
 
 /// Where the object was at some time: from outside, or from the last trusted refinement.
-struct StartPose {
+struct InitialPose {
   Pose T_P_U;            ///< the object's frame U, as its users mean it, in frame P [m]
   std::string frame_id;  ///< P
   ros::Time stamp;       ///< zero: the time of the image it is used for
@@ -39,15 +39,15 @@ struct StartPose {
 
 /// What to do with an image.
 struct FrameDecision {
-  std::optional<StartPose> start;     ///< refine from here; nothing: leave the image alone
-  std::optional<StartPose> before;    ///< the trusted pose before `start`: the object goes on so
+  std::optional<InitialPose> start;   ///< refine from here; nothing: leave the image alone
+  std::optional<InitialPose> before;  ///< the trusted pose before `start`: the object goes on so
   std::uint64_t ticket = 0;           ///< to be handed back with the result
   bool clock_jumped = false;          ///< time went back: transforms from before are worthless
   bool recovering = false;            ///< the start is where a lost object was seen last
   bool initial_pose_ignored = false;  ///< one came while the object is tracked
 };
 
-/// The rules of tracking, without threads, ROS graph or pictures: which images are refined from
+/// The rules of tracking, without threads, ROS graph or images: which images are refined from
 /// where, and what the outcome makes of the state. Not thread-safe.
 class TrackerState {
  public:
@@ -75,7 +75,7 @@ class TrackerState {
   void modelFailed(std::uint8_t reason, const std::string& message);
 
   /// Keeps an initial pose for the first image that is not older; the newest pose counts.
-  void offer(const StartPose& initial_pose);
+  void offer(const InitialPose& initial_pose);
   /// Reports an initial pose that makes no sense.
   void refuseInitialPose(std::uint8_t reason, const std::string& message);
 
@@ -111,7 +111,7 @@ class TrackerState {
   void waitBecause(std::uint8_t reason, const std::string& message);
   void forgetPoses();
   void lose(std::uint8_t reason, const std::string& message);
-  std::optional<StartPose> startFor(const ros::Time& stamp, FrameDecision* decision);
+  std::optional<InitialPose> startFor(const ros::Time& stamp, FrameDecision* decision);
   void timeWentBackTo(const ros::Time& stamp);
   bool initialPoseIsDue(const ros::Time& stamp, FrameDecision* decision);
   bool end(std::uint64_t ticket);
@@ -122,17 +122,17 @@ class TrackerState {
   std::optional<Condition> before_refusal_;  ///< restored by the next usable image
   bool has_model_ = false;
   bool enabled_ = true;
-  std::optional<StartPose> prior_;        ///< from outside, not yet used
-  std::optional<StartPose> last_;         ///< the last trusted pose, while it may be followed
-  std::optional<StartPose> before_last_;  ///< what last_ was found from, if that was tracked, too
+  std::optional<InitialPose> prior_;        ///< from outside, not yet used
+  std::optional<InitialPose> last_;         ///< the last trusted pose, while it may be followed
+  std::optional<InitialPose> before_last_;  ///< what last_ was found from, if that was tracked, too
   /// While lost: where to look for the object, the last trusted pose or an initial one of no avail.
-  std::optional<StartPose> anchor_;
+  std::optional<InitialPose> anchor_;
   int failures_ = 0;           ///< untrusted images since then
   ros::Time last_stamp_;       ///< of the images decided on; zero: none
   ros::Time clock_;            ///< the ROS clock, when last told
   ros::Time last_arrival_;     ///< of an image, by the ROS clock
   std::uint64_t running_ = 0;  ///< ticket of the refinement under way; 0: none
-  StartPose running_start_;    ///< what it started from
+  InitialPose running_start_;  ///< what it started from
   std::uint64_t tickets_ = 0;  ///< given out so far
 };
 

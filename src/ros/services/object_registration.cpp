@@ -35,16 +35,16 @@ void applyBox(const RegisterObject::Request& request, Dataset* dataset) {
 
 ObjectRegistration::ObjectRegistration(const std::string& dataset_root,
                                        const RegistrationSettings& settings,
-                                       const ObjectStore& store, EngineFactory make_engine,
+                                       const ObjectStore& store, BackendFactory make_backend,
                                        ScheduleFactory find_schedule)
     : dataset_root_(dataset_root),
       settings_(settings),
       store_(store),
-      make_engine_(std::move(make_engine)),
+      make_backend_(std::move(make_backend)),
       find_schedule_(std::move(find_schedule)) {}
 
 Dataset ObjectRegistration::readPhotos(const RegisterObject::Request& request,
-                                       const StopToken& stop) const {
+                                       const CancellationToken& stop) const {
   if (dataset_root_.empty()) throw std::invalid_argument("~dataset_root is not set");
   // The request comes over the network: nothing outside of the folder is read for it.
   DatasetOptions confined;
@@ -69,7 +69,7 @@ RegistrationSettings ObjectRegistration::settingsOf(const RegisterObject::Reques
 
 RegisteredObject ObjectRegistration::run(const RegisterObject::Request& request,
                                          const RegistrationQueue::Progress& progress,
-                                         const StopToken& stop) const {
+                                         const CancellationToken& stop) const {
   requireObjectName(request.name);
   // Read before the training: a mistake in it is better told now.
   const ObjectMetadata said = store_.metadataOf(request.name);
@@ -86,9 +86,9 @@ RegisteredObject ObjectRegistration::run(const RegisterObject::Request& request,
       return {existing, true};
     }
   }
-  const std::shared_ptr<Engine> engine = make_engine_();
+  const std::shared_ptr<Backend> backend = make_backend_();
   auto field =
-      std::make_shared<Field>(registerObject(engine.get(), dataset, settings, progress, stop));
+      std::make_shared<Field>(registerObject(backend.get(), dataset, settings, progress, stop));
   field->metadata.name = request.name;
   stop.check();  // the last moment at which a stop leaves nothing behind
   return {store_.save(field), false};
@@ -109,7 +109,7 @@ RegistrationQueue::Job ObjectRegistration::jobOf(const RegisterObject::Request& 
     key << number << ' ';
   }
   const auto work = [registration = *this, request](const RegistrationQueue::Progress& progress,
-                                                    const StopToken& stop) {
+                                                    const CancellationToken& stop) {
     return registration.run(request, progress, stop);
   };
   return {request.name, key.str(), work};

@@ -58,7 +58,7 @@ PoseService::PoseService(const ros::NodeHandle& nh, const ros::NodeHandle& pnh,
 }
 
 PoseService::~PoseService() {
-  stop_.requestStop();
+  stop_.requestCancel();
   server_.shutdown();
   spinner_.stop();
 }
@@ -77,7 +77,7 @@ bool PoseService::onRefine(RefinePose::Request& request, RefinePose::Response& r
   using Clock = std::chrono::steady_clock;
   const ros::Time called = ros::Time::now();
   const Clock::time_point start = Clock::now();
-  const StopToken stop;
+  const CancellationToken stop;
   double timeout_s = 0;
   bool timed_out = false;
   try {
@@ -87,7 +87,7 @@ bool PoseService::onRefine(RefinePose::Request& request, RefinePose::Response& r
         std::async(std::launch::async, [&] { refine(request, called, stop, &response); });
     while (work.wait_for(std::chrono::milliseconds(10)) != std::future_status::ready) {
       timed_out = std::chrono::duration<double>(Clock::now() - start).count() >= timeout_s;
-      if (timed_out || stop_.stopRequested()) stop.requestStop();
+      if (timed_out || stop_.cancelRequested()) stop.requestCancel();
     }
     work.get();
   } catch (const InputError& e) {
@@ -104,11 +104,11 @@ bool PoseService::onRefine(RefinePose::Request& request, RefinePose::Response& r
 
 /// @throws InputError for what cannot be used.
 void PoseService::refine(const RefinePose::Request& request, const ros::Time& called,
-                         const StopToken& stop, RefinePose::Response* response) {
+                         const CancellationToken& stop, RefinePose::Response* response) {
   const PoseRefinerParameters parameters = this->parameters();
   const std::shared_ptr<const Field> field = objectOf(request);
-  const StartPose start = startFromMessage(request.initial);
-  const Picture picture = pictureOf(request, called, stop);
+  const InitialPose start = startFromMessage(request.initial);
+  const RenderedImage picture = imageOf(request, called, stop);
   std_msgs::Header header = picture.image->header;
   header.frame_id = withoutSlash(header.frame_id);
   ImageMasks masks;
@@ -123,7 +123,7 @@ void PoseService::refine(const RefinePose::Request& request, const ros::Time& ca
   search->use(field);
   const Refinement refinement = search->search(observation, prior, /*tracked=*/false, stop);
 
-  const Verdict verdict = verdictOn(refinement, /*tracked=*/false, parameters.rules);
+  const TrustVerdict verdict = checkTrust(refinement, /*tracked=*/false, parameters.rules);
   response->success = verdict.reason == Status::REASON_NONE;
   response->reason = verdict.reason;
   response->message = verdict.message;
@@ -141,20 +141,21 @@ std::shared_ptr<const Field> PoseService::objectOf(const RefinePose::Request& re
   throw InputError(Status::REASON_MODEL_UNREADABLE, "no object is tracked: name one");
 }
 
-PoseService::Picture PoseService::pictureOf(const RefinePose::Request& request,
-                                            const ros::Time& called, const StopToken& stop) const {
+PoseService::RenderedImage PoseService::imageOf(const RefinePose::Request& request,
+                                                const ros::Time& called,
+                                                const CancellationToken& stop) const {
   if (request.image.data.empty()) return waitForPicture(called, stop);
   return {boost::make_shared<const sensor_msgs::Image>(request.image),
           boost::make_shared<const sensor_msgs::CameraInfo>(request.camera_info)};
 }
 
 /// Listens to the camera for as long as it takes, whether or not the tracking does.
-PoseService::Picture PoseService::waitForPicture(const ros::Time& called,
-                                                 const StopToken& stop) const {
+PoseService::RenderedImage PoseService::waitForPicture(const ros::Time& called,
+                                                       const CancellationToken& stop) const {
   ros::CallbackQueue queue;
   ros::NodeHandle nh(nh_);
   nh.setCallbackQueue(&queue);
-  Picture picture;
+  RenderedImage picture;
   image_transport::ImageTransport transport(nh);
   const image_transport::TransportHints hints(parameters().image_transport, ros::TransportHints(),
                                               pnh_);
@@ -164,7 +165,7 @@ PoseService::Picture PoseService::waitForPicture(const ros::Time& called,
         if (!picture.image && image->header.stamp >= called) picture = {image, info};
       },
       ros::VoidPtr(), hints);
-  while (!picture.image && !stop.stopRequested()) queue.callAvailable(ros::WallDuration(0.02));
+  while (!picture.image && !stop.cancelRequested()) queue.callAvailable(ros::WallDuration(0.02));
   if (picture.image) return picture;
   throw InputError(Status::REASON_NO_IMAGES,
                    "no image came that is not older than the call (topic '" +

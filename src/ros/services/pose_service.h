@@ -13,11 +13,11 @@
 #include <mutex>
 
 #include "ros/conversions/camera_input.h"
-#include "tracking/object_search.h"
-#include "ros/services/object_store.h"
 #include "ros/conversions/parameters.h"
 #include "ros/conversions/tf_bridge.h"
+#include "ros/services/object_store.h"
 #include "ros/services/tracked_object.h"
+#include "tracking/object_search.h"
 
 namespace nerf_pose_refiner {
 
@@ -40,18 +40,18 @@ class PoseService {
   void change(const PoseRefinerParameters& parameters);
 
  private:
-  struct Picture {
+  struct RenderedImage {
     sensor_msgs::ImageConstPtr image;
     sensor_msgs::CameraInfoConstPtr info;
   };
 
   bool onRefine(RefinePose::Request& request, RefinePose::Response& response);
-  void refine(const RefinePose::Request& request, const ros::Time& called, const StopToken& stop,
-              RefinePose::Response* response);
+  void refine(const RefinePose::Request& request, const ros::Time& called,
+              const CancellationToken& stop, RefinePose::Response* response);
   std::shared_ptr<const Field> objectOf(const RefinePose::Request& request) const;
-  Picture pictureOf(const RefinePose::Request& request, const ros::Time& called,
-                    const StopToken& stop) const;
-  Picture waitForPicture(const ros::Time& called, const StopToken& stop) const;
+  RenderedImage imageOf(const RefinePose::Request& request, const ros::Time& called,
+                        const CancellationToken& stop) const;
+  RenderedImage waitForPicture(const ros::Time& called, const CancellationToken& stop) const;
   PoseRefinerParameters parameters() const;
 
   ros::NodeHandle nh_;
@@ -63,7 +63,7 @@ class PoseService {
   const TrackedObject* tracked_;
   CameraInput input_;
   TfBridge tf_;
-  StopToken stop_;  ///< of all calls
+  CancellationToken stop_;  ///< of all calls
   ros::CallbackQueue queue_;
   ros::ServiceServer server_;
   ros::AsyncSpinner spinner_;

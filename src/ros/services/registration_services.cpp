@@ -94,11 +94,11 @@ RegistrationServices::RegistrationServices(const ros::NodeHandle& pnh,
 }
 
 RegistrationServices::~RegistrationServices() {
-  stop_.requestStop();
+  stop_.requestCancel();
   service_.shutdown();
   service_spinner_.stop();
   action_spinner_.stop();  // from here on there are no new goals
-  for (const std::unique_ptr<Goal>& goal : goals_) goal->stop.requestStop();
+  for (const std::unique_ptr<Goal>& goal : goals_) goal->stop.requestCancel();
   for (const std::unique_ptr<Goal>& goal : goals_) goal->thread.join();
   goals_.clear();
   action_.reset();
@@ -107,7 +107,7 @@ RegistrationServices::~RegistrationServices() {
 /// Registers and tracks. Never throws.
 RegisterObject::Response RegistrationServices::answer(const RegisterObject::Request& request,
                                                       const RegistrationQueue::Listener& listener,
-                                                      const StopToken& stop) {
+                                                      const CancellationToken& stop) {
   const auto start = std::chrono::steady_clock::now();
   RegisterObject::Response response;
   try {
@@ -148,7 +148,7 @@ void RegistrationServices::onGoal(Server::GoalHandle handle) {
 void RegistrationServices::onCancel(Server::GoalHandle handle) {
   std::lock_guard<std::mutex> lock(mutex_);
   for (const std::unique_ptr<Goal>& goal : goals_) {
-    if (goal->handle == handle) goal->stop.requestStop();
+    if (goal->handle == handle) goal->stop.requestCancel();
   }
 }
 
@@ -169,7 +169,7 @@ void RegistrationServices::carryOut(Goal* goal) {
   const RegisterResult result = toResult(answer(toRequest(*goal_message), listener, goal->stop));
   if (result.success) {
     goal->handle.setSucceeded(result, result.message);
-  } else if (goal->stop.stopRequested()) {
+  } else if (goal->stop.cancelRequested()) {
     goal->handle.setCanceled(result, result.message);
   } else {
     goal->handle.setAborted(result, result.message);

@@ -18,8 +18,8 @@
 #include <thread>
 
 #include "ros/services/object_registration.h"
-#include "runtime/registration_queue.h"
 #include "ros/services/tracked_object.h"
+#include "runtime/registration_queue.h"
 
 namespace nerf_pose_refiner {
 
@@ -39,7 +39,7 @@ class RegistrationServices {
   /// A goal and the thread that waits for it.
   struct Goal {
     Server::GoalHandle handle;
-    StopToken stop;
+    CancellationToken stop;
     bool done = false;  ///< guarded by mutex_
     std::thread thread;
   };
@@ -51,12 +51,12 @@ class RegistrationServices {
   void joinThoseDone();
   RegisterObject::Response answer(const RegisterObject::Request& request,
                                   const RegistrationQueue::Listener& listener,
-                                  const StopToken& stop);
+                                  const CancellationToken& stop);
 
   ObjectRegistration registration_;
   RegistrationQueue* queue_;
   TrackedObject* tracked_;
-  StopToken stop_;  ///< of the service's callers
+  CancellationToken stop_;  ///< of the service's callers
 
   std::mutex mutex_;  ///< guards goals_
   std::list<std::unique_ptr<Goal>> goals_;

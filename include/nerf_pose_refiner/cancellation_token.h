@@ -1,0 +1,43 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <memory>
+#include <stdexcept>
+#include <thread>
+
+namespace nerf_pose_refiner {
+
+/// Thrown by a long operation whose stop token was set.
+struct Cancelled : std::runtime_error {
+  Cancelled() : std::runtime_error("stopped on request") {}
+};
+
+/// Asks a long operation to end, or to rest for a while. Copies share their state; any thread may
+/// set it, and a signal handler may.
+class CancellationToken {
+ public:
+  CancellationToken() : state_(std::make_shared<State>()) {}
+  void requestCancel() const { state_->stop.store(true, std::memory_order_relaxed); }
+  bool cancelRequested() const { return state_->stop.load(std::memory_order_relaxed); }
+  /// While paused, `check` holds up the threads of the operation.
+  void setPaused(bool paused) const { state_->paused.store(paused, std::memory_order_relaxed); }
+  /// Rests while the operation is paused. @throws Stopped if a stop was requested.
+  void check() const {
+    // Polled: a signal handler could wake nobody.
+    while (state_->paused.load(std::memory_order_relaxed) && !cancelRequested()) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+    if (cancelRequested()) throw Cancelled();
+  }
+
+ private:
+  struct State {
+    std::atomic<bool> stop{false};
+    std::atomic<bool> paused{false};
+  };
+  std::shared_ptr<State> state_;
+};
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,40 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "backend/backend.h"
+
+namespace nerf_pose_refiner {
+
+/// Which processor an backend works on, and how much of it it takes.
+struct BackendChoice {
+  std::string backend = "auto";          ///< "auto": cuda where that works, else cpu; "cpu", "cuda"
+  int threads = 0;                       ///< of the CPU backend; 0: all cores
+  std::string instruction_set = "auto";  ///< of the CPU backend: "auto", "baseline", "avx2"
+  int device = 0;                        ///< of the CUDA backend: number of the GPU
+
+  /// @throws std::invalid_argument naming what is wrong.
+  void validate() const;
+};
+
+/// Why makeCudaBackend would fail: the package was built without CUDA, there is no such device, or
+/// it is too old. Empty: it works.
+std::string whyNoCuda(int device = 0);
+
+/// An backend on a CUDA device. `load`, `render` and `read` wait; `align`, `descend` and the
+/// trainer do every few steps, so that a stop is heard; the rest only enqueues. `work` is as of the
+/// last wait.
+/// @param choice its backend is not looked at.
+/// @throws std::runtime_error saying what whyNoCuda says.
+std::unique_ptr<Backend> makeCudaBackend(const BackendChoice& choice = {});
+
+/// The backend that was chosen. @throws std::invalid_argument for a choice that makes no sense,
+/// std::runtime_error if that backend cannot run here.
+std::unique_ptr<Backend> makeBackend(const BackendChoice& choice);
+
+/// Whether an backend is a CUDA one.
+bool isOnDevice(const Backend& backend);
+
+}  // namespace nerf_pose_refiner

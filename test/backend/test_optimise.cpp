@@ -1,0 +1,466 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <cmath>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "backend/ray_renderer.h"
+#include "math/pixel_draw.h"
+#include "support/analytic_scene.h"
+#include "support/fog_scene.h"
+
+// The paper's mode on the CPU backend: updates worked out by hand, and descent in a scene of fog.
+
+namespace nerf_pose_refiner {
+namespace {
+
+constexpr double kDegree = M_PI / 180;
+
+/// Pulls every ray in the same way, whatever it sees.
+class ConstantGradient final : public RayRenderer {
+ public:
+  RayGradient gradient = {{0, 0, 0}, {0, 0, 0}};
+
+  const Field& field() const override { return field_; }
+  void renderRays(const Ray*, int n, const RenderOptions&, RayResult* results,
+                  CostCounters* work) const override {
+    for (int i = 0; i < n; ++i) results[i] = {};
+    work->samples += n;
+  }
+  void rayGradients(const Ray*, int n, const RenderOptions&, bool,
+                    const std::function<RayLossGradient(int, const RayResult&)>& loss_gradient,
+                    RayGradient* gradients, CostCounters* work) const override {
+    for (int i = 0; i < n; ++i) {
+      loss_gradient(i, RayResult());
+      gradients[i] = gradient;
+    }
+    work->samples += n;
+  }
+
+ private:
+  Field field_;
+};
+
+Camera smallCamera(int size = 64) { return {size, size, 1.2 * size, 1.2 * size, 31.5, 31.5}; }
+
+/// One hypothesis at the identity in a black picture.
+struct OneHypothesis {
+  OneHypothesis() {
+    Observation observation;
+    observation.camera = smallCamera();
+    observation.image = Image(64, 64, 3);
+    observation.background = Background::kKnownColour;
+    picture = backend->observe(observation, {{observation.camera, 0}});
+    batch = backend->batch(1);
+    SamplingPlan one;
+    one.count = 1;
+    backend->sample(batch.get(), {Pose()}, one);
+    plan.samples_per_step = 100;
+    plan.steps_per_update = 1;
+    plan.regularisation = 0;
+    plan.update = PoseUpdate::kAboutCamera;
+  }
+
+  void optimise(int first_step, int steps) {
+    backend->optimise(batch.get(), scene, *picture, 0, plan, first_step, steps,
+                      CancellationToken());
+  }
+  Pose pose() const { return backend->read(*batch).front().T_O_C; }
+
+  std::unique_ptr<Backend> backend = makeCpuBackend(1);
+  ConstantGradient scene;
+  std::shared_ptr<const LoadedObservation> picture;
+  std::unique_ptr<HypothesisBatch> batch;
+  OptimisationPlan plan;
+};
+
+// Adam's first update is the learning rate against the sign of each component.
+TEST(Descend, firstUpdateByHand) {
+  OneHypothesis one;
+  one.plan.length_unit = 2;
+  one.plan.translation_learning_rate = 0.01;
+  one.plan.rotation_learning_rate = 0.1;
+  one.scene.gradient = {{3, -0.5, 0}, {0, 0, -7}};
+  one.optimise(0, 1);
+  EXPECT_NEAR((one.pose().t - Eigen::Vector3d(-0.02, 0.02, 0)).norm(), 0, 1e-9);
+  const Eigen::Matrix3d turn = Eigen::AngleAxisd(0.1, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+  EXPECT_NEAR((one.pose().R - turn).norm(), 0, 1e-8);
+}
+
+// The rotation is multiplied from the left, in the axes of O, and leaves the camera where it is.
+TEST(Descend, rotationIsAboutTheCameraInTheAxesOfTheObject) {
+  OneHypothesis one;
+  SamplingPlan plan;
+  plan.count = 1;
+  Pose start;
+  start.R = Eigen::AngleAxisd(M_PI / 2, Eigen::Vector3d::UnitX()).toRotationMatrix();
+  start.t = {1, 2, 3};
+  one.backend->sample(one.batch.get(), {start}, plan);
+  one.plan.rotation_learning_rate = 0.1;
+  one.scene.gradient = {{0, 0, 0}, {0, 0, 1}};
+  one.optimise(0, 1);
+  const Eigen::Matrix3d turn = Eigen::AngleAxisd(-0.1, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+  EXPECT_NEAR((one.pose().R - turn * start.R).norm(), 0, 1e-8);
+  EXPECT_EQ((one.pose().t - start.t).norm(), 0);
+}
+
+TEST(Descend, gradientsAreGatheredOverTheStepsOfAnUpdate) {
+  OneHypothesis one;
+  one.plan.steps_per_update = 4;
+  one.plan.length_unit = 1;
+  one.scene.gradient = {{1, 0, 0}, {0, 0, 0}};
+  one.optimise(0, 3);
+  EXPECT_EQ(one.pose().t.norm(), 0);
+  one.scene.gradient = {{-5, 0, 0}, {0, 0, 0}};  // turns the mean over: (1 + 1 + 1 - 5) / 4
+  one.optimise(3, 1);
+  EXPECT_NEAR(one.pose().t.x(), one.plan.translation_learning_rate, 1e-9);
+}
+
+// About the object a turn leads the camera around it.
+TEST(Descend, aTurnAboutTheObjectLeadsTheCameraAroundIt) {
+  OneHypothesis one;
+  SamplingPlan plan;
+  plan.count = 1;
+  Pose start;
+  start.t = {3, 0, 0};
+  one.backend->sample(one.batch.get(), {start}, plan);
+  one.plan.update = PoseUpdate::kAboutObject;
+  one.plan.object_centre = {1, 0, 0};
+  one.plan.length_unit = 1;
+  one.plan.translation_learning_rate = 1e-12;  // the turn alone
+  one.plan.rotation_learning_rate = 0.1;
+  one.scene.gradient = {{0, -1, 0}, {0, 0, 0}};  // 2 e_x x -e_y: a torque of -2 about z
+  one.optimise(0, 1);
+  EXPECT_NEAR(logSO3(one.pose().R).z(), 0.1, 1e-8);
+  const Eigen::Vector3d expected(1 + 2 * std::cos(0.1), 2 * std::sin(0.1), 0);
+  EXPECT_NEAR((one.pose().t - expected).norm(), 0, 1e-8);
+}
+
+// Turned about the object alone, there is no move to be pulled back; the turn is.
+TEST(Descend, aTurnAboutTheObjectIsNoMoveToTheRegularisation) {
+  const Vec3<double> centre = {1, 0, 0};
+  OptimisationPlan plan;
+  plan.object_centre = {1, 0, 0};
+  plan.length_unit = 1;
+  plan.regularisation = 1;
+  DescentMotion motion = {};
+  motion.start = {expSO3(Vec3<double>{0, 0, 0}), {3, 0, 0}};
+  CameraPose<double> pose = moveCamera(motion.start, centre, {0, 0, 0}, {0, 0, 0.3});
+  ASSERT_TRUE(updatePose(plan.rates(1), {0, 0, 0}, {0, 0, 0}, &motion, &pose));
+  EXPECT_NEAR(motion.translation.x.first, 0, 1e-12);
+  EXPECT_NEAR(motion.translation.y.first, 0, 1e-12);
+  EXPECT_NEAR(motion.rotation.z.first, 0.1 * 0.3, 1e-12);  // Adam's beta1 keeps a tenth
+}
+
+// As a twist the pose turns about the origin of O: the camera, which is away from it, goes along.
+TEST(Descend, aTwistTurnsAboutTheOrigin) {
+  OneHypothesis one;
+  SamplingPlan plan;
+  plan.count = 1;
+  Pose start;
+  start.t = {2, 0, 0};
+  one.backend->sample(one.batch.get(), {start}, plan);
+  one.plan.update = PoseUpdate::kTwist;
+  one.plan.length_unit = 1;
+  one.plan.translation_learning_rate = 1e-12;  // the turn alone
+  one.plan.rotation_learning_rate = 0.1;
+  one.scene.gradient = {{0, -1, 0}, {0, 0, 0}};  // 2 e_x x -e_y: a torque of -2 about z
+  for (int step = 0; step < 3; ++step) one.optimise(step, 1);
+  EXPECT_NEAR(logSO3(one.pose().R).z(), 0.3, 1e-2);
+  const double turned = logSO3(one.pose().R).z();
+  const Eigen::Vector3d along(2 * std::cos(turned), 2 * std::sin(turned), 0);
+  EXPECT_NEAR((one.pose().t - along).norm(), 0, 1e-9);
+}
+
+// Pixels without a weight are not drawn: the loss is a mean over the others.
+TEST(Descend, pixelsWithoutWeightAreNotDrawn) {
+  OneHypothesis one;
+  Observation observation;
+  observation.camera = smallCamera();
+  observation.image = Image(64, 64, 3);
+  observation.weight = Image(64, 64, 1);
+  for (int y = 10; y < 20; ++y) {
+    for (int x = 40; x < 50; ++x) observation.weight.at(x, y, 0) = 1;
+  }
+  int weightless = 0;
+  const float* weight = observation.weight.values.data();
+  for (int i = 0; i < 500; ++i) weightless += weight[drawPixel(1, 2, i, 4096, weight)] == 0;
+  EXPECT_LT(weightless, 150);  // (1 - 100 / 4096)^64 = 0.21 of them
+  EXPECT_EQ(drawPixel(1, 2, 3, 4096, observation.image.values.data()) < 4096,
+            true);  // none has any
+
+  observation.background = Background::kKnownColour;
+  observation.background_colour.setConstant(0.5f);  // seen everywhere: a loss of 1 / 4
+  one.picture = one.backend->observe(observation, {{observation.camera, 0}});
+  one.backend->evaluate(one.batch.get(), one.scene, *one.picture, 0, one.plan, 500,
+                        CancellationToken());
+  EXPECT_NEAR(one.backend->read(*one.batch).front().loss, 0.25, 1e-6);
+}
+
+// A constant gradient keeps Adam's direction at one: the steps show the learning rate alone.
+TEST(Descend, learningRateDecaysWithTheUpdatesOfTheWholeRun) {
+  OneHypothesis one;
+  one.plan.length_unit = 1;
+  one.plan.translation_learning_rate = 1;
+  one.plan.schedule.decay_updates = 2;
+  one.scene.gradient = {{-1, 0, 0}, {0, 0, 0}};
+  double x = 0;
+  const double expected[5] = {1, 1, 0.33, 0.33, 0.33 * 0.33};
+  for (int step = 0; step < 5; ++step) {
+    one.optimise(step, 1);
+    EXPECT_NEAR(one.pose().t.x() - x, expected[step], 1e-6);
+    x = one.pose().t.x();
+  }
+}
+
+TEST(Descend, momentsStartAnewAfterSelect) {
+  OneHypothesis one;
+  one.plan.length_unit = 1;
+  one.scene.gradient = {{1, 0, 0}, {0, 0, 0}};
+  one.optimise(0, 20);
+  one.scene.gradient = {{0, 1, 0}, {0, 0, 0}};
+  ResamplingPlan keep;
+  keep.keep = 1;
+  one.backend->resample(one.batch.get(), keep);
+  const Eigen::Vector3d before = one.pose().t;
+  one.optimise(20, 1);
+  const Eigen::Vector3d step = one.pose().t - before;
+  EXPECT_EQ(step.x(), 0);  // with the old moments it would go on
+  EXPECT_NEAR(step.y(), -one.plan.translation_learning_rate, 1e-9);
+}
+
+// Without any force a hypothesis is pulled back to where it was seeded.
+TEST(Descend, regularisationGradientsToTheStart) {
+  OneHypothesis one;
+  one.plan.length_unit = 1;
+  one.scene.gradient = {{-1, 0, 0}, {0, -1, 0}};
+  one.optimise(0, 50);
+  const double away = one.pose().t.x();
+  const double turned = rotationDistance(one.pose().R, Eigen::Matrix3d::Identity());
+  EXPECT_GT(away, 0.1);
+  EXPECT_GT(turned, 0.2);
+  one.plan.regularisation = 1;
+  one.scene.gradient = {{0, 0, 0}, {0, 0, 0}};
+  one.optimise(50, 200);
+  EXPECT_LT(std::abs(one.pose().t.x()), 0.5 * away);
+  EXPECT_LT(rotationDistance(one.pose().R, Eigen::Matrix3d::Identity()), 0.5 * turned);
+}
+
+TEST(Descend, aGradientThatIsNotFiniteEndsTheHypothesis) {
+  OneHypothesis one;
+  one.scene.gradient = {{NAN, 0, 0}, {0, 0, 0}};
+  one.optimise(0, 2);
+  EXPECT_EQ(one.backend->read(*one.batch).front().state, HypothesisState::kNotFinite);
+  EXPECT_TRUE(one.pose().isFinite());
+}
+
+TEST(Descend, stopsOnRequest) {
+  OneHypothesis one;
+  const CancellationToken stop;
+  stop.requestCancel();
+  EXPECT_THROW(
+      one.backend->optimise(one.batch.get(), one.scene, *one.picture, 0, one.plan, 0, 1, stop),
+      Cancelled);
+}
+
+/// A turn about fog itself shows little.
+OptimisationPlan aboutTheCamera() {
+  OptimisationPlan plan;
+  plan.update = PoseUpdate::kAboutCamera;
+  return plan;
+}
+
+/// A picture of the fog, and hypotheses near the camera that took it.
+class FogTrial {
+ public:
+  explicit FogTrial(int threads = 2) : backend(makeCpuBackend(threads)) {
+    truth = cameraAround(scene, 0, 0, 1.3);  // its axes are axes of the object
+    observation = observeScene(backend.get(), scene, smallCamera(), truth);
+    plan.length_unit = scene.field().metadata.diameter;
+    plan.samples_per_step = 1024;
+    plan.steps_per_update = 2;
+  }
+
+  Pose optimiseFrom(const Pose& start, int steps) {
+    const auto batch = backend->batch(1);
+    SamplingPlan one;
+    one.count = 1;
+    backend->sample(batch.get(), {start}, one);
+    const auto picture = backend->observe(observation, {{observation.camera, 0}});
+    backend->optimise(batch.get(), scene, *picture, 0, plan, 0, steps, CancellationToken());
+    return backend->read(*batch).front().T_O_C;
+  }
+
+  /// How far off the object stands in the camera's frame: what an image shows best.
+  double displacement(const Pose& pose) const {
+    return (pose.inverse().t - truth.inverse().t).norm();
+  }
+  double distance(const Pose& pose) const { return (pose.t - truth.t).norm(); }
+  double angle(const Pose& pose) const { return rotationDistance(pose.R, truth.R); }
+
+  FogScene scene;
+  std::unique_ptr<Backend> backend;
+  Pose truth;
+  Observation observation;
+  OptimisationPlan plan = aboutTheCamera();
+};
+
+// Eq. 2 and 3 have the right sign: one update moves and turns the camera towards the truth. Moved
+// along the picture and turned about the view, each on its own.
+TEST(Descend, oneUpdateGoesTowardsTheTruth) {
+  FogTrial trial;
+  trial.plan.samples_per_step = 1 << 15;
+  for (const double side : {-0.1, 0.1}) {
+    const Pose moved = {trial.truth.R, trial.truth.t + side * trial.truth.R.col(0)};
+    EXPECT_LT(trial.distance(trial.optimiseFrom(moved, 2)), trial.distance(moved));
+    const Pose turned = {expSO3(Eigen::Vector3d(side * trial.truth.R.col(2))) * trial.truth.R,
+                         trial.truth.t};
+    EXPECT_LT(trial.angle(trial.optimiseFrom(turned, 2)), trial.angle(turned));
+  }
+}
+
+TEST(Descend, everyLossReducesTheError) {
+  FogTrial trial;
+  const Eigen::Vector3d turn = 2 * kDegree * Eigen::Vector3d(1, -1, 1);
+  const Pose start = {expSO3(turn) * trial.truth.R,
+                      trial.truth.t + Eigen::Vector3d(0.06, -0.04, 0.05)};
+  trial.plan.schedule.decay_updates = 60;
+  for (int k = 0; k < kLossCount; ++k) {
+    trial.plan.loss = static_cast<Loss>(k);
+    const Pose end = trial.optimiseFrom(start, 300);
+    const char* name = lossName(trial.plan.loss);
+    EXPECT_LT(trial.displacement(end), 0.1 * trial.displacement(start)) << name;
+    EXPECT_LT(trial.distance(end), 0.7 * trial.distance(start)) << name;
+    EXPECT_LT(trial.angle(end), 0.7 * trial.angle(start)) << name;
+  }
+}
+
+TEST(Descend, everyKindOfBackgroundGradientsBack) {
+  FogTrial trial;
+  const Pose start = {trial.truth.R, trial.truth.t + 0.05 * trial.truth.R.col(0)};
+  const Observation on_black = trial.observation;
+  Observation on_pink = on_black;
+  on_pink.background = Background::kKnownColour;
+  on_pink.background_colour = {0.9f, 0.2f, 0.5f};
+  for (int y = 0; y < 64; ++y) {
+    for (int x = 0; x < 64; ++x) {
+      for (int c = 0; c < 3; ++c) {
+        on_pink.image.at(x, y, c) +=
+            (1 - on_black.alpha.at(x, y, 0)) * on_pink.background_colour[c];
+      }
+    }
+  }
+  on_pink.alpha = Image();
+  Observation unknown = on_pink;
+  unknown.background = Background::kUnknown;
+  Observation masked = on_pink;
+  masked.background = Background::kMask;
+  masked.alpha = on_black.alpha;
+  for (const Observation& observation : {on_black, on_pink, masked, unknown}) {
+    trial.observation = observation;
+    const Pose end = trial.optimiseFrom(start, 100);
+    EXPECT_LT(trial.displacement(end), 0.5 * trial.displacement(start))
+        << "background " << static_cast<int>(observation.background);
+  }
+}
+
+/// Scatters hypotheses around the truth, descends, and reads all.
+HypothesisTable optimiseMany(FogTrial* trial, int first, int second) {
+  Backend& backend = *trial->backend;
+  const auto batch = backend.batch(6);
+  SamplingPlan sampling;
+  sampling.count = 6;
+  sampling.rotation_rad.setConstant(5 * kDegree);
+  sampling.translation.setConstant(0.1);
+  sampling.rotate_about_object = false;
+  backend.sample(batch.get(), {trial->truth}, sampling);
+  const auto picture = backend.observe(trial->observation, {{trial->observation.camera, 0}});
+  const auto optimise = [&](int from, int steps) {
+    backend.optimise(batch.get(), trial->scene, *picture, 0, trial->plan, from, steps,
+                     CancellationToken());
+  };
+  optimise(0, first);
+  if (second > 0) optimise(first, second);
+  return backend.read(*batch);
+}
+
+void expectSameBits(const HypothesisTable& a, const HypothesisTable& b) {
+  ASSERT_EQ(a.size(), b.size());
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    EXPECT_EQ(a[i].T_O_C.R, b[i].T_O_C.R);
+    EXPECT_EQ(a[i].T_O_C.t, b[i].T_O_C.t);
+    EXPECT_EQ(a[i].loss, b[i].loss);
+  }
+}
+
+TEST(Descend, sameSeedSameBitsWithAnyNumberOfThreads) {
+  FogTrial one(1), two(2), three(3);
+  const HypothesisTable expected = optimiseMany(&one, 12, 0);
+  expectSameBits(expected, optimiseMany(&one, 12, 0));
+  expectSameBits(expected, optimiseMany(&two, 12, 0));
+  expectSameBits(expected, optimiseMany(&three, 12, 0));
+  one.plan.seed = 2;
+  EXPECT_NE(expected[1].T_O_C.t, optimiseMany(&one, 12, 0)[1].T_O_C.t);
+}
+
+TEST(Descend, mayBeAskedForInParts) {
+  FogTrial trial;
+  trial.plan.score_steps = 1;
+  expectSameBits(optimiseMany(&trial, 13, 0), optimiseMany(&trial, 6, 7));
+}
+
+TEST(Descend, keepsToItsBudgetOfSamples) {
+  FogTrial trial;
+  const CostCounters before = trial.backend->work();
+  optimiseMany(&trial, 30, 0);
+  const double samples = static_cast<double>((trial.backend->work() - before).samples);
+  EXPECT_NEAR(samples / 30, trial.plan.samples_per_step, 0.25 * trial.plan.samples_per_step);
+}
+
+TEST(Measure, theTruthHasTheLowestLoss) {
+  FogTrial trial;
+  Backend& backend = *trial.backend;
+  const auto batch = backend.batch(8);
+  SamplingPlan sampling;
+  sampling.count = 8;
+  sampling.translation.setConstant(0.2);
+  backend.sample(batch.get(), {trial.truth}, sampling);
+  const auto picture = backend.observe(trial.observation, {{trial.observation.camera, 0}});
+  backend.evaluate(batch.get(), trial.scene, *picture, 0, trial.plan, 500, CancellationToken());
+  const HypothesisTable table = backend.read(*batch);
+  EXPECT_EQ(table[0].T_O_C.t, trial.truth.t);
+  EXPECT_LT(table[0].loss, 1e-6);
+  EXPECT_GT(table[1].loss, 1e-5);
+}
+
+// L1 of a black rendering (an empty scene) against a picture of one grey: the grey.
+TEST(Measure, isTheMeanOfTheChannelsOverThePixels) {
+  OneHypothesis one;
+  Observation grey;
+  grey.camera = smallCamera();
+  grey.image = Image(64, 64, 3, 0.25f);
+  grey.background = Background::kKnownColour;
+  one.plan.loss = Loss::kL1;
+  const auto picture = one.backend->observe(grey, {{grey.camera, 0}});
+  one.backend->evaluate(one.batch.get(), one.scene, *picture, 0, one.plan, 100,
+                        CancellationToken());
+  EXPECT_NEAR(one.backend->read(*one.batch).front().loss, 0.25, 1e-6);
+}
+
+// Where nothing of the object is seen nothing can be said: the worst score there is.
+TEST(Measure, anUnseenObjectOnAnUnknownBackgroundScoresWorst) {
+  OneHypothesis one;
+  Observation photo;
+  photo.camera = smallCamera();
+  photo.image = Image(64, 64, 3, 0.25f);
+  const auto picture = one.backend->observe(photo, {{photo.camera, 0}});
+  one.backend->evaluate(one.batch.get(), one.scene, *picture, 0, one.plan, 100,
+                        CancellationToken());
+  EXPECT_TRUE(std::isinf(one.backend->read(*one.batch).front().loss));
+}
+
+}  // namespace
+}  // namespace nerf_pose_refiner

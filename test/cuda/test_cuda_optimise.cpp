@@ -1,0 +1,243 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
+#include <cmath>
+
+#include "learned_object_test.h"
+
+// The paper's mode of the CUDA backend against the CPU backend's, from the same plans.
+
+namespace nerf_pose_refiner {
+namespace {
+
+constexpr double kDegree = EIGEN_PI / 180;
+
+Camera someCamera() { return {80, 64, 95, 95, 39, 33}; }
+
+class CudaDescend : public LearnedObjectTest {
+ protected:
+  /// Hypotheses around a pose that is off.
+  std::unique_ptr<HypothesisBatch> scattered(Backend* backend, int count) const {
+    auto batch = backend->batch(count);
+    SamplingPlan plan;
+    plan.count = count;
+    plan.rotation_rad.setConstant(0.05);
+    plan.translation.setConstant(0.02 * field->metadata.diameter);
+    backend->sample(batch.get(), {disturbed(truth, *field, 4, 0.05)}, plan);
+    return batch;
+  }
+};
+
+/// One step whose move is the gradient itself: Adam's denominator is all epsilon.
+OptimisationPlan gradientPlan() {
+  OptimisationPlan plan;
+  plan.steps_per_update = 1;
+  plan.samples_per_step = 1 << 16;
+  plan.epsilon = 1e6;
+  plan.translation_learning_rate = plan.rotation_learning_rate = 1e3;
+  plan.length_unit = 2;
+  plan.score_steps = 1;
+  return plan;
+}
+
+using Vector6 = Eigen::Matrix<double, 6, 1>;
+
+/// How a hypothesis moved.
+Vector6 moveOf(const Pose& from, const Pose& to) {
+  Vector6 move;
+  move << to.t - from.t, logSO3(Eigen::Matrix3d(to.R * from.R.transpose()));
+  return move;
+}
+
+TEST_F(CudaDescend, gradientsAsTheCpu) {
+  const Background backgrounds[] = {Background::kKnownAlpha, Background::kKnownColour,
+                                    Background::kUnknown};
+  for (const Background background : backgrounds) {
+    const Observation seen = observe(cpu.get(), *on_cpu, someCamera(), truth, background);
+    for (const Loss loss : {Loss::kL2, Loss::kSmoothL1, Loss::kRelativeL2}) {
+      for (const bool direction : {false, true}) {
+        SCOPED_TRACE(lossName(loss));
+        OptimisationPlan plan = gradientPlan();
+        plan.loss = loss;
+        plan.direction_gradient = direction;
+        HypothesisTable start, end[2];
+        for (Backend* backend : {cpu.get(), cuda.get()}) {
+          const auto observed = backend->observe(seen, {{someCamera(), 0}});
+          const auto batch = scattered(backend, 5);
+          start = backend->read(*batch);
+          backend->optimise(batch.get(), loaded(*backend), *observed, 0, plan, 0, 1, {});
+          // Hypotheses are read best first, and losses nearly agree.
+          end[backend == cuda.get()] = backend->read(*batch);
+        }
+        double least = 1;
+        for (std::size_t i = 0; i < start.size(); ++i) {
+          EXPECT_NEAR(end[0][i].loss, end[1][i].loss, 3e-3 * end[0][i].loss + 1e-6);
+          // Which start it came from: the nearest, for moves are small.
+          const auto nearest = std::min_element(start.begin(), start.end(),
+                                                [&](const Hypothesis& a, const Hypothesis& b) {
+                                                  return moveOf(a.T_O_C, end[0][i].T_O_C).norm() <
+                                                         moveOf(b.T_O_C, end[0][i].T_O_C).norm();
+                                                });
+          const Vector6 a = moveOf(nearest->T_O_C, end[0][i].T_O_C);
+          const Vector6 b = moveOf(nearest->T_O_C, end[1][i].T_O_C);
+          EXPECT_GT(a.norm(), 1e-8);
+          const double cosine = a.dot(b) / (a.norm() * b.norm());
+          least = std::min(least, cosine);
+          EXPECT_GE(cosine, 0.999);
+          EXPECT_NEAR(a.norm(), b.norm(), 0.05 * a.norm());
+        }
+        std::printf("  background %d, %s: least cosine %.6f\n", static_cast<int>(background),
+                    lossName(loss), least);
+      }
+    }
+  }
+}
+
+TEST_F(CudaDescend, measuresAsTheCpu) {
+  const Observation seen =
+      observe(cpu.get(), *on_cpu, someCamera(), truth, Background::kKnownAlpha);
+  HypothesisTable tables[2];
+  for (Backend* backend : {cpu.get(), cuda.get()}) {
+    const auto observed = backend->observe(seen, {{someCamera(), 0}});
+    const auto batch = scattered(backend, 7);
+    backend->evaluate(batch.get(), loaded(*backend), *observed, 0, {}, 1000, {});
+    tables[backend == cuda.get()] = backend->read(*batch);
+  }
+  for (std::size_t i = 0; i < 7; ++i) {
+    EXPECT_NEAR(tables[0][i].loss, tables[1][i].loss, 2e-3 * tables[0][i].loss + 1e-7);
+    EXPECT_LT((tables[0][i].T_O_C.t - tables[1][i].T_O_C.t).norm(), 1e-12);
+  }
+}
+
+// With a large epsilon Adam goes along the gradient. (With a small one the first updates take its
+// signs, and rounding decides where it is nearly zero.)
+TEST_F(CudaDescend, bothEnginesEndAtTheSamePoses) {
+  const Observation seen =
+      observe(cpu.get(), *on_cpu, someCamera(), truth, Background::kKnownAlpha);
+  OptimisationPlan plan;
+  plan.samples_per_step = 1 << 14;
+  plan.epsilon = 0.02;
+  plan.length_unit = 1.2 * field->metadata.diameter;
+  plan.schedule.decay_updates = 8;
+  plan.score_steps = 32;
+  HypothesisTable tables[2], starts;
+  for (Backend* backend : {cpu.get(), cuda.get()}) {
+    const auto observed = backend->observe(seen, {{someCamera(), 0}});
+    const auto batch = scattered(backend, 6);
+    starts = backend->read(*batch);
+    backend->optimise(batch.get(), loaded(*backend), *observed, 0, plan, 0, 50, {});
+    backend->optimise(batch.get(), loaded(*backend), *observed, 0, plan, 50, 46, {});
+    tables[backend == cuda.get()] = backend->read(*batch);
+  }
+  double moved = 0;
+  for (std::size_t i = 0; i < starts.size(); ++i) {
+    const Pose &a = tables[0][i].T_O_C, &b = tables[1][i].T_O_C;
+    EXPECT_LT(rotationDistance(a.R, b.R) / kDegree, 0.02);
+    EXPECT_LT((a.t - b.t).norm(), 1e-3 * field->metadata.diameter);
+    EXPECT_NEAR(tables[0][i].loss, tables[1][i].loss, 0.03 * tables[0][i].loss);
+    EXPECT_EQ(tables[1][i].iterations, 24);
+    moved = std::max(moved, (a.t - starts[i].T_O_C.t).norm());
+  }
+  EXPECT_GT(moved, 0.01 * field->metadata.diameter);
+}
+
+TEST_F(CudaDescend, theSameBitsEveryTime) {
+  const Observation seen =
+      observe(cpu.get(), *on_cpu, someCamera(), truth, Background::kKnownAlpha);
+  const auto observed = cuda->observe(seen, {{someCamera(), 0}});
+  HypothesisTable tables[2];
+  for (HypothesisTable& table : tables) {
+    const auto batch = scattered(cuda.get(), 16);
+    cuda->optimise(batch.get(), *on_cuda, *observed, 0, {}, 0, 100, {});
+    table = cuda->read(*batch);
+  }
+  for (std::size_t i = 0; i < 16; ++i) {
+    EXPECT_EQ(tables[0][i].T_O_C.R, tables[1][i].T_O_C.R);
+    EXPECT_EQ(tables[0][i].T_O_C.t, tables[1][i].T_O_C.t);
+    EXPECT_EQ(tables[0][i].loss, tables[1][i].loss);
+  }
+}
+
+// Searches of one batch share the budget, and nothing else.
+TEST_F(CudaDescend, equalSearchesOfABatchEndAtTheSameBits) {
+  const Observation seen =
+      observe(cpu.get(), *on_cpu, someCamera(), truth, Background::kKnownAlpha);
+  const auto observed = cuda->observe(seen, {{someCamera(), 0}});
+  const Pose near = disturbed(truth, *field, 2, 0.02), far = disturbed(truth, *field, 5, 0.05);
+  const auto batch = cuda->batch(15);
+  SamplingPlan plan;
+  plan.count = 5;
+  plan.rotation_rad.setConstant(0.05);
+  plan.translation.setConstant(0.02 * field->metadata.diameter);
+  cuda->sample(batch.get(), {far, near, far}, plan);
+  ResamplingPlan resample;
+  resample.keep = 2;
+  resample.offspring = 5;
+  resample.rotation_jitter_rad = 0.01;
+  OptimisationPlan descent;
+  descent.samples_per_step = 1 << 14;
+  cuda->optimise(batch.get(), *on_cuda, *observed, 0, descent, 0, 12, {});
+  cuda->resample(batch.get(), resample);
+  cuda->optimise(batch.get(), *on_cuda, *observed, 0, descent, 12, 12, {});
+  cuda->evaluate(batch.get(), *on_cuda, *observed, 0, descent, 1000, {});
+  std::vector<Hypothesis> of[3];
+  for (const Hypothesis& h : cuda->read(*batch)) of[h.search].push_back(h);
+  ASSERT_EQ(of[0].size(), 5u);
+  ASSERT_EQ(of[1].size(), 5u);
+  ASSERT_EQ(of[2].size(), 5u);
+  for (int i = 0; i < 5; ++i) {
+    EXPECT_EQ(of[0][i].T_O_C.t, of[2][i].T_O_C.t);
+    EXPECT_EQ(of[0][i].T_O_C.R, of[2][i].T_O_C.R);
+    EXPECT_EQ(of[0][i].loss, of[2][i].loss);
+    EXPECT_NE(of[0][i].T_O_C.t, of[1][i].T_O_C.t);
+  }
+}
+
+// Fog, of which the first step takes many more samples than there is room for: it is left out.
+TEST_F(CudaDescend, aStepWithTooManySamplesChangesNothing) {
+  FieldConfig config;
+  config.step = 1e-3f;
+  Field fog = randomField(config, 3);
+  for (float& weight : fog.density_weights) weight *= 0.1f;  // density about 1 everywhere
+  fog.metadata.centre = fog.cubeCentre();
+  fog.metadata.diameter = fog.cubeSide();
+  const auto loaded_fog = cuda->load(std::make_shared<Field>(fog));
+  const Pose pose = cameraBefore(fog, 2 * fog.cubeSide());
+  const Observation seen =
+      observe(cuda.get(), *loaded_fog, someCamera(), pose, Background::kKnownAlpha);
+  const auto observed = cuda->observe(seen, {{someCamera(), 0}});
+  Pose poses[2][2];
+  for (int run = 0; run < 2; ++run) {
+    for (int steps : {1, 9}) {
+      const auto batch = cuda->batch(1);
+      SamplingPlan plan;
+      plan.count = 1;
+      cuda->sample(batch.get(), {disturbed(pose, fog, 4, 0.05)}, plan);
+      OptimisationPlan descent;
+      descent.steps_per_update = 1;
+      descent.samples_per_step = 1 << 12;
+      cuda->optimise(batch.get(), *loaded_fog, *observed, 0, descent, 0, steps, {});
+      poses[run][steps > 1] = cuda->read(*batch).front().T_O_C;
+    }
+  }
+  EXPECT_LT((poses[0][0].R - disturbed(pose, fog, 4, 0.05).R).norm(), 1e-12);
+  EXPECT_GT((poses[0][1].t - disturbed(pose, fog, 4, 0.05).t).norm(), 1e-6);
+  for (int k = 0; k < 2; ++k) {
+    EXPECT_EQ(poses[0][k].R, poses[1][k].R);
+    EXPECT_EQ(poses[0][k].t, poses[1][k].t);
+  }
+}
+
+TEST_F(CudaDescend, stopsWhenAsked) {
+  const Observation seen =
+      observe(cpu.get(), *on_cpu, someCamera(), truth, Background::kKnownAlpha);
+  const auto observed = cuda->observe(seen, {{someCamera(), 0}});
+  const auto batch = scattered(cuda.get(), 16);
+  CancellationToken stop;
+  stop.requestCancel();
+  EXPECT_THROW(cuda->optimise(batch.get(), *on_cuda, *observed, 0, {}, 0, 100, stop), Cancelled);
+  cuda->optimise(batch.get(), *on_cuda, *observed, 0, {}, 0, 3, {});
+  EXPECT_EQ(cuda->read(*batch).size(), 16u);
+}
+
+}  // namespace
+}  // namespace nerf_pose_refiner
