@@ -55,13 +55,13 @@ class ReferenceField {
   }
 
   /// Force [1 / model unit] and torque of a loss whose derivatives by the ray's colour are given.
-  FrozenGradient pull(const Ray& ray, const std::vector<FrozenSample>& samples,
+  FrozenGradient poseGradient(const Ray& ray, const std::vector<FrozenSample>& samples,
                       const RayColour& gradient, bool direction_gradient) const {
-    FrozenGradient pull =
+    FrozenGradient pose_gradient =
         gradientOf(ray.direction, samples, occupiedVolumeAt(ray, samples, nullptr), gradient,
                    direction_gradient);
-    pull.force /= field_.cubeSide();
-    return pull;
+    pose_gradient.force /= field_.cubeSide();
+    return pose_gradient;
   }
 
  private:
