@@ -29,9 +29,11 @@ generate_dynamic_reconfigure_options(
   cfg/Search.cfg
   cfg/Tracker.cfg)
 
-# The room `ros` and the nodelet are plugins, not a library for others: only the library is given.
+# The module `ros` and the nodelet are plugins, not a library for others: only the library is given,
+# by its name and as the target nerf_pose_refiner::nerf_pose_refiner.
 catkin_package(
   INCLUDE_DIRS include
   LIBRARIES ${PROJECT_NAME}
+  CFG_EXTRAS ${PROJECT_NAME}-extras.cmake
   CATKIN_DEPENDS actionlib_msgs geometry_msgs message_runtime roscpp sensor_msgs std_msgs
   DEPENDS EIGEN3)

@@ -167,6 +167,22 @@ class Testing(AmongFakes):
         self.assertIn('no tests were run', result.stderr)
         self.assertEqual(result.returncode, 1)
 
+    def test_skipped_cases_do_not_count_as_passed(self):
+        self.installed_packages()
+        self.program('cmake', '')
+        build = os.path.join(self.folder.name, 'build')
+        log = os.path.join(build, 'Testing', 'Temporary')
+        # Of three tests one is skipped as a whole, and two others skip 37 and 1 of their cases.
+        self.program('ctest', f"""mkdir -p "{log}"
+printf '[  SKIPPED ] 37 tests, listed below:\\n[  SKIPPED ] Cuda.a\\n[  SKIPPED ] 1 test, listed below:\\n' \
+  >"{log}/LastTest.log"
+echo '3/3 Test #3: lint ...***Skipped'
+echo '100% tests passed, 0 tests failed out of 3'""")
+        result = run(os.path.join(SCRIPTS, 'test'), '--build', build, PATH=f'{self.bin}:/usr/bin:/bin')
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertEqual(result.stdout.splitlines()[-1],
+                         '2 passed, 0 failed, 1 skipped; 38 cases skipped in those that passed')
+
 
 class Installing(AmongFakes):
     def install(self, yes, function='install_with_apt'):

@@ -23,7 +23,7 @@ build_package() {
   say "building in $BUILD_DIR"
   mkdir -p "$BUILD_DIR"
   cmake -S "$TOP" -B "$BUILD_DIR" -DCMAKE_BUILD_TYPE=Release \
-    -DCMAKE_CUDA_ARCHITECTURES="$(cuda_architecture)" "${BUILD_OPTIONS[@]}" >"$BUILD_DIR/configure.log" 2>&1 || {
+    -DCMAKE_CUDA_ARCHITECTURES="$(cuda_architecture)" -DNERF_POSE_REFINER_WERROR=ON "${BUILD_OPTIONS[@]}" >"$BUILD_DIR/configure.log" 2>&1 || {
     tail -n 30 "$BUILD_DIR/configure.log" >&2
     die "configuring failed; all of it: $BUILD_DIR/configure.log"
   }
