@@ -104,7 +104,7 @@ def views_of(rows, names, protocol):
     errors = [('%s [%s]' % (of, unit), '%s_%s' % (of, error)) for error, unit in
               (('deg', 'deg'), (scale, letter), (other, other_letter)) for of in ('median', 'p90')]
     head = list(names) + ['trials']
-    return [('Share of the trials, with its 95 % interval:', head + [heading for heading, _ in shares],
+    return [('Fraction of the trials, with its 95 % interval:', head + [heading for heading, _ in shares],
              [name_cells(row, names) + [number_cell(row, 'trials')] + [share_cell(row, name) for _, name in shares]
               for row in rows]),
             ('Errors and cost of a trial:', list(names) + [heading for heading, _ in errors] + [
@@ -211,7 +211,7 @@ def noise_views(rows, protocol):
     for values, group in groups(rows, names).items():
         cells = {row['condition']: share_cell(row, 'joint_' + scale) for row in group}
         body.append(list(values) + [cells.get(condition, '') for condition in conditions])
-    views = [('Share of the trials under 5 deg and 0.05 %s jointly, with its 95 %% interval:' % letter,
+    views = [('Fraction of the trials under 5 deg and 0.05 %s jointly, with its 95 %% interval:' % letter,
               names + conditions, body)]
     best = best_losses(rows, scale)
     if best:
