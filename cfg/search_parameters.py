@@ -1,5 +1,5 @@
 # Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-"""What the searches from an initial pose and from the last one have in common."""
+"""Parameters that the searches from an initial pose and from the last one have in common."""
 from dynamic_reconfigure.parameter_generator_catkin import bool_t, double_t, int_t
 
 
@@ -13,6 +13,6 @@ def add_search(gen, rotation_deg, translation):
     comparison.add('robust_scale', double_t, 0,
                    'Colour difference (0..1) beyond which a pixel counts as an outlier', 0.1, 0.001, 10)
     comparison.add('compare_contrast', bool_t, 0,
-                   'Compare each pixel with its surroundings; false: its colour with the model\'s', True)
-    comparison.add('fit_gain_bias', bool_t, 0, 'Fit brightness and contrast of each colour', True)
-    comparison.add('seed', int_t, 0, 'Of the random start poses', 1, 0, 2147483647)
+                   'Compare local contrast; false: compare colours with the model\'s', True)
+    comparison.add('fit_gain_bias', bool_t, 0, 'Fit gain and bias of each colour channel', True)
+    comparison.add('seed', int_t, 0, 'Seed of the random hypotheses', 1, 0, 2147483647)
