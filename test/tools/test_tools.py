@@ -134,6 +134,7 @@ class Examples(unittest.TestCase):
         shutil.rmtree(cls.folder, ignore_errors=True)
         os.makedirs(os.path.join(cls.folder, 'photos'))
         os.symlink(PHOTOS, os.path.join(cls.folder, 'photos', 'mug'))
+        os.symlink(os.path.join(TOP, 'demo'), os.path.join(cls.folder, 'demo'))
         shutil.copy(os.path.join(PHOTOS, 'test', 'view_003.png'),
                     os.path.join(cls.folder, 'photo.jpg'))  # what it is the bytes tell
 
