@@ -215,7 +215,7 @@ def noise_views(rows, protocol):
               names + conditions, body)]
     best = best_losses(rows, scale)
     if best:
-        views.append(('The best loss against L2, jointly:', ['scene', 'condition', 'method', 'best loss', 'share',
+        views.append(('The best loss against L2, jointly:', ['scene', 'condition', 'method', 'best loss', 'fraction',
                                                              'L2', 'gain'],
                       [[row['scene'], row['condition'], ' '.join(filter(None, (row['method'], row['variant']))),
                         row['best'], '%.2f' % row['best_share'], '%.2f' % row['l2_share'], '%+.2f' % row['gain']]
