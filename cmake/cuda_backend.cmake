@@ -48,19 +48,19 @@ add_library(${npr_cuda} OBJECT
   cuda/align.cu
   cuda/contrast.cu
   cuda/cuda_align.cpp
-  cuda/cuda_optimise.cpp
   cuda/cuda_backend.cpp
   cuda/cuda_error.cpp
   cuda/cuda_field.cpp
   cuda/cuda_observe.cpp
+  cuda/cuda_optimise.cpp
   cuda/cuda_trainer.cpp
-  cuda/optimise.cu
   cuda/descent_update.cu
   cuda/evaluate.cu
   cuda/gpu_memory.cpp
   cuda/hypotheses.cu
-  cuda/launch.cpp
   cuda/image_level.cu
+  cuda/launch.cpp
+  cuda/optimise.cu
   cuda/regions.cu
   cuda/render.cu
   cuda/train_networks.cu

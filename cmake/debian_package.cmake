@@ -5,7 +5,7 @@
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_NAME ros-nerf-pose-refiner)
 set(CPACK_PACKAGE_VERSION ${PROJECT_VERSION})
-set(CPACK_PACKAGE_CONTACT "The nerf_pose_refiner authors <nerf_pose_refiner@users.noreply.github.com>")
+set(CPACK_PACKAGE_CONTACT "The ${PROJECT_NAME} authors <${PROJECT_NAME}@users.noreply.github.com>")
 set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "6-DoF pose of a known object by a learned radiance field")
 set(CPACK_RESOURCE_FILE_LICENSE ${PROJECT_SOURCE_DIR}/LICENSE)
 set(CPACK_STRIP_FILES ON)

@@ -9,6 +9,7 @@ if(catkin_FOUND)
   export(EXPORT ${PROJECT_NAME}Targets NAMESPACE ${PROJECT_NAME}::
     FILE ${CATKIN_DEVEL_PREFIX}/${npr_config_dir}/${PROJECT_NAME}Targets.cmake)
 else()
+  #catkin_lint: skip
   set(npr_config_dir ${CMAKE_INSTALL_LIBDIR}/cmake/${PROJECT_NAME})
   configure_package_config_file(
     cmake/${PROJECT_NAME}Config.cmake.in ${CMAKE_CURRENT_BINARY_DIR}/${PROJECT_NAME}Config.cmake

@@ -56,7 +56,7 @@ class ReferenceField {
 
   /// Force [1 / model unit] and torque of a loss whose derivatives by the ray's colour are given.
   FrozenGradient poseGradient(const Ray& ray, const std::vector<FrozenSample>& samples,
-                      const RayColour& gradient, bool direction_gradient) const {
+                              const RayColour& gradient, bool direction_gradient) const {
     FrozenGradient pose_gradient =
         gradientOf(ray.direction, samples, occupiedVolumeAt(ray, samples, nullptr), gradient,
                    direction_gradient);
