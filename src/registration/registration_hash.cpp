@@ -32,6 +32,24 @@ class SettingHasher {
   Checksum& checksum_;
 };
 
+void addAxis(const SymmetryAxis& axis, Checksum* checksum) {
+  checksum->add(axis.direction.data(), 3 * sizeof(double));
+  checksum->add(axis.point.data(), 3 * sizeof(double));
+}
+
+void addPose(const Pose& pose, Checksum* checksum) {
+  checksum->add(pose.R.data(), 9 * sizeof(double));
+  checksum->add(pose.t.data(), 3 * sizeof(double));
+}
+
+/// What is measured of poses is modulo the symmetries. None add nothing: models of objects without
+/// them stay valid.
+void addSymmetries(const Symmetries& symmetries, Checksum* checksum) {
+  if (!symmetries.any()) return;
+  if (symmetries.axis()) addAxis(*symmetries.axis(), checksum);
+  for (const Pose& motion : symmetries.motions()) addPose(motion, checksum);
+}
+
 }  // namespace
 
 std::string registrationHash(const Dataset& dataset, const RegistrationSettings& settings,
@@ -43,8 +61,7 @@ std::string registrationHash(const Dataset& dataset, const RegistrationSettings&
     for (const double number : {view.camera.fx, view.camera.fy, view.camera.cx, view.camera.cy}) {
       checksum.add(&number, sizeof number);
     }
-    checksum.add(view.T_O_C.R.data(), 9 * sizeof(double));
-    checksum.add(view.T_O_C.t.data(), 3 * sizeof(double));
+    addPose(view.T_O_C, &checksum);
   }
   checksum.add(&dataset.has_alpha, sizeof dataset.has_alpha);
   if (dataset.has_box) {
@@ -52,6 +69,7 @@ std::string registrationHash(const Dataset& dataset, const RegistrationSettings&
     checksum.add(dataset.box_max.data(), 3 * sizeof(double));
   }
   visitSettings(settings, SettingHasher(dataset, &checksum));
+  addSymmetries(settings.symmetries, &checksum);
   return checksum.text();
 }
 

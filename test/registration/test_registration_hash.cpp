@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <functional>
 #include <memory>
 #include <set>
@@ -23,7 +24,7 @@ std::string hashAfter(const Change& change) {
   return registrationHash(dataset, settings);
 }
 
-TEST(RegistrationHash, ChangesWithWhateverChangesTheModel) {
+TEST(RegistrationHash, ChangesWithWhateverChangesTheModelOrWhatIsMeasuredOfIt) {
   using D = Dataset;
   using S = RegistrationSettings;
   const std::vector<Change> changes = {
@@ -53,6 +54,12 @@ TEST(RegistrationHash, ChangesWithWhateverChangesTheModel) {
       [](D*, S* s) { ++s->plan.samples_per_step; },
       [](D*, S* s) { s->plan.learning_rate *= 2; },
       [](D*, S* s) { s->plan.final_learning_rate_factor *= 2; },
+      [](D*, S* s) { s->refine_poses = true; },
+      [](D*, S* s) { s->symmetries = Symmetries(SymmetryAxis(), {}); },
+      [](D*, S* s) { s->symmetries = Symmetries(SymmetryAxis{{1, 0, 0}, {0, 0, 0}}, {}); },
+      [](D*, S* s) { s->symmetries = Symmetries(SymmetryAxis{{0, 0, 1}, {0.1, 0, 0}}, {}); },
+      [](D*, S* s) { s->symmetries = Symmetries({}, {turnAbout({}, M_PI)}); },
+      [](D*, S* s) { s->symmetries = Symmetries({}, {turnAbout({}, M_PI / 2)}); },
   };
   std::set<std::string> hashes;
   for (const Change& change : changes) hashes.insert(hashAfter(change));
