@@ -1,6 +1,7 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <string>
 #include <vector>
@@ -35,12 +36,22 @@ struct Dataset {
   double metres_per_unit = 0;  ///< 0: unknown
 };
 
+/// How much a dataset may ask of the machine. What goes beyond is refused before an image is
+/// decoded.
+struct DatasetLimits {
+  std::uint64_t json_bytes = std::uint64_t{1} << 24;    ///< of the transforms.json
+  std::uint64_t frames = 5000;                          ///< that it lists
+  std::uint64_t image_pixels = std::uint64_t{1} << 26;  ///< of an image or a mask
+  std::uint64_t pixels = std::uint64_t{1} << 30;  ///< of all images, which take 4 bytes a pixel
+};
+
 /// How a dataset is read.
 struct DatasetOptions {
   int threads = 0;  ///< that read images; 0: all cores
   /// Refuses images and masks that are not below the folder of the transforms.json: absolute
   /// paths, "..", links that lead out. For datasets of somebody who may not read all files.
   bool confined = false;
+  DatasetLimits limits;
 };
 
 /// Reads a transforms.json as NeRF Synthetic and instant-ngp write it.
@@ -57,8 +68,8 @@ struct DatasetOptions {
 /// @param stop looked at between images.
 /// @throws std::runtime_error naming the file and the frame: for an image or mask that is missing,
 /// damaged, of another size or not allowed, a matrix that is not finite or not rigid, intrinsics
-/// that are missing or make no sense, a camera that is no pinhole, alpha in some frames only, no
-/// frames, broken JSON. Stopped.
+/// that are missing or make no sense, a camera that is no pinhole, alpha in some frames only, one
+/// image in two frames, more than `options.limits`, no frames, broken JSON. Stopped.
 Dataset loadTransforms(const std::string& path, const DatasetOptions& options = {},
                        const CancellationToken& stop = {});
 

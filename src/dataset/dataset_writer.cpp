@@ -1,14 +1,13 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include "dataset/dataset_writer.h"
 
-#include <cerrno>
 #include <cstdio>
-#include <cstring>
 #include <filesystem>
-#include <fstream>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
+#include "files/atomic_file.h"
+#include "files/sync.h"
 #include "image/io.h"
 
 namespace nerf_pose_refiner {
@@ -16,6 +15,8 @@ namespace {
 
 namespace fs = std::filesystem;
 using Json = nlohmann::json;
+
+constexpr int kMaxNames = 1000;  // that are tried until one is free
 
 std::string imageName(int view) {
   char name[32];
@@ -49,13 +50,9 @@ DatasetWriter::DatasetWriter(const std::string& folder, const DatasetHeader& hea
     throw std::runtime_error("'" + folder_ + "' is there already");
   }
   const fs::path hidden = wanted.parent_path() / ("." + wanted.filename().string() + ".unfinished");
-  std::error_code error;
-  fs::remove_all(hidden, error);
-  fs::create_directories(hidden, error);
-  if (error) {
-    throw std::runtime_error("cannot make '" + hidden.string() + "': " + error.message());
-  }
+  lock_.emplace(hidden.string());
   hidden_ = hidden.string();
+  for (const fs::directory_entry& left : fs::directory_iterator(hidden)) fs::remove_all(left);
 }
 
 DatasetWriter::~DatasetWriter() {
@@ -72,7 +69,14 @@ void DatasetWriter::add(const Image8& image, const Pose& T_O_C) {
   if (!T_O_C.isFinite() || !T_O_C.isRigid()) {
     throw std::invalid_argument("the camera's pose is not a rigid transform");
   }
-  writePng(image, hidden_ + "/" + imageName(views()));
+  const std::string path = hidden_ + "/" + imageName(views());
+  try {
+    writePng(image, path);
+  } catch (const std::exception&) {
+    std::error_code ignored;
+    fs::remove(path, ignored);
+    throw;
+  }
   poses_.push_back(T_O_C);
 }
 
@@ -95,18 +99,35 @@ std::string DatasetWriter::json() const {
   return document.dump(1) + "\n";
 }
 
-void DatasetWriter::finish() {
+void DatasetWriter::writeJson() const {
+  const std::string text = json();
+  AtomicFile file(hidden_ + "/transforms.json");
+  file.write(text.data(), text.size());
+  file.commit();
+}
+
+/// Renames the hidden folder. (A name that is taken is an error, unless an empty folder bears it.)
+std::string DatasetWriter::publish() const {
+  std::error_code error;
+  for (int i = 1; i <= kMaxNames; ++i) {
+    const std::string name = i == 1 ? folder_ : folder_ + "_" + std::to_string(i);
+    fs::rename(hidden_, name, error);
+    if (!error) return name;
+    if (!fs::exists(fs::symlink_status(name))) break;
+  }
+  throw std::runtime_error("cannot make '" + folder_ + "': " + error.message());
+}
+
+std::string DatasetWriter::finish() {
   if (hidden_.empty()) throw std::runtime_error("'" + folder_ + "' is finished");
   if (poses_.empty()) throw std::runtime_error("'" + folder_ + "': there are no views");
-  const std::string path = hidden_ + "/transforms.json";
-  std::ofstream file(path);
-  file << json();
-  file.close();
-  if (!file) throw std::runtime_error("cannot write '" + path + "': " + std::strerror(errno));
-  std::error_code error;
-  fs::rename(hidden_, folder_, error);
-  if (error) throw std::runtime_error("cannot make '" + folder_ + "': " + error.message());
+  for (int view = 0; view < views(); ++view) syncFile(hidden_ + "/" + imageName(view));
+  writeJson();
+  const std::string name = publish();
+  syncFolder(fs::path(name).parent_path().string());
   hidden_.clear();
+  lock_.reset();
+  return name;
 }
 
 }  // namespace nerf_pose_refiner

@@ -10,6 +10,7 @@
 
 #include "concurrency/parallel.h"
 #include "dataset/dataset.h"
+#include "dataset/frame_files.h"
 #include "dataset/path_below.h"
 #include "dataset/transforms_json.h"
 #include "image/io.h"
@@ -35,31 +36,6 @@ fs::path jsonPath(const fs::path& path, const DatasetOptions& options) {
   throw std::runtime_error("'" + path.string() +
                            "' holds neither transforms.json nor transforms_train.json");
 }
-
-/// Files that a transforms.json names.
-class Files {
- public:
-  Files(const fs::path& folder, bool confined) : folder_(folder), confined_(confined) {}
-
-  std::string find(const std::string& path) const {
-    return confined_ ? pathBelow(folder_.empty() ? "." : folder_.string(), path)
-                     : (folder_ / path).lexically_normal().string();
-  }
-
-  /// NeRF Synthetic leaves the ending away.
-  std::string findImage(const std::string& path) const {
-    for (const char* ending : {"", ".png", ".jpg", ".jpeg", ".PNG", ".JPG", ".JPEG"}) {
-      const std::string file = find(path + ending);
-      if (fs::is_regular_file(file)) return file;
-    }
-    throw std::runtime_error("there is no file '" + find(path) +
-                             "', with or without .png, .jpg or .jpeg");
-  }
-
- private:
-  fs::path folder_;
-  bool confined_;
-};
 
 /// Camera of a frame, pixel centres integers.
 Camera cameraOf(const TransformsFrame& frame, int width, int height) {
@@ -93,8 +69,7 @@ Image8 withAlpha(const Image8& image) {
 }
 
 /// Multiplies the alpha of an image by a mask.
-void applyMask(const std::string& mask_path, Image8* rgba) {
-  const Image8 mask = readMask(mask_path);
+void applyMask(const Image8& mask, const std::string& mask_path, Image8* rgba) {
   if (mask.width != rgba->width || mask.height != rgba->height) {
     throw std::runtime_error("the mask '" + mask_path + "' has " +
                              sizeText(mask.width, mask.height) + " pixels, the picture " +
@@ -133,19 +108,20 @@ struct LoadedView {
   bool has_transparency = false;   // somewhere
 };
 
-LoadedView loadView(const Files& files, const TransformsFrame& frame,
-                    UndistorterCache* undistorters) {
+LoadedView loadView(const FrameFiles& files, const TransformsFrame& frame,
+                    const DatasetLimits& limits, UndistorterCache* undistorters) {
   LoadedView loaded;
   PosedView& view = loaded.view;
-  view.name = files.findImage(frame.file_path);
+  view.name = files.image;
   view.T_O_C = frame.T_O_C;
-  const Image8 image = readImage(view.name);
+  const Image8 image = readImage(view.name, limits.image_pixels);
   view.photo_camera = cameraOf(frame, image.width, image.height);
   view.camera = view.photo_camera;
   view.distortion = frame.distortion;
   loaded.has_alpha_channel = image.channels == 4 || !frame.mask_path.empty();
   Image8 rgba = withAlpha(image);
-  if (!frame.mask_path.empty()) applyMask(files.find(frame.mask_path), &rgba);
+  if (!frame.mask_path.empty())
+    applyMask(readMask(files.mask, limits.image_pixels), files.mask, &rgba);
   if (!frame.distortion.isZero()) {
     const auto undistorter = undistorters->get(view.camera, frame.distortion);
     rgba = undistorter->undistort(rgba);
@@ -159,14 +135,15 @@ LoadedView loadView(const Files& files, const TransformsFrame& frame,
 }
 
 /// All views, in parallel. The first frame that fails is the one that is reported.
-std::vector<LoadedView> loadViews(const Files& files, const std::vector<TransformsFrame>& frames,
-                                  int threads, const CancellationToken& stop) {
+std::vector<LoadedView> loadViews(const std::vector<FrameFiles>& files,
+                                  const std::vector<TransformsFrame>& frames,
+                                  const DatasetOptions& options, const CancellationToken& stop) {
   std::vector<LoadedView> views(frames.size());
   UndistorterCache undistorters;
-  parallelFor(threadCount(threads), static_cast<int>(frames.size()), [&](int i) {
+  parallelFor(threadCount(options.threads), static_cast<int>(frames.size()), [&](int i) {
     stop.check();
     try {
-      views[i] = loadView(files, frames[i], &undistorters);
+      views[i] = loadView(files[i], frames[i], options.limits, &undistorters);
     } catch (const std::exception& error) {
       throw std::runtime_error(frames[i].where + ": " + error.what());
     }
@@ -179,12 +156,13 @@ std::vector<LoadedView> loadViews(const Files& files, const std::vector<Transfor
 Dataset loadTransforms(const std::string& path, const DatasetOptions& options,
                        const CancellationToken& stop) {
   const fs::path json_path = jsonPath(path, options);
-  const TransformsFile file = readTransformsJson(json_path.string());
-  const std::vector<LoadedView> views = loadViews(Files(json_path.parent_path(), options.confined),
-                                                  file.frames, options.threads, stop);
+  const std::string folder = json_path.parent_path().string();
+  const TransformsFile file = readTransformsJson(json_path.string(), options.limits);
+  const std::vector<FrameFiles> files = findFrameFiles(file.frames, folder, options, stop);
+  const std::vector<LoadedView> views = loadViews(files, file.frames, options, stop);
 
   Dataset dataset;
-  dataset.folder = json_path.parent_path().string();
+  dataset.folder = folder;
   dataset.has_box = file.has_box;
   dataset.box_min = file.box_min;
   dataset.box_max = file.box_max;

@@ -1,13 +1,12 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include "dataset/transforms_json.h"
 
-#include <cerrno>
 #include <cmath>
 #include <cstring>
-#include <fstream>
-#include <iterator>
-#include <nlohmann/json.hpp>
 #include <stdexcept>
+
+#include "files/input_file.h"
+#include "files/json.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -19,12 +18,6 @@ constexpr double kRigidTolerance = 1e-3;
 
 [[noreturn]] void fail(const std::string& where, const std::string& what) {
   throw std::runtime_error(where + ": " + what);
-}
-
-std::string readFile(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  if (!file) fail("cannot read '" + path + "'", std::strerror(errno));
-  return {std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
 }
 
 /// Python writes NaN and Infinity, which JSON does not know. They become null, so that the message
@@ -53,6 +46,11 @@ std::string withNullForNan(const std::string& text) {
     }
   }
   return result;
+}
+
+/// A value as messages quote it.
+std::string shortText(const Json& value) {
+  return value.is_string() ? value.dump().substr(0, 100) : std::string(value.type_name());
 }
 
 double finiteNumber(const Json& value, const std::string& name, const std::string& where) {
@@ -111,7 +109,7 @@ class Lookup {
            {"PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "FULL_OPENCV"}) {
         known = known || *model == name;
       }
-      if (!known) fail(where_, "the camera model " + model->dump() + " is not supported");
+      if (!known) fail(where_, "the camera model " + shortText(*model) + " is not supported");
     }
     const Json* fisheye = find("is_fisheye");
     if (fisheye != nullptr && *fisheye == true) fail(where_, "fisheye cameras are not supported");
@@ -205,23 +203,27 @@ void readBox(const Json& json, const std::string& path, TransformsFile* file) {
   }
 }
 
-Json parse(const std::string& path) {
+Json parse(const std::string& path, const DatasetLimits& limits) {
   try {
-    return Json::parse(withNullForNan(readFile(path)));
-  } catch (const Json::exception& error) {
-    fail("'" + path + "'", error.what());
+    return parseJson(withNullForNan(readWhole(InputFile(path), limits.json_bytes)));
+  } catch (const std::exception& error) {
+    fail("cannot read '" + path + "'", error.what());
   }
 }
 
 }  // namespace
 
-TransformsFile readTransformsJson(const std::string& path) {
-  const Json json = parse(path);
+TransformsFile readTransformsJson(const std::string& path, const DatasetLimits& limits) {
+  const Json json = parse(path, limits);
   const std::string where = "'" + path + "'";
   if (!json.is_object()) fail(where, "not a transforms file: no object at the top");
   const auto frames = json.find("frames");
   if (frames == json.end() || !frames->is_array()) fail(where, "'frames' is not a list");
   if (frames->empty()) fail(where, "'frames' is empty");
+  if (frames->size() > limits.frames) {
+    fail(where, std::to_string(frames->size()) + " frames, at most " +
+                    std::to_string(limits.frames) + " are read");
+  }
 
   TransformsFile file;
   for (std::size_t i = 0; i < frames->size(); ++i) {

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "dataset/dataset.h"
 #include "nerf_pose_refiner/camera.h"
 #include "nerf_pose_refiner/pose.h"
 
@@ -34,6 +35,6 @@ struct TransformsFile {
 
 /// Reads and checks the JSON; opens no image.
 /// @throws std::runtime_error naming the file and the frame.
-TransformsFile readTransformsJson(const std::string& path);
+TransformsFile readTransformsJson(const std::string& path, const DatasetLimits& limits = {});
 
 }  // namespace nerf_pose_refiner

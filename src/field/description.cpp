@@ -1,9 +1,10 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include "field/description.h"
 
-#include <nlohmann/json.hpp>
 #include <stdexcept>
 #include <type_traits>
+
+#include "files/json.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -113,7 +114,7 @@ std::string describe(const Field& field) {
 Field fieldFromDescription(const std::string& text) {
   Field field;
   try {
-    const Json json = Json::parse(text);
+    const Json json = parseJson(text);
     visitConfig(field.config, Reader(json.at("config")));
     visitMetadata(field.metadata, Reader(json.at("metadata")));
     if (json.contains("pose_statistics")) {  // models of before do not have them

@@ -2,17 +2,13 @@
 #include "field/model_file.h"
 
 #include <array>
-#include <cerrno>
 #include <cstdint>
-#include <cstring>
-#include <filesystem>
-#include <fstream>
-#include <nlohmann/json.hpp>
 #include <stdexcept>
-#include <system_error>
 
-#include "field/atomic_file.h"
 #include "field/description.h"
+#include "files/atomic_file.h"
+#include "files/input_file.h"
+#include "files/json.h"
 #include "math/checksum.h"
 
 namespace nerf_pose_refiner {
@@ -25,7 +21,7 @@ static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__,
 
 constexpr const char* kFormat = "nerf_pose_refiner";
 constexpr int kVersion = 1;
-constexpr std::uint64_t kLongestHeader = 1 << 20;  // ours have two thousand bytes
+constexpr std::uint64_t kMaxHeaderBytes = 1 << 16;  // ours have two thousand bytes
 
 /// A tensor as the file describes it.
 struct Tensor {
@@ -84,12 +80,7 @@ std::string headerOf(const Field& field) {
 /// An open model file, read front to back; every length is checked before memory is taken.
 class ModelReader {
  public:
-  explicit ModelReader(const std::string& path) : file_(path, std::ios::binary) {
-    if (!file_) throw std::runtime_error(std::strerror(errno));
-    std::error_code error;
-    size_ = std::filesystem::file_size(path, error);
-    if (error) throw std::runtime_error(error.message());
-  }
+  explicit ModelReader(const std::string& path) : file_(path) {}
 
   FieldMetadata readMetadata() {
     const Json header = readHeader();
@@ -108,7 +99,7 @@ class ModelReader {
     readTensor(tensors[1], &field.density_weights);
     readTensor(tensors[2], &field.colour_weights);
     readTensor(tensors[3], &field.occupancy.bits);
-    if (header["__metadata__"].value("checksum", "") != checksumOf(description, field)) {
+    if (!isEqual(find(header["__metadata__"], "checksum"), checksumOf(description, field))) {
       throw std::runtime_error("damaged: the checksum does not fit the content");
     }
     field.validate();
@@ -118,57 +109,67 @@ class ModelReader {
  private:
   Json readHeader() {
     std::uint64_t length = 0;
-    if (size_ < sizeof length) throw std::runtime_error("not a model: shorter than 8 bytes");
+    if (file_.size() < sizeof length) throw std::runtime_error("not a model: shorter than 8 bytes");
     readBytes(&length, sizeof length);
-    if (length > kLongestHeader) throw std::runtime_error("not a model: no header at its start");
-    if (length > size_ - sizeof length) throw std::runtime_error("cut short within its header");
+    if (length > kMaxHeaderBytes) throw std::runtime_error("not a model: no header at its start");
+    if (length > bytesLeft()) throw std::runtime_error("cut short within its header");
     std::string text(length, '\0');
     readBytes(&text[0], text.size());
-    data_begin_ = sizeof length + length;
-    // The parser takes a zero byte for the end of the text.
-    const bool whole = text.find('\0') == std::string::npos;
-    Json header = Json::parse(text, nullptr, /*allow_exceptions=*/false);
-    if (!whole || !header.is_object()) {
-      throw std::runtime_error("not a model: its header is no JSON object");
+    Json header;
+    try {
+      header = parseJson(text);
+    } catch (const std::runtime_error& error) {
+      throw std::runtime_error("not a model: its header is no JSON: " + std::string(error.what()));
     }
+    if (!header.is_object()) throw std::runtime_error("not a model: its header is no JSON object");
     return header;
   }
 
   /// @return the field's description.
   static std::string checkMetadata(const Json& header) {
-    const auto metadata = header.find("__metadata__");
-    if (metadata == header.end() || !metadata->is_object() ||
-        metadata->value("format", Json()) != kFormat) {
+    const Json* metadata = find(header, "__metadata__");
+    const Json* format = metadata ? find(*metadata, "format") : nullptr;
+    if (format == nullptr || *format != kFormat) {
       throw std::runtime_error("a file in the safetensors layout, but not a model of this package");
     }
-    const Json version = metadata->value("version", Json());
-    if (version != std::to_string(kVersion)) {
-      throw std::runtime_error("its version is " + version.dump() + ", this program reads \"" +
-                               std::to_string(kVersion) + "\"");
+    const Json* version = find(*metadata, "version");
+    if (version == nullptr || *version != std::to_string(kVersion)) {
+      throw std::runtime_error("its version is " + (version ? version->dump() : "missing") +
+                               ", this program reads \"" + std::to_string(kVersion) + "\"");
     }
-    const Json description = metadata->value("field", Json());
-    if (!description.is_string()) throw std::runtime_error("damaged: the description is missing");
-    return description;
+    const Json* description = find(*metadata, "field");
+    if (description == nullptr || !description->is_string()) {
+      throw std::runtime_error("damaged: the description is missing");
+    }
+    return *description;
+  }
+
+  /// Null if the value is no object, or has no such key.
+  static const Json* find(const Json& value, const char* key) {
+    const auto entry = value.find(key);
+    return entry == value.end() ? nullptr : &*entry;
+  }
+
+  static bool isEqual(const Json* value, const Json& expected) {
+    return value != nullptr && *value == expected;
   }
 
   void checkTensors(const Json& header, const std::array<Tensor, 4>& tensors) const {
     std::uint64_t total = 0;
     for (const Tensor& tensor : tensors) {
-      const auto entry = header.find(tensor.name);
-      const bool fits = entry != header.end() && entry->is_object() &&
-                        entry->value("dtype", Json()) == tensor.type &&
-                        entry->value("shape", Json()) == Json(tensor.shape) &&
-                        entry->value("data_offsets", Json()) == Json({total, total + tensor.bytes});
+      const Json* entry = find(header, tensor.name);
+      const bool fits = entry != nullptr && isEqual(find(*entry, "dtype"), tensor.type) &&
+                        isEqual(find(*entry, "shape"), tensor.shape) &&
+                        isEqual(find(*entry, "data_offsets"), Json({total, total + tensor.bytes}));
       if (!fits) {
         throw std::runtime_error(std::string("damaged: the tensor '") + tensor.name +
                                  "' is missing or of another shape than its configuration says");
       }
       total += tensor.bytes;
     }
-    if (total != size_ - data_begin_) {
+    if (total != bytesLeft()) {
       throw std::runtime_error("cut short or too long: it should hold " + std::to_string(total) +
-                               " bytes of tensors, and holds " +
-                               std::to_string(size_ - data_begin_));
+                               " bytes of tensors, and holds " + std::to_string(bytesLeft()));
     }
   }
 
@@ -179,14 +180,14 @@ class ModelReader {
   }
 
   void readBytes(void* data, std::size_t bytes) {
-    if (!file_.read(static_cast<char*>(data), static_cast<std::streamsize>(bytes))) {
-      throw std::runtime_error("reading failed");
-    }
+    file_.read(offset_, data, bytes);
+    offset_ += bytes;
   }
 
-  std::ifstream file_;
-  std::uint64_t size_ = 0;
-  std::uint64_t data_begin_ = 0;
+  std::uint64_t bytesLeft() const { return file_.size() - offset_; }
+
+  InputFile file_;
+  std::uint64_t offset_ = 0;  ///< of what is read next
 };
 
 }  // namespace
@@ -195,6 +196,9 @@ void saveModel(const Field& field, const std::string& path) {
   field.validate();
   const std::string header = headerOf(field);
   const std::uint64_t length = header.size();
+  if (length > kMaxHeaderBytes) {
+    throw std::runtime_error("cannot write '" + path + "': the object's name is too long");
+  }
   AtomicFile file(path);
   file.write(&length, sizeof length);
   file.write(header.data(), header.size());
@@ -203,6 +207,15 @@ void saveModel(const Field& field, const std::string& path) {
   file.write(field.colour_weights.data(), field.colour_weights.size() * sizeof(float));
   file.write(field.occupancy.bits.data(), field.occupancy.bits.size());
   file.commit();
+}
+
+void requireModelWritable(const FieldConfig& config, const std::string& path) {
+  Field field;
+  field.config = config;
+  field.occupancy.resolution = config.occupancy_resolution;
+  std::uint64_t bytes = sizeof(std::uint64_t) + kMaxHeaderBytes;
+  for (const Tensor& tensor : tensorsOf(field)) bytes += tensor.bytes;
+  requireWritable(path, bytes);
 }
 
 Field loadModel(const std::string& path) {

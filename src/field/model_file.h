@@ -13,6 +13,11 @@ namespace nerf_pose_refiner {
 /// @throws std::runtime_error naming the path and the system's reason (a full disk, say).
 void saveModel(const Field& field, const std::string& path);
 
+/// Makes sure that a model of this shape can be saved there, before minutes are spent on learning
+/// it: the folder takes files, and the disk has room.
+/// @throws std::runtime_error naming the path and the system's reason.
+void requireModelWritable(const FieldConfig& config, const std::string& path);
+
 /// Reads and checks a model: layout, sizes, checksum, finite numbers.
 /// @throws std::runtime_error naming the path and what is wrong with it.
 Field loadModel(const std::string& path);

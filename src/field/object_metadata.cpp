@@ -5,24 +5,23 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
-#include <cerrno>
 #include <cmath>
-#include <cstring>
 #include <filesystem>
-#include <fstream>
 #include <set>
 #include <sstream>
 #include <stdexcept>
 #include <vector>
 
 #include "field/model_file.h"
+#include "files/input_file.h"
 
 namespace nerf_pose_refiner {
 namespace {
 
 using YAML::Node;
 
-constexpr double kUnitTolerance = 0.01;  // of the length of what is to have length 1
+constexpr std::uint64_t kMaxBytes = 1 << 16;  // of a file
+constexpr double kUnitTolerance = 0.01;       // of the length of what is to have length 1
 
 [[noreturn]] void fail(const Node& node, const std::string& what) {
   const int line = node.IsDefined() ? node.Mark().line : -1;
@@ -195,10 +194,7 @@ std::string metadataPathOf(const std::string& model_path) {
 ObjectMetadata readObjectMetadata(const std::string& path) {
   try {
     if (!std::filesystem::exists(path)) return {};
-    if (!std::filesystem::is_regular_file(path)) throw std::runtime_error("it is no file");
-    std::ifstream file(path);
-    if (!file) throw std::runtime_error(std::strerror(errno));
-    const std::vector<Node> documents = YAML::LoadAll(file);
+    const std::vector<Node> documents = YAML::LoadAll(readWhole(InputFile(path), kMaxBytes));
     if (documents.size() > 1) throw std::runtime_error("it holds more than one document");
     return readDocument(documents.empty() ? Node() : documents[0]);
   } catch (const YAML::Exception& e) {

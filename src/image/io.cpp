@@ -4,31 +4,36 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
-#include <filesystem>
 #include <fstream>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
-#include <system_error>
 #include <vector>
+
+#include "files/input_file.h"
 
 namespace nerf_pose_refiner {
 namespace {
+
+constexpr std::uint64_t kMaxFileBytes = std::uint64_t{1} << 29;  // 8 a pixel of the largest
 
 [[noreturn]] void fail(const std::string& what, const std::string& path,
                        const std::string& reason) {
   throw std::runtime_error(what + " '" + path + "': " + reason);
 }
 
-std::vector<std::uint8_t> readBytes(const std::string& path) {
-  std::error_code error;
-  const std::uintmax_t size = std::filesystem::file_size(path, error);
-  if (error) fail("cannot read image", path, error.message());
-  if (size == 0) fail("cannot read image", path, "the file is empty");
-  std::vector<std::uint8_t> bytes(size);
-  std::ifstream file(path, std::ios::binary);
-  file.read(reinterpret_cast<char*>(bytes.data()), static_cast<std::streamsize>(size));
-  if (!file) fail("cannot read image", path, std::strerror(errno));
+/// The bytes of a picture that is not larger than that.
+std::vector<std::uint8_t> readBytes(const std::string& path, std::uint64_t max_pixels) {
+  const InputFile file(path);
+  const ImageSize size = readImageSize(file);
+  if (size.pixels() > max_pixels) {
+    throw std::runtime_error("it has " + std::to_string(size.width) + " x " +
+                             std::to_string(size.height) + " pixels, at most " +
+                             std::to_string(max_pixels) + " are read");
+  }
+  if (file.size() > kMaxFileBytes) throw std::runtime_error("the file is too large");
+  std::vector<std::uint8_t> bytes(file.size());
+  file.read(0, bytes.data(), bytes.size());
   return bytes;
 }
 
@@ -55,13 +60,13 @@ bool isCutOffJpeg(const std::vector<std::uint8_t>& bytes) {
 }
 
 /// Decodes to 8 bits per channel; channels as in the file.
-cv::Mat decode(const std::string& path, int flags) {
-  const std::vector<std::uint8_t> bytes = readBytes(path);
-  if (isCutOffJpeg(bytes)) fail("cannot read image", path, "a JPEG whose end is missing");
+cv::Mat decode(const std::string& path, int flags, std::uint64_t max_pixels) {
   cv::Mat image;
   try {
+    const std::vector<std::uint8_t> bytes = readBytes(path, max_pixels);
+    if (isCutOffJpeg(bytes)) throw std::runtime_error("a JPEG whose end is missing");
     image = cv::imdecode(bytes, flags);
-  } catch (const cv::Exception& error) {
+  } catch (const std::exception& error) {
     fail("cannot read image", path, error.what());
   }
   if (image.empty()) fail("cannot read image", path, "not a picture, or a damaged one");
@@ -91,8 +96,16 @@ void encodePng(const cv::Mat& picture, const std::string& path) {
 
 }  // namespace
 
-Image8 readImage(const std::string& path) {
-  cv::Mat image = decode(path, cv::IMREAD_UNCHANGED);
+ImageSize imageSizeOf(const std::string& path) {
+  try {
+    return readImageSize(InputFile(path));
+  } catch (const std::exception& error) {
+    fail("cannot read image", path, error.what());
+  }
+}
+
+Image8 readImage(const std::string& path, std::uint64_t max_pixels) {
+  cv::Mat image = decode(path, cv::IMREAD_UNCHANGED, max_pixels);
   switch (image.channels()) {
     case 1:
       cv::cvtColor(image, image, cv::COLOR_GRAY2RGB);
@@ -109,8 +122,9 @@ Image8 readImage(const std::string& path) {
   return copyOf(image);
 }
 
-Image8 readMask(const std::string& path) {
-  Image8 mask = copyOf(decode(path, cv::IMREAD_GRAYSCALE | cv::IMREAD_IGNORE_ORIENTATION));
+Image8 readMask(const std::string& path, std::uint64_t max_pixels) {
+  Image8 mask =
+      copyOf(decode(path, cv::IMREAD_GRAYSCALE | cv::IMREAD_IGNORE_ORIENTATION, max_pixels));
   if (*std::max_element(mask.values.begin(), mask.values.end()) == 1) {
     for (std::uint8_t& value : mask.values) value = value == 1 ? 255 : 0;
   }

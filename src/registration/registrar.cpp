@@ -8,8 +8,8 @@
 #include <stdexcept>
 
 #include "image/colour.h"
-#include "math/checksum.h"
 #include "registration/pose_correction.h"
+#include "registration/registration_hash.h"
 #include "registration/visual_hull.h"
 #include "trust/pose_statistics.h"
 
@@ -315,29 +315,6 @@ Dataset withCorrectedPoses(Backend* backend, const Dataset& dataset,
 
 }  // namespace
 
-void RegistrationSettings::validate() const {
-  const auto require = [](bool good, const char* name, double value, const char* range) {
-    if (!good) {
-      throw std::invalid_argument(std::string(name) + " = " + std::to_string(value) +
-                                  ": expected " + range);
-    }
-  };
-  FieldConfig::named(profile);
-  require(steps >= 1, "steps", steps, "at least 1");
-  require(max_seconds >= 0, "max_seconds", max_seconds, "at least 0");
-  require(target_psnr_db >= 0, "target_psnr_db", target_psnr_db, "at least 0");
-  require(held_out >= 0, "held_out", held_out, "at least 0");
-  require(threads >= 0, "threads", threads, "0 (all cores) or more");
-  require(metres_per_unit >= 0 && std::isfinite(metres_per_unit), "metres_per_unit",
-          metres_per_unit, "0 (as the dataset says) or more");
-  require(plan.samples_per_step >= 1024, "samples_per_step", plan.samples_per_step,
-          "at least 1024");
-  require(plan.learning_rate > 0 && std::isfinite(plan.learning_rate), "learning_rate",
-          plan.learning_rate, "above 0");
-  require(plan.final_learning_rate_factor > 0 && plan.final_learning_rate_factor <= 1,
-          "final_learning_rate_factor", plan.final_learning_rate_factor, "in (0, 1]");
-}
-
 Field registerObject(Backend* backend, const Dataset& dataset, const RegistrationSettings& settings,
                      const std::function<void(const RegistrationProgress&)>& progress,
                      const CancellationToken& stop) {
@@ -356,36 +333,6 @@ Field registerObject(Backend* backend, const Dataset& dataset, const Registratio
       settings.metres_per_unit > 0 ? settings.metres_per_unit : dataset.metres_per_unit;
   field.metadata.data_hash = registrationHash(dataset, settings, stop);
   return field;
-}
-
-std::string registrationHash(const Dataset& dataset, const RegistrationSettings& settings,
-                             const CancellationToken& stop) {
-  Checksum checksum;
-  for (const PosedView& view : dataset.views) {
-    stop.check();
-    checksum.add(view.rgba->values.data(), view.rgba->values.size());
-    for (const double number : {view.camera.fx, view.camera.fy, view.camera.cx, view.camera.cy}) {
-      checksum.add(&number, sizeof number);
-    }
-    checksum.add(view.T_O_C.R.data(), 9 * sizeof(double));
-    checksum.add(view.T_O_C.t.data(), 3 * sizeof(double));
-  }
-  checksum.add(&dataset.has_alpha, sizeof dataset.has_alpha);
-  if (dataset.has_box) {
-    checksum.add(dataset.box_min.data(), 3 * sizeof(double));
-    checksum.add(dataset.box_max.data(), 3 * sizeof(double));
-  }
-  checksum.add(settings.profile.data(), settings.profile.size());
-  for (const double number :
-       {static_cast<double>(settings.steps), settings.max_seconds, settings.target_psnr_db,
-        static_cast<double>(settings.held_out), settings.metres_per_unit, dataset.metres_per_unit,
-        static_cast<double>(settings.plan.samples_per_step), settings.plan.learning_rate,
-        settings.plan.final_learning_rate_factor, static_cast<double>(settings.seed)}) {
-    checksum.add(&number, sizeof number);
-  }
-  // Only if set: models from before there was the setting stay valid.
-  if (settings.refine_poses) checksum.add(&settings.refine_poses, sizeof settings.refine_poses);
-  return checksum.text();
 }
 
 double meanPsnr(const LoadedField& field, const std::vector<PosedView>& views,

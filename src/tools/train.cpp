@@ -1,6 +1,8 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
 #include <cstdio>
 #include <string>
+#include <type_traits>
 #include <vector>
 
 #include "dataset/dataset.h"
@@ -24,6 +26,20 @@ struct TrainOptions {
   bool json = false;
 };
 
+/// One option for each setting: --held-out for held_out, --target-psnr for target_psnr_db.
+void addSettings(CLI::App* app, RegistrationSettings* settings) {
+  visitSettings(*settings, [app](const std::string& name, auto& value, const char* meaning) {
+    std::string option = "--" + name.substr(0, name.rfind("_db"));
+    std::replace(option.begin(), option.end(), '_', '-');
+    if constexpr (std::is_same_v<std::decay_t<decltype(value)>, bool>) {
+      app->add_flag(option, value, meaning);
+    } else {
+      app->add_option(option, value, meaning)->capture_default_str();
+    }
+  });
+  app->get_option("--profile")->check(CLI::IsMember(FieldConfig::profileNames()));
+}
+
 void declare(CLI::App* app, TrainOptions* options) {
   app->description(
       "Learns a model of an object from posed photos.\n\n"
@@ -38,32 +54,10 @@ void declare(CLI::App* app, TrainOptions* options) {
       ->check(CLI::ExistingPath);
   app->add_option("-o,--output", options->model, "Model file to write (.safetensors)")->required();
   app->add_option("--name", options->name, "Of the object; default: the model file's");
-  RegistrationSettings& settings = options->settings;
-  app->add_option("--profile", settings.profile,
-                  "Shape of the field: cpu (fast), gpu (finer), paper (finest)")
-      ->check(CLI::IsMember(FieldConfig::profileNames()))
-      ->capture_default_str();
-  app->add_option("--steps", settings.steps, "Training steps at most")->capture_default_str();
-  app->add_option(
-         "--samples-per-step", settings.plan.samples_per_step,
-         "Samples of a training step: more are slower and, with few photos, may be too many")
-      ->capture_default_str();
-  app->add_option("--max-seconds", settings.max_seconds, "Training time at most [s]; 0: any")
-      ->capture_default_str();
-  app->add_option("--target-psnr", settings.target_psnr_db,
-                  "Stop when the held-out views reach it [dB]; 0: never")
-      ->capture_default_str();
-  app->add_option("--held-out", settings.held_out, "Views kept apart to measure the quality")
-      ->capture_default_str();
-  app->add_flag("--refine-poses", settings.refine_poses,
-                "The photos' poses are not exact: correct them first");
-  app->add_option("--metres-per-unit", settings.metres_per_unit,
-                  "Length of the dataset's unit [m]; 0: as the dataset says, or unknown")
-      ->capture_default_str();
+  addSettings(app, &options->settings);
   app->add_option("--box", options->box,
                   "Bounds of the object: min x y z, max x y z [dataset units]; default: the file's")
       ->expected(6);
-  app->add_option("--seed", settings.seed, "Same seed, same model")->capture_default_str();
   options->backend.addTo(app);
   app->add_flag("--json", options->json, "Print the result as JSON");
 }

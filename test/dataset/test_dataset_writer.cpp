@@ -2,6 +2,8 @@
 #include "dataset/dataset_writer.h"
 
 #include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/resource.h>
 
 #include <filesystem>
 #include <memory>
@@ -91,6 +93,58 @@ TEST(DatasetWriter, WhatAKilledOneLeftIsRemoved) {
   writer.finish();
   EXPECT_FALSE(fs::exists(folder.file("mug/view_0007.png")));
   EXPECT_FALSE(fs::exists(folder.path() + "/.mug.unfinished"));
+}
+
+TEST(DatasetWriter, OneOfAFolderWorksAtATime) {
+  const TemporaryFolder folder;
+  const std::string path = folder.file("mug");
+  {
+    DatasetWriter first(path, header());
+    first.add(Image8(8, 6, 3, 50), somePose(0));
+    expectError<std::runtime_error>([&] { DatasetWriter(path, header()); }, "mug",
+                                    "being written by somebody else");
+    DatasetWriter other(folder.file("cup"), header());
+    first.add(Image8(8, 6, 3, 70), somePose(0.1));
+    first.finish();
+    EXPECT_EQ(loadTransforms(path).views.size(), 2u);
+  }
+  EXPECT_FALSE(fs::exists(folder.path() + "/.cup.unfinished"));
+  DatasetWriter(folder.file("cup"), header());  // the one before is gone
+}
+
+TEST(DatasetWriter, ATargetThatAppearsMeanwhileCostsNoView) {
+  const TemporaryFolder folder;
+  const std::string path = folder.file("mug");
+  DatasetWriter writer(path, header());
+  writer.add(Image8(8, 6, 3, 50), somePose(0));
+  folder.write("mug/transforms.json", "another's");
+  folder.write("mug_2", "a file");
+  EXPECT_EQ(writer.finish(), path + "_3");
+  EXPECT_EQ(readFile(path + "/transforms.json"), "another's");
+  EXPECT_EQ(readFile(path + "_2"), "a file");
+  EXPECT_EQ(loadTransforms(path + "_3").views.size(), 1u);
+}
+
+TEST(DatasetWriter, AFullDiskCostsNoViewThatIsWritten) {
+  const TemporaryFolder folder;
+  DatasetWriter writer(folder.file("mug"), header());
+  writer.add(Image8(8, 6, 3, 50), somePose(0));
+  rlimit before;
+  getrlimit(RLIMIT_FSIZE, &before);
+  const auto ignored = signal(SIGXFSZ, SIG_IGN);
+  const rlimit little = {10, before.rlim_max};
+  setrlimit(RLIMIT_FSIZE, &little);
+  expectError<std::runtime_error>([&] { writer.add(Image8(8, 6, 3, 60), somePose(0.1)); },
+                                  "view_0001.png", "File too large");
+  expectError<std::runtime_error>([&] { writer.finish(); }, "transforms.json", "File too large");
+  setrlimit(RLIMIT_FSIZE, &before);
+  signal(SIGXFSZ, ignored);
+  EXPECT_EQ(writer.views(), 1);
+  writer.add(Image8(8, 6, 3, 70), somePose(0.2));
+  writer.finish();
+  const Dataset dataset = loadTransforms(folder.file("mug"));
+  ASSERT_EQ(dataset.views.size(), 2u);
+  EXPECT_EQ(dataset.views[1].rgba->values[0], 70);
 }
 
 TEST(DatasetWriter, RefusesWhatMakesNoSense) {

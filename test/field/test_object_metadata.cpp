@@ -2,6 +2,7 @@
 #include "field/object_metadata.h"
 
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include <filesystem>
 #include <fstream>
@@ -131,6 +132,17 @@ TEST_F(ObjectMetadataTest, WhatIsNoYamlOrNoFile) {
   std::filesystem::remove(path);
   std::filesystem::create_directory(path);
   expectError<std::runtime_error>([&] { readObjectMetadata(path); }, "mug.yaml", "no file");
+}
+
+TEST_F(ObjectMetadataTest, APipeOfItsNameIsNotWaitedFor) {
+  const std::string pipe = folder.file("pipe.yaml");
+  ASSERT_EQ(mkfifo(pipe.c_str(), 0600), 0);
+  expectError<std::runtime_error>([&] { readObjectMetadata(pipe); }, pipe, "no regular file");
+}
+
+TEST_F(ObjectMetadataTest, LongAndDeepFilesAreRefused) {
+  expectRefused(std::string(1 << 17, '#'), "at most");
+  expectRefused("symmetries: " + std::string(60000, '['), "line 1");
 }
 
 TEST_F(ObjectMetadataTest, GoesBeforeWhatTheModelKnows) {

@@ -2,9 +2,12 @@
 #include "image/io.h"
 
 #include <gtest/gtest.h>
+#include <sys/resource.h>
+#include <sys/stat.h>
 
 #include <cstdint>
 #include <filesystem>
+#include <fstream>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <stdexcept>
@@ -171,6 +174,46 @@ TEST(ImageIo, JpegsThatWereCutOffAreRefused) {
       expectError<std::runtime_error>([&] { readMask(path); }, path, "end is missing");
     }
   }
+}
+
+// A PNG of 16000 x 16000 equal pixels has a few hundred kB, and decoded 1 GB.
+TEST(ImageIo, LargePicturesAreRefusedBeforeTheyAreDecoded) {
+  const TemporaryFolder folder;
+  const std::string path = folder.file("huge.png");
+  cv::Mat_<std::uint8_t> huge(16000, 16000, std::uint8_t{0});
+  ASSERT_TRUE(cv::imwrite(path, huge));
+  huge.release();
+  EXPECT_EQ(imageSizeOf(path).pixels(), 256000000u);
+  rlimit before;
+  getrlimit(RLIMIT_AS, &before);
+  std::uint64_t pages = 0;
+  std::ifstream("/proc/self/statm") >> pages;
+  const rlimit limited = {pages * 4096 + (std::uint64_t{100} << 20), before.rlim_max};
+  setrlimit(RLIMIT_AS, &limited);
+  expectError<std::runtime_error>([&] { readImage(path); }, path, "16000 x 16000", "67108864");
+  expectError<std::runtime_error>([&] { readMask(path, 1000); }, path, "at most 1000");
+  setrlimit(RLIMIT_AS, &before);
+}
+
+TEST(ImageIo, SizesAreReadFromHeaders) {
+  const TemporaryFolder folder;
+  writePng(pattern(7, 5, 4), folder.file("a.png"));
+  EXPECT_EQ(imageSizeOf(folder.file("a.png")).width, 7u);
+  EXPECT_EQ(imageSizeOf(folder.file("a.png")).height, 5u);
+  for (const bool progressive : {false, true}) {
+    ASSERT_TRUE(cv::imwrite(folder.file("a.jpg"), cv::Mat3b(5, 300),
+                            {cv::IMWRITE_JPEG_PROGRESSIVE, progressive}));
+    EXPECT_EQ(imageSizeOf(folder.file("a.jpg")).width, 300u);
+    EXPECT_EQ(imageSizeOf(folder.file("a.jpg")).height, 5u);
+  }
+  const std::string jpeg = readFile(folder.file("a.jpg"));
+  for (std::size_t n = 0; n < 150; n += 10) {  // anywhere before the frame's header
+    const std::string cut = folder.write("cut.jpg", jpeg.substr(0, n));
+    expectError<std::runtime_error>([&] { imageSizeOf(cut); }, cut);
+  }
+  ASSERT_EQ(mkfifo(folder.file("pipe.png").c_str(), 0600), 0);
+  expectError<std::runtime_error>([&] { readImage(folder.file("pipe.png")); }, "pipe.png",
+                                  "no regular file");
 }
 
 TEST(ImageIo, WritingTellsWhatIsWrong) {

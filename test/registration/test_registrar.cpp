@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "registration/registration_hash.h"
 #include "support/analytic_dataset.h"
 #include "support/expect_error.h"
 #include "support/grey_dataset.h"

@@ -1,13 +1,15 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "registration/registration_hash.h"
+
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <functional>
 #include <memory>
 #include <set>
 #include <string>
 #include <vector>
 
-#include "registration/registrar.h"
 #include "support/grey_dataset.h"
 
 namespace nerf_pose_refiner {
@@ -22,7 +24,7 @@ std::string hashAfter(const Change& change) {
   return registrationHash(dataset, settings);
 }
 
-TEST(RegistrationHash, ChangesWithWhateverChangesTheModel) {
+TEST(RegistrationHash, ChangesWithWhateverChangesTheModelOrWhatIsMeasuredOfIt) {
   using D = Dataset;
   using S = RegistrationSettings;
   const std::vector<Change> changes = {
@@ -52,6 +54,12 @@ TEST(RegistrationHash, ChangesWithWhateverChangesTheModel) {
       [](D*, S* s) { ++s->plan.samples_per_step; },
       [](D*, S* s) { s->plan.learning_rate *= 2; },
       [](D*, S* s) { s->plan.final_learning_rate_factor *= 2; },
+      [](D*, S* s) { s->refine_poses = true; },
+      [](D*, S* s) { s->symmetries = Symmetries(SymmetryAxis(), {}); },
+      [](D*, S* s) { s->symmetries = Symmetries(SymmetryAxis{{1, 0, 0}, {0, 0, 0}}, {}); },
+      [](D*, S* s) { s->symmetries = Symmetries(SymmetryAxis{{0, 0, 1}, {0.1, 0, 0}}, {}); },
+      [](D*, S* s) { s->symmetries = Symmetries({}, {turnAbout({}, M_PI)}); },
+      [](D*, S* s) { s->symmetries = Symmetries({}, {turnAbout({}, M_PI / 2)}); },
   };
   std::set<std::string> hashes;
   for (const Change& change : changes) hashes.insert(hashAfter(change));
@@ -73,6 +81,26 @@ TEST(RegistrationHash, DoesNotChangeWithAnythingElse) {
   };
   EXPECT_EQ(hashAfter(other), expected);
   EXPECT_FALSE(expected.empty());
+}
+
+// Computed by the version that had no list of settings: models from before stay valid.
+TEST(RegistrationHash, IsThatOfEarlierVersions) {
+  EXPECT_EQ(hashAfter([](Dataset*, RegistrationSettings*) {}), "51a7b3f37f48c386");
+  const auto all = [](Dataset* d, RegistrationSettings* s) {
+    d->metres_per_unit = 0.25;
+    s->profile = "paper";
+    s->steps = 17;
+    s->max_seconds = 2.5;
+    s->target_psnr_db = 30;
+    s->held_out = 3;
+    s->metres_per_unit = 0.5;
+    s->refine_poses = true;
+    s->plan.samples_per_step = 2048;
+    s->plan.learning_rate = 0.02;
+    s->plan.final_learning_rate_factor = 0.5;
+    s->seed = 7;
+  };
+  EXPECT_EQ(hashAfter(all), "8d2c78a04c8382a9");
 }
 
 TEST(RegistrationHash, CanBeStopped) {

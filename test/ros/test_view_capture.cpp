@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 #include <sensor_msgs/image_encodings.h>
+#include <signal.h>
+#include <sys/resource.h>
 
 #include <algorithm>
 #include <cmath>
@@ -220,6 +222,67 @@ TEST_F(Capture, ACameraThatChangesIsRefused) {
   look(&capture, cameraOverBoard(0, 0));
   EXPECT_EQ(capture.status().refused, 1u);
   EXPECT_NE(capture.status().message.find("camera_info"), std::string::npos);
+}
+
+// The difference of such times is out of the range of ros::Duration.
+TEST_F(Capture, OneBadStampCostsOneImage) {
+  ViewCapture capture(parameters, transforms);
+  say(cameraOverBoard(0, 0));
+  capture.start(info);
+  look(&capture, cameraOverBoard(0, 0));
+  const ros::Time good = now;
+  now = ros::Time(4294967295u, 0);
+  capture.add(image());
+  now = good;
+  EXPECT_NO_THROW(capture.process(now));
+  EXPECT_EQ(capture.status().no_transform, 1u);
+  lookAround(&capture);
+  EXPECT_EQ(capture.status().views, 25u);
+  EXPECT_NO_THROW(capture.finish());
+}
+
+TEST_F(Capture, AFullDiskCostsNoViewThatIsWritten) {
+  ViewCapture capture(parameters, transforms);
+  say(cameraOverBoard(0, 0));
+  capture.start(info);
+  lookAround(&capture);
+  rlimit before;
+  getrlimit(RLIMIT_FSIZE, &before);
+  const auto ignored = signal(SIGXFSZ, SIG_IGN);
+  const rlimit little = {10, before.rlim_max};
+  setrlimit(RLIMIT_FSIZE, &little);
+  EXPECT_NO_THROW(look(&capture, cameraOverBoard(0.3, 0.5)));
+  EXPECT_NE(capture.status().message.find("File too large"), std::string::npos);
+  expectError<std::runtime_error>([&] { capture.finish(); }, "File too large");
+  setrlimit(RLIMIT_FSIZE, &before);
+  signal(SIGXFSZ, ignored);
+  EXPECT_TRUE(capture.capturing());
+  EXPECT_EQ(capture.status().refused, 1u);
+  EXPECT_EQ(capture.status().views, 25u);
+  capture.finish();
+  EXPECT_EQ(loadTransforms(folder.path() + "/mug").views.size(), 25u);
+}
+
+TEST_F(Capture, ATargetThatAppearsMeanwhileCostsNoView) {
+  ViewCapture capture(parameters, transforms);
+  say(cameraOverBoard(0, 0));
+  capture.start(info);
+  lookAround(&capture);
+  folder.write("mug/transforms.json", "another's");
+  capture.finish();
+  EXPECT_EQ(capture.status().dataset, "mug_2");
+  EXPECT_NE(capture.status().message.find("'mug_2'"), std::string::npos);
+  EXPECT_EQ(loadTransforms(folder.path() + "/mug_2").views.size(), 25u);
+}
+
+TEST_F(Capture, TwoOfOneNameDoNotDisturbEachOther) {
+  ViewCapture first(parameters, transforms), second(parameters, transforms);
+  say(cameraOverBoard(0, 0));
+  first.start(info);
+  expectError<std::runtime_error>([&] { second.start(info); }, "mug", "being written");
+  lookAround(&first);
+  first.finish();
+  EXPECT_EQ(loadTransforms(folder.path() + "/mug").views.size(), 25u);
 }
 
 TEST_F(Capture, NamesParametersThatMakeNoSense) {

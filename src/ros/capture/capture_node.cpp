@@ -92,36 +92,47 @@ void CaptureNode::onImage(const sensor_msgs::ImageConstPtr& image,
 }
 
 void CaptureNode::onTimer() {
+  // Whatever goes wrong (a full disk, say): what was captured stays, for ~finish or ~abort.
   const auto error = errorOf([this] {
-    if (capture_.capturing()) {
-      const CaptureStatus before = capture_.status();
-      const bool complete = capture_.process(ros::Time::now());
-      const CaptureStatus now = capture_.status();
-      if (complete) {
-        finish();
-      } else if (now.views != before.views || now.message != before.message) {
-        report(CaptureStatus::STATE_CAPTURING, "");
-      }
-    }
-    if (registration_.valid() &&
-        registration_.wait_for(std::chrono::seconds(0)) == std::future_status::ready) {
-      const std::string problem = registration_.get();
-      report(problem.empty() ? CaptureStatus::STATE_DONE : CaptureStatus::STATE_FAILED,
-             problem.empty() ? "registered" : "written, but not registered: " + problem);
-    }
+    watchCapture();
+    watchRegistration();
   });
   if (!error) return;
-  capture_.abort();  // a full disk, say
-  report(CaptureStatus::STATE_FAILED, *error);
+  finish_failed_ = true;
+  report(capture_.capturing() ? CaptureStatus::STATE_CAPTURING : CaptureStatus::STATE_FAILED,
+         capture_.capturing() ? *error + "; the views are kept: call ~finish again" : *error);
+}
+
+void CaptureNode::watchCapture() {
+  if (!capture_.capturing()) return;
+  const CaptureStatus before = capture_.status();
+  const bool complete = capture_.process(ros::Time::now());
+  const CaptureStatus now = capture_.status();
+  if (complete && !finish_failed_) {
+    finish();
+  } else if (now.views != before.views || now.message != before.message) {
+    report(CaptureStatus::STATE_CAPTURING, "");
+  }
+}
+
+void CaptureNode::watchRegistration() {
+  if (!registration_.valid() ||
+      registration_.wait_for(std::chrono::seconds(0)) != std::future_status::ready) {
+    return;
+  }
+  const std::string problem = registration_.get();
+  report(problem.empty() ? CaptureStatus::STATE_DONE : CaptureStatus::STATE_FAILED,
+         problem.empty() ? "registered" : "written, but not registered: " + problem);
 }
 
 void CaptureNode::finish() {
   capture_.finish();
+  const std::string written = "the dataset is written as '" + capture_.status().dataset + "'";
   if (parameters_.register_service.empty()) {
-    report(CaptureStatus::STATE_DONE, "the dataset is written");
+    report(CaptureStatus::STATE_DONE, written);
   } else {
     registerObject();
-    report(CaptureStatus::STATE_REGISTERING, "the dataset is written, and registered now");
+    report(CaptureStatus::STATE_REGISTERING, written + ", and registered now");
   }
 }
 
@@ -129,7 +140,7 @@ void CaptureNode::finish() {
 void CaptureNode::registerObject() {
   RegisterObject::Request request;
   request.name = parameters_.name;
-  request.dataset = parameters_.name;
+  request.dataset = capture_.status().dataset;
   request.metres_per_unit = 1;
   if (parameters_.has_box) {
     request.box_min = toPoint(parameters_.box_min);
@@ -144,6 +155,7 @@ bool CaptureNode::onStart(std_srvs::Trigger::Request&, std_srvs::Trigger::Respon
     if (registration_.valid()) throw std::runtime_error("the last dataset is being registered");
     if (!info_) throw std::runtime_error("no camera_info came on " + infos_.getTopic());
     capture_.start(*info_);
+    finish_failed_ = false;
     report(CaptureStatus::STATE_CAPTURING, "");
   });
   response.success = !error;

@@ -41,6 +41,8 @@ class CaptureNode {
   void onTimer();
 
   void subscribe(ros::NodeHandle* nh);
+  void watchCapture();
+  void watchRegistration();
   void finish();
   void registerObject();
   void report(std::uint8_t state, const std::string& message);
@@ -51,6 +53,7 @@ class CaptureNode {
   TransformInput transform_input_;
   ViewCapture capture_;
   CaptureStatus reported_;
+  bool finish_failed_ = false;  ///< then ~finish is waited for
   ros::Publisher status_;
   std::future<std::string> registration_;  ///< empty text: the object is registered
   sensor_msgs::CameraInfoConstPtr info_;   ///< the last one

@@ -4,6 +4,7 @@
 #include <tf2/exceptions.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <stdexcept>
 
 #include "dataset/path_below.h"
@@ -98,6 +99,7 @@ Eigen::Vector3d CaptureParameters::centre() const {
 ViewCapture::ViewCapture(const CaptureParameters& parameters, const tf2::BufferCore& transforms)
     : parameters_(parameters), transforms_(transforms) {
   parameters_.validate();
+  counts_.dataset = parameters_.name;
 }
 
 void ViewCapture::start(const sensor_msgs::CameraInfo& info) {
@@ -120,6 +122,7 @@ void ViewCapture::start(const sensor_msgs::CameraInfo& info) {
                                             header);
   selection_.emplace(parameters_.selection, parameters_.centre());
   counts_ = CaptureStatus();
+  counts_.dataset = parameters_.name;
 }
 
 void ViewCapture::add(const CapturedImage& image) {
@@ -142,7 +145,8 @@ ViewCapture::Lookup ViewCapture::lookUp(const CapturedImage& image, const ros::T
                              .transform);
     return Lookup::kFound;
   } catch (const tf2::TransformException& e) {
-    const double age_s = (now - header.stamp).toSec();
+    // Numbers: a difference of times throws where a stamp is far off.
+    const double age_s = now.toSec() - header.stamp.toSec();
     if (age_s >= 0 && age_s < parameters_.tf_timeout_s) return Lookup::kWait;
     counts_.message = e.what();
     return Lookup::kNever;
@@ -162,7 +166,7 @@ bool ViewCapture::process(const ros::Time& now) {
     }
     try {
       judge(image, T_O_C);
-    } catch (const std::invalid_argument& e) {  // of a message; a full disk ends the capture
+    } catch (const std::exception& e) {  // of a message, or a full disk: the others are kept
       ++counts_.refused;
       counts_.message = e.what();
     }
@@ -219,8 +223,12 @@ void ViewCapture::finish() {
   if (!capturing()) throw std::runtime_error("nothing is captured: call ~start");
   const std::string problem = incompleteness();
   if (!problem.empty()) throw std::runtime_error(problem);
-  writer_->finish();
+  const std::string folder = writer_->finish();
   counts_ = status();
+  counts_.dataset = std::filesystem::path(folder).filename().string();
+  if (counts_.dataset != parameters_.name) {
+    counts_.message = "written as '" + counts_.dataset + "': '" + parameters_.name + "' appeared";
+  }
   writer_.reset();
   waiting_.clear();
 }
@@ -233,7 +241,6 @@ void ViewCapture::abort() {
 
 CaptureStatus ViewCapture::status() const {
   CaptureStatus status = counts_;
-  status.dataset = parameters_.name;
   if (capturing()) {
     status.views = static_cast<std::uint32_t>(selection_->kept());
     status.coverage = static_cast<float>(selection_->coverage().fraction());

@@ -68,12 +68,14 @@ class ViewCapture {
   /// Takes an image in; it waits for TF until `process`. The oldest is dropped if too many wait.
   void add(const CapturedImage& image);
 
-  /// Judges the images whose poses are known by now. @param now by the clock of the images.
+  /// Judges the images whose poses are known by now. One that cannot be used or written is counted
+  /// as refused, with the reason; those before it are kept. @param now by the clock of the images.
   /// @return whether ~max_views were reached, and the dataset can be finished.
   bool process(const ros::Time& now);
 
-  /// Writes the dataset. @throws std::runtime_error why not: too few views, or directions without
-  /// any, which it names. The capture then goes on.
+  /// Writes the dataset; `status().dataset` is its name, with a number at its end if the wanted one
+  /// was taken meanwhile. @throws std::runtime_error why not: too few views, directions without
+  /// any, which it names, or a disk that is full. The capture then goes on.
   void finish();
 
   /// Ends the capture and removes what it wrote.

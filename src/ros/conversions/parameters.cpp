@@ -127,16 +127,10 @@ void readSearch(ParamReader& read, SearchSettings& search) {
 }
 
 void readRegistration(ParamReader& read, RegistrationSettings& registration) {
-  read.get("profile", registration.profile);
-  read.get("steps", registration.steps);
-  read.get("max_seconds", registration.max_seconds);
-  read.get("target_psnr_db", registration.target_psnr_db);
-  read.get("held_out", registration.held_out);
-  read.get("refine_poses", registration.refine_poses);
-  read.get("samples_per_step", registration.plan.samples_per_step);
-  read.get("learning_rate", registration.plan.learning_rate);
-  read.get("final_learning_rate_factor", registration.plan.final_learning_rate_factor);
-  read.get("seed", registration.seed);
+  visitSettings(registration, [&read](const char* name, auto& value, const char*) {
+    if (name == std::string("metres_per_unit")) return;  // of the object: the request says it
+    read.get(name, value);
+  });
   read.rejectUnknown();
 }
 

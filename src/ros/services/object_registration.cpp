@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "dataset/path_below.h"
+#include "registration/registration_hash.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -95,19 +96,11 @@ RegisteredObject ObjectRegistration::run(const RegisterObject::Request& request,
 }
 
 RegistrationQueue::Job ObjectRegistration::jobOf(const RegisterObject::Request& request) const {
-  const RegistrationSettings& s = settings_;
   std::ostringstream key;
-  key << std::hexfloat << dataset_root_ << '\n'
-      << store_.root() << '\n'
-      << request << '\n'
-      << s.profile << '\n';
-  for (const double number : {static_cast<double>(s.steps), s.max_seconds, s.target_psnr_db,
-                              static_cast<double>(s.held_out), s.metres_per_unit,
-                              static_cast<double>(s.plan.samples_per_step), s.plan.learning_rate,
-                              s.plan.final_learning_rate_factor, static_cast<double>(s.seed),
-                              static_cast<double>(s.refine_poses)}) {
-    key << number << ' ';
-  }
+  key << std::hexfloat << dataset_root_ << '\n' << store_.root() << '\n' << request << '\n';
+  visitSettings(settings_, [&key](const char* name, const auto& value, const char*) {
+    key << name << ' ' << value << '\n';
+  });
   const auto work = [registration = *this, request](const RegistrationQueue::Progress& progress,
                                                     const CancellationToken& stop) {
     return registration.run(request, progress, stop);

@@ -1,0 +1,28 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "dataset/dataset.h"
+#include "dataset/transforms_json.h"
+
+namespace nerf_pose_refiner {
+
+/// Files of a frame, found and small enough to be read.
+struct FrameFiles {
+  std::string image;
+  std::string mask;  ///< empty: none
+};
+
+/// Finds the files of all frames, and reads their headers: no image is decoded for a dataset that
+/// is too large as a whole.
+/// @param folder of the transforms.json.
+/// @return one for each frame.
+/// @throws std::runtime_error naming frame, file and limit: for a file that is missing, too large,
+/// not allowed or no picture, or an image that another frame has, too. Stopped.
+std::vector<FrameFiles> findFrameFiles(const std::vector<TransformsFrame>& frames,
+                                       const std::string& folder, const DatasetOptions& options,
+                                       const CancellationToken& stop);
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,70 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "image/image_size.h"
+
+#include <array>
+#include <cstring>
+#include <stdexcept>
+
+namespace nerf_pose_refiner {
+namespace {
+
+constexpr int kMaxSegments = 10000;  // of a JPEG before its size: a file of nothing else takes long
+
+[[noreturn]] void failDamaged() {
+  throw std::runtime_error("not a picture that is read (PNG or JPEG), or a damaged one");
+}
+
+template <std::size_t n>
+std::array<std::uint8_t, n> bytesAt(const InputFile& file, std::uint64_t offset) {
+  std::array<std::uint8_t, n> bytes;
+  if (offset + n > file.size()) failDamaged();
+  file.read(offset, bytes.data(), n);
+  return bytes;
+}
+
+std::uint32_t bigEndian16(const std::uint8_t* b) { return std::uint32_t{b[0]} << 8 | b[1]; }
+
+std::uint32_t bigEndian32(const std::uint8_t* b) {
+  return bigEndian16(b) << 16 | bigEndian16(b + 2);
+}
+
+/// The first chunk of a PNG is its header: signature, length, "IHDR", width, height.
+ImageSize pngSize(const InputFile& file) {
+  const auto head = bytesAt<24>(file, 0);
+  if (std::memcmp(head.data(), "\x89PNG\r\n\x1a\n\0\0\0\rIHDR", 16) != 0) failDamaged();
+  return ImageSize{bigEndian32(&head[16]), bigEndian32(&head[20])};
+}
+
+/// A JPEG (ITU-T T.81) has its size in the frame header, behind any number of other segments.
+ImageSize jpegSize(const InputFile& file) {
+  std::uint64_t offset = 2;
+  for (int i = 0; i < kMaxSegments; ++i) {
+    const auto marker = bytesAt<4>(file, offset);
+    const std::uint8_t code = marker[1];
+    if (marker[0] != 0xff) failDamaged();
+    if (code == 0xff) {  // padding
+      ++offset;
+      continue;
+    }
+    const bool other = code == 0xc4 || code == 0xc8 || code == 0xcc;  // no frame headers
+    if (code >= 0xc0 && code <= 0xcf && !other) {
+      const auto frame = bytesAt<9>(file, offset);
+      return {bigEndian16(&frame[7]), bigEndian16(&frame[5])};
+    }
+    offset += 2 + bigEndian16(&marker[2]);
+  }
+  failDamaged();
+}
+
+}  // namespace
+
+ImageSize readImageSize(const InputFile& file) {
+  if (file.size() == 0) throw std::runtime_error("the file is empty");
+  const auto start = bytesAt<2>(file, 0);
+  const bool is_jpeg = start[0] == 0xff && start[1] == 0xd8;
+  const ImageSize size = is_jpeg ? jpegSize(file) : pngSize(file);
+  if (size.pixels() == 0) failDamaged();
+  return size;
+}
+
+}  // namespace nerf_pose_refiner

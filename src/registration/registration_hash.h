@@ -1,0 +1,17 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <string>
+
+#include "dataset/dataset.h"
+#include "registration/registration_settings.h"
+
+namespace nerf_pose_refiner {
+
+/// A hash of the images, poses and settings: equal means that a model was learned from the same.
+/// (To the last bit training gives it again only where no time limit ends it.)
+/// @throws Stopped.
+std::string registrationHash(const Dataset& dataset, const RegistrationSettings& settings,
+                             const CancellationToken& stop = {});
+
+}  // namespace nerf_pose_refiner

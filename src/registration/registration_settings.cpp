@@ -1,0 +1,32 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "registration/registration_settings.h"
+
+#include <cmath>
+#include <stdexcept>
+
+namespace nerf_pose_refiner {
+
+void RegistrationSettings::validate() const {
+  const auto require = [](bool good, const char* name, double value, const char* range) {
+    if (!good) {
+      throw std::invalid_argument(std::string(name) + " = " + std::to_string(value) +
+                                  ": expected " + range);
+    }
+  };
+  FieldConfig::named(profile);
+  require(steps >= 1, "steps", steps, "at least 1");
+  require(max_seconds >= 0, "max_seconds", max_seconds, "at least 0");
+  require(target_psnr_db >= 0, "target_psnr_db", target_psnr_db, "at least 0");
+  require(held_out >= 0, "held_out", held_out, "at least 0");
+  require(threads >= 0, "threads", threads, "0 (all cores) or more");
+  require(metres_per_unit >= 0 && std::isfinite(metres_per_unit), "metres_per_unit",
+          metres_per_unit, "0 (as the dataset says) or more");
+  require(plan.samples_per_step >= 1024, "samples_per_step", plan.samples_per_step,
+          "at least 1024");
+  require(plan.learning_rate > 0 && std::isfinite(plan.learning_rate), "learning_rate",
+          plan.learning_rate, "above 0");
+  require(plan.final_learning_rate_factor > 0 && plan.final_learning_rate_factor <= 1,
+          "final_learning_rate_factor", plan.final_learning_rate_factor, "in (0, 1]");
+}
+
+}  // namespace nerf_pose_refiner
