@@ -33,6 +33,30 @@ Image layersOf(const Rendering& rendering, const Eigen::Vector3f& centre) {
   return layers;
 }
 
+// The part that shows the object, in whole pixels of the coarsest level.
+Image cropped(const Image& layers, int step) {
+  int left = layers.width, right = 0, top = layers.height, bottom = 0;
+  for (int y = 0; y < layers.height; ++y) {
+    for (int x = 0; x < layers.width; ++x) {
+      if (layers.at(x, y, kKeyframeAlpha) < 0.5f) continue;
+      left = std::min(left, x);
+      right = std::max(right, x + 1);
+      top = std::min(top, y);
+      bottom = std::max(bottom, y + 1);
+    }
+  }
+  left = std::min(left, right) / step * step;
+  top = std::min(top, bottom) / step * step;
+  const int width = std::min((right - left + step - 1) / step * step, layers.width - left);
+  const int height = std::min((bottom - top + step - 1) / step * step, layers.height - top);
+  Image part(width, height, layers.channels);
+  for (int y = 0; y < height; ++y) {
+    const float* row = layers.pixel(left, top + y);
+    std::copy(row, row + static_cast<std::ptrdiff_t>(width) * layers.channels, part.pixel(0, y));
+  }
+  return part;
+}
+
 int windowOf(const KeyframeSettings& settings, int level) {
   if (settings.levels == 1) return settings.finest_window_px;
   const double coarseness = static_cast<double>(level) / (settings.levels - 1);
@@ -96,7 +120,8 @@ KeyframePoints makeKeyframe(const Rendering& rendering, const Camera& camera, co
   keyframe.T_O_C = T_O_C;
   keyframe.centre = object.centre;
   keyframe.diameter = object.diameter;
-  Image layers = layersOf(rendering, object.centre.cast<float>()), half;
+  Image half, layers = cropped(layersOf(rendering, object.centre.cast<float>()),
+                               1 << (settings.levels - 1));
   const Eigen::Vector3d forward = T_O_C.R.col(2);
   KeyframeView view;
   view.forward = forward.cast<float>();

@@ -92,10 +92,12 @@ void KeyframeAligner::beginLevel(const KeyframeLevel& level) {
   inverse_deviation_.resize(level.chosen.size());
 }
 
-void KeyframeAligner::lookAround(const KeyframeLevel& level, const KernelImage& image,
-                                 const PointTransform<float>& pose) {
-  kernels_->sampleColours(image, pose, columnsOf(level.shown), level.shown.cell.data(),
-                          level.shown.size(), grid_.data());
+void KeyframeAligner::lookAround(const KeyframePoints& keyframe, int index,
+                                 const CameraPose<double>& pose) {
+  const KeyframeLevel& level = keyframe.levels[index];
+  kernels_->sampleColours(frame_.level(index), transformOf(pose, keyframe.centre),
+                          columnsOf(level.shown), level.shown.cell.data(), level.shown.size(),
+                          grid_.data());
   boxSums(grid_, level.width, level.height, level.window, &sums_);
   for (int i = 0; i < level.chosen.size(); ++i) {
     const std::size_t cell = level.chosen.cell[i];
@@ -112,7 +114,6 @@ KeyframeAligner::Evaluation KeyframeAligner::evaluate(const KeyframePoints& keyf
   const KeyframeLevel& points = keyframe.levels[level];
   const KernelImage image = frame_.level(level);
   const PointTransform<float> transform = transformOf(pose, keyframe.centre);
-  lookAround(points, image, transform);
   const KernelColours colours = {
       {points.colour[0].data(), points.colour[1].data(), points.colour[2].data()},
       {mean_[0].data(), mean_[1].data(), mean_[2].data()},
@@ -136,22 +137,32 @@ KeyframeAligner::Evaluation KeyframeAligner::alignLevel(const KeyframePoints& ke
                                                         int* evaluations) {
   const Vec3<double> centre = plainVector(keyframe.centre);
   const double focal_px = frame_.level(level).K.fx;
+  const double convergence_px =
+      level == 0 ? settings.convergence_px : settings.coarse_convergence_px;
   beginLevel(keyframe.levels[level]);
+  lookAround(keyframe, level, start);
   Evaluation best = evaluate(keyframe, level, start, settings.robust_scale);
   double damping = kFirstDamping;
+  double moved_px = 0;  // since the last look around
   for (int i = 1; i < settings.max_evaluations; ++i) {
     double x[6];
     if (!solve6(equationsOf(best.sums), damping, 1e-9, x)) break;
     Vec3<double> v = {x[0], x[1], x[2]}, w = {x[3], x[4], x[5]};
-    const double bound = std::min({1.0, settings.max_translation * keyframe.diameter / norm(v),
-                                   settings.max_rotation_rad / norm(w)});
-    v = bound * v;
-    w = bound * w;
+    const double factor =
+        std::min({settings.over_relaxation, settings.max_translation * keyframe.diameter / norm(v),
+                  settings.max_rotation_rad / norm(w)});
+    v = factor * v;
+    w = factor * w;
     const double depth = pointTransform(best.pose, centre).t.z;
     const double rim_px = (norm(v) + 0.5 * keyframe.diameter * norm(w)) * focal_px / depth;
-    if (rim_px < settings.convergence_px) break;
-    const Evaluation trial =
-        evaluate(keyframe, level, moveCamera(best.pose, centre, v, w), settings.robust_scale);
+    if (rim_px < convergence_px) break;
+    const CameraPose<double> pose = moveCamera(best.pose, centre, v, w);
+    moved_px += rim_px;
+    if (moved_px > settings.look_around_px) {
+      lookAround(keyframe, level, pose);
+      moved_px = 0;
+    }
+    const Evaluation trial = evaluate(keyframe, level, pose, settings.robust_scale);
     ++*evaluations;
     if (trial.loss() < best.loss()) {
       best = trial;

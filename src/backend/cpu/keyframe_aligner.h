@@ -16,7 +16,12 @@ struct KeyframeAlignmentSettings {
   double robust_scale = 0.5;       ///< residuals above it are outliers [local deviations]
   double max_rotation_rad = 0.08;  ///< of a step
   double max_translation = 0.08;   ///< of a step, of the object's diameter
-  double convergence_px = 0.02;  ///< steps that move the object's rim by less, at the level, end it
+  /// Steps are longer than Gauss-Newton's by this: robust weights and the frozen normalisation make
+  /// those too short.
+  double over_relaxation = 1.4;
+  double convergence_px = 0.02;  ///< steps that move the object's rim by less end the finest level
+  double coarse_convergence_px = 0.2;  ///< the same of other levels, in their pixels
+  double look_around_px = 0.1;  ///< of the rim's motion: local colours are taken again after it
 };
 
 /// Aligns keyframes with images on the CPU. One caller at a time.
@@ -46,8 +51,7 @@ class KeyframeAligner {
                       double robust_scale);
   Evaluation alignLevel(const KeyframePoints& keyframe, int level, const CameraPose<double>& start,
                         const KeyframeAlignmentSettings& settings, int* evaluations);
-  void lookAround(const KeyframeLevel& level, const KernelImage& image,
-                  const PointTransform<float>& pose);
+  void lookAround(const KeyframePoints& keyframe, int level, const CameraPose<double>& pose);
 
   const KeyframeKernels* kernels_;
   FramePyramid frame_;
