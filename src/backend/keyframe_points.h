@@ -34,6 +34,7 @@ struct KeyframeLevel {
 
   /// Pixels that say most about the pose, sorted by tiles; each tile is a whole number of groups.
   PointColumns chosen;
+  int point_count = 0;              ///< of the chosen ones, without what fills groups
   std::vector<float> weight;        ///< of the chosen ones: 1, or 0 for what fills a group
   std::vector<float> colour[3];     ///< of the chosen ones, locally normalised
   std::vector<std::int32_t> tiles;  ///< where each tile begins among the chosen; last: their number

@@ -204,6 +204,7 @@ class LevelMaker {
       const int tile_a = tileOf(a.pixel), tile_b = tileOf(b.pixel);
       return tile_a != tile_b ? tile_a < tile_b : a.pixel < b.pixel;
     });
+    level_.point_count = static_cast<int>(chosen.size());
     level_.tiles = {0};
     for (std::size_t i = 0; i < chosen.size(); ++i) {
       addChosen(chosen[i].pixel, 1);

@@ -6,6 +6,7 @@
 
 #include "backend/common/box_sums.h"
 #include "backend/common/plain_pose.h"
+#include "math/alignment_sums.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -60,10 +61,6 @@ Eigen::Matrix<double, 6, 6> symmetric(const double lower[21]) {
 }
 
 }  // namespace
-
-double KeyframeAligner::Evaluation::loss() const {
-  return sums.weight > 0 ? sums.cost / sums.weight : HUGE_VAL;
-}
 
 void KeyframeAligner::observe(const Image8& image, const Camera& camera,
                               const KeyframePoints& keyframe, const Pose& T_O_C, double margin) {
@@ -128,20 +125,29 @@ KeyframeAligner::Evaluation KeyframeAligner::evaluate(const KeyframePoints& keyf
     add(tile, &evaluation.sums);
     evaluation.scatter.addTile(equationsOf(tile));
   }
+  // A point that has left the image explains no more than chance does: leaving it is no gain.
+  const double missing = points.point_count - evaluation.sums.weight;
+  const double chance = kChanceDifference * 0.5 * robust_scale * robust_scale;
+  evaluation.loss = (evaluation.sums.cost + missing * chance) / points.point_count;
   return evaluation;
 }
 
-KeyframeAligner::Evaluation KeyframeAligner::alignLevel(const KeyframePoints& keyframe, int level,
-                                                        const CameraPose<double>& start,
-                                                        const KeyframeAlignmentSettings& settings,
-                                                        int* evaluations) {
+KeyframeAligner::Evaluation KeyframeAligner::alignLevel(
+    const KeyframePoints& keyframe, int level, const std::vector<CameraPose<double>>& starts,
+    const KeyframeAlignmentSettings& settings, int* evaluations) {
   const Vec3<double> centre = plainVector(keyframe.centre);
   const double focal_px = frame_.level(level).K.fx;
   const double convergence_px =
       level == 0 ? settings.convergence_px : settings.coarse_convergence_px;
+  const double robust_scale = settings.robust_scale * std::pow(settings.robust_growth, level);
   beginLevel(keyframe.levels[level]);
-  lookAround(keyframe, level, start);
-  Evaluation best = evaluate(keyframe, level, start, settings.robust_scale);
+  Evaluation best;
+  for (const CameraPose<double>& start : starts) {
+    lookAround(keyframe, level, start);
+    const Evaluation evaluation = evaluate(keyframe, level, start, robust_scale);
+    if (evaluation.loss < best.loss) best = evaluation;
+    ++*evaluations;
+  }
   double damping = kFirstDamping;
   double moved_px = 0;  // since the last look around
   for (int i = 1; i < settings.max_evaluations; ++i) {
@@ -162,16 +168,15 @@ KeyframeAligner::Evaluation KeyframeAligner::alignLevel(const KeyframePoints& ke
       lookAround(keyframe, level, pose);
       moved_px = 0;
     }
-    const Evaluation trial = evaluate(keyframe, level, pose, settings.robust_scale);
+    const Evaluation trial = evaluate(keyframe, level, pose, robust_scale);
     ++*evaluations;
-    if (trial.loss() < best.loss()) {
+    if (trial.loss < best.loss) {
       best = trial;
       damping = std::max(0.2 * damping, 1e-4);
     } else {
       damping *= 10;
     }
   }
-  ++*evaluations;
   return best;
 }
 
@@ -180,11 +185,14 @@ Hypothesis KeyframeAligner::align(const KeyframePoints& keyframe, const Pose& st
   Hypothesis found;
   Evaluation best;
   best.pose = plainPose(start_T_O_C);
+  // What a coarse level found counts only where a finer one finds it better than the start, too.
+  std::vector<CameraPose<double>> starts = {best.pose};
   for (int level = static_cast<int>(keyframe.levels.size()) - 1; level >= 0; --level) {
-    best = alignLevel(keyframe, level, best.pose, settings, &found.iterations);
+    best = alignLevel(keyframe, level, starts, settings, &found.iterations);
+    starts = {best.pose, plainPose(start_T_O_C)};
   }
   found.T_O_C = poseOf(best.pose);
-  found.loss = best.loss();
+  found.loss = best.loss;
   found.information = symmetric(best.sums.information);
   found.gradient_scatter = best.scatter.correction() * symmetric(best.scatter.gradients);
   if (best.sums.weight > 0) found.visible_fraction = best.sums.robust_weight / best.sums.weight;

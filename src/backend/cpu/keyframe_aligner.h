@@ -1,6 +1,7 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <limits>
 #include <vector>
 
 #include "backend/cpu/frame_pyramid.h"
@@ -12,8 +13,9 @@ namespace nerf_pose_refiner {
 
 /// How a pose is found by aligning a keyframe with an image.
 struct KeyframeAlignmentSettings {
-  int max_evaluations = 10;        ///< a level
+  int max_evaluations = 16;        ///< a level
   double robust_scale = 0.5;       ///< residuals above it are outliers [local deviations]
+  double robust_growth = 1.3;      ///< of this scale, from a level to the next coarser one
   double max_rotation_rad = 0.08;  ///< of a step
   double max_translation = 0.08;   ///< of a step, of the object's diameter
   /// Steps are longer than Gauss-Newton's by this: robust weights and the frozen normalisation make
@@ -43,13 +45,14 @@ class KeyframeAligner {
     CameraPose<double> pose;
     PointSums<double> sums = {};
     TileScatter scatter;
-    double loss() const;
+    double loss = std::numeric_limits<double>::infinity();  // mean over all points
   };
 
   void beginLevel(const KeyframeLevel& level);
   Evaluation evaluate(const KeyframePoints& keyframe, int level, const CameraPose<double>& pose,
                       double robust_scale);
-  Evaluation alignLevel(const KeyframePoints& keyframe, int level, const CameraPose<double>& start,
+  Evaluation alignLevel(const KeyframePoints& keyframe, int level,
+                        const std::vector<CameraPose<double>>& starts,
                         const KeyframeAlignmentSettings& settings, int* evaluations);
   void lookAround(const KeyframePoints& keyframe, int level, const CameraPose<double>& pose);
 
