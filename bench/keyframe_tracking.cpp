@@ -219,6 +219,7 @@ void addOptions(CLI::App* app, Options* options) {
   app->add_option("--points", options->keyframe.max_points, "chosen points of a level");
   app->add_option("--levels", options->keyframe.levels, "of a keyframe");
   app->add_option("--max-side", options->keyframe.max_side_px, "of a keyframe [px]");
+  app->add_option("--rays", options->keyframe.rays_per_side, "along a pixel of a keyframe");
   app->add_option("--finest-window", options->keyframe.finest_window_px, "half width [px]");
   app->add_option("--coarsest-window", options->keyframe.coarsest_window_px, "half width [px]");
   app->add_option("--depth-step", options->keyframe.max_depth_step, "of neighbours [px]");

@@ -69,6 +69,8 @@ int windowOf(const KeyframeSettings& settings, int level) {
 
 void KeyframeSettings::validate() const {
   require(levels >= 1 && levels <= 8, "levels", levels);
+  require(rays_per_side == 1 || rays_per_side == 2 || rays_per_side == 4, "rays_per_side",
+          rays_per_side);
   require(max_side_px >= 16, "max_side_px", max_side_px);
   require(finest_window_px >= 1, "finest_window_px", finest_window_px);
   require(coarsest_window_px >= 1, "coarsest_window_px", coarsest_window_px);
@@ -105,8 +107,10 @@ KeyframePoints renderKeyframe(Backend* backend, const LoadedField& field, const 
   const FieldMetadata& object = field.field().metadata;
   int reduction = 1;
   const Camera window = keyframeCamera(camera, T_O_C, object, settings, &reduction);
-  KeyframePoints keyframe = makeKeyframe(backend->render(field, window, T_O_C, {}, stop), window,
-                                         T_O_C, object, settings);
+  const int n = settings.rays_per_side;
+  const Camera finer = window.resized(n * window.width, n * window.height);
+  KeyframePoints keyframe =
+      makeKeyframe(backend->render(field, finer, T_O_C, {}, stop), window, T_O_C, object, settings);
   keyframe.camera = camera;
   keyframe.reduction = reduction;
   return keyframe;
@@ -120,8 +124,12 @@ KeyframePoints makeKeyframe(const Rendering& rendering, const Camera& camera, co
   keyframe.T_O_C = T_O_C;
   keyframe.centre = object.centre;
   keyframe.diameter = object.diameter;
-  Image half, layers = cropped(layersOf(rendering, object.centre.cast<float>()),
-                               1 << (settings.levels - 1));
+  Image layers = layersOf(rendering, object.centre.cast<float>()), half;
+  while (layers.width > camera.width) {
+    halveImage(layers, &half);
+    std::swap(layers, half);
+  }
+  layers = cropped(layers, 1 << (settings.levels - 1));
   const Eigen::Vector3d forward = T_O_C.R.col(2);
   KeyframeView view;
   view.forward = forward.cast<float>();

@@ -10,6 +10,7 @@ namespace nerf_pose_refiner {
 struct KeyframeSettings {
   int levels = 4;              ///< each half as fine as the one before, >= 1
   int max_side_px = 256;       ///< of the finest level; larger images are reduced to it
+  int rays_per_side = 1;       ///< rays along a pixel of the finest level: 1, 2 or 4
   int finest_window_px = 5;    ///< half width of the neighbourhood of local colours, finest level
   int coarsest_window_px = 3;  ///< the same, coarsest level; linear between
   int max_points = 2000;       ///< that a level may choose
@@ -31,7 +32,8 @@ KeyframePoints renderKeyframe(Backend* backend, const LoadedField& field, const 
                               const Pose& T_O_C, const KeyframeSettings& settings = {},
                               const CancellationToken& stop = {});
 
-/// A keyframe of a rendering. @param camera of the rendering, as keyframeCamera has it.
+/// A keyframe of a rendering. @param camera of the finest level, as keyframeCamera has it; the
+/// rendering has `rays_per_side` pixels along each pixel of it.
 KeyframePoints makeKeyframe(const Rendering& rendering, const Camera& camera, const Pose& T_O_C,
                             const FieldMetadata& object, const KeyframeSettings& settings);
 

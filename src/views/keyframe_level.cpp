@@ -130,9 +130,9 @@ class LevelMaker {
       if (shown_[i]) addPoint(i, &shown);
     }
     while (shown.size() % kPointGroup != 0) {
-      shown.x.push_back(0);
-      shown.y.push_back(0);
-      shown.z.push_back(0);
+      shown.x.push_back(shown.x.back());
+      shown.y.push_back(shown.y.back());
+      shown.z.push_back(shown.z.back());
       shown.cell.push_back(none);
     }
   }

@@ -82,11 +82,30 @@ void KeyframeAligner::observe(const Image8& image, const Camera& camera,
                  static_cast<int>(keyframe.levels.size()));
 }
 
-void KeyframeAligner::beginLevel(const KeyframeLevel& level) {
+void KeyframeAligner::beginLevel(const KeyframePoints& keyframe, int index,
+                                 const CameraPose<double>& pose) {
+  const KeyframeLevel& level = keyframe.levels[index];
   const std::size_t pixels = static_cast<std::size_t>(level.width) * level.height;
-  grid_.assign(4 * (pixels + 1), 0.0f);
   for (std::vector<float>& mean : mean_) mean.resize(level.chosen.size());
   inverse_deviation_.resize(level.chosen.size());
+  inverse_count_ = level.inverse_count;
+  weight_ = level.weight;
+  point_count_ = level.point_count;
+  const KernelImage image = frame_.level(index);
+  hidden_ = occlusion_.hidden(level.shown, transformOf(pose, keyframe.centre),
+                              {image.K, image.width, image.height});
+  grid_.assign(4 * (pixels + 1), 0.0f);
+  if (hidden_.empty()) return;
+  for (const std::int32_t cell : level.shown.cell) grid_[4 * cell] = 1;
+  for (const std::int32_t cell : hidden_) grid_[4 * cell] = 0;
+  boxSums(grid_, level.width, level.height, level.window, &sums_);
+  for (int i = 0; i < level.chosen.size(); ++i) {
+    const std::size_t cell = level.chosen.cell[i];
+    inverse_count_[cell] = 1 / std::max(1.0f, std::round(sums_[4 * cell]));
+    if (grid_[4 * cell] == 0) weight_[i] = 0;
+  }
+  point_count_ = static_cast<int>(std::count(weight_.begin(), weight_.end(), 1.0f));
+  std::fill(grid_.begin(), grid_.end(), 0.0f);
 }
 
 void KeyframeAligner::lookAround(const KeyframePoints& keyframe, int index,
@@ -95,11 +114,13 @@ void KeyframeAligner::lookAround(const KeyframePoints& keyframe, int index,
   kernels_->sampleColours(frame_.level(index), transformOf(pose, keyframe.centre),
                           columnsOf(level.shown), level.shown.cell.data(), level.shown.size(),
                           grid_.data());
+  for (const std::int32_t cell : hidden_) {
+    std::fill_n(grid_.begin() + 4 * static_cast<std::ptrdiff_t>(cell), 4, 0.0f);
+  }
   boxSums(grid_, level.width, level.height, level.window, &sums_);
   for (int i = 0; i < level.chosen.size(); ++i) {
     const std::size_t cell = level.chosen.cell[i];
-    const LocalColours<float> local =
-        localColours(sums_.data() + 4 * cell, level.inverse_count[cell]);
+    const LocalColours<float> local = localColours(sums_.data() + 4 * cell, inverse_count_[cell]);
     for (int c = 0; c < 3; ++c) mean_[c][i] = local.mean[c];
     inverse_deviation_[i] = local.inverse_deviation;
   }
@@ -115,7 +136,7 @@ KeyframeAligner::Evaluation KeyframeAligner::evaluate(const KeyframePoints& keyf
       {points.colour[0].data(), points.colour[1].data(), points.colour[2].data()},
       {mean_[0].data(), mean_[1].data(), mean_[2].data()},
       inverse_deviation_.data(),
-      points.weight.data()};
+      weight_.data()};
   Evaluation evaluation;
   evaluation.pose = pose;
   for (std::size_t t = 0; t + 1 < points.tiles.size(); ++t) {
@@ -126,9 +147,9 @@ KeyframeAligner::Evaluation KeyframeAligner::evaluate(const KeyframePoints& keyf
     evaluation.scatter.addTile(equationsOf(tile));
   }
   // A point that has left the image explains no more than chance does: leaving it is no gain.
-  const double missing = points.point_count - evaluation.sums.weight;
+  const double missing = point_count_ - evaluation.sums.weight;
   const double chance = kChanceDifference * 0.5 * robust_scale * robust_scale;
-  evaluation.loss = (evaluation.sums.cost + missing * chance) / points.point_count;
+  evaluation.loss = (evaluation.sums.cost + missing * chance) / std::max(1, point_count_);
   return evaluation;
 }
 
@@ -140,7 +161,7 @@ KeyframeAligner::Evaluation KeyframeAligner::alignLevel(
   const double convergence_px =
       level == 0 ? settings.convergence_px : settings.coarse_convergence_px;
   const double robust_scale = settings.robust_scale * std::pow(settings.robust_growth, level);
-  beginLevel(keyframe.levels[level]);
+  beginLevel(keyframe, level, starts.front());
   Evaluation best;
   for (const CameraPose<double>& start : starts) {
     lookAround(keyframe, level, start);

@@ -4,6 +4,7 @@
 #include <limits>
 #include <vector>
 
+#include "backend/common/self_occlusion.h"
 #include "backend/cpu/frame_pyramid.h"
 #include "backend/hypotheses.h"
 #include "backend/keyframe_points.h"
@@ -48,7 +49,7 @@ class KeyframeAligner {
     double loss = std::numeric_limits<double>::infinity();  // mean over all points
   };
 
-  void beginLevel(const KeyframeLevel& level);
+  void beginLevel(const KeyframePoints& keyframe, int level, const CameraPose<double>& pose);
   Evaluation evaluate(const KeyframePoints& keyframe, int level, const CameraPose<double>& pose,
                       double robust_scale);
   Evaluation alignLevel(const KeyframePoints& keyframe, int level,
@@ -58,9 +59,13 @@ class KeyframeAligner {
 
   const KeyframeKernels* kernels_;
   FramePyramid frame_;
+  SelfOcclusion occlusion_;
   // Of the level that is being aligned:
-  std::vector<float> grid_, sums_;  // of the image's colours, in the keyframe's pixels
-  std::vector<float> mean_[3], inverse_deviation_;  // of the chosen points
+  std::vector<std::int32_t> hidden_;  // pixels of the keyframe that the object itself hides
+  std::vector<float> inverse_count_;  // of those that are left around each pixel
+  std::vector<float> grid_, sums_;    // of the image's colours, in the keyframe's pixels
+  std::vector<float> mean_[3], inverse_deviation_, weight_;  // of the chosen points
+  int point_count_ = 0;                                      // of those with weight
 };
 
 }  // namespace nerf_pose_refiner
