@@ -1,0 +1,54 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "backend/common/image_levels.h"
+
+#include <algorithm>
+
+namespace nerf_pose_refiner {
+namespace {
+
+void resize(int width, int height, int channels, Image* image) {
+  image->width = width;
+  image->height = height;
+  image->channels = channels;
+  image->values.resize(image->pixels() * channels);
+}
+
+}  // namespace
+
+void halveImage(const Image& image, Image* half) {
+  const int channels = image.channels;
+  resize(image.width / 2, image.height / 2, channels, half);
+  for (int y = 0; y < half->height; ++y) {
+    const float* upper = image.pixel(0, 2 * y);
+    const float* lower = image.pixel(0, 2 * y + 1);
+    float* row = half->pixel(0, y);
+    for (int x = 0; x < half->width; ++x) {
+      for (int c = 0; c < channels; ++c) {
+        const int left = 2 * x * channels + c, right = left + channels;
+        row[x * channels + c] =
+            0.25f * ((upper[left] + upper[right]) + (lower[left] + lower[right]));
+      }
+    }
+  }
+}
+
+void smoothImage(const Image& image, Image* smooth) {
+  const int n = image.width * image.channels, channels = image.channels;
+  resize(image.width, image.height, channels, smooth);
+  std::vector<float> column(static_cast<std::size_t>(n) + 2 * channels);  // with a pixel of border
+  float* const sums = column.data() + channels;
+  for (int y = 0; y < image.height; ++y) {
+    const float* above = image.pixel(0, std::max(0, y - 1));
+    const float* here = image.pixel(0, y);
+    const float* below = image.pixel(0, std::min(image.height - 1, y + 1));
+    for (int i = 0; i < n; ++i) sums[i] = (above[i] + below[i]) + 2 * here[i];
+    std::copy(sums, sums + channels, sums - channels);
+    std::copy(sums + n - channels, sums + n, sums + n);
+    float* row = smooth->pixel(0, y);
+    for (int i = 0; i < n; ++i) {
+      row[i] = 0.0625f * ((sums[i - channels] + sums[i + channels]) + 2 * sums[i]);
+    }
+  }
+}
+
+}  // namespace nerf_pose_refiner

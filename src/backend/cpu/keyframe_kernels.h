@@ -1,0 +1,52 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "math/keyframe_alignment.h"
+
+namespace nerf_pose_refiner {
+
+/// A window of an image as the kernels see it: [height][width][4], red, green, blue and nothing.
+struct KernelImage {
+  const float* pixels;
+  int width, height;  ///< >= 2
+  Pinhole<float> K;   ///< of the window
+};
+
+/// Points as the kernels see them, relative to the object's centre.
+struct KernelPoints {
+  const float *x, *y, *z;
+};
+
+/// What a keyframe shows at its chosen points, and how the image looks around them.
+struct KernelColours {
+  const float* rendered[3];  ///< locally normalised
+  const float* mean[3];      ///< of the image around the point
+  const float* inverse_deviation;
+  const float* weight;
+};
+
+/// Alignment's arithmetic for one instruction set. Numbers of points are multiples of kPointGroup.
+struct KeyframeKernels {
+  /// Colours of n points where a pose puts them, and the sum of their squares: [n][4]. Points
+  /// outside of the image have the colours of its border.
+  void (*sampleColours)(const KernelImage& image, const PointTransform<float>& pose,
+                        const KernelPoints& points, const std::int32_t* cell, int n, float* grid);
+
+  /// Adds points first <= i < last to the sums of their tile. Those outside of the image are left
+  /// out.
+  void (*sumTile)(const KernelImage& image, const PointTransform<float>& pose,
+                  const KernelPoints& points, const KernelColours& colours, int first, int last,
+                  float robust_scale, PointSums<float>* sums);
+};
+
+/// Kernels for any processor, and for x86-64 with AVX2 and FMA (not defined where not compiled).
+const KeyframeKernels* baselineKeyframeKernels();
+const KeyframeKernels* avx2KeyframeKernels();
+
+/// The instruction set is chosen as for the field. @throws as selectCpuKernels.
+const KeyframeKernels& selectKeyframeKernels(const std::string& instruction_set);
+
+}  // namespace nerf_pose_refiner

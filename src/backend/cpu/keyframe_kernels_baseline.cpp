@@ -1,0 +1,11 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "backend/cpu/keyframe_kernels.inl"
+
+namespace nerf_pose_refiner {
+
+const KeyframeKernels* baselineKeyframeKernels() {
+  static const KeyframeKernels kernels = {sampleColours, sumTile};
+  return &kernels;
+}
+
+}  // namespace nerf_pose_refiner

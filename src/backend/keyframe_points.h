@@ -1,0 +1,53 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <vector>
+
+#include "nerf_pose_refiner/camera.h"
+#include "nerf_pose_refiner/pose.h"
+
+namespace nerf_pose_refiner {
+
+/// Vectors of points end at a multiple of this; what fills them up has weight 0.
+constexpr int kPointGroup = 8;
+
+/// Points of the object, coordinate by coordinate: relative to its centre, in the axes of O [model
+/// units].
+struct PointColumns {
+  std::vector<float> x, y, z;
+  std::vector<std::int32_t> cell;  ///< the pixel y * width + x of the keyframe's level
+
+  int size() const { return static_cast<int>(cell.size()); }
+};
+
+/// One resolution of a keyframe: what alignment compares with an image.
+struct KeyframeLevel {
+  int width = 0, height = 0;  ///< of the keyframe's own grid [px]
+  int window = 0;             ///< half width of the neighbourhood of local colours [px]
+
+  /// Every pixel that shows the object for certain; local colours are taken over these. Groups are
+  /// filled up with the pixel width * height, which is none.
+  PointColumns shown;
+  std::vector<float> inverse_count;  ///< [height][width], 1 / number of shown pixels around
+
+  /// Pixels that say most about the pose, sorted by tiles; each tile is a whole number of groups.
+  PointColumns chosen;
+  int point_count = 0;              ///< of the chosen ones, without what fills groups
+  std::vector<float> weight;        ///< of the chosen ones: 1, or 0 for what fills a group
+  std::vector<float> colour[3];     ///< of the chosen ones, locally normalised
+  std::vector<std::int32_t> tiles;  ///< where each tile begins among the chosen; last: their number
+};
+
+/// A rendering of the object that is made once and aligned with many images.
+struct KeyframePoints {
+  Camera camera;           ///< of the images that it was made for
+  Pose T_O_C;              ///< it was rendered from here
+  Eigen::Vector3d centre;  ///< of the object, in O [model units]
+  double diameter = 0;     ///< of the object [model units]
+  int reduction = 1;       ///< pixels of the image along a pixel of the first level: a power of two
+  std::vector<KeyframeLevel> levels;  ///< finest first, each half as fine as the one before
+};
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,173 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include "math/host_device.h"
+#include "math/projection.h"
+#include "math/robust.h"
+#include "math/solve6.h"
+
+namespace nerf_pose_refiner {
+
+// Alignment of a keyframe's points with an image. T is a number or a vector of numbers, one of each
+// point: nothing here branches. S is the number itself.
+
+/// Where a pose puts points that are given relative to the object's centre: q_C = R^T p + t with
+/// t = R^T (c - o).
+template <typename S>
+struct PointTransform {
+  Mat3<S> R;  ///< of the pose: C to O
+  Vec3<S> t;  ///< the object's centre in C [model units]
+};
+
+template <typename S>
+NPR_HOST_DEVICE inline PointTransform<S> pointTransform(const CameraPose<S>& pose,
+                                                        const Vec3<S>& centre) {
+  return {pose.R, transposedTimes(pose.R, centre - pose.o)};
+}
+
+/// A point in the camera's frame. @param p relative to the object's centre, in the axes of O.
+template <typename S, typename T>
+NPR_HOST_DEVICE inline Vec3<T> inCamera(const PointTransform<S>& pose, const Vec3<T>& p) {
+  const Mat3<S>& R = pose.R;
+  return {R.m[0][0] * p.x + R.m[1][0] * p.y + R.m[2][0] * p.z + pose.t.x,
+          R.m[0][1] * p.x + R.m[1][1] * p.y + R.m[2][1] * p.z + pose.t.y,
+          R.m[0][2] * p.x + R.m[1][2] * p.y + R.m[2][2] * p.z + pose.t.z};
+}
+
+/// Four pixels around a place in an image, and where between them it lies.
+template <typename P, typename F>
+struct PixelQuad {
+  P upper_left, upper_right, lower_left, lower_right;
+  F u, v;  ///< 0..1, from the left and from above
+};
+
+/// Value of an image between its pixels and its derivatives [1 / px].
+template <typename P>
+struct InterpolatedPixel {
+  P value, du, dv;
+};
+
+/// Bilinear interpolation. P may be a vector of channels.
+template <typename P, typename F>
+NPR_HOST_DEVICE inline InterpolatedPixel<P> interpolate(const PixelQuad<P, F>& quad) {
+  const P upper_du = quad.upper_right - quad.upper_left;
+  const P lower_du = quad.lower_right - quad.lower_left;
+  const P left_dv = quad.lower_left - quad.upper_left;
+  const P right_dv = quad.lower_right - quad.upper_right;
+  const P dv = left_dv + quad.u * (right_dv - left_dv);
+  return {quad.upper_left + quad.u * upper_du + quad.v * dv,
+          upper_du + quad.v * (lower_du - upper_du), dv};
+}
+
+/// How the image that a pose shows flows past a point's pixel when the camera moves, as pixelFlow:
+/// the point's own pixel moves by the opposite.
+/// @param q the same point in C.
+template <typename S, typename T>
+NPR_HOST_DEVICE inline PixelFlow<T> pointFlow(const Pinhole<S>& K, const PointTransform<S>& pose,
+                                              const Vec3<T>& p, const Vec3<T>& q) {
+  const T inverse_depth = S(1) / q.z;
+  const T scale_u = K.fx * inverse_depth, scale_v = K.fy * inverse_depth;
+  const T slope_u = q.x * inverse_depth, slope_v = q.y * inverse_depth;
+  const Mat3<S>& R = pose.R;
+  const Vec3<T> u = {scale_u * (R.m[0][0] - slope_u * R.m[0][2]),
+                     scale_u * (R.m[1][0] - slope_u * R.m[1][2]),
+                     scale_u * (R.m[2][0] - slope_u * R.m[2][2])};
+  const Vec3<T> v = {scale_v * (R.m[0][1] - slope_v * R.m[0][2]),
+                     scale_v * (R.m[1][1] - slope_v * R.m[1][2]),
+                     scale_v * (R.m[2][1] - slope_v * R.m[2][2])};
+  const Vec3<T> u_turn = cross(p, u);  // u . (w x p) = w . (p x u)
+  const Vec3<T> v_turn = cross(p, v);
+  return {{u.x, u.y, u.z, u_turn.x, u_turn.y, u_turn.z},
+          {v.x, v.y, v.z, v_turn.x, v_turn.y, v_turn.z}};
+}
+
+/// Mean and spread of the colours around a pixel, by which its own colour is normalised: what is
+/// left does not depend on the light.
+template <typename T>
+struct LocalColours {
+  T mean[3];
+  T inverse_deviation;
+};
+
+/// Deviation that is taken for flat: what is left of colours there is noise.
+constexpr float kFlatDeviation = 0.03f;
+
+/// @param sums over n pixels of red, green, blue, and of their squares' sum.
+template <typename T>
+NPR_HOST_DEVICE inline LocalColours<T> localColours(const T sums[4], T inverse_count) {
+  LocalColours<T> local;
+  T squared_mean = 0;
+  for (int c = 0; c < 3; ++c) {
+    local.mean[c] = inverse_count * sums[c];
+    squared_mean += local.mean[c] * local.mean[c];
+  }
+  const T variance = (inverse_count * sums[3] - squared_mean) / 3;
+  local.inverse_deviation =
+      1 / std::sqrt((variance > 0 ? variance : T(0)) + T(kFlatDeviation * kFlatDeviation));
+  return local;
+}
+
+/// Residual of a keyframe's point, normalised colours rendered minus observed, and its derivatives
+/// by the place in the image, the normalisation held constant.
+template <typename T>
+struct PointResidual {
+  T value[3];
+  T du[3];  ///< of the observed colour: what pointFlow's factors belong to [1 / px]
+  T dv[3];
+};
+
+template <typename T>
+NPR_HOST_DEVICE inline PointResidual<T> pointResidual(const T rendered[3],
+                                                      const InterpolatedPixel<T> observed[3],
+                                                      const LocalColours<T>& local) {
+  PointResidual<T> r;
+  for (int c = 0; c < 3; ++c) {
+    r.value[c] = rendered[c] - (observed[c].value - local.mean[c]) * local.inverse_deviation;
+    r.du[c] = observed[c].du * local.inverse_deviation;
+    r.dv[c] = observed[c].dv * local.inverse_deviation;
+  }
+  return r;
+}
+
+/// Sums over points that judge a pose and say how to better it.
+template <typename T>
+struct PointSums {
+  T weight;            ///< of the points that are in the image
+  T cost;              ///< robust
+  T robust_weight;     ///< what is left of `weight` where outliers lose theirs
+  T squared_residual;  ///< robustly weighted
+  T information[21];   ///< J^T W J and J^T W r, as NormalEquations6 has them
+  T gradient[6];
+};
+
+/// Adds points. @param weight 0 for a point that is not seen. @param scale of the robust loss.
+template <typename T>
+NPR_HOST_DEVICE inline void addPoint(const PixelFlow<T>& flow, const PointResidual<T>& r, T weight,
+                                     T scale, PointSums<T>* sums) {
+  T squared = r.value[0] * r.value[0];
+  T uu = r.du[0] * r.du[0], uv = r.du[0] * r.dv[0], vv = r.dv[0] * r.dv[0];
+  T ur = r.du[0] * r.value[0], vr = r.dv[0] * r.value[0];
+  for (int c = 1; c < 3; ++c) {
+    squared += r.value[c] * r.value[c];
+    uu += r.du[c] * r.du[c];
+    uv += r.du[c] * r.dv[c];
+    vv += r.dv[c] * r.dv[c];
+    ur += r.du[c] * r.value[c];
+    vr += r.dv[c] * r.value[c];
+  }
+  const RobustTerm<T> robust = gemanMcClure(squared, scale);
+  const T w = weight * robust.weight;
+  sums->weight += weight;
+  sums->cost += weight * robust.value;
+  sums->robust_weight += w;
+  sums->squared_residual += w * squared;
+  T* entry = sums->information;
+  for (int i = 0; i < 6; ++i) {
+    const T a = w * (uu * flow.u[i] + uv * flow.v[i]);
+    const T b = w * (uv * flow.u[i] + vv * flow.v[i]);
+    for (int j = 0; j <= i; ++j) *entry++ += a * flow.u[j] + b * flow.v[j];
+    sums->gradient[i] += w * (ur * flow.u[i] + vr * flow.v[i]);
+  }
+}
+
+}  // namespace nerf_pose_refiner

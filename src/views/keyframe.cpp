@@ -1,0 +1,148 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "views/keyframe.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <string>
+
+#include "backend/common/image_levels.h"
+#include "views/keyframe_level.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+void require(bool is_right, const char* name, double value) {
+  if (!is_right) {
+    throw std::invalid_argument(std::string("keyframe: ") + name + " is " + std::to_string(value));
+  }
+}
+
+// Premultiplied colour, alpha and point relative to the object's centre, in one image.
+Image layersOf(const Rendering& rendering, const Eigen::Vector3f& centre) {
+  Image layers(rendering.alpha.width, rendering.alpha.height, kKeyframeChannels);
+  for (std::size_t i = 0; i < layers.pixels(); ++i) {
+    float* pixel = layers.values.data() + kKeyframeChannels * i;
+    const float alpha = rendering.alpha.values[i];
+    for (std::size_t c = 0; c < 3; ++c) {
+      pixel[c] = rendering.colour.values[3 * i + c];
+      pixel[kKeyframePoint + c] = rendering.point.values[3 * i + c] - alpha * centre[c];
+    }
+    pixel[kKeyframeAlpha] = alpha;
+  }
+  return layers;
+}
+
+// The part that shows the object, in whole pixels of the coarsest level.
+Image cropped(const Image& layers, int step) {
+  int left = layers.width, right = 0, top = layers.height, bottom = 0;
+  for (int y = 0; y < layers.height; ++y) {
+    for (int x = 0; x < layers.width; ++x) {
+      if (layers.at(x, y, kKeyframeAlpha) < 0.5f) continue;
+      left = std::min(left, x);
+      right = std::max(right, x + 1);
+      top = std::min(top, y);
+      bottom = std::max(bottom, y + 1);
+    }
+  }
+  left = std::min(left, right) / step * step;
+  top = std::min(top, bottom) / step * step;
+  const int width = std::min((right - left + step - 1) / step * step, layers.width - left);
+  const int height = std::min((bottom - top + step - 1) / step * step, layers.height - top);
+  Image part(width, height, layers.channels);
+  for (int y = 0; y < height; ++y) {
+    const float* row = layers.pixel(left, top + y);
+    std::copy(row, row + static_cast<std::ptrdiff_t>(width) * layers.channels, part.pixel(0, y));
+  }
+  return part;
+}
+
+int windowOf(const KeyframeSettings& settings, int level) {
+  if (settings.levels == 1) return settings.finest_window_px;
+  const double coarseness = static_cast<double>(level) / (settings.levels - 1);
+  return static_cast<int>(
+      std::lround(settings.finest_window_px +
+                  coarseness * (settings.coarsest_window_px - settings.finest_window_px)));
+}
+
+}  // namespace
+
+void KeyframeSettings::validate() const {
+  require(levels >= 1 && levels <= 8, "levels", levels);
+  require(rays_per_side == 1 || rays_per_side == 2 || rays_per_side == 4, "rays_per_side",
+          rays_per_side);
+  require(max_side_px >= 16, "max_side_px", max_side_px);
+  require(finest_window_px >= 1, "finest_window_px", finest_window_px);
+  require(coarsest_window_px >= 1, "coarsest_window_px", coarsest_window_px);
+  require(max_points >= 6, "max_points", max_points);
+  require(min_alpha > 0 && min_alpha < 1, "min_alpha", min_alpha);
+  require(max_depth_step > 0, "max_depth_step", max_depth_step);
+}
+
+Camera keyframeCamera(const Camera& camera, const Pose& T_O_C, const FieldMetadata& object,
+                      const KeyframeSettings& settings, int* reduction) {
+  constexpr double kReach = 0.6;  // of the diameter: the centre is not the middle
+  const Eigen::Vector3d centre_C = T_O_C.inverse() * object.centre;
+  if (!(centre_C.z() > kReach * object.diameter)) {
+    throw std::invalid_argument("keyframe: the object is not before the camera");
+  }
+  const double focal = std::max(camera.fx, camera.fy);
+  const double reach_px = kReach * object.diameter * focal / centre_C.z();
+  *reduction = 1;
+  while (2 * reach_px > *reduction * settings.max_side_px) *reduction *= 2;
+  // Whole pixels of the coarsest level, wherever in the image they are.
+  const int step = *reduction << (settings.levels - 1);
+  const Eigen::Vector2d middle = camera.project(centre_C);
+  const int steps = static_cast<int>(std::ceil(2 * reach_px / step)) + 1;
+  const int x = static_cast<int>(std::floor(middle.x() - 0.5 * steps * step));
+  const int y = static_cast<int>(std::floor(middle.y() - 0.5 * steps * step));
+  const int side = steps * step;
+  return camera.cropped(x, y, side, side).resized(side / *reduction, side / *reduction);
+}
+
+KeyframePoints renderKeyframe(Backend* backend, const LoadedField& field, const Camera& camera,
+                              const Pose& T_O_C, const KeyframeSettings& settings,
+                              const CancellationToken& stop) {
+  settings.validate();
+  const FieldMetadata& object = field.field().metadata;
+  int reduction = 1;
+  const Camera window = keyframeCamera(camera, T_O_C, object, settings, &reduction);
+  const int n = settings.rays_per_side;
+  const Camera finer = window.resized(n * window.width, n * window.height);
+  KeyframePoints keyframe =
+      makeKeyframe(backend->render(field, finer, T_O_C, {}, stop), window, T_O_C, object, settings);
+  keyframe.camera = camera;
+  keyframe.reduction = reduction;
+  return keyframe;
+}
+
+KeyframePoints makeKeyframe(const Rendering& rendering, const Camera& camera, const Pose& T_O_C,
+                            const FieldMetadata& object, const KeyframeSettings& settings) {
+  settings.validate();
+  KeyframePoints keyframe;
+  keyframe.camera = camera;
+  keyframe.T_O_C = T_O_C;
+  keyframe.centre = object.centre;
+  keyframe.diameter = object.diameter;
+  Image layers = layersOf(rendering, object.centre.cast<float>()), half;
+  while (layers.width > camera.width) {
+    halveImage(layers, &half);
+    std::swap(layers, half);
+  }
+  layers = cropped(layers, 1 << (settings.levels - 1));
+  const Eigen::Vector3d forward = T_O_C.R.col(2);
+  KeyframeView view;
+  view.forward = forward.cast<float>();
+  view.centre_depth = static_cast<float>(forward.dot(object.centre - T_O_C.t));
+  for (int level = 0; level < settings.levels; ++level) {
+    if (level > 0) {
+      halveImage(layers, &half);
+      std::swap(layers, half);
+    }
+    view.focal_px = static_cast<float>(camera.fx / (1 << level));
+    keyframe.levels.push_back(makeLevel(layers, view, windowOf(settings, level), settings));
+  }
+  return keyframe;
+}
+
+}  // namespace nerf_pose_refiner

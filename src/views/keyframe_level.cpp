@@ -1,0 +1,234 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "views/keyframe_level.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "backend/common/box_sums.h"
+#include "backend/common/image_levels.h"
+#include "math/keyframe_alignment.h"
+#include "math/tile_scatter.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+constexpr int kCellSide = 8;  // points are chosen evenly over cells of so many pixels
+
+// A pixel of a level while it is made.
+struct Candidate {
+  int pixel = 0;
+  int cell = 0;
+  float information = 0;
+  int rank = 0;  // among the candidates of its cell
+};
+
+class LevelMaker {
+ public:
+  LevelMaker(const Image& layers, const KeyframeView& view, const KeyframeSettings& settings)
+      : layers_(layers), view_(view), settings_(settings) {
+    smoothImage(layers, &smooth_);
+    level_.width = layers.width;
+    level_.height = layers.height;
+  }
+
+  KeyframeLevel make(int window) {
+    level_.window = window;
+    findShown();
+    normaliseColours();
+    fillShown();
+    fillChosen(choose());
+    return std::move(level_);
+  }
+
+ private:
+  bool isShown(int x, int y) const {
+    return x >= 0 && y >= 0 && x < level_.width && y < level_.height &&
+           shown_[y * level_.width + x] != 0;
+  }
+
+  Eigen::Vector3f pointAt(int x, int y) const {
+    const float* pixel = smooth_.pixel(x, y);
+    return Eigen::Map<const Eigen::Vector3f>(pixel + kKeyframePoint) / pixel[kKeyframeAlpha];
+  }
+
+  // Depth of what the pixel shows, as it was rendered.
+  float depthAt(int x, int y) const {
+    const float* pixel = layers_.pixel(x, y);
+    const Eigen::Vector3f point =
+        Eigen::Map<const Eigen::Vector3f>(pixel + kKeyframePoint) / pixel[kKeyframeAlpha];
+    return view_.forward.dot(point) + view_.centre_depth;
+  }
+
+  bool isOpaque(int x, int y) const {
+    return std::min(layers_.at(x, y, kKeyframeAlpha), smooth_.at(x, y, kKeyframeAlpha)) >
+           settings_.min_alpha;
+  }
+
+  // The kernel of the blur reaches one pixel to each side.
+  bool isAtDepthJump(int x, int y) const {
+    const float depth = depthAt(x, y);
+    const float step = settings_.max_depth_step * depth / view_.focal_px;
+    for (int v = std::max(0, y - 1); v <= std::min(level_.height - 1, y + 1); ++v) {
+      for (int u = std::max(0, x - 1); u <= std::min(level_.width - 1, x + 1); ++u) {
+        if (std::abs(depthAt(u, v) - depth) > step) return true;
+      }
+    }
+    return false;
+  }
+
+  void findShown() {
+    shown_.assign(smooth_.pixels(), 0);
+    for (int y = 0; y < level_.height; ++y) {
+      for (int x = 0; x < level_.width; ++x) {
+        shown_[y * level_.width + x] = isOpaque(x, y) && !isAtDepthJump(x, y);
+      }
+    }
+  }
+
+  // Colours relative to what is around them, as alignment does it with the image's.
+  void normaliseColours() {
+    const std::size_t pixels = smooth_.pixels();
+    std::vector<float> colours(4 * pixels, 0.0f), counts(4 * pixels, 0.0f), sums;
+    for (std::size_t i = 0; i < pixels; ++i) {
+      if (!shown_[i]) continue;
+      const float* pixel = smooth_.values.data() + kKeyframeChannels * i;
+      for (int c = 0; c < 3; ++c) {
+        colours[4 * i + c] = pixel[c] / pixel[kKeyframeAlpha];
+        colours[4 * i + 3] += colours[4 * i + c] * colours[4 * i + c];
+      }
+      counts[4 * i] = 1;
+    }
+    boxSums(counts, level_.width, level_.height, level_.window, &sums);
+    level_.inverse_count.assign(pixels, 0.0f);
+    for (std::size_t i = 0; i < pixels; ++i) {
+      if (shown_[i]) level_.inverse_count[i] = 1 / sums[4 * i];
+    }
+    boxSums(colours, level_.width, level_.height, level_.window, &sums);
+    normalised_ = Image(level_.width, level_.height, 3);
+    for (std::size_t i = 0; i < pixels; ++i) {
+      if (!shown_[i]) continue;
+      const LocalColours<float> local = localColours(sums.data() + 4 * i, level_.inverse_count[i]);
+      for (int c = 0; c < 3; ++c) {
+        normalised_.values[3 * i + c] =
+            (colours[4 * i + c] - local.mean[c]) * local.inverse_deviation;
+      }
+    }
+  }
+
+  void addPoint(int pixel, PointColumns* points) const {
+    const Eigen::Vector3f p = pointAt(pixel % level_.width, pixel / level_.width);
+    points->x.push_back(p.x());
+    points->y.push_back(p.y());
+    points->z.push_back(p.z());
+    points->cell.push_back(pixel);
+  }
+
+  void fillShown() {
+    PointColumns& shown = level_.shown;
+    const int none = level_.width * level_.height;
+    for (int i = 0; i < none; ++i) {
+      if (shown_[i]) addPoint(i, &shown);
+    }
+    while (shown.size() % kPointGroup != 0) {
+      shown.x.push_back(shown.x.back());
+      shown.y.push_back(shown.y.back());
+      shown.z.push_back(shown.z.back());
+      shown.cell.push_back(none);
+    }
+  }
+
+  // What a pixel says of the pose: the squared gradient of its colours. 0 where a neighbour is not
+  // known.
+  float informationAt(int x, int y) const {
+    if (!isShown(x, y) || !isShown(x - 1, y) || !isShown(x + 1, y) || !isShown(x, y - 1) ||
+        !isShown(x, y + 1)) {
+      return 0;
+    }
+    float sum = 0;
+    for (int c = 0; c < 3; ++c) {
+      const float du = normalised_.at(x + 1, y, c) - normalised_.at(x - 1, y, c);
+      const float dv = normalised_.at(x, y + 1, c) - normalised_.at(x, y - 1, c);
+      sum += du * du + dv * dv;
+    }
+    return sum;
+  }
+
+  // The best of every cell first, then the second best, until there are enough.
+  std::vector<Candidate> choose() const {
+    std::vector<Candidate> candidates;
+    const int cells = (level_.width + kCellSide - 1) / kCellSide;
+    for (int y = 0; y < level_.height; ++y) {
+      for (int x = 0; x < level_.width; ++x) {
+        const float information = informationAt(x, y);
+        if (!(information > 0)) continue;
+        candidates.push_back(
+            {y * level_.width + x, y / kCellSide * cells + x / kCellSide, information, 0});
+      }
+    }
+    std::sort(candidates.begin(), candidates.end(), [](const Candidate& a, const Candidate& b) {
+      if (a.cell != b.cell) return a.cell < b.cell;
+      return a.information != b.information ? a.information > b.information : a.pixel < b.pixel;
+    });
+    for (std::size_t i = 1; i < candidates.size(); ++i) {
+      if (candidates[i].cell == candidates[i - 1].cell) {
+        candidates[i].rank = candidates[i - 1].rank + 1;
+      }
+    }
+    std::sort(candidates.begin(), candidates.end(), [](const Candidate& a, const Candidate& b) {
+      if (a.rank != b.rank) return a.rank < b.rank;
+      return a.information != b.information ? a.information > b.information : a.pixel < b.pixel;
+    });
+    candidates.resize(std::min(candidates.size(), static_cast<std::size_t>(settings_.max_points)));
+    return candidates;
+  }
+
+  int tileOf(int pixel) const {
+    const int tiles = (level_.width + kTileSide - 1) / kTileSide;
+    return pixel / level_.width / kTileSide * tiles + pixel % level_.width / kTileSide;
+  }
+
+  void addChosen(int pixel, float weight) {
+    addPoint(pixel, &level_.chosen);
+    level_.weight.push_back(weight);
+    for (int c = 0; c < 3; ++c) {
+      level_.colour[c].push_back(normalised_.values[3 * static_cast<std::size_t>(pixel) + c]);
+    }
+  }
+
+  void fillGroup() {
+    while (level_.chosen.size() % kPointGroup != 0) addChosen(level_.chosen.cell.back(), 0);
+  }
+
+  void fillChosen(std::vector<Candidate> chosen) {
+    std::sort(chosen.begin(), chosen.end(), [this](const Candidate& a, const Candidate& b) {
+      const int tile_a = tileOf(a.pixel), tile_b = tileOf(b.pixel);
+      return tile_a != tile_b ? tile_a < tile_b : a.pixel < b.pixel;
+    });
+    level_.point_count = static_cast<int>(chosen.size());
+    level_.tiles = {0};
+    for (std::size_t i = 0; i < chosen.size(); ++i) {
+      addChosen(chosen[i].pixel, 1);
+      if (i + 1 == chosen.size() || tileOf(chosen[i + 1].pixel) != tileOf(chosen[i].pixel)) {
+        fillGroup();
+        level_.tiles.push_back(level_.chosen.size());
+      }
+    }
+  }
+
+  const Image& layers_;
+  const KeyframeView& view_;
+  const KeyframeSettings& settings_;
+  Image smooth_;
+  std::vector<char> shown_;
+  Image normalised_;  // [h][w][3], 0 where the object is not shown
+  KeyframeLevel level_;
+};
+
+}  // namespace
+
+KeyframeLevel makeLevel(const Image& layers, const KeyframeView& view, int window,
+                        const KeyframeSettings& settings) {
+  return LevelMaker(layers, view, settings).make(window);
+}
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,144 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "views/keyframe.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <set>
+
+#include "math/tile_scatter.h"
+#include "support/analytic_scene.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+const Camera kCamera = {320, 240, 400, 400, 159.5, 119.5};
+
+class KeyframeOfScene : public testing::Test {
+ protected:
+  KeyframePoints render(const KeyframeSettings& settings = {}, const Camera& camera = kCamera) {
+    return renderKeyframe(backend_.get(), *scene_, camera, T_O_C_, settings);
+  }
+
+  // How far a point is from the surface of the scene's box and ball, at most a little: both are
+  // described in support/analytic_scene.cpp.
+  double distanceToSurface(const PointColumns& points, int i) const {
+    const Eigen::Vector3d p =
+        scene_->field().metadata.centre + Eigen::Vector3d(points.x[i], points.y[i], points.z[i]);
+    const Eigen::Vector3d beyond = p.cwiseAbs() - Eigen::Vector3d(0.36, 0.22, 0.28);
+    const double box = std::abs(beyond.maxCoeff());
+    const double ball = std::abs((p - Eigen::Vector3d(0.30, 0.20, 0.24)).norm() - 0.15);
+    return std::min(box, ball);
+  }
+
+  std::unique_ptr<Backend> backend_ = makeCpuBackend(2);
+  std::shared_ptr<const LoadedField> scene_ = makeAnalyticScene();
+  Pose T_O_C_ = cameraAround(*scene_, 0.6, 0.5);
+};
+
+TEST_F(KeyframeOfScene, PointsLieOnTheSurface) {
+  const KeyframePoints keyframe = render();
+  ASSERT_EQ(keyframe.levels.size(), 4u);
+  const KeyframeLevel& level = keyframe.levels[0];
+  ASSERT_GT(level.point_count, 1000);
+  for (int i = 0; i < level.chosen.size(); ++i) {
+    EXPECT_LT(distanceToSurface(level.chosen, i), 0.01) << i;
+  }
+}
+
+TEST_F(KeyframeOfScene, PointsProjectToTheirPixels) {
+  const KeyframeSettings settings;
+  const KeyframePoints keyframe = render(settings);
+  int reduction = 0;
+  const FieldMetadata& object = scene_->field().metadata;
+  const Camera camera = keyframeCamera(kCamera, T_O_C_, object, settings, &reduction);
+  const KeyframeLevel& level = keyframe.levels[0];
+  // The level is a part of the camera's image, so all its pixels are off by the same whole numbers.
+  std::set<std::pair<long, long>> offsets;
+  for (int i = 0; i < level.chosen.size(); ++i) {
+    const Eigen::Vector3d p_O =
+        object.centre + Eigen::Vector3d(level.chosen.x[i], level.chosen.y[i], level.chosen.z[i]);
+    const Eigen::Vector2d pixel = camera.project(T_O_C_.inverse() * p_O);
+    const double x = pixel.x() - level.chosen.cell[i] % level.width;
+    const double y = pixel.y() - level.chosen.cell[i] / level.width;
+    EXPECT_NEAR(x, std::round(x), 0.05);
+    EXPECT_NEAR(y, std::round(y), 0.05);
+    offsets.insert({std::lround(x), std::lround(y)});
+  }
+  EXPECT_EQ(offsets.size(), 1u);
+}
+
+TEST_F(KeyframeOfScene, KeepsToItsBudgetAndSpreadsIt) {
+  KeyframeSettings settings;
+  settings.max_points = 300;
+  const KeyframeLevel level = render(settings).levels[0];
+  EXPECT_EQ(level.point_count, 300);
+  std::map<int, int> of_cell;
+  for (int i = 0; i < level.chosen.size(); ++i) {
+    const int x = level.chosen.cell[i] % level.width, y = level.chosen.cell[i] / level.width;
+    of_cell[y / 8 * 1000 + x / 8] += level.weight[i] > 0;
+  }
+  int most = 0;
+  for (const auto& [cell, count] : of_cell) most = std::max(most, count);
+  EXPECT_GT(of_cell.size(), 100u);
+  EXPECT_LE(most, 300 / 100 + 1);
+}
+
+TEST_F(KeyframeOfScene, TilesAreWholeGroupsOfOneTile) {
+  for (const KeyframeLevel& level : render().levels) {
+    ASSERT_EQ(level.tiles.front(), 0);
+    ASSERT_EQ(level.tiles.back(), level.chosen.size());
+    EXPECT_EQ(level.shown.size() % kPointGroup, 0);
+    double weight = 0;
+    for (std::size_t t = 0; t + 1 < level.tiles.size(); ++t) {
+      EXPECT_EQ(level.tiles[t] % kPointGroup, 0);
+      std::set<std::pair<int, int>> tiles;
+      for (int i = level.tiles[t]; i < level.tiles[t + 1]; ++i) {
+        const int cell = level.chosen.cell[i];
+        tiles.insert({cell % level.width / kTileSide, cell / level.width / kTileSide});
+        weight += level.weight[i];
+      }
+      EXPECT_EQ(tiles.size(), 1u);
+    }
+    EXPECT_EQ(weight, level.point_count);
+  }
+}
+
+TEST_F(KeyframeOfScene, LeavesOutDepthJumps) {
+  // The ball stands before the box: a step of some tenths of the object between two pixels.
+  const KeyframeLevel level = render().levels[0];
+  std::map<int, double> depths;
+  for (int i = 0; i < level.shown.size(); ++i) {
+    const Eigen::Vector3d p(level.shown.x[i], level.shown.y[i], level.shown.z[i]);
+    depths[level.shown.cell[i]] = T_O_C_.R.col(2).dot(p);
+  }
+  for (const auto& [cell, depth] : depths) {
+    const auto right = depths.find(cell + 1);
+    if (right == depths.end() || (cell + 1) % level.width == 0) continue;
+    EXPECT_LT(std::abs(right->second - depth), 0.05) << cell;
+  }
+}
+
+TEST_F(KeyframeOfScene, ReducesALargeImage) {
+  const Camera large = kCamera.resized(4 * kCamera.width, 4 * kCamera.height);
+  const KeyframePoints keyframe = render({}, large);
+  EXPECT_EQ(keyframe.reduction, 4);
+  EXPECT_LE(keyframe.levels[0].width, KeyframeSettings().max_side_px);
+  EXPECT_EQ(render().reduction, 1);
+}
+
+TEST_F(KeyframeOfScene, RefusesWhatMakesNoSense) {
+  KeyframeSettings settings;
+  settings.levels = 0;
+  EXPECT_THROW(render(settings), std::invalid_argument);
+  settings = {};
+  settings.min_alpha = 1;
+  EXPECT_THROW(render(settings), std::invalid_argument);
+  T_O_C_.t = scene_->field().metadata.centre;
+  EXPECT_THROW(render(), std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,194 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "backend/cpu/keyframe_aligner.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/LU>
+
+#include <cmath>
+#include <random>
+#include <stdexcept>
+
+#include "evaluation/clutter.h"
+#include "evaluation/pose_error.h"
+#include "image/colour.h"
+#include "support/analytic_scene.h"
+#include "views/keyframe.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+constexpr double kDegree = 3.14159265358979323846 / 180;
+const Camera kCamera = {320, 240, 400, 400, 159.5, 119.5};
+
+class KeyframeAlignerOnScene : public testing::Test {
+ protected:
+  const FieldMetadata& object() const { return scene_->field().metadata; }
+
+  KeyframePoints keyframeAt(const Pose& T_O_C) {
+    return renderKeyframe(backend_.get(), *scene_, kCamera, T_O_C);
+  }
+
+  // The scene before clutter, its colours times a gain, plus an offset.
+  Image imageOf(const Pose& T_O_C, const Eigen::Array3f& gain = Eigen::Array3f::Ones(),
+                float offset = 0) {
+    const Observation scene = observeScene(backend_.get(), *scene_, kCamera, T_O_C);
+    Image image = clutter(kCamera.width, kCamera.height, 7);
+    for (std::size_t i = 0; i < image.pixels(); ++i) {
+      const float alpha = scene.alpha.values[i];
+      for (std::size_t c = 0; c < 3; ++c) {
+        const float colour = gain[static_cast<Eigen::Index>(c)] * scene.image.values[3 * i + c];
+        float& value = image.values[3 * i + c];
+        value = colour + alpha * offset + (1 - alpha) * value;
+      }
+    }
+    return image;
+  }
+
+  // Turned by up to `deg` and moved by up to as many hundredths of the diameter.
+  Pose offBy(const Pose& T_O_C, const Eigen::Vector3d& direction, double deg) const {
+    const Eigen::Matrix3d turn = expSO3(Eigen::Vector3d(deg * kDegree * direction));
+    const Eigen::Vector3d shift = 0.01 * deg * object().diameter *
+                                  Eigen::Vector3d(direction.z(), -direction.x(), direction.y());
+    return {turn * T_O_C.R, object().centre + shift + turn * (T_O_C.t - object().centre)};
+  }
+
+  Hypothesis align(const Image& image, const KeyframePoints& keyframe, const Pose& start,
+                   const std::string& instruction_set = "auto") const {
+    KeyframeAligner aligner(selectKeyframeKernels(instruction_set));
+    aligner.observe(toBytes(image), kCamera, keyframe, start);
+    return aligner.align(keyframe, start);
+  }
+
+  void expectFound(const Hypothesis& found, double deg, double fraction) const {
+    const PoseError error = poseError(found.T_O_C, truth_, object().centre, kCamera);
+    EXPECT_LT(error.rotation_rad / kDegree, deg);
+    EXPECT_LT(error.object_offset / object().diameter, fraction);
+  }
+
+  // Starts about and along each axis, both ways.
+  void expectFoundFromAround(const Image& image, double start_deg, double deg, double fraction) {
+    const KeyframePoints keyframe = keyframeAt(offBy(truth_, {0.6, 0.5, -0.6}, 6));
+    for (int axis = 0; axis < 3; ++axis) {
+      for (const double sign : {-1, 1}) {
+        SCOPED_TRACE(testing::Message() << "axis " << axis << ", sign " << sign);
+        const Pose start = offBy(truth_, sign * Eigen::Vector3d::Unit(axis), start_deg);
+        expectFound(align(image, keyframe, start), deg, fraction);
+      }
+    }
+  }
+
+  std::unique_ptr<Backend> backend_ = makeCpuBackend(2);
+  std::shared_ptr<const LoadedField> scene_ = makeAnalyticScene();
+  Pose truth_ = cameraAround(*scene_, 0.6, 0.5);
+};
+
+TEST_F(KeyframeAlignerOnScene, StaysAtThePoseItself) {
+  const Hypothesis found = align(imageOf(truth_), keyframeAt(truth_), truth_);
+  expectFound(found, 0.05, 0.001);
+  EXPECT_GT(found.visible_fraction, 0.9);
+}
+
+TEST_F(KeyframeAlignerOnScene, ComesBackFromAGridOfOffsets) {
+  expectFoundFromAround(imageOf(truth_), 5, 0.1, 0.002);
+}
+
+TEST_F(KeyframeAlignerOnScene, IgnoresTheLight) {
+  expectFoundFromAround(imageOf(truth_, {0.7f, 0.9f, 1.1f}, -0.05f), 5, 0.1, 0.002);
+}
+
+TEST_F(KeyframeAlignerOnScene, IgnoresAnOccluder) {
+  Image image = imageOf(truth_);
+  for (int y = 90; y < 150; ++y) {
+    for (int x = 100; x < 140; ++x) {
+      for (int c = 0; c < 3; ++c) image.at(x, y, c) = (x / 5 + y / 5 + c) % 2 ? 0.9f : 0.1f;
+    }
+  }
+  const KeyframePoints keyframe = keyframeAt(offBy(truth_, {0.6, 0.5, -0.6}, 6));
+  const Hypothesis covered = align(image, keyframe, offBy(truth_, {0.5, -0.5, 0.5}, 4));
+  expectFound(covered, 0.2, 0.004);
+  const Hypothesis free = align(imageOf(truth_), keyframe, offBy(truth_, {0.5, -0.5, 0.5}, 4));
+  EXPECT_LT(covered.visible_fraction, free.visible_fraction - 0.05);
+}
+
+TEST_F(KeyframeAlignerOnScene, StandsNoise) {
+  Image image = imageOf(truth_);
+  std::mt19937 random(3);
+  std::normal_distribution<float> noise(0, 0.03f);
+  for (float& value : image.values) value += noise(random);
+  expectFoundFromAround(image, 4, 0.25, 0.005);
+}
+
+TEST_F(KeyframeAlignerOnScene, SaysHowFarOffNoiseMayLead) {
+  // Means over many images: a pose's squared error by its own covariance has a mean of 6.
+  constexpr int kImages = 24;
+  const KeyframePoints keyframe = keyframeAt(truth_);
+  const Image clean = imageOf(truth_);
+  const Hypothesis exact = align(clean, keyframe, truth_);
+  std::mt19937 random(5);
+  std::normal_distribution<float> noise(0, 0.03f);
+  double sum = 0;
+  for (int i = 0; i < kImages; ++i) {
+    Image image = clean;
+    for (float& value : image.values) value += noise(random);
+    const Hypothesis found = align(image, keyframe, truth_);
+    EXPECT_GT(found.residual_variance, exact.residual_variance);
+    const Eigen::Matrix3d turn = found.T_O_C.R * exact.T_O_C.R.transpose();
+    Eigen::Matrix<double, 6, 1> x;
+    x << found.T_O_C.t - object().centre - turn * (exact.T_O_C.t - object().centre), logSO3(turn);
+    const Eigen::Matrix<double, 6, 1> g = found.information * x;
+    sum += g.dot(found.gradient_scatter.inverse() * g);
+  }
+  EXPECT_GT(sum / kImages, 2);
+  EXPECT_LT(sum / kImages, 12);
+}
+
+TEST_F(KeyframeAlignerOnScene, ARenewedKeyframeMakesNoJump) {
+  const Image image = imageOf(truth_);
+  const Pose before = align(image, keyframeAt(offBy(truth_, {0.7, 0.7, 0}, 10)), truth_).T_O_C;
+  const Pose after = align(image, keyframeAt(before), before).T_O_C;
+  const PoseError jump = poseError(before, after, object().centre, kCamera);
+  EXPECT_LT(jump.rotation_rad / kDegree, 0.1);
+  EXPECT_LT(jump.object_offset / object().diameter, 0.002);
+}
+
+TEST_F(KeyframeAlignerOnScene, FindsWhatLeavesTheImage) {
+  // A third of the object is outside.
+  const Pose beside(truth_.R, truth_.t + truth_.R * Eigen::Vector3d(0.85, 0, 0));
+  truth_ = beside;
+  const KeyframePoints keyframe = keyframeAt(truth_);
+  const Hypothesis found = align(imageOf(truth_), keyframe, offBy(truth_, {0.6, -0.6, 0.6}, 3));
+  expectFound(found, 0.2, 0.004);
+}
+
+TEST_F(KeyframeAlignerOnScene, SameInputSameBits) {
+  const Image image = imageOf(truth_);
+  const Pose start = offBy(truth_, {0.5, -0.5, 0.5}, 4);
+  const KeyframePoints one = renderKeyframe(makeCpuBackend(1).get(), *scene_, kCamera, truth_);
+  const KeyframePoints two = renderKeyframe(makeCpuBackend(2).get(), *scene_, kCamera, truth_);
+  const Hypothesis a = align(image, one, start), b = align(image, two, start);
+  EXPECT_EQ(a.T_O_C.R, b.T_O_C.R);
+  EXPECT_EQ(a.T_O_C.t, b.T_O_C.t);
+  EXPECT_EQ(a.information, b.information);
+}
+
+TEST_F(KeyframeAlignerOnScene, InstructionSetsAgree) {
+  const Image image = imageOf(truth_);
+  const KeyframePoints keyframe = keyframeAt(truth_);
+  const Pose start = offBy(truth_, {0.5, -0.5, 0.5}, 4);
+  const Pose any = align(image, keyframe, start, "baseline").T_O_C;
+  const Pose best = align(image, keyframe, start).T_O_C;
+  // Sums are rounded in another order; poses stop within a fiftieth of a pixel of each other.
+  EXPECT_LT(rotationDistance(any.R, best.R) / kDegree, 0.01);
+  EXPECT_LT((any.t - best.t).norm() / object().diameter, 1e-3);
+}
+
+TEST_F(KeyframeAlignerOnScene, RefusesAnImageThatIsTooSmall) {
+  const KeyframePoints keyframe = keyframeAt(truth_);
+  KeyframeAligner aligner(selectKeyframeKernels("auto"));
+  const Camera tiny = {8, 8, 10, 10, 3.5, 3.5};
+  EXPECT_THROW(aligner.observe(Image8(8, 8, 3), tiny, keyframe, truth_), std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace nerf_pose_refiner
