@@ -20,9 +20,7 @@ add_library(${ros_library} STATIC
   src/ros/nodelet/result_publisher.cpp
   src/ros/nodelet/tracker_state.cpp
   src/ros/nodelet/transform_input.cpp
-  src/ros/services/object_registration.cpp
   src/ros/services/object_services.cpp
-  src/ros/services/object_store.cpp
   src/ros/services/pose_service.cpp
   src/ros/services/reconfiguration.cpp
   src/ros/services/registration_services.cpp

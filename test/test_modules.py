@@ -43,10 +43,10 @@ MODULES = {
               (EIGEN,)),
     'registration': (('trust', 'refinement', 'dataset', 'backend', 'field', 'geometry', 'image', 'math',
                       'concurrency'), (EIGEN,)),
-    'runtime': (('registration', 'trust', 'refinement', 'dataset', 'backend', 'field', 'geometry', 'image',
-                 'math', 'concurrency'), (EIGEN, OPENCV, POSIX)),
-    'tracking': (('runtime', 'trust', 'refinement', 'backend', 'field', 'geometry', 'image', 'math',
-                  'concurrency'), (EIGEN,)),
+    'tracking': (('trust', 'refinement', 'backend', 'field', 'geometry', 'image', 'math', 'concurrency'),
+                 (EIGEN,)),
+    'runtime': (('tracking', 'registration', 'trust', 'refinement', 'dataset', 'backend', 'field', 'geometry',
+                 'image', 'math', 'concurrency'), (EIGEN, OPENCV, POSIX)),
 }
 MODULES['evaluation'] = (tuple(MODULES), (EIGEN, JSON, OPENCV))
 MODULES['ros'] = (tuple(MODULES), (EIGEN, OPENCV, POSIX, ROS))
@@ -144,6 +144,7 @@ class Rules(unittest.TestCase):
         with tempfile.TemporaryDirectory() as top:
             for other in ('src/field/field.h', 'src/registration/visual_hull.h', 'src/backend/cpu/own.h',
                           'src/dataset/dataset.h', 'src/ros/conversions/topics.h', 'src/refinement/refiner.h',
+                          'src/runtime/model_cache.h',
                           f'include/{PACKAGE}/pose.h', path):
                 os.makedirs(os.path.join(top, os.path.dirname(other)), exist_ok=True)
                 with open(os.path.join(top, other), 'w', encoding='utf-8') as file:
@@ -170,6 +171,7 @@ class Rules(unittest.TestCase):
                            ('src/backend/cpu/file.cpp', '#include <ros/ros.h>'),
                            ('src/backend/file.cpp', '#include <sensor_msgs/Image.h>'),
                            ('src/tracking/file.cpp', f'#include <{PACKAGE}/RefinementStatus.h>'),
+                           ('src/tracking/file.cpp', '#include "runtime/model_cache.h"'),
                            ('src/backend/file.cpp', '#include <cuda_runtime.h>'),
                            ('src/backend/file.cpp', '#include "../registration/visual_hull.h"'),
                            ('src/field/file.cpp', '#include <opencv2/core.hpp>'),

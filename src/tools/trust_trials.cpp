@@ -97,9 +97,8 @@ class TrustTrials::Run {
                     tracking = trials.parameters_.tracking.refiner;
     initial.seed += static_cast<std::uint64_t>(number);
     tracking.seed += static_cast<std::uint64_t>(number);
-    return std::make_unique<RefinerSearch>([backend = trials.backend_] { return backend; }, initial,
-                                           tracking,
-                                           [] { return std::make_shared<ProcessorSchedule>(); });
+    return std::make_unique<RefinerSearch>(
+        [backend = trials.backend_] { return SearchProcessor{backend}; }, initial, tracking);
   }
 
   ros::Time now_;

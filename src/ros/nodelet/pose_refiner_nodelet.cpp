@@ -10,7 +10,7 @@
 
 #include "backend/gpu_memory.h"
 #include "backend/make_backend.h"
-#include "ros/conversions/error_of.h"
+#include "concurrency/error_of.h"
 #include "ros/conversions/input_error.h"
 #include "ros/conversions/pose_conversions.h"
 #include "ros/conversions/topics.h"
@@ -70,11 +70,11 @@ void PoseRefinerNodelet::start() {
   const PoseRefinerParameters& p = parameters_;
   process_ = RefinerProcess::ofThisProcess();
   process_->models.setBudget(std::size_t{1000000} * p.model_memory_mb, getName());
-  const auto make_search_backend = [this, make_backend = sharedBackend()] {
-    const std::shared_ptr<Backend> backend = make_backend();
-    diagnostics_->backendIs(backend->describe());
-    on_gpu_ = backend->describe().rfind("CUDA", 0) == 0;
-    return backend;
+  const auto find_processor = [this, find_shared = sharedProcessor()] {
+    SearchProcessor processor = find_shared();
+    diagnostics_->backendIs(processor.backend->describe());
+    on_gpu_ = processor.backend->describe().rfind("CUDA", 0) == 0;
+    return processor;
   };
   const auto make_overlay_backend = [set = p.instruction_set] {
     return std::shared_ptr<Backend>(makeCpuBackend(1, set));
@@ -100,9 +100,7 @@ void PoseRefinerNodelet::start() {
     transport_ = std::make_unique<image_transport::ImageTransport>(nh);
   }
   tracker_ = std::make_unique<ObjectTracker>(
-      p,
-      std::make_unique<RefinerSearch>(make_search_backend, p.initial.refiner, p.tracking.refiner,
-                                      schedule()),
+      p, std::make_unique<RefinerSearch>(find_processor, p.initial.refiner, p.tracking.refiner),
       transforms_.get(), [this](const RefinementStatus& status) { report(status); });
   pairing_ = std::make_unique<MaskPairing>(
       p.masks, [this](CameraFrame frame) { mailbox_.put(std::move(frame)); });
@@ -149,23 +147,16 @@ Diagnostics::Facts PoseRefinerNodelet::memoryFacts() const {
   return facts;
 }
 
-BackendFactory PoseRefinerNodelet::sharedBackend() const {
+ProcessorFactory PoseRefinerNodelet::sharedProcessor() const {
   return [process = process_, choice = parameters_.backendChoice()] {
-    return process->backends.shared(choice);
-  };
-}
-
-ScheduleFactory PoseRefinerNodelet::schedule() const {
-  return [process = process_, choice = parameters_.backendChoice()] {
-    return process->backends.scheduleOf(choice);
+    return process->backends.searchProcessor(choice);
   };
 }
 
 void PoseRefinerNodelet::startPoseService(const ObjectStore& store) {
-  const auto make_search = [make_backend = sharedBackend(),
-                            find_schedule = schedule()](const PoseRefinerParameters& now) {
-    return std::make_unique<RefinerSearch>(make_backend, now.initial.refiner, now.tracking.refiner,
-                                           find_schedule);
+  const auto make_search = [find_processor = sharedProcessor()](const PoseRefinerParameters& now) {
+    return std::make_unique<RefinerSearch>(find_processor, now.initial.refiner,
+                                           now.tracking.refiner);
   };
   tracked_ = std::make_unique<TrackedObject>(tracker_.get());
   poses_ = std::make_unique<PoseService>(getNodeHandle(), getPrivateNodeHandle(), parameters_,
@@ -178,11 +169,14 @@ void PoseRefinerNodelet::startObjectServices(const ObjectStore& store) {
   const auto make_backend = [choice = p.backendChoice()] {
     return std::shared_ptr<Backend>(makeBackend(choice));
   };
+  const auto find_schedule = [process = process_, choice = p.backendChoice()] {
+    return process->backends.scheduleOf(choice);
+  };
   objects_ =
       std::make_unique<ObjectServices>(getPrivateNodeHandle(), store, tracked_.get(), p.object);
   registrations_ = std::make_unique<RegistrationServices>(
       getPrivateNodeHandle(),
-      ObjectRegistration(p.dataset_root, p.registration, store, make_backend, schedule()),
+      ObjectRegistration(p.dataset_root, p.registration, store, make_backend, find_schedule),
       &process_->registrations, tracked_.get());
 }
 

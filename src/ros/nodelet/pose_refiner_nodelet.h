@@ -45,8 +45,7 @@ class PoseRefinerNodelet : public nodelet::Nodelet {
   void onInit() override;
   void start();
   void readParameters();
-  BackendFactory sharedBackend() const;
-  ScheduleFactory schedule() const;
+  ProcessorFactory sharedProcessor() const;
   void startPoseService(const ObjectStore& store);
   void startObjectServices(const ObjectStore& store);
   void startReconfiguration();

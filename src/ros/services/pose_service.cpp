@@ -12,6 +12,7 @@
 #include "ros/conversions/input_error.h"
 #include "ros/conversions/pose_conversions.h"
 #include "ros/conversions/prior.h"
+#include "ros/conversions/status.h"
 #include "ros/conversions/topics.h"
 
 namespace nerf_pose_refiner {
@@ -92,6 +93,9 @@ bool PoseService::onRefine(RefinePose::Request& request, RefinePose::Response& r
     work.get();
   } catch (const InputError& e) {
     response.reason = e.reason();
+    response.message = e.what();
+  } catch (const ModelError& e) {
+    response.reason = reasonOf(e);
     response.message = e.what();
   } catch (const std::exception& e) {
     response.reason = Status::REASON_INTERNAL;

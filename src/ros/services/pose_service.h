@@ -15,8 +15,8 @@
 #include "ros/conversions/camera_input.h"
 #include "ros/conversions/parameters.h"
 #include "ros/conversions/tf_bridge.h"
-#include "ros/services/object_store.h"
 #include "ros/services/tracked_object.h"
+#include "runtime/object_store.h"
 #include "tracking/object_search.h"
 
 namespace nerf_pose_refiner {

@@ -1,16 +1,15 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "ros/services/object_store.h"
+#include "runtime/object_store.h"
 
 #include <gtest/gtest.h>
-#include <nerf_pose_refiner/RefinementStatus.h>
 
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <vector>
 
-#include "ros/conversions/input_error.h"
 #include "support/expect_error.h"
 #include "support/random_field.h"
 #include "support/temporary_folder.h"
@@ -19,7 +18,7 @@ namespace nerf_pose_refiner {
 namespace {
 
 namespace fs = std::filesystem;
-using Status = RefinementStatus;
+using Reason = ModelError::Reason;
 
 std::shared_ptr<const Field> smallField(const std::string& name, double metres_per_unit) {
   auto field = std::make_shared<Field>(randomField(smallConfig(), 1));
@@ -39,13 +38,13 @@ class ObjectStoreTest : public testing::Test {
 
   ObjectStore store() { return ObjectStore(root_, &cache_); }
 
-  int reasonFor(const std::string& name) {
+  std::optional<Reason> reasonFor(const std::string& name) {
     try {
       store().load(name);
-    } catch (const InputError& e) {
+    } catch (const ModelError& e) {
       return e.reason();
     }
-    return Status::REASON_NONE;
+    return std::nullopt;
   }
 
   TemporaryFolder temporary_;
@@ -114,17 +113,17 @@ TEST_F(ObjectStoreTest, FreesMemoryOfWhatNobodyUses) {
 }
 
 TEST_F(ObjectStoreTest, SaysWhyAModelCannotBeUsed) {
-  EXPECT_EQ(reasonFor("mug"), Status::REASON_MODEL_UNREADABLE) << "there is none";
+  EXPECT_EQ(reasonFor("mug"), Reason::kUnreadable) << "there is none";
   store().save(smallField("mug", 0.01));
-  EXPECT_EQ(reasonFor("../models/mug"), Status::REASON_MODEL_UNREADABLE) << "a path, not a name";
+  EXPECT_EQ(reasonFor("../models/mug"), Reason::kUnreadable) << "a path, not a name";
   temporary_.write("models/broken.safetensors", "not a model");
-  EXPECT_EQ(reasonFor("broken"), Status::REASON_MODEL_UNREADABLE);
+  EXPECT_EQ(reasonFor("broken"), Reason::kUnreadable);
   fs::create_symlink(folder_ / "secret", folder_ / "models" / "leak.safetensors");
-  EXPECT_EQ(reasonFor("leak"), Status::REASON_MODEL_UNREADABLE);
+  EXPECT_EQ(reasonFor("leak"), Reason::kUnreadable);
   store().save(smallField("unscaled", 0));
-  EXPECT_EQ(reasonFor("unscaled"), Status::REASON_MODEL_NO_SCALE);
+  EXPECT_EQ(reasonFor("unscaled"), Reason::kNoScale);
   EXPECT_NE(store().find("unscaled"), nullptr);
-  EXPECT_THROW(ObjectStore("", &cache_).load("mug"), InputError) << "no root is set";
+  EXPECT_THROW(ObjectStore("", &cache_).load("mug"), ModelError) << "no root is set";
 }
 
 TEST_F(ObjectStoreTest, KnowsWhatIsSaidOfAnObjectBesideItsModel) {
@@ -133,14 +132,14 @@ TEST_F(ObjectStoreTest, KnowsWhatIsSaidOfAnObjectBesideItsModel) {
   EXPECT_EQ(store().load("mug")->metadata.metres_per_unit, 0.03);
   EXPECT_EQ(store().save(smallField("mug", 5))->metadata.metres_per_unit, 0.03) << "learned anew";
   temporary_.write("models/mug.yaml", "metres: 1\n");
-  EXPECT_EQ(reasonFor("mug"), Status::REASON_MODEL_UNREADABLE);
+  EXPECT_EQ(reasonFor("mug"), Reason::kUnreadable);
   expectError<std::runtime_error>([&] { store().metadataOf("mug"); }, "mug.yaml", "'metres'");
   temporary_.write("models/cup.yaml", "metres: 1\n");
   fs::copy_file(folder_ / "models" / "mug.safetensors", folder_ / "models" / "cup.safetensors");
   EXPECT_NE(store().list().at(0).message.find("'metres'"), std::string::npos);
   fs::remove(folder_ / "models" / "cup.yaml");
   fs::create_symlink(folder_ / "secret", folder_ / "models" / "cup.yaml");
-  EXPECT_EQ(reasonFor("cup"), Status::REASON_MODEL_UNREADABLE) << "it leads out of the root";
+  EXPECT_EQ(reasonFor("cup"), Reason::kUnreadable) << "it leads out of the root";
 }
 
 TEST_F(ObjectStoreTest, ReadsWhatIsSaidBesideALink) {

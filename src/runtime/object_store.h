@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <stdexcept>
 #include <string>
 #include <utility>
 #include <vector>
@@ -15,6 +16,21 @@ namespace nerf_pose_refiner {
 /// @throws std::invalid_argument unless the name is made of letters, digits, "_", "-" and ".", of
 /// at most 100 characters, the first being a letter or a digit.
 void requireObjectName(const std::string& name);
+
+/// A model that cannot be tracked.
+class ModelError : public std::runtime_error {
+ public:
+  enum class Reason {
+    kUnreadable,  ///< its file is missing, damaged or foreign
+    kNoScale,     ///< it does not know how many metres its unit has
+  };
+  ModelError(Reason reason, const std::string& message)
+      : std::runtime_error(message), reason_(reason) {}
+  Reason reason() const { return reason_; }
+
+ private:
+  Reason reason_;
+};
 
 /// A model that is there, in a file or in memory.
 struct StoredObject {
@@ -36,10 +52,10 @@ class ObjectStore {
   const std::string& root() const { return root_; }
   const ModelCache& cache() const { return *cache_; }
 
-  /// @throws InputError (REASON_MODEL_*) naming the file and what is wrong with it.
+  /// @throws ModelError naming the file and what is wrong with it.
   std::shared_ptr<const Field> load(const std::string& name) const;
 
-  /// The model, or null if there is no such file. @throws InputError as `load`, but not for the
+  /// The model, or null if there is no such file. @throws ModelError as `load`, but not for the
   /// lack of a scale.
   std::shared_ptr<const Field> find(const std::string& name) const;
 

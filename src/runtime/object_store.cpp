@@ -1,7 +1,5 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "ros/services/object_store.h"
-
-#include <nerf_pose_refiner/RefinementStatus.h>
+#include "runtime/object_store.h"
 
 #include <algorithm>
 #include <cctype>
@@ -13,13 +11,11 @@
 #include "dataset/path_below.h"
 #include "field/model_file.h"
 #include "field/object_metadata.h"
-#include "ros/conversions/input_error.h"
 
 namespace nerf_pose_refiner {
 namespace {
 
 namespace fs = std::filesystem;
-using Status = RefinementStatus;
 
 constexpr char kExtension[] = ".safetensors";
 
@@ -67,18 +63,18 @@ std::shared_ptr<const Field> ObjectStore::find(const std::string& name) const {
     if (!fs::exists(path)) return nullptr;
     return cache_->load(path);
   } catch (const std::exception& e) {
-    throw InputError(Status::REASON_MODEL_UNREADABLE, e.what());
+    throw ModelError(ModelError::Reason::kUnreadable, e.what());
   }
 }
 
 std::shared_ptr<const Field> ObjectStore::load(const std::string& name) const {
   std::shared_ptr<const Field> field = find(name);
   if (!field) {
-    throw InputError(Status::REASON_MODEL_UNREADABLE,
+    throw ModelError(ModelError::Reason::kUnreadable,
                      "there is no model '" + name + "' below " + root_);
   }
   if (!(field->metadata.metres_per_unit > 0)) {
-    throw InputError(Status::REASON_MODEL_NO_SCALE,
+    throw ModelError(ModelError::Reason::kNoScale,
                      "the model '" + name +
                          "' does not know how long its unit is: register it with metres_per_unit, "
                          "or say so in " +

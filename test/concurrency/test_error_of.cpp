@@ -1,5 +1,5 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "ros/conversions/error_of.h"
+#include "concurrency/error_of.h"
 
 #include <gtest/gtest.h>
 

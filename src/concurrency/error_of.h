@@ -8,14 +8,14 @@
 namespace nerf_pose_refiner {
 
 /// Runs `function`. @return what it threw, in words; nothing if it came to its end. For the edge of
-/// a ROS callback: an exception that leaves one ends the process, and with it all other nodelets.
+/// a callback or a thread: an exception that leaves one ends the process.
 template <typename Function>
 std::optional<std::string> errorOf(const Function& function) {
   try {
     function();
   } catch (const std::exception& e) {
     return e.what();
-  } catch (...) {  // XmlRpc's exceptions are not of the standard's family
+  } catch (...) {  // not of the standard's family, as XmlRpc's are not
     return "an exception without a text";
   }
   return std::nullopt;

@@ -1,5 +1,5 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "ros/services/object_registration.h"
+#include "runtime/object_registration.h"
 
 #include <cmath>
 #include <sstream>
@@ -11,17 +11,14 @@
 namespace nerf_pose_refiner {
 namespace {
 
-Eigen::Vector3d toEigen(const geometry_msgs::Point& p) { return {p.x, p.y, p.z}; }
-
 void requireLength(const std::string& name, double value) {
   if (!std::isfinite(value) || value < 0) {
     throw std::invalid_argument(name + " is " + std::to_string(value) + " but must be >= 0");
   }
 }
 
-void applyBox(const RegisterObject::Request& request, Dataset* dataset) {
-  const Eigen::Vector3d min = toEigen(request.box_min);
-  const Eigen::Vector3d max = toEigen(request.box_max);
+void applyBox(const RegistrationRequest& request, Dataset* dataset) {
+  const Eigen::Vector3d &min = request.box_min, &max = request.box_max;
   if (min.isZero(0) && max.isZero(0)) return;
   if (!min.allFinite() || !max.allFinite() || !((max - min).minCoeff() > 0)) {
     throw std::invalid_argument("box_max must be greater than box_min on every axis");
@@ -43,7 +40,7 @@ ObjectRegistration::ObjectRegistration(const std::string& dataset_root,
       make_backend_(std::move(make_backend)),
       find_schedule_(std::move(find_schedule)) {}
 
-Dataset ObjectRegistration::readPhotos(const RegisterObject::Request& request,
+Dataset ObjectRegistration::readPhotos(const RegistrationRequest& request,
                                        const CancellationToken& stop) const {
   if (dataset_root_.empty()) throw std::invalid_argument("~dataset_root is not set");
   // The request comes over the network: nothing outside of the folder is read for it.
@@ -55,7 +52,7 @@ Dataset ObjectRegistration::readPhotos(const RegisterObject::Request& request,
   return dataset;
 }
 
-RegistrationSettings ObjectRegistration::settingsOf(const RegisterObject::Request& request,
+RegistrationSettings ObjectRegistration::settingsOf(const RegistrationRequest& request,
                                                     const Dataset& dataset) const {
   RegistrationSettings settings = settings_;
   if (request.max_seconds > 0) settings.max_seconds = request.max_seconds;
@@ -67,7 +64,7 @@ RegistrationSettings ObjectRegistration::settingsOf(const RegisterObject::Reques
   return settings;
 }
 
-RegisteredObject ObjectRegistration::run(const RegisterObject::Request& request,
+RegisteredObject ObjectRegistration::run(const RegistrationRequest& request,
                                          const RegistrationQueue::Progress& progress,
                                          const CancellationToken& stop) const {
   requireObjectName(request.name);
@@ -94,12 +91,16 @@ RegisteredObject ObjectRegistration::run(const RegisterObject::Request& request,
   return {store_.save(field), false};
 }
 
-RegistrationQueue::Job ObjectRegistration::jobOf(const RegisterObject::Request& request) const {
+RegistrationQueue::Job ObjectRegistration::jobOf(const RegistrationRequest& request) const {
   const RegistrationSettings& s = settings_;
   std::ostringstream key;
   key << std::hexfloat << dataset_root_ << '\n'
       << store_.root() << '\n'
-      << request << '\n'
+      << request.name << '\n'
+      << request.dataset << '\n'
+      << request.box_min.transpose() << ' ' << request.box_max.transpose() << '\n'
+      << request.metres_per_unit << ' ' << request.max_seconds << ' ' << request.force_retrain
+      << '\n'
       << s.profile << '\n';
   for (const double number : {static_cast<double>(s.steps), s.max_seconds, s.target_psnr_db,
                               static_cast<double>(s.held_out), s.metres_per_unit,

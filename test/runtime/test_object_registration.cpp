@@ -1,5 +1,5 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "ros/services/object_registration.h"
+#include "runtime/object_registration.h"
 
 #include <gtest/gtest.h>
 #include <signal.h>
@@ -82,7 +82,7 @@ class Registration : public testing::Test {
   std::shared_ptr<ProcessorSchedule> schedule = std::make_shared<ProcessorSchedule>();
   std::string dataset_root = folder.path() + "/photos";
   RegistrationSettings settings;
-  RegisterObject::Request request;
+  RegistrationRequest request;
   Json scene;
   std::shared_ptr<ScriptedBackend> backend;
   int backends = 0;
@@ -113,7 +113,7 @@ TEST_F(Registration, TrainsAgainWhenSomethingIsDifferent) {
   request.metres_per_unit = 0.2;
   EXPECT_TRUE(trained());
   EXPECT_FALSE(trained());
-  request.box_max.x = request.box_max.y = request.box_max.z = 0.5;
+  request.box_max.setConstant(0.5);
   EXPECT_TRUE(trained());
   EXPECT_EQ(backend->box.min, Eigen::Vector3d(0, 0, 0));
   request.max_seconds = 100;
@@ -132,7 +132,7 @@ TEST_F(Registration, AScaleMustBeKnown) {
 }
 
 TEST_F(Registration, RefusesRequestsThatMakeNoSense) {
-  const RegisterObject::Request good = request;
+  const RegistrationRequest good = request;
   request.name = "../cup";
   expectRefused("../cup");
   request = good;
@@ -147,7 +147,7 @@ TEST_F(Registration, RefusesRequestsThatMakeNoSense) {
   request.metres_per_unit = std::nan("");
   expectRefused("metres_per_unit");
   request = good;
-  request.box_min.y = 1;
+  request.box_min.y() = 1;
   expectRefused("box_max");
   request = good;
   dataset_root.clear();
@@ -208,9 +208,9 @@ TEST_F(Registration, JobsAreTheSameIfAllThatCountsIs) {
   settings.steps = 3;
   EXPECT_NE(key(), first);
   settings.steps = 2;
-  request.box_max.z = 1e-9;
+  request.box_max.z() = 1e-9;
   EXPECT_NE(key(), first);
-  request.box_max.z = 0;
+  request.box_max.z() = 0;
   request.force_retrain = true;
   EXPECT_NE(key(), first);
   request.force_retrain = false;

@@ -1,21 +1,30 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <nerf_pose_refiner/RegisterObject.h>
-
+#include <Eigen/Core>
 #include <memory>
 #include <string>
 
 #include "registration/registrar.h"
-#include "ros/services/object_store.h"
 #include "runtime/backend_pool.h"
+#include "runtime/object_store.h"
 #include "runtime/processor_schedule.h"
 #include "runtime/registration_queue.h"
 
 namespace nerf_pose_refiner {
 
-/// Learns objects on request: what ~register_object and ~register do, without a ROS graph around
-/// it.
+/// An object that is to be learned from photos.
+struct RegistrationRequest {
+  std::string name;            ///< of the object and of its model
+  std::string dataset;         ///< folder or transforms file of the photos, below the dataset root
+  double metres_per_unit = 0;  ///< of the dataset; 0: as the dataset says
+  Eigen::Vector3d box_min = Eigen::Vector3d::Zero();  ///< of the object [units of the dataset] ...
+  Eigen::Vector3d box_max = Eigen::Vector3d::Zero();  ///< ... both zero: as the dataset says
+  double max_seconds = 0;                             ///< of training; 0: as the settings say
+  bool force_retrain = false;  ///< even if the model that is there was made of the same
+};
+
+/// Learns objects on request, one call after the other or through a RegistrationQueue.
 class ObjectRegistration {
  public:
   /// @param make_backend called for each training: it must not share an backend with refinements.
@@ -28,18 +37,17 @@ class ObjectRegistration {
   /// settings. A call takes minutes.
   /// @throws std::invalid_argument for a request that makes no sense, std::runtime_error, Stopped:
   /// then the model that was there, in the file and in memory, stays.
-  RegisteredObject run(const RegisterObject::Request& request,
+  RegisteredObject run(const RegistrationRequest& request,
                        const RegistrationQueue::Progress& progress,
                        const CancellationToken& stop) const;
 
   /// The same for the queue; it holds a copy of this object. Its key tells apart what may give
   /// another model or writes another file.
-  RegistrationQueue::Job jobOf(const RegisterObject::Request& request) const;
+  RegistrationQueue::Job jobOf(const RegistrationRequest& request) const;
 
  private:
-  Dataset readPhotos(const RegisterObject::Request& request, const CancellationToken& stop) const;
-  RegistrationSettings settingsOf(const RegisterObject::Request& request,
-                                  const Dataset& dataset) const;
+  Dataset readPhotos(const RegistrationRequest& request, const CancellationToken& stop) const;
+  RegistrationSettings settingsOf(const RegistrationRequest& request, const Dataset& dataset) const;
 
   std::string dataset_root_;
   RegistrationSettings settings_;
