@@ -83,7 +83,7 @@ void ObjectServices::loadFirst(const std::string& name) {
     tracked_->failed(reasonOf(e), e.what());
   } catch (const std::exception& e) {
     ROS_ERROR("loading '%s': %s", name.c_str(), e.what());
-    tracked_->failed(RefinementStatus::REASON_INTERNAL, e.what());
+    tracked_->failed(TrackReason::kInternal, e.what());
   }
 }
 

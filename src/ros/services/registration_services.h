@@ -17,9 +17,9 @@
 #include <string>
 #include <thread>
 
-#include "ros/services/tracked_object.h"
 #include "runtime/object_registration.h"
 #include "runtime/registration_queue.h"
+#include "runtime/tracked_object.h"
 
 namespace nerf_pose_refiner {
 

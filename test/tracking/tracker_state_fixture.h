@@ -3,21 +3,22 @@
 
 #include <gtest/gtest.h>
 
-#include "ros/nodelet/tracker_state.h"
+#include <cmath>
+#include <cstdint>
+
+#include "tracking/tracker_state.h"
 
 namespace nerf_pose_refiner {
 
-using Status = RefinementStatus;
-
 inline constexpr char kCamera[] = "camera_optical";
 
-inline ros::Time at(double seconds) { return ros::Time(1000.0 + seconds); }
+inline std::int64_t at(double seconds) { return std::llround(1e9 * (1000 + seconds)); }
 
-inline InitialPose poseAt(const ros::Time& stamp, double x = 0) {
-  InitialPose start;
+inline PoseEstimate poseAt(std::int64_t stamp_ns, double x = 0) {
+  PoseEstimate start;
   start.T_P_U.t.x() = x;
   start.frame_id = kCamera;
-  start.stamp = stamp;
+  start.stamp_ns = stamp_ns;
   return start;
 }
 
@@ -37,25 +38,25 @@ class TrackerStateTest : public testing::Test {
     state_.modelIsReady();
   }
 
-  FrameDecision image(double seconds) {
+  ImageDecision image(double seconds) {
     state_.clockIs(at(seconds));
     state_.imageArrived();
-    return state_.decide(at(seconds), kCamera);
+    return state_.decide({kCamera, at(seconds)});
   }
 
   /// Makes a trusted pose of the image.
   void track(double seconds, double x = 0) {
-    const FrameDecision decision = image(seconds);
+    const ImageDecision decision = image(seconds);
     ASSERT_TRUE(decision.start);
     Pose pose;
     pose.t.x() = x;
-    ASSERT_TRUE(state_.trusted(decision.ticket, pose, kCamera, at(seconds)));
-    expect(Status::STATE_TRACKING, Status::REASON_NONE);
+    ASSERT_TRUE(state_.trusted(decision.ticket, pose));
+    expect(TrackState::kTracking, TrackReason::kNone);
   }
 
-  void expect(std::uint8_t state, std::uint8_t reason) const {
-    EXPECT_EQ(int{state_.condition().state}, int{state});
-    EXPECT_EQ(int{state_.condition().reason}, int{reason}) << state_.condition().message;
+  void expect(TrackState state, TrackReason reason) const {
+    EXPECT_EQ(state_.condition().state, state);
+    EXPECT_EQ(state_.condition().reason, reason) << state_.condition().message;
   }
 
   TrackingRules rules_;

@@ -6,14 +6,14 @@
 #include <thread>
 #include <vector>
 
-#include "object_tracker_fixture.h"
+#include "message_tracker_fixture.h"
 
 namespace nerf_pose_refiner {
 namespace {
 
 using Status = RefinementStatus;
 
-TEST_F(ObjectTrackerTest, LeavesImagesAloneUntilThereIsAPose) {
+TEST_F(MessageTrackerTest, LeavesImagesAloneUntilThereIsAPose) {
   EXPECT_FALSE(tracker_->process(frameAt(0)));
   useModel();
   EXPECT_FALSE(tracker_->process(frameAt(0.1)));
@@ -24,7 +24,7 @@ TEST_F(ObjectTrackerTest, LeavesImagesAloneUntilThereIsAPose) {
   EXPECT_EQ(reports_[1].object, "mug");
 }
 
-TEST_F(ObjectTrackerTest, RefinesInModelUnitsAndAnswersInMetres) {
+TEST_F(MessageTrackerTest, RefinesInModelUnitsAndAnswersInMetres) {
   useModel();
   offer();
   const auto result = tracker_->process(frameAt(0));
@@ -33,7 +33,7 @@ TEST_F(ObjectTrackerTest, RefinesInModelUnitsAndAnswersInMetres) {
   EXPECT_NEAR(search_->priors[0].T_O_C.t.z(), -4, 1e-12);  // 0.4 m
   EXPECT_EQ(search_->width, 4);
   ASSERT_TRUE(result->pose);
-  EXPECT_TRUE(result->found);
+  EXPECT_TRUE(result->track.found);
   EXPECT_NEAR(result->pose->pose.pose.position.z, 0.1, 1e-12);  // 1 unit
   EXPECT_EQ(result->pose->header.stamp, ros::Time(1000));
   EXPECT_EQ(result->pose->header.frame_id, "camera");
@@ -51,7 +51,7 @@ TEST_F(ObjectTrackerTest, RefinesInModelUnitsAndAnswersInMetres) {
   EXPECT_EQ(int{reports_.back().state}, int{Status::STATE_REFINING}) << "said before it began";
 }
 
-TEST_F(ObjectTrackerTest, SpeaksOfTheFrameThatUsersMean) {
+TEST_F(MessageTrackerTest, SpeaksOfTheFrameThatUsersMean) {
   useModel(fieldWithFrameAt(2));
   offer();
   const auto result = tracker_->process(frameAt(0));
@@ -61,7 +61,7 @@ TEST_F(ObjectTrackerTest, SpeaksOfTheFrameThatUsersMean) {
   EXPECT_NEAR(result->hypotheses.hypotheses[1].pose.position.z, 0.3, 1e-12);
 }
 
-TEST_F(ObjectTrackerTest, GoesOnWhenTheFrameIsMoved) {
+TEST_F(MessageTrackerTest, GoesOnWhenTheFrameIsMoved) {
   useModel();
   offer();
   tracker_->process(frameAt(0));
@@ -73,7 +73,7 @@ TEST_F(ObjectTrackerTest, GoesOnWhenTheFrameIsMoved) {
   EXPECT_NEAR(result->pose->pose.pose.position.z, 0.05, 1e-12);
 }
 
-TEST_F(ObjectTrackerTest, BeginsAnewWithAnotherScale) {
+TEST_F(MessageTrackerTest, BeginsAnewWithAnotherScale) {
   useModel();
   offer();
   tracker_->process(frameAt(0));
@@ -84,7 +84,7 @@ TEST_F(ObjectTrackerTest, BeginsAnewWithAnotherScale) {
   EXPECT_EQ(int{reports_.back().state}, int{Status::STATE_WAITING});
 }
 
-TEST_F(ObjectTrackerTest, FollowsFromTheLastPoseInANarrowSearch) {
+TEST_F(MessageTrackerTest, TracksFromTheLastPoseInANarrowSearch) {
   useModel();
   offer();
   tracker_->process(frameAt(0));
@@ -98,18 +98,18 @@ TEST_F(ObjectTrackerTest, FollowsFromTheLastPoseInANarrowSearch) {
   EXPECT_NEAR(search_->priors[1].translation, 0.05, 1e-12);
 }
 
-TEST_F(ObjectTrackerTest, SearchesAsWideAsTheInitialPoseSays) {
+TEST_F(MessageTrackerTest, SearchesAsWideAsTheInitialPoseSays) {
   useModel();
-  InitialPose start;
+  PoseEstimate start;
   start.frame_id = "camera";
   start.covariance = covarianceOf(0.25, 0.025);
-  tracker_->offer(start);
+  tracker_->tracker().offer(start);
   tracker_->process(frameAt(0));
   EXPECT_NEAR(search_->priors.at(0).rotation_rad, 0.5, 1e-12);
   EXPECT_NEAR(search_->priors.at(0).translation, 0.25, 1e-12);  // of a diameter of 0.2 m
 }
 
-TEST_F(ObjectTrackerTest, KeepsPosesToItselfThatItDoesNotTrust) {
+TEST_F(MessageTrackerTest, KeepsPosesToItselfThatItDoesNotTrust) {
   useModel();
   offer();
   tracker_->process(frameAt(0));
@@ -117,7 +117,7 @@ TEST_F(ObjectTrackerTest, KeepsPosesToItselfThatItDoesNotTrust) {
   auto result = tracker_->process(frameAt(0.1));
   ASSERT_TRUE(result);
   EXPECT_FALSE(result->pose);
-  EXPECT_TRUE(result->found) << "but not trusted: it can be looked at";
+  EXPECT_TRUE(result->track.found) << "but not trusted: it can be looked at";
   EXPECT_EQ(result->hypotheses.hypotheses.size(), 2u);
   EXPECT_EQ(int{result->status.state}, int{Status::STATE_TRACKING});
   EXPECT_EQ(int{result->status.reason}, int{Status::REASON_LOW_SCORE});
@@ -125,11 +125,11 @@ TEST_F(ObjectTrackerTest, KeepsPosesToItselfThatItDoesNotTrust) {
   result = tracker_->process(frameAt(0.2));
   EXPECT_EQ(int{result->status.state}, int{Status::STATE_LOST});
   EXPECT_EQ(int{result->status.reason}, int{Status::REASON_NO_OVERLAP});
-  EXPECT_FALSE(result->found) << "the prior is no result";
+  EXPECT_FALSE(result->track.found) << "the prior is no result";
   EXPECT_TRUE(result->hypotheses.hypotheses.empty());
 }
 
-TEST_F(ObjectTrackerTest, TellsThatAnInitialPoseIsIgnored) {
+TEST_F(MessageTrackerTest, TellsThatAnInitialPoseIsIgnored) {
   useModel();
   offer();
   EXPECT_EQ(int{tracker_->process(frameAt(0))->status.reason}, int{Status::REASON_NONE});
@@ -144,7 +144,7 @@ TEST_F(ObjectTrackerTest, TellsThatAnInitialPoseIsIgnored) {
 
 // TF1 put a slash before the names of frames, and TF2 throws at it.
 // Images at 30 Hz, initial poses at 10 Hz: a detector that goes on sending what it sees.
-TEST_F(ObjectTrackerTest, ADetectorThatGoesOnSendingDoesNotRestartIt) {
+TEST_F(MessageTrackerTest, ADetectorThatGoesOnSendingDoesNotRestartIt) {
   useModel();
   for (int i = 0; i < 60; ++i) {
     const double seconds = i / 30.0;
@@ -154,12 +154,12 @@ TEST_F(ObjectTrackerTest, ADetectorThatGoesOnSendingDoesNotRestartIt) {
     ASSERT_TRUE(result && result->pose) << "image " << i;
     EXPECT_EQ(int{result->status.state}, int{Status::STATE_TRACKING}) << "image " << i;
   }
-  std::vector<bool> followed(60, true);
-  followed[0] = false;
-  EXPECT_EQ(search_->was_tracked, followed);
+  std::vector<bool> from_last(60, true);
+  from_last[0] = false;
+  EXPECT_EQ(search_->was_tracked, from_last);
 }
 
-TEST_F(ObjectTrackerTest, TakesTheSlashOffAFrame) {
+TEST_F(MessageTrackerTest, TakesTheSlashOffAFrame) {
   parameters_.frames.output_frame = "base";
   restart();
   useModel();
@@ -173,7 +173,7 @@ TEST_F(ObjectTrackerTest, TakesTheSlashOffAFrame) {
   EXPECT_EQ(search_->was_tracked.size(), 2u) << "it is the same camera";
 }
 
-TEST_F(ObjectTrackerTest, PublishesInTheOutputFrame) {
+TEST_F(MessageTrackerTest, PublishesInTheOutputFrame) {
   parameters_.frames.output_frame = "base";
   restart();
   useModel();
@@ -194,7 +194,7 @@ TEST_F(ObjectTrackerTest, PublishesInTheOutputFrame) {
   EXPECT_NEAR(tracker_->process(frameAt(0.2))->pose->pose.pose.position.x, 8, 1e-12);
 }
 
-TEST_F(ObjectTrackerTest, FollowsThroughTheFixedFrame) {
+TEST_F(MessageTrackerTest, TracksThroughTheFixedFrame) {
   parameters_.frames.fixed_frame = "base";
   restart();
   useModel();
@@ -209,7 +209,7 @@ TEST_F(ObjectTrackerTest, FollowsThroughTheFixedFrame) {
 
 // The object is found at x in units: the model's axes are the camera's, in which
 // the camera goes the other way.
-TEST_F(ObjectTrackerTest, LooksWhereTheLastTwoPosesPointTo) {
+TEST_F(MessageTrackerTest, LooksWhereTheLastTwoPosesPointTo) {
   useModel();
   offer();
   const auto find = [this](double seconds, double x) {
@@ -221,13 +221,13 @@ TEST_F(ObjectTrackerTest, LooksWhereTheLastTwoPosesPointTo) {
   EXPECT_NEAR(find(0.2, 0.06), -0.1, 1e-9) << "how fast it is, nobody knows";
   EXPECT_NEAR(find(0.3, 0.06), 0.14, 1e-9) << "0.16 in 0.2 s, so 0.08 in 0.1 s";
   EXPECT_NEAR(find(0.4, 0.1), 0.06, 1e-9) << "it stood still";
-  parameters_.rules.predict = false;
-  tracker_->change(parameters_);
+  parameters_.tracker.rules.predict = false;
+  tracker_->tracker().change(parameters_.tracker);
   find(0.5, 0.2);
   EXPECT_NEAR(find(0.6, 0.2), 0.2, 1e-9);
 }
 
-TEST_F(ObjectTrackerTest, PredictsInTheFixedFrame) {
+TEST_F(MessageTrackerTest, PredictsInTheFixedFrame) {
   parameters_.frames.fixed_frame = "base";
   restart();
   useModel();
@@ -241,7 +241,7 @@ TEST_F(ObjectTrackerTest, PredictsInTheFixedFrame) {
       << "the camera's way does not count twice";
 }
 
-TEST_F(ObjectTrackerTest, FollowsIfTransformsBeginAfterAPose) {
+TEST_F(MessageTrackerTest, TracksIfTransformsBeginAfterAPose) {
   parameters_.frames.fixed_frame = "base";
   restart();
   useModel();
@@ -260,58 +260,59 @@ TEST_F(ObjectTrackerTest, FollowsIfTransformsBeginAfterAPose) {
   EXPECT_NEAR(search_->priors.at(2).T_O_C.t.x(), 3, 1e-9);
 }
 
-TEST_F(ObjectTrackerTest, ChangesTheModelWhileItRefines) {
+TEST_F(MessageTrackerTest, ChangesTheModelWhileItRefines) {
   useModel();
   offer();
   search_->waits_to_be_stopped = true;
   std::optional<FrameResult> result;
   std::thread worker([&] { result = tracker_->process(frameAt(0)); });
   while (!search_->searching) std::this_thread::yield();
-  std::future<void> done = tracker_->offerModel(fieldCalled("cup"));
+  std::future<void> done = tracker_->tracker().offerModel(fieldCalled("cup"));
   worker.join();
   EXPECT_FALSE(result->pose);
-  EXPECT_EQ(result->field->metadata.name, "mug");
+  EXPECT_EQ(result->track.field->metadata.name, "mug");
   EXPECT_EQ(result->status.object, "mug");
   EXPECT_EQ(search_->object, "mug");
-  tracker_->applyModels();
+  tracker_->tracker().applyModels();
   done.get();
   EXPECT_EQ(search_->object, "cup");
-  tracker_->reportChange(std_msgs::Header());
+  tracker_->tracker().reportChange({});
   EXPECT_EQ(reports_.back().object, "cup");
 }
 
-TEST_F(ObjectTrackerTest, StopsARefinementOnRequest) {
+TEST_F(MessageTrackerTest, StopsARefinementOnRequest) {
   for (int request = 0; request < 4; ++request) {
     restart();
     useModel();
-    tracker_->readClock();
+    tracker_->tracker().readClock();
     offer();
     search_->waits_to_be_stopped = true;
     std::optional<FrameResult> result;
     std::thread worker([&] { result = tracker_->process(frameAt(0)); });
     while (!search_->searching) std::this_thread::yield();
-    if (request == 0) tracker_->reset();
-    if (request == 1) tracker_->setEnabled(false);
-    if (request == 2) tracker_->stop();
+    if (request == 0) tracker_->tracker().reset();
+    if (request == 1) tracker_->tracker().setEnabled(false);
+    if (request == 2) tracker_->tracker().stop();
     setClock(request == 3 ? -100 : 0);
-    tracker_->readClock();
+    tracker_->tracker().readClock();
     worker.join();
     EXPECT_FALSE(result->pose) << request;
     EXPECT_TRUE(result->hypotheses.hypotheses.empty()) << request;
-    EXPECT_FALSE(result->found) << request << ": there is nothing to draw";
+    EXPECT_FALSE(result->track.found) << request << ": there is nothing to draw";
   }
 }
 
-TEST_F(ObjectTrackerTest, ChangesCountFromTheNextImageOn) {
+TEST_F(MessageTrackerTest, ChangesCountFromTheNextImageOn) {
   useModel();
   offer();
   ASSERT_TRUE(tracker_->process(frameAt(0))->pose);
   PoseRefinerParameters changed = parameters_;
-  changed.rules.min_score = changed.rules.trust_score = 0.95;  // the search finds 0.9
-  changed.tracking.rotation_deg = 7;
-  changed.initial.refiner.seed = 5;
-  changed.tracking.refiner.seed = 6;
-  tracker_->change(changed);
+  changed.tracker.rules.min_score = changed.tracker.rules.trust_score =
+      0.95;  // the search finds 0.9
+  changed.tracker.tracking.rotation_deg = 7;
+  changed.tracker.initial.refiner.seed = 5;
+  changed.tracker.tracking.refiner.seed = 6;
+  tracker_->tracker().change(changed.tracker);
   EXPECT_TRUE(search_->seeds.empty()) << "that is the worker's affair";
   const auto result = tracker_->process(frameAt(0.1));
   ASSERT_TRUE(result);
@@ -320,12 +321,12 @@ TEST_F(ObjectTrackerTest, ChangesCountFromTheNextImageOn) {
   EXPECT_NEAR(search_->priors.back().rotation_rad, 7 * M_PI / 180, 1e-12);
 }
 
-TEST_F(ObjectTrackerTest, AMaskIsUsedAsTheModeSays) {
+TEST_F(MessageTrackerTest, AMaskIsUsedAsTheModeSays) {
   for (const auto& [mode, with_initial, with_tracked] :
        {std::make_tuple(MaskMode::kNone, false, false),
         std::make_tuple(MaskMode::kInitial, true, false),
         std::make_tuple(MaskMode::kEveryFrame, true, true)}) {
-    parameters_.masks.mode = mode;
+    parameters_.tracker.mask_mode = mode;
     restart();
     useModel();
     offer();
@@ -333,8 +334,8 @@ TEST_F(ObjectTrackerTest, AMaskIsUsedAsTheModeSays) {
       CameraFrame frame = frameAt(stamp);
       frame.masks.object = frame.image;
       const auto result = tracker_->process(frame);
-      ASSERT_TRUE(result && result->observation);
-      const bool used = result->observation->background == Background::kMask;
+      ASSERT_TRUE(result && result->track.observation);
+      const bool used = result->track.observation->background == Background::kMask;
       EXPECT_EQ(used, stamp == 0 ? with_initial : with_tracked);
     }
   }

@@ -1,11 +1,13 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <string>
+#include <utility>
 
-#include "ros/nodelet/object_tracker.h"
+#include "tracking/tracker.h"
 
 namespace nerf_pose_refiner {
 
@@ -14,7 +16,9 @@ namespace nerf_pose_refiner {
 class TrackedObject {
  public:
   /// @param tracker outlives this object; its worker must run, for `track` waits for it.
-  explicit TrackedObject(ObjectTracker* tracker) : tracker_(tracker) {}
+  /// @param log told in words what is in use from now on.
+  TrackedObject(Tracker* tracker, std::function<void(const std::string&)> log)
+      : tracker_(tracker), log_(std::move(log)) {}
 
   /// Puts a model with metric scale in the place of the one before, and waits until it is in use.
   /// @return what is in use now, in words. @throws what the tracker's search throws.
@@ -29,12 +33,13 @@ class TrackedObject {
 
   /// What ~status says while the first model is read, and when it could not be.
   void isLoading() { tracker_->modelIsLoading(); }
-  void failed(std::uint8_t reason, const std::string& message) {
+  void failed(TrackReason reason, const std::string& message) {
     tracker_->modelFailed(reason, message);
   }
 
  private:
-  ObjectTracker* tracker_;
+  Tracker* tracker_;
+  std::function<void(const std::string&)> log_;
   std::mutex changing_;       ///< held while the tracker takes over a model
   mutable std::mutex mutex_;  ///< guards field_
   std::shared_ptr<const Field> field_;

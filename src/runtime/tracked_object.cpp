@@ -1,7 +1,5 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "ros/services/tracked_object.h"
-
-#include <ros/console.h>
+#include "runtime/tracked_object.h"
 
 #include <cstdio>
 #include <utility>
@@ -19,7 +17,7 @@ std::string TrackedObject::track(std::shared_ptr<const Field> field) {
   std::lock_guard<std::mutex> changing(changing_);
   tracker_->offerModel(field).get();
   const std::string text = "in use: " + describe(field->metadata);
-  ROS_INFO("%s", text.c_str());
+  log_(text);
   std::lock_guard<std::mutex> lock(mutex_);
   field_ = std::move(field);
   return text;
@@ -30,7 +28,7 @@ void TrackedObject::renew(const std::shared_ptr<const Field>& before,
   std::lock_guard<std::mutex> changing(changing_);
   if (this->field() != before) return;
   tracker_->offerModel(field, /*same_looks=*/true).get();
-  ROS_INFO("new metadata in use: %s", describe(field->metadata).c_str());
+  log_("new metadata in use: " + describe(field->metadata));
   std::lock_guard<std::mutex> lock(mutex_);
   field_ = std::move(field);
 }

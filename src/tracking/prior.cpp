@@ -1,17 +1,14 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "ros/conversions/prior.h"
+#include "tracking/prior.h"
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 
 #include "field/object_frame.h"
-#include "ros/conversions/input_error.h"
+#include "trust/check_trust.h"
 
 namespace nerf_pose_refiner {
-
-using Status = RefinementStatus;
-
 namespace {
 
 /// Two standard deviations in the worst direction of a 3 x 3 block on the diagonal.
@@ -24,7 +21,7 @@ double searchWidth(const Matrix6& covariance, int block) {
 }
 
 /// The covariance of the object's centre and orientation, in the axes that the start's has.
-Matrix6 covarianceOfCentre(const InitialPose& start, const FieldMetadata& object) {
+Matrix6 covarianceOfCentre(const PoseEstimate& start, const FieldMetadata& object) {
   const ObjectFrame frame = ObjectFrame::inMetres(object);
   const Eigen::Matrix3d& R_P_U = start.T_P_U.R;
   const Eigen::Vector3d centre = R_P_U * frame.point(object.centre);  // from U's origin
@@ -37,7 +34,7 @@ Matrix6 covarianceOfCentre(const InitialPose& start, const FieldMetadata& object
 
 }  // namespace
 
-Prior priorFrom(const InitialPose& start, const Pose& T_C_U, const FieldMetadata& object,
+Prior priorFrom(const PoseEstimate& start, const Pose& T_C_U, const FieldMetadata& object,
                 const SearchSettings& settings) {
   Prior prior;
   prior.T_O_C = ObjectFrame::inMetres(object).cameraInModel(T_C_U);
@@ -55,28 +52,27 @@ Prior priorFrom(const InitialPose& start, const Pose& T_C_U, const FieldMetadata
   try {
     prior.validate();
   } catch (const std::invalid_argument& e) {
-    throw InputError(Status::REASON_PRIOR_BAD_COVARIANCE,
+    throw InputError(TrackReason::kPriorBadCovariance,
                      std::string("the covariance asks for too wide a search: ") + e.what());
   }
   return prior;
 }
 
-TrustVerdict checkTrust(const Refinement& refinement, bool tracked, const TrackingRules& rules) {
-  switch (refinement.outcome) {
-    case Outcome::kNoOverlap:
-      return {Status::REASON_NO_OVERLAP, "the start pose lies outside of the image"};
-    case Outcome::kDiverged:
-      return {Status::REASON_DIVERGED, "no hypothesis survived"};
-    case Outcome::kCancelled:
-      return {Status::REASON_STOPPED, "the refinement was interrupted"};
-    case Outcome::kRefined:
+Judgement judge(const Refinement& refinement, bool tracked, const TrackingRules& rules) {
+  switch (checkTrust(refinement, tracked ? rules.min_score : rules.trust_score)) {
+    case TrustVerdict::kTrusted:
       break;
+    case TrustVerdict::kNoOverlap:
+      return {TrackReason::kNoOverlap, "the start pose lies outside of the image"};
+    case TrustVerdict::kDiverged:
+      return {TrackReason::kDiverged, "no hypothesis survived"};
+    case TrustVerdict::kCancelled:
+      return {TrackReason::kCancelled, "the refinement was interrupted"};
+    case TrustVerdict::kLowScore:
+      return {TrackReason::kLowScore, std::string("the pose explains the image badly (~tracker/") +
+                                          (tracked ? "min_score)" : "trust_score)")};
   }
-  if (refinement.score >= (tracked ? rules.min_score : rules.trust_score)) {
-    return {Status::REASON_NONE, ""};
-  }
-  return {Status::REASON_LOW_SCORE, std::string("the pose explains the image badly (~tracker/") +
-                                        (tracked ? "min_score)" : "trust_score)")};
+  return {};
 }
 
 }  // namespace nerf_pose_refiner
