@@ -1,17 +1,17 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "following.h"
+#include "tracking.h"
 
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <optional>
+#include <memory>
 #include <vector>
 
 #include "evaluation/clutter.h"
 #include "evaluation/pose_error.h"
+#include "field/object_frame.h"
 #include "image/colour.h"
-#include "refinement/refiner.h"
-#include "tracking/prediction.h"
+#include "tracking/tracker.h"
 #include "work_report.h"
 
 namespace nerf_pose_refiner {
@@ -26,7 +26,8 @@ struct Frame {
   double deg, fraction, seconds, of_floor;
 };
 
-Pose poseOfFrame(const Following& plan, const FieldMetadata& object, const Pose& last, int i) {
+Pose poseOfFrame(const TrackingBenchmark& plan, const FieldMetadata& object, const Pose& last,
+                 int i) {
   const double phase = kTurn * i, radius = plan.frame_fraction / kTurn;
   const Eigen::Vector3d axis =
       Eigen::Vector3d(std::sin(phase), 1, 0.5 * std::cos(0.7 * phase)).normalized();
@@ -38,8 +39,8 @@ Pose poseOfFrame(const Following& plan, const FieldMetadata& object, const Pose&
   return T_O_C;
 }
 
-Observation observationOf(const Following& plan, const Rendering& rendering, const Camera& camera,
-                          int i) {
+Observation observationOf(const TrackingBenchmark& plan, const Rendering& rendering,
+                          const Camera& camera, int i) {
   Observation observation;
   observation.camera = camera;
   if (plan.background == "grey") {
@@ -71,30 +72,74 @@ double quantile(const std::vector<Frame>& frames, double Frame::*value, double f
   return values[static_cast<std::size_t>(std::lround(fraction * last))];
 }
 
+/// The node's, but for the width of the searches. The first one is as narrow as all others.
+TrackerSettings settingsOf(const TrackingBenchmark& plan) {
+  TrackerSettings settings;
+  settings.tracking =
+      SearchSettings::named("track", 1.5 * plan.frame_deg, 1.5 * plan.frame_fraction);
+  settings.initial = settings.tracking;
+  settings.rules.predict = plan.predict;
+  return settings;
+}
+
+/// A tracker that is told the true pose where it has none.
+class Bench {
+ public:
+  Bench(const TrackerSettings& settings, const std::shared_ptr<Backend>& backend,
+        const std::shared_ptr<const Field>& object)
+      : frame_(ObjectFrame::inMetres(object->metadata)), tracker_(backend, object, settings) {}
+
+  /// Begins anew from a pose in the next image.
+  void beginAt(const Pose& T_O_C) {
+    tracker_.reset();
+    tracker_.offer({frame_.objectInCamera(T_O_C), "camera", 0, false, {}});
+  }
+
+  Refinement track(const Observation& observation) {
+    stamp_ns_ += 33000000;
+    return tracker_.track({{"camera", stamp_ns_}, [&](bool) { return observation; }}).refinement;
+  }
+
+ private:
+  ObjectFrame frame_;
+  Tracker tracker_;
+  std::int64_t stamp_ns_ = 0;
+};
+
+/// The object with a scale, which errors do not depend on.
+std::shared_ptr<const Field> withScale(const Field& field) {
+  auto object = std::make_shared<Field>(field);
+  if (!(object->metadata.metres_per_unit > 0)) object->metadata.metres_per_unit = 1;
+  return object;
+}
+
+void warmUp(const Observation& observation, const Pose& T_O_C, Bench* bench) {
+  for (int i = 0; i < kWarmUp; ++i) {
+    bench->beginAt(T_O_C);
+    bench->track(observation);
+  }
+}
+
 }  // namespace
 
-void follow(const Following& plan, const std::shared_ptr<Backend>& backend,
-            const LoadedField& field, const Floor& floor) {
+void track(const TrackingBenchmark& plan, const std::shared_ptr<Backend>& backend,
+           const LoadedField& field, const Floor& floor) {
   const FieldMetadata& object = field.field().metadata;
   const Camera camera = {640, 480, 700, 700, 319.5, 239.5};
-  Refiner refiner(backend, RefinerSettings::named("track"));
+  Bench bench(settingsOf(plan), backend, withScale(field.field()));
   std::vector<Frame> frames;
   int lost = 0, near = 0;
-  Pose truth = poseOfFrame(plan, object, Pose(), 0), found = truth;
-  std::optional<Pose> before;  // the pose found before `found`
+  Pose truth = poseOfFrame(plan, object, Pose(), 0);
   for (int i = 1; i <= plan.frames; ++i) {
+    const Pose before = truth;
     truth = poseOfFrame(plan, object, truth, i);
     const Rendering rendering = backend->render(field, camera, truth, {}, {});
     const Observation observation = observationOf(plan, rendering, camera, i);
-    Prior prior;
-    prior.T_O_C = found;
-    prior.rotation_rad = 1.5 * plan.frame_deg * kDegree;
-    prior.translation = 1.5 * plan.frame_fraction;
-    if (plan.predict && before) prior = predictConstantVelocity(prior, *before, 1, object);
     if (i == 1) {
-      for (int k = 0; k < kWarmUp; ++k) refiner.refine(field, observation, prior);
+      warmUp(observation, before, &bench);
+      bench.beginAt(before);
     }
-    const Refinement refined = refiner.refine(field, observation, prior);
+    const Refinement refined = bench.track(observation);
     const PoseError error = poseError(refined.T_O_C, truth, object.centre, camera);
     const Frame frame = {error.rotation_rad / kDegree, error.object_offset / object.diameter,
                          refined.seconds,
@@ -103,11 +148,10 @@ void follow(const Following& plan, const std::shared_ptr<Backend>& backend,
     near += frame.deg < 0.3 && frame.fraction < 0.005;
     const bool is_lost = !(frame.deg < kLostDeg && frame.fraction < kLostFraction);
     lost += is_lost;
-    before = is_lost ? std::nullopt : std::make_optional(found);
-    found = is_lost ? truth : refined.T_O_C;  // each loss is counted, and the rest goes on
+    if (is_lost) bench.beginAt(truth);  // each loss is counted, and the rest goes on
   }
   std::printf(
-      "follow %s, %.0f deg and %.0f %% a frame%s: %d of %zu within 0.3 deg and 0.5 %%, %d lost; "
+      "track %s, %.0f deg and %.0f %% a frame%s: %d of %zu within 0.3 deg and 0.5 %%, %d lost; "
       "median %.3f deg, %.3f %%; %.2f ms median, %.2f ms p99; %.2f of the floor\n",
       plan.background.c_str(), plan.frame_deg, 100 * plan.frame_fraction,
       plan.predict ? "" : ", from the last pose", near, frames.size(), lost,
