@@ -66,6 +66,10 @@ PUBLIC = {
 }
 MAX_PUBLIC_HEADERS = 16
 
+# Files of src/ros that stand there without a ROS header: the names of the ROS interface.
+ROS_NAMES = ('src/ros/conversions/topics.h', 'src/ros/conversions/with_ros.h',
+                          'src/tracking/prior.h',)
+
 INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]*(<[^>]+>|"[^"]+")', re.MULTILINE)
 SUFFIXES = ('.h', '.cpp', '.inl', '.cuh', '.cu')
 
@@ -120,6 +124,17 @@ def violations_of_file(top, path):
             yield f'{path}: OpenCV shows in a header'
 
 
+def reaches_ros(top, path, seen=()):
+    """Whether a file of src/ros includes a header of ROS, itself or through other headers of src/ros."""
+    with open(os.path.join(top, path), encoding='utf-8') as file:
+        includes = list(included(file.read(), top, os.path.dirname(path)))
+    if any(library and re.match(ROS, library) for _, library in includes):
+        return True
+    seen = (*seen, path)
+    return any(own not in seen and reaches_ros(top, own, seen) for own, _ in includes
+               if own and module_of(own) == 'ros')
+
+
 def quoted_with_package(text, own):
     return f'"{own[len("include/"):]}"' in text or f'<{own[len("include/"):]}>' in text
 
@@ -135,6 +150,8 @@ def source_files(top):
 def violations(top):
     for path in source_files(top):
         yield from violations_of_file(top, path)
+        if module_of(path) == 'ros' and path not in ROS_NAMES and not reaches_ros(top, path):
+            yield f'{path}: needs no ROS and belongs to another module'
 
 
 class Rules(unittest.TestCase):
@@ -143,12 +160,13 @@ class Rules(unittest.TestCase):
     def check(self, path, line):
         with tempfile.TemporaryDirectory() as top:
             for other in ('src/field/field.h', 'src/registration/visual_hull.h', 'src/backend/cpu/own.h',
-                          'src/dataset/dataset.h', 'src/ros/conversions/topics.h', 'src/refinement/refiner.h',
-                          'src/runtime/model_cache.h',
+                          'src/dataset/dataset.h', 'src/ros/conversions/topics.h', 'src/ros/conversions/with_ros.h',
+                          'src/tracking/prior.h', 'src/refinement/refiner.h', 'src/runtime/model_cache.h',
                           f'include/{PACKAGE}/pose.h', path):
                 os.makedirs(os.path.join(top, os.path.dirname(other)), exist_ok=True)
                 with open(os.path.join(top, other), 'w', encoding='utf-8') as file:
-                    file.write(line + '\n' if other == path else '')
+                    text = '#include <ros/ros.h>' if other.endswith('with_ros.h') else ''
+                    file.write((line if other == path else text) + '\n')
             return list(violations(top))
 
     def test_what_is_allowed(self):
@@ -157,7 +175,7 @@ class Rules(unittest.TestCase):
                            ('src/backend/cpu/file.cpp', '#include "field/field.h"'),
                            ('src/image/file.cpp', '#include <opencv2/imgproc.hpp>'),
                            ('src/ros/bag/file.cpp', '#include <ros/ros.h>'),
-                           ('src/ros/bag/file.h', '#include <opencv2/core.hpp>'),
+                           ('src/ros/bag/file.h', '#include <opencv2/core.hpp>\n#include <ros/ros.h>'),
                            ('src/geometry/file.h', '#include <Eigen/Core>'),
                            ('cuda/file.cu', '#include <cuda_runtime.h>'),
                            (f'include/{PACKAGE}/camera.h', f'#include "{PACKAGE}/pose.h"'),
@@ -185,6 +203,14 @@ class Rules(unittest.TestCase):
                            (f'include/{PACKAGE}/camera.h', '#include "pose.h"'),
                            (f'include/{PACKAGE}/observation.h', '#include "field/field.h"')):
             self.assertTrue(self.check(path, line), (path, line))
+
+    def test_what_needs_no_ros_is_not_in_ros(self):
+        for line in ('#include <vector>', '#include "tracking/prior.h"', '#include "ros/conversions/topics.h"',
+                     '#include "file.h"'):
+            self.assertTrue(self.check('src/ros/services/file.h', line), line)
+        for line in ('#include <ros/time.h>', f'#include <{PACKAGE}/RefinementStatus.h>',
+                     '#include "ros/conversions/with_ros.h"'):
+            self.assertEqual(self.check('src/ros/services/file.h', line), [], line)
 
     def test_the_table_has_no_cycle(self):
         seen = set()
