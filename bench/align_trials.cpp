@@ -13,8 +13,8 @@
 #include "dataset/dataset.h"
 #include "evaluation/trial_observation.h"
 #include "field/model_file.h"
-#include "following.h"
 #include "refinement/refiner.h"
+#include "tracking.h"
 #include "trial_report.h"
 
 // Trials of pose refinement: views of a dataset, each started from wrong poses. Prints a line a
@@ -39,7 +39,7 @@ struct Options {
   std::string loss;          ///< empty: the preset's
   bool json = false, trace = false, colours = false, first_pose = false, quiet = false;
   BackendChoice backend = {"cpu", 0, "auto", 0};
-  Following following;
+  TrackingBenchmark tracking;
 };
 
 double unitOf(const Options& options, double diameter) {
@@ -166,10 +166,10 @@ void run(const Options& options) {
   const std::size_t table_bytes = field->field().grid.size() * sizeof(std::uint16_t);
   const int threads = threadCount(options.backend.threads);
   MovingFloor floor(info, threads, table_bytes);
-  if (options.following.frames > 0) {
-    Following following = options.following;
-    following.seed = options.seed;
-    follow(following, backend, *field, floor.now(options.quiet));
+  if (options.tracking.frames > 0) {
+    TrackingBenchmark tracking = options.tracking;
+    tracking.seed = options.seed;
+    track(tracking, backend, *field, floor.now(options.quiet));
     return;
   }
   DatasetOptions reading;
@@ -263,17 +263,17 @@ void declareBackend(CLI::App* app, BackendChoice* backend) {
       ->capture_default_str();
 }
 
-void declareFollowing(CLI::App* app, Following* following) {
-  app->add_option("--follow", following->frames,
-                  "Instead of trials: rendered frames through which the object is followed");
-  app->add_option("--frame-deg", following->frame_deg, "Rotation from frame to frame")
+void declareTracking(CLI::App* app, TrackingBenchmark* tracking) {
+  app->add_option("--track", tracking->frames,
+                  "Instead of trials: rendered frames through which the object is tracked");
+  app->add_option("--frame-deg", tracking->frame_deg, "Rotation from frame to frame")
       ->capture_default_str();
-  app->add_option("--frame-share", following->frame_fraction,
+  app->add_option("--frame-share", tracking->frame_fraction,
                   "Motion from frame to frame, in diameters")
       ->capture_default_str();
-  app->add_flag("!--no-prediction", following->predict,
+  app->add_flag("!--no-prediction", tracking->predict,
                 "Look around the last pose, not where the last two point to");
-  app->add_option("--frame-background", following->background,
+  app->add_option("--frame-background", tracking->background,
                   "grey: known colour; clutter: unknown; mask: clutter, and a mask")
       ->check(CLI::IsMember({"grey", "clutter", "mask"}))
       ->capture_default_str();
@@ -294,7 +294,7 @@ int main(int argc, char** argv) {
   declareRefiner(&app, &options);
   app.add_flag("--json", options.json, "One JSON object a line, the summary last");
   declareBackend(&app, &options.backend);
-  declareFollowing(&app, &options.following);
+  declareTracking(&app, &options.tracking);
   app.add_flag("--first-pose", options.first_pose, "Also time from the model file to a pose");
   app.add_flag("--summary", options.quiet, "Only the summary");
   app.add_flag("--trace", options.trace, "Show every stage");

@@ -13,7 +13,7 @@
 #include "image/colour.h"
 #include "nerf_pose_refiner/pose.h"
 #include "registration/registrar.h"
-#include "tracking/object_search.h"
+#include "runtime/backend_pool.h"
 
 // What refiners of one process cost each other: tracking alone, beside a second tracked object, and
 // beside a training. Images come without a pause, which is the worst case.
@@ -79,9 +79,8 @@ class Bench {
 
   /// Tracks from starts that are 2 degrees and 2 % off. @param stop ends it early; may be null.
   std::vector<double> track(int frames, const std::atomic<bool>* stop) {
-    RefinerSearch search([this] { return backends_.shared(choice_); },
-                         RefinerSettings::named("align"), RefinerSettings::named("track"),
-                         [this] { return backends_.scheduleOf(choice_); });
+    RefinerSearch search([this] { return backends_.searchProcessor(choice_); },
+                         RefinerSettings::named("align"), RefinerSettings::named("track"));
     search.use(field_);
     std::vector<double> seconds;
     for (int i = 0; i < frames && !(stop != nullptr && *stop); ++i) {

@@ -167,7 +167,7 @@ class Benchmark {
 
   void renew(const Pose& T_O_C) {
     const Stopwatch watch;
-    keyframe_ = renderKeyframe(backend_.get(), *field_, sequence_.camera, T_O_C, options_.keyframe);
+    keyframe_ = renderKeyframe(*field_, {sequence_.camera, T_O_C}, options_.keyframe);
     measured_.render_ms.push_back(watch.wall_ms());
   }
 

@@ -11,22 +11,18 @@ add_library(${ros_library} STATIC
   src/ros/conversions/param_reader.cpp
   src/ros/conversions/parameters.cpp
   src/ros/conversions/pose_conversions.cpp
-  src/ros/conversions/prior.cpp
+  src/ros/conversions/status.cpp
   src/ros/conversions/tf_bridge.cpp
   src/ros/nodelet/diagnostics.cpp
   src/ros/nodelet/initial_pose_marker.cpp
-  src/ros/nodelet/object_tracker.cpp
+  src/ros/nodelet/message_tracker.cpp
   src/ros/nodelet/overlay_publisher.cpp
   src/ros/nodelet/result_publisher.cpp
-  src/ros/nodelet/tracker_state.cpp
   src/ros/nodelet/transform_input.cpp
-  src/ros/services/object_registration.cpp
   src/ros/services/object_services.cpp
-  src/ros/services/object_store.cpp
   src/ros/services/pose_service.cpp
   src/ros/services/reconfiguration.cpp
-  src/ros/services/registration_services.cpp
-  src/ros/services/tracked_object.cpp)
+  src/ros/services/registration_services.cpp)
 add_dependencies(${ros_library}
   ${PROJECT_NAME}_gencfg ${PROJECT_NAME}_generate_messages_cpp ${catkin_EXPORTED_TARGETS})
 npr_set_warnings(${ros_library})

@@ -45,10 +45,10 @@ MODULES = {
               (EIGEN,)),
     'registration': (('trust', 'refinement', 'dataset', 'backend', 'field', 'geometry', 'image', 'math',
                       'concurrency', 'files'), (EIGEN,)),
-    'runtime': (('registration', 'trust', 'refinement', 'dataset', 'backend', 'field', 'geometry', 'image',
-                 'math', 'concurrency'), (EIGEN, OPENCV, POSIX)),
-    'tracking': (('runtime', 'trust', 'refinement', 'backend', 'field', 'geometry', 'image', 'math',
-                  'concurrency'), (EIGEN,)),
+    'tracking': (('trust', 'refinement', 'backend', 'field', 'geometry', 'image', 'math', 'concurrency'),
+                 (EIGEN,)),
+    'runtime': (('tracking', 'registration', 'trust', 'refinement', 'dataset', 'backend', 'field', 'geometry',
+                 'image', 'math', 'concurrency', 'files'), (EIGEN, OPENCV, POSIX)),
 }
 MODULES['evaluation'] = (tuple(MODULES), (EIGEN, JSON, OPENCV))
 MODULES['ros'] = (tuple(MODULES), (EIGEN, OPENCV, POSIX, ROS))
@@ -67,6 +67,10 @@ PUBLIC = {
     'symmetry.h': 'geometry',
 }
 MAX_PUBLIC_HEADERS = 16
+
+# Files of src/ros that stand there without a ROS header: the names of the ROS interface.
+ROS_NAMES = ('src/ros/conversions/topics.h', 'src/ros/conversions/with_ros.h',
+                          'src/tracking/prior.h',)
 
 INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]*(<[^>]+>|"[^"]+")', re.MULTILINE)
 SUFFIXES = ('.h', '.cpp', '.inl', '.cuh', '.cu')
@@ -122,6 +126,17 @@ def violations_of_file(top, path):
             yield f'{path}: OpenCV shows in a header'
 
 
+def reaches_ros(top, path, seen=()):
+    """Whether a file of src/ros includes a header of ROS, itself or through other headers of src/ros."""
+    with open(os.path.join(top, path), encoding='utf-8') as file:
+        includes = list(included(file.read(), top, os.path.dirname(path)))
+    if any(library and re.match(ROS, library) for _, library in includes):
+        return True
+    seen = (*seen, path)
+    return any(own not in seen and reaches_ros(top, own, seen) for own, _ in includes
+               if own and module_of(own) == 'ros')
+
+
 def quoted_with_package(text, own):
     return f'"{own[len("include/"):]}"' in text or f'<{own[len("include/"):]}>' in text
 
@@ -137,6 +152,8 @@ def source_files(top):
 def violations(top):
     for path in source_files(top):
         yield from violations_of_file(top, path)
+        if module_of(path) == 'ros' and path not in ROS_NAMES and not reaches_ros(top, path):
+            yield f'{path}: needs no ROS and belongs to another module'
 
 
 class Rules(unittest.TestCase):
@@ -145,11 +162,13 @@ class Rules(unittest.TestCase):
     def check(self, path, line):
         with tempfile.TemporaryDirectory() as top:
             for other in ('src/field/field.h', 'src/registration/visual_hull.h', 'src/backend/cpu/own.h',
-                          'src/dataset/dataset.h', 'src/ros/conversions/topics.h', 'src/refinement/refiner.h',
+                          'src/dataset/dataset.h', 'src/ros/conversions/topics.h', 'src/ros/conversions/with_ros.h',
+                          'src/tracking/prior.h', 'src/refinement/refiner.h', 'src/runtime/model_cache.h',
                           f'include/{PACKAGE}/pose.h', path):
                 os.makedirs(os.path.join(top, os.path.dirname(other)), exist_ok=True)
                 with open(os.path.join(top, other), 'w', encoding='utf-8') as file:
-                    file.write(line + '\n' if other == path else '')
+                    text = '#include <ros/ros.h>' if other.endswith('with_ros.h') else ''
+                    file.write((line if other == path else text) + '\n')
             return list(violations(top))
 
     def test_what_is_allowed(self):
@@ -158,7 +177,7 @@ class Rules(unittest.TestCase):
                            ('src/backend/cpu/file.cpp', '#include "field/field.h"'),
                            ('src/image/file.cpp', '#include <opencv2/imgproc.hpp>'),
                            ('src/ros/bag/file.cpp', '#include <ros/ros.h>'),
-                           ('src/ros/bag/file.h', '#include <opencv2/core.hpp>'),
+                           ('src/ros/bag/file.h', '#include <opencv2/core.hpp>\n#include <ros/ros.h>'),
                            ('src/geometry/file.h', '#include <Eigen/Core>'),
                            ('cuda/file.cu', '#include <cuda_runtime.h>'),
                            (f'include/{PACKAGE}/camera.h', f'#include "{PACKAGE}/pose.h"'),
@@ -172,6 +191,7 @@ class Rules(unittest.TestCase):
                            ('src/backend/cpu/file.cpp', '#include <ros/ros.h>'),
                            ('src/backend/file.cpp', '#include <sensor_msgs/Image.h>'),
                            ('src/tracking/file.cpp', f'#include <{PACKAGE}/RefinementStatus.h>'),
+                           ('src/tracking/file.cpp', '#include "runtime/model_cache.h"'),
                            ('src/backend/file.cpp', '#include <cuda_runtime.h>'),
                            ('src/backend/file.cpp', '#include "../registration/visual_hull.h"'),
                            ('src/field/file.cpp', '#include <opencv2/core.hpp>'),
@@ -185,6 +205,14 @@ class Rules(unittest.TestCase):
                            (f'include/{PACKAGE}/camera.h', '#include "pose.h"'),
                            (f'include/{PACKAGE}/observation.h', '#include "field/field.h"')):
             self.assertTrue(self.check(path, line), (path, line))
+
+    def test_what_needs_no_ros_is_not_in_ros(self):
+        for line in ('#include <vector>', '#include "tracking/prior.h"', '#include "ros/conversions/topics.h"',
+                     '#include "file.h"'):
+            self.assertTrue(self.check('src/ros/services/file.h', line), line)
+        for line in ('#include <ros/time.h>', f'#include <{PACKAGE}/RefinementStatus.h>',
+                     '#include "ros/conversions/with_ros.h"'):
+            self.assertEqual(self.check('src/ros/services/file.h', line), [], line)
 
     def test_the_table_has_no_cycle(self):
         seen = set()

@@ -34,4 +34,11 @@ std::shared_ptr<ProcessorSchedule> BackendPool::scheduleOf(const BackendChoice& 
   return schedule;
 }
 
+SearchProcessor BackendPool::searchProcessor(const BackendChoice& choice) {
+  const auto take_turn = [schedule = scheduleOf(choice)](const CancellationToken& stop) {
+    return std::make_unique<ProcessorSchedule::Refinement>(schedule.get(), stop);
+  };
+  return {shared(choice), take_turn};
+}
+
 }  // namespace nerf_pose_refiner

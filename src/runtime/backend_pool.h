@@ -9,17 +9,17 @@
 
 #include "backend/make_backend.h"
 #include "runtime/processor_schedule.h"
+#include "tracking/object_search.h"
 
 namespace nerf_pose_refiner {
 
 /// Makes a backend for a thread: backends are not shared between threads.
 using BackendFactory = std::function<std::shared_ptr<Backend>()>;
 
-/// Finds who may use a backend's processor, by the thread that works: to look for a GPU takes
-/// long.
+/// Finds who may use a backend's processor, by the thread that works: to look for a GPU takes long.
 using ScheduleFactory = std::function<std::shared_ptr<ProcessorSchedule>()>;
 
-/// Engines and schedules of a process. May be used from many threads at once.
+/// Backends and schedules of a process. May be used from many threads at once.
 class BackendPool {
  public:
   /// The backend with which all refinements of this choice are made (@see SharedBackend); made with
@@ -30,6 +30,9 @@ class BackendPool {
   /// Who may use the processor of this choice: the cores of this computer, or one GPU. The first
   /// look for a GPU takes long.
   std::shared_ptr<ProcessorSchedule> scheduleOf(const BackendChoice& choice);
+
+  /// The shared backend, with trainings at rest while it is used. @throws as makeBackend.
+  SearchProcessor searchProcessor(const BackendChoice& choice);
 
  private:
   std::mutex mutex_;  ///< guards all below

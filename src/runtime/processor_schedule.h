@@ -6,6 +6,7 @@
 #include <mutex>
 
 #include "nerf_pose_refiner/cancellation_token.h"
+#include "tracking/object_search.h"
 
 namespace nerf_pose_refiner {
 
@@ -23,11 +24,11 @@ class ProcessorSchedule {
   static constexpr double kLongestGap_s = 0.2;
 
   /// A refinement under way, from its construction on, which may wait for a training's share.
-  class Refinement {
+  class Refinement : public ProcessorTurn {
    public:
     /// @param stop ends the waiting.
     Refinement(ProcessorSchedule* schedule, const CancellationToken& stop);
-    ~Refinement();
+    ~Refinement() override;
     Refinement(const Refinement&) = delete;
     Refinement& operator=(const Refinement&) = delete;
 

@@ -2,21 +2,16 @@
 #include "tools/bag_evaluation.h"
 
 #include <stdexcept>
+#include <utility>
 
 #include "evaluation/start.h"
 #include "field/object_frame.h"
-#include "tracking/prediction.h"
+#include "ros/conversions/status.h"
 
 namespace nerf_pose_refiner {
 namespace {
 
 constexpr double kRadPerDegree = 0.017453292519943295769;
-
-RefinerSettings presetWithSeed(const std::string& name, std::uint64_t seed) {
-  RefinerSettings settings = RefinerSettings::named(name);
-  settings.seed = seed;
-  return settings;
-}
 
 void require(bool holds, const char* name, double value, const char* range) {
   if (!holds) {
@@ -54,29 +49,35 @@ void BagEvaluationSettings::validate() const {
   require(rules.max_failures >= 0, "max_failures", rules.max_failures, "0 or more");
 }
 
+TrackerSettings BagEvaluationSettings::tracker() const {
+  TrackerSettings settings;
+  settings.initial = SearchSettings::named(preset, search_rotation_deg, search_translation);
+  settings.tracking = SearchSettings::named(track_preset, track_rotation_deg, track_translation);
+  settings.initial.refiner.seed = settings.tracking.refiner.seed = seed;
+  settings.rules = rules;
+  settings.rules.once = !track;
+  settings.mask_mode = MaskMode::kEveryFrame;
+  return settings;
+}
+
 BagEvaluation::BagEvaluation(const BagSequence& bag, std::shared_ptr<Backend> backend,
                              std::shared_ptr<const Field> field,
                              const BagEvaluationSettings& settings)
     : bag_(bag),
       settings_(settings),
       backend_(std::move(backend)),
-      wide_(backend_, presetWithSeed(settings.preset, settings.seed)),
-      narrow_(backend_, presetWithSeed(settings.track_preset, settings.seed)),
+      field_(std::move(field)),
       input_(settings.image_is_rectified) {
   settings_.validate();
-  if (!(field->metadata.metres_per_unit > 0)) {
-    throw std::invalid_argument("the model '" + field->metadata.name +
-                                "' does not know its scale: train it with --metres-per-unit");
-  }
-  field_ = backend_->load(std::move(field));
+  tracker_ = std::make_unique<Tracker>(backend_, field_, settings_.tracker());
 }
 
 BagEvaluationResult BagEvaluation::run(const std::function<void(const EvaluatedFrame&)>& progress,
                                        const CancellationToken& stop) {
-  const FieldMetadata& metadata = field_->field().metadata;
+  const FieldMetadata& metadata = field_->metadata;
   const ObjectFrame frame = ObjectFrame::inMetres(metadata);
   std::vector<Eigen::Vector3d> points =
-      surfacePoints(*field_, settings_.points, settings_.seed, stop);
+      surfacePoints(*backend_->load(field_), settings_.points, settings_.seed, stop);
   for (Eigen::Vector3d& point : points) point = frame.point(point);
   result_ = {};
   result_.points = static_cast<int>(points.size());
@@ -84,8 +85,7 @@ BagEvaluationResult BagEvaluation::run(const std::function<void(const EvaluatedF
   object_.emplace(EvaluatedObject{
       ModelPoints(std::move(points)), frame.point(metadata.centre), unit_m * metadata.diameter,
       metadata.symmetries.inFrame(metadata.T_O_U.inverse()).scaled(unit_m)});
-  followed_.clear();
-  failures_ = 0;
+  tracker_->reset();
   int looked_at = 0;
   for (int i = settings_.first; i < bag_.size(); i += settings_.every) {
     if (settings_.most > 0 && looked_at++ == settings_.most) break;
@@ -100,105 +100,86 @@ BagEvaluationResult BagEvaluation::run(const std::function<void(const EvaluatedF
 void BagEvaluation::evaluate(const BagFrame& frame, const CancellationToken& stop) {
   const std_msgs::Header& header = frame.image->header;
   Pose true_T_C_U;
-  std::optional<Start> start;
   const char* missing = "no true pose at the image's time";
   try {
     true_T_C_U = bag_.truth(header.frame_id, header.stamp);
     missing = "no transform to the initial pose";
-    start = startOf(frame, true_T_C_U);
+    if (!offerStart(frame, true_T_C_U)) {
+      ++result_.skipped["no initial pose"];
+      return;
+    }
   } catch (const std::runtime_error&) {
     ++result_.skipped[missing];
     return;
   }
-  if (!start) {
-    ++result_.skipped["no initial pose"];
+  Observation observation = observe(frame);
+  const bool masked = observation.background == Background::kMask;
+  const auto hand_over = [&](bool) { return std::move(observation); };
+  const TrackResult result = tracker_->track({imageStampOf(header), hand_over, stop});
+  stop.check();
+  if (result.state == TrackState::kError) {
+    throw std::runtime_error(bag_.topics().image + ", frame " + std::to_string(frame.index) + ": " +
+                             result.message);
+  }
+  if (!result.refined) {
+    ++result_.skipped["not newer than the image before"];
     return;
   }
-  Observation observation;
-  try {
-    observation = input_.observe(*frame.image, *frame.info, {frame.mask, nullptr});
-  } catch (const std::exception& e) {
-    throw std::runtime_error(bag_.topics().image + ", frame " + std::to_string(frame.index) + ": " +
-                             e.what());
-  }
-  result_.masked += observation.background == Background::kMask;
-
-  const ObjectFrame object_frame = ObjectFrame::inMetres(field_->field().metadata);
-  const Prior prior = priorFrom(*start);
-  const Refinement refinement =
-      (start->from_last ? narrow_ : wide_).refine(*field_, observation, prior, stop);
-  stop.check();
-  EvaluatedFrame evaluated;
+  result_.masked += masked;
+  EvaluatedFrame evaluated = compare(result, true_T_C_U);
   evaluated.index = frame.index;
   evaluated.stamp_ns = header.stamp.toNSec();
-  evaluated.outcome = outcomeText(refinement.outcome);
-  evaluated.from_last = start->from_last;
-  evaluated.score = refinement.score;
-  evaluated.latency_s = refinement.seconds;
-  const Pose truth = true_T_C_U.inverse();
-  const Pose start_T_C_U = object_frame.objectInCamera(prior.T_O_C);
-  evaluated.start = object_->compare(start_T_C_U.inverse(), truth, observation.camera);
-  if (refinement.outcome == Outcome::kRefined) {
-    evaluated.T_C_U = object_frame.objectInCamera(refinement.T_O_C);
-    evaluated.found = object_->compare(evaluated.T_C_U.inverse(), truth, observation.camera);
-    const TrackingRules& rules = settings_.rules;
-    evaluated.trusted =
-        refinement.score >= (start->from_last ? rules.min_score : rules.trust_score);
-  }
-  remember(evaluated);
   result_.frames.push_back(evaluated);
 }
 
-std::optional<BagEvaluation::Start> BagEvaluation::startOf(const BagFrame& frame,
-                                                           const Pose& true_T_C_U) {
-  if (!followed_.empty()) return startFromLast(frame.image->header.stamp.toNSec());
+/// Offers the tracker an initial pose where it needs one. @return false: there is none.
+bool BagEvaluation::offerStart(const BagFrame& frame, const Pose& true_T_C_U) {
+  const ImageStamp at = imageStampOf(frame.image->header);
+  if (!tracker_->needsInitialPose(at.stamp_ns)) return true;
+  const std::optional<Pose> start_T_C_U = startOf(frame, true_T_C_U);
+  if (start_T_C_U) tracker_->offer({*start_T_C_U, at.camera_frame, at.stamp_ns, false, {}});
+  return start_T_C_U.has_value();
+}
+
+/// T_C_U [m] as the settings say; nothing: none was recorded.
+std::optional<Pose> BagEvaluation::startOf(const BagFrame& frame, const Pose& true_T_C_U) const {
   if (settings_.start == StartMode::kRecorded) {
     const std_msgs::Header& header = frame.image->header;
-    const std::optional<Pose> recorded =
-        bag_.initialPose(header.frame_id, header.stamp, settings_.start_max_age_s);
-    if (!recorded) return std::nullopt;
-    return Start{*recorded, false};
+    return bag_.initialPose(header.frame_id, header.stamp, settings_.start_max_age_s);
   }
   const StartSpread spread = {settings_.start_rotation_deg * kRadPerDegree,
                               settings_.start_translation * object_->diameter_m, true};
   const Pose wrong = perturbedStart(true_T_C_U.inverse(), spread, object_->centre_m, settings_.seed,
                                     static_cast<std::uint64_t>(frame.index));
-  return Start{wrong.inverse(), false};
+  return wrong.inverse();
 }
 
-BagEvaluation::Start BagEvaluation::startFromLast(std::uint64_t stamp_ns) const {
-  const EvaluatedFrame &last = followed_.back(), &before = followed_.front();
-  const bool in_order = before.stamp_ns < last.stamp_ns && last.stamp_ns < stamp_ns;
-  if (!in_order || failures_ > 0 || !settings_.rules.predict) return {last.T_C_U, true};
-  const double time_ratio = static_cast<double>(stamp_ns - last.stamp_ns) /
-                            static_cast<double>(last.stamp_ns - before.stamp_ns);
-  return {last.T_C_U, true, before.T_C_U, time_ratio};
-}
-
-Prior BagEvaluation::priorFrom(const Start& start) const {
-  const FieldMetadata& object = field_->field().metadata;
-  const ObjectFrame frame = ObjectFrame::inMetres(object);
-  Prior prior;
-  prior.T_O_C = frame.cameraInModel(start.T_C_U);
-  prior.rotation_rad = kRadPerDegree * (start.from_last ? settings_.track_rotation_deg
-                                                        : settings_.search_rotation_deg);
-  prior.translation = start.from_last ? settings_.track_translation : settings_.search_translation;
-  if (!start.T_C_U_before) return prior;
-  return predictConstantVelocity(prior, frame.cameraInModel(*start.T_C_U_before), start.time_ratio,
-                                 object);
-}
-
-/// The rules of following are the node's: a few untrusted images are bridged from the last trusted
-/// pose, then the search starts anew.
-void BagEvaluation::remember(const EvaluatedFrame& frame) {
-  if (!settings_.track) return;
-  if (frame.trusted) {
-    if (followed_.size() == 2) followed_.erase(followed_.begin());
-    followed_.push_back(frame);
-    failures_ = 0;
-  } else if (++failures_ > settings_.rules.max_failures) {
-    followed_.clear();
+Observation BagEvaluation::observe(const BagFrame& frame) {
+  try {
+    return input_.observe(*frame.image, *frame.info, {frame.mask, nullptr});
+  } catch (const std::exception& e) {
+    throw std::runtime_error(bag_.topics().image + ", frame " + std::to_string(frame.index) + ": " +
+                             e.what());
   }
+}
+
+EvaluatedFrame BagEvaluation::compare(const TrackResult& result, const Pose& true_T_C_U) const {
+  const Camera& camera = result.observation->camera;
+  const Pose truth = true_T_C_U.inverse();
+  const Pose start_T_C_U =
+      ObjectFrame::inMetres(field_->metadata).objectInCamera(result.prior->T_O_C);
+  EvaluatedFrame evaluated;
+  evaluated.outcome = outcomeText(result.refinement.outcome);
+  evaluated.from_last = result.from_last;
+  evaluated.trusted = result.trusted;
+  evaluated.score = result.refinement.score;
+  evaluated.latency_s = result.refinement.seconds;
+  evaluated.start = object_->compare(start_T_C_U.inverse(), truth, camera);
+  if (result.found) {
+    evaluated.T_C_U = result.T_C_O_m;
+    evaluated.found = object_->compare(evaluated.T_C_U.inverse(), truth, camera);
+  }
+  return evaluated;
 }
 
 }  // namespace nerf_pose_refiner

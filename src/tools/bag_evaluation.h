@@ -9,10 +9,9 @@
 #include <vector>
 
 #include "evaluation/sequence.h"
-#include "refinement/refiner.h"
 #include "ros/bag/bag_sequence.h"
 #include "ros/conversions/camera_input.h"
-#include "ros/conversions/parameters.h"
+#include "tracking/tracker.h"
 
 namespace nerf_pose_refiner {
 
@@ -37,11 +36,14 @@ struct BagEvaluationSettings {
   std::string track_preset = "track";  ///< of the search from the last pose
   double track_rotation_deg = 5;
   double track_translation = 0.05;
-  /// The node's: trust_score, min_score, max_failures and predict count here.
+  /// The node's; `once` is set by `track`.
   TrackingRules rules;
   bool image_is_rectified = false;
   int points = 1000;  ///< of the surface, for ADD, ADD-S and reprojection
   std::uint64_t seed = 1;
+
+  /// Of the tracker that works through the images.
+  TrackerSettings tracker() const;
 
   /// @throws std::invalid_argument naming what is out of range.
   void validate() const;
@@ -54,9 +56,9 @@ struct BagEvaluationResult {
   int points = 0;                      ///< of the surface, as many as were found
 };
 
-/// Refines the images of a recorded sequence one by one and compares the poses with the truth. No
-/// clock has a say in the poses: the same bag, model, settings and processor give the same numbers,
-/// latencies apart.
+/// Tracks the object through the images of a recorded sequence, or refines them one by one, and
+/// compares the poses with the truth. No clock has a say in the poses: the same bag, model,
+/// settings and processor give the same numbers, latencies apart.
 class BagEvaluation {
  public:
   /// @throws std::invalid_argument for settings that make no sense or a model without a scale.
@@ -69,29 +71,19 @@ class BagEvaluation {
                           const CancellationToken& stop);
 
  private:
-  struct Start {
-    Pose T_C_U;  ///< [m]
-    bool from_last = false;
-    std::optional<Pose> T_C_U_before = {};  ///< of the trusted image before
-    double time_ratio = 0;                  ///< @see predictConstantVelocity
-  };
-
   void evaluate(const BagFrame& frame, const CancellationToken& stop);
-  std::optional<Start> startOf(const BagFrame& frame, const Pose& true_T_C_U);
-  Start startFromLast(std::uint64_t stamp_ns) const;
-  Prior priorFrom(const Start& start) const;
-  void remember(const EvaluatedFrame& frame);
+  std::optional<Pose> startOf(const BagFrame& frame, const Pose& true_T_C_U) const;
+  bool offerStart(const BagFrame& frame, const Pose& true_T_C_U);
+  Observation observe(const BagFrame& frame);
+  EvaluatedFrame compare(const TrackResult& result, const Pose& true_T_C_U) const;
 
   const BagSequence& bag_;
   BagEvaluationSettings settings_;
   std::shared_ptr<Backend> backend_;
-  std::shared_ptr<const LoadedField> field_;
-  Refiner wide_, narrow_;
+  std::shared_ptr<const Field> field_;
   CameraInput input_;
+  std::unique_ptr<Tracker> tracker_;
   std::optional<EvaluatedObject> object_;
-  /// The last trusted poses, one or two, oldest first, while the object is tracked.
-  std::vector<EvaluatedFrame> followed_;
-  int failures_ = 0;  ///< in a row
   BagEvaluationResult result_;
 };
 

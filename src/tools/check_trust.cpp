@@ -63,7 +63,7 @@ void declare(CLI::App* app, TrustOptions* options) {
   const std::string name = app->get_name();
   app->description(
       "Measures how far the node's published poses can be believed.\n\n"
-      "The node's tracker follows the object through recordings, image after image, from initial\n"
+      "The node's tracker tracks the object through recordings, image after image, from initial\n"
       "poses that are off: are published poses right, and right ones published? And when the\n"
       "object goes (recordings of the same camera's motion without it, covered, or with another\n"
       "in its place) from one image to the next: is it lost soon?");
@@ -85,12 +85,14 @@ void declare(CLI::App* app, TrustOptions* options) {
       ->excludes(truth);
   app->add_flag("--rectified", options->node.image_is_rectified,
                 "The images are rectified: P counts, not K and D");
-  app->add_option("--preset", options->node.initial.preset, "The node's ~refiner/preset")
+  app->add_option("--preset", options->node.tracker.initial.preset, "The node's ~refiner/preset")
       ->check(CLI::IsMember(RefinerSettings::presetNames()))
       ->capture_default_str();
-  app->add_option("--trust-score", options->node.rules.trust_score, "The node's ~tracker/...")
+  app->add_option("--trust-score", options->node.tracker.rules.trust_score,
+                  "The node's ~tracker/...")
       ->capture_default_str();
-  app->add_option("--min-score", options->node.rules.min_score, "Likewise")->capture_default_str();
+  app->add_option("--min-score", options->node.tracker.rules.min_score, "Likewise")
+      ->capture_default_str();
   declareRuns(app, options);
   options->backend.addTo(app);
   app->add_flag("--json", options->json, "Print the results as JSON");
@@ -151,8 +153,8 @@ void tell(const std::string& name, const std::vector<Disappearance>& runs, int l
 }
 
 /// Runs in which the object stays, and their report. @return the first recording.
-Recording followAll(const TrustOptions& options, TrustTrials* trials, const CancellationToken& stop,
-                    Report* report) {
+Recording trackAll(const TrustOptions& options, TrustTrials* trials, const CancellationToken& stop,
+                   Report* report) {
   ProgressLine line;
   Recording first;
   PublishedPoses all;
@@ -162,7 +164,7 @@ Recording followAll(const TrustOptions& options, TrustTrials* trials, const Canc
     for (int run = 0; run < options.runs; ++run) {
       stop.check();
       line.show(1.0 * run / options.runs, path);
-      poses += trials->follow(recording, run);
+      poses += trials->track(recording, run);
     }
     line.end();
     tell(fileName(path), poses, report);
@@ -179,11 +181,11 @@ Recording followAll(const TrustOptions& options, TrustTrials* trials, const Canc
 void check(const TrustOptions& options, const CancellationToken& stop) {
   const auto field = std::make_shared<const Field>(loadObject(options.model));
   PoseRefinerParameters node = options.node;
-  node.initial.refiner = RefinerSettings::named(node.initial.preset);
+  node.tracker.initial.refiner = RefinerSettings::named(node.tracker.initial.preset);
   TrustTrials trials(options.backend.make(), field, node, options.trials);
   Report report;
   report.print = !options.json;
-  const Recording first = followAll(options, &trials, stop, &report);
+  const Recording first = trackAll(options, &trials, stop, &report);
   ProgressLine line;
   for (const std::string& path : options.gone) {
     const Recording gone = Recording::of(BagSequence(path, options.topics));

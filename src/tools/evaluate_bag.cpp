@@ -73,7 +73,7 @@ void declareTrials(CLI::App* app, EvaluateOptions* options) {
   app->add_option("--first", s.first, "Image to begin with")->capture_default_str();
   app->add_option("--frames", s.most, "Images at most; 0: all")->capture_default_str();
   app->add_flag("--track", s.track,
-                "Start from the last trusted pose, and from --start only without one");
+                "Track as the node does: from --start only where it has no pose to start from");
   app->add_option("--start", options->start, "perturbed: from the truth, made wrong; recorded")
       ->check(CLI::IsMember({"perturbed", "recorded"}))
       ->capture_default_str();

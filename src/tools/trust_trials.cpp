@@ -10,6 +10,8 @@
 #include "evaluation/start.h"
 #include "field/object_frame.h"
 #include "math/random.h"
+#include "ros/conversions/camera_input.h"
+#include "ros/conversions/status.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -62,49 +64,47 @@ PublishedPoses& PublishedPoses::operator+=(const PublishedPoses& other) {
   return *this;
 }
 
-/// A tracker with an initial pose, and its clock.
+/// A tracker with an initial pose.
 class TrustTrials::Run {
  public:
   Run(const TrustTrials& trials, const Recording::Image& first, int number)
-      : tracker_(
-            trials.parameters_, searchFor(trials, number), &transforms_,
-            [](const RefinementStatus&) {}, [this] { return now_; }) {
-    std::future<void> loaded = tracker_.offerModel(trials.field_);
-    tracker_.applyModels();
-    loaded.get();
-    InitialPose start;
-    start.T_P_U = trials.initialPose(first.true_T_C_U, number);
-    start.frame_id = first.frame.image->header.frame_id;
-    start.stamp = stampOf(first);
-    tracker_.offer(start);
+      : rectified_(trials.parameters_.image_is_rectified),
+        input_(rectified_),
+        tracker_(trials.backend_, trials.field_, settingsOf(trials, number)) {
+    const std_msgs::Header& header = first.frame.image->header;
+    tracker_.offer({trials.initialPose(first.true_T_C_U, number),
+                    header.frame_id,
+                    toNanoseconds(header.stamp),
+                    false,
+                    {}});
   }
 
-  /// Nothing: the image was left alone.
-  std::optional<FrameResult> process(const Recording::Image& image) {
-    now_ = stampOf(image);
-    const std::uint32_t jumps = tracker_.readClock();
+  /// @throws std::runtime_error for an image that cannot be used.
+  TrackResult process(const Recording::Image& image) {
     const BagFrame& frame = image.frame;
-    if (const auto refused = tracker_.refusal(*frame.image, *frame.info)) {
-      throw std::runtime_error("frame " + std::to_string(frame.index) + ": " + *refused);
+    try {
+      checkImage(*frame.image, cameraFromMessage(*frame.info, rectified_).camera);
+    } catch (const InputError& e) {
+      throw std::runtime_error("frame " + std::to_string(frame.index) + ": " + e.what());
     }
-    return tracker_.process(
-        {frame.image, frame.info, ros::WallTime::now(), jumps, {frame.mask, nullptr}});
+    const auto observe = [&](bool use_mask) {
+      return input_.observe(*frame.image, *frame.info, {use_mask ? frame.mask : nullptr, nullptr});
+    };
+    return tracker_.track({imageStampOf(frame.image->header), observe});
   }
 
  private:
-  static std::unique_ptr<ObjectSearch> searchFor(const TrustTrials& trials, int number) {
-    RefinerSettings initial = trials.parameters_.initial.refiner,
-                    tracking = trials.parameters_.tracking.refiner;
-    initial.seed += static_cast<std::uint64_t>(number);
-    tracking.seed += static_cast<std::uint64_t>(number);
-    return std::make_unique<RefinerSearch>([backend = trials.backend_] { return backend; }, initial,
-                                           tracking,
-                                           [] { return std::make_shared<ProcessorSchedule>(); });
+  static TrackerSettings settingsOf(const TrustTrials& trials, int number) {
+    TrackerSettings settings = trials.parameters_.tracker;
+    for (SearchSettings* search : {&settings.initial, &settings.tracking}) {
+      search->refiner.seed += static_cast<std::uint64_t>(number);
+    }
+    return settings;
   }
 
-  ros::Time now_;
-  tf2::BufferCore transforms_;
-  ObjectTracker tracker_;
+  const bool rectified_;
+  CameraInput input_;
+  Tracker tracker_;
 };
 
 TrustTrials::TrustTrials(std::shared_ptr<Backend> backend, std::shared_ptr<const Field> field,
@@ -134,17 +134,15 @@ Pose TrustTrials::initialPose(const Pose& true_T_C_U, int run) const {
       .inverse();
 }
 
-bool TrustTrials::isRight(const FrameResult& result, const Pose& true_T_C_U) const {
+bool TrustTrials::isRight(const TrackResult& result, const Pose& true_T_C_U) const {
   if (!result.found) return false;
-  const Pose T_C_U =
-      ObjectFrame::inMetres(field_->metadata).objectInCamera(result.refinement.T_O_C);
-  const PoseError error = poseError(T_C_U.inverse(), true_T_C_U.inverse(), centre_m_,
+  const PoseError error = poseError(result.T_C_O_m.inverse(), true_T_C_U.inverse(), centre_m_,
                                     result.observation->camera, symmetries_m_);
   return error.rotation_rad <= settings_.right_rotation_deg * kRadPerDegree &&
          error.object_offset <= settings_.right_offset * diameter_m_;
 }
 
-PublishedPoses TrustTrials::follow(const Recording& recording, int run) {
+PublishedPoses TrustTrials::track(const Recording& recording, int run) {
   const int size = static_cast<int>(recording.images.size());
   const int span = (settings_.images - 1) * settings_.every;
   const int first = drawn(std::max(1, size - span), settings_.seed, run);
@@ -153,12 +151,11 @@ PublishedPoses TrustTrials::follow(const Recording& recording, int run) {
   for (int i = first; i < size && i <= first + span; i += settings_.every) {
     const Recording::Image& image = recording.images[i];
     ++counts.images;
-    const std::optional<FrameResult> result = tracker.process(image);
-    if (!result) continue;
-    const bool right = isRight(*result, image.true_T_C_U);
+    const TrackResult result = tracker.process(image);
+    const bool right = isRight(result, image.true_T_C_U);
     counts.right += right;
-    counts.published += result->pose.has_value();
-    counts.published_right += right && result->pose.has_value();
+    counts.published += result.trusted;
+    counts.published_right += right && result.trusted;
   }
   return counts;
 }
@@ -183,15 +180,15 @@ Disappearance TrustTrials::lose(const Recording& recording, const Recording& gon
   Run tracker(*this, images[place - lead], run);
   Disappearance outcome;
   for (int i = place - lead; i < place; i += settings_.every) {
-    const std::optional<FrameResult> result = tracker.process(images[i]);
-    outcome.tracked = result && result->status.state == RefinementStatus::STATE_TRACKING;
+    const TrackResult result = tracker.process(images[i]);
+    outcome.tracked = result.refined && result.state == TrackState::kTracking;
   }
   for (int k = from, seen = 1; k < size && seen <= settings_.limit; k += settings_.every, ++seen) {
     if (outcome.lost_after > 0 && seen > outcome.lost_after + settings_.after) break;
-    const std::optional<FrameResult> result = tracker.process(gone.images[k]);
-    if (!result) continue;
-    outcome.published += result->pose.has_value();
-    const bool lost = result->status.state == RefinementStatus::STATE_LOST;
+    const TrackResult result = tracker.process(gone.images[k]);
+    if (!result.refined) continue;
+    outcome.published += result.trusted;
+    const bool lost = result.state == TrackState::kLost;
     if (lost && outcome.lost_after == 0) outcome.lost_after = seen;
   }
   return outcome;

@@ -8,7 +8,8 @@
 #include "backend/backend.h"
 #include "nerf_pose_refiner/symmetry.h"
 #include "ros/bag/bag_sequence.h"
-#include "ros/nodelet/object_tracker.h"
+#include "ros/conversions/parameters.h"
+#include "tracking/tracker.h"
 
 namespace nerf_pose_refiner {
 
@@ -58,7 +59,7 @@ struct Disappearance {
   int published = 0;     ///< poses of what was not there
 };
 
-/// Runs of the node's own tracker over recorded images: without a ROS graph, image after image, on
+/// Runs of the tracker over recorded images: without a ROS graph, image after image, on
 /// the recording's clock. The same settings and processor give the same numbers.
 class TrustTrials {
  public:
@@ -67,10 +68,10 @@ class TrustTrials {
   TrustTrials(std::shared_ptr<Backend> backend, std::shared_ptr<const Field> field,
               const PoseRefinerParameters& parameters, const TrustSettings& settings);
 
-  /// Follows the object from an initial pose in an image that is drawn.
-  PublishedPoses follow(const Recording& recording, int run);
+  /// Tracks the object from an initial pose in an image that is drawn.
+  PublishedPoses track(const Recording& recording, int run);
 
-  /// Follows it, and goes on with a recording on which it is gone from an image that is drawn.
+  /// Tracks it, and goes on with a recording on which it is gone from an image that is drawn.
   /// @param gone stamps are those of `recording`, or of a part of it: the same camera's motion.
   /// @throws std::runtime_error if the two have not enough images in common.
   Disappearance lose(const Recording& recording, const Recording& gone, int run);
@@ -78,7 +79,7 @@ class TrustTrials {
  private:
   class Run;
   Pose initialPose(const Pose& true_T_C_U, int run) const;
-  bool isRight(const FrameResult& result, const Pose& true_T_C_U) const;
+  bool isRight(const TrackResult& result, const Pose& true_T_C_U) const;
 
   std::shared_ptr<Backend> backend_;
   std::shared_ptr<const Field> field_;

@@ -5,34 +5,32 @@
 
 namespace nerf_pose_refiner {
 
-RefinerSearch::RefinerSearch(BackendFactory make_backend, const RefinerSettings& initial,
-                             const RefinerSettings& tracking, ScheduleFactory find_schedule)
-    : make_backend_(std::move(make_backend)),
+RefinerSearch::RefinerSearch(ProcessorFactory find_processor, const RefinerSettings& initial,
+                             const RefinerSettings& tracking)
+    : find_processor_(std::move(find_processor)),
       initial_settings_(initial),
-      tracking_settings_(tracking),
-      find_schedule_(std::move(find_schedule)) {}
+      tracking_settings_(tracking) {}
 
 void RefinerSearch::use(std::shared_ptr<const Field> field) {
-  if (!backend_) {
-    schedule_ = find_schedule_();
-    backend_ = make_backend_();
-    initial_.emplace(backend_, initial_settings_);
-    tracking_.emplace(backend_, tracking_settings_);
+  if (!processor_.backend) {
+    processor_ = find_processor_();
+    configure(initial_settings_, tracking_settings_);
   }
-  field_ = backend_->load(std::move(field));
+  field_ = processor_.backend->load(std::move(field));
 }
 
 void RefinerSearch::configure(const RefinerSettings& initial, const RefinerSettings& tracking) {
   initial_settings_ = initial;
   tracking_settings_ = tracking;
-  if (!backend_) return;
-  initial_.emplace(backend_, initial_settings_);
-  tracking_.emplace(backend_, tracking_settings_);
+  if (!processor_.backend) return;
+  initial_.emplace(processor_.backend, initial_settings_);
+  tracking_.emplace(processor_.backend, tracking_settings_);
 }
 
 Refinement RefinerSearch::search(const Observation& observation, const Prior& prior, bool tracked,
                                  const CancellationToken& stop) {
-  const ProcessorSchedule::Refinement before_trainings(schedule_.get(), stop);
+  std::unique_ptr<ProcessorTurn> turn;
+  if (processor_.take_turn) turn = processor_.take_turn(stop);
   return (tracked ? tracking_ : initial_)->refine(*field_, observation, prior, stop);
 }
 

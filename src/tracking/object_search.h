@@ -1,11 +1,11 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <optional>
 
 #include "refinement/refiner.h"
-#include "runtime/backend_pool.h"
 
 namespace nerf_pose_refiner {
 
@@ -26,13 +26,29 @@ class ObjectSearch {
                             const CancellationToken& stop) = 0;
 };
 
-/// Searches with an backend: widely from an initial pose, narrowly from the last one. The backend
-/// is made by the thread that searches, with the first object.
+/// The right to use a processor that others want to use, too; it ends with this object.
+class ProcessorTurn {
+ public:
+  virtual ~ProcessorTurn() = default;
+};
+
+/// A processor to search with.
+struct SearchProcessor {
+  std::shared_ptr<Backend> backend;
+  /// Waits for a turn, until the token is cancelled; empty: nobody else uses the processor.
+  std::function<std::unique_ptr<ProcessorTurn>(const CancellationToken&)> take_turn = {};
+};
+
+/// Finds or makes a processor: called by the thread that searches, for to look for a GPU takes
+/// long.
+using ProcessorFactory = std::function<SearchProcessor()>;
+
+/// Searches with a backend: widely from an initial pose, narrowly from the last one.
 class RefinerSearch : public ObjectSearch {
  public:
-  /// @param find_schedule of the backend's processor: trainings rest while it searches.
-  RefinerSearch(BackendFactory make_backend, const RefinerSettings& initial,
-                const RefinerSettings& tracking, ScheduleFactory find_schedule);
+  /// @param find_processor called with the first object.
+  RefinerSearch(ProcessorFactory find_processor, const RefinerSettings& initial,
+                const RefinerSettings& tracking);
 
   void use(std::shared_ptr<const Field> field) override;
   void configure(const RefinerSettings& initial, const RefinerSettings& tracking) override;
@@ -40,12 +56,10 @@ class RefinerSearch : public ObjectSearch {
                     const CancellationToken& stop) override;
 
  private:
-  BackendFactory make_backend_;
+  ProcessorFactory find_processor_;
   RefinerSettings initial_settings_;
   RefinerSettings tracking_settings_;
-  ScheduleFactory find_schedule_;
-  std::shared_ptr<ProcessorSchedule> schedule_;
-  std::shared_ptr<Backend> backend_;
+  SearchProcessor processor_;
   std::optional<Refiner> initial_;
   std::optional<Refiner> tracking_;
   std::shared_ptr<const LoadedField> field_;

@@ -100,18 +100,17 @@ Camera keyframeCamera(const Camera& camera, const Pose& T_O_C, const FieldMetada
   return camera.cropped(x, y, side, side).resized(side / *reduction, side / *reduction);
 }
 
-KeyframePoints renderKeyframe(Backend* backend, const LoadedField& field, const Camera& camera,
-                              const Pose& T_O_C, const KeyframeSettings& settings,
-                              const CancellationToken& stop) {
+KeyframePoints renderKeyframe(const LoadedField& field, const View& view,
+                              const KeyframeSettings& settings, const CancellationToken& stop) {
   settings.validate();
   const FieldMetadata& object = field.field().metadata;
   int reduction = 1;
-  const Camera window = keyframeCamera(camera, T_O_C, object, settings, &reduction);
+  const Camera window = keyframeCamera(view.camera, view.T_O_C, object, settings, &reduction);
   const int n = settings.rays_per_side;
   const Camera finer = window.resized(n * window.width, n * window.height);
-  KeyframePoints keyframe =
-      makeKeyframe(backend->render(field, finer, T_O_C, {}, stop), window, T_O_C, object, settings);
-  keyframe.camera = camera;
+  KeyframePoints keyframe = makeKeyframe(field.render({finer, view.T_O_C}, RenderOptions(), stop),
+                                         window, view.T_O_C, object, settings);
+  keyframe.camera = view.camera;
   keyframe.reduction = reduction;
   return keyframe;
 }

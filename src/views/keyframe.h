@@ -3,6 +3,7 @@
 
 #include "backend/backend.h"
 #include "backend/keyframe_points.h"
+#include "field/field.h"
 
 namespace nerf_pose_refiner {
 
@@ -28,8 +29,8 @@ Camera keyframeCamera(const Camera& camera, const Pose& T_O_C, const FieldMetada
 
 /// Renders a keyframe of the object for images of a camera.
 /// @throws std::invalid_argument if the object is not before the camera.
-KeyframePoints renderKeyframe(Backend* backend, const LoadedField& field, const Camera& camera,
-                              const Pose& T_O_C, const KeyframeSettings& settings = {},
+KeyframePoints renderKeyframe(const LoadedField& field, const View& view,
+                              const KeyframeSettings& settings = {},
                               const CancellationToken& stop = {});
 
 /// A keyframe of a rendering. @param camera of the finest level, as keyframeCamera has it; the

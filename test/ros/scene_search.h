@@ -6,7 +6,7 @@
 
 #include "image/colour.h"
 #include "ros/conversions/camera_input.h"
-#include "ros/nodelet/object_tracker.h"
+#include "ros/nodelet/message_tracker.h"
 #include "support/analytic_scene.h"
 #include "tracking/object_search.h"
 

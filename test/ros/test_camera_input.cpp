@@ -2,7 +2,6 @@
 #include "ros/conversions/camera_input.h"
 
 #include <gtest/gtest.h>
-#include <nerf_pose_refiner/RefinementStatus.h>
 #include <boost/make_shared.hpp>
 
 #include <functional>
@@ -10,12 +9,8 @@
 #include <string>
 #include <vector>
 
-#include "ros/conversions/input_error.h"
-
 namespace nerf_pose_refiner {
 namespace {
-
-using Status = RefinementStatus;
 
 /// K for raw images, P for rectified ones; they differ, so that they cannot be confused.
 sensor_msgs::CameraInfo someInfo() {
@@ -62,7 +57,7 @@ int reasonOf(const std::function<void()>& function) {
   } catch (const InputError& e) {
     return e.reason();
   }
-  return Status::REASON_NONE;
+  return TrackReason::kNone;
 }
 
 std::string textOf(const std::function<void()>& function) {
@@ -90,11 +85,11 @@ sensor_msgs::ImagePtr someMask(int first_column, int last_column) {
   return mask;
 }
 
-int reasonFor(const sensor_msgs::Image& image) {
+TrackReason reasonFor(const sensor_msgs::Image& image) {
   return reasonOf([&] { checkImage(image, cameraFromMessage(someInfo(), false).camera); });
 }
 
-int reasonFor(const sensor_msgs::CameraInfo& info, bool rectified) {
+TrackReason reasonFor(const sensor_msgs::CameraInfo& info, bool rectified) {
   return reasonOf([&] { cameraFromMessage(info, rectified); });
 }
 
@@ -179,40 +174,40 @@ TEST(CameraFromMessage, ReadsARationalPolynomial) {
 TEST(CameraFromMessage, RefusesWhatItCannotUse) {
   sensor_msgs::CameraInfo info = someInfo();
   info.K[0] = 0;
-  EXPECT_EQ(reasonFor(info, false), Status::REASON_UNCALIBRATED);
-  EXPECT_EQ(reasonFor(info, true), Status::REASON_NONE);
+  EXPECT_EQ(reasonFor(info, false), TrackReason::kUncalibrated);
+  EXPECT_EQ(reasonFor(info, true), TrackReason::kNone);
   info = someInfo();
   info.P[0] = 0;
-  EXPECT_EQ(reasonFor(info, true), Status::REASON_UNCALIBRATED);
+  EXPECT_EQ(reasonFor(info, true), TrackReason::kUncalibrated);
   info = someInfo();
   info.P[3] = -2.5;
-  EXPECT_EQ(reasonFor(info, true), Status::REASON_BAD_CAMERA_INFO) << "a right camera";
+  EXPECT_EQ(reasonFor(info, true), TrackReason::kBadCameraInfo) << "a right camera";
   info = someInfo();
   info.distortion_model = "equidistant";
-  EXPECT_EQ(reasonFor(info, false), Status::REASON_NONE) << "without distortion any model will do";
+  EXPECT_EQ(reasonFor(info, false), TrackReason::kNone) << "without distortion any model will do";
   info.D = {0.1, 0, 0, 0};
-  EXPECT_EQ(reasonFor(info, false), Status::REASON_BAD_CAMERA_INFO);
-  EXPECT_EQ(reasonFor(info, true), Status::REASON_NONE);
+  EXPECT_EQ(reasonFor(info, false), TrackReason::kBadCameraInfo);
+  EXPECT_EQ(reasonFor(info, true), TrackReason::kNone);
   info = someInfo();
   info.width = 0;
-  EXPECT_EQ(reasonFor(info, false), Status::REASON_BAD_CAMERA_INFO);
+  EXPECT_EQ(reasonFor(info, false), TrackReason::kBadCameraInfo);
 }
 
 TEST(CameraFromMessage, RefusesDistortionOfTheWrongLength) {
   for (const std::size_t n : {1u, 2u, 3u, 6u, 7u, 9u, 20u}) {
     sensor_msgs::CameraInfo info = someInfo();
     info.D.assign(n, 0.01);
-    EXPECT_EQ(reasonFor(info, false), Status::REASON_BAD_CAMERA_INFO) << n;
-    EXPECT_EQ(reasonFor(info, true), Status::REASON_NONE) << n << ", which P does not need";
+    EXPECT_EQ(reasonFor(info, false), TrackReason::kBadCameraInfo) << n;
+    EXPECT_EQ(reasonFor(info, true), TrackReason::kNone) << n << ", which P does not need";
   }
   for (const std::size_t n : {0u, 4u, 5u, 8u}) {
     sensor_msgs::CameraInfo info = someInfo();
     info.D.assign(n, 0.01);
-    EXPECT_EQ(reasonFor(info, false), Status::REASON_NONE) << n;
+    EXPECT_EQ(reasonFor(info, false), TrackReason::kNone) << n;
   }
   sensor_msgs::CameraInfo info = someInfo();
   info.D[1] = std::numeric_limits<double>::quiet_NaN();
-  EXPECT_EQ(reasonFor(info, false), Status::REASON_BAD_CAMERA_INFO);
+  EXPECT_EQ(reasonFor(info, false), TrackReason::kBadCameraInfo);
 }
 
 // image_geometry rectifies such a region itself, and OpenCV throws at the length of D.
@@ -223,38 +218,38 @@ TEST(CameraFromMessage, RefusesARegionThatCannotBeRectified) {
     info.roi.width = 4;
     info.roi.height = 3;
     info.roi.do_rectify = true;
-    EXPECT_EQ(reasonFor(info, rectified), Status::REASON_BAD_CAMERA_INFO) << rectified;
+    EXPECT_EQ(reasonFor(info, rectified), TrackReason::kBadCameraInfo) << rectified;
   }
 }
 
 TEST(CheckImage, RefusesWhatItCannotUse) {
-  EXPECT_EQ(reasonFor(someImage("rgb8")), Status::REASON_NONE);
+  EXPECT_EQ(reasonFor(someImage("rgb8")), TrackReason::kNone);
   sensor_msgs::Image image = someImage("rgb8");
   image.encoding = "bayer_rggb8";
-  EXPECT_EQ(reasonFor(image), Status::REASON_BAD_IMAGE);
+  EXPECT_EQ(reasonFor(image), TrackReason::kBadImage);
   image.encoding = "nonsense";
-  EXPECT_EQ(reasonFor(image), Status::REASON_BAD_IMAGE);
+  EXPECT_EQ(reasonFor(image), TrackReason::kBadImage);
   image = someImage("rgb8");
   image.data.pop_back();
-  EXPECT_EQ(reasonFor(image), Status::REASON_BAD_IMAGE);
+  EXPECT_EQ(reasonFor(image), TrackReason::kBadImage);
   image = someImage("rgb8");
   image.data.push_back(0);
-  EXPECT_EQ(reasonFor(image), Status::REASON_BAD_IMAGE);
+  EXPECT_EQ(reasonFor(image), TrackReason::kBadImage);
   image = someImage("rgb8");
   image.step = 23;
   image.data.resize(23 * 6);
-  EXPECT_EQ(reasonFor(image), Status::REASON_BAD_IMAGE);
+  EXPECT_EQ(reasonFor(image), TrackReason::kBadImage);
   image = someImage("rgb8");
   image.header.stamp = ros::Time();
-  EXPECT_EQ(reasonFor(image), Status::REASON_BAD_IMAGE);
+  EXPECT_EQ(reasonFor(image), TrackReason::kBadImage);
   image = someImage("rgb8");
   image.header.frame_id.clear();
-  EXPECT_EQ(reasonFor(image), Status::REASON_BAD_IMAGE);
+  EXPECT_EQ(reasonFor(image), TrackReason::kBadImage);
   image.header.frame_id = "/";
-  EXPECT_EQ(reasonFor(image), Status::REASON_BAD_IMAGE);
+  EXPECT_EQ(reasonFor(image), TrackReason::kBadImage);
   image = someImage("rgb8");
   image.width = 7;
-  EXPECT_EQ(reasonFor(image), Status::REASON_BAD_CAMERA_INFO);
+  EXPECT_EQ(reasonFor(image), TrackReason::kBadCameraInfo);
 }
 
 // Whoever is refused is told what to do.
@@ -372,14 +367,14 @@ TEST(CameraInput, RefusesMasksOfAnotherKindOrSize) {
     EXPECT_EQ(as_mask, as_ignored);
     return as_mask;
   };
-  EXPECT_EQ(reason_for([](auto*) {}), Status::REASON_NONE);
-  EXPECT_EQ(reason_for([](auto* m) { m->encoding = "8UC1"; }), Status::REASON_NONE);
-  EXPECT_EQ(reason_for([](auto* m) { m->encoding = "rgb8"; }), Status::REASON_BAD_MASK);
-  EXPECT_EQ(reason_for([](auto* m) { m->encoding = "mono16"; }), Status::REASON_BAD_MASK);
-  EXPECT_EQ(reason_for([](auto* m) { m->data.pop_back(); }), Status::REASON_BAD_MASK);
-  EXPECT_EQ(reason_for([](auto* m) { m->step = 7; }), Status::REASON_BAD_MASK);
-  EXPECT_EQ(reason_for([](auto* m) { m->width = 7; }), Status::REASON_BAD_MASK);
-  EXPECT_EQ(reason_for([](auto* m) { m->height = 3, m->step = 22; }), Status::REASON_BAD_MASK);
+  EXPECT_EQ(reason_for([](auto*) {}), TrackReason::kNone);
+  EXPECT_EQ(reason_for([](auto* m) { m->encoding = "8UC1"; }), TrackReason::kNone);
+  EXPECT_EQ(reason_for([](auto* m) { m->encoding = "rgb8"; }), TrackReason::kBadMask);
+  EXPECT_EQ(reason_for([](auto* m) { m->encoding = "mono16"; }), TrackReason::kBadMask);
+  EXPECT_EQ(reason_for([](auto* m) { m->data.pop_back(); }), TrackReason::kBadMask);
+  EXPECT_EQ(reason_for([](auto* m) { m->step = 7; }), TrackReason::kBadMask);
+  EXPECT_EQ(reason_for([](auto* m) { m->width = 7; }), TrackReason::kBadMask);
+  EXPECT_EQ(reason_for([](auto* m) { m->height = 3, m->step = 22; }), TrackReason::kBadMask);
 }
 
 TEST(CameraInput, FollowsACameraThatChanges) {

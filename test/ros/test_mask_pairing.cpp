@@ -22,9 +22,8 @@ sensor_msgs::ImageConstPtr imageAt(int stamp) {
 class MaskPairingTest : public testing::Test {
  protected:
   void useMode(MaskMode mode) {
-    pairing_ = std::make_unique<MaskPairing>(MaskSettings{mode, 1.0}, [this](CameraFrame frame) {
-      emitted_.push_back(std::move(frame));
-    });
+    pairing_ = std::make_unique<MaskPairing>(
+        mode, 1.0, [this](CameraFrame frame) { emitted_.push_back(std::move(frame)); });
   }
 
   void image(int stamp, double now, std::uint32_t clock_jumps = 0) {

@@ -9,6 +9,7 @@
 
 #include "field/object_frame.h"
 #include "ros/conversions/pose_conversions.h"
+#include "ros/conversions/status.h"
 #include "scene_search.h"
 
 namespace nerf_pose_refiner {
@@ -49,22 +50,22 @@ class MovingCameraTest : public testing::Test {
     PoseRefinerParameters parameters;
     parameters.frames.tf_timeout_s = 0;
     parameters.frames.fixed_frame = fixed_frame;
-    ObjectTracker tracker(
+    MessageTracker tracker(
         parameters,
         std::make_unique<SceneSearch>(*scene_, firstStages("align", 3), firstStages("track", 2)),
         &transforms_, [](const RefinementStatus&) {});
     auto field = std::make_shared<Field>(scene_->field());
     field->metadata.metres_per_unit = kMetresPerUnit;
-    std::future<void> loaded = tracker.offerModel(field);
-    tracker.applyModels();
+    std::future<void> loaded = tracker.tracker().offerModel(field);
+    tracker.tracker().applyModels();
     loaded.get();
 
     const Pose error(expSO3({3 * kDegree, -4 * kDegree, 2 * kDegree}), {0.006, -0.004, 0.005});
-    InitialPose seen;
+    PoseEstimate seen;
     seen.frame_id = "camera";
-    seen.stamp = stampAt(0);
+    seen.stamp_ns = toNanoseconds(stampAt(0));
     seen.T_P_U = cameraAt(0).inverse() * error;
-    tracker.offer(seen);
+    tracker.tracker().offer(seen);
     Pose T_O_C = cameraAt(kAge_ms);
     T_O_C.t /= kMetresPerUnit;
     const auto result = tracker.process(photograph(*scene_, kCamera, T_O_C, stampAt(kAge_ms)));

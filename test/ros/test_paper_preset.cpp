@@ -22,23 +22,23 @@ TEST(PaperPreset, PublishesWhatItFinds) {
   parameters.frames.tf_timeout_s = 0;
   tf2::BufferCore transforms;
   const FogScene fog;
-  ObjectTracker tracker(parameters,
-                        std::make_unique<SceneSearch>(fog, smallInversion(), smallInversion()),
-                        &transforms, [](const RefinementStatus&) {});
+  MessageTracker tracker(parameters,
+                         std::make_unique<SceneSearch>(fog, smallInversion(), smallInversion()),
+                         &transforms, [](const RefinementStatus&) {});
   auto field = std::make_shared<Field>(fog.field());
   field->metadata.metres_per_unit = kMetresPerUnit;
-  std::future<void> loaded = tracker.offerModel(field);
-  tracker.applyModels();
+  std::future<void> loaded = tracker.tracker().offerModel(field);
+  tracker.tracker().applyModels();
   loaded.get();
 
   const Pose truth = cameraAround(fog, 0.4, 0.3, 1.3);
   Pose rough = truth;
   rough.R = expSO3(Eigen::Vector3d(0.1, -0.12, 0.08)) * truth.R;
   rough.t += Eigen::Vector3d(0.08, 0.06, -0.05);
-  InitialPose start;
+  PoseEstimate start;
   start.frame_id = "camera";
   start.T_P_U = ObjectFrame(Pose(), kMetresPerUnit).objectInCamera(rough);
-  tracker.offer(start);
+  tracker.tracker().offer(start);
   const Camera camera = {64, 64, 80, 80, 31.5, 31.5};
   const auto result = tracker.process(photograph(fog, camera, truth, ros::Time(1000)));
   ASSERT_TRUE(result);

@@ -113,7 +113,8 @@ TEST(Parameters, EachOneReachesItsPlace) {
 
 TEST(Parameters, StagesReachTheirPlace) {
   ParamReader reader = ParamReader::ofNode(ros::NodeHandle("every_parameter"));
-  const std::vector<AlignStageSettings> stages = readParameters(reader).initial.refiner.stages;
+  const std::vector<AlignStageSettings> stages =
+      readParameters(reader).tracker.initial.refiner.stages;
   ASSERT_EQ(stages.size(), 1u);
   EXPECT_EQ(stages[0].object_px, 41);
   EXPECT_EQ(stages[0].hypotheses, 42);
@@ -172,10 +173,10 @@ TEST(Parameters, PresetsBringTheirStages) {
   values["refiner"]["preset"] = "paper_single";
   ParamReader reader(values, "~");
   const PoseRefinerParameters parameters = readParameters(reader);
-  EXPECT_EQ(parameters.tracking.refiner.stages.size(),
+  EXPECT_EQ(parameters.tracker.tracking.refiner.stages.size(),
             RefinerSettings::named("align").stages.size());
-  EXPECT_EQ(parameters.initial.refiner.method, Method::kInversion);
-  EXPECT_EQ(parameters.initial.refiner.inversion.hypotheses, 1);
+  EXPECT_EQ(parameters.tracker.initial.refiner.method, Method::kInversion);
+  EXPECT_EQ(parameters.tracker.initial.refiner.inversion.hypotheses, 1);
 }
 
 TEST(Parameters, MistakesAreNamed) {

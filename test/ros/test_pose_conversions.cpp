@@ -6,12 +6,8 @@
 #include <cmath>
 #include <limits>
 
-#include "ros/conversions/input_error.h"
-
 namespace nerf_pose_refiner {
 namespace {
-
-using Status = RefinementStatus;
 
 /// 90 degrees about z: x to y, y to -x.
 Eigen::Matrix3d quarterTurn() {
@@ -34,11 +30,11 @@ geometry_msgs::PoseStamped somePose() {
 template <typename Message>
 int reasonOf(const Message& message) {
   try {
-    startFromMessage(message);
+    initialPoseFrom(message);
   } catch (const InputError& e) {
     return e.reason();
   }
-  return Status::REASON_NONE;
+  return TrackReason::kNone;
 }
 
 FieldMetadata objectOf(double metres_per_unit) {
@@ -67,7 +63,7 @@ TEST(PoseConversions, WritesTransforms) {
 }
 
 TEST(PoseConversions, ReadsInitialPoses) {
-  const InitialPose start = startFromMessage(somePose());
+  const PoseEstimate start = initialPoseFrom(somePose());
   EXPECT_EQ(start.frame_id, "base");
   EXPECT_EQ(start.stamp, ros::Time(12, 500));
   EXPECT_EQ(start.T_P_U.t, Eigen::Vector3d(1, 2, 3));
@@ -78,42 +74,42 @@ TEST(PoseConversions, ReadsInitialPoses) {
 TEST(PoseConversions, RefusesInitialPosesThatMakeNoSense) {
   geometry_msgs::PoseStamped pose = somePose();
   pose.pose.position.y = std::numeric_limits<double>::quiet_NaN();
-  EXPECT_EQ(reasonOf(pose), Status::REASON_PRIOR_NOT_FINITE);
+  EXPECT_EQ(reasonOf(pose), TrackReason::kPriorNotFinite);
   pose = somePose();
   pose.pose.orientation.x = std::numeric_limits<double>::infinity();
-  EXPECT_EQ(reasonOf(pose), Status::REASON_PRIOR_NOT_FINITE);
+  EXPECT_EQ(reasonOf(pose), TrackReason::kPriorNotFinite);
   pose = somePose();
   pose.pose.orientation = geometry_msgs::Quaternion();
-  EXPECT_EQ(reasonOf(pose), Status::REASON_PRIOR_NOT_UNIT);
+  EXPECT_EQ(reasonOf(pose), TrackReason::kPriorNotUnit);
   pose = somePose();
   pose.pose.orientation.w *= 1.1;
-  EXPECT_EQ(reasonOf(pose), Status::REASON_PRIOR_NOT_UNIT);
+  EXPECT_EQ(reasonOf(pose), TrackReason::kPriorNotUnit);
   pose = somePose();
   pose.pose.orientation.w *= 1.001;
-  EXPECT_EQ(reasonOf(pose), Status::REASON_NONE) << "numbers that were rounded on their way";
+  EXPECT_EQ(reasonOf(pose), TrackReason::kNone) << "numbers that were rounded on their way";
   pose = somePose();
   pose.header.frame_id.clear();
-  EXPECT_EQ(reasonOf(pose), Status::REASON_PRIOR_NO_FRAME);
+  EXPECT_EQ(reasonOf(pose), TrackReason::kPriorNoFrame);
 }
 
 TEST(PoseConversions, ReadsTheCovarianceOfAnInitialPose) {
   geometry_msgs::PoseWithCovarianceStamped message;
   message.header = somePose().header;
   message.pose.pose = somePose().pose;
-  InitialPose start = startFromMessage(message);
+  PoseEstimate start = initialPoseFrom(message);
   EXPECT_FALSE(start.covariance) << "all zeros: nothing is known";
 
   message.pose.covariance[7] = 0.0004;
   message.pose.covariance[11] = 0.003;  // of y and the rotation about z
-  start = startFromMessage(message);
+  start = initialPoseFrom(message);
   ASSERT_TRUE(start.covariance);
   EXPECT_EQ((*start.covariance)(1, 1), 0.0004);
   EXPECT_EQ((*start.covariance)(1, 5), 0.003);
 
   message.pose.covariance[21] = -0.01;
-  EXPECT_EQ(reasonOf(message), Status::REASON_PRIOR_BAD_COVARIANCE);
+  EXPECT_EQ(reasonOf(message), TrackReason::kPriorBadCovariance);
   message.pose.covariance[21] = std::numeric_limits<double>::quiet_NaN();
-  EXPECT_EQ(reasonOf(message), Status::REASON_PRIOR_NOT_FINITE);
+  EXPECT_EQ(reasonOf(message), TrackReason::kPriorNotFinite);
 }
 
 TEST(PoseConversions, WeighsHypotheses) {

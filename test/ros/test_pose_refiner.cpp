@@ -107,7 +107,7 @@ TEST_F(PoseRefinerTest, TellsThatAnInitialPoseIsIgnored) {
   EXPECT_TRUE(waitForReason(Status::REASON_PRIOR_IGNORED));
 }
 
-TEST_F(PoseRefinerTest, FollowsAndSendsOneTransformForEachImage) {
+TEST_F(PoseRefinerTest, TracksAndSendsOneTransformForEachImage) {
   ASSERT_TRUE(track());
   ASSERT_TRUE(waitUntil([] { return world->poses.all().size() >= 5; }));
   // TF and the poses travel apart: look at what both have.

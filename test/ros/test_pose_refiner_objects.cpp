@@ -79,7 +79,7 @@ TEST_F(ObjectsTest, AreListedLoadedChosenAndUnloaded) {
   EXPECT_TRUE(infoOf("toy")->tracked) << "as it was";
 }
 
-// The frame of the object is moved while it is followed, and then the file is spoilt.
+// The frame of the object is moved while it is tracked, and then the file is spoilt.
 TEST_F(ObjectsTest, WhatIsSaidOfItIsReadAgain) {
   fs::copy_file(modelFile("toy"), modelFile("spare"));
   ASSERT_TRUE(setObject("spare").success);

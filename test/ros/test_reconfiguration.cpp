@@ -68,11 +68,11 @@ TEST_F(ReconfigurationTest, ChangesReachTheirPlaceAndNoOther) {
   EXPECT_EQ(set("overlay/", "opacity", 0.5), 0.5);
   EXPECT_EQ(set("", "image_timeout_s", 3), 3);
   PoseRefinerParameters expected;
-  expected.initial.rotation_deg = 20;
-  expected.rules.min_score = 0.125;
-  expected.tracking.refiner.robust_scale = 0.125;
+  expected.tracker.initial.rotation_deg = 20;
+  expected.tracker.rules.min_score = 0.125;
+  expected.tracker.tracking.refiner.robust_scale = 0.125;
   expected.overlay.opacity = 0.5;
-  expected.rules.image_timeout_s = 3;
+  expected.tracker.rules.image_timeout_s = 3;
   EXPECT_EQ(linesOf(parameters()), linesOf(expected));
 }
 
@@ -83,7 +83,7 @@ TEST_F(ReconfigurationTest, WhatTheServersWriteIsReadStrictly) {
   const PoseRefinerParameters read = readParameters(reader);
   EXPECT_TRUE(reader.unknown().empty()) << reader.unknown().front();
   PoseRefinerParameters expected;
-  expected.initial.translation = 0.25;
+  expected.tracker.initial.translation = 0.25;
   EXPECT_EQ(linesOf(read), linesOf(expected));
 }
 
@@ -94,9 +94,9 @@ TEST_F(ReconfigurationTest, RangesAreThoseOfTheStrictParameters) {
 }
 
 TEST_F(ReconfigurationTest, WhatMakesNoSenseIsTakenBack) {
-  const double before = parameters().initial.rotation_deg;
+  const double before = parameters().tracker.initial.rotation_deg;
   EXPECT_EQ(set("refiner/", "rotation_deg", std::numeric_limits<double>::quiet_NaN()), before);
-  EXPECT_EQ(parameters().initial.rotation_deg, before);
+  EXPECT_EQ(parameters().tracker.initial.rotation_deg, before);
 }
 
 // Defaults live in the structs: what rqt_reconfigure shows as a default is the same, and each

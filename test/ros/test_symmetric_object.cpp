@@ -38,13 +38,13 @@ class SymmetricObjectTest : public testing::TestWithParam<Shape> {
     field->metadata.metres_per_unit = kMetresPerUnit;
     // What users mean by it: upside down, and not at the model's origin.
     field->metadata.T_O_U = Pose(expSO3({M_PI, 0, 0}), {0.1, 0, 0.5});
-    tracker_ = std::make_unique<ObjectTracker>(
+    tracker_ = std::make_unique<MessageTracker>(
         parameters_,
         std::make_unique<SceneSearch>(scene_, firstStages("align", 2), firstStages("track", 2)),
         &transforms_, [](const RefinementStatus&) {});
     frame_.emplace(ObjectFrame::inMetres(field->metadata));
-    std::future<void> loaded = tracker_->offerModel(field);
-    tracker_->applyModels();
+    std::future<void> loaded = tracker_->tracker().offerModel(field);
+    tracker_->tracker().applyModels();
     loaded.get();
   }
 
@@ -59,7 +59,7 @@ class SymmetricObjectTest : public testing::TestWithParam<Shape> {
   RevolvedScene scene_{GetParam()};
   PoseRefinerParameters parameters_;
   tf2::BufferCore transforms_;
-  std::unique_ptr<ObjectTracker> tracker_;
+  std::unique_ptr<MessageTracker> tracker_;
   std::optional<ObjectFrame> frame_;
 };
 
@@ -67,10 +67,10 @@ class SymmetricObjectTest : public testing::TestWithParam<Shape> {
 TEST_P(SymmetricObjectTest, NeverFlips) {
   const Pose rough(expSO3({4 * kDegree, -5 * kDegree, 0}), {0.03, -0.02, 0.02});
   const Pose spun = cameraOf(scene_, 0) * rough;
-  InitialPose start;
+  PoseEstimate start;
   start.frame_id = "camera";
   start.T_P_U = frame_->objectInCamera(turnAbout(SymmetryAxis(), 2.5) * spun);
-  tracker_->offer(start);
+  tracker_->tracker().offer(start);
 
   Pose last = start.T_P_U;
   const int frames = std::getenv("NERF_POSE_REFINER_LONG_TESTS") ? 300 : 60;

@@ -7,13 +7,15 @@
 #include <chrono>
 #include <thread>
 
-#include "ros/conversions/input_error.h"
+#include "ros/conversions/status.h"
 
 namespace nerf_pose_refiner {
 namespace {
 
 const ros::Time kThen(10);
 const ros::Time kNow(11);
+
+ImageStamp cameraAt(const ros::Time& stamp) { return {"camera", toNanoseconds(stamp)}; }
 
 class TfBridgeTest : public testing::Test {
  protected:
@@ -37,13 +39,11 @@ class TfBridgeTest : public testing::Test {
   }
 
   double startX(const std::string& frame, const ros::Time& stamp, double x) const {
-    InitialPose start;
+    PoseEstimate start;
     start.frame_id = frame;
-    start.stamp = stamp;
+    start.stamp_ns = toNanoseconds(stamp);
     start.T_P_U.t.x() = x;
-    return TfBridge(buffer_, frames_)
-        .startInCamera(start, "camera", kNow, CancellationToken())
-        .t.x();
+    return TfBridge(buffer_, frames_).inCamera(start, cameraAt(kNow), CancellationToken()).t.x();
   }
 
   FrameSettings frames_;
@@ -79,14 +79,14 @@ TEST_F(TfBridgeTest, RefusesUnknownFramesAndTimes) {
 
 TEST_F(TfBridgeTest, SaysWhereTheCameraWas) {
   EXPECT_EQ(TfBridge(buffer_, frames_).outputFrame("camera"), "camera");
-  EXPECT_EQ(TfBridge(buffer_, frames_).cameraInOutput("camera", kNow, CancellationToken()).t.x(),
+  EXPECT_EQ(TfBridge(buffer_, frames_).cameraInOutput(cameraAt(kNow), CancellationToken()).t.x(),
             0);
   frames_.output_frame = "world";
   const TfBridge bridge(buffer_, frames_);
   EXPECT_EQ(bridge.outputFrame("camera"), "world");
-  EXPECT_NEAR(bridge.cameraInOutput("camera", kThen, CancellationToken()).t.x(), 101, 1e-12);
-  EXPECT_NEAR(bridge.cameraInOutput("camera", kNow, CancellationToken()).t.x(), 103, 1e-12);
-  EXPECT_THROW(bridge.cameraInOutput("camera", ros::Time(12), CancellationToken()), InputError);
+  EXPECT_NEAR(bridge.cameraInOutput(cameraAt(kThen), CancellationToken()).t.x(), 101, 1e-12);
+  EXPECT_NEAR(bridge.cameraInOutput(cameraAt(kNow), CancellationToken()).t.x(), 103, 1e-12);
+  EXPECT_THROW(bridge.cameraInOutput(cameraAt(ros::Time(12)), CancellationToken()), InputError);
 }
 
 TEST_F(TfBridgeTest, WaitsForATransformThatIsLate) {
@@ -101,7 +101,7 @@ TEST_F(TfBridgeTest, WaitsForATransformThatIsLate) {
   });
   double x = 0;
   EXPECT_NO_THROW(
-      x = TfBridge(buffer_, frames_).cameraInOutput("camera", soon, CancellationToken()).t.x());
+      x = TfBridge(buffer_, frames_).cameraInOutput(cameraAt(soon), CancellationToken()).t.x());
   const auto waited = std::chrono::steady_clock::now() - start;
   late.join();
   EXPECT_NEAR(x, 5, 1e-12);
@@ -120,7 +120,7 @@ TEST_F(TfBridgeTest, WaitsNoLongerThanItMay) {
   CancellationToken stop;
   stop.requestCancel();
   frames_.output_frame = "nowhere";
-  EXPECT_THROW(TfBridge(buffer_, frames_).cameraInOutput("camera", kNow, stop), InputError);
+  EXPECT_THROW(TfBridge(buffer_, frames_).cameraInOutput(cameraAt(kNow), stop), InputError);
 }
 
 }  // namespace

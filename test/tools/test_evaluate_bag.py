@@ -107,7 +107,7 @@ class Evaluation(unittest.TestCase):
         self.assertIn('errors are modulo symmetries: 1 motion', text)
         self.assertLess(float(rows[0]['start_rotation_deg']), 6)
 
-    def test_following_from_the_recorded_initial_pose(self):
+    def test_tracking_from_the_recorded_initial_pose(self):
         (rows, summary), _ = self.evaluate('track', '--truth-frame', 'ground_truth_object', '--track', *QUICK,
                                            '--start', 'recorded', '--initial-pose', '/initial_pose', '--frames',
                                            '2', '--min-score', '0', '--trust-score', '0', '--no-plots')

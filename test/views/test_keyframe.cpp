@@ -19,7 +19,7 @@ const Camera kCamera = {320, 240, 400, 400, 159.5, 119.5};
 class KeyframeOfScene : public testing::Test {
  protected:
   KeyframePoints render(const KeyframeSettings& settings = {}, const Camera& camera = kCamera) {
-    return renderKeyframe(backend_.get(), *scene_, camera, T_O_C_, settings);
+    return renderKeyframe(*scene_, {camera, T_O_C_}, settings);
   }
 
   // How far a point is from the surface of the scene's box and ball, at most a little: both are

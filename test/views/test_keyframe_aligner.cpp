@@ -26,7 +26,7 @@ class KeyframeAlignerOnScene : public testing::Test {
   const FieldMetadata& object() const { return scene_->field().metadata; }
 
   KeyframePoints keyframeAt(const Pose& T_O_C) {
-    return renderKeyframe(backend_.get(), *scene_, kCamera, T_O_C);
+    return renderKeyframe(*scene_, {kCamera, T_O_C});
   }
 
   // The scene before clutter, its colours times a gain, plus an offset.

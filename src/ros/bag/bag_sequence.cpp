@@ -14,6 +14,7 @@
 #include <stdexcept>
 
 #include "ros/conversions/pose_conversions.h"
+#include "ros/conversions/status.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -168,14 +169,14 @@ void BagSequence::readInitialPoses() {
   if (topics_.initial_pose.empty()) return;
   rosbag::View view(bag_, rosbag::TopicQuery(topics_.initial_pose));
   for (const rosbag::MessageInstance& message : view) {
-    InitialPose start;
+    PoseEstimate start;
     if (const auto pose = message.instantiate<geometry_msgs::PoseStamped>()) {
-      start = startFromMessage(*pose);
+      start = initialPoseFrom(*pose);
     } else if (const auto wide = message.instantiate<geometry_msgs::PoseWithCovarianceStamped>()) {
-      start = startFromMessage(*wide);
+      start = initialPoseFrom(*wide);
     }
-    if (start.stamp.isZero()) start.stamp = message.getTime();
-    initial_poses_[start.stamp] = start;
+    if (start.stamp_ns == 0) start.stamp_ns = toNanoseconds(message.getTime());
+    initial_poses_[toTime(start.stamp_ns)] = start;
   }
 }
 
@@ -252,11 +253,11 @@ std::optional<Pose> BagSequence::initialPose(const std::string& camera_frame,
   if (next == initial_poses_.begin()) return std::nullopt;
   --next;
   if ((stamp - next->first).toSec() > max_age_s) return std::nullopt;
-  const InitialPose& start = next->second;
+  const PoseEstimate& start = next->second;
   const std::string& fixed = topics_.fixed_frame.empty() ? start.frame_id : topics_.fixed_frame;
   try {
     const geometry_msgs::TransformStamped T_C_P =
-        transforms_.lookupTransform(camera_frame, stamp, start.frame_id, start.stamp, fixed);
+        transforms_.lookupTransform(camera_frame, stamp, start.frame_id, next->first, fixed);
     return fromMessage(T_C_P.transform) * start.T_P_U;
   } catch (const tf2::TransformException& e) {
     throw std::runtime_error(std::string("no way to the initial pose: ") + e.what());

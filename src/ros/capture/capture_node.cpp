@@ -6,7 +6,7 @@
 
 #include <chrono>
 
-#include "ros/conversions/error_of.h"
+#include "concurrency/error_of.h"
 #include "ros/conversions/pose_conversions.h"
 
 namespace nerf_pose_refiner {

@@ -10,7 +10,7 @@
 #include "dataset/path_below.h"
 #include "image/sharpness.h"
 #include "ros/conversions/pose_conversions.h"
-#include "ros/services/object_store.h"
+#include "runtime/object_store.h"
 
 namespace nerf_pose_refiner {
 namespace {

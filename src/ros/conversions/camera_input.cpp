@@ -3,7 +3,6 @@
 
 #include <cv_bridge/cv_bridge.h>
 #include <image_geometry/pinhole_camera_model.h>
-#include <nerf_pose_refiner/RefinementStatus.h>
 #include <sensor_msgs/distortion_models.h>
 #include <sensor_msgs/image_encodings.h>
 
@@ -13,14 +12,13 @@
 #include <string>
 
 #include "image/colour.h"
-#include "ros/conversions/input_error.h"
 #include "ros/conversions/pose_conversions.h"
+#include "tracking/track_status.h"
 
 namespace nerf_pose_refiner {
 namespace {
 
 namespace encodings = sensor_msgs::image_encodings;
-using Status = RefinementStatus;
 
 std::string sizeText(std::size_t width, std::size_t height) {
   return std::to_string(width) + " x " + std::to_string(height);
@@ -56,7 +54,7 @@ std::string adviceFor(const std::string& encoding) {
   return "not one of rgb8, bgr8, rgba8, bgra8 and mono8";
 }
 
-void requireData(const char* what, const sensor_msgs::Image& image, std::uint8_t reason) {
+void requireData(const char* what, const sensor_msgs::Image& image, TrackReason reason) {
   const std::size_t row_bytes =
       std::size_t{image.width} * static_cast<std::size_t>(encodings::numChannels(image.encoding));
   if (image.step < row_bytes || image.data.size() != std::size_t{image.step} * image.height) {
@@ -71,7 +69,7 @@ void requireKnownDistortion(const sensor_msgs::CameraInfo& info) {
   if (std::all_of(info.D.begin(), info.D.end(), is_zero)) return;
   if (info.distortion_model != models::PLUMB_BOB &&
       info.distortion_model != models::RATIONAL_POLYNOMIAL) {
-    throw InputError(Status::REASON_BAD_CAMERA_INFO,
+    throw InputError(TrackReason::kBadCameraInfo,
                      "the distortion model '" + info.distortion_model +
                          "' is not supported: let the nodelet image_proc/rectify take it out, "
                          "listen to its image_rect_color and set ~image_is_rectified");
@@ -79,7 +77,7 @@ void requireKnownDistortion(const sensor_msgs::CameraInfo& info) {
   const std::size_t n = info.D.size();
   const auto is_finite = [](double d) { return std::isfinite(d); };
   if ((n != 4 && n != 5 && n != 8) || !std::all_of(info.D.begin(), info.D.end(), is_finite)) {
-    throw InputError(Status::REASON_BAD_CAMERA_INFO,
+    throw InputError(TrackReason::kBadCameraInfo,
                      "D of camera_info must hold 4, 5 or 8 finite numbers, and has " +
                          std::to_string(n) + " numbers");
   }
@@ -108,36 +106,36 @@ CameraModel readGeometry(const sensor_msgs::CameraInfo& info, bool rectified) {
 
 CameraModel cameraFromMessage(const sensor_msgs::CameraInfo& info, bool rectified) {
   if (!((rectified ? info.P[0] : info.K[0]) > 0)) {
-    throw InputError(Status::REASON_UNCALIBRATED, std::string("the camera is not calibrated (") +
-                                                      (rectified ? "P" : "K") +
-                                                      "[0] of camera_info is not positive)");
+    throw InputError(TrackReason::kUncalibrated, std::string("the camera is not calibrated (") +
+                                                     (rectified ? "P" : "K") +
+                                                     "[0] of camera_info is not positive)");
   }
   if (rectified && info.P[3] != 0) {
-    throw InputError(Status::REASON_BAD_CAMERA_INFO,
+    throw InputError(TrackReason::kBadCameraInfo,
                      "the right camera of a stereo pair is not supported: use the left one");
   }
   if (!rectified) requireKnownDistortion(info);
   try {
     return readGeometry(info, rectified);
   } catch (const std::exception& e) {  // also of OpenCV, which image_geometry lets through
-    throw InputError(Status::REASON_BAD_CAMERA_INFO, std::string("camera_info: ") + e.what());
+    throw InputError(TrackReason::kBadCameraInfo, std::string("camera_info: ") + e.what());
   }
 }
 
 void checkImage(const sensor_msgs::Image& image, const Camera& camera) {
   if (image.header.stamp.isZero() || withoutSlash(image.header.frame_id).empty()) {
-    throw InputError(Status::REASON_BAD_IMAGE, "the image has no stamp or no frame");
+    throw InputError(TrackReason::kBadImage, "the image has no stamp or no frame");
   }
   const auto known = {encodings::RGB8, encodings::BGR8, encodings::RGBA8, encodings::BGRA8,
                       encodings::MONO8};
   if (std::find(known.begin(), known.end(), image.encoding) == known.end()) {
-    throw InputError(Status::REASON_BAD_IMAGE,
+    throw InputError(TrackReason::kBadImage,
                      "the encoding '" + image.encoding + "' is " + adviceFor(image.encoding));
   }
-  requireData("image", image, Status::REASON_BAD_IMAGE);
+  requireData("image", image, TrackReason::kBadImage);
   if (static_cast<int>(image.width) != camera.width ||
       static_cast<int>(image.height) != camera.height) {
-    throw InputError(Status::REASON_BAD_CAMERA_INFO,
+    throw InputError(TrackReason::kBadCameraInfo,
                      "the image is " + sizeText(image.width, image.height) +
                          " but camera_info is for " + sizeText(camera.width, camera.height));
   }
@@ -155,13 +153,13 @@ Image8 rgbPixels(const sensor_msgs::Image& image) {
 
 Image8 maskPixels(const char* what, const sensor_msgs::Image& mask, const Camera& camera) {
   if (mask.encoding != encodings::MONO8 && mask.encoding != encodings::TYPE_8UC1) {
-    throw InputError(Status::REASON_BAD_MASK, std::string("the encoding of the ") + what + " is '" +
-                                                  mask.encoding + "', not mono8");
+    throw InputError(TrackReason::kBadMask, std::string("the encoding of the ") + what + " is '" +
+                                                mask.encoding + "', not mono8");
   }
-  requireData(what, mask, Status::REASON_BAD_MASK);
+  requireData(what, mask, TrackReason::kBadMask);
   if (static_cast<int>(mask.width) != camera.width ||
       static_cast<int>(mask.height) != camera.height) {
-    throw InputError(Status::REASON_BAD_MASK,
+    throw InputError(TrackReason::kBadMask,
                      std::string("the ") + what + " is " + sizeText(mask.width, mask.height) +
                          " but the image is " + sizeText(camera.width, camera.height));
   }
@@ -192,7 +190,7 @@ const Undistorter& CameraInput::undistorterOf(const CameraModel& model) {
     try {
       undistorter_.emplace(model.camera, model.distortion);
     } catch (const std::exception& e) {
-      throw InputError(Status::REASON_BAD_CAMERA_INFO, std::string("camera_info: ") + e.what());
+      throw InputError(TrackReason::kBadCameraInfo, std::string("camera_info: ") + e.what());
     }
     model_ = model;
   }

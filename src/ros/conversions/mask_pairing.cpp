@@ -24,12 +24,12 @@ void MaskPairing::Masks::forgetUpTo(const ros::Time& stamp) {
 }
 
 bool MaskPairing::expected(const Masks& masks, const ros::WallTime& now) const {
-  return !masks.last.isZero() && (now - masks.last).toSec() <= settings_.timeout_s;
+  return !masks.last.isZero() && (now - masks.last).toSec() <= timeout_s_;
 }
 
 bool MaskPairing::objectIsExpected(const ros::WallTime& now) const {
-  if (settings_.mode == MaskMode::kNone) return false;
-  if (settings_.mode == MaskMode::kInitial && tracking_) return false;
+  if (mode_ == MaskMode::kNone) return false;
+  if (mode_ == MaskMode::kInitial && tracking_) return false;
   return expected(object_, now);
 }
 

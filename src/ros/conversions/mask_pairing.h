@@ -8,8 +8,8 @@
 #include <functional>
 #include <mutex>
 
-#include "ros/conversions/parameters.h"
-#include "ros/nodelet/object_tracker.h"
+#include "ros/nodelet/message_tracker.h"
+#include "tracking/settings.h"
 
 namespace nerf_pose_refiner {
 
@@ -29,8 +29,9 @@ class MaskPairing {
 
   using Emit = std::function<void(CameraFrame)>;
 
-  MaskPairing(const MaskSettings& settings, Emit emit)
-      : settings_(settings), emit_(std::move(emit)) {}
+  /// @param timeout_s without a mask for so long none is waited for [s].
+  MaskPairing(MaskMode mode, double timeout_s, Emit emit)
+      : mode_(mode), timeout_s_(timeout_s), emit_(std::move(emit)) {}
 
   /// An image, without masks. @param now by the wall clock, here and below.
   void add(const CameraFrame& frame, const ros::WallTime& now);
@@ -63,7 +64,8 @@ class MaskPairing {
   bool objectIsExpected(const ros::WallTime& now) const;
   void release(const ros::WallTime& now);
 
-  const MaskSettings settings_;
+  const MaskMode mode_;
+  const double timeout_s_;
   const Emit emit_;
 
   mutable std::mutex mutex_;        ///< guards all below

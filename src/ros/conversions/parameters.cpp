@@ -170,26 +170,16 @@ void validateSearch(const std::string& group, const SearchSettings& search) {
 
 }  // namespace
 
-PoseRefinerParameters::PoseRefinerParameters() {
-  initial.rotation_deg = 15;
-  initial.translation = 0.15;
-  initial.preset = "align";
-  initial.refiner = RefinerSettings::named(initial.preset);
-  tracking.rotation_deg = 5;
-  tracking.translation = 0.05;
-  tracking.preset = "track";
-  tracking.refiner = RefinerSettings::named(tracking.preset);
-}
-
 BackendChoice PoseRefinerParameters::backendChoice() const {
   return {backend, threads, instruction_set, device};
 }
 
 void PoseRefinerParameters::validate() const {
+  const TrackingRules& rules = tracker.rules;
   requireNotNegative("~model_memory_mb", model_memory_mb);
   requireNotNegative("~threads", threads);
   requireNotNegative("~device", device);
-  requireNotNegative("~mask_timeout_s", masks.timeout_s);
+  requireNotNegative("~mask_timeout_s", mask_timeout_s);
   requireNotNegative("~tf_timeout_s", frames.tf_timeout_s);
   requirePositive("~tf_cache_s", frames.tf_cache_s);
   requirePositive("~initial_pose_max_age_s", rules.initial_pose_max_age_s);
@@ -205,8 +195,8 @@ void PoseRefinerParameters::validate() const {
   requireFraction("~overlay/opacity", overlay.opacity);
   requireNotNegative("~diagnostics/min_image_rate_hz", diagnostics.min_image_rate_hz);
   requirePositive("~diagnostics/max_image_age_s", diagnostics.max_image_age_s);
-  validateSearch("refiner", initial);
-  validateSearch("tracker", tracking);
+  validateSearch("refiner", tracker.initial);
+  validateSearch("tracker", tracker.tracking);
   registration.validate();
 }
 
@@ -222,8 +212,8 @@ PoseRefinerParameters readParameters(ParamReader& reader, const PoseRefinerParam
                       {{"none", MaskMode::kNone},
                        {"initial", MaskMode::kInitial},
                        {"every_frame", MaskMode::kEveryFrame}},
-                      p.masks.mode);
-  reader.get("mask_timeout_s", p.masks.timeout_s);
+                      p.tracker.mask_mode);
+  reader.get("mask_timeout_s", p.mask_timeout_s);
   getChoice<std::string>(reader, "backend", {{"auto", "auto"}, {"cpu", "cpu"}, {"cuda", "cuda"}},
                          p.backend);
   reader.get("device", p.device);
@@ -232,25 +222,25 @@ PoseRefinerParameters readParameters(ParamReader& reader, const PoseRefinerParam
                          {{"auto", "auto"}, {"avx2", "avx2"}, {"baseline", "baseline"}},
                          p.instruction_set);
   readFrames(reader, p.frames);
-  getChoice<bool>(reader, "mode", {{"track", false}, {"once", true}}, p.rules.once);
+  getChoice<bool>(reader, "mode", {{"track", false}, {"once", true}}, p.tracker.rules.once);
   getChoice<InitialPosePolicy>(reader, "initial_pose_policy",
                                {{"when_not_tracking", InitialPosePolicy::kWhenNotTracking},
                                 {"always", InitialPosePolicy::kAlways}},
-                               p.rules.initial_pose_policy);
-  reader.get("initial_pose_max_age_s", p.rules.initial_pose_max_age_s);
-  reader.get("image_timeout_s", p.rules.image_timeout_s);
-  reader.get("recover_s", p.rules.recover_s);
+                               p.tracker.rules.initial_pose_policy);
+  reader.get("initial_pose_max_age_s", p.tracker.rules.initial_pose_max_age_s);
+  reader.get("image_timeout_s", p.tracker.rules.image_timeout_s);
+  reader.get("recover_s", p.tracker.rules.recover_s);
 
   ParamReader refiner = reader.group("refiner");
-  readSearch(refiner, p.initial);
+  readSearch(refiner, p.tracker.initial);
   refiner.rejectUnknown();
 
   ParamReader tracker = reader.group("tracker");
-  readSearch(tracker, p.tracking);
-  tracker.get("trust_score", p.rules.trust_score);
-  tracker.get("min_score", p.rules.min_score);
-  tracker.get("max_failures", p.rules.max_failures);
-  tracker.get("predict", p.rules.predict);
+  readSearch(tracker, p.tracker.tracking);
+  tracker.get("trust_score", p.tracker.rules.trust_score);
+  tracker.get("min_score", p.tracker.rules.min_score);
+  tracker.get("max_failures", p.tracker.rules.max_failures);
+  tracker.get("predict", p.tracker.rules.predict);
   tracker.rejectUnknown();
 
   ParamReader overlay = reader.group("overlay");

@@ -4,56 +4,11 @@
 #include <string>
 
 #include "backend/make_backend.h"
-#include "refinement/settings.h"
 #include "registration/registrar.h"
 #include "ros/conversions/param_reader.h"
+#include "tracking/settings.h"
 
 namespace nerf_pose_refiner {
-
-/// When an initial pose is taken.
-enum class InitialPosePolicy {
-  kWhenNotTracking,  ///< ignored while the object is tracked
-  kAlways,
-};
-
-/// How a refinement searches, and how far around its start.
-struct SearchSettings {
-  std::string preset;       ///< that `refiner` began with, see RefinerSettings::named
-  double rotation_deg = 0;  ///< half width of the search per axis, about the object's centre, > 0
-  double translation = 0;   ///< half width of the search per axis [object diameters], > 0
-  RefinerSettings refiner;
-};
-
-/// What keeps a track, and what ends it.
-struct TrackingRules {
-  double trust_score = 0.18;  ///< 0..1: a track begins with a pose that explains the image so well
-  double min_score = 0.1;     ///< 0..trust_score: it does not go on with one that does so worse
-  int max_failures = 2;       ///< so many untrusted images in a row are bridged, >= 0
-  bool predict = true;        ///< look where the last two poses point to, not around the last
-  double recover_s = 5;  ///< so long after the last trusted pose it is tried again [s]; 0: never
-  bool once = false;     ///< back to waiting after one trusted pose
-  InitialPosePolicy initial_pose_policy = InitialPosePolicy::kWhenNotTracking;
-  double initial_pose_max_age_s = 10;  ///< of an initial pose when it is used [s], > 0
-  double image_timeout_s = 2;          ///< without an image for so long: lost [s]; 0: never
-};
-
-/// Which refinements make use of a mask of the object.
-enum class MaskMode {
-  kNone,
-  kInitial,     ///< those from an initial pose
-  kEveryFrame,  ///< all
-};
-
-struct MaskSettings {
-  MaskMode mode = MaskMode::kNone;
-  double timeout_s = 1;  ///< without a mask for so long: as if there were none [s], >= 0
-
-  /// Whether a refinement makes use of the object's mask. @param tracked it starts from the last
-  /// pose.
-  bool usedFrom(bool tracked) const {
-    return mode == MaskMode::kEveryFrame || (mode == MaskMode::kInitial && !tracked);
-  }
-};
 
 /// How ~overlay is drawn.
 struct OverlaySettings {
@@ -90,16 +45,12 @@ struct PoseRefinerParameters {
   int device = 0;                        ///< of the CUDA backend: number of the GPU
   int threads = 0;                       ///< of the CPU backend; 0: all cores
   std::string instruction_set = "auto";  ///< of the CPU backend
-  MaskSettings masks;
+  double mask_timeout_s = 1;  ///< without a mask for so long: as if there were none [s], >= 0
   OverlaySettings overlay;
   DiagnosticSettings diagnostics;
   FrameSettings frames;
-  TrackingRules rules;
-  SearchSettings initial;   ///< group ~refiner: from an initial pose
-  SearchSettings tracking;  ///< group ~tracker: from the last pose
+  TrackerSettings tracker;  ///< `initial`: group ~refiner; `tracking`: group ~tracker
   RegistrationSettings registration;
-
-  PoseRefinerParameters();
 
   /// The backend to search and to learn with.
   BackendChoice backendChoice() const;

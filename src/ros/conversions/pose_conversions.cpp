@@ -6,14 +6,9 @@
 #include <cmath>
 
 #include "field/object_frame.h"
-#include "ros/conversions/input_error.h"
+#include "ros/conversions/status.h"
 
 namespace nerf_pose_refiner {
-namespace {
-
-using Status = RefinementStatus;
-
-}  // namespace
 
 std::string withoutSlash(const std::string& frame_id) {
   return !frame_id.empty() && frame_id[0] == '/' ? frame_id.substr(1) : frame_id;
@@ -43,11 +38,11 @@ Pose fromMessage(const geometry_msgs::Pose& message) {
   const Eigen::Quaterniond q(message.orientation.w, message.orientation.x, message.orientation.y,
                              message.orientation.z);
   if (!t.allFinite() || !q.coeffs().allFinite()) {
-    throw InputError(Status::REASON_PRIOR_NOT_FINITE, "the pose holds NaN or infinity");
+    throw InputError(TrackReason::kPriorNotFinite, "the pose holds NaN or infinity");
   }
   if (std::abs(q.norm() - 1) > 0.01) {
-    throw InputError(Status::REASON_PRIOR_NOT_UNIT, "the length of the pose's quaternion is " +
-                                                        std::to_string(q.norm()) + ", not 1");
+    throw InputError(TrackReason::kPriorNotUnit, "the length of the pose's quaternion is " +
+                                                     std::to_string(q.norm()) + ", not 1");
   }
   return {q.normalized().toRotationMatrix(), t};
 }
@@ -71,30 +66,30 @@ geometry_msgs::TransformStamped toTransform(const geometry_msgs::PoseStamped& po
   return transform;
 }
 
-InitialPose startFromMessage(const geometry_msgs::PoseStamped& message) {
-  InitialPose start;
+PoseEstimate initialPoseFrom(const geometry_msgs::PoseStamped& message) {
+  PoseEstimate start;
   start.T_P_U = fromMessage(message.pose);
   start.frame_id = withoutSlash(message.header.frame_id);
-  start.stamp = message.header.stamp;
+  start.stamp_ns = toNanoseconds(message.header.stamp);
   if (start.frame_id.empty()) {
-    throw InputError(Status::REASON_PRIOR_NO_FRAME, "the pose's header names no frame");
+    throw InputError(TrackReason::kPriorNoFrame, "the pose's header names no frame");
   }
   return start;
 }
 
-InitialPose startFromMessage(const geometry_msgs::PoseWithCovarianceStamped& message) {
+PoseEstimate initialPoseFrom(const geometry_msgs::PoseWithCovarianceStamped& message) {
   geometry_msgs::PoseStamped pose;
   pose.header = message.header;
   pose.pose = message.pose.pose;
-  InitialPose start = startFromMessage(pose);
+  PoseEstimate start = initialPoseFrom(pose);
   const Eigen::Map<const Eigen::Matrix<double, 6, 6, Eigen::RowMajor>> values(
       message.pose.covariance.data());
   const Matrix6 covariance = values;
   if (!covariance.allFinite()) {
-    throw InputError(Status::REASON_PRIOR_NOT_FINITE, "the covariance holds NaN or infinity");
+    throw InputError(TrackReason::kPriorNotFinite, "the covariance holds NaN or infinity");
   }
   if (covariance.diagonal().minCoeff() < 0) {
-    throw InputError(Status::REASON_PRIOR_BAD_COVARIANCE, "the covariance has a negative variance");
+    throw InputError(TrackReason::kPriorBadCovariance, "the covariance has a negative variance");
   }
   if (!covariance.isZero(0)) start.covariance = covariance;
   return start;

@@ -6,8 +6,8 @@
 #include <algorithm>
 #include <chrono>
 
-#include "ros/conversions/input_error.h"
 #include "ros/conversions/pose_conversions.h"
+#include "ros/conversions/status.h"
 
 namespace nerf_pose_refiner {
 
@@ -39,7 +39,7 @@ Pose TfBridge::wait(const std::string& what, const Lookup& lookup,
       return fromMessage(lookup().transform);
     } catch (const tf2::TransformException& e) {
       if (stop.cancelRequested() || steady_clock::now() >= deadline) {
-        throw InputError(RefinementStatus::REASON_NO_TRANSFORM, what + ": " + e.what());
+        throw InputError(TrackReason::kNoTransform, what + ": " + e.what());
       }
     }
     lock.lock();
@@ -52,26 +52,33 @@ std::string TfBridge::outputFrame(const std::string& camera_frame) const {
   return frames_.output_frame.empty() ? camera_frame : frames_.output_frame;
 }
 
-Pose TfBridge::cameraInOutput(const std::string& camera_frame, const ros::Time& stamp,
-                              const CancellationToken& stop) const {
-  const std::string output_frame = outputFrame(camera_frame);
-  if (output_frame == camera_frame) return Pose();
+Pose TfBridge::cameraInOutput(const ImageStamp& image, const CancellationToken& stop) const {
+  const std::string output_frame = outputFrame(image.camera_frame);
+  if (output_frame == image.camera_frame) return Pose();
   return wait(
-      "no transform from " + camera_frame + " to " + output_frame,
-      [&] { return buffer_.lookupTransform(output_frame, camera_frame, stamp); }, stop);
+      "no transform from " + image.camera_frame + " to " + output_frame,
+      [&] {
+        return buffer_.lookupTransform(output_frame, image.camera_frame, toTime(image.stamp_ns));
+      },
+      stop);
 }
 
-Pose TfBridge::startInCamera(const InitialPose& start, const std::string& camera_frame,
-                             const ros::Time& stamp, const CancellationToken& stop) const {
-  const ros::Time since = start.stamp.isZero() ? stamp : start.stamp;
-  const bool same_frame = start.frame_id == camera_frame;
-  if (same_frame && (frames_.fixed_frame.empty() || since == stamp)) return start.T_P_U;
-  const std::string& fixed = frames_.fixed_frame.empty() ? start.frame_id : frames_.fixed_frame;
+Pose TfBridge::inCamera(const PoseEstimate& estimate, const ImageStamp& image,
+                        const CancellationToken& stop) const {
+  const std::int64_t since_ns = estimate.stamp_ns == 0 ? image.stamp_ns : estimate.stamp_ns;
+  const bool same_frame = estimate.frame_id == image.camera_frame;
+  if (same_frame && (frames_.fixed_frame.empty() || since_ns == image.stamp_ns)) {
+    return estimate.T_P_U;
+  }
+  const std::string& fixed = frames_.fixed_frame.empty() ? estimate.frame_id : frames_.fixed_frame;
   const Pose T_C_P = wait(
-      "no transform from " + start.frame_id + " to " + camera_frame + " through " + fixed,
-      [&] { return buffer_.lookupTransform(camera_frame, stamp, start.frame_id, since, fixed); },
+      "no transform from " + estimate.frame_id + " to " + image.camera_frame + " through " + fixed,
+      [&] {
+        return buffer_.lookupTransform(image.camera_frame, toTime(image.stamp_ns),
+                                       estimate.frame_id, toTime(since_ns), fixed);
+      },
       stop);
-  return T_C_P * start.T_P_U;
+  return T_C_P * estimate.T_P_U;
 }
 
 }  // namespace nerf_pose_refiner

@@ -1,7 +1,6 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <ros/time.h>
 #include <tf2/buffer_core.h>
 
 #include <boost/signals2/connection.hpp>
@@ -14,29 +13,29 @@
 
 #include "nerf_pose_refiner/cancellation_token.h"
 #include "nerf_pose_refiner/pose.h"
-#include "ros/nodelet/tracker_state.h"
+#include "ros/conversions/parameters.h"
+#include "tracking/transforms.h"
 
 namespace nerf_pose_refiner {
 
 /// Where the camera was, and where a pose in another frame is for the camera. Waits for transforms
 /// that are late, for ~tf_timeout_s of wall time: never call it from a callback.
-class TfBridge {
+class TfBridge : public Transforms {
  public:
   /// @param buffer outlives this object and is filled by another thread.
   TfBridge(tf2::BufferCore& buffer, const FrameSettings& frames);
 
   /// The camera in ~output_frame (T_W_C, metres) at an image's time.
   /// @throws InputError if TF does not say it in time.
-  Pose cameraInOutput(const std::string& camera_frame, const ros::Time& stamp,
-                      const CancellationToken& stop) const;
+  Pose cameraInOutput(const ImageStamp& image, const CancellationToken& stop) const;
 
-  /// A start pose in the camera's frame C at an image's time (T_C_U, metres).
-  ///
-  /// Between its own time and the image's, the object stands still in ~fixed_frame; if that is not
-  /// set, in the frame that the pose is given in.
+  /// Between the time of the estimate and the image's, the object stands still in ~fixed_frame; if
+  /// that is not set, in the frame that the pose is given in.
   /// @throws InputError if TF does not say it in time.
-  Pose startInCamera(const InitialPose& start, const std::string& camera_frame,
-                     const ros::Time& stamp, const CancellationToken& stop) const;
+  Pose inCamera(const PoseEstimate& estimate, const ImageStamp& image,
+                const CancellationToken& stop) const override;
+
+  void clear() override { buffer_.clear(); }
 
   /// Frame in which poses of this camera are published.
   std::string outputFrame(const std::string& camera_frame) const;
@@ -52,7 +51,7 @@ class TfBridge {
   using Lookup = std::function<geometry_msgs::TransformStamped()>;
   Pose wait(const std::string& what, const Lookup& lookup, const CancellationToken& stop) const;
 
-  const tf2::BufferCore& buffer_;
+  tf2::BufferCore& buffer_;
   FrameSettings frames_;
   std::shared_ptr<Changes> changes_;  ///< shared with a call back that may be under way
   boost::signals2::scoped_connection listening_;

@@ -10,9 +10,9 @@
 
 #include "backend/gpu_memory.h"
 #include "backend/make_backend.h"
-#include "ros/conversions/error_of.h"
-#include "ros/conversions/input_error.h"
+#include "concurrency/error_of.h"
 #include "ros/conversions/pose_conversions.h"
+#include "ros/conversions/status.h"
 #include "ros/conversions/topics.h"
 
 namespace nerf_pose_refiner {
@@ -38,7 +38,7 @@ PoseRefinerNodelet::~PoseRefinerNodelet() {
   registrations_.reset();  // those who ask for them may wait for the worker
   objects_.reset();        // the same
   stopping_ = true;
-  if (tracker_) tracker_->stop();
+  if (tracker_) tracker_->tracker().stop();
   mailbox_.wake();
   if (worker_.joinable()) worker_.join();
   reconfiguration_.reset();
@@ -70,12 +70,12 @@ void PoseRefinerNodelet::start() {
   const PoseRefinerParameters& p = parameters_;
   process_ = RefinerProcess::ofThisProcess();
   process_->models.setBudget(std::size_t{1000000} * p.model_memory_mb, getName());
-  const auto make_search_backend = [this, make_backend = sharedBackend()] {
-    const std::shared_ptr<Backend> backend = make_backend();
-    const BackendInfo info = backend->info();
+  const auto find_processor = [this, find_shared = sharedProcessor()] {
+    SearchProcessor processor = find_shared();
+    const BackendInfo info = processor.backend->info();
     diagnostics_->backendIs(info.description);
     on_gpu_ = info.memory_bytes > 0;
-    return backend;
+    return processor;
   };
   const auto make_overlay_backend = [set = p.instruction_set] {
     return std::shared_ptr<Backend>(makeCpuBackend(1, set));
@@ -100,13 +100,14 @@ void PoseRefinerNodelet::start() {
         make_overlay_backend, p.overlay);
     transport_ = std::make_unique<image_transport::ImageTransport>(nh);
   }
-  tracker_ = std::make_unique<ObjectTracker>(
+  tracker_ = std::make_unique<MessageTracker>(
       p,
-      std::make_unique<RefinerSearch>(make_search_backend, p.initial.refiner, p.tracking.refiner,
-                                      schedule()),
+      std::make_unique<RefinerSearch>(find_processor, p.tracker.initial.refiner,
+                                      p.tracker.tracking.refiner),
       transforms_.get(), [this](const RefinementStatus& status) { report(status); });
-  pairing_ = std::make_unique<MaskPairing>(
-      p.masks, [this](CameraFrame frame) { mailbox_.put(std::move(frame)); });
+  pairing_ =
+      std::make_unique<MaskPairing>(p.tracker.mask_mode, p.mask_timeout_s,
+                                    [this](CameraFrame frame) { mailbox_.put(std::move(frame)); });
   const ObjectStore store(p.model_root, &process_->models);
   startPoseService(store);
   worker_ = std::thread([this] { work(); });
@@ -128,7 +129,7 @@ void PoseRefinerNodelet::start() {
     });
     if (!error) return;
     NODELET_FATAL("no services: %s", error->c_str());
-    tracker_->modelFailed(RefinementStatus::REASON_INTERNAL, "no services: " + *error);
+    tracker_->tracker().modelFailed(TrackReason::kInternal, "no services: " + *error);
   });
 }
 
@@ -150,25 +151,19 @@ Diagnostics::Facts PoseRefinerNodelet::memoryFacts() const {
   return facts;
 }
 
-BackendFactory PoseRefinerNodelet::sharedBackend() const {
+ProcessorFactory PoseRefinerNodelet::sharedProcessor() const {
   return [process = process_, choice = parameters_.backendChoice()] {
-    return process->backends.shared(choice);
-  };
-}
-
-ScheduleFactory PoseRefinerNodelet::schedule() const {
-  return [process = process_, choice = parameters_.backendChoice()] {
-    return process->backends.scheduleOf(choice);
+    return process->backends.searchProcessor(choice);
   };
 }
 
 void PoseRefinerNodelet::startPoseService(const ObjectStore& store) {
-  const auto make_search = [make_backend = sharedBackend(),
-                            find_schedule = schedule()](const PoseRefinerParameters& now) {
-    return std::make_unique<RefinerSearch>(make_backend, now.initial.refiner, now.tracking.refiner,
-                                           find_schedule);
+  const auto make_search = [find_processor = sharedProcessor()](const TrackerSettings& settings) {
+    return std::make_unique<RefinerSearch>(find_processor, settings.initial.refiner,
+                                           settings.tracking.refiner);
   };
-  tracked_ = std::make_unique<TrackedObject>(tracker_.get());
+  tracked_ = std::make_unique<TrackedObject>(
+      &tracker_->tracker(), [](const std::string& text) { ROS_INFO("%s", text.c_str()); });
   poses_ = std::make_unique<PoseService>(getNodeHandle(), getPrivateNodeHandle(), parameters_,
                                          store, make_search, tracked_.get(), *transforms_);
 }
@@ -179,18 +174,21 @@ void PoseRefinerNodelet::startObjectServices(const ObjectStore& store) {
   const auto make_backend = [choice = p.backendChoice()] {
     return std::shared_ptr<Backend>(makeBackend(choice));
   };
+  const auto find_schedule = [process = process_, choice = p.backendChoice()] {
+    return process->backends.scheduleOf(choice);
+  };
   objects_ =
       std::make_unique<ObjectServices>(getPrivateNodeHandle(), store, tracked_.get(), p.object);
   registrations_ = std::make_unique<RegistrationServices>(
       getPrivateNodeHandle(),
-      ObjectRegistration(p.dataset_root, p.registration, store, make_backend, schedule()),
+      ObjectRegistration(p.dataset_root, p.registration, store, make_backend, find_schedule),
       &process_->registrations, tracked_.get());
 }
 
 void PoseRefinerNodelet::startReconfiguration() {
   reconfiguration_ = std::make_unique<Reconfiguration>(
       getPrivateNodeHandle(), parameters_, [this](const PoseRefinerParameters& changed) {
-        tracker_->change(changed);
+        tracker_->tracker().change(changed.tracker);
         poses_->change(changed);
         overlay_->change(changed.overlay);
       });
@@ -227,7 +225,7 @@ void PoseRefinerNodelet::subscribeIfWanted() {
                                                 getPrivateNodeHandle());
     images_ =
         transport_->subscribeCamera(topics::kImage, 10, &PoseRefinerNodelet::onImage, this, hints);
-    if (parameters_.masks.mode != MaskMode::kNone) {
+    if (parameters_.tracker.mask_mode != MaskMode::kNone) {
       masks_ = getNodeHandle().subscribe(topics::kMask, 10, &PoseRefinerNodelet::onMask, this);
     }
     ignore_masks_ =
@@ -245,7 +243,7 @@ void PoseRefinerNodelet::onImage(const sensor_msgs::ImageConstPtr& image,
                                  const sensor_msgs::CameraInfoConstPtr& info) {
   const ros::WallTime arrival = ros::WallTime::now();
   guard("image", [&] {
-    const std::uint32_t clock_jumps = tracker_->readClock();
+    const std::uint32_t clock_jumps = tracker_->tracker().readClock();
     diagnostics_->imageArrived(image->header.stamp);
     if (const auto reason = tracker_->refusal(*image, *info)) {
       NODELET_ERROR_THROTTLE(5.0, "image: %s", reason->c_str());
@@ -267,12 +265,12 @@ void PoseRefinerNodelet::onIgnoreMask(const sensor_msgs::ImageConstPtr& mask) {
 template <typename PoseMessage>
 void PoseRefinerNodelet::onInitialPose(const boost::shared_ptr<const PoseMessage>& message) {
   guard("initial pose", [&] {
-    tracker_->readClock();
+    tracker_->tracker().readClock();
     try {
-      tracker_->offer(startFromMessage(*message));
+      tracker_->tracker().offer(initialPoseFrom(*message));
     } catch (const InputError& e) {
       NODELET_ERROR("initial pose refused: %s", e.what());
-      tracker_->refuseInitialPose(e.reason(), e.what());
+      tracker_->tracker().refuseInitialPose(e.reason(), e.what());
     }
     mailbox_.wake();
   });
@@ -281,7 +279,7 @@ void PoseRefinerNodelet::onInitialPose(const boost::shared_ptr<const PoseMessage
 bool PoseRefinerNodelet::onReset(std_srvs::Trigger::Request&,
                                  std_srvs::Trigger::Response& response) {
   guard(topics::kReset, [&] {
-    tracker_->reset();
+    tracker_->tracker().reset();
     mailbox_.wake();
     response.success = true;
     response.message = "waiting for an initial pose";
@@ -292,7 +290,7 @@ bool PoseRefinerNodelet::onReset(std_srvs::Trigger::Request&,
 bool PoseRefinerNodelet::onEnable(std_srvs::SetBool::Request& request,
                                   std_srvs::SetBool::Response& response) {
   guard(topics::kEnable, [&] {
-    tracker_->setEnabled(request.data);
+    tracker_->tracker().setEnabled(request.data);
     mailbox_.wake();
     enable(request.data);
     response.success = true;
@@ -306,21 +304,20 @@ void PoseRefinerNodelet::work() {
 }
 
 void PoseRefinerNodelet::workOnce() {
-  tracker_->applyModels();
+  tracker_->tracker().applyModels();
   const std::optional<CameraFrame> frame = mailbox_.take(kTick);
   pairing_->tick(ros::WallTime::now());
-  tracker_->readClock();
+  tracker_->tracker().readClock();
   if (!frame) {
-    std_msgs::Header now;
-    now.stamp = ros::Time::now();
-    tracker_->reportChange(now);
+    tracker_->tracker().reportChange({"", toNanoseconds(ros::Time::now())});
   } else if (const std::optional<FrameResult> result = tracker_->process(*frame)) {
     results_->publish(*result);
     if (result->pose) diagnostics_->posePublished(result->pose->header.stamp);
     report(result->status);
-    if (result->found) {
+    const TrackResult& track = result->track;
+    if (track.found) {
       overlay_->draw(
-          {result->status.header, result->observation, result->field, result->refinement.T_O_C});
+          {result->status.header, track.observation, track.field, track.refinement.T_O_C});
     }
   }
 }

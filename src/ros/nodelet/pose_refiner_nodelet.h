@@ -18,7 +18,7 @@
 #include "ros/conversions/mask_pairing.h"
 #include "ros/conversions/parameters.h"
 #include "ros/nodelet/diagnostics.h"
-#include "ros/nodelet/object_tracker.h"
+#include "ros/nodelet/message_tracker.h"
 #include "ros/nodelet/overlay_publisher.h"
 #include "ros/nodelet/result_publisher.h"
 #include "ros/nodelet/transform_input.h"
@@ -26,12 +26,12 @@
 #include "ros/services/pose_service.h"
 #include "ros/services/reconfiguration.h"
 #include "ros/services/registration_services.h"
-#include "ros/services/tracked_object.h"
 #include "runtime/refiner_process.h"
+#include "runtime/tracked_object.h"
 
 namespace nerf_pose_refiner {
 
-/// Follows an object from image to image: the ROS graph around ObjectTracker.
+/// Tracks an object from image to image: the ROS graph around Tracker.
 ///
 /// Threads: callbacks on the nodelet's queue, none of which waits; the worker, which refines the
 /// newest image; one that advertises, at the start, what the loading need not wait for; those of
@@ -45,8 +45,7 @@ class PoseRefinerNodelet : public nodelet::Nodelet {
   void onInit() override;
   void start();
   void readParameters();
-  BackendFactory sharedBackend() const;
-  ScheduleFactory schedule() const;
+  ProcessorFactory sharedProcessor() const;
   void startPoseService(const ObjectStore& store);
   void startObjectServices(const ObjectStore& store);
   void startReconfiguration();
@@ -90,7 +89,7 @@ class PoseRefinerNodelet : public nodelet::Nodelet {
 
   std::unique_ptr<ResultPublisher> results_;
   std::unique_ptr<OverlayPublisher> overlay_;
-  std::unique_ptr<ObjectTracker> tracker_;
+  std::unique_ptr<MessageTracker> tracker_;
   std::unique_ptr<TrackedObject> tracked_;
   std::unique_ptr<ObjectServices> objects_;
   std::unique_ptr<Reconfiguration> reconfiguration_;

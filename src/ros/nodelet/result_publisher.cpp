@@ -47,9 +47,9 @@ void ResultPublisher::publish(const FrameResult& result) {
   hypotheses_.publish(result.hypotheses);
   hypothesis_poses_.publish(toPoseArray(result.hypotheses));
   if (hypothesis_markers_.getNumSubscribers() > 0) {
-    const ObjectFrame frame = ObjectFrame::inMetres(result.field->metadata);
+    const ObjectFrame frame = ObjectFrame::inMetres(result.track.field->metadata);
     hypothesis_markers_.publish(
-        hypothesisMarkers(result.hypotheses, boxCorners(*result.field, frame)));
+        hypothesisMarkers(result.hypotheses, boxCorners(*result.track.field, frame)));
   }
 }
 

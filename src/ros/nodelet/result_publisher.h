@@ -9,7 +9,7 @@
 #include <string>
 
 #include "ros/conversions/parameters.h"
-#include "ros/nodelet/object_tracker.h"
+#include "ros/nodelet/message_tracker.h"
 
 namespace nerf_pose_refiner {
 

@@ -3,9 +3,9 @@
 
 #include <ros/console.h>
 
-#include "ros/conversions/error_of.h"
-#include "ros/conversions/input_error.h"
+#include "concurrency/error_of.h"
 #include "ros/conversions/pose_conversions.h"
+#include "ros/conversions/status.h"
 #include "ros/conversions/topics.h"
 
 namespace nerf_pose_refiner {
@@ -78,12 +78,12 @@ void ObjectServices::renewTracked() {
 void ObjectServices::loadFirst(const std::string& name) {
   try {
     tracked_->track(store_.load(name));
-  } catch (const InputError& e) {
+  } catch (const ModelError& e) {
     ROS_ERROR("%s", e.what());
-    tracked_->failed(e.reason(), e.what());
+    tracked_->failed(reasonOf(e), e.what());
   } catch (const std::exception& e) {
     ROS_ERROR("loading '%s': %s", name.c_str(), e.what());
-    tracked_->failed(RefinementStatus::REASON_INTERNAL, e.what());
+    tracked_->failed(TrackReason::kInternal, e.what());
   }
 }
 

@@ -16,8 +16,8 @@
 #include <string>
 #include <vector>
 
-#include "ros/services/object_store.h"
-#include "ros/services/tracked_object.h"
+#include "runtime/object_store.h"
+#include "runtime/tracked_object.h"
 
 namespace nerf_pose_refiner {
 

@@ -7,17 +7,15 @@
 #include <chrono>
 #include <cmath>
 #include <future>
+#include <limits>
 #include <utility>
 
-#include "ros/conversions/input_error.h"
 #include "ros/conversions/pose_conversions.h"
-#include "ros/conversions/prior.h"
+#include "ros/conversions/status.h"
 #include "ros/conversions/topics.h"
 
 namespace nerf_pose_refiner {
 namespace {
-
-using Status = RefinementStatus;
 
 constexpr double kDefaultTimeout_s = 30;
 
@@ -34,6 +32,25 @@ std::string seconds(double s) {
   char text[40];
   std::snprintf(text, sizeof text, "%g s", s);
   return text;
+}
+
+/// A track of one image, whatever the age of its initial pose.
+TrackerSettings settingsForOneImage(TrackerSettings settings) {
+  settings.rules.once = true;
+  settings.rules.initial_pose_max_age_s = std::numeric_limits<double>::infinity();
+  return settings;
+}
+
+/// An estimate as it is for the camera at an image's time. @param T_C_U the same pose there [m].
+PoseEstimate seenFrom(const ImageStamp& image, const PoseEstimate& estimate, const Pose& T_C_U) {
+  PoseEstimate seen = {T_C_U, image.camera_frame, image.stamp_ns, false, estimate.covariance};
+  if (seen.covariance && T_C_U.R != estimate.T_P_U.R) {
+    const Eigen::Matrix3d R_C_P = T_C_U.R * estimate.T_P_U.R.transpose();
+    Matrix6 turn = Matrix6::Zero();
+    turn.topLeftCorner<3, 3>() = turn.bottomRightCorner<3, 3>() = R_C_P;
+    seen.covariance = turn * *estimate.covariance * turn.transpose();
+  }
+  return seen;
 }
 
 }  // namespace
@@ -91,10 +108,13 @@ bool PoseService::onRefine(RefinePose::Request& request, RefinePose::Response& r
     }
     work.get();
   } catch (const InputError& e) {
-    response.reason = e.reason();
+    response.reason = toMessage(e.reason());
+    response.message = e.what();
+  } catch (const ModelError& e) {
+    response.reason = toMessage(reasonOf(e));
     response.message = e.what();
   } catch (const std::exception& e) {
-    response.reason = Status::REASON_INTERNAL;
+    response.reason = toMessage(TrackReason::kInternal);
     response.message = e.what();
   }
   if (timed_out && !response.success) response.message += " after " + seconds(timeout_s);
@@ -105,69 +125,69 @@ bool PoseService::onRefine(RefinePose::Request& request, RefinePose::Response& r
 /// @throws InputError for what cannot be used.
 void PoseService::refine(const RefinePose::Request& request, const ros::Time& called,
                          const CancellationToken& stop, RefinePose::Response* response) {
-  const PoseRefinerParameters parameters = this->parameters();
+  const TrackerSettings settings = settingsForOneImage(parameters().tracker);
   const std::shared_ptr<const Field> field = objectOf(request);
-  const InitialPose start = startFromMessage(request.initial);
-  const RenderedImage picture = imageOf(request, called, stop);
-  std_msgs::Header header = picture.image->header;
-  header.frame_id = withoutSlash(header.frame_id);
+  const PoseEstimate given = initialPoseFrom(request.initial);
+  const CameraImage image = imageOf(request, called, stop);
+  const ImageStamp at = imageStampOf(image.image->header);
   ImageMasks masks;
   if (!request.mask.data.empty()) {
     masks.object = boost::make_shared<const sensor_msgs::Image>(request.mask);
   }
-  const Observation observation = input_.observe(*picture.image, *picture.info, masks);
-  const Pose T_W_C = tf_.cameraInOutput(header.frame_id, header.stamp, stop);
-  const Pose T_C_U = tf_.startInCamera(start, header.frame_id, header.stamp, stop);
-  const Prior prior = priorFrom(start, T_C_U, field->metadata, parameters.initial);
-  const std::unique_ptr<ObjectSearch> search = make_search_(parameters);
-  search->use(field);
-  const Refinement refinement = search->search(observation, prior, /*tracked=*/false, stop);
+  Observation observation = input_.observe(*image.image, *image.info, masks);
+  const Pose T_W_C = tf_.cameraInOutput(at, stop);
+  Tracker tracker(make_search_(settings), settings);
+  std::future<void> in_use = tracker.offerModel(field);
+  tracker.applyModels();
+  in_use.get();
+  tracker.offer(seenFrom(at, given, tf_.inCamera(given, at, stop)));
+  const TrackResult result =
+      tracker.track({at, [&](bool) { return std::move(observation); }, stop});
 
-  const TrustVerdict verdict = checkTrust(refinement, /*tracked=*/false, parameters.rules);
-  response->success = verdict.reason == Status::REASON_NONE;
-  response->reason = verdict.reason;
-  response->message = verdict.message;
-  response->score = static_cast<float>(refinement.score);
-  response->pose.header = header;
-  response->pose.header.frame_id = tf_.outputFrame(header.frame_id);
-  if (refinement.outcome != Outcome::kRefined) return;
-  response->pose.pose = toMessage(refinement, T_W_C, field->metadata);
-  response->hypotheses = toMessage(refinement.hypotheses, T_W_C, field->metadata).hypotheses;
+  response->success = result.trusted;
+  response->reason = toMessage(result.reason);
+  response->message = result.message;
+  response->score = static_cast<float>(result.score);
+  response->pose.header = toHeader(at);
+  response->pose.header.frame_id = tf_.outputFrame(at.camera_frame);
+  if (!result.found) return;
+  response->pose.pose = toMessage(result.refinement, T_W_C, field->metadata);
+  response->hypotheses = toMessage(result.refinement.hypotheses, T_W_C, field->metadata).hypotheses;
 }
 
 std::shared_ptr<const Field> PoseService::objectOf(const RefinePose::Request& request) const {
   if (!request.object.empty()) return store_.load(request.object);
   if (std::shared_ptr<const Field> tracked = tracked_->field()) return tracked;
-  throw InputError(Status::REASON_MODEL_UNREADABLE, "no object is tracked: name one");
+  throw InputError(TrackReason::kModelUnreadable, "no object is tracked: name one");
 }
 
-PoseService::RenderedImage PoseService::imageOf(const RefinePose::Request& request,
-                                                const ros::Time& called,
-                                                const CancellationToken& stop) const {
-  if (request.image.data.empty()) return waitForPicture(called, stop);
+PoseService::CameraImage PoseService::imageOf(const RefinePose::Request& request,
+                                              const ros::Time& called,
+                                              const CancellationToken& stop) const {
+  if (request.image.data.empty()) return waitForImage(called, stop);
   return {boost::make_shared<const sensor_msgs::Image>(request.image),
           boost::make_shared<const sensor_msgs::CameraInfo>(request.camera_info)};
 }
 
 /// Listens to the camera for as long as it takes, whether or not the tracking does.
-PoseService::RenderedImage PoseService::waitForPicture(const ros::Time& called,
-                                                       const CancellationToken& stop) const {
+PoseService::CameraImage PoseService::waitForImage(const ros::Time& called,
+                                                   const CancellationToken& stop) const {
   ros::CallbackQueue queue;
   ros::NodeHandle nh(nh_);
   nh.setCallbackQueue(&queue);
-  RenderedImage picture;
+  CameraImage newest;
   image_transport::ImageTransport transport(nh);
   const image_transport::TransportHints hints(parameters().image_transport, ros::TransportHints(),
                                               pnh_);
   const image_transport::CameraSubscriber subscriber = transport.subscribeCamera(
       topics::kImage, 10,
       [&](const sensor_msgs::ImageConstPtr& image, const sensor_msgs::CameraInfoConstPtr& info) {
-        if (!picture.image && image->header.stamp >= called) picture = {image, info};
+        if (!newest.image && image->header.stamp >= called) newest = {image, info};
       },
       ros::VoidPtr(), hints);
-  while (!picture.image && !stop.cancelRequested()) queue.callAvailable(ros::WallDuration(0.02));
-  if (picture.image) return picture;
-  throw InputError(Status::REASON_NO_IMAGES,
+  while (!newest.image && !stop.cancelRequested()) queue.callAvailable(ros::WallDuration(0.02));
+  if (newest.image) return newest;
+  throw InputError(TrackReason::kNoImages,
                    "no image came that is not older than the call (topic '" +
                        nh.resolveName(topics::kImage) + "')");
 }

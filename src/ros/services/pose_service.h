@@ -15,9 +15,9 @@
 #include "ros/conversions/camera_input.h"
 #include "ros/conversions/parameters.h"
 #include "ros/conversions/tf_bridge.h"
-#include "ros/services/object_store.h"
-#include "ros/services/tracked_object.h"
-#include "tracking/object_search.h"
+#include "runtime/object_store.h"
+#include "runtime/tracked_object.h"
+#include "tracking/tracker.h"
 
 namespace nerf_pose_refiner {
 
@@ -25,7 +25,7 @@ namespace nerf_pose_refiner {
 /// Calls are answered one after the other, on a queue of their own.
 class PoseService {
  public:
-  using MakeSearch = std::function<std::unique_ptr<ObjectSearch>(const PoseRefinerParameters&)>;
+  using MakeSearch = std::function<std::unique_ptr<ObjectSearch>(const TrackerSettings&)>;
 
   /// @param nh where the topic `image` is.
   /// @param make_search called for each call, so that no model stays in use.
@@ -40,7 +40,7 @@ class PoseService {
   void change(const PoseRefinerParameters& parameters);
 
  private:
-  struct RenderedImage {
+  struct CameraImage {
     sensor_msgs::ImageConstPtr image;
     sensor_msgs::CameraInfoConstPtr info;
   };
@@ -49,9 +49,9 @@ class PoseService {
   void refine(const RefinePose::Request& request, const ros::Time& called,
               const CancellationToken& stop, RefinePose::Response* response);
   std::shared_ptr<const Field> objectOf(const RefinePose::Request& request) const;
-  RenderedImage imageOf(const RefinePose::Request& request, const ros::Time& called,
-                        const CancellationToken& stop) const;
-  RenderedImage waitForPicture(const ros::Time& called, const CancellationToken& stop) const;
+  CameraImage imageOf(const RefinePose::Request& request, const ros::Time& called,
+                      const CancellationToken& stop) const;
+  CameraImage waitForImage(const ros::Time& called, const CancellationToken& stop) const;
   PoseRefinerParameters parameters() const;
 
   ros::NodeHandle nh_;

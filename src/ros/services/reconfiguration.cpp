@@ -38,43 +38,45 @@ void searchFrom(const Config& config, SearchSettings* search) {
 // What each group has of the parameters, there and back.
 
 void toConfig(const PoseRefinerParameters& p, PoseRefinerConfig* config) {
-  config->initial_pose_policy = p.rules.initial_pose_policy == InitialPosePolicy::kAlways
+  config->initial_pose_policy = p.tracker.rules.initial_pose_policy == InitialPosePolicy::kAlways
                                     ? PoseRefiner_always
                                     : PoseRefiner_when_not_tracking;
-  config->initial_pose_max_age_s = p.rules.initial_pose_max_age_s;
-  config->image_timeout_s = p.rules.image_timeout_s;
-  config->recover_s = p.rules.recover_s;
+  config->initial_pose_max_age_s = p.tracker.rules.initial_pose_max_age_s;
+  config->image_timeout_s = p.tracker.rules.image_timeout_s;
+  config->recover_s = p.tracker.rules.recover_s;
 }
 
 void fromConfig(const PoseRefinerConfig& config, PoseRefinerParameters* p) {
-  p->rules.initial_pose_policy = config.initial_pose_policy == PoseRefiner_always
-                                     ? InitialPosePolicy::kAlways
-                                     : InitialPosePolicy::kWhenNotTracking;
-  p->rules.initial_pose_max_age_s = config.initial_pose_max_age_s;
-  p->rules.image_timeout_s = config.image_timeout_s;
-  p->rules.recover_s = config.recover_s;
+  p->tracker.rules.initial_pose_policy = config.initial_pose_policy == PoseRefiner_always
+                                             ? InitialPosePolicy::kAlways
+                                             : InitialPosePolicy::kWhenNotTracking;
+  p->tracker.rules.initial_pose_max_age_s = config.initial_pose_max_age_s;
+  p->tracker.rules.image_timeout_s = config.image_timeout_s;
+  p->tracker.rules.recover_s = config.recover_s;
 }
 
-void toConfig(const PoseRefinerParameters& p, SearchConfig* config) { searchTo(p.initial, config); }
+void toConfig(const PoseRefinerParameters& p, SearchConfig* config) {
+  searchTo(p.tracker.initial, config);
+}
 
 void fromConfig(const SearchConfig& config, PoseRefinerParameters* p) {
-  searchFrom(config, &p->initial);
+  searchFrom(config, &p->tracker.initial);
 }
 
 void toConfig(const PoseRefinerParameters& p, TrackerConfig* config) {
-  searchTo(p.tracking, config);
-  config->trust_score = p.rules.trust_score;
-  config->min_score = p.rules.min_score;
-  config->max_failures = p.rules.max_failures;
-  config->predict = p.rules.predict;
+  searchTo(p.tracker.tracking, config);
+  config->trust_score = p.tracker.rules.trust_score;
+  config->min_score = p.tracker.rules.min_score;
+  config->max_failures = p.tracker.rules.max_failures;
+  config->predict = p.tracker.rules.predict;
 }
 
 void fromConfig(const TrackerConfig& config, PoseRefinerParameters* p) {
-  searchFrom(config, &p->tracking);
-  p->rules.trust_score = config.trust_score;
-  p->rules.min_score = config.min_score;
-  p->rules.max_failures = config.max_failures;
-  p->rules.predict = config.predict;
+  searchFrom(config, &p->tracker.tracking);
+  p->tracker.rules.trust_score = config.trust_score;
+  p->tracker.rules.min_score = config.min_score;
+  p->tracker.rules.max_failures = config.max_failures;
+  p->tracker.rules.predict = config.predict;
 }
 
 void toConfig(const PoseRefinerParameters& p, OverlayConfig* config) {

@@ -33,15 +33,19 @@ class ProgressLog {
   double next_s_ = 0;
 };
 
-RegisterObject::Request toRequest(const RegisterGoal& goal) {
-  RegisterObject::Request request;
-  request.name = goal.name;
-  request.dataset = goal.dataset;
-  request.metres_per_unit = goal.metres_per_unit;
-  request.box_min = goal.box_min;
-  request.box_max = goal.box_max;
-  request.max_seconds = goal.max_seconds;
-  request.force_retrain = goal.force_retrain;
+Eigen::Vector3d toEigen(const geometry_msgs::Point& p) { return {p.x, p.y, p.z}; }
+
+/// @param message a request of the service, or a goal of the action.
+template <typename Message>
+RegistrationRequest toRequest(const Message& message) {
+  RegistrationRequest request;
+  request.name = message.name;
+  request.dataset = message.dataset;
+  request.metres_per_unit = message.metres_per_unit;
+  request.box_min = toEigen(message.box_min);
+  request.box_max = toEigen(message.box_max);
+  request.max_seconds = message.max_seconds;
+  request.force_retrain = message.force_retrain;
   return request;
 }
 
@@ -105,7 +109,7 @@ RegistrationServices::~RegistrationServices() {
 }
 
 /// Registers and tracks. Never throws.
-RegisterObject::Response RegistrationServices::answer(const RegisterObject::Request& request,
+RegisterObject::Response RegistrationServices::answer(const RegistrationRequest& request,
                                                       const RegistrationQueue::Listener& listener,
                                                       const CancellationToken& stop) {
   const auto start = std::chrono::steady_clock::now();
@@ -131,7 +135,7 @@ bool RegistrationServices::onService(RegisterObject::Request& request,
   RegistrationQueue::Listener listener;
   listener.progress = [log = std::make_shared<ProgressLog>(request.name)](
                           const RegistrationUpdate& update) { (*log)(update.progress); };
-  response = answer(request, listener, stop_);
+  response = answer(toRequest(request), listener, stop_);
   return true;  // false would lose the message on its way
 }
 

@@ -17,9 +17,9 @@
 #include <string>
 #include <thread>
 
-#include "ros/services/object_registration.h"
-#include "ros/services/tracked_object.h"
+#include "runtime/object_registration.h"
 #include "runtime/registration_queue.h"
+#include "runtime/tracked_object.h"
 
 namespace nerf_pose_refiner {
 
@@ -49,7 +49,7 @@ class RegistrationServices {
   void onCancel(Server::GoalHandle handle);
   void carryOut(Goal* goal);
   void joinThoseDone();
-  RegisterObject::Response answer(const RegisterObject::Request& request,
+  RegisterObject::Response answer(const RegistrationRequest& request,
                                   const RegistrationQueue::Listener& listener,
                                   const CancellationToken& stop);
 

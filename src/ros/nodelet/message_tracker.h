@@ -1,0 +1,73 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <geometry_msgs/PoseWithCovarianceStamped.h>
+#include <nerf_pose_refiner/PoseHypothesisArray.h>
+#include <nerf_pose_refiner/RefinementStatus.h>
+#include <sensor_msgs/CameraInfo.h>
+#include <sensor_msgs/Image.h>
+
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "ros/conversions/camera_input.h"
+#include "ros/conversions/parameters.h"
+#include "ros/conversions/tf_bridge.h"
+#include "tracking/tracker.h"
+
+namespace nerf_pose_refiner {
+
+/// An image as it came.
+struct CameraFrame {
+  sensor_msgs::ImageConstPtr image;
+  sensor_msgs::CameraInfoConstPtr info;
+  ros::WallTime arrival;
+  std::uint32_t clock_jumps = 0;  ///< as Tracker::readClock said when it came
+  ImageMasks masks = {};          ///< of the same stamp
+};
+
+/// What came of one refined image.
+struct FrameResult {
+  RefinementStatus status;
+  /// In ~output_frame, if it is trusted.
+  std::optional<geometry_msgs::PoseWithCovarianceStamped> pose;
+  PoseHypothesisArray hypotheses;  ///< in ~output_frame; empty if that could not be reached
+  TrackResult track;               ///< the same as the tracker has it
+};
+
+/// A tracker behind messages: images in, status and poses out.
+class MessageTracker {
+ public:
+  /// Called by the thread that tracks with each change that does not end a refinement.
+  using Report = std::function<void(const RefinementStatus&)>;
+  using Clock = std::function<ros::Time()>;
+
+  /// @param transforms filled by another thread; outlives this object.
+  /// @param clock the ROS clock.
+  MessageTracker(const PoseRefinerParameters& parameters, std::unique_ptr<ObjectSearch> search,
+                 tf2::BufferCore* transforms, Report report, Clock clock = ros::Time::now);
+
+  Tracker& tracker() { return tracker_; }
+
+  /// Tells the tracker that an image came. Any thread.
+  /// @return nothing if it may be processed, else the reason in words, which ~status will say, too.
+  std::optional<std::string> refusal(const sensor_msgs::Image& image,
+                                     const sensor_msgs::CameraInfo& info);
+
+  /// Refines an image, as Tracker::process does. By the thread that tracks.
+  /// @return nothing: it was left alone.
+  std::optional<FrameResult> process(const CameraFrame& frame);
+
+ private:
+  void place(const Pose& T_W_C, FrameResult* result) const;
+
+  const bool image_is_rectified_;
+  const Clock clock_;
+  const std::shared_ptr<TfBridge> tf_;
+  CameraInput input_;  ///< of the thread that tracks
+  Tracker tracker_;
+};
+
+}  // namespace nerf_pose_refiner

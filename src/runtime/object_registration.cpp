@@ -1,0 +1,114 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "runtime/object_registration.h"
+
+#include <cmath>
+#include <sstream>
+#include <stdexcept>
+#include <utility>
+
+#include "dataset/path_below.h"
+#include "registration/registration_hash.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+void requireLength(const std::string& name, double value) {
+  if (!std::isfinite(value) || value < 0) {
+    throw std::invalid_argument(name + " is " + std::to_string(value) + " but must be >= 0");
+  }
+}
+
+void applyBox(const RegistrationRequest& request, Dataset* dataset) {
+  const Eigen::Vector3d &min = request.box_min, &max = request.box_max;
+  if (min.isZero(0) && max.isZero(0)) return;
+  if (!min.allFinite() || !max.allFinite() || !((max - min).minCoeff() > 0)) {
+    throw std::invalid_argument("box_max must be greater than box_min on every axis");
+  }
+  dataset->has_box = true;
+  dataset->box_min = min;
+  dataset->box_max = max;
+}
+
+}  // namespace
+
+ObjectRegistration::ObjectRegistration(const std::string& dataset_root,
+                                       const RegistrationSettings& settings,
+                                       const ObjectStore& store, BackendFactory make_backend,
+                                       ScheduleFactory find_schedule)
+    : dataset_root_(dataset_root),
+      settings_(settings),
+      store_(store),
+      make_backend_(std::move(make_backend)),
+      find_schedule_(std::move(find_schedule)) {}
+
+Dataset ObjectRegistration::readPhotos(const RegistrationRequest& request,
+                                       const CancellationToken& stop) const {
+  if (dataset_root_.empty()) throw std::invalid_argument("~dataset_root is not set");
+  // The request comes over the network: nothing outside of the folder is read for it.
+  DatasetOptions confined;
+  confined.threads = settings_.threads;
+  confined.confined = true;
+  Dataset dataset = loadTransforms(pathBelow(dataset_root_, request.dataset), confined, stop);
+  applyBox(request, &dataset);
+  return dataset;
+}
+
+RegistrationSettings ObjectRegistration::settingsOf(const RegistrationRequest& request,
+                                                    const Dataset& dataset) const {
+  RegistrationSettings settings = settings_;
+  if (request.max_seconds > 0) settings.max_seconds = request.max_seconds;
+  if (request.metres_per_unit > 0) settings.metres_per_unit = request.metres_per_unit;
+  if (!(settings.metres_per_unit > 0 || dataset.metres_per_unit > 0)) {
+    throw std::invalid_argument("the dataset '" + request.dataset +
+                                "' does not say how long its unit is: set metres_per_unit");
+  }
+  return settings;
+}
+
+RegisteredObject ObjectRegistration::run(const RegistrationRequest& request,
+                                         const RegistrationQueue::Progress& progress,
+                                         const CancellationToken& stop) const {
+  requireObjectName(request.name);
+  // Read before the training: a mistake in it is better told now.
+  const ObjectMetadata said = store_.metadataOf(request.name);
+  requireLength("metres_per_unit", request.metres_per_unit);
+  requireLength("max_seconds", request.max_seconds);
+  const std::shared_ptr<ProcessorSchedule> schedule = find_schedule_();
+  const ProcessorSchedule::Training after_refinements(schedule.get(), stop);
+  const Dataset dataset = readPhotos(request, stop);
+  RegistrationSettings settings = settingsOf(request, dataset);
+  settings.symmetries = said.symmetries.inFrame(said.T_O_U);
+  if (!request.force_retrain) {
+    const std::shared_ptr<const Field> existing = store_.find(request.name);
+    if (existing && existing->metadata.data_hash == registrationHash(dataset, settings, stop)) {
+      return {existing, true};
+    }
+  }
+  const std::shared_ptr<Backend> backend = make_backend_();
+  auto field =
+      std::make_shared<Field>(registerObject(backend.get(), dataset, settings, progress, stop));
+  field->metadata.name = request.name;
+  stop.check();  // the last moment at which a stop leaves nothing behind
+  return {store_.save(field), false};
+}
+
+RegistrationQueue::Job ObjectRegistration::jobOf(const RegistrationRequest& request) const {
+  std::ostringstream key;
+  key << std::hexfloat << dataset_root_ << '\n'
+      << store_.root() << '\n'
+      << request.name << '\n'
+      << request.dataset << '\n'
+      << request.box_min.transpose() << ' ' << request.box_max.transpose() << '\n'
+      << request.metres_per_unit << ' ' << request.max_seconds << ' ' << request.force_retrain
+      << '\n';
+  visitSettings(settings_, [&key](const char* name, const auto& value, const char*) {
+    key << name << ' ' << value << '\n';
+  });
+  const auto work = [registration = *this, request](const RegistrationQueue::Progress& progress,
+                                                    const CancellationToken& stop) {
+    return registration.run(request, progress, stop);
+  };
+  return {request.name, key.str(), work};
+}
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,329 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "tracking/tracker.h"
+
+#include <stdexcept>
+#include <utility>
+
+#include "field/object_frame.h"
+#include "tracking/prediction.h"
+#include "tracking/prior.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+/// As ros::Time::toSec has it.
+double secondsOf(std::int64_t stamp_ns) {
+  constexpr std::int64_t kSecond = 1000000000;
+  return static_cast<double>(stamp_ns / kSecond) + 1e-9 * static_cast<double>(stamp_ns % kSecond);
+}
+
+/// The covariance of the object's own frame in the camera [m^2, rad^2].
+Matrix6 covarianceInMetres(const Refinement& refinement, const FieldMetadata& object) {
+  const ObjectFrame frame = ObjectFrame::inMetres(object);
+  Vector6 metres = Vector6::Ones();
+  metres.head<3>().setConstant(frame.lengthPerUnit());
+  return metres.asDiagonal() *
+         covarianceInCamera(refinement.covariance, refinement.T_O_C, object.centre,
+                            frame.origin()) *
+         metres.asDiagonal();
+}
+
+}  // namespace
+
+Tracker::Tracker(std::shared_ptr<Backend> backend, std::shared_ptr<const Field> object,
+                 const TrackerSettings& settings)
+    : Tracker(std::make_unique<RefinerSearch>(
+                  [backend = std::move(backend)] { return SearchProcessor{backend}; },
+                  settings.initial.refiner, settings.tracking.refiner),
+              settings) {
+  if (!(object->metadata.metres_per_unit > 0)) {
+    throw std::invalid_argument("the model '" + object->metadata.name +
+                                "' does not know its scale: train it with --metres-per-unit");
+  }
+  std::future<void> in_use = offerModel(std::move(object));
+  applyModels();
+  in_use.get();
+}
+
+Tracker::Tracker(std::unique_ptr<ObjectSearch> search, const TrackerSettings& settings,
+                 TrackerConnections connections)
+    : connections_(std::move(connections)),
+      search_(std::move(search)),
+      settings_(settings),
+      state_(settings.rules) {}
+
+/// Called with mutex_ held.
+std::uint32_t Tracker::timeIs(std::int64_t now_ns) {
+  if (state_.clockIs(now_ns)) {
+    ++clock_jumps_;
+    running_.requestCancel();
+    connections_.transforms->clear();
+  }
+  return clock_jumps_;
+}
+
+std::uint32_t Tracker::readClock() {
+  // Read under the lock: a thread that is held up between reading and telling would come with a
+  // time of before that of another thread.
+  std::lock_guard<std::mutex> lock(mutex_);
+  return connections_.clock_ns ? timeIs(connections_.clock_ns()) : clock_jumps_;
+}
+
+void Tracker::imageArrived() {
+  std::lock_guard<std::mutex> lock(mutex_);
+  state_.imageArrived();
+}
+
+void Tracker::imageRefused(TrackReason reason, const std::string& message) {
+  std::lock_guard<std::mutex> lock(mutex_);
+  state_.imageRefused(reason, message);
+}
+
+void Tracker::offer(const PoseEstimate& initial_pose) {
+  std::lock_guard<std::mutex> lock(mutex_);
+  state_.offer(initial_pose);
+}
+
+void Tracker::refuseInitialPose(TrackReason reason, const std::string& message) {
+  std::lock_guard<std::mutex> lock(mutex_);
+  state_.refuseInitialPose(reason, message);
+}
+
+void Tracker::modelIsLoading() {
+  std::lock_guard<std::mutex> lock(mutex_);
+  state_.modelIsLoading();
+}
+
+void Tracker::modelFailed(TrackReason reason, const std::string& message) {
+  std::lock_guard<std::mutex> lock(mutex_);
+  state_.modelFailed(reason, message);
+}
+
+std::future<void> Tracker::offerModel(std::shared_ptr<const Field> field, bool same_looks) {
+  std::lock_guard<std::mutex> lock(mutex_);
+  pending_models_.push_back({std::move(field), same_looks, {}});
+  if (!same_looks) running_.requestCancel();
+  return pending_models_.back().done.get_future();
+}
+
+void Tracker::applyModels() {
+  while (true) {
+    PendingModel model;
+    {
+      std::lock_guard<std::mutex> lock(mutex_);
+      if (pending_models_.empty()) return;
+      model = std::move(pending_models_.front());
+      pending_models_.pop_front();
+    }
+    try {
+      use(model);
+      model.done.set_value();
+    } catch (const std::exception& e) {
+      modelFailed(TrackReason::kInternal, e.what());
+      model.done.set_exception(std::current_exception());
+    }
+  }
+}
+
+void Tracker::use(const PendingModel& model) {
+  search_->use(model.field);
+  std::lock_guard<std::mutex> lock(mutex_);
+  const std::shared_ptr<const Field> before = std::exchange(field_, model.field);
+  const FieldMetadata& object = field_->metadata;
+  if (before && model.same_looks && before->metadata.metres_per_unit == object.metres_per_unit) {
+    Pose T_U_V = before->metadata.T_O_U.inverse() * object.T_O_U;
+    T_U_V.t *= object.metres_per_unit;
+    state_.objectFrameMoved(T_U_V);
+  } else {
+    state_.modelIsReady();
+  }
+}
+
+void Tracker::reset() {
+  std::lock_guard<std::mutex> lock(mutex_);
+  state_.reset();
+  running_.requestCancel();
+}
+
+void Tracker::setEnabled(bool enabled) {
+  std::lock_guard<std::mutex> lock(mutex_);
+  state_.setEnabled(enabled);
+  if (!enabled) running_.requestCancel();
+}
+
+void Tracker::change(const TrackerSettings& settings) {
+  std::lock_guard<std::mutex> lock(mutex_);
+  changed_ = settings;
+}
+
+void Tracker::applyChange() {
+  std::optional<TrackerSettings> changed;
+  {
+    std::lock_guard<std::mutex> lock(mutex_);
+    changed.swap(changed_);
+    if (!changed) return;
+    state_.setRules(changed->rules);
+  }
+  settings_ = *changed;
+  search_->configure(settings_.initial.refiner, settings_.tracking.refiner);
+}
+
+void Tracker::stop() {
+  std::lock_guard<std::mutex> lock(mutex_);
+  stopping_ = true;
+  running_.requestCancel();
+}
+
+TrackStatus Tracker::statusNow(const ImageStamp& at) const {
+  std::lock_guard<std::mutex> lock(mutex_);
+  TrackStatus status;
+  static_cast<TrackCondition&>(status) = state_.condition();
+  status.image = at;
+  status.object = field_ ? field_->metadata.name : std::string();
+  status.processed = processed_;
+  return status;
+}
+
+void Tracker::reportChange(const ImageStamp& at) {
+  const TrackStatus status = statusNow(at);
+  if (reported_ && *reported_ == status) return;
+  reported_ = status;
+  if (connections_.report) connections_.report(status);
+}
+
+/// The time when an image comes.
+std::int64_t Tracker::timeOfImage(std::int64_t stamp_ns) const {
+  return connections_.clock_ns ? connections_.clock_ns() : stamp_ns;
+}
+
+bool Tracker::needsInitialPose(std::int64_t stamp_ns) {
+  std::lock_guard<std::mutex> lock(mutex_);
+  timeIs(timeOfImage(stamp_ns));
+  return state_.needsInitialPose(stamp_ns);
+}
+
+TrackResult Tracker::track(TrackerImage image) {
+  {
+    std::lock_guard<std::mutex> lock(mutex_);
+    image.clock_jumps = timeIs(timeOfImage(image.at.stamp_ns));
+    state_.imageArrived();
+  }
+  return process(image);
+}
+
+/// Nothing: the image came before time jumped back.
+std::optional<ImageDecision> Tracker::decide(const TrackerImage& image) {
+  std::lock_guard<std::mutex> lock(mutex_);
+  if (image.clock_jumps != clock_jumps_) return std::nullopt;
+  const ImageDecision decision = state_.decide(image.at);
+  running_ = image.cancel;
+  if (stopping_) image.cancel.requestCancel();
+  if (decision.clock_jumped) connections_.transforms->clear();
+  return decision;
+}
+
+TrackResult Tracker::process(const TrackerImage& image) {
+  TrackResult result;
+  applyChange();
+  const std::optional<ImageDecision> decision = decide(image);
+  if (decision) reportChange(image.at);
+  if (!decision || !decision->start) {
+    static_cast<TrackStatus&>(result) = statusNow(image.at);
+    return result;
+  }
+  result.refined = true;
+  result.from_last = decision->start->tracked;
+  try {
+    refine(image, *decision, &result);
+  } catch (const InputError& e) {
+    std::lock_guard<std::mutex> lock(mutex_);
+    state_.notTrusted(decision->ticket, e.reason(), e.what());
+  } catch (const std::exception& e) {
+    std::lock_guard<std::mutex> lock(mutex_);
+    state_.failed(decision->ticket, e.what());
+  }
+  ++processed_;
+  concludeStatus(image.at, *decision, &result);
+  return result;
+}
+
+/// Status after an image, with what concerns this image alone.
+void Tracker::concludeStatus(const ImageStamp& at, const ImageDecision& decision,
+                             TrackResult* result) {
+  TrackStatus& status = *result;
+  status = statusNow(at);
+  reported_ = status;
+  if (status.reason == TrackReason::kNone && decision.initial_pose_ignored) {
+    status.reason = TrackReason::kPriorIgnored;
+    status.message = "the object is tracked: an initial pose was ignored (~initial_pose_policy)";
+  }
+  std::lock_guard<std::mutex> lock(mutex_);
+  running_ = CancellationToken();  // the image's own is the caller's again
+}
+
+/// The start as the library has it; nothing: it cannot be used, and the state says why.
+std::optional<Prior> Tracker::prepare(const TrackerImage& image, const ImageDecision& decision) {
+  const PoseEstimate& start = *decision.start;
+  try {
+    const Pose T_C_U = connections_.transforms->inCamera(start, image.at, image.cancel);
+    const Prior prior = priorFrom(start, T_C_U, field_->metadata, settings_.search(start.tracked));
+    return decision.previous ? predict(prior, image, decision) : prior;
+  } catch (const InputError& e) {
+    const bool from_outside = !start.tracked && !decision.recovering;
+    const bool unknown_frame = e.reason() == TrackReason::kNoTransform && from_outside;
+    std::lock_guard<std::mutex> lock(mutex_);
+    state_.startRefused(decision.ticket, unknown_frame ? TrackReason::kPriorNoFrame : e.reason(),
+                        e.what());
+    return std::nullopt;
+  }
+}
+
+/// Where the object is if it goes on as it did; where it was if nothing is known of the camera at
+/// the time of the pose before.
+Prior Tracker::predict(const Prior& last, const TrackerImage& image,
+                       const ImageDecision& decision) {
+  const PoseEstimate& previous = *decision.previous;
+  const double now = secondsOf(image.at.stamp_ns), since = secondsOf(decision.start->stamp_ns);
+  const double time_ratio = (now - since) / (since - secondsOf(previous.stamp_ns));
+  try {
+    const Pose T_C_U = connections_.transforms->inCamera(previous, image.at, image.cancel);
+    const Pose T_O_C = ObjectFrame::inMetres(field_->metadata).cameraInModel(T_C_U);
+    return predictConstantVelocity(last, T_O_C, time_ratio, field_->metadata);
+  } catch (const InputError&) {
+    return last;
+  }
+}
+
+void Tracker::refine(const TrackerImage& image, const ImageDecision& decision,
+                     TrackResult* result) {
+  const bool tracked = decision.start->tracked;
+  result->prior = prepare(image, decision);
+  if (!result->prior) return;
+  result->field = field_;
+  result->observation =
+      std::make_shared<const Observation>(image.observe(settings_.usesMask(tracked)));
+  result->refinement = search_->search(*result->observation, *result->prior, tracked, image.cancel);
+  conclude(decision, result);
+}
+
+void Tracker::conclude(const ImageDecision& decision, TrackResult* result) {
+  const Refinement& refinement = result->refinement;
+  const FieldMetadata& object = field_->metadata;
+  const Pose T_C_U = ObjectFrame::inMetres(object).objectInCamera(refinement.T_O_C);
+  const Judgement judgement = judge(refinement, decision.start->tracked, settings_.rules);
+  bool up_to_date = false;
+  {
+    std::lock_guard<std::mutex> lock(mutex_);
+    up_to_date = judgement.trusted()
+                     ? state_.trusted(decision.ticket, T_C_U)
+                     : state_.notTrusted(decision.ticket, judgement.reason, judgement.message);
+  }
+  result->score = refinement.score;
+  result->found = up_to_date && refinement.outcome == Outcome::kRefined;
+  result->trusted = result->found && judgement.trusted();
+  if (!result->found) return;
+  result->T_C_O_m = T_C_U;
+  result->covariance = covarianceInMetres(refinement, object);
+}
+
+}  // namespace nerf_pose_refiner

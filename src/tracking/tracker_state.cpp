@@ -1,0 +1,273 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "tracking/tracker_state.h"
+
+#include <utility>
+
+namespace nerf_pose_refiner {
+namespace {
+
+double secondsBetween(std::int64_t from_ns, std::int64_t to_ns) {
+  return 1e-9 * static_cast<double>(to_ns - from_ns);
+}
+
+}  // namespace
+
+void TrackerState::become(TrackState state, TrackReason reason, const std::string& message) {
+  condition_ = {state, reason, message};
+  before_refusal_.reset();
+}
+
+void TrackerState::waitBecause(TrackReason reason, const std::string& message) {
+  if (has_model_) become(TrackState::kWaiting, reason, message);
+}
+
+void TrackerState::forgetPoses() {
+  initial_pose_.reset();
+  last_.reset();
+  recovery_start_.reset();
+  failures_ = 0;
+  running_.reset();
+}
+
+/// The track ends; the object is looked for where it was seen last.
+void TrackerState::lose(TrackReason reason, const std::string& message) {
+  if (last_) {
+    recovery_start_ = std::exchange(last_, std::nullopt);
+    recovery_start_->tracked =
+        false;  // as from an initial pose: a wide search, and the higher threshold
+  }
+  become(TrackState::kLost, reason, message);
+}
+
+void TrackerState::modelIsLoading() {
+  if (!has_model_) become(TrackState::kLoading);
+}
+
+void TrackerState::modelIsReady() {
+  // An initial pose that came while the first model was loading is still good.
+  if (has_model_) forgetPoses();
+  has_model_ = true;
+  const char* message = enabled_ && !initial_pose_ ? "waiting for an initial pose" : "";
+  waitBecause(enabled_ ? TrackReason::kNone : TrackReason::kDisabled, message);
+}
+
+void TrackerState::objectFrameMoved(const Pose& T_U_V) {
+  for (std::optional<PoseEstimate>* kept : {&last_, &previous_, &recovery_start_}) {
+    if (!*kept) continue;
+    PoseEstimate& start = **kept;
+    if (start.covariance) start.covariance = atPoint(*start.covariance, start.T_P_U.R * T_U_V.t);
+    start.T_P_U = start.T_P_U * T_U_V;
+  }
+}
+
+void TrackerState::modelFailed(TrackReason reason, const std::string& message) {
+  if (!has_model_) become(TrackState::kError, reason, message);
+}
+
+void TrackerState::offer(const PoseEstimate& initial_pose) {
+  if (!enabled_) return;
+  const bool another = initial_pose_.has_value();
+  initial_pose_ = initial_pose;
+  // What is said of images that cannot be used goes on being said; so does what is wrong with one
+  // initial pose after the other.
+  TrackCondition& condition = before_refusal_ ? *before_refusal_ : condition_;
+  if (condition.state == TrackState::kLost ||
+      (condition.state == TrackState::kWaiting && !another)) {
+    condition = {TrackState::kWaiting, TrackReason::kNone,
+                 "an initial pose came: waiting for an image that is not older"};
+  }
+}
+
+void TrackerState::refuseInitialPose(TrackReason reason, const std::string& message) {
+  become(condition_.state, reason, message);
+}
+
+void TrackerState::imageArrived() {
+  last_arrival_ns_ = clock_ns_;
+  if (!before_refusal_) return;
+  condition_ = *before_refusal_;
+  before_refusal_.reset();
+}
+
+void TrackerState::imageRefused(TrackReason reason, const std::string& message) {
+  const TrackCondition before = before_refusal_.value_or(condition_);
+  become(condition_.state, reason, message);
+  before_refusal_ = before;
+}
+
+bool TrackerState::clockIs(std::int64_t now_ns) {
+  const bool jumped = secondsBetween(now_ns, clock_ns_) > kClockJump_s;
+  clock_ns_ = now_ns;
+  if (jumped) {
+    timeWentBackTo(now_ns);
+    last_stamp_ns_.reset();
+    last_arrival_ns_ = 0;
+  } else if (last_ && rules_.image_timeout_s > 0 &&
+             secondsBetween(last_arrival_ns_, clock_ns_) > rules_.image_timeout_s) {
+    lose(TrackReason::kNoImages, "no image came for ~image_timeout_s");
+  }
+  return jumped;
+}
+
+void TrackerState::timeWentBackTo(std::int64_t stamp_ns) {
+  last_.reset();
+  recovery_start_.reset();
+  failures_ = 0;
+  running_.reset();
+  // An initial pose that fits the new time was sent after the jump.
+  if (initial_pose_ && secondsBetween(stamp_ns, initial_pose_->stamp_ns) > kClockJump_s) {
+    initial_pose_.reset();
+  }
+  waitBecause(TrackReason::kClockJumped, "time went back: waiting for a new initial pose");
+}
+
+/// Whether the initial pose is to be used for the image; drops it if it never will be.
+bool TrackerState::initialPoseIsDue(std::int64_t stamp_ns, ImageDecision* decision) {
+  if (!initial_pose_) return false;
+  const std::int64_t since_ns = initial_pose_->stamp_ns == 0 ? stamp_ns : initial_pose_->stamp_ns;
+  if (since_ns > stamp_ns) {
+    if (!last_) {
+      waitBecause(TrackReason::kPriorInFuture,
+                  "the initial pose is newer than the images (do all use the same clock?)");
+    }
+    return false;
+  }
+  const bool too_old = secondsBetween(since_ns, stamp_ns) > rules_.initial_pose_max_age_s;
+  if (last_ && rules_.initial_pose_policy == InitialPosePolicy::kWhenNotTracking) {
+    decision->initial_pose_ignored = true;
+  } else if (too_old) {
+    become(last_ ? TrackState::kTracking : TrackState::kWaiting, TrackReason::kPriorTooOld,
+           "the initial pose is older than the image by more than ~initial_pose_max_age_s");
+  } else {
+    return true;
+  }
+  initial_pose_.reset();
+  return false;
+}
+
+bool TrackerState::recoveryIsOver(std::int64_t stamp_ns) const {
+  return !recovery_start_ || secondsBetween(recovery_start_->stamp_ns, stamp_ns) > rules_.recover_s;
+}
+
+bool TrackerState::needsInitialPose(std::int64_t stamp_ns) const {
+  return has_model_ && enabled_ && !initial_pose_ && !last_ && recoveryIsOver(stamp_ns);
+}
+
+ImageDecision TrackerState::decide(const ImageStamp& image) {
+  ImageDecision decision;
+  if (last_stamp_ns_ && image.stamp_ns <= *last_stamp_ns_) {
+    if (secondsBetween(image.stamp_ns, *last_stamp_ns_) <= kClockJump_s) return decision;
+    decision.clock_jumped = true;
+    timeWentBackTo(image.stamp_ns);
+  }
+  last_stamp_ns_ = image.stamp_ns;
+  if (!has_model_ || !enabled_) return decision;
+  // Another camera: where the object is in its frame is not known.
+  if (last_ && last_->frame_id != image.camera_frame) {
+    last_.reset();
+    recovery_start_.reset();
+    waitBecause(TrackReason::kReset, "the camera's frame changed to '" + image.camera_frame + "'");
+  }
+  decision.start = startFor(image.stamp_ns, &decision);
+  if (!decision.start) return decision;
+  decision.ticket = ++tickets_;
+  running_ = {decision.ticket, image, *decision.start};
+  return decision;
+}
+
+/// From where to refine an image.
+std::optional<PoseEstimate> TrackerState::startFor(std::int64_t stamp_ns, ImageDecision* decision) {
+  if (initialPoseIsDue(stamp_ns, decision)) {
+    // An earlier track goes on if nothing comes of the new pose.
+    recovery_start_.reset();
+    become(TrackState::kRefining);
+    PoseEstimate start = *std::exchange(initial_pose_, std::nullopt);
+    if (start.stamp_ns == 0) start.stamp_ns = stamp_ns;
+    return start;
+  }
+  if (last_) {
+    // After an image that was not trusted the object may be where it was seen last.
+    if (rules_.predict && failures_ == 0) decision->previous = previous_;
+    return last_;
+  }
+  if (recoveryIsOver(stamp_ns)) recovery_start_.reset();
+  decision->recovering = recovery_start_.has_value();
+  return recovery_start_;
+}
+
+/// The refinement that ends; nothing: it is out of date.
+std::optional<TrackerState::Running> TrackerState::end(std::uint64_t ticket) {
+  if (!running_ || ticket != running_->ticket) return std::nullopt;
+  return std::exchange(running_, std::nullopt);
+}
+
+/// @param start that the refinement began with.
+void TrackerState::countFailure(const PoseEstimate& start, TrackReason reason,
+                                const std::string& message) {
+  if (last_ && ++failures_ <= rules_.max_failures) {
+    become(TrackState::kTracking, reason, message);
+    return;
+  }
+  if (!last_ && !rules_.once) recovery_start_ = start;
+  lose(reason, message);
+}
+
+void TrackerState::startRefused(std::uint64_t ticket, TrackReason reason,
+                                const std::string& message) {
+  const std::optional<Running> ended = end(ticket);
+  if (!ended) return;
+  if (ended->start.tracked) {
+    countFailure(ended->start, reason, message);
+  } else if (recovery_start_) {
+    become(TrackState::kLost, reason, message);
+  } else {
+    become(last_ ? TrackState::kTracking : TrackState::kWaiting, reason, message);
+  }
+}
+
+bool TrackerState::trusted(std::uint64_t ticket, const Pose& T_C_U) {
+  const std::optional<Running> ended = end(ticket);
+  if (!ended) return false;
+  failures_ = 0;
+  recovery_start_.reset();
+  if (rules_.once) {
+    last_.reset();
+    become(TrackState::kWaiting);
+    return true;
+  }
+  previous_ = ended->start.tracked ? last_ : std::nullopt;
+  last_ = PoseEstimate{T_C_U, ended->image.camera_frame, ended->image.stamp_ns,
+                       /*tracked=*/true, std::nullopt};
+  become(TrackState::kTracking);
+  return true;
+}
+
+bool TrackerState::notTrusted(std::uint64_t ticket, TrackReason reason,
+                              const std::string& message) {
+  const std::optional<Running> ended = end(ticket);
+  if (!ended) return false;
+  countFailure(ended->start, reason, message);
+  return true;
+}
+
+void TrackerState::failed(std::uint64_t ticket, const std::string& message) {
+  if (notTrusted(ticket, TrackReason::kInternal, message)) condition_.state = TrackState::kError;
+}
+
+void TrackerState::reset() {
+  forgetPoses();
+  waitBecause(TrackReason::kReset, "reset on request: waiting for an initial pose");
+}
+
+void TrackerState::setEnabled(bool enabled) {
+  if (enabled == enabled_) return;
+  enabled_ = enabled;
+  forgetPoses();
+  if (enabled) {
+    waitBecause(TrackReason::kNone, "");
+  } else {
+    waitBecause(TrackReason::kDisabled, "disabled on request");
+  }
+}
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,20 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "trust/check_trust.h"
+
+namespace nerf_pose_refiner {
+
+TrustVerdict checkTrust(const Refinement& refinement, double least_score) {
+  switch (refinement.outcome) {
+    case Outcome::kNoOverlap:
+      return TrustVerdict::kNoOverlap;
+    case Outcome::kDiverged:
+      return TrustVerdict::kDiverged;
+    case Outcome::kCancelled:
+      return TrustVerdict::kCancelled;
+    case Outcome::kRefined:
+      break;
+  }
+  return refinement.score >= least_score ? TrustVerdict::kTrusted : TrustVerdict::kLowScore;
+}
+
+}  // namespace nerf_pose_refiner

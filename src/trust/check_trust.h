@@ -1,0 +1,20 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include "refinement/refiner.h"
+
+namespace nerf_pose_refiner {
+
+/// Whether a refined pose is to be trusted, or why not.
+enum class TrustVerdict {
+  kTrusted,
+  kNoOverlap,  ///< the start pose lies outside of the image
+  kDiverged,   ///< no hypothesis survived
+  kLowScore,   ///< the pose explains the image badly
+  kCancelled,  ///< the refinement was interrupted
+};
+
+/// @param least_score that a pose to be trusted has, 0..1.
+TrustVerdict checkTrust(const Refinement& refinement, double least_score);
+
+}  // namespace nerf_pose_refiner

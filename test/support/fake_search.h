@@ -1,0 +1,86 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <atomic>
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "refinement/covariance.h"
+#include "tracking/object_search.h"
+
+namespace nerf_pose_refiner {
+
+/// Finds the object one unit in front of the camera, say, and remembers what it was asked.
+class FakeSearch : public ObjectSearch {
+ public:
+  void use(std::shared_ptr<const Field> field) override {
+    if (field->metadata.name == "cursed") throw std::runtime_error("does not fit the memory");
+    object = field->metadata.name;
+  }
+
+  void configure(const RefinerSettings& initial, const RefinerSettings& tracking) override {
+    seeds = {initial.seed, tracking.seed};
+  }
+
+  Refinement search(const Observation& observation, const Prior& prior, bool tracked,
+                    const CancellationToken& stop) override {
+    priors.push_back(prior);
+    was_tracked.push_back(tracked);
+    width = observation.image.width;
+    if (throws) throw std::runtime_error("the engine broke");
+    while (waits_to_be_stopped && !stop.cancelRequested()) {
+      searching = true;
+      std::this_thread::yield();
+    }
+    Refinement refinement;
+    refinement.outcome = stop.cancelRequested() ? Outcome::kCancelled : outcome;
+    refinement.score = score;
+    refinement.visible_fraction = 0.75;
+    refinement.T_O_C = T_O_C;
+    refinement.covariance = covariance;
+    refinement.hypotheses.resize(2);
+    for (Hypothesis& hypothesis : refinement.hypotheses) hypothesis.T_O_C = T_O_C;
+    return refinement;
+  }
+
+  std::string object;
+  std::vector<Prior> priors;
+  std::vector<bool> was_tracked;
+  std::vector<std::uint64_t> seeds;  ///< of the settings, once they were changed
+  int width = 0;
+  Pose T_O_C = {Eigen::Matrix3d::Identity(), {0, 0, -1}};  ///< what is found
+  Matrix6 covariance = Matrix6::Zero();
+  Outcome outcome = Outcome::kRefined;
+  double score = 0.9;
+  bool throws = false;
+  bool waits_to_be_stopped = false;
+  std::atomic<bool> searching{false};
+};
+
+inline std::shared_ptr<const Field> fieldCalled(const std::string& name) {
+  auto field = std::make_shared<Field>();
+  field->metadata.name = name;
+  field->metadata.metres_per_unit = 0.1;
+  field->metadata.diameter = 2;  // 0.2 m
+  return field;
+}
+
+/// The same object, whose frame is some units further along the model's z axis.
+inline std::shared_ptr<Field> fieldWithFrameAt(double z) {
+  auto field = std::make_shared<Field>(*fieldCalled("mug"));
+  field->metadata.T_O_U.t.z() = z;
+  return field;
+}
+
+/// The same standard deviations in all directions.
+inline Matrix6 covarianceOf(double rotation_rad, double translation_m) {
+  Vector6 variances;
+  variances << Eigen::Vector3d::Constant(translation_m * translation_m),
+      Eigen::Vector3d::Constant(rotation_rad * rotation_rad);
+  return variances.asDiagonal();
+}
+
+}  // namespace nerf_pose_refiner
