@@ -213,7 +213,14 @@ TrackResult Tracker::track(TrackerImage image) {
 
 /// Nothing: the image came before time jumped back.
 std::optional<ImageDecision> Tracker::decide(const TrackerImage& image) {
-  std::lock_guard<std::mutex> lock(mutex_);
+  std::unique_lock<std::mutex> lock(mutex_);
+  // A model that was offered before now is in use for this image: once it is decided on, the offer
+  // of another one interrupts its refinement.
+  while (!pending_models_.empty()) {
+    lock.unlock();
+    applyModels();
+    lock.lock();
+  }
   if (image.clock_jumps != clock_jumps_) return std::nullopt;
   const ImageDecision decision = state_.decide(image.at);
   running_ = image.cancel;

@@ -2,10 +2,12 @@
 #pragma once
 
 #include <atomic>
+#include <functional>
 #include <memory>
 #include <stdexcept>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "refinement/covariance.h"
@@ -19,6 +21,7 @@ class FakeSearch : public ObjectSearch {
   void use(std::shared_ptr<const Field> field) override {
     if (field->metadata.name == "cursed") throw std::runtime_error("does not fit the memory");
     object = field->metadata.name;
+    if (on_use) std::exchange(on_use, nullptr)();
   }
 
   void configure(const RefinerSettings& initial, const RefinerSettings& tracking) override {
@@ -46,6 +49,7 @@ class FakeSearch : public ObjectSearch {
     return refinement;
   }
 
+  std::function<void()> on_use;  ///< called once, while the next object is taken over
   std::string object;
   std::vector<Prior> priors;
   std::vector<bool> was_tracked;

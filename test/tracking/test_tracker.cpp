@@ -3,7 +3,9 @@
 
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <cmath>
+#include <future>
 #include <memory>
 #include <string>
 #include <utility>
@@ -224,6 +226,28 @@ TEST_F(TrackerTest, ARefinementIsInterruptedByItsToken) {
   const TrackResult result = tracker_->track(cancelled);
   EXPECT_FALSE(result.found);
   EXPECT_EQ(result.reason, TrackReason::kCancelled);
+}
+
+// The thread that tracks has looked for models, and waits for an image when one is offered.
+TEST_F(TrackerTest, AModelThatIsOfferedBeforeAnImageCountsForIt) {
+  offer();
+  ASSERT_TRUE(track(0).trusted);
+  tracker_->applyModels();
+  std::future<void> in_use = tracker_->offerModel(fieldCalled("cup"));
+  const TrackResult result = track(0.1);
+  EXPECT_FALSE(result.refined) << "where the mug was says nothing of the cup";
+  EXPECT_EQ(result.object, "cup");
+  EXPECT_EQ(search_->object, "cup");
+  EXPECT_EQ(search_->priors.size(), 1u) << "the mug is not looked for once more";
+  EXPECT_EQ(in_use.wait_for(std::chrono::seconds(0)), std::future_status::ready);
+}
+
+// The same for one that is offered while another is taken over.
+TEST_F(TrackerTest, TheLastModelThatIsOfferedBeforeAnImageCountsForIt) {
+  search_->on_use = [this] { tracker_->offerModel(fieldCalled("jug")); };
+  tracker_->offerModel(fieldCalled("cup"));
+  EXPECT_EQ(track(0).object, "jug");
+  EXPECT_EQ(search_->object, "jug");
 }
 
 TEST_F(TrackerTest, ReportsChangesOnce) {
