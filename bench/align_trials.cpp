@@ -106,13 +106,13 @@ double secondsToFirstPose(const Options& options, const Protocol& protocol, Back
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 }
 
-/// Measured anew for every view on the CPU, as it moves with the machine's load.
+/// Measured anew for every view where the memory is the host's: it moves with the machine's load.
 class MovingFloor {
  public:
-  MovingFloor(const Backend& backend, int threads, std::size_t table_bytes)
-      : backend_(backend), threads_(threads), table_bytes_(table_bytes) {}
+  MovingFloor(BackendInfo backend, int threads, std::size_t table_bytes)
+      : backend_(std::move(backend)), threads_(threads), table_bytes_(table_bytes) {}
   const Floor& now(bool quiet) {
-    if (floor_.gathers_per_s == 0 || !isOnDevice(backend_)) {
+    if (floor_.gathers_per_s == 0 || backend_.memory_bytes == 0) {
       floor_ = measureBackendFloor(backend_, threads_, table_bytes_);
       if (!quiet) printFloor(floor_, table_bytes_);
     }
@@ -120,7 +120,7 @@ class MovingFloor {
   }
 
  private:
-  const Backend& backend_;
+  const BackendInfo backend_;
   int threads_;
   std::size_t table_bytes_;
   Floor floor_;
@@ -160,12 +160,12 @@ std::vector<Trial> runTrials(const Options& options, const Protocol& protocol, R
 void run(const Options& options) {
   const double context_MiB = deviceMemory_MiB();
   const std::shared_ptr<Backend> backend = makeBackend(options.backend);
-  const bool on_device = isOnDevice(*backend);
+  const BackendInfo info = backend->info();
   const auto field = backend->load(std::make_shared<Field>(loadModel(options.model)));
   const FieldMetadata& object = field->field().metadata;
   const std::size_t table_bytes = field->field().grid.size() * sizeof(std::uint16_t);
   const int threads = threadCount(options.backend.threads);
-  MovingFloor floor(*backend, threads, table_bytes);
+  MovingFloor floor(info, threads, table_bytes);
   if (options.following.frames > 0) {
     Following following = options.following;
     following.seed = options.seed;
@@ -178,9 +178,9 @@ void run(const Options& options) {
   Refiner refiner(backend, settingsOf(options, object.diameter));
   const Protocol protocol = protocolOf(options, object.diameter);
   const std::vector<Trial> trials =
-      runTrials(options, protocol, &refiner, *field, dataset, on_device, &floor);
+      runTrials(options, protocol, &refiner, *field, dataset, info.warms_up, &floor);
   nlohmann::json summary = summaryOf(trials, protocol);
-  if (on_device) {
+  if (info.memory_bytes > 0) {
     summary["device_context_mib"] = context_MiB;
     summary["device_memory_mib"] =
         deviceMemory_MiB() - context_MiB;  // the floor's, given back, too
@@ -191,7 +191,7 @@ void run(const Options& options) {
     summary["file_to_first_pose_s"] = secondsToFirstPose(options, protocol, backend.get(), &refiner,
                                                          view, disturbance.of(view, 0));
   }
-  summary["engine"] = backend->describe();
+  summary["engine"] = info.description;
   summary["object"] = object.name;
   summary["peak_memory_mib"] = peakMemory_MiB();
   std::printf("%s\n", options.json ? summary.dump().c_str() : summary.dump(2).c_str());

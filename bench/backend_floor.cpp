@@ -9,9 +9,9 @@
 
 namespace nerf_pose_refiner {
 
-Floor measureBackendFloor(const Backend& backend, int threads, std::size_t table_bytes) {
+Floor measureBackendFloor(const BackendInfo& backend, int threads, std::size_t table_bytes) {
 #ifdef NPR_BENCH_CUDA
-  if (isOnDevice(backend)) {
+  if (backend.memory_bytes > 0) {
     const DeviceFloor device = measureDeviceFloor(table_bytes);
     return {device.flops_per_s, device.gathers_per_s};
   }

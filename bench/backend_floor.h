@@ -11,7 +11,7 @@ namespace nerf_pose_refiner {
 /// What the backend's processor can do at best: of a device, matrix products in half precision
 /// count as operations. @param threads of the CPU. @param table_bytes of the table that is gathered
 /// from.
-Floor measureBackendFloor(const Backend& backend, int threads, std::size_t table_bytes);
+Floor measureBackendFloor(const BackendInfo& backend, int threads, std::size_t table_bytes);
 
 /// Memory of the device in use [MiB]; before the first backend is made, that is its context. 0
 /// without CUDA.

@@ -84,7 +84,7 @@ void follow(const Following& plan, const std::shared_ptr<Backend>& backend,
   std::optional<Pose> before;  // the pose found before `found`
   for (int i = 1; i <= plan.frames; ++i) {
     truth = poseOfFrame(plan, object, truth, i);
-    const Rendering rendering = backend->render(field, camera, truth, {}, {});
+    const Rendering rendering = field.render({camera, truth}, {}, {});
     const Observation observation = observationOf(plan, rendering, camera, i);
     Prior prior;
     prior.T_O_C = found;

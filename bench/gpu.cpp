@@ -9,6 +9,7 @@
 
 #include "backend/common/ray_march.h"
 #include "backend/make_backend.h"
+#include "backend/training.h"
 #include "dataset/dataset.h"
 #include "device_floor.h"
 #include "field/model_file.h"
@@ -99,12 +100,11 @@ Field reshaped(const Field& model, const FieldConfig& shape) {
   return field;
 }
 
-void rateRow(Backend* backend, const std::string& name, const Field& field, const char* what,
-             const Samples& samples, bool with_gradient, double gathers_per_s) {
-  const auto loaded = backend->load(std::make_shared<Field>(field));
+void rateRow(const std::string& name, const Field& field, const char* what, const Samples& samples,
+             bool with_gradient, double gathers_per_s) {
   const double n = static_cast<double>(samples.positions.size()) / 3;
   const double seconds =
-      medianOf(timeEvaluations(*loaded, samples.positions, samples.directions, with_gradient, 15));
+      medianOf(timeEvaluations(field, samples.positions, samples.directions, with_gradient, 15));
   const double floor = 8.0 * field.config.levels * n / gathers_per_s;
   std::printf("%-10s %-8s %-8s 2^%.0f samples: %7.1f us, %6.2f G samples/s; floor %7.1f us, %.2f\n",
               name.c_str(), what, with_gradient ? "back" : "forward", std::log2(n), 1e6 * seconds,
@@ -124,14 +124,14 @@ void trainingRow(Backend* backend, const std::string& name, const Field& model,
   TrainingPlan plan;
   plan.samples_per_step = kSamples;
   plan.region = model.occupancy;
-  const auto trainer = backend->trainer(config, model.box, learned, plan);
+  const auto trainer = backend->makeTrainer(config, model.box, learned, plan);
   for (int i = 0; i < kWarmUp; ++i) trainer->step(0);
-  const CostCounters before = backend->work();
+  const CostCounters before = backend->costs();
   const auto start = std::chrono::steady_clock::now();
   for (int i = 0; i < kSteps; ++i) trainer->step(0);
   const double seconds =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count() / kSteps;
-  const double floor = (backend->work() - before).gathers / kSteps / gathers_per_s;
+  const double floor = (backend->costs() - before).gathers / kSteps / gathers_per_s;
   std::printf(
       "%-10s training step of about 2^18 samples: %7.1f us, %6.3f G samples/s; floor %7.1f "
       "us, %.2f; memory in use %zu MiB\n",
@@ -155,7 +155,8 @@ void run(const std::string& path, const std::string& dataset) {
   const Field model = loadModel(path);
   const Dataset views = loadTransforms(dataset);
   const PosedView& view = views.views.front();
-  std::printf("%s; memory in use %zu MiB\n", backend->describe().c_str(), deviceMemoryUsed() >> 20);
+  std::printf("%s; memory in use %zu MiB\n", backend->info().description.c_str(),
+              deviceMemoryUsed() >> 20);
   const DeviceFloor floor = measureDeviceFloor(model.grid.size() * 2);
   std::printf("products of halves %.0f TFLOP/s; ", 1e-12 * floor.flops_per_s);
   std::printf("copies %.2f TB/s; gathers of 8 bytes from %.0f MiB: %.0f billion/s\n",
@@ -168,8 +169,8 @@ void run(const std::string& path, const std::string& dataset) {
                                       {"paper", reshaped(model, paper)},
                                       {"4 x 8", reshaped(model, wideFeatures())}}) {
       for (const bool back : {false, true}) {
-        rateRow(backend.get(), name, field, "rays", rays, back, floor.gathers_per_s);
-        rateRow(backend.get(), name, field, "random", points, back, floor.gathers_per_s);
+        rateRow(name, field, "rays", rays, back, floor.gathers_per_s);
+        rateRow(name, field, "random", points, back, floor.gathers_per_s);
       }
     }
   }
@@ -182,9 +183,9 @@ void run(const std::string& path, const std::string& dataset) {
   double psnr_sum = 0;
   std::vector<double> device, host;
   for (const PosedView& v : views.views) {
-    device.push_back(medianOf(timeRenderings(*loaded, v.camera, v.T_O_C, 5)));
+    device.push_back(medianOf(timeRenderings(model, {v.camera, v.T_O_C}, 5)));
     const auto begin = Clock::now();
-    const Rendering rendering = backend->render(*loaded, v.camera, v.T_O_C, {}, {});
+    const Rendering rendering = loaded->render({v.camera, v.T_O_C}, {}, {});
     host.push_back(std::chrono::duration<double>(Clock::now() - begin).count());
     psnr_sum += psnr(rendering.colour, premultiply(*v.rgba).colour);
   }
@@ -199,7 +200,7 @@ void run(const std::string& path, const std::string& dataset) {
 
 int main(int argc, char** argv) {
   CLI::App app(
-      "Rates of the CUDA engine.\nExample: gpu chair.safetensors chair/transforms_test.json");
+      "Rates of the CUDA backend.\nExample: gpu chair.safetensors chair/transforms_test.json");
   std::string model, dataset;
   app.add_option("model", model, "model file")->required();
   app.add_option("dataset", dataset, "transforms file of the views to render")->required();

@@ -81,16 +81,14 @@ void declare(CLI::App* app, Options* options) {
 }
 
 // How far images are from those that are rendered without the occupancy grid, at most.
-double worstWithoutOccupancy(Backend* backend, const LoadedField& field, const Dataset& test,
-                             int size) {
+double worstWithoutOccupancy(const LoadedField& field, const Dataset& test, int size) {
   RenderOptions all;
   all.use_occupancy = false;
   double worst = 0;
   for (const PosedView& view : test.views) {
     const Camera camera = cameraOf(view, size);
-    worst =
-        std::max(worst, rootMeanSquare(backend->render(field, camera, view.T_O_C, all, {}).colour,
-                                       backend->render(field, camera, view.T_O_C, {}, {}).colour));
+    worst = std::max(worst, rootMeanSquare(field.render({camera, view.T_O_C}, all, {}).colour,
+                                           field.render({camera, view.T_O_C}, {}, {}).colour));
   }
   return worst;
 }
@@ -100,23 +98,23 @@ double measureTestViews(Backend* backend, const Field& field, const Dataset& tes
                         const Options& options, const Floor& floor) {
   const auto loaded = backend->load(std::make_shared<Field>(field));
   double psnr_sum = 0, seconds = 0;
-  const CostCounters before = backend->work();
+  const CostCounters before = backend->costs();
   for (const PosedView& view : test.views) {
     const Camera camera = cameraOf(view, options.size);
     const Image truth = resample(premultiply(*view.rgba).colour, view.camera, camera);
     const auto start = std::chrono::steady_clock::now();
-    const Rendering rendering = backend->render(*loaded, camera, view.T_O_C, {}, {});
+    const Rendering rendering = loaded->render({camera, view.T_O_C}, {}, {});
     seconds += secondsSince(start);
     psnr_sum += psnr(rendering.colour, truth);
   }
-  printWork("rendering", backend->work() - before, seconds, floor);
+  printWork("rendering", backend->costs() - before, seconds, floor);
   std::printf("test views          %zu of %d px width\n", test.views.size(),
               cameraOf(test.views.front(), options.size).width);
   const double psnr_db = psnr_sum / static_cast<double>(test.views.size());
   std::printf("PSNR                %.2f dB (mean over views, sRGB values on black)\n", psnr_db);
   if (options.compare_occupancy) {
     std::printf("occupancy grid      %.2e RMS at most against rendering without it\n",
-                worstWithoutOccupancy(backend, *loaded, test, options.size));
+                worstWithoutOccupancy(*loaded, test, options.size));
   }
   return psnr_db;
 }
@@ -126,11 +124,11 @@ double registerOnce(Backend* backend, const Dataset& data, const Dataset& test,
                     const Options& options, const RegistrationSettings& settings) {
   double training_s = 0;
   CostCounters training;
-  const CostCounters before = backend->work();
+  const CostCounters before = backend->costs();
   const auto watch = [&](const RegistrationProgress& progress) {
     if (progress.stage == "quality") return;  // "occupancy" is reported when training ends
     training_s = progress.seconds;
-    training = backend->work() - before;
+    training = backend->costs() - before;
   };
   const auto start = std::chrono::steady_clock::now();
   const Field field = registerObject(backend, data, settings, watch, {});
@@ -146,7 +144,7 @@ double registerOnce(Backend* backend, const Dataset& data, const Dataset& test,
 
   const std::size_t table_bytes = field.grid.size() * sizeof(std::uint16_t);
   const Floor floor =
-      measureBackendFloor(*backend, threadCount(options.backend.threads), table_bytes);
+      measureBackendFloor(backend->info(), threadCount(options.backend.threads), table_bytes);
   printFloor(floor, table_bytes);
   printWorkHead();
   printWork("training", training, training_s, floor);
@@ -159,7 +157,7 @@ void run(const Options& options) {
   if (!options.test.empty()) test = loadTransforms(options.test, options.reading());
   const double context_MiB = deviceMemory_MiB();
   const auto backend = makeBackend(options.backend);
-  std::printf("engine              %s\n", backend->describe().c_str());
+  std::printf("engine              %s\n", backend->info().description.c_str());
   RegistrationSettings settings = options.settings;
   settings.threads = options.backend.threads;
   std::vector<int> steps = options.steps;
@@ -173,7 +171,7 @@ void run(const Options& options) {
     }
   }
   std::printf("peak memory         %.0f MiB", peakMemory_MiB());
-  if (isOnDevice(*backend)) {
+  if (backend->info().memory_bytes > 0) {
     std::printf(", on the device %.0f MiB beside a context of %.0f",
                 deviceMemory_MiB() - context_MiB, context_MiB);
   }

@@ -62,7 +62,7 @@ struct Subject {
         backend(makeCpuBackend()),
         scene(makeAnalyticScene()),
         T_O_C(cameraAround(*scene, 0.7, 0.5)) {
-    writeSceneDataset(backend.get(), *scene, (root / "photos").string(), 40, 64);
+    writeSceneDataset(*scene, (root / "photos").string(), 40, 64);
     RegistrationSettings settings;
     settings.steps = 300;
     settings.metres_per_unit = kMetresPerUnit;
@@ -71,7 +71,7 @@ struct Subject {
     field.metadata.name = "subject";
     saveModel(field, (root / "subject.safetensors").string());
 
-    const Observation view = observeScene(backend.get(), *scene, kCamera, T_O_C);
+    const Observation view = observeScene(*scene, kCamera, T_O_C);
     const Image8 picture = toBytes(composite({view.image, view.alpha}, {0.4f, 0.4f, 0.4f}));
     image.header.frame_id = "camera";
     image.width = 640;

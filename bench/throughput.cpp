@@ -43,14 +43,14 @@ void run(Backend* backend, const Field& field, const Dataset& data, int threads,
   for (int round = 0; round < rounds; ++round) {
     const Floor floor = measureFloor(threads, table_bytes);
     printFloor(floor, table_bytes);
-    CostCounters before = backend->work();
+    CostCounters before = backend->costs();
     double seconds = timed([&] {
-      for (const PosedView& v : data.views) backend->render(*loaded, v.camera, v.T_O_C, {}, {});
+      for (const PosedView& v : data.views) loaded->render({v.camera, v.T_O_C}, {}, {});
     });
-    printWork("rendering", backend->work() - before, seconds, floor);
-    before = backend->work();
+    printWork("rendering", backend->costs() - before, seconds, floor);
+    before = backend->costs();
     seconds = timed([&] { refiner.refine(*loaded, observation, prior); });
-    printWork("alignment", backend->work() - before, seconds, floor);
+    printWork("alignment", backend->costs() - before, seconds, floor);
   }
 }
 
@@ -73,7 +73,7 @@ int main(int argc, char** argv) {
   try {
     threads = threadCount(threads);
     const auto backend = makeCpuBackend(threads, instruction_set);
-    std::printf("%s\n", backend->describe().c_str());
+    std::printf("%s\n", backend->info().description.c_str());
     DatasetOptions reading;
     reading.threads = threads;
     run(backend.get(), loadModel(model), loadTransforms(dataset, reading), threads, rounds);

@@ -52,7 +52,10 @@ add_library(${npr_cuda} OBJECT
   cuda/cuda_backend.cpp
   cuda/cuda_error.cpp
   cuda/cuda_field.cpp
+  cuda/cuda_loaded_field.cpp
   cuda/cuda_observe.cpp
+  cuda/cuda_processor.cpp
+  cuda/cuda_solver.cpp
   cuda/cuda_trainer.cpp
   cuda/optimise.cu
   cuda/descent_update.cu

@@ -16,7 +16,7 @@ constexpr int kMaxWidth = 64, kMaxEncoding = 64, kMaxGeometry = 15;
 
 void require(bool holds, const char* name, int value, const char* range) {
   if (holds) return;
-  throw std::invalid_argument(std::string("the CUDA engine has no kernels for FieldConfig::") +
+  throw std::invalid_argument(std::string("the CUDA backend has no kernels for FieldConfig::") +
                               name + " = " + std::to_string(value) + ", only for " + range);
 }
 
@@ -138,9 +138,8 @@ CudaFieldView cudaFieldView(const FieldConfig& config, const Box& box) {
   return view;
 }
 
-CudaField::CudaField(std::shared_ptr<const Field> field, int device, cudaStream_t stream)
+CudaField::CudaField(std::shared_ptr<const Field> field, cudaStream_t stream)
     : field_((field->validate(), std::move(field))),
-      device_(device),
       view_(cudaFieldView(field_->config, field_->box)),
       costs_(cudaCosts(field_->config)) {
   const std::vector<WeightPair> weights =

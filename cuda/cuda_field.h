@@ -4,8 +4,8 @@
 #include <memory>
 #include <vector>
 
-#include "backend/backend.h"
 #include "device_memory.h"
+#include "field/field.h"
 #include "field_view.h"
 #include "views.h"
 
@@ -13,21 +13,19 @@ namespace nerf_pose_refiner {
 
 /// A field in the memory of a CUDA device, frozen: table and weights as the file stores them, the
 /// weights rounded to halves.
-class CudaField final : public LoadedField {
+class CudaField {
  public:
-  /// Enqueues the copies; `field` must not change until they are done.
+  /// Copies, and waits for that.
   /// @throws std::invalid_argument if the field is not whole (Field::validate) or of a shape that
   /// the kernels do not have.
-  CudaField(std::shared_ptr<const Field> field, int device, cudaStream_t stream);
+  CudaField(std::shared_ptr<const Field> field, cudaStream_t stream);
 
-  const Field& field() const override { return *field_; }
+  const Field& field() const { return *field_; }
   const CudaFieldView& view() const { return view_; }
   const CudaCosts& costs() const { return costs_; }
-  int device() const { return device_; }
 
  private:
   std::shared_ptr<const Field> field_;
-  int device_;
   DeviceBuffer<std::uint16_t> grid_;
   DeviceBuffer<WeightPair> weights_;
   DeviceBuffer<std::uint8_t> occupancy_;

@@ -1,10 +1,11 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
 #include <cmath>
-#include <stdexcept>
 
+#include "backend/common/blur_rules.h"
+#include "backend/common/solver_rules.h"
 #include "concurrency/parallel.h"
-#include "cuda_backend.h"
+#include "cuda_solver.h"
 #include "image/filter.h"
 
 namespace nerf_pose_refiner {
@@ -51,81 +52,73 @@ void uploadCrop(const Image& image, const Crop& crop, StagedImage* to, cudaStrea
   to->image.upload(to->staged.data(), row * crop.height, stream);
 }
 
-/// Blur that is still missing: area averaging over n x n pixels has a variance of (n^2 - 1) / 12 of
-/// the observation's pixels along each axis.
-double remainingBlur(double blur_px, double scale) {
-  return std::sqrt(std::max(0.0, blur_px * blur_px - std::max(0.0, 1 - scale * scale) / 12));
-}
-
-}  // namespace
-
-void CudaBackend::uploadObservation(const Observation& observation,
-                                    const std::vector<ImageLevel>& levels,
-                                    CudaObservedImage* uploaded) {
+/// Enqueues the way of what the levels cover to the device.
+CudaObservedImage uploadObservation(CudaProcessor* processor, const Observation& observation,
+                                    const std::vector<ImageLevel>& levels) {
+  CudaWorkspace& space = processor->space();
+  const cudaStream_t stream = processor->stream();
   const Crop crop = cropFor(observation.camera, levels);
-  uploaded_.wait();  // what was staged for the last one may still be on its way
-  uploadCrop(observation.image, crop, &image_, stream_);
-  uploaded->image = image_.image.data();
+  CudaObservedImage uploaded = {};
+  space.uploaded.wait();  // what was staged for the last one may still be on its way
+  uploadCrop(observation.image, crop, &space.image, stream);
+  uploaded.image = space.image.image.data();
   if (!observation.alpha.empty()) {
-    uploadCrop(observation.alpha, crop, &alpha_, stream_);
-    uploaded->alpha = alpha_.image.data();
+    uploadCrop(observation.alpha, crop, &space.alpha, stream);
+    uploaded.alpha = space.alpha.image.data();
   }
   if (!observation.weight.empty()) {
-    uploadCrop(observation.weight, crop, &weight_, stream_);
-    uploaded->weight = weight_.image.data();
+    uploadCrop(observation.weight, crop, &space.weight, stream);
+    uploaded.weight = space.weight.image.data();
   }
-  uploaded_.record(stream_);
-  uploaded->camera =
+  space.uploaded.record(stream);
+  uploaded.camera =
       plainCamera(observation.camera.cropped(crop.x, crop.y, crop.width, crop.height));
-  uploaded->is_mask = observation.background == Background::kMask;
+  uploaded.is_mask = observation.background == Background::kMask;
+  return uploaded;
 }
 
-void CudaBackend::observeLevel(const CudaObservedImage& image, const ImageLevel& plan, double scale,
-                               CudaLevel* level) {
+/// Enqueues the making of a level. @param scale of it, in the observation's pixels.
+void observeLevel(CudaProcessor* processor, const CudaObservedImage& image, const ImageLevel& plan,
+                  double scale, CudaLevel* level) {
+  CudaWorkspace& space = processor->space();
+  const cudaStream_t stream = processor->stream();
   level->camera = plainCamera(plan.camera);
   level->blur_px = plan.blur_px;
   const std::size_t pixels = static_cast<std::size_t>(plan.camera.width) * plan.camera.height;
   level->image.reserve(pixels);
   level->weight.reserve(pixels);
   level->blurred.reserve(2 * pixels);
-  resampleObservation(image, level->camera, level->image.data(), level->weight.data(), stream_);
+  resampleObservation(image, level->camera, level->image.data(), level->weight.data(), stream);
 
   const std::vector<float> kernel = gaussianKernel(remainingBlur(plan.blur_px, scale));
-  kernel_.upload(kernel, stream_);
-  scratch_.reserve(2 * pixels);
-  packImage(level->image.data(), static_cast<int>(pixels), level->blurred.data(), stream_);
+  space.kernel.upload(kernel, stream);
+  space.scratch.reserve(2 * pixels);
+  packImage(level->image.data(), static_cast<int>(pixels), level->blurred.data(), stream);
   BlurTask blur = {};
   blur.width = plan.camera.width;
   blur.height = plan.camera.height;
   blur.view_count = 1;
   blur.weight = level->weight.data();
-  blur.half_kernel = kernel_.data();
+  blur.half_kernel = space.kernel.data();
   blur.radius = static_cast<int>(kernel.size()) - 1;
   blur.images = level->blurred.data();
-  blur.scratch = scratch_.data();
+  blur.scratch = space.scratch.data();
   blur.blurred = level->blurred.data();
-  blurImages(blur, stream_);
+  blurImages(blur, stream);
 }
 
-std::shared_ptr<const LoadedObservation> CudaBackend::observe(
-    const Observation& observation, const std::vector<ImageLevel>& levels) {
-  enter();
-  observation.validate();
-  for (const ImageLevel& level : levels) level.camera.validate();
-  auto observed = std::make_shared<CudaObservation>(levels_, device_);
-  observed->background = observation.background;
-  if (observation.background == Background::kKnownColour) {
-    observed->background_colour = observation.background_colour;
-  }
-  CudaLevels* memory = observed->levels();
-  if (memory->levels.size() < levels.size()) memory->levels.resize(levels.size());
-  memory->count = levels.size();
-  CudaObservedImage image = {};
-  uploadObservation(observation, levels, &image);
+}  // namespace
+
+void CudaSolver::observe(const Observation& observation, const std::vector<ImageLevel>& levels) {
+  background_ = observation.background;
+  background_colour_ = backgroundColour(observation);
+  level_count_ = levels.size();
+  if (memory_.levels.size() < levels.size()) memory_.levels.resize(levels.size());
+  const CudaObservedImage image = uploadObservation(&processor_, observation, levels);
   for (std::size_t i = 0; i < levels.size(); ++i) {
-    observeLevel(image, levels[i], levels[i].camera.fx / observation.camera.fx, &memory->levels[i]);
+    observeLevel(&processor_, image, levels[i], levels[i].camera.fx / observation.camera.fx,
+                 &memory_.levels[i]);
   }
-  return observed;
 }
 
 }  // namespace nerf_pose_refiner

@@ -2,8 +2,10 @@
 #include <algorithm>
 #include <limits>
 #include <stdexcept>
+#include <string>
 
-#include "cuda_backend.h"
+#include "backend/common/solver_rules.h"
+#include "cuda_solver.h"
 
 // The paper's mode: one graph of a few steps, launched again and again.
 
@@ -16,10 +18,9 @@ constexpr int kGraphsAhead = 2;           // of the device: so soon a stop is he
 
 }  // namespace
 
-OptimisationTask CudaBackend::optimisationTask(CudaBatch* batch, const CudaField& field,
-                                               const CudaObservation& observation, int level_index,
-                                               const OptimisationPlan& plan, int max_rays) {
-  const CudaLevel& level = observation.level(level_index);
+OptimisationTask CudaSolver::optimisationTask(int level_index, const OptimisationPlan& plan,
+                                              int max_rays) {
+  const CudaLevel& observed = level(level_index);
   OptimisationTask task = {};
   task.loss = plan.loss;
   task.rates = plan.rates(1);
@@ -31,85 +32,81 @@ OptimisationTask CudaBackend::optimisationTask(CudaBatch* batch, const CudaField
   task.min_transmittance = RenderOptions().min_transmittance;
   task.min_weight = RenderOptions().min_weight;
 
-  task.camera = level.camera;
-  task.image = level.image.data();
-  task.weight = level.weight.data();
-  task.background_known = observation.background != Background::kUnknown;
-  for (int c = 0; c < 3; ++c) task.background[c] = observation.background_colour[c];
+  task.camera = observed.camera;
+  task.image = observed.image.data();
+  task.weight = observed.weight.data();
+  task.background_known = background_ != Background::kUnknown;
+  for (int c = 0; c < 3; ++c) task.background[c] = background_colour_[c];
 
-  const auto n = static_cast<std::size_t>(batch->view().capacity);
-  live_.reserve(n);
-  scores_.reserve(n);
-  clock_.reserve(1);
-  records_.reserve(static_cast<std::size_t>(max_rays));
-  gradient_sums_.reserve(n);
-  ray_hits_.reserve(static_cast<std::size_t>(max_rays));
-  task.batch = batch->view();
-  task.live = live_.data();
-  task.samples_per_ray = batch->samplesPerRay();
-  task.scores = scores_.data();
-  task.clock = clock_.data();
-  task.records = records_.data();
-  task.sums = gradient_sums_.data();
-  task.hits = ray_hits_.data();
+  CudaWorkspace& space = processor_.space();
+  const auto n = static_cast<std::size_t>(hypotheses_.capacity);
+  const auto rays = static_cast<std::size_t>(max_rays);
+  space.live.reserve(n);
+  space.scores.reserve(n);
+  space.clock.reserve(1);
+  space.records.reserve(rays);
+  space.gradient_sums.reserve(n);
+  space.ray_hits.reserve(rays);
+  task.batch = hypotheses_;
+  task.live = space.live.data();
+  task.samples_per_ray = memory_.samples_per_ray.data();
+  task.scores = space.scores.data();
+  task.clock = space.clock.data();
+  task.records = space.records.data();
+  task.sums = space.gradient_sums.data();
+  task.hits = space.ray_hits.data();
   task.max_rays = max_rays;
-  task.costs = field.costs();
-  task.work = meter_.data();
+  task.costs = field_.costs();
+  task.work = processor_.meter();
   return task;
 }
 
-void CudaBackend::optimise(HypothesisBatch* batch, const LoadedField& field,
-                           const LoadedObservation& observation, int level,
-                           const OptimisationPlan& plan, int first_step, int steps,
-                           const CancellationToken& stop) {
-  enter();
-  CudaBatch& hypotheses = own(batch);
-  if (hypotheses.bound == 0) return;
-  const CudaField& loaded = own(field);
+void CudaSolver::optimise(int level, const OptimisationPlan& plan, const StepRange& steps,
+                          const CancellationToken& stop) {
+  processor_.enter();
+  requireLevel(level, level_count_);
+  if (bound_ == 0) return;
+  CudaWorkspace& space = processor_.space();
+  const cudaStream_t stream = processor_.stream();
   // So many even of rays that meet nearly nothing; every hypothesis has one at least.
-  const int max_rays = std::max(4 * plan.samples_per_step, hypotheses.bound);
   OptimisationTask task =
-      optimisationTask(&hypotheses, loaded, own(observation), level, plan, max_rays);
-  task.scored_from = first_step + steps - plan.score_steps;
+      optimisationTask(level, plan, std::max(4 * plan.samples_per_step, bound_));
+  task.scored_from = steps.first + steps.count - plan.score_steps;
   task.max_points = kPointsPerSample * static_cast<unsigned>(plan.samples_per_step);
-  ray_points_.reserve(task.max_points);
-  task.points = ray_points_.data();
-  startOptimisation(task, first_step, stream_);
+  space.ray_points.reserve(task.max_points);
+  task.points = space.ray_points.data();
+  startOptimisation(task, steps.first, stream);
   const auto enqueue = [&](int count) {
-    for (int i = 0; i < count; ++i) {
-      optimiseOnce(loaded.view(), task, hypotheses.bound, stream_);
-    }
+    for (int i = 0; i < count; ++i) optimiseOnce(field_.view(), task, bound_, stream);
   };
-  const int graphs = (steps - 1) / kStepsPerGraph;
-  enqueue(std::max(0, steps - graphs * kStepsPerGraph));  // also readies the kernels
+  const int graphs = (steps.count - 1) / kStepsPerGraph;
+  enqueue(std::max(0, steps.count - graphs * kStepsPerGraph));  // also readies the kernels
   if (graphs > 0) {
-    for (const CudaEvent& event : stepped_) event.wait();  // the last graph may still run
-    descent_graph_.record(stream_, [&] { enqueue(kStepsPerGraph); });
+    for (const CudaEvent& event : space.stepped) event.wait();  // the last graph may still run
+    space.descent_graph.record(stream, [&] { enqueue(kStepsPerGraph); });
   }
   for (int i = 0; i < graphs; ++i) {
     stop.check();
-    if (i >= kGraphsAhead) stepped_[i % kGraphsAhead].wait();
-    descent_graph_.launch(stream_);
-    stepped_[i % kGraphsAhead].record(stream_);
+    const CudaEvent& stepped = space.stepped[i % kGraphsAhead];
+    stepped.wait();
+    space.descent_graph.launch(stream);
+    stepped.record(stream);
   }
-  finishOptimisation(task, hypotheses.bound, stream_);
+  finishOptimisation(task, bound_, stream);
 }
 
-void CudaBackend::evaluate(HypothesisBatch* batch, const LoadedField& field,
-                           const LoadedObservation& observation, int level,
-                           const OptimisationPlan& plan, int pixels,
-                           const CancellationToken& stop) {
-  enter();
+void CudaSolver::evaluate(int level, const OptimisationPlan& plan, int pixels,
+                          const CancellationToken& stop) {
+  processor_.enter();
   stop.check();
-  CudaBatch& hypotheses = own(batch);
-  if (hypotheses.bound == 0 || pixels < 1) return;
-  const CudaField& loaded = own(field);
-  if (pixels > std::numeric_limits<int>::max() / hypotheses.bound) {
-    throw std::invalid_argument("measure: " + std::to_string(pixels) + " pixels are too many");
+  requireLevel(level, level_count_);
+  if (bound_ == 0 || pixels < 1) return;
+  if (pixels > std::numeric_limits<int>::max() / bound_) {
+    throw std::invalid_argument("PoseSolver::evaluate: " + std::to_string(pixels) +
+                                " pixels are too many");
   }
-  const OptimisationTask task = optimisationTask(&hypotheses, loaded, own(observation), level, plan,
-                                                 pixels * hypotheses.bound);
-  evaluateLosses(loaded.view(), task, pixels, hypotheses.bound, stream_);
+  const OptimisationTask task = optimisationTask(level, plan, pixels * bound_);
+  evaluateLosses(field_.view(), task, pixels, bound_, processor_.stream());
 }
 
 }  // namespace nerf_pose_refiner

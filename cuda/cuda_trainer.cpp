@@ -46,17 +46,21 @@ LearnedNumbers CudaTrainer::Parameters::start(const std::vector<float>& from, cu
   const auto quads = [](DeviceBuffer<float>* numbers) {
     return reinterpret_cast<float4*>(numbers->data());
   };
-  return {quads(&values),        quads(&gradient), quads(&first_moment),
-          quads(&second_moment), nullptr,          static_cast<unsigned>(from.size() / 4)};
+  LearnedNumbers numbers = {};
+  numbers.values = quads(&values);
+  numbers.gradient = quads(&gradient);
+  numbers.first_moment = quads(&first_moment);
+  numbers.second_moment = quads(&second_moment);
+  numbers.quads = static_cast<unsigned>(from.size() / 4);
+  return numbers;
 }
 
 CudaTrainer::CudaTrainer(const FieldConfig& config, const Box& box, std::vector<TrainingView> views,
-                         const TrainingPlan& plan, int device, CostCounters* work)
+                         const TrainingPlan& plan, std::shared_ptr<CudaProcessor> processor)
     : config_((config.validate(), config)),
       box_(box),
       plan_(plan),
-      device_(device),
-      work_(work),
+      processor_(std::move(processor)),
       view_(cudaFieldView(config, box)),
       costs_(cudaCosts(config)),
       cells_(config, plan.region, view_.box_min, view_.box_max, plan.seed) {
@@ -96,7 +100,7 @@ CudaTrainer::CudaTrainer(const FieldConfig& config, const Box& box, std::vector<
 }
 
 CudaTrainer::~CudaTrainer() {
-  cudaSetDevice(device_);  // a destructor never throws
+  cudaSetDevice(processor_->device());  // a destructor never throws
   cudaStreamSynchronize(stream_);
 }
 
@@ -137,7 +141,7 @@ void CudaTrainer::startParameters() {
   const InitialWeights weights = initialWeights(config_, plan_.seed);
   const std::vector<float> padded = padWeights(config_, weights.density, weights.colour);
   const std::vector<WeightPair> tiles = packWeights(config_, weights.density, weights.colour);
-  task_.layers = {view_.shape};
+  task_.layers.shape = view_.shape;
   task_.weights = weights_.start(padded, stream_);
   tiles_.upload(tiles, stream_);
   task_.tiles = tiles_.data();
@@ -164,24 +168,23 @@ void CudaTrainer::startOccupancy() {
   seen_.reserve(region.size() / kOccupancyFraction + 1);
   highest_.reserve(kCellsPerRound);
   mean_.reserve(kCellsPerRound);
-  occupancy_ = {plan_.seed,
-                0,
-                config_.occupancy_resolution,
-                region_.data(),
-                static_cast<int>(region.size()),
-                density_.data(),
-                seen_.data(),
-                bits_.data(),
-                distance_.data(),
-                distance_2_.data(),
-                mask.coarseResolution()};
+  occupancy_.seed = plan_.seed;
+  occupancy_.cells = config_.occupancy_resolution;
+  occupancy_.region = region_.data();
+  occupancy_.region_count = static_cast<int>(region.size());
+  occupancy_.density = density_.data();
+  occupancy_.seen = seen_.data();
+  occupancy_.bits = bits_.data();
+  occupancy_.distance = distance_.data();
+  occupancy_.distance_2 = distance_2_.data();
+  occupancy_.coarse = mask.coarseResolution();
   view_.occupancy = mask.view();
   view_.occupancy.bits = reinterpret_cast<const std::uint8_t*>(bits_.data());
   view_.occupancy.distance = distance_.data();
 }
 
 double CudaTrainer::step(double progress) {
-  NPR_CUDA_CHECK(cudaSetDevice(device_));
+  processor_->enter();
   if (steps_ >= kOccupancyStart && steps_ % kOccupancyInterval == 0) {
     occupancy_.step = steps_;
     updateOccupancy(view_, occupancy_, stream_);
@@ -223,11 +226,12 @@ void CudaTrainer::addWork(double rays, double samples, double learned) {
   const double evaluations = samples + learned;
   const bool coloured = rays > 0;
   const double flops = costs_.flops_per_sample + (coloured ? costs_.flops_per_colour : 0.0);
-  work_->rays += static_cast<std::uint64_t>(rays);
-  work_->samples += static_cast<std::uint64_t>(evaluations);
-  work_->colour_samples += static_cast<std::uint64_t>(coloured ? evaluations : 0);
-  work_->gathers += costs_.gathers_per_sample * (evaluations + learned);
-  work_->flops += flops * (evaluations + 2 * learned);
+  CostCounters* spent = processor_->trainingCosts();
+  spent->rays += static_cast<std::uint64_t>(rays);
+  spent->samples += static_cast<std::uint64_t>(evaluations);
+  spent->colour_samples += static_cast<std::uint64_t>(coloured ? evaluations : 0);
+  spent->gathers += costs_.gathers_per_sample * (evaluations + learned);
+  spent->flops += flops * (evaluations + 2 * learned);
 }
 
 OccupancyGrid CudaTrainer::freezeOccupancy(const CancellationToken& stop,
@@ -263,7 +267,7 @@ OccupancyGrid CudaTrainer::freezeOccupancy(const CancellationToken& stop,
 }
 
 Field CudaTrainer::snapshot(const CancellationToken& stop) {
-  NPR_CUDA_CHECK(cudaSetDevice(device_));
+  processor_->enter();
   stop.check();
   takeSums();
   Field field;

@@ -5,13 +5,15 @@
 
 #include "backend/backend.h"
 #include "backend/common/training_occupancy.h"
+#include "backend/training.h"
 #include "cuda_field.h"
+#include "cuda_processor.h"
 #include "device_memory.h"
 #include "train.h"
 
 namespace nerf_pose_refiner {
 
-/// Trains a field on a CUDA device, by the rules of maths/training.h, with halves where the tensor
+/// Trains a field on a CUDA device, by the rules of math/training.h, with halves where the tensor
 /// cores multiply and floats everywhere else. Sums are added in no fixed order: trainings from one
 /// seed differ by rounding.
 ///
@@ -20,11 +22,11 @@ namespace nerf_pose_refiner {
 /// nothing, and lowers the scale by which gradients are multiplied.
 class CudaTrainer final : public FieldTrainer {
  public:
-  /// Uploads the photos. @param work is added to, as long as the trainer lives.
+  /// Uploads the photos.
   /// @throws std::invalid_argument for a shape that the kernels do not have, views that do not show
   /// the box, or a region of another resolution.
   CudaTrainer(const FieldConfig& config, const Box& box, std::vector<TrainingView> views,
-              const TrainingPlan& plan, int device, CostCounters* work);
+              const TrainingPlan& plan, std::shared_ptr<CudaProcessor> processor);
   ~CudaTrainer() override;
 
   double step(double progress) override;
@@ -50,8 +52,7 @@ class CudaTrainer final : public FieldTrainer {
   FieldConfig config_;
   Box box_;
   TrainingPlan plan_;
-  int device_;
-  CostCounters* work_;
+  std::shared_ptr<CudaProcessor> processor_;
   CudaFieldView view_;
   CudaCosts costs_;
   TrainingOccupancy cells_;  ///< which cells are looked at, and what is occupied at first

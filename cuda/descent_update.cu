@@ -2,15 +2,14 @@
 #include <cmath>
 
 #include "cuda_error.h"
+#include "math/ray_budget.h"
 #include "optimise.h"
 
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr int kSumThreads = 512;               // a hypothesis alone has all the rays of a step
-constexpr int kRaySums = 2;                    // loss, weight
-constexpr double kGuessedSamplesPerRay = 8;    // before any was cast
-constexpr double kFewestSamplesPerRay = 0.25;  // bounds the rays of an empty image
+constexpr int kSumThreads = 512;  // a hypothesis alone has all the rays of a step
+constexpr int kRaySums = 2;       // loss, weight
 
 /// One thread: the live hypotheses, in their order.
 __global__ void startKernel(OptimisationTask task, int first_step) {
@@ -33,10 +32,8 @@ __global__ void beginKernel(OptimisationTask task) {
   clock->found = clock->cast = clock->kept = 0;
   clock->samples = 0;
   if (clock->live == 0) return;
-  const double measured = *task.samples_per_ray;
-  const double expected = measured < 0 ? kGuessedSamplesPerRay : measured;
-  const double rays = task.samples_per_step / (clock->live * fmax(expected, kFewestSamplesPerRay));
-  clock->rays = min(max(1, static_cast<int>(rays)), task.max_rays / clock->live);
+  const int rays = raysWithinBudget(task.samples_per_step, clock->live, *task.samples_per_ray);
+  clock->rays = min(rays, task.max_rays / clock->live);
 }
 
 __global__ void measureKernel(OptimisationTask task, int pixels) {
@@ -85,7 +82,7 @@ __device__ void followSamples(const OptimisationTask& task) {
   const double rays = static_cast<double>(clock.rays) * clock.live;
   const double measured = static_cast<double>(clock.samples) / rays;
   double* followed = task.samples_per_ray;
-  *followed = *followed < 0 ? measured : *followed + 0.1 * (measured - *followed);
+  *followed = updatedSamplesPerRay(*followed, measured);
 }
 
 __device__ Vec3<double> vectorOf(const long long (&sums)[3]) {

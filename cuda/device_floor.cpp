@@ -3,7 +3,8 @@
 
 #include <algorithm>
 
-#include "cuda_backend.h"
+#include "backend/common/plain_pose.h"
+#include "cuda_processor.h"
 #include "evaluate.h"
 #include "gather_rate.h"
 #include "render.h"
@@ -11,32 +12,18 @@
 namespace nerf_pose_refiner {
 namespace {
 
-class Event {
- public:
-  Event() { NPR_CUDA_CHECK(cudaEventCreate(&event_)); }
-  ~Event() { cudaEventDestroy(event_); }
-  Event(const Event&) = delete;
-  Event& operator=(const Event&) = delete;
-  operator cudaEvent_t() const { return event_; }
-
- private:
-  cudaEvent_t event_ = nullptr;
-};
-
 /// Seconds of each of some repetitions on the device, after three to warm up.
 template <typename Enqueue>
 std::vector<double> timed(cudaStream_t stream, int repetitions, const Enqueue& enqueue) {
   for (int i = 0; i < 3; ++i) enqueue();
-  const Event begin, end;
+  const CudaTimer begin, end;
   std::vector<double> seconds;
   for (int i = 0; i < repetitions; ++i) {
-    NPR_CUDA_CHECK(cudaEventRecord(begin, stream));
+    begin.record(stream);
     enqueue();
-    NPR_CUDA_CHECK(cudaEventRecord(end, stream));
-    NPR_CUDA_CHECK(cudaEventSynchronize(end));
-    float milliseconds = 0;
-    NPR_CUDA_CHECK(cudaEventElapsedTime(&milliseconds, begin, end));
-    seconds.push_back(1e-3 * milliseconds);
+    end.record(stream);
+    end.wait();
+    seconds.push_back(end.secondsSince(begin));
   }
   return seconds;
 }
@@ -84,11 +71,11 @@ std::size_t deviceMemoryUsed() {
   return total - free;
 }
 
-std::vector<double> timeEvaluations(const LoadedField& field, const std::vector<float>& positions,
+std::vector<double> timeEvaluations(const Field& field, const std::vector<float>& positions,
                                     const std::vector<float>& directions, bool with_gradient,
                                     int repetitions) {
-  const auto& loaded = dynamic_cast<const CudaField&>(field);
   const CudaStream stream;
+  const CudaField loaded(std::make_shared<Field>(field), stream);
   const std::size_t n = positions.size() / 3;
   DeviceBuffer<float> p, d, g;
   DeviceBuffer<float4> values(n), gradients;
@@ -108,11 +95,10 @@ std::vector<double> timeEvaluations(const LoadedField& field, const std::vector<
   return timed(stream, repetitions, [&] { evaluateSamples(loaded.view(), task, stream); });
 }
 
-std::vector<double> timeRenderings(const LoadedField& field, const Camera& camera,
-                                   const Pose& T_O_C, int repetitions) {
-  const auto& loaded = dynamic_cast<const CudaField&>(field);
+std::vector<double> timeRenderings(const Field& field, const View& seen, int repetitions) {
   const CudaStream stream;
-  const std::size_t pixels = static_cast<std::size_t>(camera.width) * camera.height;
+  const CudaField loaded(std::make_shared<Field>(field), stream);
+  const std::size_t pixels = static_cast<std::size_t>(seen.camera.width) * seen.camera.height;
   DeviceBuffer<CameraPose<double>> pose;
   DeviceBuffer<CudaView> view(1);
   DeviceBuffer<RayHit> hits(pixels);
@@ -120,10 +106,10 @@ std::vector<double> timeRenderings(const LoadedField& field, const Camera& camer
   DeviceBuffer<float4> image(2 * pixels);
   DeviceBuffer<CudaWork> work;
   work.clear(1, stream);
-  const CameraPose<double> plain = plainPose(T_O_C);
+  const CameraPose<double> plain = plainPose(seen.T_O_C);
   pose.upload(&plain, 1, stream);
   RenderTask task = {};
-  task.camera = plainCamera(camera);
+  task.camera = plainCamera(seen.camera);
   task.poses = pose.data();
   task.view_count = 1;
   task.rays_per_side = 1;
@@ -132,7 +118,8 @@ std::vector<double> timeRenderings(const LoadedField& field, const Camera& camer
   task.min_weight = RenderOptions().min_weight;
   task.use_occupancy = true;
   task.views = view.data();
-  task.hits = {hits.data(), hit_count.data()};
+  task.hits.items = hits.data();
+  task.hits.counts = hit_count.data();
   task.images = task.rays = image.data();
   task.costs = loaded.costs();
   task.work = work.data();

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "backend/backend.h"
+#include "field/field.h"
 
 namespace nerf_pose_refiner {
 
@@ -21,16 +22,14 @@ DeviceFloor measureDeviceFloor(std::size_t table_bytes);
 /// Memory of the device in use by all of its programs [bytes].
 std::size_t deviceMemoryUsed();
 
-/// Seconds that evaluations of a field loaded in a CUDA backend take, each alone, by the device's
-/// own clock.
+/// Seconds that evaluations of a field take, each alone, by the device's own clock.
 /// @param positions [n][3] in N. @param directions [n][3].
 /// @param with_gradient back to the positions, too.
-std::vector<double> timeEvaluations(const LoadedField& field, const std::vector<float>& positions,
+std::vector<double> timeEvaluations(const Field& field, const std::vector<float>& positions,
                                     const std::vector<float>& directions, bool with_gradient,
                                     int repetitions);
 
 /// The same for renderings, without the way of the image to the host.
-std::vector<double> timeRenderings(const LoadedField& field, const Camera& camera,
-                                   const Pose& T_O_C, int repetitions);
+std::vector<double> timeRenderings(const Field& field, const View& view, int repetitions);
 
 }  // namespace nerf_pose_refiner

@@ -118,6 +118,26 @@ class CudaEvent {
   cudaEvent_t event_ = nullptr;
 };
 
+/// A place in a stream whose time is known afterwards.
+class CudaTimer {
+ public:
+  CudaTimer() { NPR_CUDA_CHECK(cudaEventCreate(&event_)); }
+  ~CudaTimer() { cudaEventDestroy(event_); }
+  CudaTimer(const CudaTimer&) = delete;
+  CudaTimer& operator=(const CudaTimer&) = delete;
+  void record(cudaStream_t stream) const { NPR_CUDA_CHECK(cudaEventRecord(event_, stream)); }
+  void wait() const { NPR_CUDA_CHECK(cudaEventSynchronize(event_)); }
+  /// Of two that were recorded and are past.
+  double secondsSince(const CudaTimer& start) const {
+    float milliseconds = 0;
+    NPR_CUDA_CHECK(cudaEventElapsedTime(&milliseconds, start.event_, event_));
+    return 1e-3 * milliseconds;
+  }
+
+ private:
+  cudaEvent_t event_ = nullptr;
+};
+
 /// A recorded sequence of launches, run again and again.
 class CudaGraph {
  public:

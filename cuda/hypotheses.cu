@@ -3,6 +3,7 @@
 
 #include "cuda_error.h"
 #include "hypotheses.h"
+#include "math/resampling_count.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -76,8 +77,7 @@ __device__ int resampleSearch(const CudaHypotheses& batch, const CudaResamplingP
   }
 
   const int kept = survivors;
-  const int redrawn = min(plan.keep, kept + (plan.redraw ? flagged : 0));
-  const int wanted = kept == 0 ? 0 : max(kept, max(plan.offspring, redrawn));
+  const int wanted = resampledCount(plan.keep, plan.offspring, kept, plan.redraw ? flagged : 0);
   const int total = min(wanted, batch.capacity - to);
   for (int i = kept + thread; i < total; i += kResampleThreads) {
     CudaHypothesis child = freshHypothesis(

@@ -10,11 +10,11 @@
 
 namespace nerf_pose_refiner {
 
-/// One hypothesis, as read from an backend.
+/// One hypothesis, as read from a backend.
 struct Hypothesis {
   Pose T_O_C;
   HypothesisState state = HypothesisState::kLive;
-  int search = 0;               ///< place of the prior that it comes from, @see Backend::scatter
+  int search = 0;               ///< place of the prior that it comes from, @see PoseSolver::sample
   double loss = 0;              ///< lower is better; comparable within one call of `score`
   double visible_fraction = 0;  ///< of the rendered silhouette that agrees with the image, 0..1
   /// How well the pose explains the image, 0..1 (maths/alignment_search.h, scoreOf).

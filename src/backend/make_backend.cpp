@@ -9,10 +9,11 @@ namespace nerf_pose_refiner {
 
 void BackendChoice::validate() const {
   if (backend != "auto" && backend != "cpu" && backend != "cuda") {
-    throw std::invalid_argument("no engine is called '" + backend + "'; there are auto, cpu, cuda");
+    throw std::invalid_argument("no backend is called '" + backend +
+                                "'; there are auto, cpu, cuda");
   }
   if (device < 0) {
-    throw std::invalid_argument("EngineChoice::device is " + std::to_string(device) +
+    throw std::invalid_argument("BackendChoice::device is " + std::to_string(device) +
                                 ", must be 0 or more");
   }
 }
@@ -23,7 +24,7 @@ std::string whyNoCuda(int) { return "this package was built without CUDA"; }
 std::optional<GpuMemory> gpuMemory(int) { return std::nullopt; }
 
 std::unique_ptr<Backend> makeCudaBackend(const BackendChoice& choice) {
-  throw std::runtime_error("no CUDA engine: " + whyNoCuda(choice.device));
+  throw std::runtime_error("no CUDA backend: " + whyNoCuda(choice.device));
 }
 #endif
 
@@ -34,7 +35,5 @@ std::unique_ptr<Backend> makeBackend(const BackendChoice& choice) {
   }
   return makeCpuBackend(choice.threads, choice.instruction_set);
 }
-
-bool isOnDevice(const Backend& backend) { return backend.describe().rfind("CUDA", 0) == 0; }
 
 }  // namespace nerf_pose_refiner

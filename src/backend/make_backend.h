@@ -8,7 +8,7 @@
 
 namespace nerf_pose_refiner {
 
-/// Which processor an backend works on, and how much of it it takes.
+/// Which processor a backend works on, and how much of it it takes.
 struct BackendChoice {
   std::string backend = "auto";          ///< "auto": cuda where that works, else cpu; "cpu", "cuda"
   int threads = 0;                       ///< of the CPU backend; 0: all cores
@@ -23,9 +23,8 @@ struct BackendChoice {
 /// it is too old. Empty: it works.
 std::string whyNoCuda(int device = 0);
 
-/// An backend on a CUDA device. `load`, `render` and `read` wait; `align`, `descend` and the
-/// trainer do every few steps, so that a stop is heard; the rest only enqueues. `work` is as of the
-/// last wait.
+/// A backend on a CUDA device. `load`, `render` and `read` wait; `align`, `optimise` and the
+/// trainer do every few steps, so that a stop is heard; the rest only enqueues.
 /// @param choice its backend is not looked at.
 /// @throws std::runtime_error saying what whyNoCuda says.
 std::unique_ptr<Backend> makeCudaBackend(const BackendChoice& choice = {});
@@ -33,8 +32,5 @@ std::unique_ptr<Backend> makeCudaBackend(const BackendChoice& choice = {});
 /// The backend that was chosen. @throws std::invalid_argument for a choice that makes no sense,
 /// std::runtime_error if that backend cannot run here.
 std::unique_ptr<Backend> makeBackend(const BackendChoice& choice);
-
-/// Whether an backend is a CUDA one.
-bool isOnDevice(const Backend& backend);
 
 }  // namespace nerf_pose_refiner

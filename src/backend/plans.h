@@ -90,6 +90,12 @@ struct OptimisationPlan {
   }
 };
 
+/// Steps of a run of inversion.
+struct StepRange {
+  int first = 0;  ///< number of the first one within the whole run
+  int count = 0;
+};
+
 /// Survivors and their offspring, whose loss is infinite until it is measured.
 struct ResamplingPlan {
   int keep = 8;                      ///< best hypotheses that survive

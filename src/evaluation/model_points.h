@@ -47,7 +47,7 @@ class ModelPoints {
 /// @return in O [model units]; fewer if the surface is not resolved into so many.
 /// @throws std::invalid_argument for a count below 1, std::runtime_error if nothing is opaque,
 /// Stopped.
-std::vector<Eigen::Vector3d> surfacePoints(Backend* backend, const LoadedField& field, int count,
-                                           std::uint64_t seed, const CancellationToken& stop = {});
+std::vector<Eigen::Vector3d> surfacePoints(const LoadedField& field, int count, std::uint64_t seed,
+                                           const CancellationToken& stop = {});
 
 }  // namespace nerf_pose_refiner

@@ -6,6 +6,7 @@
 #include <stdexcept>
 
 #include "evaluation/model_points.h"
+#include "field/field.h"
 #include "math/random.h"
 
 namespace nerf_pose_refiner {
@@ -33,7 +34,7 @@ Pose cameraAround(const Eigen::Vector3d& centre, double distance, int i, int n) 
 }
 
 /// All that is seen, one view after the other.
-std::vector<Eigen::Vector3d> visiblePoints(Backend* backend, const LoadedField& field,
+std::vector<Eigen::Vector3d> visiblePoints(const LoadedField& field,
                                            const CancellationToken& stop) {
   const FieldMetadata& object = field.field().metadata;
   // The image just holds a ball of the object's diameter around its centre, and half as much
@@ -44,7 +45,7 @@ std::vector<Eigen::Vector3d> visiblePoints(Backend* backend, const LoadedField& 
   std::vector<Eigen::Vector3d> points;
   for (int i = 0; i < kViews; ++i) {
     const Pose T_O_C = cameraAround(object.centre, kDistance * object.diameter, i, kViews);
-    const Rendering seen = backend->render(field, camera, T_O_C, RenderOptions(), stop);
+    const Rendering seen = field.render({camera, T_O_C}, RenderOptions(), stop);
     for (std::size_t p = 0; p < seen.alpha.pixels(); ++p) {
       const float alpha = seen.alpha.values[p];
       if (alpha < kOpaque) continue;
@@ -65,14 +66,14 @@ void shuffle(std::vector<Eigen::Vector3d>* points, std::uint64_t seed) {
 
 }  // namespace
 
-std::vector<Eigen::Vector3d> surfacePoints(Backend* backend, const LoadedField& field, int count,
-                                           std::uint64_t seed, const CancellationToken& stop) {
+std::vector<Eigen::Vector3d> surfacePoints(const LoadedField& field, int count, std::uint64_t seed,
+                                           const CancellationToken& stop) {
   if (count < 1) throw std::invalid_argument("surfacePoints: count is below 1");
   const FieldMetadata& object = field.field().metadata;
   if (!(object.diameter > 0)) {
     throw std::runtime_error("the diameter of the object '" + object.name + "' is not known");
   }
-  std::vector<Eigen::Vector3d> points = visiblePoints(backend, field, stop);
+  std::vector<Eigen::Vector3d> points = visiblePoints(field, stop);
   if (points.empty()) throw std::runtime_error("nothing of '" + object.name + "' is opaque");
   shuffle(&points, seed);
   // Near parts of the surface are seen by many pixels: thinned, all of it counts alike.

@@ -7,6 +7,7 @@
 #include "evaluation/experiment.h"
 #include "evaluation/pose_error.h"
 #include "evaluation/start.h"
+#include "nerf_pose_refiner/observation.h"
 #include "refinement/refiner.h"
 
 namespace nerf_pose_refiner {

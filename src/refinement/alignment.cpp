@@ -3,6 +3,24 @@
 #include "refinement/schedule.h"
 
 namespace nerf_pose_refiner {
+namespace {
+
+/// Enqueues all stages, with a snapshot behind each.
+void runStages(const RefinementRun& run, const AlignmentPlan& plan, PoseSolver* solver) {
+  // Otherwise what alignment compares is the same for all hypotheses already.
+  const bool ranked_by_regions =
+      run.observation.background == Background::kUnknown && !run.settings.compare_contrast;
+  int hypotheses = plan.sampling.count;
+  for (const PlannedStage& stage : plan.stages) {
+    solver->align(stage.level, stage.align, run.stop);
+    if (hypotheses > 1 && ranked_by_regions) solver->score(stage.level, stage.align, run.stop);
+    solver->resample(stage.resample);
+    solver->snapshot();
+    hypotheses = stage.resample.keep;
+  }
+}
+
+}  // namespace
 
 void runAlignment(RefinementRun* run) {
   const FieldMetadata& object = run->field.field().metadata;
@@ -12,26 +30,15 @@ void runAlignment(RefinementRun* run) {
     run->result->outcome = Outcome::kNoOverlap;
     return;
   }
-  Backend& backend = *run->backend;
-  const auto observation = backend.observe(run->observation, plan->levels);
-  const auto batch = backend.batch(plan->sampling.count);
-  backend.sample(batch.get(), {run->prior.T_O_C}, plan->sampling);
-  HypothesisTable table;
-  int hypotheses = plan->sampling.count;
-  // Otherwise what alignment compares is the same for all of them already.
-  const bool ranked_by_regions =
-      run->observation.background == Background::kUnknown && !run->settings.compare_contrast;
-  for (const PlannedStage& stage : plan->stages) {
-    backend.align(batch.get(), run->field, *observation, stage.level, stage.align, run->stop);
-    if (hypotheses > 1 && ranked_by_regions) {
-      backend.score(batch.get(), run->field, *observation, stage.level, stage.align, run->stop);
-    }
-    backend.resample(batch.get(), stage.resample);
-    hypotheses = stage.resample.keep;
-    table = backend.read(*batch);
-    run->trace(stage.name, table);
-  }
-  run->finish(table);
+  const int hypotheses = plan->sampling.count;
+  const auto solver = run->field.makeSolver(run->observation, plan->levels, hypotheses);
+  solver->sample({run->prior.T_O_C}, plan->sampling);
+  runStages(*run, *plan, solver.get());
+  std::vector<std::string> names;
+  for (const PlannedStage& stage : plan->stages) names.push_back(stage.name);
+  const std::vector<SolverSnapshot> snapshots = solver->read();
+  run->trace(names, snapshots);
+  run->finish(snapshots.back().hypotheses);
 }
 
 }  // namespace nerf_pose_refiner

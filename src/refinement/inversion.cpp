@@ -72,7 +72,7 @@ Pose meanOfBest(const HypothesisTable& table, const InversionSettings& s, double
   return {expSO3(Eigen::Vector3d(turn / count)) * best.T_O_C.R, best.T_O_C.t + offset / count};
 }
 
-/// Searches of one image, a prior each, in one batch: steps are of all their hypotheses.
+/// Searches of one image, a prior each, with one solver: steps are of all their hypotheses.
 class Inversion {
  public:
   /// @param runs one or more; their `field`, `observation`, `settings` are the same.
@@ -80,39 +80,41 @@ class Inversion {
   Inversion(std::vector<RefinementRun*> runs, const std::vector<ImageLevel>& judged)
       : runs_(std::move(runs)),
         first_(*runs_.front()),
-        backend_(*first_.backend),
         settings_(first_.settings.inversion),
         object_(first_.field.field().metadata),
         unit_(settings_.unitFor(object_.diameter)) {
     std::vector<ImageLevel> levels = {{first_.observation.camera, 0}};
     levels.insert(levels.end(), judged.begin(), judged.end());
-    observation_ = backend_.observe(first_.observation, levels);
-    for (RefinementRun* run : runs_) run->together = static_cast<int>(runs_.size());
+    const int searches = static_cast<int>(runs_.size());
+    solver_ = first_.field.makeSolver(first_.observation, levels, settings_.hypotheses * searches);
+    for (RefinementRun* run : runs_) run->together = searches;
   }
 
   void run() {
-    const auto batch = backend_.batch(settings_.hypotheses * static_cast<int>(runs_.size()));
     std::vector<Pose> priors;
     for (const RefinementRun* run : runs_) priors.push_back(run->prior.T_O_C);
-    backend_.sample(batch.get(), priors, samplingPlan(first_, unit_));
-    optimise(batch.get(), "explore", 0, settings_.first_steps);
+    solver_->sample(priors, samplingPlan(first_, unit_));
+    optimise("explore", {0, settings_.first_steps});
     for (int round = 1; round <= settings_.rounds; ++round) {
       if (settings_.hypotheses > 1) {
-        backend_.resample(batch.get(), resamplingPlan(first_.settings, unit_, round));
+        solver_->resample(resamplingPlan(first_.settings, unit_, round));
       }
-      optimise(batch.get(), "round " + std::to_string(round),
-               settings_.first_steps + (round - 1) * settings_.round_steps, settings_.round_steps);
+      optimise(
+          "round " + std::to_string(round),
+          {settings_.first_steps + (round - 1) * settings_.round_steps, settings_.round_steps});
     }
-    evaluate(batch.get());
-    std::vector<HypothesisTable> tables = read(*batch);
+    evaluate();
+    std::vector<SolverSnapshot> snapshots = readWithNow();
+    std::vector<HypothesisTable> tables = bySearch(snapshots.back().hypotheses);
     if (settings_.hypotheses > 1) improve(&tables);
     for (std::size_t i = 0; i < runs_.size(); ++i) {
       if (hasWinner(tables[i])) judge(static_cast<int>(i), &tables[i].front());
     }
-    for (std::size_t i = 0; i < runs_.size(); ++i) {
-      runs_[i]->trace("choose", tables[i]);
-      runs_[i]->finish(tables[i]);
-    }
+    const SolverSnapshot end = readWithNow().back();
+    snapshots.back().seconds = end.seconds;
+    snapshots.back().costs = end.costs;
+    stages_.push_back("choose");
+    report(snapshots, tables);
   }
 
  private:
@@ -133,27 +135,31 @@ class Inversion {
 
   /// In slices, the last of them as long as losses are gathered over: they end where all steps at
   /// once would.
-  void optimise(HypothesisBatch* batch, const std::string& stage, int first_step, int steps) {
+  void optimise(const std::string& stage, const StepRange& steps) {
     const OptimisationPlan plan = optimisationPlan();
-    for (int left = steps; left > 0;) {
+    for (int left = steps.count; left > 0;) {
       const int slice = left % plan.score_steps > 0 ? left % plan.score_steps : plan.score_steps;
-      backend_.optimise(batch, first_.field, *observation_, kSearchLevel, plan,
-                        first_step + steps - left, slice, first_.stop);
+      solver_->optimise(kSearchLevel, plan, {steps.first + steps.count - left, slice}, first_.stop);
       left -= slice;
-      const std::vector<HypothesisTable> tables = read(*batch);
-      for (std::size_t i = 0; i < runs_.size(); ++i) runs_[i]->trace(stage, tables[i]);
+      solver_->snapshot();
+      stages_.push_back(stage);
     }
   }
 
-  void evaluate(HypothesisBatch* batch) {
-    backend_.evaluate(batch, first_.field, *observation_, kSearchLevel, optimisationPlan(),
-                      settings_.score_pixels, first_.stop);
+  void evaluate() {
+    solver_->evaluate(kSearchLevel, optimisationPlan(), settings_.score_pixels, first_.stop);
+  }
+
+  /// All snapshots since the last wait, the last being of now.
+  std::vector<SolverSnapshot> readWithNow() {
+    solver_->snapshot();
+    return solver_->read();
   }
 
   /// The hypotheses of every search, best first.
-  std::vector<HypothesisTable> read(const HypothesisBatch& batch) {
+  std::vector<HypothesisTable> bySearch(const HypothesisTable& all) const {
     std::vector<HypothesisTable> tables(runs_.size());
-    for (const Hypothesis& h : backend_.read(batch)) tables.at(h.search).push_back(h);
+    for (const Hypothesis& h : all) tables.at(h.search).push_back(h);
     return tables;
   }
 
@@ -165,23 +171,23 @@ class Inversion {
       means.push_back(hasWinner(table) ? meanOfBest(table, settings_, unit_)
                                        : runs_[i]->prior.T_O_C);
     }
-    const auto batch = batchAt(means);
-    evaluate(batch.get());
-    for (const Hypothesis& measured : backend_.read(*batch)) {
-      HypothesisTable& table = tables->at(measured.search);
-      if (!hasWinner(table) || measured.state != HypothesisState::kLive) continue;
-      if (!(measured.loss < table.front().loss)) continue;
-      table.front().T_O_C = measured.T_O_C;
-      table.front().loss = measured.loss;
+    startAt(means);
+    evaluate();
+    for (const Hypothesis& evaluated : solver_->readHypotheses()) {
+      HypothesisTable& table = tables->at(evaluated.search);
+      if (!hasWinner(table) || evaluated.state != HypothesisState::kLive) continue;
+      if (!(evaluated.loss < table.front().loss)) continue;
+      table.front().T_O_C = evaluated.T_O_C;
+      table.front().loss = evaluated.loss;
     }
   }
 
   /// Says how well a search's winner agrees with the image, and how firmly the image holds it.
   void judge(int search, Hypothesis* winner) {
-    const auto batch = batchAt({winner->T_O_C});
-    backend_.score(batch.get(), first_.field, *observation_, kJudgeLevel + search,
+    startAt({winner->T_O_C});
+    solver_->score(kJudgeLevel + search,
                    judgingStage(first_.settings, first_.observation.background), first_.stop);
-    const Hypothesis judged = backend_.read(*batch).front();
+    const Hypothesis judged = solver_->readHypotheses().front();
     winner->visible_fraction = judged.visible_fraction;
     winner->score = judged.score;
     winner->information = judged.information;
@@ -190,21 +196,34 @@ class Inversion {
   }
 
   /// One hypothesis at each pose.
-  std::unique_ptr<HypothesisBatch> batchAt(const std::vector<Pose>& poses) {
+  void startAt(const std::vector<Pose>& poses) {
     SamplingPlan alone;
     alone.count = 1;
-    auto batch = backend_.batch(static_cast<int>(poses.size()));
-    backend_.sample(batch.get(), poses, alone);
-    return batch;
+    solver_->sample(poses, alone);
+  }
+
+  /// Writes traces and results. @param chosen the final hypotheses of every search.
+  void report(const std::vector<SolverSnapshot>& snapshots,
+              const std::vector<HypothesisTable>& chosen) {
+    std::vector<std::vector<SolverSnapshot>> own(runs_.size(), snapshots);  // of each search alone
+    for (std::size_t k = 0; k < snapshots.size(); ++k) {
+      const bool last = k + 1 == snapshots.size();
+      const auto tables = last ? chosen : bySearch(snapshots[k].hypotheses);
+      for (std::size_t i = 0; i < runs_.size(); ++i) own[i][k].hypotheses = tables[i];
+    }
+    for (std::size_t i = 0; i < runs_.size(); ++i) {
+      runs_[i]->trace(stages_, own[i]);
+      runs_[i]->finish(chosen[i]);
+    }
   }
 
   const std::vector<RefinementRun*> runs_;
   const RefinementRun& first_;
-  Backend& backend_;
   const InversionSettings& settings_;
   const FieldMetadata& object_;
   const double unit_;  ///< [model units]
-  std::shared_ptr<const LoadedObservation> observation_;
+  std::unique_ptr<PoseSolver> solver_;
+  std::vector<std::string> stages_;  ///< behind which snapshots were taken
 };
 
 }  // namespace

@@ -1,6 +1,7 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include "refinement/refiner.h"
 
+#include <chrono>
 #include <cmath>
 #include <stdexcept>
 
@@ -40,20 +41,23 @@ void Prior::validate() const {
   requireWidth("translation", translation, 100);
 }
 
-void RefinementRun::trace(const std::string& stage, const HypothesisTable& table) {
-  const auto now = std::chrono::steady_clock::now();
-  TraceEntry entry;
-  entry.stage = stage;
-  entry.seconds = secondsBetween(stage_start, now) / together;
-  entry.work = (backend->work() - stage_work) / together;
-  entry.live = countLive(table);
-  if (entry.live > 0) {
-    entry.best_loss = table.front().loss;
-    entry.best_T_O_C = table.front().T_O_C;
+void RefinementRun::trace(const std::vector<std::string>& names,
+                          const std::vector<SolverSnapshot>& snapshots) {
+  SolverSnapshot before;
+  for (std::size_t i = 0; i < snapshots.size(); ++i) {
+    const SolverSnapshot& now = snapshots[i];
+    TraceEntry entry;
+    entry.stage = names.at(i);
+    entry.seconds = (now.seconds - before.seconds) / together;
+    entry.work = (now.costs - before.costs) / together;
+    entry.live = countLive(now.hypotheses);
+    if (entry.live > 0) {
+      entry.best_loss = now.hypotheses.front().loss;
+      entry.best_T_O_C = now.hypotheses.front().T_O_C;
+    }
+    result->trace.push_back(entry);
+    before = now;
   }
-  result->trace.push_back(entry);
-  stage_start = now;
-  stage_work = backend->work();
 }
 
 void RefinementRun::finish(const HypothesisTable& table) {
@@ -81,7 +85,7 @@ bool Prior::isAsWideAs(const Prior& other) const {
 
 Refiner::Refiner(std::shared_ptr<Backend> backend, const RefinerSettings& settings)
     : backend_(std::move(backend)), settings_(settings) {
-  if (!backend_) throw std::invalid_argument("Refiner: the engine is null");
+  if (!backend_) throw std::invalid_argument("Refiner: the backend is null");
   settings_.validate();
 }
 
@@ -113,7 +117,7 @@ std::vector<Refinement> Refiner::refineAll(const LoadedField& field, const Obser
   std::vector<RefinementRun> runs;
   for (std::size_t i = 0; i < priors.size(); ++i) {
     results[i].T_O_C = priors[i].T_O_C;
-    runs.push_back({backend_.get(), field, observation, priors[i], settings_, stop, &results[i]});
+    runs.push_back({field, observation, priors[i], settings_, stop, &results[i]});
     if (together && i + 1 < priors.size()) continue;
     carryOut(&runs);
     runs.clear();
@@ -123,7 +127,7 @@ std::vector<Refinement> Refiner::refineAll(const LoadedField& field, const Obser
 
 void Refiner::carryOut(std::vector<RefinementRun>* runs) {
   const auto start = std::chrono::steady_clock::now();
-  const CostCounters work_before = backend_->work();
+  const CostCounters work_before = backend_->costs();
   try {
     if (settings_.method == Method::kAlign) {
       for (RefinementRun& run : *runs) runAlignment(&run);
@@ -133,7 +137,7 @@ void Refiner::carryOut(std::vector<RefinementRun>* runs) {
   } catch (const Cancelled&) {
     for (RefinementRun& run : *runs) run.result->outcome = Outcome::kCancelled;
   }
-  const CostCounters work = backend_->work() - work_before;
+  const CostCounters work = backend_->costs() - work_before;
   const double seconds = secondsBetween(start, std::chrono::steady_clock::now());
   for (RefinementRun& run : *runs) {
     if (run.together == 0) continue;

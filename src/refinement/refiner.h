@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "backend/backend.h"
+#include "nerf_pose_refiner/observation.h"
 #include "refinement/covariance.h"
 #include "refinement/settings.h"
 
@@ -45,7 +46,7 @@ struct TraceEntry {
   Pose best_T_O_C;
 };
 
-struct RefinementRun;  // src/refine/schedule.h
+struct RefinementRun;  // refinement/schedule.h
 
 struct Refinement {
   Outcome outcome = Outcome::kDiverged;
@@ -56,14 +57,14 @@ struct Refinement {
   Matrix6 covariance = Matrix6::Zero();  ///< of the best pose; @see poseCovariance
   HypothesisTable hypotheses;            ///< all that were followed to the last stage, best first;
                                          ///< @see nearestEquivalents
-  std::vector<TraceEntry> trace;
+  std::vector<TraceEntry> trace;         ///< empty if it was cancelled
   double seconds = 0;
   CostCounters work;
 };
 
-/// Finds the pose of an object in one image. Makes the schedule; an backend carries it out.
+/// Finds the pose of an object in one image. Makes the schedule; a backend carries it out.
 ///
-/// Not thread-safe: one caller at a time (an backend is not shared without a lock).
+/// Not thread-safe: one caller at a time (a backend is not shared without a lock).
 class Refiner {
  public:
   /// @param settings validated here. @throws std::invalid_argument.
@@ -73,8 +74,8 @@ class Refiner {
   Refinement refine(const LoadedField& field, const Observation& observation, const Prior& prior,
                     const CancellationToken& stop = {});
 
-  /// The same from several priors. Inversions share the backend's batches: each has its part of the
-  /// time and work, and there must be memory for as many samples a step as all of them take.
+  /// The same from several priors. Inversions share one solver: each has its part of the time and
+  /// work, and there must be memory for as many samples a step as all of them take.
   /// Alignments look at parts of the image that their prior says, and go one after another.
   /// @throws std::invalid_argument also for priors of inversions that are not equally wide.
   std::vector<Refinement> refineAll(const LoadedField& field, const Observation& observation,

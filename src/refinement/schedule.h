@@ -1,7 +1,6 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <chrono>
 #include <string>
 #include <vector>
 
@@ -11,7 +10,6 @@ namespace nerf_pose_refiner {
 
 /// One refinement under way: what a schedule works with, and where it writes its result.
 struct RefinementRun {
-  Backend* backend;
   const LoadedField& field;
   const Observation& observation;
   const Prior& prior;
@@ -20,12 +18,9 @@ struct RefinementRun {
   Refinement* result;
   int together = 1;  ///< runs that share the backend's time and work; 0: this one takes none
 
-  std::chrono::steady_clock::time_point stage_start = std::chrono::steady_clock::now();
-  CostCounters stage_work = backend->work();  ///< the backend's meter when the stage began
-
-  /// Ends a stage: appends a line to the trace with its share of time and work since the last one.
-  /// @param table best first.
-  void trace(const std::string& stage, const HypothesisTable& table);
+  /// Appends a line to the trace for each stage, with its fraction of the time and work since the
+  /// one before. @param names of the stages behind which the snapshots were taken.
+  void trace(const std::vector<std::string>& names, const std::vector<SolverSnapshot>& snapshots);
 
   /// Takes the outcome, pose and agreement from the final table, best first.
   void finish(const HypothesisTable& table);

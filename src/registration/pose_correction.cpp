@@ -6,7 +6,11 @@
 #include <algorithm>
 #include <cmath>
 
+#include "backend/hypotheses.h"
+#include "backend/plans.h"
+#include "field/field.h"
 #include "image/colour.h"
+#include "nerf_pose_refiner/observation.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -86,8 +90,8 @@ Pose fused(const Hypothesis& aligned, const Pose& measured, const FieldMetadata&
 }
 
 /// @param measured where the view's camera was measured to be.
-Pose alignView(Backend* backend, const LoadedField& field, const PosedView& view,
-               const Pose& measured, bool has_alpha, const CancellationToken& stop) {
+Pose alignView(const LoadedField& field, const PosedView& view, const Pose& measured,
+               bool has_alpha, const CancellationToken& stop) {
   const FieldMetadata& object = field.field().metadata;
   const Eigen::Vector3d centre_C = view.T_O_C.inverse() * object.centre;
   if (centre_C.z() < object.diameter) return view.T_O_C;
@@ -95,35 +99,34 @@ Pose alignView(Backend* backend, const LoadedField& field, const PosedView& view
   for (const double object_px : kLevels_px) {
     levels.push_back(levelAround(view.camera, centre_C, object.diameter, object_px));
   }
-  const auto observation = backend->observe(observationOf(view, has_alpha), levels);
+  const auto solver = field.makeSolver(observationOf(view, has_alpha), levels, 1);
   SamplingPlan start;  // from the pose itself
   start.count = 1;
   start.object_centre = object.centre;
   start.rotation_limit_rad = kMaxRotation_rad;
   start.translation_limit = kMaxTranslation * object.diameter;
-  const auto batch = backend->batch(1);
-  backend->sample(batch.get(), {view.T_O_C}, start);
+  solver->sample({view.T_O_C}, start);
   AlignStage stage;
   stage.alpha_weight = has_alpha ? 1.0 : 0.03;  // probabilities from colours err often
   for (std::size_t i = 0; i < levels.size(); ++i) {
     const bool last = i + 1 == levels.size();
     stage.step_scale = last ? 1.0f : 2.0f;
-    backend->align(batch.get(), field, *observation, static_cast<int>(i), stage, stop);
+    solver->align(static_cast<int>(i), stage, stop);
   }
-  const HypothesisTable table = backend->read(*batch);
+  const HypothesisTable table = solver->readHypotheses();
   const bool aligned = !table.empty() && table.front().state == HypothesisState::kLive;
   return aligned ? fused(table.front(), measured, object) : view.T_O_C;
 }
 
 }  // namespace
 
-std::vector<Pose> alignViews(Backend* backend, const LoadedField& field,
-                             const std::vector<PosedView>& views, const std::vector<Pose>& measured,
-                             bool has_alpha, const CancellationToken& stop) {
+std::vector<Pose> alignViews(const LoadedField& field, const std::vector<PosedView>& views,
+                             const std::vector<Pose>& measured, bool has_alpha,
+                             const CancellationToken& stop) {
   std::vector<Pose> poses;
   for (std::size_t i = 0; i < views.size(); ++i) {
     stop.check();
-    poses.push_back(alignView(backend, field, views[i], measured.at(i), has_alpha, stop));
+    poses.push_back(alignView(field, views[i], measured.at(i), has_alpha, stop));
   }
   return poses;
 }

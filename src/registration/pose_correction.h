@@ -19,9 +19,9 @@ namespace nerf_pose_refiner {
 /// @return T_O_C of each view, in order; one that cannot be aligned (the object is behind its
 /// camera, or it would move by more than a few degrees) keeps its pose.
 /// @throws Stopped.
-std::vector<Pose> alignViews(Backend* backend, const LoadedField& field,
-                             const std::vector<PosedView>& views, const std::vector<Pose>& measured,
-                             bool has_alpha, const CancellationToken& stop);
+std::vector<Pose> alignViews(const LoadedField& field, const std::vector<PosedView>& views,
+                             const std::vector<Pose>& measured, bool has_alpha,
+                             const CancellationToken& stop);
 
 /// Moves poses as one, so that the cameras' centres lie as near as can be to where they were
 /// measured. Alignment with a model says nothing of where and how large the whole is; the measured

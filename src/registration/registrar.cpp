@@ -94,12 +94,11 @@ struct ViewError {
   double inside_rms;  ///< where the view shows the object
 };
 
-ViewError viewError(Backend* backend, const LoadedField& field, const PosedView& view,
+ViewError viewError(const LoadedField& field, const PosedView& view,
                     const CancellationToken& stop) {
   const PremultipliedImage truth = premultiply(*view.rgba);
   const std::vector<std::uint8_t> telling = tellingPixels(view, field.field().box);
-  const Rendering rendering =
-      backend->render(field, view.camera, view.T_O_C, RenderOptions(), stop);
+  const Rendering rendering = field.render({view.camera, view.T_O_C}, RenderOptions(), stop);
   double squares = 0, inside_squares = 0;
   std::size_t pixels = 0, inside = 0;
   for (std::size_t i = 0; i < telling.size(); ++i) {
@@ -153,7 +152,7 @@ class TrainingRun {
       if (settings_.target_psnr_db > 0 && !held_out_.empty() && done() >= next_look) {
         next_look += kQualityInterval;
         const auto field = backend_->load(std::make_shared<Field>(trainer_->snapshot(stop)));
-        psnr_db_ = meanPsnr(backend_, *field, held_out_, stop);
+        psnr_db_ = meanPsnr(*field, held_out_, stop);
         if (psnr_db_ >= settings_.target_psnr_db) break;
       }
     }
@@ -182,7 +181,7 @@ class TrainingRun {
     const Camera& full = previewed_.camera;
     const double scale = std::min(1.0, kPreviewSize_px / std::max(full.width, full.height));
     const auto field = backend_->load(std::make_shared<Field>(trainer_->snapshot(stop)));
-    return backend_->render(*field, full.scaled(scale), previewed_.T_O_C, RenderOptions(), stop);
+    return field->render({full.scaled(scale), previewed_.T_O_C}, RenderOptions(), stop);
   }
 
   /// Share of the training that is over, by steps or by time.
@@ -212,7 +211,7 @@ void measureQuality(Backend* backend, const std::vector<PosedView>& held_out,
   const auto loaded = backend->load(std::make_shared<Field>(*field));
   double psnr_sum = 0, sum = 0, squares = 0;
   for (const PosedView& view : held_out) {
-    const ViewError error = viewError(backend, *loaded, view, stop);
+    const ViewError error = viewError(*loaded, view, stop);
     psnr_sum += error.psnr_db;
     sum += error.inside_rms;
     squares += error.inside_rms * error.inside_rms;
@@ -245,7 +244,8 @@ std::unique_ptr<FieldTrainer> trainerOf(Backend* backend, const std::vector<Pose
   plan.seed = settings.seed;
   std::vector<TrainingView> views;
   for (const PosedView& view : training) views.push_back({view.rgba, view.camera, view.T_O_C});
-  return backend->trainer(FieldConfig::named(settings.profile), hull.box, std::move(views), plan);
+  return backend->makeTrainer(FieldConfig::named(settings.profile), hull.box, std::move(views),
+                              plan);
 }
 
 Hull hullOf(const Dataset& dataset, const RegistrationSettings& settings, double slack,
@@ -307,7 +307,7 @@ Dataset withCorrectedPoses(Backend* backend, const Dataset& dataset,
     const auto field =
         backend->load(std::make_shared<Field>(finished(trainer.get(), dataset, stop)));
     const std::vector<Pose> poses = inMeasuredFrame(
-        alignViews(backend, *field, corrected.views, measured, dataset.has_alpha, stop), measured);
+        alignViews(*field, corrected.views, measured, dataset.has_alpha, stop), measured);
     for (std::size_t i = 0; i < poses.size(); ++i) corrected.views[i].T_O_C = poses[i];
   }
   return corrected;
@@ -388,11 +388,11 @@ std::string registrationHash(const Dataset& dataset, const RegistrationSettings&
   return checksum.text();
 }
 
-double meanPsnr(Backend* backend, const LoadedField& field, const std::vector<PosedView>& views,
+double meanPsnr(const LoadedField& field, const std::vector<PosedView>& views,
                 const CancellationToken& stop) {
   if (views.empty()) throw std::invalid_argument("PSNR of no views");
   double sum = 0;
-  for (const PosedView& view : views) sum += viewError(backend, field, view, stop).psnr_db;
+  for (const PosedView& view : views) sum += viewError(field, view, stop).psnr_db;
   return sum / static_cast<double>(views.size());
 }
 

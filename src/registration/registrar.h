@@ -6,7 +6,9 @@
 #include <string>
 
 #include "backend/backend.h"
+#include "backend/training.h"
 #include "dataset/dataset.h"
+#include "field/field.h"
 
 namespace nerf_pose_refiner {
 
@@ -65,7 +67,7 @@ std::string registrationHash(const Dataset& dataset, const RegistrationSettings&
 /// Mean PSNR [dB] over views, rendered on black against the views composited on black. Of a view
 /// without transparency only the pixels count whose rays meet the field's box: what lies behind
 /// the others is not of the object.
-double meanPsnr(Backend* backend, const LoadedField& field, const std::vector<PosedView>& views,
+double meanPsnr(const LoadedField& field, const std::vector<PosedView>& views,
                 const CancellationToken& stop);
 
 }  // namespace nerf_pose_refiner

@@ -1,114 +1,195 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include "runtime/shared_backend.h"
 
-#include <stdexcept>
+#include <condition_variable>
+#include <cstdint>
+#include <mutex>
 #include <utility>
+
+#include "backend/hypotheses.h"
+#include "backend/plans.h"
+#include "backend/training.h"
+#include "nerf_pose_refiner/observation.h"
 
 namespace nerf_pose_refiner {
 
-SharedBackend::TicketLock::TicketLock(const SharedBackend* backend) : backend_(backend) {
-  std::unique_lock<std::mutex> lock(backend_->mutex_);
-  const std::uint64_t ticket = backend_->asked_++;
-  backend_->next_.wait(lock, [&] { return backend_->served_ == ticket; });
-}
-
-SharedBackend::TicketLock::~TicketLock() {
-  {
-    std::lock_guard<std::mutex> lock(backend_->mutex_);
-    ++backend_->served_;
+/// A queue of threads. (A mutex would give the turn to whoever just had it.)
+class SharedBackend::Turns {
+ public:
+  /// Runs a call when its turn has come. @return what it returns.
+  template <typename Call>
+  auto take(const Call& call) {
+    const Turn turn(this);
+    return call();
   }
-  backend_->next_.notify_all();
-}
 
-SharedBackend::SharedBackend(std::unique_ptr<Backend> backend) : backend_(std::move(backend)) {}
+ private:
+  class Turn {
+   public:
+    explicit Turn(Turns* turns) : turns_(turns) {
+      std::unique_lock<std::mutex> lock(turns_->mutex_);
+      const std::uint64_t ticket = turns_->asked_++;
+      turns_->next_.wait(lock, [&] { return turns_->served_ == ticket; });
+    }
+    ~Turn() {
+      {
+        std::lock_guard<std::mutex> lock(turns_->mutex_);
+        ++turns_->served_;
+      }
+      turns_->next_.notify_all();
+    }
+    Turn(const Turn&) = delete;
+    Turn& operator=(const Turn&) = delete;
 
-std::string SharedBackend::describe() const { return backend_->describe(); }
+   private:
+    Turns* turns_;
+  };
+
+  std::mutex mutex_;  ///< guards all below
+  std::condition_variable next_;
+  std::uint64_t asked_ = 0;   ///< tickets given out
+  std::uint64_t served_ = 0;  ///< the ticket whose turn it is
+};
+
+namespace {
+
+using TurnsPtr = std::shared_ptr<SharedBackend::Turns>;
+
+/// What a backend made, for one call in a turn each; it ends in a turn, too.
+template <typename Made>
+class InTurns {
+ public:
+  InTurns(TurnsPtr turns, Made made) : turns_(std::move(turns)), made_(std::move(made)) {}
+  ~InTurns() {
+    turns_->take([&] { made_.reset(); });
+  }
+  InTurns(const InTurns&) = delete;
+  InTurns& operator=(const InTurns&) = delete;
+
+  template <typename Call>
+  auto operator()(const Call& call) const {
+    return turns_->take([&] { return call(*made_); });
+  }
+  const TurnsPtr& turns() const { return turns_; }
+  const Made& made() const { return made_; }
+
+ private:
+  TurnsPtr turns_;
+  Made made_;
+};
+
+class SharedSolver final : public PoseSolver {
+ public:
+  SharedSolver(TurnsPtr turns, std::unique_ptr<PoseSolver> solver)
+      : in_turn_(std::move(turns), std::move(solver)) {}
+
+  void sample(const std::vector<Pose>& priors_T_O_C, const SamplingPlan& plan) override {
+    in_turn_([&](PoseSolver& solver) { solver.sample(priors_T_O_C, plan); });
+  }
+  void align(int level, const AlignStage& stage, const CancellationToken& stop) override {
+    in_turn_([&](PoseSolver& solver) { solver.align(level, stage, stop); });
+  }
+  void score(int level, const AlignStage& stage, const CancellationToken& stop) override {
+    in_turn_([&](PoseSolver& solver) { solver.score(level, stage, stop); });
+  }
+  void optimise(int level, const OptimisationPlan& plan, const StepRange& steps,
+                const CancellationToken& stop) override {
+    in_turn_([&](PoseSolver& solver) { solver.optimise(level, plan, steps, stop); });
+  }
+  void evaluate(int level, const OptimisationPlan& plan, int pixels,
+                const CancellationToken& stop) override {
+    in_turn_([&](PoseSolver& solver) { solver.evaluate(level, plan, pixels, stop); });
+  }
+  void resample(const ResamplingPlan& plan) override {
+    in_turn_([&](PoseSolver& solver) { solver.resample(plan); });
+  }
+  void snapshot() override {
+    in_turn_([](PoseSolver& solver) { solver.snapshot(); });
+  }
+  std::vector<SolverSnapshot> read() override {
+    return in_turn_([](PoseSolver& solver) { return solver.read(); });
+  }
+
+ private:
+  InTurns<std::unique_ptr<PoseSolver>> in_turn_;
+};
+
+class SharedField final : public LoadedField {
+ public:
+  SharedField(TurnsPtr turns, std::shared_ptr<const LoadedField> field)
+      : in_turn_(std::move(turns), std::move(field)) {}
+
+  const Field& field() const override { return in_turn_.made()->field(); }
+  Rendering render(const View& view, const RenderOptions& options,
+                   const CancellationToken& stop) const override {
+    return in_turn_([&](const LoadedField& field) { return field.render(view, options, stop); });
+  }
+  std::unique_ptr<PoseSolver> makeSolver(const Observation& observation,
+                                         const std::vector<ImageLevel>& levels,
+                                         int capacity) const override {
+    auto solver = in_turn_(
+        [&](const LoadedField& field) { return field.makeSolver(observation, levels, capacity); });
+    return std::make_unique<SharedSolver>(in_turn_.turns(), std::move(solver));
+  }
+
+ private:
+  InTurns<std::shared_ptr<const LoadedField>> in_turn_;
+};
+
+class SharedTrainer final : public FieldTrainer {
+ public:
+  SharedTrainer(TurnsPtr turns, std::unique_ptr<FieldTrainer> trainer)
+      : in_turn_(std::move(turns), std::move(trainer)) {}
+
+  double step(double progress) override {
+    return in_turn_([&](FieldTrainer& trainer) { return trainer.step(progress); });
+  }
+  int stepsDone() const override { return in_turn_.made()->stepsDone(); }
+  Field finish(const CancellationToken& stop) override {
+    return in_turn_([&](FieldTrainer& trainer) { return trainer.finish(stop); });
+  }
+  Field snapshot(const CancellationToken& stop) override {
+    return in_turn_([&](FieldTrainer& trainer) { return trainer.snapshot(stop); });
+  }
+
+ private:
+  InTurns<std::unique_ptr<FieldTrainer>> in_turn_;
+};
+
+}  // namespace
+
+SharedBackend::SharedBackend(std::unique_ptr<Backend> backend)
+    : turns_(std::make_shared<Turns>()), backend_(std::move(backend)) {}
+
+SharedBackend::~SharedBackend() = default;
+
+BackendInfo SharedBackend::info() const { return backend_->info(); }
 
 std::shared_ptr<const LoadedField> SharedBackend::load(std::shared_ptr<const Field> field) {
-  const TicketLock turn(this);
-  for (auto entry = loaded_.begin(); entry != loaded_.end();) {
-    entry = entry->second.expired() ? loaded_.erase(entry) : std::next(entry);
-  }
-  // A loaded field keeps its field: while it lives, no other one has this address.
-  std::weak_ptr<const LoadedField>& known = loaded_[field.get()];
-  if (std::shared_ptr<const LoadedField> loaded = known.lock()) return loaded;
-  const std::shared_ptr<const LoadedField> loaded = backend_->load(std::move(field));
-  known = loaded;
-  return loaded;
+  return turns_->take([&] {
+    for (auto entry = loaded_.begin(); entry != loaded_.end();) {
+      entry = entry->second.expired() ? loaded_.erase(entry) : std::next(entry);
+    }
+    // A loaded field keeps its field: while it lives, no other one has this address.
+    std::weak_ptr<const LoadedField>& known = loaded_[field.get()];
+    std::shared_ptr<const LoadedField> loaded = known.lock();
+    if (loaded) return loaded;
+    loaded = std::make_shared<SharedField>(turns_, backend_->load(std::move(field)));
+    known = loaded;
+    return loaded;
+  });
 }
 
-Rendering SharedBackend::render(const LoadedField& field, const Camera& camera, const Pose& T_O_C,
-                                const RenderOptions& options, const CancellationToken& stop) {
-  const TicketLock turn(this);
-  return backend_->render(field, camera, T_O_C, options, stop);
+std::unique_ptr<FieldTrainer> SharedBackend::makeTrainer(const FieldConfig& config, const Box& box,
+                                                         std::vector<TrainingView> views,
+                                                         const TrainingPlan& plan) {
+  auto trainer =
+      turns_->take([&] { return backend_->makeTrainer(config, box, std::move(views), plan); });
+  return std::make_unique<SharedTrainer>(turns_, std::move(trainer));
 }
 
-std::unique_ptr<FieldTrainer> SharedBackend::trainer(const FieldConfig&, const Box&,
-                                                     std::vector<TrainingView>,
-                                                     const TrainingPlan&) {
-  throw std::logic_error("a shared engine does not train");
-}
-
-std::shared_ptr<const LoadedObservation> SharedBackend::observe(
-    const Observation& observation, const std::vector<ImageLevel>& levels) {
-  const TicketLock turn(this);
-  return backend_->observe(observation, levels);
-}
-
-std::unique_ptr<HypothesisBatch> SharedBackend::batch(int capacity) {
-  const TicketLock turn(this);
-  return backend_->batch(capacity);
-}
-
-void SharedBackend::sample(HypothesisBatch* batch, const std::vector<Pose>& priors_T_O_C,
-                           const SamplingPlan& plan) {
-  const TicketLock turn(this);
-  backend_->sample(batch, priors_T_O_C, plan);
-}
-
-void SharedBackend::align(HypothesisBatch* batch, const LoadedField& field,
-                          const LoadedObservation& observation, int level, const AlignStage& stage,
-                          const CancellationToken& stop) {
-  const TicketLock turn(this);
-  backend_->align(batch, field, observation, level, stage, stop);
-}
-
-void SharedBackend::score(HypothesisBatch* batch, const LoadedField& field,
-                          const LoadedObservation& observation, int level, const AlignStage& stage,
-                          const CancellationToken& stop) {
-  const TicketLock turn(this);
-  backend_->score(batch, field, observation, level, stage, stop);
-}
-
-void SharedBackend::optimise(HypothesisBatch* batch, const LoadedField& field,
-                             const LoadedObservation& observation, int level,
-                             const OptimisationPlan& plan, int first_step, int steps,
-                             const CancellationToken& stop) {
-  const TicketLock turn(this);
-  backend_->optimise(batch, field, observation, level, plan, first_step, steps, stop);
-}
-
-void SharedBackend::evaluate(HypothesisBatch* batch, const LoadedField& field,
-                             const LoadedObservation& observation, int level,
-                             const OptimisationPlan& plan, int pixels,
-                             const CancellationToken& stop) {
-  const TicketLock turn(this);
-  backend_->evaluate(batch, field, observation, level, plan, pixels, stop);
-}
-
-void SharedBackend::resample(HypothesisBatch* batch, const ResamplingPlan& plan) {
-  const TicketLock turn(this);
-  backend_->resample(batch, plan);
-}
-
-HypothesisTable SharedBackend::read(const HypothesisBatch& batch) {
-  const TicketLock turn(this);
-  return backend_->read(batch);
-}
-
-CostCounters SharedBackend::work() const {
-  const TicketLock turn(this);
-  return backend_->work();
+CostCounters SharedBackend::costs() const {
+  return turns_->take([&] { return backend_->costs(); });
 }
 
 }  // namespace nerf_pose_refiner

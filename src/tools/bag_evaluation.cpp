@@ -76,7 +76,7 @@ BagEvaluationResult BagEvaluation::run(const std::function<void(const EvaluatedF
   const FieldMetadata& metadata = field_->field().metadata;
   const ObjectFrame frame = ObjectFrame::inMetres(metadata);
   std::vector<Eigen::Vector3d> points =
-      surfacePoints(backend_.get(), *field_, settings_.points, settings_.seed, stop);
+      surfacePoints(*field_, settings_.points, settings_.seed, stop);
   for (Eigen::Vector3d& point : points) point = frame.point(point);
   result_ = {};
   result_.points = static_cast<int>(points.size());

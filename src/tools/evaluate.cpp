@@ -160,7 +160,7 @@ class Evaluation {
     }
     line_.end();
     std::printf("%zu trials, %d of them new, on %s\n", trials_->size(), done_,
-                backend_->describe().c_str());
+                backend_->info().description.c_str());
   }
 
  private:
@@ -241,8 +241,7 @@ class Evaluation {
   /// Inversions fill a device better together; where nothing is gained by it, less is lost by an
   /// interruption.
   int startsAtOnce(const std::string& method) const {
-    constexpr int kOnDevice = 5;  // some 100 MiB each
-    return method != "alignment" && isOnDevice(*backend_) ? kOnDevice : 1;
+    return method == "alignment" ? 1 : backend_->info().searches_at_once;
   }
 
   /// Starts of one image. Those that an earlier process has written are searched again, for a
@@ -290,7 +289,7 @@ class Evaluation {
         trialSettings(key.method, key.loss.empty() ? "l2" : key.loss, variant, unit, plan_.seed);
     TrialKey likewise = key;
     likewise.view = likewise.start = 0;
-    if (isOnDevice(*backend_) && warmed_.insert(likewise.cells()).second) {
+    if (backend_->info().warms_up && warmed_.insert(likewise.cells()).second) {
       // A few steps make memory and graphs.
       RefinerSettings brief = settings;
       brief.inversion.first_steps = brief.inversion.descent.score_steps;
@@ -346,7 +345,7 @@ class Evaluation {
     Image8 pair(2 * camera.width, camera.height, 3);
     for (int side = 0; side < 2; ++side) {
       const Rendering rendering =
-          backend_->render(*scene.fields.at(""), camera, side == 0 ? start : found, {}, stop_);
+          scene.fields.at("")->render({camera, side == 0 ? start : found}, {}, stop_);
       const Image8 overlay = drawOverlay(observation.image, rendering, 0.7);
       for (int y = 0; y < camera.height; ++y) {
         std::copy(overlay.pixel(0, y), overlay.pixel(0, y) + 3 * camera.width,
@@ -362,7 +361,7 @@ class Evaluation {
   }
 
   std::string backendCell() const {
-    std::string text = backend_->describe();
+    std::string text = backend_->info().description;
     std::replace(text.begin(), text.end(), ',', ';');
     return text;
   }

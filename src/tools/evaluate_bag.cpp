@@ -210,7 +210,7 @@ void evaluate(const EvaluateOptions& given, const CancellationToken& stop) {
     throw std::runtime_error("no image of " + bag.topics().image + " could be evaluated" + reasons);
   }
   nlohmann::json summary = summaryJson(result, object.metres_per_unit * object.diameter);
-  summary["settings"] = settingsJson(options, bag.topics(), object, backend->describe());
+  summary["settings"] = settingsJson(options, bag.topics(), object, backend->info().description);
   writeFramesCsv(result, options.out + "/frames.csv");
   writeJson(summary, options.out + "/summary.json");
   if (!options.no_plots) plot(options.out);

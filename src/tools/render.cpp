@@ -196,7 +196,7 @@ void render(const RenderToolOptions& options, const CancellationToken& stop) {
     line.show(static_cast<double>(rows.size()) / views.size(), view.name);
     const Camera camera = limited(view.camera, options.max_size);
     const auto start = std::chrono::steady_clock::now();
-    const Rendering rendering = backend->render(*loaded, camera, view.T_O_C, {}, stop);
+    const Rendering rendering = loaded->render({camera, view.T_O_C}, {}, stop);
     const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
     write(options, rendering, view, field->metadata.metres_per_unit);
     rows.push_back({{"view", view.name}, {"seconds", elapsed.count()}});

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "backend/backend.h"
+#include "field/field.h"
 #include "dataset/dataset.h"
 
 namespace nerf_pose_refiner {

@@ -8,7 +8,11 @@
 #include <vector>
 
 #include "backend/backend.h"
+#include "backend/hypotheses.h"
+#include "backend/plans.h"
+#include "field/field.h"
 #include "support/analytic_scene.h"
+#include "support/cpu_processor.h"
 #include "support/expect_error.h"
 
 // Direct alignment of single hypotheses on one level.
@@ -20,15 +24,16 @@ const Camera kCamera = {240, 200, 330, 330, 119.5, 99.5};
 
 /// The scene, an image of it and the pose that it was taken from.
 struct Setting {
-  std::shared_ptr<Backend> backend;
-  std::shared_ptr<const LoadedField> scene = makeAnalyticScene();
-  Pose truth = cameraAround(*scene, 0.6, 0.4);
+  std::shared_ptr<const LoadedField> scene;
+  Pose truth;
   Observation observation;
   ImageLevel level = {kCamera.resized(120, 100), 1.0};
   AlignStage stage;
 
-  explicit Setting(int threads = 1) : backend(makeCpuBackend(threads)) {
-    observation = observeScene(backend.get(), *scene, kCamera, truth);
+  explicit Setting(int threads = 1)
+      : scene(makeAnalyticScene(1, cpuProcessor(threads))),
+        truth(cameraAround(*scene, 0.6, 0.4)),
+        observation(observeScene(*scene, kCamera, truth)) {
     stage.max_iterations = 20;
     stage.rays_per_side = 4;
   }
@@ -42,13 +47,12 @@ struct Setting {
   }
 
   Hypothesis alignFrom(const Pose& start, const CancellationToken& stop = {}) {
-    const auto batch = backend->batch(1);
+    const auto solver = scene->makeSolver(observation, {level}, 1);
     SamplingPlan sampling;
     sampling.count = 1;
-    backend->sample(batch.get(), {start}, sampling);
-    const auto observed = backend->observe(observation, {level});
-    backend->align(batch.get(), *scene, *observed, 0, stage, stop);
-    return backend->read(*batch).front();
+    solver->sample({start}, sampling);
+    solver->align(0, stage, stop);
+    return solver->readHypotheses().front();
   }
 };
 
@@ -230,11 +234,8 @@ TEST(Align, stops) {
 
 TEST(Align, wrongLevelIsNamed) {
   Setting setting;
-  const auto batch = setting.backend->batch(1);
-  const auto observed = setting.backend->observe(setting.observation, {setting.level});
-  expectError<std::invalid_argument>(
-      [&] { setting.backend->align(batch.get(), *setting.scene, *observed, 1, setting.stage, {}); },
-      "level 1");
+  const auto solver = setting.scene->makeSolver(setting.observation, {setting.level}, 1);
+  expectError<std::invalid_argument>([&] { solver->align(1, setting.stage, {}); }, "level 1");
 }
 
 // Loss of poses on the same level, each scored alone and as the table has them.

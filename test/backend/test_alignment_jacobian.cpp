@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include "backend/common/alignment_system.h"
+#include "backend/cpu/alignment_system.h"
 #include "backend/cpu/cpu_backend.h"
 #include "backend/cpu/rendered_image.h"
 #include "image/filter.h"

@@ -6,9 +6,10 @@
 #include <memory>
 #include <vector>
 
-#include "backend/ray_renderer.h"
+#include "backend/cpu/ray_renderer.h"
 #include "math/loss.h"
 #include "nerf_pose_refiner/pose.h"
+#include "support/cpu_rays.h"
 #include "support/random_field.h"
 #include "support/reference_field.h"
 
@@ -218,8 +219,8 @@ TEST(Gradients, referenceMatchesCentralDifferencesThroughTheViewingDirectionToo)
 }
 
 // The backend's forces and torques of all cases, in one call.
-std::vector<Vector6d> engineGradients(const RayRenderer& scene, const std::vector<Case>& cases,
-                                      Loss kind, bool turns_view) {
+std::vector<Vector6d> backendGradients(const RayRenderer& scene, const std::vector<Case>& cases,
+                                       Loss kind, bool turns_view) {
   std::vector<Ray> rays;
   for (const Case& c : cases) rays.push_back(c.ray);
   RenderOptions options;
@@ -246,18 +247,15 @@ std::vector<Vector6d> engineGradients(const RayRenderer& scene, const std::vecto
   return all;
 }
 
-void expectBackendMatchesReference(const FieldConfig& config, const std::string& instruction_set,
+void expectBackendMatchesReference(const FieldConfig& config, const char* instruction_set,
                                    bool turns_view, int count) {
   const auto parameters = std::make_shared<Field>(randomField(config, 7));
   const ReferenceField reference(*parameters);
-  const auto backend = makeCpuBackend(1, instruction_set);
-  const auto loaded = backend->load(parameters);
-  const auto* scene = dynamic_cast<const RayRenderer*>(loaded.get());
-  ASSERT_NE(scene, nullptr);
+  const auto scene = load(*parameters, instruction_set);
   const auto cases = drawSmoothCases(reference, *parameters, count, turns_view).cases;
   for (int k = 0; k < kLossCount; ++k) {
     const Loss kind = static_cast<Loss>(k);
-    const std::vector<Vector6d> gradients = engineGradients(*scene, cases, kind, turns_view);
+    const std::vector<Vector6d> gradients = backendGradients(*scene, cases, kind, turns_view);
     int failures = 0;
     for (int i = 0; i < count; ++i) {
       const Vector6d expected = referenceGradient(reference, cases[i], kind, turns_view);
@@ -267,19 +265,19 @@ void expectBackendMatchesReference(const FieldConfig& config, const std::string&
   }
 }
 
-TEST(Gradients, engineMatchesReferenceForEveryLoss) {
+TEST(Gradients, backendMatchesReferenceForEveryLoss) {
   expectBackendMatchesReference(smallConfig(), "auto", false, kCases);
 }
 
-TEST(Gradients, engineMatchesReferenceThroughTheViewingDirectionToo) {
+TEST(Gradients, backendMatchesReferenceThroughTheViewingDirectionToo) {
   expectBackendMatchesReference(smallConfig(), "auto", true, kCases);
 }
 
-TEST(Gradients, engineMatchesReferenceWithoutVectorInstructions) {
+TEST(Gradients, backendMatchesReferenceWithoutVectorInstructions) {
   expectBackendMatchesReference(smallConfig(), "baseline", false, kCases);
 }
 
-TEST(Gradients, engineMatchesReferenceInThePapersNetwork) {
+TEST(Gradients, backendMatchesReferenceInThePapersNetwork) {
   FieldConfig config = FieldConfig::named("paper");
   config.step = 0.11f;  // few samples, each of which matters
   expectBackendMatchesReference(config, "auto", false, 100);

@@ -3,50 +3,53 @@
 
 #include <limits>
 
-#include "backend/cpu/cpu_backend.h"
+#include "backend/cpu/cpu_hypotheses.h"
+#include "backend/hypotheses.h"
+#include "backend/plans.h"
 #include "support/expect_error.h"
 
-// Scattering, selection and reading of hypotheses.
+// Sampling, resampling and reading of hypotheses.
 
 namespace nerf_pose_refiner {
 namespace {
 
 Pose poseAt(double x) { return {Eigen::Matrix3d::Identity(), Eigen::Vector3d(x, 0, -3)}; }
 
-/// A batch whose hypotheses stand at poses 1, 2, ... with the given losses.
-struct Selection {
-  std::unique_ptr<Backend> backend = makeCpuBackend(1);
-  std::unique_ptr<HypothesisBatch> batch;
+CpuHypotheses emptyHypotheses(int capacity) {
+  CpuHypotheses hypotheses;
+  hypotheses.capacity = capacity;
+  return hypotheses;
+}
 
-  explicit Selection(const std::vector<double>& losses) : batch(backend->batch(16)) {
-    for (std::size_t i = 0; i < losses.size(); ++i) {
-      CpuHypothesis h;
-      h.T_O_C = poseAt(static_cast<double>(i) + 1);
-      h.loss = losses[i];
-      hypotheses().push_back(h);
-    }
+/// Hypotheses that stand at poses 1, 2, ... with the given losses.
+CpuHypotheses hypothesesWith(const std::vector<double>& losses) {
+  CpuHypotheses all = emptyHypotheses(16);
+  for (std::size_t i = 0; i < losses.size(); ++i) {
+    CpuHypothesis h;
+    h.T_O_C = poseAt(static_cast<double>(i) + 1);
+    h.loss = losses[i];
+    all.items.push_back(h);
   }
-  std::vector<CpuHypothesis>& hypotheses() { return cpuBatch(batch.get()).hypotheses; }
+  return all;
+}
 
-  /// x of the camera of each, best first.
-  std::vector<double> read() {
-    std::vector<double> x;
-    for (const Hypothesis& h : backend->read(*batch)) x.push_back(h.T_O_C.t.x());
-    return x;
-  }
-};
+/// x of the camera of each, best first.
+std::vector<double> placesOf(const CpuHypotheses& hypotheses) {
+  std::vector<double> x;
+  for (const Hypothesis& h : hypotheses.bestFirst()) x.push_back(h.T_O_C.t.x());
+  return x;
+}
 
-TEST(Scatter, firstIsThePriorAndOthersAreWithinTheSpread) {
-  const auto backend = makeCpuBackend(1);
-  const auto batch = backend->batch(64);
+TEST(Sample, firstIsThePriorAndOthersAreWithinTheSpread) {
+  CpuHypotheses hypotheses = emptyHypotheses(64);
   SamplingPlan plan;
   plan.count = 64;
   plan.rotation_rad = Eigen::Vector3d(0.1, 0.2, 0.3);
   plan.translation = Eigen::Vector3d(0.4, 0.5, 0.6);
   plan.object_centre = Eigen::Vector3d(1, 2, 3);
   const Pose prior = poseAt(0);
-  backend->sample(batch.get(), {prior}, plan);
-  const HypothesisTable table = backend->read(*batch);
+  hypotheses.sample({prior}, plan);
+  const HypothesisTable table = hypotheses.bestFirst();
   ASSERT_EQ(table.size(), 64u);
   EXPECT_EQ(table[0].T_O_C.t, prior.t);
   Eigen::Vector3d widest_turn = Eigen::Vector3d::Zero(), widest_move = Eigen::Vector3d::Zero();
@@ -65,26 +68,24 @@ TEST(Scatter, firstIsThePriorAndOthersAreWithinTheSpread) {
   }
 }
 
-TEST(Scatter, aboutTheCameraKeepsItsPlace) {
-  const auto backend = makeCpuBackend(1);
-  const auto batch = backend->batch(4);
+TEST(Sample, aboutTheCameraKeepsItsPlace) {
+  CpuHypotheses hypotheses = emptyHypotheses(4);
   SamplingPlan plan;
   plan.count = 4;
   plan.rotation_rad.setConstant(0.3);
   plan.rotate_about_object = false;
   plan.object_centre = Eigen::Vector3d(1, 2, 3);
-  backend->sample(batch.get(), {poseAt(0)}, plan);
-  for (const Hypothesis& h : backend->read(*batch)) EXPECT_EQ(h.T_O_C.t, poseAt(0).t);
+  hypotheses.sample({poseAt(0)}, plan);
+  for (const Hypothesis& h : hypotheses.bestFirst()) EXPECT_EQ(h.T_O_C.t, poseAt(0).t);
 }
 
-TEST(Scatter, aroundEveryPriorAlike) {
-  const auto backend = makeCpuBackend(1);
-  const auto batch = backend->batch(6);
+TEST(Sample, aroundEveryPriorAlike) {
+  CpuHypotheses hypotheses = emptyHypotheses(6);
   SamplingPlan plan;
   plan.count = 3;
   plan.translation.setConstant(0.1);
-  backend->sample(batch.get(), {poseAt(0), poseAt(10)}, plan);
-  const HypothesisTable table = backend->read(*batch);
+  hypotheses.sample({poseAt(0), poseAt(10)}, plan);
+  const HypothesisTable table = hypotheses.bestFirst();
   ASSERT_EQ(table.size(), 6u);
   for (int i = 0; i < 3; ++i) {
     EXPECT_EQ(table[i].search, 0);
@@ -94,79 +95,75 @@ TEST(Scatter, aroundEveryPriorAlike) {
   EXPECT_EQ(table[3].T_O_C.t, poseAt(10).t);
 }
 
-TEST(Scatter, moreThanTheBatchHoldsIsRefused) {
-  const auto backend = makeCpuBackend(1);
-  const auto batch = backend->batch(4);
+TEST(Sample, moreThanTheCapacityIsRefused) {
+  CpuHypotheses hypotheses = emptyHypotheses(4);
   SamplingPlan plan;
   plan.count = 2;
   const std::vector<Pose> three(3);
-  expectError<std::invalid_argument>([&] { backend->sample(batch.get(), three, plan); }, "2 for 3",
-                                     "4");
-  expectError<std::invalid_argument>([&] { backend->sample(batch.get(), {}, plan); }, "no prior");
+  expectError<std::invalid_argument>([&] { hypotheses.sample(three, plan); }, "2 for 3", "4");
+  expectError<std::invalid_argument>([&] { hypotheses.sample({}, plan); }, "no prior");
   plan.count = 5;
-  expectError<std::invalid_argument>([&] { backend->sample(batch.get(), {Pose()}, plan); }, "5",
-                                     "4");
+  expectError<std::invalid_argument>([&] { hypotheses.sample({Pose()}, plan); }, "5", "4");
 }
 
-TEST(Select, keepsTheBest) {
-  Selection s({0.3, 0.1, 0.4, 0.2});
+TEST(Resample, keepsTheBest) {
+  CpuHypotheses s = hypothesesWith({0.3, 0.1, 0.4, 0.2});
   ResamplingPlan plan;
   plan.keep = 2;
-  s.backend->resample(s.batch.get(), plan);
-  EXPECT_EQ(s.read(), (std::vector<double>{2, 4}));
+  s.resample(plan);
+  EXPECT_EQ(placesOf(s), (std::vector<double>{2, 4}));
 }
 
-TEST(Select, everySearchKeepsItsBest) {
-  Selection s({0.3, 0.1, 0.2, 5.0, 7.0, 6.0});
-  for (int i = 3; i < 6; ++i) s.hypotheses()[i].search = 1;
-  cpuBatch(s.batch.get()).searches = 2;
+TEST(Resample, everySearchKeepsItsBest) {
+  CpuHypotheses s = hypothesesWith({0.3, 0.1, 0.2, 5.0, 7.0, 6.0});
+  for (int i = 3; i < 6; ++i) s.items[i].search = 1;
+  s.searches = 2;
   ResamplingPlan plan;
   plan.keep = 2;
   plan.offspring = 3;
   plan.translation_jitter = 0.25;
-  s.backend->resample(s.batch.get(), plan);
-  const std::vector<CpuHypothesis>& all = s.hypotheses();
+  s.resample(plan);
+  const std::vector<CpuHypothesis>& all = s.items;
   ASSERT_EQ(all.size(), 6u);
   const double at[] = {2, 3, 2, 4, 6, 4};  // the third of each is the best one's child
   for (int i = 0; i < 6; ++i) {
     EXPECT_EQ(all[i].search, i / 3);
     EXPECT_NEAR(all[i].T_O_C.t.x(), at[i], i % 3 < 2 ? 0 : 0.25);
   }
-  plan.offspring = 9;  // 18 of a batch of 16
-  expectError<std::invalid_argument>([&] { s.backend->resample(s.batch.get(), plan); },
-                                     "2 searches", "16");
+  plan.offspring = 9;  // 18, where there is room for 16
+  expectError<std::invalid_argument>([&] { s.resample(plan); }, "2 searches", "16");
 }
 
-TEST(Select, dropsTheFlaggedHoweverGood) {
-  Selection s({0.3, 0.1, 0.4, 0.2});
-  s.hypotheses()[1].state = HypothesisState::kOutOfImage;
+TEST(Resample, dropsTheFlaggedHoweverGood) {
+  CpuHypotheses s = hypothesesWith({0.3, 0.1, 0.4, 0.2});
+  s.items[1].state = HypothesisState::kOutOfImage;
   ResamplingPlan plan;
   plan.keep = 2;
-  s.backend->resample(s.batch.get(), plan);
-  EXPECT_EQ(s.read(), (std::vector<double>{4, 1}));
+  s.resample(plan);
+  EXPECT_EQ(placesOf(s), (std::vector<double>{4, 1}));
 }
 
 // 1.5 apart is near, 2 is not; the third is as near, but turned.
-TEST(Select, mergesNearDuplicatesIntoTheBest) {
-  Selection s({0.2, 0.1, 0.3, 0.4});
-  s.hypotheses()[2].T_O_C.R = expSO3({0, 0, 0.2});
+TEST(Resample, mergesNearDuplicatesIntoTheBest) {
+  CpuHypotheses s = hypothesesWith({0.2, 0.1, 0.3, 0.4});
+  s.items[2].T_O_C.R = expSO3({0, 0, 0.2});
   ResamplingPlan plan;
   plan.keep = 4;
   plan.merge_translation = 1.5;
   plan.merge_rotation_rad = 0.1;
-  s.backend->resample(s.batch.get(), plan);
-  EXPECT_EQ(s.read(), (std::vector<double>{2, 3, 4}));
+  s.resample(plan);
+  EXPECT_EQ(placesOf(s), (std::vector<double>{2, 3, 4}));
 }
 
-TEST(Select, redrawsTheMissingAroundTheSurvivors) {
-  Selection s({0.3, 0.1, 0.4, 0.2});
-  s.hypotheses()[0].state = HypothesisState::kIllConditioned;
+TEST(Resample, redrawsTheMissingAroundTheSurvivors) {
+  CpuHypotheses s = hypothesesWith({0.3, 0.1, 0.4, 0.2});
+  s.items[0].state = HypothesisState::kIllConditioned;
   ResamplingPlan plan;
   plan.keep = 4;
   plan.offspring = 5;
   plan.translation_jitter = 0.25;
-  s.backend->resample(s.batch.get(), plan);
-  const std::vector<CpuHypothesis>& all = s.hypotheses();
+  s.resample(plan);
+  const std::vector<CpuHypothesis>& all = s.items;
   ASSERT_EQ(all.size(), 5u);
   EXPECT_NEAR(all[3].T_O_C.t.x(), 2, 0.25);  // the best's child
   EXPECT_NE(all[3].T_O_C.t.x(), 2);
@@ -174,46 +171,46 @@ TEST(Select, redrawsTheMissingAroundTheSurvivors) {
   for (const CpuHypothesis& h : all) EXPECT_EQ(h.state, HypothesisState::kLive);
 }
 
-TEST(Select, whatIsDrawnHasNoLossUntilItIsMeasured) {
-  Selection s({1.0, 2.0});
+TEST(Resample, whatIsDrawnHasNoLossUntilItIsMeasured) {
+  CpuHypotheses s = hypothesesWith({1.0, 2.0});
   ResamplingPlan plan;
   plan.keep = 2;
   plan.offspring = 4;
-  s.backend->resample(s.batch.get(), plan);
-  const HypothesisTable table = s.backend->read(*s.batch);
+  s.resample(plan);
+  const HypothesisTable table = s.bestFirst();
   ASSERT_EQ(table.size(), 4u);
   EXPECT_EQ(table[1].loss, 2.0);  // never behind one that nobody has looked at
   EXPECT_EQ(table[2].loss, std::numeric_limits<double>::infinity());
 }
 
-TEST(Select, redrawsOnlyWhereAsked) {
-  Selection s({1.0, 2.0, 3.0});
-  s.hypotheses()[1].state = HypothesisState::kOutOfImage;
+TEST(Resample, redrawsOnlyWhereAsked) {
+  CpuHypotheses s = hypothesesWith({1.0, 2.0, 3.0});
+  s.items[1].state = HypothesisState::kOutOfImage;
   ResamplingPlan plan;
   plan.keep = 3;
   plan.redraw = false;
-  s.backend->resample(s.batch.get(), plan);
-  EXPECT_EQ(s.read(), (std::vector<double>{1, 3}));
+  s.resample(plan);
+  EXPECT_EQ(placesOf(s), (std::vector<double>{1, 3}));
 }
 
-TEST(Select, nothingLivesNothingIsDrawn) {
-  Selection s({0.1});
-  s.hypotheses()[0].state = HypothesisState::kNotFinite;
+TEST(Resample, nothingLivesNothingIsDrawn) {
+  CpuHypotheses s = hypothesesWith({0.1});
+  s.items[0].state = HypothesisState::kNotFinite;
   ResamplingPlan plan;
   plan.offspring = 4;
-  s.backend->resample(s.batch.get(), plan);
-  EXPECT_TRUE(s.read().empty());
+  s.resample(plan);
+  EXPECT_TRUE(placesOf(s).empty());
 }
 
 TEST(Read, aLossThatIsNoNumberComesLast) {
-  Selection s({0.3, std::numeric_limits<double>::quiet_NaN(), 0.1});
-  EXPECT_EQ(s.read(), (std::vector<double>{3, 1, 2}));
+  CpuHypotheses s = hypothesesWith({0.3, std::numeric_limits<double>::quiet_NaN(), 0.1});
+  EXPECT_EQ(placesOf(s), (std::vector<double>{3, 1, 2}));
 }
 
 TEST(Read, bestFirstFlaggedLast) {
-  Selection s({0.3, 0.1, 0.2});
-  s.hypotheses()[1].state = HypothesisState::kBehindCamera;
-  EXPECT_EQ(s.read(), (std::vector<double>{3, 1, 2}));
+  CpuHypotheses s = hypothesesWith({0.3, 0.1, 0.2});
+  s.items[1].state = HypothesisState::kBehindCamera;
+  EXPECT_EQ(placesOf(s), (std::vector<double>{3, 1, 2}));
 }
 
 }  // namespace

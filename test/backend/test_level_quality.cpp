@@ -4,11 +4,14 @@
 #include <algorithm>
 #include <cmath>
 
+#include "backend/cpu/cpu_backend.h"
+#include "backend/cpu/cpu_field.h"
 #include "backend/cpu/stage_evaluator.h"
 #include "image/colour.h"
 #include "refinement/plan.h"
 #include "registration/visual_hull.h"
 #include "support/analytic_dataset.h"
+#include "support/cpu_processor.h"
 
 // Rendering for a stage must not be worse than the field is: fewer rays, longer steps and the blur
 // of the levels of the preset, on a field that was learned.
@@ -37,7 +40,7 @@ Field learnedField(Backend* backend) {
   TrainingPlan plan;
   plan.samples_per_step = 8192;
   plan.region = hull.region;
-  const auto trainer = backend->trainer(smallConfig(), hull.box, trainingViews(photos), plan);
+  const auto trainer = backend->makeTrainer(smallConfig(), hull.box, trainingViews(photos), plan);
   constexpr int kSteps = 200;
   for (int i = 0; i < kSteps; ++i) trainer->step(static_cast<double>(i) / kSteps);
   return trainer->finish(CancellationToken());
@@ -58,8 +61,9 @@ double decibel(double mean_square) { return -10 * std::log10(mean_square); }
 
 // Both are compared on the part of the picture that the plan looks at.
 TEST(LevelQuality, everyLevelIsWithinADecibelOfTheFullSize) {
-  const auto backend = makeCpuBackend(2);
-  const auto field = backend->load(std::make_shared<Field>(learnedField(backend.get())));
+  const auto processor = cpuProcessor(2);
+  CpuBackend backend(processor);
+  const CpuField field(std::make_shared<Field>(learnedField(&backend)), processor);
   const PosedView view = analyticDataset(6, kSize, 1.0).views[2];
   const PremultipliedImage photo = premultiply(*view.rgba);
   Observation observation;
@@ -73,23 +77,20 @@ TEST(LevelQuality, everyLevelIsWithinADecibelOfTheFullSize) {
   RefinerSettings settings = RefinerSettings::named("align");
   settings.stages.push_back(settings.stages.back());  // as large as the picture, for comparison
   settings.stages.back().object_px = 4096;
-  const AlignmentPlan plan = *planAlignment(settings, observation, prior, field->field().metadata);
-  const auto observed = backend->observe(observation, plan.levels);
+  const AlignmentPlan plan = *planAlignment(settings, observation, prior, field.field().metadata);
+  const CpuObservation observed = observe(observation, plan.levels, 2);
 
   const Camera& crop = plan.levels.back().camera;
-  const Rendering whole =
-      backend->render(*field, crop, view.T_O_C, RenderOptions(), CancellationToken());
+  const Rendering whole = field.render({crop, view.T_O_C}, RenderOptions(), CancellationToken());
   const double full_size =
-      decibel(meanSquare(whole.colour, observedLevel(*observed, plan.stages.back().level).image));
+      decibel(meanSquare(whole.colour, observed.level(plan.stages.back().level).image));
   EXPECT_GT(full_size, 20);
   EXPECT_LT(full_size, 40);  // or nothing could be a decibel worse
 
   for (const PlannedStage& stage : plan.stages) {
-    CostCounters work;
     const CancellationToken stop;
-    const auto& level = observedLevel(*observed, stage.level);
-    StageEvaluator evaluator(rayRenderer(*field), dynamic_cast<const CpuObservation&>(*observed),
-                             stage.level, stage.align, 2, stop, &work);
+    const auto& level = observed.level(stage.level);
+    StageEvaluator evaluator(field, observed, {stage.level, stage.align, stop});
     Evaluation evaluation;
     evaluation.T_O_C = view.T_O_C;
     evaluator.evaluate({&evaluation});

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "backend/common/local_contrast.h"
+#include "backend/cpu/local_contrast.h"
 #include "image/filter.h"
 #include "math/random.h"
 

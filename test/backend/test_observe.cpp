@@ -3,7 +3,8 @@
 
 #include <cmath>
 
-#include "backend/cpu/cpu_backend.h"
+#include "backend/common/blur_rules.h"
+#include "backend/cpu/cpu_observation.h"
 #include "backend/cpu/rendered_image.h"
 #include "image/filter.h"
 #include "support/analytic_scene.h"
@@ -20,26 +21,22 @@ class EveryLevel : public ::testing::TestWithParam<int> {};
 
 // At the true pose a level of the observation is the picture that is rendered for it.
 TEST_P(EveryLevel, rendersWhatIsObserved) {
-  const auto backend = makeCpuBackend(1);
   const auto scene = makeAnalyticScene();
   const Pose truth = cameraAround(*scene, -0.5, 0.3);
-  const Observation observation = observeScene(backend.get(), *scene, kCamera, truth);
+  const Observation observation = observeScene(*scene, kCamera, truth);
   constexpr double kBlurPx = 1.0;
   const Camera level = kCamera.resized(kCamera.width / GetParam(), kCamera.height / GetParam());
-  const auto observed = backend->observe(observation, {{level, kBlurPx}});
+  const CpuObservation observed = observe(observation, {{level, kBlurPx}}, 1);
 
   constexpr int kRays = 6;
   Image picture, scratch;
-  CostCounters work;
-  renderImages(rayRenderer(*scene), {{level, truth, kRays, &picture}}, RenderOptions(), 1,
-               CancellationToken(), &work);
-  const double lattice = (1 - 1.0 / (kRays * kRays)) / 12;
-  blurImage(gaussianKernel(std::sqrt(kBlurPx * kBlurPx - lattice)), &picture, &scratch);
+  renderImages(*scene, {{level, truth, kRays, &picture}}, RenderOptions(), CancellationToken());
+  blurImage(gaussianKernel(renderingBlur(kBlurPx, kRays)), &picture, &scratch);
   double squares = 0;
   for (int y = 0; y < level.height; ++y) {
     for (int x = 0; x < level.width; ++x) {
       for (int c = 0; c < 4; ++c) {
-        const double r = picture.at(x, y, c) - observedLevel(*observed, 0).blurred.at(x, y, c);
+        const double r = picture.at(x, y, c) - observed.level(0).blurred.at(x, y, c);
         squares += r * r;
       }
     }
@@ -59,10 +56,9 @@ Observation plainObservation() {
 }
 
 TEST(Observe, whatIsOutsideWeighsNothing) {
-  const auto backend = makeCpuBackend(1);
   const Camera wide = plainObservation().camera.cropped(-1, 0, 6, 2);
-  const auto observed = backend->observe(plainObservation(), {{wide, 0.5}});
-  const ObservedLevel& level = observedLevel(*observed, 0);
+  const auto observed = observe(plainObservation(), {{wide, 0.5}}, 1);
+  const ObservedLevel& level = observed.level(0);
   EXPECT_EQ(level.weight.at(0, 0, 0), 0);
   EXPECT_EQ(level.weight.at(1, 0, 0), 1);
   EXPECT_EQ(level.weight.at(4, 1, 0), 1);
@@ -71,29 +67,27 @@ TEST(Observe, whatIsOutsideWeighsNothing) {
 }
 
 TEST(Observe, ignoredPixelsDoNotBleed) {
-  const auto backend = makeCpuBackend(1);
   Observation observation = plainObservation();
   observation.weight = Image(4, 2, 1, 1.0f);
   observation.weight.at(2, 0, 0) = 0;
   observation.image.at(2, 0, 0) = 1;
-  const auto observed = backend->observe(observation, {{observation.camera, 1.0}});
-  EXPECT_NEAR(observedLevel(*observed, 0).blurred.at(1, 0, 0), 0.5, 1e-6);
+  const CpuObservation observed = observe(observation, {{observation.camera, 1.0}}, 1);
+  EXPECT_NEAR(observed.level(0).blurred.at(1, 0, 0), 0.5, 1e-6);
 }
 
 TEST(Observe, aMaskMultipliesTheImage) {
-  const auto backend = makeCpuBackend(1);
   Observation observation = plainObservation();
   observation.background = Background::kMask;
   observation.alpha = Image(4, 2, 1, 0.0f);
   observation.alpha.at(0, 0, 0) = 1;
-  const auto observed = backend->observe(observation, {{observation.camera, 0.5}});
-  EXPECT_EQ(observedLevel(*observed, 0).image.at(0, 0, 1), 0.5f);
-  EXPECT_EQ(observedLevel(*observed, 0).image.at(1, 0, 1), 0.0f);
+  const CpuObservation observed = observe(observation, {{observation.camera, 0.5}}, 1);
+  EXPECT_EQ(observed.level(0).image.at(0, 0, 1), 0.5f);
+  EXPECT_EQ(observed.level(0).image.at(1, 0, 1), 0.0f);
 }
 
 TEST(Observe, faultsAreNamed) {
-  const auto backend = makeCpuBackend(1);
-  const auto observe = [&](const Observation& o) { backend->observe(o, {{o.camera, 1.0}}); };
+  const auto scene = makeAnalyticScene();
+  const auto observe = [&](const Observation& o) { scene->makeSolver(o, {{o.camera, 1.0}}, 1); };
   Observation small = plainObservation();
   small.camera.width = 5;
   expectError<std::invalid_argument>([&] { observe(small); }, "image", "4 x 2 x 3", "5 x 2 x 3");

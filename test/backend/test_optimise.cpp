@@ -7,9 +7,11 @@
 #include <string>
 #include <vector>
 
-#include "backend/ray_renderer.h"
+#include "backend/cpu/ray_renderer.h"
+#include "backend/hypotheses.h"
 #include "math/pixel_draw.h"
 #include "support/analytic_scene.h"
+#include "support/cpu_processor.h"
 #include "support/fog_scene.h"
 
 // The paper's mode on the CPU backend: updates worked out by hand, and descent in a scene of fog.
@@ -19,7 +21,7 @@ namespace {
 
 constexpr double kDegree = M_PI / 180;
 
-/// Pulls every ray in the same way, whatever it sees.
+/// Every ray has the same gradient, whatever it sees.
 class ConstantGradient final : public RayRenderer {
  public:
   RayGradient gradient = {{0, 0, 0}, {0, 0, 0}};
@@ -46,39 +48,46 @@ class ConstantGradient final : public RayRenderer {
 
 Camera smallCamera(int size = 64) { return {size, size, 1.2 * size, 1.2 * size, 31.5, 31.5}; }
 
-/// One hypothesis at the identity in a black picture.
+Observation blackImage() {
+  Observation observation;
+  observation.camera = smallCamera();
+  observation.image = Image(64, 64, 3);
+  observation.background = Background::kKnownColour;
+  return observation;
+}
+
+/// One hypothesis at the identity in an image, a black one if nothing is said.
 struct OneHypothesis {
-  OneHypothesis() {
-    Observation observation;
-    observation.camera = smallCamera();
-    observation.image = Image(64, 64, 3);
-    observation.background = Background::kKnownColour;
-    picture = backend->observe(observation, {{observation.camera, 0}});
-    batch = backend->batch(1);
-    SamplingPlan one;
-    one.count = 1;
-    backend->sample(batch.get(), {Pose()}, one);
+  explicit OneHypothesis(const Observation& observation = blackImage())
+      : solver(scene.makeSolver(observation, {{observation.camera, 0}}, 1)) {
+    startAt(Pose());
     plan.samples_per_step = 100;
     plan.steps_per_update = 1;
     plan.regularisation = 0;
     plan.update = PoseUpdate::kAboutCamera;
   }
 
-  void optimise(int first_step, int steps) {
-    backend->optimise(batch.get(), scene, *picture, 0, plan, first_step, steps,
-                      CancellationToken());
+  void startAt(const Pose& pose) {
+    SamplingPlan one;
+    one.count = 1;
+    solver->sample({pose}, one);
   }
-  Pose pose() const { return backend->read(*batch).front().T_O_C; }
+  void optimise(int first_step, int steps) {
+    solver->optimise(0, plan, {first_step, steps}, CancellationToken());
+  }
+  double evaluate(int pixels) {
+    solver->evaluate(0, plan, pixels, CancellationToken());
+    return solver->readHypotheses().front().loss;
+  }
+  Pose pose() const { return solver->readHypotheses().front().T_O_C; }
 
-  std::unique_ptr<Backend> backend = makeCpuBackend(1);
   ConstantGradient scene;
-  std::shared_ptr<const LoadedObservation> picture;
-  std::unique_ptr<HypothesisBatch> batch;
+  std::unique_ptr<PoseSolver> solver;
   OptimisationPlan plan;
 };
 
 // Adam's first update is the learning rate against the sign of each component.
-TEST(Descend, firstUpdateByHand) {
+TEST(Optimise, firstUpdateByHand) {
   OneHypothesis one;
   one.plan.length_unit = 2;
   one.plan.translation_learning_rate = 0.01;
@@ -91,14 +100,12 @@ TEST(Descend, firstUpdateByHand) {
 }
 
 // The rotation is multiplied from the left, in the axes of O, and leaves the camera where it is.
-TEST(Descend, rotationIsAboutTheCameraInTheAxesOfTheObject) {
+TEST(Optimise, rotationIsAboutTheCameraInTheAxesOfTheObject) {
   OneHypothesis one;
-  SamplingPlan plan;
-  plan.count = 1;
   Pose start;
   start.R = Eigen::AngleAxisd(M_PI / 2, Eigen::Vector3d::UnitX()).toRotationMatrix();
   start.t = {1, 2, 3};
-  one.backend->sample(one.batch.get(), {start}, plan);
+  one.startAt(start);
   one.plan.rotation_learning_rate = 0.1;
   one.scene.gradient = {{0, 0, 0}, {0, 0, 1}};
   one.optimise(0, 1);
@@ -107,7 +114,7 @@ TEST(Descend, rotationIsAboutTheCameraInTheAxesOfTheObject) {
   EXPECT_EQ((one.pose().t - start.t).norm(), 0);
 }
 
-TEST(Descend, gradientsAreGatheredOverTheStepsOfAnUpdate) {
+TEST(Optimise, gradientsAreGatheredOverTheStepsOfAnUpdate) {
   OneHypothesis one;
   one.plan.steps_per_update = 4;
   one.plan.length_unit = 1;
@@ -120,13 +127,11 @@ TEST(Descend, gradientsAreGatheredOverTheStepsOfAnUpdate) {
 }
 
 // About the object a turn leads the camera around it.
-TEST(Descend, aTurnAboutTheObjectLeadsTheCameraAroundIt) {
+TEST(Optimise, aTurnAboutTheObjectLeadsTheCameraAroundIt) {
   OneHypothesis one;
-  SamplingPlan plan;
-  plan.count = 1;
   Pose start;
   start.t = {3, 0, 0};
-  one.backend->sample(one.batch.get(), {start}, plan);
+  one.startAt(start);
   one.plan.update = PoseUpdate::kAboutObject;
   one.plan.object_centre = {1, 0, 0};
   one.plan.length_unit = 1;
@@ -140,7 +145,7 @@ TEST(Descend, aTurnAboutTheObjectLeadsTheCameraAroundIt) {
 }
 
 // Turned about the object alone, there is no move to be pulled back; the turn is.
-TEST(Descend, aTurnAboutTheObjectIsNoMoveToTheRegularisation) {
+TEST(Optimise, aTurnAboutTheObjectIsNoMoveToTheRegularisation) {
   const Vec3<double> centre = {1, 0, 0};
   OptimisationPlan plan;
   plan.object_centre = {1, 0, 0};
@@ -156,13 +161,11 @@ TEST(Descend, aTurnAboutTheObjectIsNoMoveToTheRegularisation) {
 }
 
 // As a twist the pose turns about the origin of O: the camera, which is away from it, goes along.
-TEST(Descend, aTwistTurnsAboutTheOrigin) {
+TEST(Optimise, aTwistTurnsAboutTheOrigin) {
   OneHypothesis one;
-  SamplingPlan plan;
-  plan.count = 1;
   Pose start;
   start.t = {2, 0, 0};
-  one.backend->sample(one.batch.get(), {start}, plan);
+  one.startAt(start);
   one.plan.update = PoseUpdate::kTwist;
   one.plan.length_unit = 1;
   one.plan.translation_learning_rate = 1e-12;  // the turn alone
@@ -176,8 +179,7 @@ TEST(Descend, aTwistTurnsAboutTheOrigin) {
 }
 
 // Pixels without a weight are not drawn: the loss is a mean over the others.
-TEST(Descend, pixelsWithoutWeightAreNotDrawn) {
-  OneHypothesis one;
+TEST(Optimise, pixelsWithoutWeightAreNotDrawn) {
   Observation observation;
   observation.camera = smallCamera();
   observation.image = Image(64, 64, 3);
@@ -194,14 +196,11 @@ TEST(Descend, pixelsWithoutWeightAreNotDrawn) {
 
   observation.background = Background::kKnownColour;
   observation.background_colour.setConstant(0.5f);  // seen everywhere: a loss of 1 / 4
-  one.picture = one.backend->observe(observation, {{observation.camera, 0}});
-  one.backend->evaluate(one.batch.get(), one.scene, *one.picture, 0, one.plan, 500,
-                        CancellationToken());
-  EXPECT_NEAR(one.backend->read(*one.batch).front().loss, 0.25, 1e-6);
+  EXPECT_NEAR(OneHypothesis(observation).evaluate(500), 0.25, 1e-6);
 }
 
 // A constant gradient keeps Adam's direction at one: the steps show the learning rate alone.
-TEST(Descend, learningRateDecaysWithTheUpdatesOfTheWholeRun) {
+TEST(Optimise, learningRateDecaysWithTheUpdatesOfTheWholeRun) {
   OneHypothesis one;
   one.plan.length_unit = 1;
   one.plan.translation_learning_rate = 1;
@@ -216,7 +215,7 @@ TEST(Descend, learningRateDecaysWithTheUpdatesOfTheWholeRun) {
   }
 }
 
-TEST(Descend, momentsStartAnewAfterSelect) {
+TEST(Optimise, momentsStartAnewAfterResampling) {
   OneHypothesis one;
   one.plan.length_unit = 1;
   one.scene.gradient = {{1, 0, 0}, {0, 0, 0}};
@@ -224,7 +223,7 @@ TEST(Descend, momentsStartAnewAfterSelect) {
   one.scene.gradient = {{0, 1, 0}, {0, 0, 0}};
   ResamplingPlan keep;
   keep.keep = 1;
-  one.backend->resample(one.batch.get(), keep);
+  one.solver->resample(keep);
   const Eigen::Vector3d before = one.pose().t;
   one.optimise(20, 1);
   const Eigen::Vector3d step = one.pose().t - before;
@@ -233,7 +232,7 @@ TEST(Descend, momentsStartAnewAfterSelect) {
 }
 
 // Without any force a hypothesis is pulled back to where it was seeded.
-TEST(Descend, regularisationGradientsToTheStart) {
+TEST(Optimise, regularisationGradientsToTheStart) {
   OneHypothesis one;
   one.plan.length_unit = 1;
   one.scene.gradient = {{-1, 0, 0}, {0, -1, 0}};
@@ -249,21 +248,19 @@ TEST(Descend, regularisationGradientsToTheStart) {
   EXPECT_LT(rotationDistance(one.pose().R, Eigen::Matrix3d::Identity()), 0.5 * turned);
 }
 
-TEST(Descend, aGradientThatIsNotFiniteEndsTheHypothesis) {
+TEST(Optimise, aGradientThatIsNotFiniteEndsTheHypothesis) {
   OneHypothesis one;
   one.scene.gradient = {{NAN, 0, 0}, {0, 0, 0}};
   one.optimise(0, 2);
-  EXPECT_EQ(one.backend->read(*one.batch).front().state, HypothesisState::kNotFinite);
+  EXPECT_EQ(one.solver->readHypotheses().front().state, HypothesisState::kNotFinite);
   EXPECT_TRUE(one.pose().isFinite());
 }
 
-TEST(Descend, stopsOnRequest) {
+TEST(Optimise, stopsOnRequest) {
   OneHypothesis one;
   const CancellationToken stop;
   stop.requestCancel();
-  EXPECT_THROW(
-      one.backend->optimise(one.batch.get(), one.scene, *one.picture, 0, one.plan, 0, 1, stop),
-      Cancelled);
+  EXPECT_THROW(one.solver->optimise(0, one.plan, {0, 1}, stop), Cancelled);
 }
 
 /// A turn about fog itself shows little.
@@ -276,22 +273,25 @@ OptimisationPlan aboutTheCamera() {
 /// A picture of the fog, and hypotheses near the camera that took it.
 class FogTrial {
  public:
-  explicit FogTrial(int threads = 2) : backend(makeCpuBackend(threads)) {
+  explicit FogTrial(int threads = 2) : scene(1, cpuProcessor(threads)) {
     truth = cameraAround(scene, 0, 0, 1.3);  // its axes are axes of the object
-    observation = observeScene(backend.get(), scene, smallCamera(), truth);
+    observation = observeScene(scene, smallCamera(), truth);
     plan.length_unit = scene.field().metadata.diameter;
     plan.samples_per_step = 1024;
     plan.steps_per_update = 2;
   }
 
+  std::unique_ptr<PoseSolver> makeSolver(int capacity) const {
+    return scene.makeSolver(observation, {{observation.camera, 0}}, capacity);
+  }
+
   Pose optimiseFrom(const Pose& start, int steps) {
-    const auto batch = backend->batch(1);
+    const auto solver = makeSolver(1);
     SamplingPlan one;
     one.count = 1;
-    backend->sample(batch.get(), {start}, one);
-    const auto picture = backend->observe(observation, {{observation.camera, 0}});
-    backend->optimise(batch.get(), scene, *picture, 0, plan, 0, steps, CancellationToken());
-    return backend->read(*batch).front().T_O_C;
+    solver->sample({start}, one);
+    solver->optimise(0, plan, {0, steps}, CancellationToken());
+    return solver->readHypotheses().front().T_O_C;
   }
 
   /// How far off the object stands in the camera's frame: what an image shows best.
@@ -302,7 +302,6 @@ class FogTrial {
   double angle(const Pose& pose) const { return rotationDistance(pose.R, truth.R); }
 
   FogScene scene;
-  std::unique_ptr<Backend> backend;
   Pose truth;
   Observation observation;
   OptimisationPlan plan = aboutTheCamera();
@@ -310,7 +309,7 @@ class FogTrial {
 
 // Eq. 2 and 3 have the right sign: one update moves and turns the camera towards the truth. Moved
 // along the picture and turned about the view, each on its own.
-TEST(Descend, oneUpdateGoesTowardsTheTruth) {
+TEST(Optimise, oneUpdateGoesTowardsTheTruth) {
   FogTrial trial;
   trial.plan.samples_per_step = 1 << 15;
   for (const double side : {-0.1, 0.1}) {
@@ -322,7 +321,7 @@ TEST(Descend, oneUpdateGoesTowardsTheTruth) {
   }
 }
 
-TEST(Descend, everyLossReducesTheError) {
+TEST(Optimise, everyLossReducesTheError) {
   FogTrial trial;
   const Eigen::Vector3d turn = 2 * kDegree * Eigen::Vector3d(1, -1, 1);
   const Pose start = {expSO3(turn) * trial.truth.R,
@@ -338,7 +337,7 @@ TEST(Descend, everyLossReducesTheError) {
   }
 }
 
-TEST(Descend, everyKindOfBackgroundGradientsBack) {
+TEST(Optimise, everyKindOfBackgroundGradientsBack) {
   FogTrial trial;
   const Pose start = {trial.truth.R, trial.truth.t + 0.05 * trial.truth.R.col(0)};
   const Observation on_black = trial.observation;
@@ -367,24 +366,18 @@ TEST(Descend, everyKindOfBackgroundGradientsBack) {
   }
 }
 
-/// Scatters hypotheses around the truth, descends, and reads all.
+/// Samples hypotheses around the truth, optimises, and reads all.
 HypothesisTable optimiseMany(FogTrial* trial, int first, int second) {
-  Backend& backend = *trial->backend;
-  const auto batch = backend.batch(6);
+  const auto solver = trial->makeSolver(6);
   SamplingPlan sampling;
   sampling.count = 6;
   sampling.rotation_rad.setConstant(5 * kDegree);
   sampling.translation.setConstant(0.1);
   sampling.rotate_about_object = false;
-  backend.sample(batch.get(), {trial->truth}, sampling);
-  const auto picture = backend.observe(trial->observation, {{trial->observation.camera, 0}});
-  const auto optimise = [&](int from, int steps) {
-    backend.optimise(batch.get(), trial->scene, *picture, 0, trial->plan, from, steps,
-                     CancellationToken());
-  };
-  optimise(0, first);
-  if (second > 0) optimise(first, second);
-  return backend.read(*batch);
+  solver->sample({trial->truth}, sampling);
+  solver->optimise(0, trial->plan, {0, first}, CancellationToken());
+  if (second > 0) solver->optimise(0, trial->plan, {first, second}, CancellationToken());
+  return solver->readHypotheses();
 }
 
 void expectSameBits(const HypothesisTable& a, const HypothesisTable& b) {
@@ -396,7 +389,7 @@ void expectSameBits(const HypothesisTable& a, const HypothesisTable& b) {
   }
 }
 
-TEST(Descend, sameSeedSameBitsWithAnyNumberOfThreads) {
+TEST(Optimise, sameSeedSameBitsWithAnyNumberOfThreads) {
   FogTrial one(1), two(2), three(3);
   const HypothesisTable expected = optimiseMany(&one, 12, 0);
   expectSameBits(expected, optimiseMany(&one, 12, 0));
@@ -406,60 +399,51 @@ TEST(Descend, sameSeedSameBitsWithAnyNumberOfThreads) {
   EXPECT_NE(expected[1].T_O_C.t, optimiseMany(&one, 12, 0)[1].T_O_C.t);
 }
 
-TEST(Descend, mayBeAskedForInParts) {
+TEST(Optimise, mayBeAskedForInParts) {
   FogTrial trial;
   trial.plan.score_steps = 1;
   expectSameBits(optimiseMany(&trial, 13, 0), optimiseMany(&trial, 6, 7));
 }
 
-TEST(Descend, keepsToItsBudgetOfSamples) {
+TEST(Optimise, keepsToItsBudgetOfSamples) {
   FogTrial trial;
-  const CostCounters before = trial.backend->work();
+  const CostCounters before = trial.scene.processor().costs;
   optimiseMany(&trial, 30, 0);
-  const double samples = static_cast<double>((trial.backend->work() - before).samples);
+  const double samples = static_cast<double>((trial.scene.processor().costs - before).samples);
   EXPECT_NEAR(samples / 30, trial.plan.samples_per_step, 0.25 * trial.plan.samples_per_step);
 }
 
-TEST(Measure, theTruthHasTheLowestLoss) {
+TEST(Evaluate, theTruthHasTheLowestLoss) {
   FogTrial trial;
-  Backend& backend = *trial.backend;
-  const auto batch = backend.batch(8);
+  const auto solver = trial.makeSolver(8);
   SamplingPlan sampling;
   sampling.count = 8;
   sampling.translation.setConstant(0.2);
-  backend.sample(batch.get(), {trial.truth}, sampling);
-  const auto picture = backend.observe(trial.observation, {{trial.observation.camera, 0}});
-  backend.evaluate(batch.get(), trial.scene, *picture, 0, trial.plan, 500, CancellationToken());
-  const HypothesisTable table = backend.read(*batch);
+  solver->sample({trial.truth}, sampling);
+  solver->evaluate(0, trial.plan, 500, CancellationToken());
+  const HypothesisTable table = solver->readHypotheses();
   EXPECT_EQ(table[0].T_O_C.t, trial.truth.t);
   EXPECT_LT(table[0].loss, 1e-6);
   EXPECT_GT(table[1].loss, 1e-5);
 }
 
 // L1 of a black rendering (an empty scene) against a picture of one grey: the grey.
-TEST(Measure, isTheMeanOfTheChannelsOverThePixels) {
-  OneHypothesis one;
+TEST(Evaluate, isTheMeanOfTheChannelsOverThePixels) {
   Observation grey;
   grey.camera = smallCamera();
   grey.image = Image(64, 64, 3, 0.25f);
   grey.background = Background::kKnownColour;
+  OneHypothesis one(grey);
   one.plan.loss = Loss::kL1;
-  const auto picture = one.backend->observe(grey, {{grey.camera, 0}});
-  one.backend->evaluate(one.batch.get(), one.scene, *picture, 0, one.plan, 100,
-                        CancellationToken());
-  EXPECT_NEAR(one.backend->read(*one.batch).front().loss, 0.25, 1e-6);
+  EXPECT_NEAR(one.evaluate(100), 0.25, 1e-6);
 }
 
 // Where nothing of the object is seen nothing can be said: the worst score there is.
-TEST(Measure, anUnseenObjectOnAnUnknownBackgroundScoresWorst) {
-  OneHypothesis one;
+TEST(Evaluate, anUnseenObjectOnAnUnknownBackgroundScoresWorst) {
   Observation photo;
   photo.camera = smallCamera();
   photo.image = Image(64, 64, 3, 0.25f);
-  const auto picture = one.backend->observe(photo, {{photo.camera, 0}});
-  one.backend->evaluate(one.batch.get(), one.scene, *picture, 0, one.plan, 100,
-                        CancellationToken());
-  EXPECT_TRUE(std::isinf(one.backend->read(*one.batch).front().loss));
+  EXPECT_TRUE(std::isinf(OneHypothesis(photo).evaluate(100)));
 }
 
 }  // namespace

@@ -1,5 +1,5 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "backend/common/pixel_loss.h"
+#include "backend/cpu/pixel_loss.h"
 
 #include <gtest/gtest.h>
 

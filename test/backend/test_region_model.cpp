@@ -1,8 +1,8 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include <gtest/gtest.h>
 
-#include "backend/common/colour_histogram.h"
-#include "backend/common/region_model.h"
+#include "backend/cpu/colour_histogram.h"
+#include "backend/cpu/region_model.h"
 #include "image/filter.h"
 
 // Densities of colours, and which pixels show the object by them.

@@ -60,7 +60,7 @@ struct Trained {
 
 Trained train(Backend* backend, int steps, const TrainingPlan& plan) {
   const auto trainer =
-      backend->trainer(trainingConfig(), hull().box, trainingViews(dataset()), plan);
+      backend->makeTrainer(trainingConfig(), hull().box, trainingViews(dataset()), plan);
   Trained trained;
   for (int i = 0; i < steps; ++i) {
     EXPECT_EQ(trainer->stepsDone(), i);
@@ -88,8 +88,7 @@ std::vector<Rendering> renderUnseen(const Field& field, bool use_occupancy) {
   options.use_occupancy = use_occupancy;
   std::vector<Rendering> renderings;
   for (const PosedView& view : unseenViews()) {
-    renderings.push_back(
-        backend->render(*loaded, view.camera, view.T_O_C, options, CancellationToken()));
+    renderings.push_back(loaded->render({view.camera, view.T_O_C}, options, CancellationToken()));
   }
   return renderings;
 }
@@ -171,7 +170,7 @@ TEST(Training, ClearsTheSpaceOutsideTheRegion) {
     if (in_region(x, y, z)) plan.region.bits[(z * 32 + y) * 4 + x / 8] |= 1 << (x % 8);
   });
   const auto backend = makeCpuBackend(1);
-  const auto trainer = backend->trainer(trainingConfig(), box, trainingViews(dataset()), plan);
+  const auto trainer = backend->makeTrainer(trainingConfig(), box, trainingViews(dataset()), plan);
   for (int i = 0; i < kSteps / 2; ++i) trainer->step(0);
   const OccupancyGrid grid = trainer->finish(CancellationToken()).occupancy;
   int outside = 0, left = 0;
@@ -230,8 +229,8 @@ TEST(Training, SameSeedSameBitsOnAnyNumberOfThreads) {
 TEST(Training, SnapshotsDoNotDisturb) {
   const auto backend = makeCpuBackend(1);
   const auto views = trainingViews(dataset());
-  const auto a = backend->trainer(trainingConfig(), hull().box, views, trainingPlan());
-  const auto b = backend->trainer(trainingConfig(), hull().box, views, trainingPlan());
+  const auto a = backend->makeTrainer(trainingConfig(), hull().box, views, trainingPlan());
+  const auto b = backend->makeTrainer(trainingConfig(), hull().box, views, trainingPlan());
   for (int i = 0; i < 6; ++i) {
     EXPECT_EQ(a->step(0), b->step(0));
     EXPECT_EQ(b->snapshot(CancellationToken()).metadata.training_steps,
@@ -249,7 +248,7 @@ TEST(Training, LossIsTheMeanOverTheRays) {
   for (const int samples : {1024, 3000, 4096}) {
     plan.samples_per_step = samples;
     const double loss =
-        makeCpuBackend(1)->trainer(trainingConfig(), hull().box, views, plan)->step(0);
+        makeCpuBackend(1)->makeTrainer(trainingConfig(), hull().box, views, plan)->step(0);
     EXPECT_LE(loss, 1 - 0.05) << samples;  // Huber's loss of 1 with a threshold of 0.1
     EXPECT_GT(loss, 0.6) << samples;
   }
@@ -264,24 +263,24 @@ TEST(Training, RefusesViewsThatDoNotShowTheBox) {
   TrainingPlan plan;
   expectError<std::invalid_argument>(
       [&] {
-        backend->trainer(trainingConfig(), boxAt({0, 0, 50}), {}, plan);
+        backend->makeTrainer(trainingConfig(), boxAt({0, 0, 50}), {}, plan);
       },
       "no view");
   std::vector<TrainingView> views = {trainingViews(dataset())[0]};
   const Eigen::Vector3d beside = views[0].T_O_C * Eigen::Vector3d(5, 0, 2);
   expectError<std::invalid_argument>(
-      [&] { backend->trainer(trainingConfig(), boxAt(beside), views, plan); },
+      [&] { backend->makeTrainer(trainingConfig(), boxAt(beside), views, plan); },
       "no view shows the object's box");
 }
 
 TEST(Training, LeavesOutViewsThatDoNotShowTheBox) {
   const auto backend = makeCpuBackend(1);
   std::vector<TrainingView> views = trainingViews(dataset());
-  const auto expected = backend->trainer(trainingConfig(), hull().box, views, trainingPlan());
+  const auto expected = backend->makeTrainer(trainingConfig(), hull().box, views, trainingPlan());
   TrainingView away = views[3];
   away.T_O_C.t = away.T_O_C * Eigen::Vector3d(20, 0, 0);  // looks past the object
   views.insert(views.begin(), away);
-  const auto trainer = backend->trainer(trainingConfig(), hull().box, views, trainingPlan());
+  const auto trainer = backend->makeTrainer(trainingConfig(), hull().box, views, trainingPlan());
   for (int i = 0; i < 3; ++i) EXPECT_EQ(trainer->step(0), expected->step(0));
 }
 
@@ -290,7 +289,8 @@ TEST(Training, RefusesARegionOfAnotherResolution) {
   plan.region = {16, std::vector<std::uint8_t>(512, 255)};
   expectError<std::invalid_argument>(
       [&] {
-        makeCpuBackend(1)->trainer(trainingConfig(), hull().box, trainingViews(dataset()), plan);
+        makeCpuBackend(1)->makeTrainer(trainingConfig(), hull().box, trainingViews(dataset()),
+                                       plan);
       },
       "region has 16 cells", "occupancy grid 32");
 }
@@ -298,7 +298,7 @@ TEST(Training, RefusesARegionOfAnotherResolution) {
 TEST(Training, FinishCanBeStopped) {
   const auto backend = makeCpuBackend(1);
   const auto trainer =
-      backend->trainer(trainingConfig(), hull().box, trainingViews(dataset()), trainingPlan());
+      backend->makeTrainer(trainingConfig(), hull().box, trainingViews(dataset()), trainingPlan());
   CancellationToken stop;
   stop.requestCancel();
   EXPECT_THROW(trainer->finish(stop), Cancelled);

@@ -23,7 +23,12 @@ class CudaAlign : public LearnedObjectTest {
  protected:
   /// What both backends are shown: the CPU's rendering.
   Observation observation(Background background) const {
-    return observe(cpu.get(), *on_cpu, someCamera(), truth, background);
+    return observe(*on_cpu, someCamera(), truth, background);
+  }
+
+  std::unique_ptr<PoseSolver> solver(const Backend& backend, const Observation& seen,
+                                     int capacity) const {
+    return loaded(backend).makeSolver(seen, {{someCamera().scaled(0.4), 1.2}}, capacity);
   }
 };
 
@@ -43,14 +48,15 @@ void expectNear(const Pose& a, const Pose& b, double tolerance) {
   EXPECT_LT((a.t - b.t).norm(), tolerance);
 }
 
-TEST_F(CudaAlign, scattersAndReadsAsTheCpu) {
+TEST_F(CudaAlign, samplesAndReadsAsTheCpu) {
+  const Observation seen = observation(Background::kKnownAlpha);
   for (const bool about_object : {true, false}) {
     HypothesisTable tables[2];
     for (Backend* backend : {cpu.get(), cuda.get()}) {
-      const auto batch = backend->batch(30);
-      EXPECT_TRUE(backend->read(*batch).empty());
-      backend->sample(batch.get(), {truth}, samplingPlan(*field, about_object));
-      tables[backend == cuda.get()] = backend->read(*batch);
+      const auto solver = this->solver(*backend, seen, 30);
+      EXPECT_TRUE(solver->readHypotheses().empty());
+      solver->sample({truth}, samplingPlan(*field, about_object));
+      tables[backend == cuda.get()] = solver->readHypotheses();
     }
     ASSERT_EQ(tables[0].size(), 24u);
     ASSERT_EQ(tables[1].size(), 24u);
@@ -58,7 +64,7 @@ TEST_F(CudaAlign, scattersAndReadsAsTheCpu) {
   }
 }
 
-TEST_F(CudaAlign, scoresAndSelectsAsTheCpu) {
+TEST_F(CudaAlign, scoresAndResamplesAsTheCpu) {
   const Observation seen = observation(Background::kKnownAlpha);
   ResamplingPlan resample;
   resample.keep = 6;
@@ -72,15 +78,22 @@ TEST_F(CudaAlign, scoresAndSelectsAsTheCpu) {
   HypothesisTable scored[2], selected[2];
   for (Backend* backend : {cpu.get(), cuda.get()}) {
     const int which = backend == cuda.get();
-    const auto batch = backend->batch(30);
-    const auto observed = backend->observe(seen, {{someCamera().scaled(0.4), 1.2}});
-    backend->sample(batch.get(), {disturbed(truth, *field, 4, 0.05)}, samplingPlan(*field, true));
+    const auto solver = this->solver(*backend, seen, 30);
+    solver->sample({disturbed(truth, *field, 4, 0.05)}, samplingPlan(*field, true));
     AlignStage stage;
     stage.rays_per_side = 2;
-    backend->score(batch.get(), loaded(*backend), *observed, 0, stage, {});
-    scored[which] = backend->read(*batch);
-    backend->resample(batch.get(), resample);
-    selected[which] = backend->read(*batch);
+    solver->score(0, stage, {});
+    solver->snapshot();
+    solver->resample(resample);
+    solver->snapshot();
+    const std::vector<SolverSnapshot> snapshots = solver->read();  // one wait for both
+    ASSERT_EQ(snapshots.size(), 2u);
+    EXPECT_GT(snapshots[0].seconds, 0);
+    EXPECT_GE(snapshots[1].seconds, snapshots[0].seconds);
+    EXPECT_GT(snapshots[0].costs.samples, 0u);
+    EXPECT_EQ(snapshots[1].costs.samples, snapshots[0].costs.samples);
+    scored[which] = snapshots[0].hypotheses;
+    selected[which] = snapshots[1].hypotheses;
   }
   ASSERT_EQ(scored[0].size(), scored[1].size());
   for (std::size_t i = 0; i < scored[0].size(); ++i) {
@@ -100,7 +113,7 @@ TEST_F(CudaAlign, scoresAndSelectsAsTheCpu) {
   }
 }
 
-TEST_F(CudaAlign, searchesOfABatchAreSelectedAsOnTheCpu) {
+TEST_F(CudaAlign, searchesOfASolverAreResampledAsOnTheCpu) {
   const Observation seen = observation(Background::kKnownAlpha);
   const Pose behind = {truth.R * expSO3(Eigen::Vector3d(0, M_PI, 0)), truth.t};
   ResamplingPlan resample;
@@ -110,14 +123,12 @@ TEST_F(CudaAlign, searchesOfABatchAreSelectedAsOnTheCpu) {
   resample.translation_jitter = 0.02 * field->metadata.diameter;
   HypothesisTable tables[2];
   for (Backend* backend : {cpu.get(), cuda.get()}) {
-    const auto batch = backend->batch(90);
-    const auto observed = backend->observe(seen, {{someCamera().scaled(0.4), 1.2}});
-    backend->sample(batch.get(), {disturbed(truth, *field, 4, 0.05), behind, truth},
-                    samplingPlan(*field, true));
-    backend->score(batch.get(), loaded(*backend), *observed, 0, AlignStage(), {});
-    backend->resample(batch.get(), resample);  // nothing is left of the second
-    backend->score(batch.get(), loaded(*backend), *observed, 0, AlignStage(), {});
-    tables[backend == cuda.get()] = backend->read(*batch);
+    const auto solver = this->solver(*backend, seen, 90);
+    solver->sample({disturbed(truth, *field, 4, 0.05), behind, truth}, samplingPlan(*field, true));
+    solver->score(0, AlignStage(), {});
+    solver->resample(resample);  // nothing is left of the second
+    solver->score(0, AlignStage(), {});
+    tables[backend == cuda.get()] = solver->readHypotheses();
   }
   ASSERT_EQ(tables[0].size(), 60u);
   ASSERT_EQ(tables[1].size(), 60u);
@@ -148,17 +159,15 @@ TEST_F(CudaAlign, scoresBeforeAnUnknownBackgroundAsTheCpu) {
       SCOPED_TRACE(std::string(contrasts ? "contrasts" : "colours") + (gain_bias ? ", light" : ""));
       HypothesisTable scored[2];
       for (Backend* backend : {cpu.get(), cuda.get()}) {
-        const auto batch = backend->batch(24);
-        const auto observed = backend->observe(seen, {{someCamera().scaled(0.4), 1.2}});
-        backend->sample(batch.get(), {disturbed(truth, *field, 4, 0.05)},
-                        samplingPlan(*field, true));
+        const auto solver = this->solver(*backend, seen, 24);
+        solver->sample({disturbed(truth, *field, 4, 0.05)}, samplingPlan(*field, true));
         AlignStage stage;
         stage.rays_per_side = 2;
         stage.compare_contrast = contrasts;
         stage.fit_gain_bias = gain_bias;
         stage.alpha_weight = 0.03;
-        backend->score(batch.get(), loaded(*backend), *observed, 0, stage, {});
-        scored[backend == cuda.get()] = backend->read(*batch);
+        solver->score(0, stage, {});
+        scored[backend == cuda.get()] = solver->readHypotheses();
       }
       ASSERT_EQ(scored[0].size(), scored[1].size());
       for (std::size_t i = 0; i < scored[0].size(); ++i) {
@@ -252,33 +261,32 @@ double secondsToStop(const CostCounters& work, const Wait& wait) {
 // The search as it begins, with the most hypotheses, and the paper's mode.
 TEST_F(CudaAlign, hearsAStopWithinTenMilliseconds) {
   const Observation seen = observation(Background::kKnownAlpha);
-  const auto observed = cuda->observe(seen, {{someCamera().scaled(0.4), 1.2}});
-  const auto batch = cuda->batch(64);
+  const auto solver = this->solver(*cuda, seen, 64);
   SamplingPlan plan = samplingPlan(*field, true);
   plan.count = 64;
-  const auto wait = [&] { cuda->read(*batch); };
+  const auto wait = [&] { solver->read(); };
   AlignStage stage;
   stage.rays_per_side = 2;
   stage.max_iterations = 1000;
   stage.convergence_px = 0;
   const double aligning = secondsToStop(
       [&](const CancellationToken& stop) {
-        cuda->sample(batch.get(), {disturbed(truth, *field, 4, 0.05)}, plan);
-        cuda->align(batch.get(), *on_cuda, *observed, 0, stage, stop);
+        solver->sample({disturbed(truth, *field, 4, 0.05)}, plan);
+        solver->align(0, stage, stop);
       },
       wait);
-  cuda->sample(batch.get(), {truth}, plan);
+  solver->sample({truth}, plan);
   const double optimising = secondsToStop(
       [&](const CancellationToken& stop) {
-        cuda->optimise(batch.get(), *on_cuda, *observed, 0, OptimisationPlan(), 0, 512, stop);
+        solver->optimise(0, OptimisationPlan(), {0, 512}, stop);
       },
       wait);
-  std::printf("  aligning %.4f s, descending %.4f s\n", aligning, optimising);
+  std::printf("  aligning %.4f s, optimising %.4f s\n", aligning, optimising);
   EXPECT_LT(aligning, 0.01);
   EXPECT_LT(optimising, 0.01);
 }
 
-TEST_F(CudaAlign, bothEnginesEndAtTheSamePose) {
+TEST_F(CudaAlign, bothBackendsEndAtTheSamePose) {
   for (const Background background :
        {Background::kKnownAlpha, Background::kKnownColour, Background::kMask}) {
     SCOPED_TRACE(static_cast<int>(background));
@@ -322,46 +330,41 @@ TEST_F(CudaAlign, theSameBitsEveryTime) {
 
 TEST_F(CudaAlign, flagsWhatCannotBeFollowed) {
   const Observation seen = observation(Background::kKnownAlpha);
-  const auto observed = cuda->observe(seen, {{someCamera().scaled(0.4), 1.2}});
   Pose behind = truth, aside = truth;
   behind.t = field->metadata.centre + 4 * truth.R.col(2);
   aside.t += 40 * truth.R.col(0);
   const auto stateFrom = [&](const Pose& pose) {
-    const auto batch = cuda->batch(1);
+    const auto solver = this->solver(*cuda, seen, 1);
     SamplingPlan alone;
     alone.count = 1;
-    cuda->sample(batch.get(), {pose}, alone);
-    cuda->align(batch.get(), *on_cuda, *observed, 0, {}, {});
-    return cuda->read(*batch).front().state;
+    solver->sample({pose}, alone);
+    solver->align(0, {}, {});
+    return solver->readHypotheses().front().state;
   };
   EXPECT_EQ(stateFrom(behind), HypothesisState::kBehindCamera);
   EXPECT_EQ(stateFrom(aside), HypothesisState::kOutOfImage);
   EXPECT_EQ(stateFrom(truth), HypothesisState::kLive);
 }
 
-TEST_F(CudaAlign, refusesWhatIsNotItsOwn) {
+TEST_F(CudaAlign, refusesWhatMakesNoSense) {
   const Observation seen = observation(Background::kKnownAlpha);
-  const auto own = cuda->observe(seen, {{someCamera(), 1}});
-  const auto other = cpu->observe(seen, {{someCamera(), 1}});
-  const auto batch = cuda->batch(2), other_batch = cpu->batch(2);
+  const auto solver = this->solver(*cuda, seen, 2);
   SamplingPlan plan;
   plan.count = 2;
-  cuda->sample(batch.get(), {truth}, plan);
-  EXPECT_THROW(cuda->align(batch.get(), *on_cpu, *own, 0, {}, {}), std::invalid_argument);
-  EXPECT_THROW(cuda->align(batch.get(), *on_cuda, *other, 0, {}, {}), std::invalid_argument);
-  EXPECT_THROW(cuda->align(other_batch.get(), *on_cuda, *own, 0, {}, {}), std::invalid_argument);
-  EXPECT_THROW(cuda->align(batch.get(), *on_cuda, *own, 1, {}, {}), std::invalid_argument);
+  solver->sample({truth}, plan);
+  EXPECT_THROW(solver->align(1, {}, {}), std::invalid_argument);
+  EXPECT_THROW(solver->evaluate(-1, {}, 10, {}), std::invalid_argument);
   plan.count = 3;
-  EXPECT_THROW(cuda->sample(batch.get(), {truth}, plan), std::invalid_argument);
-  EXPECT_THROW(cuda->batch(0), std::invalid_argument);
+  EXPECT_THROW(solver->sample({truth}, plan), std::invalid_argument);
+  EXPECT_THROW(this->solver(*cuda, seen, 0), std::invalid_argument);
 }
 
 TEST_F(CudaAlign, outOfMemoryLeavesTheProcessUsable) {
-  const auto field_before = cuda->render(*on_cuda, someCamera(), truth, {}, {});
+  const auto field_before = on_cuda->render({someCamera(), truth}, {}, {});
   Camera huge = someCamera();
   huge.width = huge.height = 150000;  // 720 GB of pixels
-  EXPECT_THROW(cuda->render(*on_cuda, huge, truth, {}, {}), std::runtime_error);
-  const auto field_after = cuda->render(*on_cuda, someCamera(), truth, {}, {});
+  EXPECT_THROW(on_cuda->render({huge, truth}, {}, {}), std::runtime_error);
+  const auto field_after = on_cuda->render({someCamera(), truth}, {}, {});
   EXPECT_EQ(field_before.colour.values, field_after.colour.values);
 }
 

@@ -2,6 +2,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "backend/hypotheses.h"
+#include "backend/plans.h"
 #include "learned_object_test.h"
 
 // The paper's mode of the CUDA backend against the CPU backend's, from the same plans.
@@ -13,17 +15,18 @@ constexpr double kDegree = EIGEN_PI / 180;
 
 Camera someCamera() { return {80, 64, 95, 95, 39, 33}; }
 
-class CudaDescend : public LearnedObjectTest {
+class CudaOptimise : public LearnedObjectTest {
  protected:
-  /// Hypotheses around a pose that is off.
-  std::unique_ptr<HypothesisBatch> scattered(Backend* backend, int count) const {
-    auto batch = backend->batch(count);
+  /// A solver on the whole image, with hypotheses around a pose that is off.
+  std::unique_ptr<PoseSolver> solver(const Backend& backend, const Observation& seen,
+                                     int count) const {
+    auto made = loaded(backend).makeSolver(seen, {{someCamera(), 0}}, count);
     SamplingPlan plan;
     plan.count = count;
     plan.rotation_rad.setConstant(0.05);
     plan.translation.setConstant(0.02 * field->metadata.diameter);
-    backend->sample(batch.get(), {disturbed(truth, *field, 4, 0.05)}, plan);
-    return batch;
+    made->sample({disturbed(truth, *field, 4, 0.05)}, plan);
+    return made;
   }
 };
 
@@ -48,11 +51,11 @@ Vector6 moveOf(const Pose& from, const Pose& to) {
   return move;
 }
 
-TEST_F(CudaDescend, gradientsAsTheCpu) {
+TEST_F(CudaOptimise, gradientsAsTheCpu) {
   const Background backgrounds[] = {Background::kKnownAlpha, Background::kKnownColour,
                                     Background::kUnknown};
   for (const Background background : backgrounds) {
-    const Observation seen = observe(cpu.get(), *on_cpu, someCamera(), truth, background);
+    const Observation seen = observe(*on_cpu, someCamera(), truth, background);
     for (const Loss loss : {Loss::kL2, Loss::kSmoothL1, Loss::kRelativeL2}) {
       for (const bool direction : {false, true}) {
         SCOPED_TRACE(lossName(loss));
@@ -61,12 +64,11 @@ TEST_F(CudaDescend, gradientsAsTheCpu) {
         plan.direction_gradient = direction;
         HypothesisTable start, end[2];
         for (Backend* backend : {cpu.get(), cuda.get()}) {
-          const auto observed = backend->observe(seen, {{someCamera(), 0}});
-          const auto batch = scattered(backend, 5);
-          start = backend->read(*batch);
-          backend->optimise(batch.get(), loaded(*backend), *observed, 0, plan, 0, 1, {});
+          const auto solver = this->solver(*backend, seen, 5);
+          start = solver->readHypotheses();
+          solver->optimise(0, plan, {0, 1}, {});
           // Hypotheses are read best first, and losses nearly agree.
-          end[backend == cuda.get()] = backend->read(*batch);
+          end[backend == cuda.get()] = solver->readHypotheses();
         }
         double least = 1;
         for (std::size_t i = 0; i < start.size(); ++i) {
@@ -92,15 +94,13 @@ TEST_F(CudaDescend, gradientsAsTheCpu) {
   }
 }
 
-TEST_F(CudaDescend, measuresAsTheCpu) {
-  const Observation seen =
-      observe(cpu.get(), *on_cpu, someCamera(), truth, Background::kKnownAlpha);
+TEST_F(CudaOptimise, measuresAsTheCpu) {
+  const Observation seen = observe(*on_cpu, someCamera(), truth, Background::kKnownAlpha);
   HypothesisTable tables[2];
   for (Backend* backend : {cpu.get(), cuda.get()}) {
-    const auto observed = backend->observe(seen, {{someCamera(), 0}});
-    const auto batch = scattered(backend, 7);
-    backend->evaluate(batch.get(), loaded(*backend), *observed, 0, {}, 1000, {});
-    tables[backend == cuda.get()] = backend->read(*batch);
+    const auto solver = this->solver(*backend, seen, 7);
+    solver->evaluate(0, {}, 1000, {});
+    tables[backend == cuda.get()] = solver->readHypotheses();
   }
   for (std::size_t i = 0; i < 7; ++i) {
     EXPECT_NEAR(tables[0][i].loss, tables[1][i].loss, 2e-3 * tables[0][i].loss + 1e-7);
@@ -110,9 +110,8 @@ TEST_F(CudaDescend, measuresAsTheCpu) {
 
 // With a large epsilon Adam goes along the gradient. (With a small one the first updates take its
 // signs, and rounding decides where it is nearly zero.)
-TEST_F(CudaDescend, bothEnginesEndAtTheSamePoses) {
-  const Observation seen =
-      observe(cpu.get(), *on_cpu, someCamera(), truth, Background::kKnownAlpha);
+TEST_F(CudaOptimise, bothBackendsEndAtTheSamePoses) {
+  const Observation seen = observe(*on_cpu, someCamera(), truth, Background::kKnownAlpha);
   OptimisationPlan plan;
   plan.samples_per_step = 1 << 14;
   plan.epsilon = 0.02;
@@ -121,12 +120,11 @@ TEST_F(CudaDescend, bothEnginesEndAtTheSamePoses) {
   plan.score_steps = 32;
   HypothesisTable tables[2], starts;
   for (Backend* backend : {cpu.get(), cuda.get()}) {
-    const auto observed = backend->observe(seen, {{someCamera(), 0}});
-    const auto batch = scattered(backend, 6);
-    starts = backend->read(*batch);
-    backend->optimise(batch.get(), loaded(*backend), *observed, 0, plan, 0, 50, {});
-    backend->optimise(batch.get(), loaded(*backend), *observed, 0, plan, 50, 46, {});
-    tables[backend == cuda.get()] = backend->read(*batch);
+    const auto solver = this->solver(*backend, seen, 6);
+    starts = solver->readHypotheses();
+    solver->optimise(0, plan, {0, 50}, {});
+    solver->optimise(0, plan, {50, 46}, {});
+    tables[backend == cuda.get()] = solver->readHypotheses();
   }
   double moved = 0;
   for (std::size_t i = 0; i < starts.size(); ++i) {
@@ -140,15 +138,13 @@ TEST_F(CudaDescend, bothEnginesEndAtTheSamePoses) {
   EXPECT_GT(moved, 0.01 * field->metadata.diameter);
 }
 
-TEST_F(CudaDescend, theSameBitsEveryTime) {
-  const Observation seen =
-      observe(cpu.get(), *on_cpu, someCamera(), truth, Background::kKnownAlpha);
-  const auto observed = cuda->observe(seen, {{someCamera(), 0}});
+TEST_F(CudaOptimise, theSameBitsEveryTime) {
+  const Observation seen = observe(*on_cpu, someCamera(), truth, Background::kKnownAlpha);
   HypothesisTable tables[2];
   for (HypothesisTable& table : tables) {
-    const auto batch = scattered(cuda.get(), 16);
-    cuda->optimise(batch.get(), *on_cuda, *observed, 0, {}, 0, 100, {});
-    table = cuda->read(*batch);
+    const auto solver = this->solver(*cuda, seen, 16);
+    solver->optimise(0, {}, {0, 100}, {});
+    table = solver->readHypotheses();
   }
   for (std::size_t i = 0; i < 16; ++i) {
     EXPECT_EQ(tables[0][i].T_O_C.R, tables[1][i].T_O_C.R);
@@ -157,30 +153,28 @@ TEST_F(CudaDescend, theSameBitsEveryTime) {
   }
 }
 
-// Searches of one batch share the budget, and nothing else.
-TEST_F(CudaDescend, equalSearchesOfABatchEndAtTheSameBits) {
-  const Observation seen =
-      observe(cpu.get(), *on_cpu, someCamera(), truth, Background::kKnownAlpha);
-  const auto observed = cuda->observe(seen, {{someCamera(), 0}});
+// Searches of one solver share the budget, and nothing else.
+TEST_F(CudaOptimise, equalSearchesOfASolverEndAtTheSameBits) {
+  const Observation seen = observe(*on_cpu, someCamera(), truth, Background::kKnownAlpha);
   const Pose near = disturbed(truth, *field, 2, 0.02), far = disturbed(truth, *field, 5, 0.05);
-  const auto batch = cuda->batch(15);
+  const auto solver = on_cuda->makeSolver(seen, {{someCamera(), 0}}, 15);
   SamplingPlan plan;
   plan.count = 5;
   plan.rotation_rad.setConstant(0.05);
   plan.translation.setConstant(0.02 * field->metadata.diameter);
-  cuda->sample(batch.get(), {far, near, far}, plan);
+  solver->sample({far, near, far}, plan);
   ResamplingPlan resample;
   resample.keep = 2;
   resample.offspring = 5;
   resample.rotation_jitter_rad = 0.01;
   OptimisationPlan descent;
   descent.samples_per_step = 1 << 14;
-  cuda->optimise(batch.get(), *on_cuda, *observed, 0, descent, 0, 12, {});
-  cuda->resample(batch.get(), resample);
-  cuda->optimise(batch.get(), *on_cuda, *observed, 0, descent, 12, 12, {});
-  cuda->evaluate(batch.get(), *on_cuda, *observed, 0, descent, 1000, {});
+  solver->optimise(0, descent, {0, 12}, {});
+  solver->resample(resample);
+  solver->optimise(0, descent, {12, 12}, {});
+  solver->evaluate(0, descent, 1000, {});
   std::vector<Hypothesis> of[3];
-  for (const Hypothesis& h : cuda->read(*batch)) of[h.search].push_back(h);
+  for (const Hypothesis& h : solver->readHypotheses()) of[h.search].push_back(h);
   ASSERT_EQ(of[0].size(), 5u);
   ASSERT_EQ(of[1].size(), 5u);
   ASSERT_EQ(of[2].size(), 5u);
@@ -193,7 +187,7 @@ TEST_F(CudaDescend, equalSearchesOfABatchEndAtTheSameBits) {
 }
 
 // Fog, of which the first step takes many more samples than there is room for: it is left out.
-TEST_F(CudaDescend, aStepWithTooManySamplesChangesNothing) {
+TEST_F(CudaOptimise, aStepWithTooManySamplesChangesNothing) {
   FieldConfig config;
   config.step = 1e-3f;
   Field fog = randomField(config, 3);
@@ -202,21 +196,19 @@ TEST_F(CudaDescend, aStepWithTooManySamplesChangesNothing) {
   fog.metadata.diameter = fog.cubeSide();
   const auto loaded_fog = cuda->load(std::make_shared<Field>(fog));
   const Pose pose = cameraBefore(fog, 2 * fog.cubeSide());
-  const Observation seen =
-      observe(cuda.get(), *loaded_fog, someCamera(), pose, Background::kKnownAlpha);
-  const auto observed = cuda->observe(seen, {{someCamera(), 0}});
+  const Observation seen = observe(*loaded_fog, someCamera(), pose, Background::kKnownAlpha);
   Pose poses[2][2];
   for (int run = 0; run < 2; ++run) {
     for (int steps : {1, 9}) {
-      const auto batch = cuda->batch(1);
+      const auto solver = loaded_fog->makeSolver(seen, {{someCamera(), 0}}, 1);
       SamplingPlan plan;
       plan.count = 1;
-      cuda->sample(batch.get(), {disturbed(pose, fog, 4, 0.05)}, plan);
+      solver->sample({disturbed(pose, fog, 4, 0.05)}, plan);
       OptimisationPlan descent;
       descent.steps_per_update = 1;
       descent.samples_per_step = 1 << 12;
-      cuda->optimise(batch.get(), *loaded_fog, *observed, 0, descent, 0, steps, {});
-      poses[run][steps > 1] = cuda->read(*batch).front().T_O_C;
+      solver->optimise(0, descent, {0, steps}, {});
+      poses[run][steps > 1] = solver->readHypotheses().front().T_O_C;
     }
   }
   EXPECT_LT((poses[0][0].R - disturbed(pose, fog, 4, 0.05).R).norm(), 1e-12);
@@ -227,16 +219,14 @@ TEST_F(CudaDescend, aStepWithTooManySamplesChangesNothing) {
   }
 }
 
-TEST_F(CudaDescend, stopsWhenAsked) {
-  const Observation seen =
-      observe(cpu.get(), *on_cpu, someCamera(), truth, Background::kKnownAlpha);
-  const auto observed = cuda->observe(seen, {{someCamera(), 0}});
-  const auto batch = scattered(cuda.get(), 16);
+TEST_F(CudaOptimise, stopsWhenAsked) {
+  const Observation seen = observe(*on_cpu, someCamera(), truth, Background::kKnownAlpha);
+  const auto solver = this->solver(*cuda, seen, 16);
   CancellationToken stop;
   stop.requestCancel();
-  EXPECT_THROW(cuda->optimise(batch.get(), *on_cuda, *observed, 0, {}, 0, 100, stop), Cancelled);
-  cuda->optimise(batch.get(), *on_cuda, *observed, 0, {}, 0, 3, {});
-  EXPECT_EQ(cuda->read(*batch).size(), 16u);
+  EXPECT_THROW(solver->optimise(0, {}, {0, 100}, stop), Cancelled);
+  solver->optimise(0, {}, {0, 3}, {});
+  EXPECT_EQ(solver->readHypotheses().size(), 16u);
 }
 
 }  // namespace

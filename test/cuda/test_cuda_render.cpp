@@ -69,9 +69,9 @@ class CudaRender : public CudaTest {
                const RenderOptions& options) {
     const auto shared = std::make_shared<Field>(field);
     const auto on_cpu = cpu->load(shared), on_cuda = cuda->load(shared);
-    const CostCounters before_cpu = cpu->work(), before_cuda = cuda->work();
-    const Rendering expected = cpu->render(*on_cpu, camera, T_O_C, options, {});
-    const Rendering actual = cuda->render(*on_cuda, camera, T_O_C, options, {});
+    const CostCounters before_cpu = cpu->costs(), before_cuda = cuda->costs();
+    const Rendering expected = on_cpu->render({camera, T_O_C}, options, {});
+    const Rendering actual = on_cuda->render({camera, T_O_C}, options, {});
     double total = 0;
     for (float a : expected.alpha.values) total += a;
     EXPECT_GT(total, 0.02 * static_cast<double>(expected.alpha.values.size()));
@@ -79,8 +79,8 @@ class CudaRender : public CudaTest {
     expectSame(expected.alpha, actual.alpha, kColourRms, kColourMax);
     const double size = 5 * field.cubeSide();
     expectSame(expected.point, actual.point, kColourRms * size, kColourMax * size);
-    const CostCounters spent_cpu = cpu->work() - before_cpu,
-                       spent_cuda = cuda->work() - before_cuda;
+    const CostCounters spent_cpu = cpu->costs() - before_cpu,
+                       spent_cuda = cuda->costs() - before_cuda;
     const auto same = [](std::uint64_t a, std::uint64_t b, double fraction) {
       EXPECT_NEAR(static_cast<double>(a), static_cast<double>(b),
                   fraction * static_cast<double>(a));
@@ -92,7 +92,7 @@ class CudaRender : public CudaTest {
   }
 };
 
-TEST(GpuMemory, IsKnownWhereTheEngineWorks) {
+TEST(GpuMemory, IsKnownWhereTheBackendWorks) {
   const std::optional<GpuMemory> memory = gpuMemory(0);
   EXPECT_EQ(memory.has_value(), whyNoCuda(0).empty());
   EXPECT_FALSE(gpuMemory(-1));
@@ -143,7 +143,7 @@ TEST_F(CudaRender, aCameraInsideOfTheBoxAndOneThatLooksAway) {
   Pose away = cameraBefore(field, 4 * field.cubeSide());
   away.R.col(0) *= -1;
   away.R.col(2) *= -1;
-  const Rendering nothing = cuda->render(*cuda->load(shared), someCamera(), away, {}, {});
+  const Rendering nothing = cuda->load(shared)->render({someCamera(), away}, {}, {});
   for (float a : nothing.alpha.values) ASSERT_EQ(a, 0);
 }
 
@@ -151,9 +151,9 @@ TEST_F(CudaRender, theSameBitsEveryTime) {
   const auto field = cuda->load(std::make_shared<Field>(learnedObject()));
   const Pose pose = cameraBefore(field->field(), 2.5 * field->field().metadata.diameter);
   const Camera camera = someCamera().scaled(5);
-  const Rendering once = cuda->render(*field, camera, pose, {}, {});
+  const Rendering once = field->render({camera, pose}, {}, {});
   for (int i = 0; i < 3; ++i) {
-    const Rendering again = cuda->render(*field, camera, pose, {}, {});
+    const Rendering again = field->render({camera, pose}, {}, {});
     EXPECT_EQ(once.colour.values, again.colour.values);
     EXPECT_EQ(once.alpha.values, again.alpha.values);
     EXPECT_EQ(once.point.values, again.point.values);
@@ -165,8 +165,7 @@ TEST_F(CudaRender, refusesWhatItCannotDo) {
   const auto loaded = cuda->load(std::make_shared<Field>(field));
   Pose broken;
   broken.t.x() = std::nan("");
-  EXPECT_THROW(cuda->render(*loaded, someCamera(), broken, {}, {}), std::invalid_argument);
-  EXPECT_THROW(cpu->render(*loaded, someCamera(), {}, {}, {}), std::invalid_argument);
+  EXPECT_THROW(loaded->render({someCamera(), broken}, {}, {}), std::invalid_argument);
   FieldConfig wide = smallConfig();
   wide.density_width = 128;
   EXPECT_THROW(cuda->load(std::make_shared<Field>(randomField(wide, 1))), std::invalid_argument);
@@ -174,17 +173,17 @@ TEST_F(CudaRender, refusesWhatItCannotDo) {
   EXPECT_THROW(cuda->load(std::make_shared<Field>(field)), std::invalid_argument);
   CancellationToken stop;
   stop.requestCancel();
-  EXPECT_THROW(cuda->render(*loaded, someCamera(), {}, {}, stop), Cancelled);
+  EXPECT_THROW(loaded->render({someCamera(), {}}, {}, stop), Cancelled);
 }
 
-TEST(MakeEngine, choosesAndRefuses) {
+TEST(MakeBackend, choosesAndRefuses) {
   BackendChoice choice;
   choice.backend = "gpu";
   EXPECT_THROW(makeBackend(choice), std::invalid_argument);
   choice.backend = "cpu";
-  EXPECT_EQ(makeBackend(choice)->describe().substr(0, 3), "CPU");
+  EXPECT_EQ(makeBackend(choice)->info().name, "cpu");
   choice.backend = "auto";
-  EXPECT_EQ(makeBackend(choice)->describe().substr(0, 4), whyNoCuda().empty() ? "CUDA" : "CPU,");
+  EXPECT_EQ(makeBackend(choice)->info().name, whyNoCuda().empty() ? "cuda" : "cpu");
   choice.backend = "cuda";
   choice.device = 99;
   EXPECT_THROW(makeBackend(choice), std::runtime_error);

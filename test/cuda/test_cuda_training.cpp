@@ -102,7 +102,7 @@ class CudaTraining : public CudaTest {
  protected:
   std::unique_ptr<FieldTrainer> trainer(Backend* backend, const FieldConfig& config,
                                         const TrainingPlan& plan) {
-    return backend->trainer(config, hull().box, trainingViews(photos()), plan);
+    return backend->makeTrainer(config, hull().box, trainingViews(photos()), plan);
   }
 
   Field train(int steps, const FieldConfig& config, const TrainingPlan& plan,
@@ -118,8 +118,8 @@ class CudaTraining : public CudaTest {
 
   /// Mean PSNR over views from other sides than those of the training, rendered on the CPU.
   double unseenPsnr(const Field& field) {
-    return meanPsnr(cpu.get(), *cpu->load(std::make_shared<Field>(field)),
-                    analyticDataset(6, 40, 1.0).views, {});
+    return meanPsnr(*cpu->load(std::make_shared<Field>(field)), analyticDataset(6, 40, 1.0).views,
+                    {});
   }
 };
 
@@ -189,8 +189,8 @@ TEST_F(CudaTraining, occupancyGridHidesNothing) {
   RenderOptions everything;
   everything.use_occupancy = false;
   for (const PosedView& view : analyticDataset(3, 40, 1.0).views) {
-    const Rendering with = cuda->render(*field, view.camera, view.T_O_C, {}, {});
-    const Rendering without = cuda->render(*field, view.camera, view.T_O_C, everything, {});
+    const Rendering with = field->render({view.camera, view.T_O_C}, {}, {});
+    const Rendering without = field->render({view.camera, view.T_O_C}, everything, {});
     EXPECT_GT(psnr(with.colour, without.colour), 60);  // 1e-3 RMS
   }
   int occupied = 0;
@@ -208,9 +208,9 @@ TEST_F(CudaTraining, keepsToItsBudget) {
     plan.samples_per_step = samples;
     const auto trained = trainer(cuda.get(), trainingConfig(), plan);
     for (int i = 0; i < 48; ++i) trained->step(0);
-    const CostCounters before = cuda->work();
+    const CostCounters before = cuda->costs();
     for (int i = 0; i < 32; ++i) trained->step(0);
-    const CostCounters spent = cuda->work() - before;
+    const CostCounters spent = cuda->costs() - before;
     // Evaluated before compositing and again on the way back; empty points and cells come on top.
     EXPECT_GT(static_cast<double>(spent.samples), 32 * 1.4 * samples);
     EXPECT_LT(static_cast<double>(spent.samples), 32 * (8.0 * samples + 8192));
@@ -244,7 +244,7 @@ TEST_F(CudaTraining, refusesWhatItCannotDo) {
   TrainingPlan plan = trainingPlan();
   plan.region = {16, std::vector<std::uint8_t>(512, 255)};
   EXPECT_THROW(trainer(cuda.get(), trainingConfig(), plan), std::invalid_argument);
-  EXPECT_THROW(cuda->trainer(trainingConfig(), hull().box, {}, trainingPlan()),
+  EXPECT_THROW(cuda->makeTrainer(trainingConfig(), hull().box, {}, trainingPlan()),
                std::invalid_argument);
   CancellationToken stop;
   stop.requestCancel();

@@ -22,7 +22,7 @@ Field learn() {
   plan.samples_per_step = 8192;
   plan.region = hull.region;
   const auto backend = makeCpuBackend();
-  const auto trainer = backend->trainer(config, hull.box, trainingViews(photos), plan);
+  const auto trainer = backend->makeTrainer(config, hull.box, trainingViews(photos), plan);
   for (int i = 0; i < kSteps; ++i) trainer->step(static_cast<double>(i) / kSteps);
   return trainer->finish(CancellationToken());
 }

@@ -7,6 +7,7 @@
 
 #include "backend/backend.h"
 #include "image/colour.h"
+#include "nerf_pose_refiner/observation.h"
 #include "support/random_field.h"
 
 namespace nerf_pose_refiner {
@@ -59,10 +60,10 @@ inline Pose disturbed(const Pose& T_O_C, const Field& field, double degrees, dou
   return {turn * T_O_C.R, c + turn * (T_O_C.t - c) + move};
 }
 
-/// What a camera sees of a field, as an backend renders it, before a background.
-inline Observation observe(Backend* backend, const LoadedField& field, const Camera& camera,
-                           const Pose& T_O_C, Background background) {
-  const Rendering rendering = backend->render(field, camera, T_O_C, {}, {});
+/// What a camera sees of a field, as its backend renders it, before a background.
+inline Observation observe(const LoadedField& field, const Camera& camera, const Pose& T_O_C,
+                           Background background) {
+  const Rendering rendering = field.render({camera, T_O_C}, {}, {});
   Observation observation;
   observation.camera = camera;
   observation.background = background;

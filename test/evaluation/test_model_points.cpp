@@ -7,6 +7,7 @@
 #include <limits>
 #include <stdexcept>
 
+#include "field/field.h"
 #include "support/analytic_scene.h"
 #include "support/expect_error.h"
 
@@ -66,10 +67,9 @@ TEST(ModelPoints, RefusesNoPoints) {
 }
 
 TEST(SurfacePoints, LieOnTheObjectAllAround) {
-  const auto backend = makeCpuBackend(2);
   const auto scene = makeAnalyticScene();
   const FieldMetadata& object = scene->field().metadata;
-  const auto points = surfacePoints(backend.get(), *scene, 500, 3);
+  const auto points = surfacePoints(*scene, 500, 3);
   ASSERT_EQ(points.size(), 500u);
   Eigen::Vector3d least = points[0], most = points[0];
   for (const Eigen::Vector3d& point : points) {
@@ -83,11 +83,10 @@ TEST(SurfacePoints, LieOnTheObjectAllAround) {
 }
 
 TEST(SurfacePoints, AreTheSameForTheSameSeed) {
-  const auto backend = makeCpuBackend(2);
   const auto scene = makeAnalyticScene();
-  const auto points = surfacePoints(backend.get(), *scene, 50, 3);
-  EXPECT_EQ(points, surfacePoints(backend.get(), *scene, 50, 3));
-  EXPECT_NE(points, surfacePoints(backend.get(), *scene, 50, 4));
+  const auto points = surfacePoints(*scene, 50, 3);
+  EXPECT_EQ(points, surfacePoints(*scene, 50, 3));
+  EXPECT_NE(points, surfacePoints(*scene, 50, 4));
 }
 
 }  // namespace

@@ -30,47 +30,48 @@ void expectHeeded(const StoppingScene& scene) {
 }
 
 /// Stops an operation after several shares of its rays. `run` gets the scene that it must show.
-void expectStopsAnywhere(const std::shared_ptr<const LoadedField>& scene,
+void expectStopsAnywhere(const std::shared_ptr<const RayRenderer>& scene,
                          const std::function<void(const StoppingScene&)>& run) {
-  const StoppingScene whole(scene, kNever);
+  const StoppingScene whole(scene, kNever, kThreads);
   run(whole);
   ASSERT_GT(whole.rays(), 0u);
   for (const double fraction : {0.0, 0.1, 0.5, 0.9}) {
     const auto stop_after =
         static_cast<std::uint64_t>(fraction * static_cast<double>(whole.rays()));
-    const StoppingScene stopping(scene, stop_after);
+    const StoppingScene stopping(scene, stop_after, kThreads);
     EXPECT_THROW(run(stopping), Cancelled) << fraction;
     expectHeeded(stopping);
   }
 }
 
-/// What the backend is asked for in these tests.
+/// What is searched for in these tests.
 struct Setting {
-  std::shared_ptr<Backend> backend = makeCpuBackend(kThreads);
-  std::shared_ptr<const LoadedField> scene;
+  std::shared_ptr<const RayRenderer> scene;
   Pose T_O_C;
   Observation observation;
 
-  explicit Setting(std::shared_ptr<const LoadedField> s)
+  explicit Setting(std::shared_ptr<const RayRenderer> s)
       : scene(std::move(s)),
         T_O_C(cameraAround(*scene, 0.6, 0.4)),
-        observation(observeScene(backend.get(), *scene, kCamera, T_O_C)) {}
+        observation(observeScene(*scene, kCamera, T_O_C)) {}
 
-  std::unique_ptr<HypothesisBatch> hypotheses(int count) const {
+  /// A solver with hypotheses on one level.
+  std::unique_ptr<PoseSolver> solver(const StoppingScene& stopping, double blur_px,
+                                     int count) const {
     SamplingPlan plan;
     plan.count = count;
     plan.rotation_rad.setConstant(0.2);
     plan.translation.setConstant(0.1);
-    auto batch = backend->batch(count);
-    backend->sample(batch.get(), {T_O_C}, plan);
-    return batch;
+    auto solver = stopping.makeSolver(observation, {{kCamera, blur_px}}, count);
+    solver->sample({T_O_C}, plan);
+    return solver;
   }
 
   Refinement refine(const StoppingScene& stopping, const RefinerSettings& settings) const {
     Prior prior;
     prior.T_O_C = T_O_C;
     prior.T_O_C.t.x() += 0.05;
-    return Refiner(backend, settings).refine(stopping, observation, prior, stopping.stop);
+    return Refiner(makeCpuBackend(1), settings).refine(stopping, observation, prior, stopping.stop);
   }
 };
 
@@ -78,44 +79,43 @@ TEST(Stop, OfARendering) {
   const Setting s(makeAnalyticScene());
   const Camera large = kCamera.resized(600, 500);
   expectStopsAnywhere(s.scene, [&](const StoppingScene& scene) {
-    s.backend->render(scene, large, s.T_O_C, RenderOptions(), scene.stop);
+    scene.render({large, s.T_O_C}, RenderOptions(), scene.stop);
   });
 }
 
 TEST(Stop, OfAnAlignmentAndOfScores) {
   const Setting s(makeAnalyticScene());
-  const auto level = s.backend->observe(s.observation, {{kCamera, 1}});
   AlignStage stage;
   stage.rays_per_side = 2;
   stage.max_iterations = 3;
   expectStopsAnywhere(s.scene, [&](const StoppingScene& scene) {
-    s.backend->align(s.hypotheses(6).get(), scene, *level, 0, stage, scene.stop);
+    s.solver(scene, 1, 6)->align(0, stage, scene.stop);
   });
   expectStopsAnywhere(s.scene, [&](const StoppingScene& scene) {
-    s.backend->score(s.hypotheses(12).get(), scene, *level, 0, stage, scene.stop);
+    s.solver(scene, 1, 12)->score(0, stage, scene.stop);
   });
 }
 
-TEST(Stop, OfADescentAndOfItsLosses) {
+TEST(Stop, OfAnInversionAndOfItsLosses) {
   const Setting s(std::make_shared<FogScene>());
-  const auto level = s.backend->observe(s.observation, {{kCamera, 0}});
   OptimisationPlan plan;
   plan.samples_per_step = 1 << 14;
   expectStopsAnywhere(s.scene, [&](const StoppingScene& scene) {
-    s.backend->optimise(s.hypotheses(8).get(), scene, *level, 0, plan, 0, 8, scene.stop);
+    s.solver(scene, 0, 8)->optimise(0, plan, {0, 8}, scene.stop);
   });
   expectStopsAnywhere(s.scene, [&](const StoppingScene& scene) {
-    s.backend->evaluate(s.hypotheses(8).get(), scene, *level, 0, plan, 2000, scene.stop);
+    s.solver(scene, 0, 8)->evaluate(0, plan, 2000, scene.stop);
   });
 }
 
 /// Like expectStopsAnywhere, but a refinement tells with its outcome.
 void expectRefinementStops(const Setting& s, const RefinerSettings& settings) {
-  const StoppingScene whole(s.scene, kNever);
+  const StoppingScene whole(s.scene, kNever, kThreads);
   EXPECT_EQ(s.refine(whole, settings).outcome, Outcome::kRefined);
   for (const double fraction : {0.0, 0.02, 0.2, 0.5, 0.8, 0.95}) {
     const StoppingScene stopping(
-        s.scene, static_cast<std::uint64_t>(fraction * static_cast<double>(whole.rays())));
+        s.scene, static_cast<std::uint64_t>(fraction * static_cast<double>(whole.rays())),
+        kThreads);
     EXPECT_EQ(s.refine(stopping, settings).outcome, Outcome::kCancelled) << fraction;
     expectHeeded(stopping);
   }

@@ -7,10 +7,13 @@
 #include <cstdio>
 #include <cstdlib>
 
+#include "backend/cpu/cpu_backend.h"
+#include "concurrency/parallel.h"
 #include "evaluation/start.h"
 #include "math/random.h"
 #include "refinement/refiner.h"
 #include "support/analytic_scene.h"
+#include "support/cpu_processor.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -219,12 +222,13 @@ TEST(ScoreOfFraction, IsZeroBelowHalf) {
 /// e^T C^-1 e / 6 over trials with noise of its own each, from starts a little off.
 double meanNormalisedError(double noise, int trials) {
   const Camera camera = {160, 132, 220, 220, 79.5, 65.5};
-  const auto backend = std::shared_ptr<Backend>(makeCpuBackend(0));
-  const auto scene = makeAnalyticScene();
+  const auto processor = cpuProcessor(threadCount(0));
+  const auto backend = std::make_shared<CpuBackend>(processor);
+  const auto scene = makeAnalyticScene(1, processor);
   const FieldMetadata& metadata = scene->field().metadata;
   const Pose truth = cameraAround(*scene, 0.6, 0.4);
   // Before grey, so that noise is seldom cut off at black and white.
-  Observation clean = observeScene(backend.get(), *scene, camera, truth);
+  Observation clean = observeScene(*scene, camera, truth);
   clean.background = Background::kKnownColour;
   clean.background_colour.setConstant(0.5f);
   for (std::size_t i = 0; i < clean.image.values.size(); ++i) {

@@ -7,8 +7,10 @@
 #include <string>
 #include <vector>
 
+#include "backend/cpu/cpu_backend.h"
 #include "refinement/refiner.h"
 #include "support/analytic_scene.h"
+#include "support/cpu_processor.h"
 #include "support/expect_error.h"
 #include "support/fog_scene.h"
 #include "support/recording_backend.h"
@@ -23,51 +25,58 @@ constexpr double kDegree = M_PI / 180;
 
 Camera smallCamera() { return {64, 64, 80, 80, 31.5, 31.5}; }
 
-/// What a recording backend is asked for by a preset.
+/// An object of 5 model units.
+std::shared_ptr<const Field> someField() {
+  auto field = std::make_shared<Field>();
+  field->metadata.diameter = 5;
+  return field;
+}
+
+/// What a preset asks of a solver.
 /// @param table what it finds.
-std::shared_ptr<RecordingBackend> recorded(const RefinerSettings& settings, const Prior& prior,
-                                           const HypothesisTable& table = HypothesisTable(1)) {
-  const auto backend = std::make_shared<RecordingBackend>();
-  backend->table = table;
-  const FogScene scene(5);  // an object of 5 model units
+std::shared_ptr<const Recording> recorded(const RefinerSettings& settings, const Prior& prior,
+                                          const HypothesisTable& table = HypothesisTable(1)) {
+  const auto recording = std::make_shared<Recording>();
+  recording->table = table;
+  const RecordingField field(someField(), recording);
   Observation observation;
   observation.camera = smallCamera();
   observation.image = Image(64, 64, 3);
   Prior there = prior;
-  there.T_O_C = cameraAround(scene, 0, 0);
-  EXPECT_EQ(Refiner(backend, settings).refine(scene, observation, there).outcome,
+  there.T_O_C = cameraAround(field, 0, 0);
+  EXPECT_EQ(Refiner(makeCpuBackend(1), settings).refine(field, observation, there).outcome,
             Outcome::kRefined);
-  return backend;
+  return recording;
 }
 
 /// Steps go in slices, behind each of which there is a line in the trace.
 void expectSlices(const std::vector<int>& sizes, int first_step, std::vector<std::string>* calls) {
   for (const int size : sizes) {
-    calls->push_back("descend " + std::to_string(first_step) + "+" + std::to_string(size));
+    calls->push_back("optimise " + std::to_string(first_step) + "+" + std::to_string(size));
     first_step += size;
   }
 }
 
 // Lin et al., section IV-D: 64 hypotheses, 2560 = 512 + 4 x 512 steps.
 TEST(Inversion, scheduleOfThePaper) {
-  const auto backend = recorded(RefinerSettings::named("paper"), Prior());
-  std::vector<std::string> expected = {"scatter 64"};
+  const auto asked = recorded(RefinerSettings::named("paper"), Prior());
+  std::vector<std::string> expected = {"sample 64"};
   for (int round = 0; round <= 4; ++round) {
-    if (round > 0) expected.push_back(round == 1 ? "select 8 for 64" : "select 4 for 64");
+    if (round > 0) expected.push_back(round == 1 ? "resample 8 for 64" : "resample 4 for 64");
     expectSlices({128, 128, 128, 128}, 512 * round, &expected);
   }
   // The choice; whether the mean of the best is better; how firmly the image holds the winner.
   expected.insert(expected.end(),
-                  {"measure 16384", "scatter 1", "measure 16384", "scatter 1", "score"});
-  EXPECT_EQ(backend->calls, expected);
+                  {"evaluate 16384", "sample 1", "evaluate 16384", "sample 1", "score"});
+  EXPECT_EQ(asked->calls, expected);
 }
 
 TEST(Inversion, singleIsNotResampled) {
-  const auto backend = recorded(RefinerSettings::named("paper_single"), Prior());
-  std::vector<std::string> expected = {"scatter 1"};
+  const auto asked = recorded(RefinerSettings::named("paper_single"), Prior());
+  std::vector<std::string> expected = {"sample 1"};
   expectSlices(std::vector<int>(20, 128), 0, &expected);
-  expected.insert(expected.end(), {"measure 16384", "scatter 1", "score"});
-  EXPECT_EQ(backend->calls, expected);
+  expected.insert(expected.end(), {"evaluate 16384", "sample 1", "score"});
+  EXPECT_EQ(asked->calls, expected);
 }
 
 Hypothesis hypothesisAt(double x, double loss) {
@@ -84,11 +93,11 @@ TEST(Inversion, theMeanOfTheBestIsTried) {
                                  hypothesisAt(0.08, 1.09), hypothesisAt(0.01, 1.2),
                                  hypothesisAt(0.3, 1.01)};
   RefinerSettings settings = RefinerSettings::named("paper");
-  const auto backend = recorded(settings, Prior(), table);
-  ASSERT_EQ(backend->priors.size(), 3u);  // the search, the mean, the winner
-  EXPECT_NEAR(backend->priors[1].t.x(), 0.04, 1e-12);
-  EXPECT_NEAR(logSO3(backend->priors[1].R).z(), 0.004, 1e-12);
-  EXPECT_EQ(backend->priors[2].t.x(), 0);  // its loss is that of the best: no gain, the best stays
+  const auto asked = recorded(settings, Prior(), table);
+  ASSERT_EQ(asked->priors.size(), 3u);  // the search, the mean, the winner
+  EXPECT_NEAR(asked->priors[1].t.x(), 0.04, 1e-12);
+  EXPECT_NEAR(logSO3(asked->priors[1].R).z(), 0.004, 1e-12);
+  EXPECT_EQ(asked->priors[2].t.x(), 0);  // its loss is that of the best: no gain, the best stays
 
   settings.inversion.jitter_rotation_rad = settings.inversion.jitter_translation = 0;
   EXPECT_EQ(recorded(settings, Prior(), table)->priors[1].t.x(), 0);  // the best alone is near
@@ -96,23 +105,23 @@ TEST(Inversion, theMeanOfTheBestIsTried) {
 
 // The last slice is as long as losses are gathered over.
 TEST(Inversion, iNerfHasOneHypothesisAndATwist) {
-  const auto backend = recorded(RefinerSettings::named("inerf"), Prior());
-  std::vector<std::string> expected = {"scatter 1"};
+  const auto asked = recorded(RefinerSettings::named("inerf"), Prior());
+  std::vector<std::string> expected = {"sample 1"};
   expectSlices({116, 128, 128, 128}, 0, &expected);
-  expected.insert(expected.end(), {"measure 16384", "scatter 1", "score"});
-  EXPECT_EQ(backend->calls, expected);
-  EXPECT_EQ(backend->optimised[0].update, PoseUpdate::kTwist);
+  expected.insert(expected.end(), {"evaluate 16384", "sample 1", "score"});
+  EXPECT_EQ(asked->calls, expected);
+  EXPECT_EQ(asked->optimised[0].update, PoseUpdate::kTwist);
 }
 
 // The object of 5 model units stands for 2.5 of the paper's: one of those is 2 model units.
 TEST(Inversion, lengthsAreInUnitsOfTheObject) {
-  const auto backend = recorded(RefinerSettings::named("paper"), Prior());
-  EXPECT_NEAR(backend->scattered.translation.x(), 0.6, 1e-12);
-  EXPECT_NEAR(backend->scattered.rotation_rad.x(), 15 * kDegree, 1e-12);
-  EXPECT_FALSE(backend->scattered.rotate_about_object);
-  EXPECT_NEAR(backend->selected[0].translation_jitter, 0.2, 1e-12);
-  EXPECT_NEAR(backend->selected[0].rotation_jitter_rad, 3 * kDegree, 1e-12);
-  EXPECT_NEAR(backend->optimised[0].length_unit, 6.06, 1e-12);
+  const auto asked = recorded(RefinerSettings::named("paper"), Prior());
+  EXPECT_NEAR(asked->sampled.translation.x(), 0.6, 1e-12);
+  EXPECT_NEAR(asked->sampled.rotation_rad.x(), 15 * kDegree, 1e-12);
+  EXPECT_FALSE(asked->sampled.rotate_about_object);
+  EXPECT_NEAR(asked->resampled[0].translation_jitter, 0.2, 1e-12);
+  EXPECT_NEAR(asked->resampled[0].rotation_jitter_rad, 3 * kDegree, 1e-12);
+  EXPECT_NEAR(asked->optimised[0].length_unit, 6.06, 1e-12);
 
   RefinerSettings settings = RefinerSettings::named("paper");
   settings.inversion.unit = 1;  // as in the NeRF Synthetic scenes themselves
@@ -126,18 +135,18 @@ TEST(Inversion, aSpreadOfZeroIsThePriors) {
   Prior prior;
   prior.rotation_rad = 0.1;
   prior.translation = 0.02;
-  const auto backend = recorded(settings, prior);
-  EXPECT_EQ(backend->scattered.rotation_rad.y(), 0.1);
-  EXPECT_NEAR(backend->scattered.translation.y(), 0.1, 1e-12);
-  EXPECT_TRUE(backend->scattered.rotate_about_object);
+  const auto asked = recorded(settings, prior);
+  EXPECT_EQ(asked->sampled.rotation_rad.y(), 0.1);
+  EXPECT_NEAR(asked->sampled.translation.y(), 0.1, 1e-12);
+  EXPECT_TRUE(asked->sampled.rotate_about_object);
 }
 
 TEST(Inversion, everyRandomDrawHasItsOwnSeed) {
-  const auto backend = recorded(RefinerSettings::named("paper"), Prior());
-  std::set<std::uint64_t> seeds = {backend->scattered.seed, backend->optimised[0].seed};
-  for (const ResamplingPlan& plan : backend->selected) seeds.insert(plan.seed);
+  const auto asked = recorded(RefinerSettings::named("paper"), Prior());
+  std::set<std::uint64_t> seeds = {asked->sampled.seed, asked->optimised[0].seed};
+  for (const ResamplingPlan& plan : asked->resampled) seeds.insert(plan.seed);
   EXPECT_EQ(seeds.size(), 6u);
-  EXPECT_EQ(backend->optimised[0].seed, backend->optimised.back().seed);  // steps tell them apart
+  EXPECT_EQ(asked->optimised[0].seed, asked->optimised.back().seed);  // steps tell them apart
 }
 
 TEST(Inversion, survivorsHalveButForTheLastFew) {
@@ -172,8 +181,11 @@ TEST(Inversion, refusesSettingsOutOfRange) {
 
 struct Trial {
   explicit Trial(double scale = 1, int threads = 2)
-      : backend(makeCpuBackend(threads)), scene(scale), truth(cameraAround(scene, 0.4, 0.3, 1.3)) {
-    observation = observeScene(backend.get(), scene, smallCamera(), truth);
+      : processor(cpuProcessor(threads)),
+        backend(std::make_shared<CpuBackend>(processor)),
+        scene(scale, processor),
+        truth(cameraAround(scene, 0.4, 0.3, 1.3)) {
+    observation = observeScene(scene, smallCamera(), truth);
     prior.T_O_C.R = expSO3(Eigen::Vector3d(0.1, -0.12, 0.08)) * truth.R;
     prior.T_O_C.t = truth.t + scale * Eigen::Vector3d(0.08, 0.06, -0.05);
   }
@@ -186,6 +198,7 @@ struct Trial {
     return (pose.inverse().t - truth.inverse().t).norm() / scene.field().metadata.diameter;
   }
 
+  std::shared_ptr<CpuProcessor> processor;
   std::shared_ptr<Backend> backend;
   FogScene scene;
   Pose truth;
@@ -264,10 +277,10 @@ TEST(Inversion, severalPriorsAtOnce) {
   outside.T_O_C.R = trial.truth.R * expSO3(Eigen::Vector3d(0, M_PI, 0));
   other.T_O_C.t += Eigen::Vector3d(0.03, -0.02, 0.01);
   Refiner refiner(trial.backend, smallInversion());
-  const CostCounters before = trial.backend->work();
+  const CostCounters before = trial.backend->costs();
   const std::vector<Refinement> results =
       refiner.refineAll(trial.scene, trial.observation, {trial.prior, outside, other, trial.prior});
-  const CostCounters spent = trial.backend->work() - before;
+  const CostCounters spent = trial.backend->costs() - before;
   ASSERT_EQ(results.size(), 4u);
   EXPECT_EQ(results[1].outcome, Outcome::kNoOverlap);
   EXPECT_EQ(results[1].T_O_C.t, outside.T_O_C.t);
@@ -311,17 +324,16 @@ TEST(Inversion, priorsOfOneBatchAreEquallyWide) {
 }
 
 TEST(Inversion, noSurvivorIsNoResult) {
-  struct LosingBackend : RecordingBackend {
-    HypothesisTable read(const HypothesisBatch&) override { return {}; }
-  };
-  const FogScene scene;
+  const auto recording = std::make_shared<Recording>();
+  recording->table.clear();
+  const RecordingField field(someField(), recording);
   Observation observation;
   observation.camera = smallCamera();
   observation.image = Image(64, 64, 3);
   Prior prior;
-  prior.T_O_C = cameraAround(scene, 0, 0);
-  Refiner refiner(std::make_shared<LosingBackend>(), RefinerSettings::named("paper"));
-  const Refinement result = refiner.refine(scene, observation, prior);
+  prior.T_O_C = cameraAround(field, 0, 0);
+  Refiner refiner(makeCpuBackend(1), RefinerSettings::named("paper"));
+  const Refinement result = refiner.refine(field, observation, prior);
   EXPECT_EQ(result.outcome, Outcome::kDiverged);
   EXPECT_EQ(result.T_O_C.t, prior.T_O_C.t);
 }

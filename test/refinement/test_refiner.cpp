@@ -4,10 +4,12 @@
 #include <cmath>
 #include <limits>
 
+#include "backend/cpu/cpu_backend.h"
 #include "evaluation/pose_error.h"
 #include "evaluation/start.h"
 #include "refinement/refiner.h"
 #include "support/analytic_scene.h"
+#include "support/cpu_processor.h"
 #include "support/expect_error.h"
 
 // Whole refinements by direct alignment of a scene that is known exactly.
@@ -31,6 +33,7 @@ RefinerSettings quickSettings() {
 
 /// The scene at some scale, an image of it and a start 10 degrees and 10 % off.
 struct Setting {
+  std::shared_ptr<CpuProcessor> processor;
   std::shared_ptr<Backend> backend;
   std::shared_ptr<const LoadedField> scene;
   Pose truth;
@@ -38,10 +41,11 @@ struct Setting {
   Prior prior;
 
   explicit Setting(double scale = 1, int threads = 1)
-      : backend(makeCpuBackend(threads)),
-        scene(makeAnalyticScene(scale)),
+      : processor(cpuProcessor(threads)),
+        backend(std::make_shared<CpuBackend>(processor)),
+        scene(makeAnalyticScene(scale, processor)),
         truth(cameraAround(*scene, 0.6, 0.4)),
-        observation(observeScene(backend.get(), *scene, kCamera, truth)) {
+        observation(observeScene(*scene, kCamera, truth)) {
     prior.T_O_C = perturbedStart(truth, {10 * kDegree, 0.1 * scale, true}, centre(), 1, 1);
     prior.rotation_rad = 10 * kDegree;
     prior.translation = 0.1;
@@ -191,8 +195,8 @@ TEST(Refiner, senselessPriorsAreRefused) {
   expectError<std::invalid_argument>([&] { setting.refine(); }, "translation");
 }
 
-TEST(Refiner, needsAnEngineAndValidSettings) {
-  expectError<std::invalid_argument>([] { Refiner(nullptr, quickSettings()); }, "engine");
+TEST(Refiner, needsABackendAndValidSettings) {
+  expectError<std::invalid_argument>([] { Refiner(nullptr, quickSettings()); }, "backend");
   RefinerSettings broken = quickSettings();
   broken.stages.clear();
   const Setting setting;

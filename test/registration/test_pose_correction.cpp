@@ -10,6 +10,7 @@
 #include "registration/registrar.h"
 #include "support/analytic_dataset.h"
 #include "support/analytic_scene.h"
+#include "support/cpu_processor.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -101,28 +102,24 @@ TEST(InMeasuredFrame, CentresOnALineTellNoFrame) {
 }
 
 TEST(AlignViews, FindsTheCamerasOfAnExactModel) {
-  const auto backend = makeCpuBackend(2);
-  const auto scene = makeAnalyticScene();
+  const auto scene = makeAnalyticScene(1, cpuProcessor(2));
   const FieldMetadata& object = scene->field().metadata;
   const Dataset truth = analyticDataset(6, 64);
   const Dataset measured = withNoise(truth);
   std::vector<Pose> before;
   for (const PosedView& view : measured.views) before.push_back(view.T_O_C);
-  const std::vector<Pose> after =
-      alignViews(backend.get(), *scene, measured.views, before, true, {});
+  const std::vector<Pose> after = alignViews(*scene, measured.views, before, true, {});
   // Sideways they are found; how far the object is away stays as it was measured, about.
   EXPECT_LT(offset(after, truth.views, object.centre),
             0.5 * offset(before, truth.views, object.centre));
 }
 
 TEST(AlignViews, LeavesViewsAloneThatSeeNothing) {
-  const auto backend = makeCpuBackend(1);
   const auto scene = makeAnalyticScene();
   Dataset dataset = analyticDataset(1, 16);
   Pose& pose = dataset.views[0].T_O_C;
   pose.R = pose.R * expSO3({0, 3.1, 0});  // the object is behind the camera
-  const std::vector<Pose> after =
-      alignViews(backend.get(), *scene, dataset.views, {pose}, true, {});
+  const std::vector<Pose> after = alignViews(*scene, dataset.views, {pose}, true, {});
   EXPECT_EQ(after[0].R, pose.R);
   EXPECT_EQ(after[0].t, pose.t);
 }
@@ -136,7 +133,7 @@ TEST(RefinePoses, AModelOfNoisyPosesIsBetterWithIt) {
   const auto psnr = [&] {
     const auto field =
         std::make_shared<Field>(registerObject(backend.get(), withNoise(truth), settings, {}, {}));
-    return meanPsnr(backend.get(), *backend->load(field), truth.views, {});
+    return meanPsnr(*backend->load(field), truth.views, {});
   };
   const double without = psnr();
   settings.refine_poses = true;

@@ -283,12 +283,12 @@ TEST(RegisterObject, StopsAtOnceOnTheCpu) {
     const auto stop_there = [&](const RegistrationProgress& report) {
       if (report.stage != stage) return;
       stop.requestCancel();
-      samples = backend->work().samples;
+      samples = backend->costs().samples;
     };
     EXPECT_THROW(registerWith(backend.get(), analyticDataset(24, 40), settings, stop_there, stop),
                  Cancelled);
     EXPECT_GT(samples, 0u) << stage;
-    EXPECT_EQ(backend->work().samples, samples) << stage;
+    EXPECT_EQ(backend->costs().samples, samples) << stage;
   }
 }
 
@@ -324,10 +324,8 @@ TEST(RegistrationSettings, NamesWhatIsOutOfRange) {
 }
 
 TEST(MeanPsnr, NeedsViews) {
-  ScriptedBackend backend;
-  const FieldOnly field(std::make_shared<Field>());
-  expectError<std::invalid_argument>([&] { meanPsnr(&backend, field, {}, CancellationToken()); },
-                                     "PSNR");
+  const RecordingField field(std::make_shared<Field>());
+  expectError<std::invalid_argument>([&] { meanPsnr(field, {}, CancellationToken()); }, "PSNR");
 }
 
 }  // namespace

@@ -49,9 +49,9 @@ struct World {
         status(pnh, "status"),
         hypotheses(pnh, "hypotheses"),
         transforms(nh, "/tf") {
-    writeSceneDataset(backend.get(), *scene, root + "/toy", 40, 48);
+    writeSceneDataset(*scene, root + "/toy", 40, 48);
     // The photo behind the object is grey, and known to nobody.
-    const Observation view = observeScene(backend.get(), *scene, squareCamera(96), T_O_C);
+    const Observation view = observeScene(*scene, squareCamera(96), T_O_C);
     const Image8 picture = toBytes(composite({view.image, view.alpha}, {0.4f, 0.4f, 0.4f}));
     sensor_msgs::Image image;
     image.width = image.height = 96;

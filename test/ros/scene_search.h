@@ -43,9 +43,9 @@ inline RefinerSettings firstStages(const char* preset, std::size_t stages) {
 }
 
 /// A scene in front of grey, as the frame "camera" brings it.
-inline CameraFrame photograph(Backend* backend, const LoadedField& scene, const Camera& camera,
-                              const Pose& T_O_C, const ros::Time& stamp) {
-  const Observation view = observeScene(backend, scene, camera, T_O_C);
+inline CameraFrame photograph(const LoadedField& scene, const Camera& camera, const Pose& T_O_C,
+                              const ros::Time& stamp) {
+  const Observation view = observeScene(scene, camera, T_O_C);
   auto image = boost::make_shared<sensor_msgs::Image>();
   image->header.frame_id = "camera";
   image->header.stamp = stamp;

@@ -67,13 +67,11 @@ class MovingCameraTest : public testing::Test {
     tracker.offer(seen);
     Pose T_O_C = cameraAt(kAge_ms);
     T_O_C.t /= kMetresPerUnit;
-    const auto result =
-        tracker.process(photograph(backend_.get(), *scene_, kCamera, T_O_C, stampAt(kAge_ms)));
+    const auto result = tracker.process(photograph(*scene_, kCamera, T_O_C, stampAt(kAge_ms)));
     if (!result || !result->pose) return std::nullopt;
     return fromMessage(result->pose->pose.pose);
   }
 
-  std::shared_ptr<Backend> backend_ = makeCpuBackend(1);
   std::shared_ptr<const LoadedField> scene_ = makeAnalyticScene();
   tf2::BufferCore transforms_;
 };

@@ -40,8 +40,7 @@ TEST(PaperPreset, PublishesWhatItFinds) {
   start.T_P_U = ObjectFrame(Pose(), kMetresPerUnit).objectInCamera(rough);
   tracker.offer(start);
   const Camera camera = {64, 64, 80, 80, 31.5, 31.5};
-  const auto result =
-      tracker.process(photograph(makeCpuBackend().get(), fog, camera, truth, ros::Time(1000)));
+  const auto result = tracker.process(photograph(fog, camera, truth, ros::Time(1000)));
   ASSERT_TRUE(result);
   EXPECT_EQ(int{result->status.reason}, int{RefinementStatus::REASON_NONE})
       << result->status.message << ", score " << result->status.score;

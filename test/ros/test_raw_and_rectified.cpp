@@ -54,7 +54,7 @@ sensor_msgs::Image messageOf(const cv::Mat& rgb) {
 /// The scene at twice the resolution and beyond the rim of the others, without a lens.
 struct WideView {
   WideView() : truth(cameraAround(*scene, 0.7, 0.5)) {
-    const Observation view = observeScene(backend.get(), *scene, camera, truth);
+    const Observation view = observeScene(*scene, camera, truth);
     const Image8 bytes = toBytes(composite({view.image, view.alpha}, {0.4f, 0.45f, 0.5f}));
     rgb =
         cv::Mat(bytes.height, bytes.width, CV_8UC3, const_cast<std::uint8_t*>(bytes.values.data()))

@@ -69,7 +69,6 @@ class SoakTest : public testing::Test {
   SoakTest()
       : pnh_("pose_refiner"),
         root_(ros::param::param<std::string>("pose_refiner/dataset_root", "")),
-        backend_(makeCpuBackend()),
         scene_(makeAnalyticScene()),
         T_O_C_(cameraAround(*scene_, 0.7, 0.5)),
         initial_pose_(pnh_.advertise<geometry_msgs::PoseStamped>("initial_pose", 5)),
@@ -78,7 +77,7 @@ class SoakTest : public testing::Test {
   ~SoakTest() override { std::filesystem::remove_all(root_); }
 
   void learn() {
-    writeSceneDataset(backend_.get(), *scene_, root_ + "/toy", 40, 48);
+    writeSceneDataset(*scene_, root_ + "/toy", 40, 48);
     ASSERT_TRUE(ros::service::waitForService("pose_refiner/register_object", 30000));
     RegisterObject call;
     call.request.name = call.request.dataset = "toy";
@@ -88,7 +87,7 @@ class SoakTest : public testing::Test {
   }
 
   void startCamera() {
-    const Observation view = observeScene(backend_.get(), *scene_, squareCamera(96), T_O_C_);
+    const Observation view = observeScene(*scene_, squareCamera(96), T_O_C_);
     const Image8 picture = toBytes(composite({view.image, view.alpha}, {0.4f, 0.4f, 0.4f}));
     sensor_msgs::Image image;
     image.width = image.height = 96;
@@ -122,7 +121,6 @@ class SoakTest : public testing::Test {
   ros::NodeHandle nh_;
   ros::NodeHandle pnh_;
   std::string root_;
-  std::shared_ptr<Backend> backend_;
   std::shared_ptr<const LoadedField> scene_;
   Pose T_O_C_;
   ros::Publisher initial_pose_;

@@ -50,9 +50,8 @@ class SymmetricObjectTest : public testing::TestWithParam<Shape> {
 
   /// What is published of an image; nothing: it is not trusted.
   std::optional<geometry_msgs::PoseWithCovariance> published(int frame) {
-    const auto result =
-        tracker_->process(photograph(camera_backend_.get(), scene_, kCamera,
-                                     cameraOf(scene_, frame), ros::Time(1000 + frame / 30.0)));
+    const auto result = tracker_->process(
+        photograph(scene_, kCamera, cameraOf(scene_, frame), ros::Time(1000 + frame / 30.0)));
     if (!result || !result->pose) return std::nullopt;
     return result->pose->pose;
   }
@@ -60,7 +59,6 @@ class SymmetricObjectTest : public testing::TestWithParam<Shape> {
   RevolvedScene scene_{GetParam()};
   PoseRefinerParameters parameters_;
   tf2::BufferCore transforms_;
-  std::shared_ptr<Backend> camera_backend_ = makeCpuBackend(1);
   std::unique_ptr<ObjectTracker> tracker_;
   std::optional<ObjectFrame> frame_;
 };

@@ -4,92 +4,160 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <chrono>
 #include <stdexcept>
 #include <thread>
 #include <vector>
 
+#include "backend/hypotheses.h"
+#include "backend/plans.h"
+#include "backend/training.h"
+#include "nerf_pose_refiner/observation.h"
 #include "runtime/backend_pool.h"
-#include "support/scripted_backend.h"
 
 namespace nerf_pose_refiner {
 namespace {
 
 /// Counts who is inside at once, and who was, in order.
-class CountingBackend final : public Backend {
- public:
-  std::string describe() const override { return "counting"; }
-  std::shared_ptr<const LoadedField> load(std::shared_ptr<const Field> field) override {
-    ++loads;
-    return std::make_shared<FieldOnly>(std::move(field));
-  }
-  Rendering render(const LoadedField&, const Camera&, const Pose&, const RenderOptions&,
-                   const CancellationToken&) override {
-    return {};
-  }
-  std::unique_ptr<FieldTrainer> trainer(const FieldConfig&, const Box&, std::vector<TrainingView>,
-                                        const TrainingPlan&) override {
-    return nullptr;
-  }
-  std::shared_ptr<const LoadedObservation> observe(const Observation&,
-                                                   const std::vector<ImageLevel>&) override {
-    return nullptr;
-  }
-  std::unique_ptr<HypothesisBatch> batch(int capacity) override {
-    overlaps += ++inside > 1 ? 1 : 0;
-    callers.push_back(capacity);
-    std::this_thread::sleep_for(std::chrono::milliseconds(2));
-    --inside;
-    return nullptr;
-  }
-  void sample(HypothesisBatch*, const std::vector<Pose>&, const SamplingPlan&) override {}
-  void align(HypothesisBatch*, const LoadedField&, const LoadedObservation&, int, const AlignStage&,
-             const CancellationToken&) override {
-    throw std::runtime_error("the engine broke");
-  }
-  void score(HypothesisBatch*, const LoadedField&, const LoadedObservation&, int, const AlignStage&,
-             const CancellationToken&) override {}
-  void optimise(HypothesisBatch*, const LoadedField&, const LoadedObservation&, int,
-                const OptimisationPlan&, int, int, const CancellationToken&) override {}
-  void evaluate(HypothesisBatch*, const LoadedField&, const LoadedObservation&, int,
-                const OptimisationPlan&, int, const CancellationToken&) override {}
-  void resample(HypothesisBatch*, const ResamplingPlan&) override {}
-  HypothesisTable read(const HypothesisBatch&) override { return {}; }
-  CostCounters work() const override { return {}; }
-
-  int loads = 0;
+struct Visits {
   std::atomic<int> inside{0}, overlaps{0};
   std::vector<int> callers;
+
+  void visit(int caller) {
+    overlaps += ++inside > 1 ? 1 : 0;
+    callers.push_back(caller);
+    std::this_thread::sleep_for(std::chrono::milliseconds(2));
+    --inside;
+  }
+};
+
+class BrokenSolver final : public PoseSolver {
+ public:
+  void sample(const std::vector<Pose>&, const SamplingPlan&) override {}
+  void align(int, const AlignStage&, const CancellationToken&) override {
+    throw std::runtime_error("the backend broke");
+  }
+  void score(int, const AlignStage&, const CancellationToken&) override {}
+  void optimise(int, const OptimisationPlan&, const StepRange&, const CancellationToken&) override {
+  }
+  void evaluate(int, const OptimisationPlan&, int, const CancellationToken&) override {}
+  void resample(const ResamplingPlan&) override {}
+  void snapshot() override {}
+  std::vector<SolverSnapshot> read() override { return std::vector<SolverSnapshot>(1); }
+};
+
+/// A visitor's name is the capacity of the solver, or the width of the image, that it asks for.
+class CountingField final : public LoadedField {
+ public:
+  CountingField(std::shared_ptr<const Field> field, std::shared_ptr<Visits> visits)
+      : field_(std::move(field)), visits_(std::move(visits)) {}
+  const Field& field() const override { return *field_; }
+  Rendering render(const View& view, const RenderOptions&,
+                   const CancellationToken&) const override {
+    visits_->visit(view.camera.width);
+    return {};
+  }
+  std::unique_ptr<PoseSolver> makeSolver(const Observation&, const std::vector<ImageLevel>&,
+                                         int capacity) const override {
+    visits_->visit(capacity);
+    return std::make_unique<BrokenSolver>();
+  }
+
+ private:
+  std::shared_ptr<const Field> field_;
+  std::shared_ptr<Visits> visits_;
+};
+
+class CountingTrainer final : public FieldTrainer {
+ public:
+  explicit CountingTrainer(std::shared_ptr<Visits> visits) : visits_(std::move(visits)) {}
+  double step(double progress) override {
+    visits_->visit(static_cast<int>(progress));
+    return 0.5;
+  }
+  int stepsDone() const override { return 7; }
+  Field finish(const CancellationToken&) override { return {}; }
+  Field snapshot(const CancellationToken&) override { return {}; }
+
+ private:
+  std::shared_ptr<Visits> visits_;
+};
+
+class CountingBackend final : public Backend {
+ public:
+  explicit CountingBackend(std::shared_ptr<Visits> visits) : visits_(std::move(visits)) {}
+  BackendInfo info() const override { return {"counting", "counting"}; }
+  std::shared_ptr<const LoadedField> load(std::shared_ptr<const Field> field) override {
+    ++loads;
+    return std::make_shared<CountingField>(std::move(field), visits_);
+  }
+  std::unique_ptr<FieldTrainer> makeTrainer(const FieldConfig&, const Box&,
+                                            std::vector<TrainingView>,
+                                            const TrainingPlan&) override {
+    return std::make_unique<CountingTrainer>(visits_);
+  }
+  CostCounters costs() const override { return {}; }
+
+  int loads = 0;
+
+ private:
+  std::shared_ptr<Visits> visits_;
 };
 
 class SharedBackendTest : public testing::Test {
  protected:
   SharedBackendTest() {
-    auto counting = std::make_unique<CountingBackend>();
+    auto counting = std::make_unique<CountingBackend>(visits);
     inner = counting.get();
     shared = std::make_unique<SharedBackend>(std::move(counting));
   }
 
+  /// Two threads call twenty times each, with their names.
+  template <typename Call>
+  void callFromTwoThreads(const Call& call) {
+    std::atomic<int> ready{0};
+    const auto calls = [&](int caller) {
+      ++ready;
+      while (ready < 2) std::this_thread::yield();
+      for (int i = 0; i < 20; ++i) call(caller);
+    };
+    std::thread first(calls, 1), second(calls, 2);
+    first.join();
+    second.join();
+  }
+
+  std::shared_ptr<Visits> visits = std::make_shared<Visits>();
   CountingBackend* inner;
   std::unique_ptr<SharedBackend> shared;
 };
 
 TEST_F(SharedBackendTest, CallersTakeTurns) {
-  std::atomic<int> ready{0};
-  const auto call = [&](int caller) {
-    ++ready;
-    while (ready < 2) std::this_thread::yield();
-    for (int i = 0; i < 20; ++i) shared->batch(caller);
-  };
-  std::thread first(call, 1), second(call, 2);
-  first.join();
-  second.join();
-  EXPECT_EQ(inner->overlaps, 0);
+  const auto field = shared->load(std::make_shared<Field>());
+  callFromTwoThreads([&](int caller) { field->makeSolver({}, {}, caller); });
+  EXPECT_EQ(visits->overlaps, 0);
   // While both want to, nobody goes twice in a row: but for the ends, where one is alone.
   int repeated = 0;
-  for (std::size_t i = 1; i < inner->callers.size(); ++i) {
-    repeated += inner->callers[i] == inner->callers[i - 1] ? 1 : 0;
+  for (std::size_t i = 1; i < visits->callers.size(); ++i) {
+    repeated += visits->callers[i] == visits->callers[i - 1] ? 1 : 0;
   }
   EXPECT_LT(repeated, 10);
+}
+
+TEST_F(SharedBackendTest, ATrainingTakesTurnsWithRenderings) {
+  const auto field = shared->load(std::make_shared<Field>());
+  const auto trainer = shared->makeTrainer({}, {}, {}, {});
+  callFromTwoThreads([&](int caller) {
+    if (caller == 1) {
+      EXPECT_EQ(trainer->step(1), 0.5);
+    } else {
+      View view;
+      view.camera.width = 2;
+      field->render(view, {}, {});
+    }
+  });
+  EXPECT_EQ(visits->overlaps, 0);
+  EXPECT_EQ(visits->callers.size(), 40u);
+  EXPECT_EQ(trainer->stepsDone(), 7);
 }
 
 TEST_F(SharedBackendTest, AFieldIsLoadedOnce) {
@@ -102,15 +170,23 @@ TEST_F(SharedBackendTest, AFieldIsLoadedOnce) {
   EXPECT_EQ(field.use_count(), 1) << "it holds no memory that nobody uses";
 }
 
-TEST_F(SharedBackendTest, AnErrorEndsTheTurn) {
-  const FieldOnly field(nullptr);
-  const LoadedObservation observation;
-  EXPECT_THROW(shared->align(nullptr, field, observation, 0, {}, {}), std::runtime_error);
-  shared->batch(1);
-  EXPECT_THROW(shared->trainer({}, {}, {}, {}), std::logic_error);
+TEST_F(SharedBackendTest, WhatItMadeMayOutliveIt) {
+  const auto field = shared->load(std::make_shared<Field>());
+  auto solver = field->makeSolver({}, {}, 1);
+  shared.reset();
+  EXPECT_EQ(solver->read().size(), 1u);
+  solver.reset();
+  field->makeSolver({}, {}, 1);
 }
 
-TEST(BackendPool, GivesOneEngineAndOneSchedulePerProcessor) {
+TEST_F(SharedBackendTest, AnErrorEndsTheTurn) {
+  const auto field = shared->load(std::make_shared<Field>());
+  const auto solver = field->makeSolver({}, {}, 1);
+  EXPECT_THROW(solver->align(0, {}, {}), std::runtime_error);
+  solver->resample({});
+}
+
+TEST(BackendPool, GivesOneBackendAndOneSchedulePerProcessor) {
   BackendPool pool;
   BackendChoice one;
   one.backend = "cpu";

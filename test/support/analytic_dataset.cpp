@@ -10,7 +10,6 @@
 namespace nerf_pose_refiner {
 
 Dataset analyticDataset(int count, int size, double turn_rad) {
-  const auto backend = makeCpuBackend(1);
   const auto scene = makeAnalyticScene();
   const double focal = 1.9 * size, centre = 0.5 * size - 0.5;  // the object fills three quarters
   const Camera camera = {size, size, focal, focal, centre, centre};
@@ -23,7 +22,7 @@ Dataset analyticDataset(int count, int size, double turn_rad) {
     view.camera = camera;
     const double height = (2.0 * i + 1) / count - 1;
     view.T_O_C = cameraAround(*scene, turn_rad + 2.399963229728653 * i, std::asin(height));
-    const Observation seen = observeScene(backend.get(), *scene, camera, view.T_O_C);
+    const Observation seen = observeScene(*scene, camera, view.T_O_C);
     view.rgba = std::make_shared<Image8>(straightBytes({seen.image, seen.alpha}));
     dataset.views.push_back(view);
   }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "backend/backend.h"
+#include "backend/training.h"
 #include "dataset/dataset.h"
 
 namespace nerf_pose_refiner {

@@ -7,7 +7,8 @@
 #include <limits>
 #include <stdexcept>
 
-#include "backend/ray_renderer.h"
+#include "backend/cpu/ray_renderer.h"
+#include "field/field.h"
 #include "image/resample.h"
 
 namespace nerf_pose_refiner {
@@ -63,7 +64,8 @@ Hit hitBall(const Eigen::Vector3f& origin, const Eigen::Vector3f& d) {
 
 class AnalyticScene final : public RayRenderer {
  public:
-  explicit AnalyticScene(float scale) : scale_(scale) {
+  AnalyticScene(float scale, std::shared_ptr<CpuProcessor> processor)
+      : RayRenderer(std::move(processor)), scale_(scale) {
     field_.metadata.diameter = scale;
     field_.metadata.centre = scale * Eigen::Vector3d(0.05, -0.02, 0.03);
     field_.box.min = Eigen::Vector3d::Constant(-0.6 * scale);
@@ -82,7 +84,7 @@ class AnalyticScene final : public RayRenderer {
   void rayGradients(const Ray*, int, const RenderOptions&, bool,
                     const std::function<RayLossGradient(int, const RayResult&)>&, RayGradient*,
                     CostCounters*) const override {
-    throw std::logic_error("the analytic scene is made for alignment, which does not pull");
+    throw std::logic_error("the analytic scene is made for alignment, which needs no gradients");
   }
 
  private:
@@ -107,8 +109,9 @@ class AnalyticScene final : public RayRenderer {
 
 }  // namespace
 
-std::shared_ptr<const LoadedField> makeAnalyticScene(double scale) {
-  return std::make_shared<AnalyticScene>(static_cast<float>(scale));
+std::shared_ptr<const RayRenderer> makeAnalyticScene(double scale,
+                                                     std::shared_ptr<CpuProcessor> processor) {
+  return std::make_shared<AnalyticScene>(static_cast<float>(scale), std::move(processor));
 }
 
 Pose cameraAround(const LoadedField& scene, double azimuth_rad, double elevation_rad,
@@ -127,12 +130,10 @@ Pose cameraAround(const LoadedField& scene, double azimuth_rad, double elevation
   return T_O_C;
 }
 
-Observation observeScene(Backend* backend, const LoadedField& scene, const Camera& camera,
-                         const Pose& T_O_C) {
+Observation observeScene(const LoadedField& scene, const Camera& camera, const Pose& T_O_C) {
   constexpr int kFiner = 4;
   const Camera fine = camera.resized(kFiner * camera.width, kFiner * camera.height);
-  const Rendering picture =
-      backend->render(scene, fine, T_O_C, RenderOptions(), CancellationToken());
+  const Rendering picture = scene.render({fine, T_O_C}, RenderOptions(), CancellationToken());
   Observation observation;
   observation.image = resample(picture.colour, fine, camera);
   observation.alpha = resample(picture.alpha, fine, camera);

@@ -3,7 +3,8 @@
 
 #include <memory>
 
-#include "backend/backend.h"
+#include "backend/cpu/ray_renderer.h"
+#include "nerf_pose_refiner/observation.h"
 
 namespace nerf_pose_refiner {
 
@@ -11,14 +12,14 @@ namespace nerf_pose_refiner {
 /// a textured ball on one corner, about 1 unit across. The box's outline is made of edges, which
 /// move with the object; the ball's is not.
 /// @param scale multiplies all lengths.
-std::shared_ptr<const LoadedField> makeAnalyticScene(double scale = 1);
+std::shared_ptr<const RayRenderer> makeAnalyticScene(
+    double scale = 1, std::shared_ptr<CpuProcessor> processor = std::make_shared<CpuProcessor>());
 
 /// A camera 2.5 objects away that looks at the scene's centre from a direction given by two angles.
 Pose cameraAround(const LoadedField& scene, double azimuth_rad, double elevation_rad,
                   double distance_in_diameters = 2.5);
 
 /// The scene as a camera sees it, every pixel the mean over its area, with known alpha.
-Observation observeScene(Backend* backend, const LoadedField& scene, const Camera& camera,
-                         const Pose& T_O_C);
+Observation observeScene(const LoadedField& scene, const Camera& camera, const Pose& T_O_C);
 
 }  // namespace nerf_pose_refiner

@@ -16,7 +16,9 @@ using Results = std::vector<RayResult>;
 /// A field in the CPU backend.
 inline std::shared_ptr<const RayRenderer> load(const Field& field,
                                                const char* instruction_set = "auto") {
-  return makeCpuField(std::make_shared<Field>(field), selectCpuKernels(instruction_set));
+  auto processor = std::make_shared<CpuProcessor>();
+  processor->kernels = &selectCpuKernels(instruction_set);
+  return std::make_shared<CpuField>(std::make_shared<Field>(field), std::move(processor));
 }
 
 inline Results render(const RayRenderer& scene, const Rays& rays, const RenderOptions& options = {},

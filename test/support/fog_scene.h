@@ -3,9 +3,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
+#include <utility>
 #include <vector>
 
-#include "backend/ray_renderer.h"
+#include "backend/cpu/ray_renderer.h"
+#include "field/field.h"
 #include "support/frozen_ray.h"
 
 namespace nerf_pose_refiner {
@@ -15,7 +18,9 @@ namespace nerf_pose_refiner {
 class FogScene final : public RayRenderer {
  public:
   /// @param scale multiplies all lengths.
-  explicit FogScene(double scale = 1) : scale_(scale) {
+  explicit FogScene(double scale = 1,
+                    std::shared_ptr<CpuProcessor> processor = std::make_shared<CpuProcessor>())
+      : RayRenderer(std::move(processor)), scale_(scale) {
     field_.metadata.name = "fog";
     field_.metadata.diameter = scale;
     field_.box.min = Eigen::Vector3d::Constant(-0.5 * scale);

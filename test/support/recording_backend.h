@@ -3,69 +3,89 @@
 
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "backend/backend.h"
+#include "backend/hypotheses.h"
+#include "backend/plans.h"
+#include "backend/training.h"
+#include "field/field.h"
+#include "nerf_pose_refiner/observation.h"
 
 namespace nerf_pose_refiner {
 
-/// An backend that writes down what it is asked for and does nothing: for tests of schedules.
-class RecordingBackend : public Backend {
- public:
+/// What a solver was asked for, and what it answers.
+struct Recording {
   std::vector<std::string> calls;
-  SamplingPlan scattered;
-  std::vector<Pose> priors;                    ///< of all calls of scatter
-  HypothesisTable table = HypothesisTable(1);  ///< what is read
-  std::vector<ResamplingPlan> selected;
+  SamplingPlan sampled;      ///< first
+  std::vector<Pose> priors;  ///< of all calls of sample
+  std::vector<ResamplingPlan> resampled;
   std::vector<OptimisationPlan> optimised;
+  HypothesisTable table = HypothesisTable(1);  ///< what is read
+};
 
-  std::string describe() const override { return "recording"; }
-  std::shared_ptr<const LoadedField> load(std::shared_ptr<const Field>) override { return nullptr; }
-  Rendering render(const LoadedField&, const Camera&, const Pose&, const RenderOptions&,
-                   const CancellationToken&) override {
-    return {};
+/// A solver that writes down what it is asked for and does nothing: for tests of schedules.
+class RecordingSolver final : public PoseSolver {
+ public:
+  explicit RecordingSolver(std::shared_ptr<Recording> recording)
+      : recording_(std::move(recording)) {}
+
+  void sample(const std::vector<Pose>& from, const SamplingPlan& plan) override {
+    if (recording_->calls.empty()) recording_->sampled = plan;
+    recording_->priors.insert(recording_->priors.end(), from.begin(), from.end());
+    record("sample " + std::to_string(plan.count));
   }
-  std::unique_ptr<FieldTrainer> trainer(const FieldConfig&, const Box&, std::vector<TrainingView>,
-                                        const TrainingPlan&) override {
-    return nullptr;
-  }
-  std::shared_ptr<const LoadedObservation> observe(const Observation&,
-                                                   const std::vector<ImageLevel>&) override {
-    return std::make_shared<LoadedObservation>();
-  }
-  std::unique_ptr<HypothesisBatch> batch(int) override {
-    return std::make_unique<HypothesisBatch>();
-  }
-  void sample(HypothesisBatch*, const std::vector<Pose>& from, const SamplingPlan& plan) override {
-    if (calls.empty()) scattered = plan;
-    priors.insert(priors.end(), from.begin(), from.end());
-    calls.push_back("scatter " + std::to_string(plan.count));
-  }
-  void align(HypothesisBatch*, const LoadedField&, const LoadedObservation&, int, const AlignStage&,
-             const CancellationToken&) override {
-    calls.push_back("align");
-  }
-  void score(HypothesisBatch*, const LoadedField&, const LoadedObservation&, int, const AlignStage&,
-             const CancellationToken&) override {
-    calls.push_back("score");
-  }
-  void optimise(HypothesisBatch*, const LoadedField&, const LoadedObservation&, int,
-                const OptimisationPlan& plan, int first_step, int steps,
+  void align(int, const AlignStage&, const CancellationToken&) override { record("align"); }
+  void score(int, const AlignStage&, const CancellationToken&) override { record("score"); }
+  void optimise(int, const OptimisationPlan& plan, const StepRange& steps,
                 const CancellationToken&) override {
-    optimised.push_back(plan);
-    calls.push_back("descend " + std::to_string(first_step) + "+" + std::to_string(steps));
+    recording_->optimised.push_back(plan);
+    record("optimise " + std::to_string(steps.first) + "+" + std::to_string(steps.count));
   }
-  void evaluate(HypothesisBatch*, const LoadedField&, const LoadedObservation&, int,
-                const OptimisationPlan&, int pixels, const CancellationToken&) override {
-    calls.push_back("measure " + std::to_string(pixels));
+  void evaluate(int, const OptimisationPlan&, int pixels, const CancellationToken&) override {
+    record("evaluate " + std::to_string(pixels));
   }
-  void resample(HypothesisBatch*, const ResamplingPlan& plan) override {
-    selected.push_back(plan);
-    calls.push_back("select " + std::to_string(plan.keep) + " for " +
-                    std::to_string(plan.offspring));
+  void resample(const ResamplingPlan& plan) override {
+    recording_->resampled.push_back(plan);
+    record("resample " + std::to_string(plan.keep) + " for " + std::to_string(plan.offspring));
   }
-  HypothesisTable read(const HypothesisBatch&) override { return table; }
-  CostCounters work() const override { return {}; }
+  void snapshot() override { ++snapshots_; }
+  std::vector<SolverSnapshot> read() override {
+    SolverSnapshot same;
+    same.hypotheses = recording_->table;
+    return std::vector<SolverSnapshot>(std::exchange(snapshots_, 0), same);
+  }
+
+ private:
+  void record(const std::string& call) { recording_->calls.push_back(call); }
+
+  std::shared_ptr<Recording> recording_;
+  int snapshots_ = 0;
+};
+
+/// A field that is held, and searched for by a RecordingSolver; black wherever it is seen from.
+class RecordingField : public LoadedField {
+ public:
+  explicit RecordingField(std::shared_ptr<const Field> field,
+                          std::shared_ptr<Recording> recording = std::make_shared<Recording>())
+      : field_(std::move(field)), recording_(std::move(recording)) {}
+
+  const Field& field() const override { return *field_; }
+  Rendering render(const View& view, const RenderOptions&,
+                   const CancellationToken&) const override {
+    const int width = view.camera.width, height = view.camera.height;
+    return {Image(width, height, 3), Image(width, height, 1), Image(width, height, 3)};
+  }
+  std::unique_ptr<PoseSolver> makeSolver(const Observation&, const std::vector<ImageLevel>&,
+                                         int) const override {
+    return std::make_unique<RecordingSolver>(recording_);
+  }
+  const Recording& recording() const { return *recording_; }
+
+ private:
+  std::shared_ptr<const Field> field_;
+  std::shared_ptr<Recording> recording_;
 };
 
 }  // namespace nerf_pose_refiner

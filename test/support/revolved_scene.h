@@ -7,7 +7,8 @@
 #include <limits>
 #include <stdexcept>
 
-#include "backend/ray_renderer.h"
+#include "backend/cpu/ray_renderer.h"
+#include "field/field.h"
 
 namespace nerf_pose_refiner {
 

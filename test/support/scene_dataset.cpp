@@ -30,8 +30,8 @@ Camera squareCamera(int size_px) {
   return {size_px, size_px, 2.0 * size_px, 2.0 * size_px, middle, middle};
 }
 
-void writeSceneDataset(Backend* backend, const LoadedField& scene, const std::string& folder,
-                       int views, int size_px) {
+void writeSceneDataset(const LoadedField& scene, const std::string& folder, int views,
+                       int size_px) {
   std::filesystem::create_directories(folder);
   const Camera camera = squareCamera(size_px);
   nlohmann::json json;
@@ -42,7 +42,7 @@ void writeSceneDataset(Backend* backend, const LoadedField& scene, const std::st
     // A spiral over the sphere: equal areas, the golden angle from view to view.
     const double elevation = std::asin(1.9 * (i + 0.5) / views - 0.95);
     const Pose T_O_C = cameraAround(scene, 2.399963 * i, elevation);
-    const Observation view = observeScene(backend, scene, camera, T_O_C);
+    const Observation view = observeScene(scene, camera, T_O_C);
     const std::string name = "view_" + std::to_string(i) + ".png";
     writePng(straightBytes({view.image, view.alpha}), folder + "/" + name);
     json["frames"].push_back({{"file_path", name}, {"transform_matrix", toTransform(T_O_C)}});

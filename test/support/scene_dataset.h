@@ -9,8 +9,7 @@ namespace nerf_pose_refiner {
 
 /// Writes posed views of a scene, all around it, and their transforms.json: photos to learn from.
 /// @param folder is made. @param size_px width and height of a view.
-void writeSceneDataset(Backend* backend, const LoadedField& scene, const std::string& folder,
-                       int views, int size_px);
+void writeSceneDataset(const LoadedField& scene, const std::string& folder, int views, int size_px);
 
 /// A camera of size_px x size_px whose image is filled by an object 2.5 diameters away.
 Camera squareCamera(int size_px);

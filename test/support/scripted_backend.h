@@ -12,16 +12,9 @@
 
 namespace nerf_pose_refiner {
 
-/// A field that is held and nothing else.
-struct FieldOnly final : LoadedField {
-  explicit FieldOnly(std::shared_ptr<const Field> f) : field_(std::move(f)) {}
-  const Field& field() const override { return *field_; }
-  std::shared_ptr<const Field> field_;
-};
-
 /// Trains nothing and writes down what it was asked for; its renderings are grey and as wrong as
 /// the test wants, by the number of steps and the view. For tests of registration.
-class ScriptedBackend final : public RecordingBackend {
+class ScriptedBackend final : public Backend {
  public:
   static constexpr float kGrey = 128.0f / 255;
 
@@ -34,29 +27,41 @@ class ScriptedBackend final : public RecordingBackend {
   double diameter = 1;           ///< its diameter
   std::function<double(int, const Pose&)> error = [](int, const Pose&) { return 0.1; };
 
+  BackendInfo info() const override { return {"scripted", "scripted"}; }
+
   std::shared_ptr<const LoadedField> load(std::shared_ptr<const Field> field) override {
-    return std::make_shared<FieldOnly>(field);
+    return std::make_shared<GreyField>(std::move(field), *this);
   }
 
-  Rendering render(const LoadedField& loaded, const Camera& camera, const Pose& T_O_C,
-                   const RenderOptions&, const CancellationToken& stop) override {
-    stop.check();
-    const int steps = static_cast<int>(loaded.field().metadata.training_steps);
-    const float value = kGrey + static_cast<float>(error(steps, T_O_C));
-    return {Image(camera.width, camera.height, 3, value), Image(camera.width, camera.height, 1, 1),
-            Image(camera.width, camera.height, 3)};
-  }
-
-  std::unique_ptr<FieldTrainer> trainer(const FieldConfig&, const Box& of,
-                                        std::vector<TrainingView> from,
-                                        const TrainingPlan& with) override {
+  std::unique_ptr<FieldTrainer> makeTrainer(const FieldConfig&, const Box& of,
+                                            std::vector<TrainingView> from,
+                                            const TrainingPlan& with) override {
     box = of;
     views = std::move(from);
     plan = with;
     return std::make_unique<Trainer>(this);
   }
 
+  CostCounters costs() const override { return {}; }
+
  private:
+  class GreyField final : public RecordingField {
+   public:
+    GreyField(std::shared_ptr<const Field> field, const ScriptedBackend& script)
+        : RecordingField(std::move(field)), script_(script) {}
+    Rendering render(const View& view, const RenderOptions&,
+                     const CancellationToken& stop) const override {
+      stop.check();
+      const int steps = static_cast<int>(field().metadata.training_steps);
+      const float value = kGrey + static_cast<float>(script_.error(steps, view.T_O_C));
+      const int width = view.camera.width, height = view.camera.height;
+      return {Image(width, height, 3, value), Image(width, height, 1, 1), Image(width, height, 3)};
+    }
+
+   private:
+    const ScriptedBackend& script_;
+  };
+
   class Trainer final : public FieldTrainer {
    public:
     explicit Trainer(ScriptedBackend* backend) : backend_(backend) {}

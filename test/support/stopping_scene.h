@@ -8,7 +8,9 @@
 #include <memory>
 #include <utility>
 
-#include "backend/ray_renderer.h"
+#include "backend/cpu/ray_renderer.h"
+#include "field/field.h"
+#include "support/cpu_processor.h"
 
 namespace nerf_pose_refiner {
 
@@ -16,10 +18,9 @@ namespace nerf_pose_refiner {
 /// after that is counted apart: a measure of how soon a stop is heeded that no load disturbs.
 class StoppingScene final : public RayRenderer {
  public:
-  StoppingScene(std::shared_ptr<const LoadedField> scene, std::uint64_t stop_after)
-      : scene_(std::move(scene)),
-        renderer_(dynamic_cast<const RayRenderer&>(*scene_)),
-        stop_after_(stop_after) {}
+  /// @param threads that work on it.
+  StoppingScene(std::shared_ptr<const RayRenderer> scene, std::uint64_t stop_after, int threads)
+      : RayRenderer(cpuProcessor(threads)), scene_(std::move(scene)), stop_after_(stop_after) {}
 
   const CancellationToken stop;
 
@@ -27,19 +28,19 @@ class StoppingScene final : public RayRenderer {
   std::uint64_t raysAfterTheStop() const { return late_rays_; }  ///< of calls that began after it
   int maxRaysPerCall() const { return max_; }
 
-  const Field& field() const override { return renderer_.field(); }
+  const Field& field() const override { return scene_->field(); }
 
   void renderRays(const Ray* rays, int n, const RenderOptions& options, RayResult* results,
                   CostCounters* work) const override {
     count(n);
-    renderer_.renderRays(rays, n, options, results, work);
+    scene_->renderRays(rays, n, options, results, work);
   }
 
   void rayGradients(const Ray* rays, int n, const RenderOptions& options, bool direction_gradient,
                     const std::function<RayLossGradient(int, const RayResult&)>& loss_gradient,
                     RayGradient* gradients, CostCounters* work) const override {
     count(n);
-    renderer_.rayGradients(rays, n, options, direction_gradient, loss_gradient, gradients, work);
+    scene_->rayGradients(rays, n, options, direction_gradient, loss_gradient, gradients, work);
   }
 
  private:
@@ -50,8 +51,7 @@ class StoppingScene final : public RayRenderer {
     if ((rays_ += static_cast<std::uint64_t>(n)) >= stop_after_) stop.requestCancel();
   }
 
-  std::shared_ptr<const LoadedField> scene_;
-  const RayRenderer& renderer_;
+  std::shared_ptr<const RayRenderer> scene_;
   std::uint64_t stop_after_;
   mutable std::atomic<std::uint64_t> rays_{0}, late_rays_{0};
   mutable std::atomic<int> max_{0};

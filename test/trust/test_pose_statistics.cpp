@@ -16,7 +16,7 @@ namespace {
 using Shape = RevolvedScene::Shape;
 
 /// From the side, each from another one and rolled another way.
-std::vector<PosedView> viewsOf(Backend* backend, const LoadedField& scene) {
+std::vector<PosedView> viewsOf(const LoadedField& scene) {
   const Camera camera = {96, 96, 192, 192, 47.5, 47.5};
   std::vector<PosedView> views;
   for (int i = 0; i < 4; ++i) {
@@ -24,7 +24,7 @@ std::vector<PosedView> viewsOf(Backend* backend, const LoadedField& scene) {
     view.camera = view.photo_camera = camera;
     view.T_O_C = cameraAround(scene, 1.3 * i, 0.2 * i - 0.3);
     view.T_O_C.R = view.T_O_C.R * expSO3({0, 0, 0.7 * i});
-    const Observation seen = observeScene(backend, scene, camera, view.T_O_C);
+    const Observation seen = observeScene(scene, camera, view.T_O_C);
     view.rgba = std::make_shared<Image8>(straightBytes({seen.image, seen.alpha}));
     views.push_back(view);
   }
@@ -38,8 +38,7 @@ class PoseStatisticsTest : public testing::TestWithParam<Shape> {};
 TEST_P(PoseStatisticsTest, AreModuloSymmetries) {
   const auto backend = makeCpuBackend(1);
   const RevolvedScene scene(GetParam());
-  const PoseStatistics statistics =
-      measurePoses(backend.get(), scene, viewsOf(backend.get(), scene), {});
+  const PoseStatistics statistics = measurePoses(backend.get(), scene, viewsOf(scene), {});
   EXPECT_EQ(statistics.views, 4);
   EXPECT_GT(statistics.right_score, statistics.wrong_score + 0.3);
   EXPECT_LT(statistics.tilt_rad, 0.01);

@@ -9,11 +9,15 @@
 
 namespace nerf_pose_refiner {
 
-/// What holds for every hypothesis of a stage.
-/// @param focal_px of the level's camera. @param scatter where the search began, around the prior.
+/// Where a search began.
+struct SearchStart {
+  const Pose& prior_T_O_C;
+  const SamplingPlan& sampling;  ///< around the prior
+};
+
+/// What holds for every hypothesis of a stage. @param focal_px of the level's camera.
 inline AlignmentRules alignmentRules(const FieldMetadata& object, double focal_px,
-                                     const AlignStage& stage, const SamplingPlan& sampling,
-                                     const Pose& prior_T_O_C) {
+                                     const AlignStage& stage, const SearchStart& start) {
   AlignmentRules rules;
   rules.centre = plainVector(object.centre);
   rules.diameter = object.diameter;
@@ -22,8 +26,8 @@ inline AlignmentRules alignmentRules(const FieldMetadata& object, double focal_p
   rules.max_rotation_rad = stage.max_rotation_rad;
   rules.max_translation = stage.max_translation;
   rules.convergence_px = stage.convergence_px;
-  rules.limits = {plainPose(prior_T_O_C), plainVector(sampling.object_centre),
-                  sampling.rotation_limit_rad, sampling.translation_limit};
+  rules.limits = {plainPose(start.prior_T_O_C), plainVector(start.sampling.object_centre),
+                  start.sampling.rotation_limit_rad, start.sampling.translation_limit};
   return rules;
 }
 

@@ -3,12 +3,13 @@
 #include <memory>
 
 #include "backend/common/alignment_rules.h"
-#include "backend/cpu/cpu_backend.h"
+#include "backend/common/solver_rules.h"
+#include "backend/cpu/cpu_solver.h"
 #include "backend/cpu/stage_evaluator.h"
 
 // Direct alignment: Gauss-Newton with Levenberg damping on the difference of rendered and observed
 // images, for all hypotheses of a stage in step. The steps themselves are in
-// maths/alignment_search.h.
+// math/alignment_search.h.
 
 namespace nerf_pose_refiner {
 namespace {
@@ -21,9 +22,9 @@ struct Track {
 };
 
 AlignmentRules rulesOf(const StageEvaluator& evaluator, const AlignStage& stage,
-                       const CpuBatch& batch) {
+                       const CpuHypotheses& hypotheses) {
   return alignmentRules(evaluator.object(), evaluator.target().level->camera.fx, stage,
-                        batch.sampling, batch.prior_T_O_C);
+                        {hypotheses.prior_T_O_C, hypotheses.sampling});
 }
 
 // Hands over what the evaluation found beside the sums.
@@ -40,14 +41,6 @@ void advance(const AlignmentRules& rules, Track* track) {
   track->trial.gain_bias = track->search.trial_gain_bias;
 }
 
-Eigen::Matrix<double, 6, 6> symmetric(const double lower[21]) {
-  Eigen::Matrix<double, 6, 6> whole;
-  for (int i = 0; i < 6; ++i) {
-    for (int j = 0; j <= i; ++j) whole(i, j) = whole(j, i) = lower[i * (i + 1) / 2 + j];
-  }
-  return whole;
-}
-
 void writeResult(const Track& track, bool by_contrast, CpuHypothesis* h) {
   const AlignmentSearch& search = track.search;
   const AlignmentSumsOf<double>& sums = search.sums;
@@ -59,21 +52,20 @@ void writeResult(const Track& track, bool by_contrast, CpuHypothesis* h) {
   h->score = scoreOf(sums, by_contrast);
   h->residual_variance =
       sums.residual_weight > 0 ? sums.squared_residual / sums.residual_weight : 0;
-  h->information = symmetric(sums.equations.information);
-  h->gradient_scatter = search.scatter.correction() * symmetric(search.scatter.gradients);
+  h->information = symmetricMatrix(sums.equations.information);
+  h->gradient_scatter = search.scatter.correction() * symmetricMatrix(search.scatter.gradients);
 }
 
 // Live hypotheses before the camera, ready for their first evaluation; the others are flagged.
-std::vector<Track> tracksOf(const AlignmentRules& rules, CpuBatch* batch) {
+std::vector<Track> tracksOf(const AlignmentRules& rules, CpuHypotheses* hypotheses) {
   std::vector<Track> tracks;
-  for (CpuHypothesis& h : batch->hypotheses) {
-    if (h.state != HypothesisState::kLive) continue;
-    const AlignmentSearch search = startSearch(rules, plainPose(h.T_O_C));
-    h.state = search.state;
+  for (CpuHypothesis* h : hypotheses->live()) {
+    const AlignmentSearch search = startSearch(rules, plainPose(h->T_O_C));
+    h->state = search.state;
     if (search.done) continue;
     tracks.emplace_back();
-    tracks.back().hypothesis = &h;
-    tracks.back().trial.T_O_C = h.T_O_C;
+    tracks.back().hypothesis = h;
+    tracks.back().trial.T_O_C = h->T_O_C;
     tracks.back().search = search;
   }
   return tracks;
@@ -93,14 +85,10 @@ bool evaluateTrials(StageEvaluator* evaluator, std::vector<Track>* tracks,
 
 }  // namespace
 
-void CpuBackend::align(HypothesisBatch* batch, const LoadedField& field,
-                       const LoadedObservation& observation, int level, const AlignStage& stage,
-                       const CancellationToken& stop) {
-  CpuBatch& own = cpuBatch(batch);
-  StageEvaluator evaluator(rayRenderer(field), cpuObservation(observation), level, stage, threads_,
-                           stop, &work_);
-  const AlignmentRules rules = rulesOf(evaluator, stage, own);
-  std::vector<Track> tracks = tracksOf(rules, &own);
+void CpuSolver::align(int level, const AlignStage& stage, const CancellationToken& stop) {
+  StageEvaluator evaluator(scene_, observation_, {level, stage, stop});
+  const AlignmentRules rules = rulesOf(evaluator, stage, hypotheses_);
+  std::vector<Track> tracks = tracksOf(rules, &hypotheses_);
   while (evaluateTrials(&evaluator, &tracks, stop)) {
     for (Track& track : tracks) {
       if (!track.search.done) advance(rules, &track);
@@ -109,15 +97,11 @@ void CpuBackend::align(HypothesisBatch* batch, const LoadedField& field,
   for (const Track& track : tracks) writeResult(track, stage.compare_contrast, track.hypothesis);
 }
 
-void CpuBackend::score(HypothesisBatch* batch, const LoadedField& field,
-                       const LoadedObservation& observation, int level, const AlignStage& stage,
-                       const CancellationToken& stop) {
-  CpuBatch& own = cpuBatch(batch);
-  StageEvaluator evaluator(rayRenderer(field), cpuObservation(observation), level, stage, threads_,
-                           stop, &work_);
+void CpuSolver::score(int level, const AlignStage& stage, const CancellationToken& stop) {
+  StageEvaluator evaluator(scene_, observation_, {level, stage, stop});
   evaluator.rankByRegions();
-  const AlignmentRules rules = rulesOf(evaluator, stage, own);
-  std::vector<Track> tracks = tracksOf(rules, &own);
+  const AlignmentRules rules = rulesOf(evaluator, stage, hypotheses_);
+  std::vector<Track> tracks = tracksOf(rules, &hypotheses_);
   evaluateTrials(&evaluator, &tracks, stop);
   for (Track& track : tracks) {
     takeTrial(&track);

@@ -36,14 +36,15 @@ CubeFrame::CubeFrame(const Box& box) {
   }
 }
 
-CpuField::CpuField(std::shared_ptr<const Field> field, const CpuKernels& kernels)
-    : field_((field->validate(), std::move(field))),
+CpuField::CpuField(std::shared_ptr<const Field> field, std::shared_ptr<CpuProcessor> processor)
+    : RayRenderer(std::move(processor)),
+      field_((field->validate(), std::move(field))),
       networks_(field_->config),
       mask_(field_->occupancy),
       cube_(field_->box),
       batches_([this] { return std::make_unique<RayBatch>(networks_, field_->config.sh_degree); }) {
   networks_.assign(field_->density_weights, field_->colour_weights);
-  view_ = {&kernels, &networks_,
+  view_ = {this->processor().kernels, &networks_,
            KernelGrid{networks_.levels.data(), field_->grid.data(),
                       static_cast<int>(networks_.levels.size()), networks_.features}};
 }
@@ -180,11 +181,6 @@ void CpuField::addGradientWork(const RayBatch& batch, CostCounters* work) const 
   const double columns = static_cast<double>(batch.columns().size());
   work->gathers += networks_.gathersPerSample() * columns;
   work->flops += (networks_.densityFlops() + networks_.colourFlops()) * columns;
-}
-
-std::shared_ptr<const RayRenderer> makeCpuField(std::shared_ptr<const Field> field,
-                                                const CpuKernels& kernels) {
-  return std::make_shared<CpuField>(std::move(field), kernels);
 }
 
 }  // namespace nerf_pose_refiner

@@ -9,7 +9,7 @@
 #include "backend/cpu/cpu_kernels.h"
 #include "backend/cpu/cpu_networks.h"
 #include "backend/cpu/ray_batch.h"
-#include "backend/ray_renderer.h"
+#include "backend/cpu/ray_renderer.h"
 
 namespace nerf_pose_refiner {
 
@@ -31,7 +31,7 @@ struct CubeFrame {
 class CpuField : public RayRenderer {
  public:
   /// @throws std::invalid_argument if the field is not whole (Field::validate).
-  CpuField(std::shared_ptr<const Field> field, const CpuKernels& kernels);
+  CpuField(std::shared_ptr<const Field> field, std::shared_ptr<CpuProcessor> processor);
 
   const Field& field() const override { return *field_; }
 
@@ -57,9 +57,5 @@ class CpuField : public RayRenderer {
 
   mutable ScratchPool<RayBatch> batches_;
 };
-
-/// @see CpuField
-std::shared_ptr<const RayRenderer> makeCpuField(std::shared_ptr<const Field> field,
-                                                const CpuKernels& kernels);
 
 }  // namespace nerf_pose_refiner

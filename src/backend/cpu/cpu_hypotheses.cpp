@@ -1,13 +1,12 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "backend/cpu/cpu_hypotheses.h"
+
 #include <algorithm>
 #include <limits>
-#include <stdexcept>
-#include <string>
 
-#include "backend/common/batch_room.h"
 #include "backend/common/plain_pose.h"
-#include "backend/cpu/cpu_backend.h"
-#include "math/pose_spread.h"
+#include "backend/common/solver_rules.h"
+#include "math/resampling_count.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -46,19 +45,13 @@ std::vector<CpuHypothesis> resampledFrom(std::vector<CpuHypothesis> search,
   std::stable_sort(search.begin(), search.end(), isBefore);
   std::vector<CpuHypothesis> next = survivorsOf(search, plan);
   const int survivors = static_cast<int>(next.size());
-  if (survivors == 0) return next;
-  const int redrawn = std::min(plan.keep, survivors + static_cast<int>(flagged));
+  const int count = resampledCount(plan.keep, plan.offspring, survivors, static_cast<int>(flagged));
   for (CpuHypothesis& h : next) h.descent = DescentState();
-  const double turn = plan.rotation_jitter_rad, move = plan.translation_jitter;
-  const PoseSpread spread = {{turn, turn, turn},
-                             {move, move, move},
-                             plan.rotate_about_object,
-                             plainVector(plan.object_centre)};
-  for (int i = survivors; i < std::max(plan.offspring, redrawn); ++i) {
+  for (int i = survivors; i < count; ++i) {
     CpuHypothesis child;
     child.search = next.front().search;
     child.loss = std::numeric_limits<double>::infinity();
-    child.T_O_C = poseAround(next[i % survivors].T_O_C, spread, plan.seed, i);
+    child.T_O_C = poseAround(next[i % survivors].T_O_C, spreadOf(plan), plan.seed, i);
     next.push_back(child);
   }
   return next;
@@ -66,67 +59,47 @@ std::vector<CpuHypothesis> resampledFrom(std::vector<CpuHypothesis> search,
 
 }  // namespace
 
-CpuBatch& cpuBatch(HypothesisBatch* batch) {
-  auto* own = dynamic_cast<CpuBatch*>(batch);
-  if (own == nullptr) throw std::invalid_argument("the batch is not of the CPU engine");
-  return *own;
-}
-
-const CpuBatch& cpuBatch(const HypothesisBatch& batch) {
-  const auto* own = dynamic_cast<const CpuBatch*>(&batch);
-  if (own == nullptr) throw std::invalid_argument("the batch is not of the CPU engine");
-  return *own;
-}
-
-std::unique_ptr<HypothesisBatch> CpuBackend::batch(int capacity) {
-  if (capacity < 1) {
-    throw std::invalid_argument("batch capacity is " + std::to_string(capacity) +
-                                ", must be positive");
-  }
-  auto batch = std::make_unique<CpuBatch>();
-  batch->capacity = capacity;
-  return batch;
-}
-
-void CpuBackend::sample(HypothesisBatch* batch, const std::vector<Pose>& priors_T_O_C,
-                        const SamplingPlan& plan) {
-  CpuBatch& own = cpuBatch(batch);
-  requireRoom(priors_T_O_C.size(), plan, own.capacity);
-  const PoseSpread spread = {plainVector(plan.rotation_rad), plainVector(plan.translation),
-                             plan.rotate_about_object, plainVector(plan.object_centre)};
-  own.searches = static_cast<int>(priors_T_O_C.size());
-  own.prior_T_O_C = priors_T_O_C.front();
-  own.sampling = plan;
-  own.hypotheses.clear();
-  for (std::size_t search = 0; search < priors_T_O_C.size(); ++search) {
+void CpuHypotheses::sample(const std::vector<Pose>& priors_T_O_C, const SamplingPlan& plan) {
+  requireCapacity(priors_T_O_C.size(), plan, capacity);
+  searches = static_cast<int>(priors_T_O_C.size());
+  prior_T_O_C = priors_T_O_C.front();
+  sampling = plan;
+  items.clear();
+  for (int search = 0; search < searches; ++search) {
     const Pose& prior = priors_T_O_C[search];
     for (int i = 0; i < plan.count; ++i) {
       CpuHypothesis h;
-      h.search = static_cast<int>(search);
-      h.T_O_C = i == 0 ? prior : poseAround(prior, spread, plan.seed, i);
-      own.hypotheses.push_back(h);
+      h.search = search;
+      h.T_O_C = i == 0 ? prior : poseAround(prior, spreadOf(plan), plan.seed, i);
+      items.push_back(h);
     }
   }
 }
 
-void CpuBackend::resample(HypothesisBatch* batch, const ResamplingPlan& plan) {
-  CpuBatch& own = cpuBatch(batch);
-  requireRoom(plan, own.capacity, own.searches);
+void CpuHypotheses::resample(const ResamplingPlan& plan) {
+  requireCapacity(plan, capacity, searches);
   std::vector<CpuHypothesis> all;
-  all.swap(own.hypotheses);
+  all.swap(items);
   for (auto first = all.begin(); first != all.end();) {
     const auto last = std::find_if(first, all.end(),
                                    [&](const Hypothesis& h) { return h.search != first->search; });
     const std::vector<CpuHypothesis> next = resampledFrom({first, last}, plan);
-    own.hypotheses.insert(own.hypotheses.end(), next.begin(), next.end());
+    items.insert(items.end(), next.begin(), next.end());
     first = last;
   }
 }
 
-HypothesisTable CpuBackend::read(const HypothesisBatch& batch) {
-  const CpuBatch& own = cpuBatch(batch);
-  HypothesisTable table(own.hypotheses.begin(), own.hypotheses.end());
-  std::stable_sort(table.begin(), table.end(), isBefore);
+std::vector<CpuHypothesis*> CpuHypotheses::live() {
+  std::vector<CpuHypothesis*> found;
+  for (CpuHypothesis& h : items) {
+    if (isLive(h)) found.push_back(&h);
+  }
+  return found;
+}
+
+HypothesisTable CpuHypotheses::bestFirst() const {
+  HypothesisTable table(items.begin(), items.end());
+  sortBestFirst(&table);
   return table;
 }
 

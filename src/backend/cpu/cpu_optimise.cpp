@@ -2,15 +2,16 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <stdexcept>
 #include <vector>
 
-#include "backend/common/pixel_loss.h"
 #include "backend/common/plain_pose.h"
-#include "backend/cpu/cpu_backend.h"
+#include "backend/cpu/cpu_solver.h"
+#include "backend/cpu/pixel_loss.h"
 #include "backend/cpu/rendered_image.h"
 #include "concurrency/parallel.h"
 #include "math/pixel_draw.h"
+#include "math/ray_budget.h"
+#include "nerf_pose_refiner/cancellation_token.h"
 
 // The paper's mode. Sums are taken over blocks of rays whose size is fixed, block after block, so
 // that they are the same for any number of threads.
@@ -19,9 +20,7 @@ namespace nerf_pose_refiner {
 namespace {
 
 constexpr int kRaysPerBlock = 128;
-constexpr std::uint64_t kMeasureStream = ~std::uint64_t{0};  // steps use their own number
-constexpr double kGuessedSamplesPerRay = 8;                  // before any was cast
-constexpr double kFewestSamplesPerRay = 0.25;                // bounds the rays of an empty image
+constexpr std::uint64_t kEvaluationStream = ~std::uint64_t{0};  // steps use their own number
 
 struct Pixel {
   int x, y;
@@ -64,21 +63,22 @@ struct RaySums {
 
 // What rays are cast at.
 struct Target {
-  const RayRenderer* scene;
-  const CpuObservation* observation;
-  const ObservedLevel* level;
-  const OptimisationPlan* plan;
+  const RayRenderer& scene;
+  const CpuObservation& observation;
+  const ObservedLevel& level;
+  const OptimisationPlan& plan;
+  const CancellationToken& stop;
 };
 
 RaySums castBlock(const Target& target, const Pose& T_O_C, const Pixel* pixels, int n,
                   bool with_gradient) {
   Ray rays[kRaysPerBlock];
   for (int i = 0; i < n; ++i) {
-    rays[i] = rayThrough(target.level->camera, T_O_C, pixels[i].x, pixels[i].y);
+    rays[i] = rayThrough(target.level.camera, T_O_C, pixels[i].x, pixels[i].y);
   }
   RaySums sums;
   const auto compare = [&](int i, const RayResult& ray) {
-    const PixelLoss pixel = pixelLoss(target.plan->loss, *target.observation, *target.level,
+    const PixelLoss pixel = pixelLoss(target.plan.loss, target.observation, target.level,
                                       pixels[i].x, pixels[i].y, ray);
     sums.loss += pixel.loss;
     sums.weight += pixel.weight;
@@ -86,15 +86,15 @@ RaySums castBlock(const Target& target, const Pose& T_O_C, const Pixel* pixels, 
   };
   if (with_gradient) {
     RayGradient gradients[kRaysPerBlock];
-    target.scene->rayGradients(rays, n, RenderOptions(), target.plan->direction_gradient, compare,
-                               gradients, &sums.work);
+    target.scene.rayGradients(rays, n, RenderOptions(), target.plan.direction_gradient, compare,
+                              gradients, &sums.work);
     for (int i = 0; i < n; ++i) {
       sums.force += Eigen::Map<const Eigen::Vector3f>(gradients[i].force).cast<double>();
       sums.torque += Eigen::Map<const Eigen::Vector3f>(gradients[i].torque).cast<double>();
     }
   } else {
     RayResult results[kRaysPerBlock];
-    target.scene->renderRays(rays, n, RenderOptions(), results, &sums.work);
+    target.scene.renderRays(rays, n, RenderOptions(), results, &sums.work);
     for (int i = 0; i < n; ++i) compare(i, results[i]);
   }
   return sums;
@@ -102,14 +102,13 @@ RaySums castBlock(const Target& target, const Pose& T_O_C, const Pixel* pixels, 
 
 // Casts the pixels' rays for each of the hypotheses.
 std::vector<RaySums> castRays(const Target& target, const std::vector<CpuHypothesis*>& hypotheses,
-                              const std::vector<Pixel>& pixels, bool with_gradient, int threads,
-                              const CancellationToken& stop) {
+                              const std::vector<Pixel>& pixels, bool with_gradient) {
   const int rays = static_cast<int>(pixels.size());
   const int blocks = (rays + kRaysPerBlock - 1) / kRaysPerBlock;
   const int count = static_cast<int>(hypotheses.size());
   std::vector<RaySums> block_sums(static_cast<std::size_t>(count) * blocks);
-  parallelFor(threads, count * blocks, [&](int i) {
-    stop.check();
+  parallelFor(target.scene.processor().threads, count * blocks, [&](int i) {
+    target.stop.check();
     const int first = i % blocks * kRaysPerBlock;
     block_sums[i] = castBlock(target, hypotheses[i / blocks]->T_O_C, pixels.data() + first,
                               std::min(kRaysPerBlock, rays - first), with_gradient);
@@ -150,67 +149,42 @@ void gather(const OptimisationPlan& plan, int step, int rays, const RaySums& sum
   updatePose(plan, plan.schedule.rateFactor(step / plan.steps_per_update), hypothesis);
 }
 
-std::vector<CpuHypothesis*> liveHypotheses(CpuBatch* batch) {
-  std::vector<CpuHypothesis*> live;
-  for (CpuHypothesis& hypothesis : batch->hypotheses) {
-    if (hypothesis.state == HypothesisState::kLive) live.push_back(&hypothesis);
-  }
-  return live;
-}
-
-// Rays for each hypothesis so that all samples together come near the plan's budget.
-int raysWithinBudget(const OptimisationPlan& plan, std::size_t hypotheses, double samples_per_ray) {
-  const double expected = samples_per_ray < 0 ? kGuessedSamplesPerRay : samples_per_ray;
-  const double rays =
-      plan.samples_per_step / (hypotheses * std::max(expected, kFewestSamplesPerRay));
-  return std::max(1, static_cast<int>(rays));
-}
-
-// Follows the samples that a ray takes on average, slowly after the first step.
-double updatedSamplesPerRay(double samples_per_ray, double measured) {
-  return samples_per_ray < 0 ? measured : samples_per_ray + 0.1 * (measured - samples_per_ray);
-}
-
 }  // namespace
 
-void CpuBackend::optimise(HypothesisBatch* batch, const LoadedField& field,
-                          const LoadedObservation& observation, int level,
-                          const OptimisationPlan& plan, int first_step, int steps,
-                          const CancellationToken& stop) {
-  CpuBatch& own_batch = cpuBatch(batch);
-  const Target target = {&rayRenderer(field), &cpuObservation(observation),
-                         &observedLevel(observation, level), &plan};
-  std::vector<RaySums> scores(own_batch.hypotheses.size());  // in the order of the live ones
-  std::vector<CpuHypothesis*> live = liveHypotheses(&own_batch);
-  for (int step = first_step; step < first_step + steps && !live.empty(); ++step) {
-    const int rays = raysWithinBudget(plan, live.size(), own_batch.samples_per_ray);
-    const auto pixels = drawPixels(*target.level, rays, plan.seed, step);
-    const auto sums = castRays(target, live, pixels, true, threads_, stop);
-    const bool scored = step >= first_step + steps - plan.score_steps;
-    CostCounters step_work;
+void CpuSolver::optimise(int level, const OptimisationPlan& plan, const StepRange& steps,
+                         const CancellationToken& stop) {
+  const Target target = {scene_, observation_, observation_.level(level), plan, stop};
+  std::vector<CpuHypothesis*> live = hypotheses_.live();
+  const int count = static_cast<int>(live.size());
+  std::vector<RaySums> scores(live.size());
+  const int end = steps.first + steps.count;
+  for (int step = steps.first; step < end && count > 0; ++step) {
+    const int rays = raysWithinBudget(plan.samples_per_step, count, samples_per_ray_);
+    const auto pixels = drawPixels(target.level, rays, plan.seed, step);
+    const auto sums = castRays(target, live, pixels, true);
+    const bool scored = step >= end - plan.score_steps;
+    CostCounters step_costs;
     for (std::size_t i = 0; i < live.size(); ++i) {
       if (scored) scores[i].add(sums[i]);
-      step_work += sums[i].work;
+      step_costs += sums[i].work;
       gather(plan, step, rays, sums[i], live[i]);
     }
-    work_ += step_work;
-    own_batch.samples_per_ray = updatedSamplesPerRay(
-        own_batch.samples_per_ray, static_cast<double>(step_work.samples) / (rays * live.size()));
+    scene_.processor().costs += step_costs;
+    samples_per_ray_ = updatedSamplesPerRay(
+        samples_per_ray_, static_cast<double>(step_costs.samples) / (rays * live.size()));
   }
   for (std::size_t i = 0; i < live.size(); ++i) live[i]->loss = scores[i].meanLoss();
 }
 
-void CpuBackend::evaluate(HypothesisBatch* batch, const LoadedField& field,
-                          const LoadedObservation& observation, int level,
-                          const OptimisationPlan& plan, int pixels, const CancellationToken& stop) {
-  const Target target = {&rayRenderer(field), &cpuObservation(observation),
-                         &observedLevel(observation, level), &plan};
-  const std::vector<CpuHypothesis*> live = liveHypotheses(&cpuBatch(batch));
-  const auto drawn = drawPixels(*target.level, pixels, plan.seed, kMeasureStream);
-  const auto sums = castRays(target, live, drawn, false, threads_, stop);
+void CpuSolver::evaluate(int level, const OptimisationPlan& plan, int pixels,
+                         const CancellationToken& stop) {
+  const Target target = {scene_, observation_, observation_.level(level), plan, stop};
+  const std::vector<CpuHypothesis*> live = hypotheses_.live();
+  const auto drawn = drawPixels(target.level, pixels, plan.seed, kEvaluationStream);
+  const auto sums = castRays(target, live, drawn, false);
   for (std::size_t i = 0; i < live.size(); ++i) {
     live[i]->loss = sums[i].meanLoss();
-    work_ += sums[i].work;
+    scene_.processor().costs += sums[i].work;
   }
 }
 

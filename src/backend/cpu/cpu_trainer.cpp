@@ -27,16 +27,13 @@ CpuTrainer::Slot::Slot(const CpuNetworks& networks) {
 }
 
 CpuTrainer::CpuTrainer(const FieldConfig& config, const Box& box, std::vector<TrainingView> views,
-                       const TrainingPlan& plan, const CpuKernels& kernels, int threads,
-                       CostCounters* work)
+                       const TrainingPlan& plan, std::shared_ptr<CpuProcessor> processor)
     : config_((config.validate(), config)),
       box_(box),
       cube_(box),
       views_(viewsThatShow(box, std::move(views))),
       plan_(plan),
-      kernels_(&kernels),
-      threads_(threads),
-      work_(work),
+      processor_(std::move(processor)),
       networks_(config),
       grid_(static_cast<std::size_t>(networks_.levels.back().offset +
                                      networks_.levels.back().entries) *
@@ -52,7 +49,7 @@ CpuTrainer::CpuTrainer(const FieldConfig& config, const Box& box, std::vector<Tr
   for (const TrainingView& view : views_)
     windows_.push_back(windowOf(view.camera, view.T_O_C, box_));
   initialiseParameters();
-  view_ = {kernels_, &networks_,
+  view_ = {processor_->kernels, &networks_,
            KernelGrid{networks_.levels.data(), half_grid_.data(),
                       static_cast<int>(networks_.levels.size()), networks_.features}};
 }
@@ -218,16 +215,17 @@ void CpuTrainer::updateGridLevel(int level, float learning_rate) {
       const Block& block = slot.blocks[b];
       const float* rows = block.rows.data();
       const std::size_t n = static_cast<std::size_t>(block.columns);
-      kernels_->encodeGridGradient(
+      processor_->kernels->encodeGridGradient(
           view_.grid, level, rows, rows + n, rows + 2 * n, block.columns,
           rows + (3 + static_cast<std::size_t>(level) * config_.features) * n, block.columns,
           grid_.gradient.data() + first);
     }
   }
-  kernels_->adam(grid_.values.data() + first, grid_.first_moment.data() + first,
-                 grid_.second_moment.data() + first, grid_.gradient.data() + first,
-                 half_grid_.data() + first, static_cast<std::int64_t>(l.entries) * config_.features,
-                 learning_rate, kTrainingBeta1, kTrainingBeta2, kTrainingEpsilon);
+  processor_->kernels->adam(grid_.values.data() + first, grid_.first_moment.data() + first,
+                            grid_.second_moment.data() + first, grid_.gradient.data() + first,
+                            half_grid_.data() + first,
+                            static_cast<std::int64_t>(l.entries) * config_.features, learning_rate,
+                            kTrainingBeta1, kTrainingBeta2, kTrainingEpsilon);
 }
 
 void CpuTrainer::updateNetworks(float learning_rate) {
@@ -239,10 +237,10 @@ void CpuTrainer::updateNetworks(float learning_rate) {
         const std::vector<float>& gradient = slot.weight_gradients[index];
         for (std::size_t i = 0; i < gradient.size(); ++i) parameters.gradient[i] += gradient[i];
       }
-      kernels_->adam(parameters.values.data(), parameters.first_moment.data(),
-                     parameters.second_moment.data(), parameters.gradient.data(), nullptr,
-                     static_cast<std::int64_t>(parameters.values.size()), learning_rate,
-                     kTrainingBeta1, kTrainingBeta2, kTrainingEpsilon);
+      processor_->kernels->adam(parameters.values.data(), parameters.first_moment.data(),
+                                parameters.second_moment.data(), parameters.gradient.data(),
+                                nullptr, static_cast<std::int64_t>(parameters.values.size()),
+                                learning_rate, kTrainingBeta1, kTrainingBeta2, kTrainingEpsilon);
       layer.setWeights(parameters.values);
       ++index;
     }
@@ -251,12 +249,13 @@ void CpuTrainer::updateNetworks(float learning_rate) {
 
 double CpuTrainer::step(double progress) {
   if (steps_ >= kOccupancyStart && steps_ % kOccupancyInterval == 0) {
-    occupancy_.update(view_, networks_, steps_, threads_, work_);
+    occupancy_.update(view_, networks_, steps_, processor_->threads, &processor_->costs);
   }
   const int rays_per_slot = rays_per_step_ / kSlots;
-  parallelFor(threads_, kSlots, [&](int s) { runSlot(s, s * rays_per_slot, rays_per_slot); });
+  parallelFor(processor_->threads, kSlots,
+              [&](int s) { runSlot(s, s * rays_per_slot, rays_per_slot); });
   const float learning_rate = learningRate(progress);
-  parallelFor(threads_, static_cast<int>(networks_.levels.size()),
+  parallelFor(processor_->threads, static_cast<int>(networks_.levels.size()),
               [&](int level) { updateGridLevel(level, learning_rate); });
   updateNetworks(learning_rate);
   double loss = 0;
@@ -267,7 +266,7 @@ double CpuTrainer::step(double progress) {
     samples += slot.samples;
     work += slot.work;
   }
-  *work_ += work;
+  processor_->costs += work;
   ++steps_;
   rays_per_step_ = nextRays(rays_per_step_, static_cast<double>(samples), plan_.samples_per_step,
                             kMaxRaysPerStep);
@@ -284,7 +283,8 @@ Field CpuTrainer::snapshot(const CancellationToken& stop) {
   gatherWeights(networks_.density, field.density_weights.data());
   gatherWeights(networks_.colour, field.colour_weights.data());
   std::vector<float> cell_opacity;
-  field.occupancy = occupancy_.dense(view_, networks_, threads_, stop, &cell_opacity, work_);
+  field.occupancy = occupancy_.dense(view_, networks_, processor_->threads, stop, &cell_opacity,
+                                     &processor_->costs);
   const OccupiedExtent extent = measureOccupiedVolume(field, cell_opacity);
   field.metadata.centre = extent.centre;
   field.metadata.diameter = extent.diameter;

@@ -9,7 +9,6 @@
 #include "backend/common/scratch_pool.h"
 #include "backend/common/training_occupancy.h"
 #include "backend/cpu/cpu_field.h"
-#include "backend/cpu/cpu_kernels.h"
 #include "backend/cpu/cpu_networks.h"
 #include "backend/cpu/ray_batch.h"
 #include "backend/training.h"
@@ -22,9 +21,8 @@ namespace nerf_pose_refiner {
 /// entries are owned by their level.
 class CpuTrainer : public FieldTrainer {
  public:
-  /// @param work is added to, as long as the trainer lives.
   CpuTrainer(const FieldConfig& config, const Box& box, std::vector<TrainingView> views,
-             const TrainingPlan& plan, const CpuKernels& kernels, int threads, CostCounters* work);
+             const TrainingPlan& plan, std::shared_ptr<CpuProcessor> processor);
 
   double step(double progress) override;
   int stepsDone() const override { return steps_; }
@@ -76,9 +74,7 @@ class CpuTrainer : public FieldTrainer {
   std::vector<TrainingView> views_;
   std::vector<PixelWindow> windows_;  ///< of each view, where the box can be seen
   TrainingPlan plan_;
-  const CpuKernels* kernels_;
-  int threads_;
-  CostCounters* work_;
+  std::shared_ptr<CpuProcessor> processor_;
 
   CpuNetworks networks_;
   Parameters grid_;

@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "backend/common/ray_march.h"
+#include "backend/cpu/ray_renderer.h"
 #include "backend/cpu/sample_pool.h"
-#include "backend/ray_renderer.h"
 
 namespace nerf_pose_refiner {
 

@@ -7,6 +7,7 @@
 
 #include "backend/common/pixel_window.h"
 #include "concurrency/parallel.h"
+#include "nerf_pose_refiner/cancellation_token.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -97,8 +98,7 @@ Ray rayThrough(const Camera& camera, const Pose& T_O_C, double u, double v) {
 }
 
 void renderImages(const RayRenderer& scene, const std::vector<ImageRequest>& requests,
-                  const RenderOptions& options, int threads, const CancellationToken& stop,
-                  CostCounters* work) {
+                  const RenderOptions& options, const CancellationToken& stop) {
   for (const ImageRequest& request : requests) {
     *request.image = Image(request.camera.width, request.camera.height, kImageChannels);
     for (std::size_t i = 0; i < request.image->pixels(); ++i) {
@@ -106,13 +106,14 @@ void renderImages(const RayRenderer& scene, const std::vector<ImageRequest>& req
     }
   }
   const std::vector<Tile> tiles = tilesOf(requests, scene.field().box);
-  std::mutex work_mutex;  // guards `work`
-  parallelFor(threads, static_cast<int>(tiles.size()), [&](int i) {
+  CpuProcessor& processor = scene.processor();
+  std::mutex costs_mutex;  // guards the processor's
+  parallelFor(processor.threads, static_cast<int>(tiles.size()), [&](int i) {
     stop.check();
     CostCounters tile_work;
     renderTile(scene, requests[tiles[i].request], tiles[i], options, &tile_work);
-    const std::lock_guard<std::mutex> lock(work_mutex);
-    *work += tile_work;
+    const std::lock_guard<std::mutex> lock(costs_mutex);
+    processor.costs += tile_work;
   });
 }
 

@@ -3,17 +3,10 @@
 
 #include <vector>
 
-#include "backend/ray_renderer.h"
+#include "backend/common/image_channels.h"
+#include "backend/cpu/ray_renderer.h"
 
 namespace nerf_pose_refiner {
-
-/// Channels of the images that alignment compares: premultiplied RGB, opacity, the point that the
-/// pixel shows times opacity, relative to the object's centre, and the pixel's weight.
-/// Eight, so that the blur of all of them is one vector operation.
-constexpr int kImageChannels = 8;
-constexpr int kOpacity = 3;
-constexpr int kPoint = 4;
-constexpr int kWeight = 7;
 
 /// The ray of a camera through pixel (u, v), in model units.
 Ray rayThrough(const Camera& camera, const Pose& T_O_C, double u, double v);
@@ -26,10 +19,9 @@ struct ImageRequest {
   Image* image;           ///< gets [h][w][kImageChannels]
 };
 
-/// Renders images, on all threads together.
+/// Renders images, on all threads of the scene's processor together.
 void renderImages(const RayRenderer& scene, const std::vector<ImageRequest>& requests,
-                  const RenderOptions& options, int threads, const CancellationToken& stop,
-                  CostCounters* work);
+                  const RenderOptions& options, const CancellationToken& stop);
 
 /// Replaces an image by the weighted means of its pixels under a Gaussian; the weights (channel
 /// kWeight) become their sum. What lies outside weighs nothing, so two images with the same

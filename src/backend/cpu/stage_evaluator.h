@@ -3,9 +3,10 @@
 
 #include <vector>
 
-#include "backend/common/alignment_system.h"
-#include "backend/common/region_model.h"
-#include "backend/cpu/cpu_backend.h"
+#include "backend/cpu/alignment_system.h"
+#include "backend/cpu/cpu_observation.h"
+#include "backend/cpu/region_model.h"
+#include "field/field.h"
 
 namespace nerf_pose_refiner {
 
@@ -18,12 +19,19 @@ struct Evaluation {
   AlignmentSums sums;
 };
 
+/// What a stage of a schedule asks for.
+struct StageRequest {
+  int level;
+  const AlignStage& align;
+  const CancellationToken& stop;
+};
+
 /// One stage: the poses' common target, and how images of them are made and compared with it.
 class StageEvaluator {
  public:
-  StageEvaluator(const RayRenderer& scene, const CpuObservation& observation, int level,
-                 const AlignStage& stage, int threads, const CancellationToken& stop,
-                 CostCounters* work);
+  /// @throws std::invalid_argument if there is no such level.
+  StageEvaluator(const RayRenderer& scene, const CpuObservation& observation,
+                 const StageRequest& request);
 
   void rankByRegions() { target_.rules.rank_by_regions = true; }
   const AlignmentTarget& target() const { return target_; }
@@ -32,25 +40,15 @@ class StageEvaluator {
   void evaluate(const std::vector<Evaluation*>& evaluations);
 
  private:
-  bool comparesContrasts() const { return target_.rules.kind == Comparison::kContrasts; }
-  void render(const std::vector<Evaluation*>& evaluations);
-  void buildRegions(const std::vector<Evaluation*>& evaluations);
-  void blurAll(const std::vector<Evaluation*>& evaluations);
-  void takeContrasts(const std::vector<Evaluation*>& evaluations);
-  void fitGainBiases(const std::vector<Evaluation*>& evaluations);
-  template <typename Sums, typename SumRows>
-  std::vector<Sums> sumChunks(int count, const SumRows& sum_rows) const;
+  class Steps;  ///< of an evaluation, @see evaluateInOrder
 
   const RayRenderer& scene_;
-  const AlignStage& stage_;
-  int threads_;
-  const CancellationToken& stop_;
-  CostCounters* work_;
+  const StageRequest request_;
   AlignmentTarget target_;
   RegionModel regions_;
   bool needs_regions_;
-  std::vector<float> image_kernel_;
-  std::vector<float> contrast_window_;  // half a kernel
+  std::vector<float> image_kernel_;     // half of it
+  std::vector<float> contrast_window_;  // the same
   Image observed_contrast_;
 };
 

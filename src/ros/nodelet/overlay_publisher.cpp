@@ -65,7 +65,7 @@ void OverlayPublisher::drawNow(const Job& job) {
   const Camera& full = job.observation->camera;
   const double shrink = static_cast<double>(settings.width_px) / full.width;
   const Camera camera = full.scaled(std::min(1.0, shrink));
-  const Rendering rendering = backend_->render(*loaded_, camera, job.T_O_C, RenderOptions(), stop_);
+  const Rendering rendering = loaded_->render({camera, job.T_O_C}, RenderOptions(), stop_);
   const Image8 overlay =
       drawOverlay(resample(job.observation->image, full, camera), rendering, settings.opacity);
 

@@ -10,6 +10,7 @@
 
 #include "backend/backend.h"
 #include "concurrency/frame_mailbox.h"
+#include "nerf_pose_refiner/observation.h"
 #include "ros/conversions/parameters.h"
 #include "runtime/backend_pool.h"
 

@@ -72,8 +72,9 @@ void PoseRefinerNodelet::start() {
   process_->models.setBudget(std::size_t{1000000} * p.model_memory_mb, getName());
   const auto make_search_backend = [this, make_backend = sharedBackend()] {
     const std::shared_ptr<Backend> backend = make_backend();
-    diagnostics_->backendIs(backend->describe());
-    on_gpu_ = backend->describe().rfind("CUDA", 0) == 0;
+    const BackendInfo info = backend->info();
+    diagnostics_->backendIs(info.description);
+    on_gpu_ = info.memory_bytes > 0;
     return backend;
   };
   const auto make_overlay_backend = [set = p.instruction_set] {

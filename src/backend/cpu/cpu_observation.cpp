@@ -1,10 +1,10 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include <algorithm>
-#include <cmath>
-#include <stdexcept>
-#include <string>
+#include "backend/cpu/cpu_observation.h"
 
-#include "backend/cpu/cpu_backend.h"
+#include <algorithm>
+
+#include "backend/common/blur_rules.h"
+#include "backend/common/solver_rules.h"
 #include "backend/cpu/rendered_image.h"
 #include "concurrency/parallel.h"
 #include "image/filter.h"
@@ -28,12 +28,6 @@ Image packed(const Observation& observation) {
     to[4] = weight;
   }
   return result;
-}
-
-// Blur that is still missing: area averaging over n x n pixels has a variance of (n^2 - 1) / 12
-// of the observation's pixels along each axis.
-double remainingBlur(double blur_px, double scale) {
-  return std::sqrt(std::max(0.0, blur_px * blur_px - std::max(0.0, 1 - scale * scale) / 12));
 }
 
 ObservedLevel observeLevel(const Observation& observation, const Image& pack,
@@ -67,29 +61,21 @@ ObservedLevel observeLevel(const Observation& observation, const Image& pack,
 
 }  // namespace
 
-std::shared_ptr<const LoadedObservation> CpuBackend::observe(
-    const Observation& observation, const std::vector<ImageLevel>& levels) {
-  observation.validate();
-  auto observed = std::make_shared<CpuObservation>();
-  observed->background = observation.background;
-  if (observation.background == Background::kKnownColour) {
-    observed->background_colour = observation.background_colour;
-  }
-  observed->levels.resize(levels.size());
-  for (const ImageLevel& level : levels) level.camera.validate();
-  const Image pack = packed(observation);
-  parallelFor(threads_, static_cast<int>(levels.size()),
-              [&](int i) { observed->levels[i] = observeLevel(observation, pack, levels[i]); });
-  return observed;
+const ObservedLevel& CpuObservation::level(int index) const {
+  requireLevel(index, levels.size());
+  return levels[index];
 }
 
-const ObservedLevel& observedLevel(const LoadedObservation& observation, int level) {
-  const auto& levels = cpuObservation(observation).levels;
-  if (level < 0 || level >= static_cast<int>(levels.size())) {
-    throw std::invalid_argument("level " + std::to_string(level) + " of an observation with " +
-                                std::to_string(levels.size()));
-  }
-  return levels[level];
+CpuObservation observe(const Observation& observation, const std::vector<ImageLevel>& levels,
+                       int threads) {
+  CpuObservation observed;
+  observed.background = observation.background;
+  observed.background_colour = backgroundColour(observation);
+  observed.levels.resize(levels.size());
+  const Image pack = packed(observation);
+  parallelFor(threads, static_cast<int>(levels.size()),
+              [&](int i) { observed.levels[i] = observeLevel(observation, pack, levels[i]); });
+  return observed;
 }
 
 }  // namespace nerf_pose_refiner

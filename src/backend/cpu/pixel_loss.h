@@ -1,7 +1,8 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include "backend/cpu/cpu_backend.h"
+#include "backend/cpu/cpu_observation.h"
+#include "backend/cpu/ray_renderer.h"
 #include "math/pixel_loss.h"
 
 namespace nerf_pose_refiner {

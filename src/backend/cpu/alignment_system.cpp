@@ -1,10 +1,10 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "backend/common/alignment_system.h"
+#include "backend/cpu/alignment_system.h"
 
 #include <algorithm>
 #include <cmath>
 
-#include "backend/common/region_model.h"
+#include "backend/cpu/region_model.h"
 
 namespace nerf_pose_refiner {
 namespace {

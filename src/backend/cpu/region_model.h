@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "backend/cpu/cpu_backend.h"
+#include "backend/cpu/cpu_observation.h"
 #include "backend/cpu/rendered_image.h"
 #include "math/alignment.h"
 #include "math/colour_density.h"

@@ -1,10 +1,10 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "backend/common/region_model.h"
+#include "backend/cpu/region_model.h"
 
 #include <algorithm>
 #include <cmath>
 
-#include "backend/common/colour_histogram.h"
+#include "backend/cpu/colour_histogram.h"
 
 namespace nerf_pose_refiner {
 namespace {

@@ -2,8 +2,12 @@
 #pragma once
 
 #include <functional>
+#include <memory>
+#include <vector>
 
-#include "backend/backend.h"
+#include "backend/cpu/cpu_processor.h"
+#include "backend/plans.h"
+#include "nerf_pose_refiner/observation.h"
 
 namespace nerf_pose_refiner {
 
@@ -20,7 +24,7 @@ struct RayResult {
   float point[3];  ///< sum of w * p_O [model units]: divide by alpha for the expected point
 };
 
-/// The pull of a loss on a ray (Lin et al., eq. 2 and 3).
+/// The gradient of a loss at a ray (Lin et al., eq. 2 and 3).
 struct RayGradient {
   float force[3];   ///< sum of dL/dp_i [1 / model unit]
   float torque[3];  ///< sum of t_i (d x dL/dp_i), t_i from the ray's origin [1 / rad]
@@ -32,10 +36,23 @@ struct RayLossGradient {
   float alpha;
 };
 
-/// Rays through a scene on the CPU: the part of the CPU backend that knows the hash grid. An
-/// analytic scene takes its place in tests. Const methods may be called from many threads at once.
+/// A field in the CPU backend: whatever rays can be cast through is rendered and searched for. The
+/// hash grid is one; an analytic scene takes its place in tests. The casting of rays may be called
+/// from many threads at once.
 class RayRenderer : public LoadedField {
  public:
+  /// @param processor that works on it.
+  explicit RayRenderer(std::shared_ptr<CpuProcessor> processor = std::make_shared<CpuProcessor>())
+      : processor_(std::move(processor)) {}
+
+  CpuProcessor& processor() const { return *processor_; }
+
+  Rendering render(const View& view, const RenderOptions& options,
+                   const CancellationToken& stop) const final;
+  std::unique_ptr<PoseSolver> makeSolver(const Observation& observation,
+                                         const std::vector<ImageLevel>& levels,
+                                         int capacity) const final;
+
   /// Renders n rays. @param work is added to. Results do not depend on how rays are grouped.
   virtual void renderRays(const Ray* rays, int n, const RenderOptions& options, RayResult* results,
                           CostCounters* work) const = 0;
@@ -47,6 +64,9 @@ class RayRenderer : public LoadedField {
       const Ray* rays, int n, const RenderOptions& options, bool direction_gradient,
       const std::function<RayLossGradient(int, const RayResult&)>& loss_gradient,
       RayGradient* gradients, CostCounters* work) const = 0;
+
+ private:
+  std::shared_ptr<CpuProcessor> processor_;
 };
 
 }  // namespace nerf_pose_refiner

@@ -1,7 +1,7 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include "backend/cpu/cpu_backend.h"
+#include "backend/cpu/cpu_observation.h"
 #include "backend/cpu/rendered_image.h"
 #include "math/alignment_sums.h"
 #include "math/tile_scatter.h"

@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "backend/common/alignment_system.h"
+#include "backend/cpu/alignment_system.h"
 
 namespace nerf_pose_refiner {
 

@@ -1,5 +1,5 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "backend/common/local_contrast.h"
+#include "backend/cpu/local_contrast.h"
 
 #include <algorithm>
 

@@ -1,6 +1,8 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include "backend/backend.h"
 
+#include "backend/hypotheses.h"
+
 namespace nerf_pose_refiner {
 
 CostCounters& CostCounters::operator+=(const CostCounters& other) {
@@ -30,6 +32,11 @@ CostCounters operator/(const CostCounters& work, int count) {
   fraction.gathers = work.gathers / count;
   fraction.flops = work.flops / count;
   return fraction;
+}
+
+HypothesisTable PoseSolver::readHypotheses() {
+  snapshot();
+  return read().back().hypotheses;
 }
 
 }  // namespace nerf_pose_refiner

@@ -1,0 +1,16 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include "backend/backend.h"
+#include "backend/cpu/cpu_kernels.h"
+
+namespace nerf_pose_refiner {
+
+/// What the fields, solvers and trainers of a CPU backend share.
+struct CpuProcessor {
+  const CpuKernels* kernels = &selectCpuKernels("auto");
+  int threads = 1;
+  CostCounters costs;  ///< of all of them so far
+};
+
+}  // namespace nerf_pose_refiner
