@@ -12,10 +12,10 @@
 
 namespace nerf_pose_refiner {
 
-/// Makes a backend for a thread: backends are not shared between threads.
+/// Makes an backend for a thread: backends are not shared between threads.
 using BackendFactory = std::function<std::shared_ptr<Backend>()>;
 
-/// Finds who may use a backend's processor, by the thread that works: to look for a GPU takes
+/// Finds who may use an backend's processor, by the thread that works: to look for a GPU takes
 /// long.
 using ScheduleFactory = std::function<std::shared_ptr<ProcessorSchedule>()>;
 
