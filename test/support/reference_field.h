@@ -55,13 +55,13 @@ class ReferenceField {
   }
 
   /// Force [1 / model unit] and torque of a loss whose derivatives by the ray's colour are given.
-  FrozenGradient pull(const Ray& ray, const std::vector<FrozenSample>& samples,
-                      const RayColour& gradient, bool direction_gradient) const {
-    FrozenGradient pull =
-        gradientOf(ray.direction, samples, occupiedVolumeAt(ray, samples, nullptr), gradient,
+  FrozenGradient gradient(const Ray& ray, const std::vector<FrozenSample>& samples,
+                          const RayColour& by_colour, bool direction_gradient) const {
+    FrozenGradient by_pose =
+        gradientOf(ray.direction, samples, occupiedVolumeAt(ray, samples, nullptr), by_colour,
                    direction_gradient);
-    pull.force /= field_.cubeSide();
-    return pull;
+    by_pose.force /= field_.cubeSide();
+    return by_pose;
   }
 
  private:
