@@ -210,10 +210,10 @@ void CudaSolver::align(int level, const AlignStage& stage, const CancellationTok
   const auto views = static_cast<std::size_t>(bound_);
   space.pinned_active.reserve(kEvaluationsAhead * views);
   for (int evaluation = 0; evaluation <= stage.max_iterations; ++evaluation) {
-    stop.check();
     const int slot = evaluation % kEvaluationsAhead;
     int* active = space.pinned_active.data() + static_cast<std::size_t>(slot) * views;
     space.evaluated[slot].wait();
+    stop.check();
     if (evaluation >= kEvaluationsAhead &&
         std::all_of(active, active + views, [](int a) { return a == 0; })) {
       break;

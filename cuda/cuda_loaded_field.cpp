@@ -41,7 +41,7 @@ Rendering CudaLoadedField::render(const View& view, const RenderOptions& options
                                  processor_->stream()));
   processor_->mark(&space.rendered);
   processor_->wait();
-  processor_->take(space.rendered);
+  processor_->waitedFor(space.rendered);
   return unpacked(camera, &space.pinned_image.data()->x, field().metadata.centre.cast<float>());
 }
 

@@ -71,7 +71,9 @@ void CudaSolver::optimise(int level, const OptimisationPlan& plan, const StepRan
   // So many even of rays that meet nearly nothing; every hypothesis has one at least.
   OptimisationTask task =
       optimisationTask(level, plan, std::max(4 * plan.samples_per_step, bound_));
-  task.scored_from = steps.first + steps.count - plan.score_steps;
+  // Where all steps count, the number does not show: slices of a run are one graph.
+  task.scored_from =
+      steps.count > plan.score_steps ? steps.first + steps.count - plan.score_steps : 0;
   task.max_points = kPointsPerSample * static_cast<unsigned>(plan.samples_per_step);
   space.ray_points.reserve(task.max_points);
   task.points = space.ray_points.data();
@@ -82,17 +84,20 @@ void CudaSolver::optimise(int level, const OptimisationPlan& plan, const StepRan
   const int graphs = (steps.count - 1) / kStepsPerGraph;
   enqueue(std::max(0, steps.count - graphs * kStepsPerGraph));  // also readies the kernels
   if (graphs > 0) {
-    for (const CudaEvent& event : space.stepped) event.wait();  // the last graph may still run
-    space.descent_graph.record(stream, [&] { enqueue(kStepsPerGraph); });
-  }
-  for (int i = 0; i < graphs; ++i) {
-    stop.check();
-    const CudaEvent& stepped = space.stepped[i % kGraphsAhead];
-    stepped.wait();
-    space.descent_graph.launch(stream);
-    stepped.record(stream);
+    const GraphKey key = GraphKey().add(field_.view()).add(task).add(bound_);
+    launch(space.graphs.get(key, stream, [&] { enqueue(kStepsPerGraph); }), graphs, stop);
   }
   finishOptimisation(task, bound_, stream);
+}
+
+void CudaSolver::launch(const CudaGraph& graph, int times, const CancellationToken& stop) {
+  for (int i = 0; i < times; ++i) {
+    const CudaEvent& stepped = processor_.space().stepped[i % kGraphsAhead];
+    stepped.wait();
+    stop.check();
+    graph.launch(processor_.stream());
+    stepped.record(processor_.stream());
+  }
 }
 
 void CudaSolver::evaluate(int level, const OptimisationPlan& plan, int pixels,

@@ -69,14 +69,15 @@ void CudaProcessor::mark(CudaMoment* moment) {
   moment->time.record(stream_);
 }
 
-CostCounters CudaProcessor::take(const CudaMoment& moment) {
+CostCounters CudaProcessor::costsAt(const CudaMoment& moment) {
   const CudaWork& meter = *moment.work.data();
-  costs_.rays = meter.rays;
-  costs_.samples = meter.samples;
-  costs_.colour_samples = meter.colour_samples;
-  costs_.gathers = static_cast<double>(meter.gathers);
-  costs_.flops = static_cast<double>(meter.flops);
-  return costs_;
+  CostCounters costs;
+  costs.rays = meter.rays;
+  costs.samples = meter.samples;
+  costs.colour_samples = meter.colour_samples;
+  costs.gathers = static_cast<double>(meter.gathers);
+  costs.flops = static_cast<double>(meter.flops);
+  return costs;
 }
 
 CostCounters CudaProcessor::costs() const {

@@ -9,6 +9,7 @@
 #include "backend/common/scratch_pool.h"
 #include "cuda_field.h"
 #include "device_memory.h"
+#include "graph_cache.h"
 #include "hypotheses.h"
 #include "image_level.h"
 #include "optimise.h"
@@ -89,7 +90,7 @@ struct CudaWorkspace {
   DeviceBuffer<RayPoint> ray_points;
   DeviceBuffer<GradientSums> gradient_sums;
   DeviceBuffer<RayHit> ray_hits;
-  CudaGraph descent_graph;
+  GraphCache graphs;     ///< of a few steps each
   CudaEvent stepped[2];  ///< behind the graphs that were launched last
 };
 
@@ -115,11 +116,13 @@ class CudaProcessor {
 
   /// Enqueues the download of what was spent so far.
   void mark(CudaMoment* moment);
-  /// Takes what was marked over, after a wait. @return what had been spent by then.
-  CostCounters take(const CudaMoment& moment);
+  /// What had been spent by a moment that is past.
+  static CostCounters costsAt(const CudaMoment& moment);
+  /// Notes the last moment that was waited for.
+  void waitedFor(const CudaMoment& last) { costs_ = costsAt(last); }
   CudaWork* meter() { return meter_.data(); }
 
-  /// Of the last moment that was taken, and of the trainers.
+  /// As of the last moment that was waited for, and of the trainers.
   CostCounters costs() const;
   CostCounters* trainingCosts() { return &training_; }
 

@@ -109,18 +109,19 @@ void CudaSolver::snapshot() {
 std::vector<SolverSnapshot> CudaSolver::read() {
   processor_.enter();
   processor_.wait();
-  const CostCounters before = processor_.take(memory_.start);
+  const CostCounters before = CudaProcessor::costsAt(memory_.start);
   std::vector<SolverSnapshot> snapshots(kept_);
   for (std::size_t k = 0; k < kept_; ++k) {
     const CudaSnapshot& from = *memory_.snapshots[k];
     SolverSnapshot& to = snapshots[k];
     to.seconds = from.moment.time.secondsSince(memory_.start.time);
-    to.costs = processor_.take(from.moment) - before;
+    to.costs = CudaProcessor::costsAt(from.moment) - before;
     for (int i = 0; i < *from.count.data(); ++i) {
       to.hypotheses.push_back(hypothesisOf(from.items.data()[i]));
     }
     sortBestFirst(&to.hypotheses);
   }
+  if (kept_ > 0) processor_.waitedFor(memory_.snapshots[kept_ - 1]->moment);
   kept_ = 0;
   return snapshots;
 }

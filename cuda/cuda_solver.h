@@ -35,6 +35,7 @@ class CudaSolver final : public PoseSolver {
   void observe(const Observation& observation, const std::vector<ImageLevel>& levels);
   void clearHypotheses(int capacity);
   const CudaLevel& level(int index) const;
+  void launch(const CudaGraph& graph, int times, const CancellationToken& stop);
   OptimisationTask optimisationTask(int level, const OptimisationPlan& plan, int max_rays);
 
   const CudaField& field_;

@@ -4,8 +4,8 @@
 #include <cmath>
 
 #include "backend/cpu/alignment_system.h"
-#include "backend/cpu/cpu_backend.h"
 #include "backend/cpu/rendered_image.h"
+#include "field/field.h"
 #include "image/filter.h"
 #include "support/analytic_scene.h"
 
@@ -16,11 +16,9 @@ constexpr double kBlurPx = 1.5;
 const Camera kCamera = {96, 80, 150, 150, 47.5, 39.5};
 
 // Rendering as alignment makes it: several rays a pixel, blurred.
-Image blurredRendering(const LoadedField& scene, const Pose& T_O_C) {
+Image blurredRendering(const RayRenderer& scene, const Pose& T_O_C) {
   Image image, scratch;
-  CostCounters work;
-  renderImages(rayRenderer(scene), {{kCamera, T_O_C, 8, &image}}, RenderOptions(), 1,
-               CancellationToken(), &work);
+  renderImages(scene, {{kCamera, T_O_C, 8, &image}}, RenderOptions(), CancellationToken());
   blurImage(gaussianKernel(kBlurPx), &image, &scratch);
   return image;
 }

@@ -157,9 +157,9 @@ Vector6d referenceGradient(const ReferenceField& field, const Case& c, Loss kind
   const auto samples = field.samples(ray);
   const Eigen::Vector3d p = onBackground(field.render(ray, samples, nullptr), c);
   const Eigen::Vector4d g = lossGradient<double>(kind, p, c);
-  const auto pose_gradient = field.poseGradient(ray, samples, {g.head<3>(), g[3]}, turns_view);
+  const auto pull = field.gradient(ray, samples, {g.head<3>(), g[3]}, turns_view);
   Vector6d both;
-  both << pose_gradient.force, pose_gradient.torque;
+  both << pull.force, pull.torque;
   return both;
 }
 
@@ -202,9 +202,9 @@ void expectReferenceMatchesDifferences(bool turns_view) {
     const Loss kind = static_cast<Loss>(k);
     int failures = 0;
     for (int i = 0; i < kCases; ++i) {
-      const Vector6d pose_gradient = referenceGradient(field, drawn.cases[i], kind, turns_view);
+      const Vector6d pull = referenceGradient(field, drawn.cases[i], kind, turns_view);
       const Vector6d expected = centralDifferences(drawn.cases[i], drawn.renderings[i], kind);
-      if (!agree(pose_gradient, expected, 1e-3)) ++failures;
+      if (!agree(pull, expected, 1e-3)) ++failures;
     }
     EXPECT_LE(failures, kCases / 100) << lossName(kind);
   }
@@ -238,10 +238,10 @@ std::vector<Vector6d> backendGradients(const RayRenderer& scene, const std::vect
   scene.rayGradients(rays.data(), static_cast<int>(rays.size()), options, turns_view, gradient,
                      gradients.data(), &work);
   std::vector<Vector6d> all;
-  for (const RayGradient& pose_gradient : gradients) {
+  for (const RayGradient& pull : gradients) {
     Vector6d both;
-    both << Eigen::Map<const Eigen::Vector3f>(pose_gradient.force).cast<double>(),
-        Eigen::Map<const Eigen::Vector3f>(pose_gradient.torque).cast<double>();
+    both << Eigen::Map<const Eigen::Vector3f>(pull.force).cast<double>(),
+        Eigen::Map<const Eigen::Vector3f>(pull.torque).cast<double>();
     all.push_back(both);
   }
   return all;

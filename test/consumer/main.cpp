@@ -10,7 +10,7 @@ int main(int argc, char** argv) {
   using namespace nerf_pose_refiner;
   const std::shared_ptr<Backend> backend = makeCpuBackend();
   const Refiner refiner(backend, RefinerSettings::named("align"));
-  std::printf("%s\n", backend->describe().c_str());
+  std::printf("%s\n", backend->info().description.c_str());
   if (argc > 1) {
     const auto field = std::make_shared<const Field>(loadModel(argv[1]));
     std::printf("%s: diameter %g\n", field->metadata.name.c_str(),

@@ -153,6 +153,31 @@ TEST_F(CudaOptimise, theSameBitsEveryTime) {
   }
 }
 
+// Graphs are kept: one of another shape, seed or number of steps must not be taken for it.
+TEST_F(CudaOptimise, searchesInBetweenChangeNothing) {
+  const Observation seen = observe(*on_cpu, someCamera(), truth, Background::kKnownAlpha);
+  const auto search = [&](int count, std::uint64_t seed, int steps) {
+    const auto solver = this->solver(*cuda, seen, count);
+    OptimisationPlan plan;
+    plan.samples_per_step = 1 << 14;
+    plan.score_steps = 32;
+    plan.seed = seed;
+    solver->optimise(0, plan, {0, steps}, {});
+    return solver->readHypotheses();
+  };
+  const HypothesisTable first = search(16, 1, 32);
+  const HypothesisTable longer = search(16, 1, 64), seeded = search(16, 2, 32);
+  for (int count = 1; count <= 12; ++count) search(count, 1, 32);  // more than are kept
+  const HypothesisTable again = search(16, 1, 32);
+  for (std::size_t i = 0; i < 16; ++i) {
+    EXPECT_EQ(first[i].T_O_C.R, again[i].T_O_C.R);
+    EXPECT_EQ(first[i].T_O_C.t, again[i].T_O_C.t);
+    EXPECT_EQ(first[i].loss, again[i].loss);
+  }
+  EXPECT_NE(first[0].T_O_C.t, longer[0].T_O_C.t);
+  EXPECT_NE(first[0].T_O_C.t, seeded[0].T_O_C.t);
+}
+
 // Searches of one solver share the budget, and nothing else.
 TEST_F(CudaOptimise, equalSearchesOfASolverEndAtTheSameBits) {
   const Observation seen = observe(*on_cpu, someCamera(), truth, Background::kKnownAlpha);

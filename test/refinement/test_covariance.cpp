@@ -8,7 +8,6 @@
 #include <cstdlib>
 
 #include "backend/cpu/cpu_backend.h"
-#include "concurrency/parallel.h"
 #include "evaluation/start.h"
 #include "math/random.h"
 #include "refinement/refiner.h"
@@ -222,7 +221,7 @@ TEST(ScoreOfFraction, IsZeroBelowHalf) {
 /// e^T C^-1 e / 6 over trials with noise of its own each, from starts a little off.
 double meanNormalisedError(double noise, int trials) {
   const Camera camera = {160, 132, 220, 220, 79.5, 65.5};
-  const auto processor = cpuProcessor(threadCount(0));
+  const auto processor = cpuProcessor(2);
   const auto backend = std::make_shared<CpuBackend>(processor);
   const auto scene = makeAnalyticScene(1, processor);
   const FieldMetadata& metadata = scene->field().metadata;

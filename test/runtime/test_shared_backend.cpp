@@ -9,6 +9,7 @@
 #include <thread>
 #include <vector>
 
+#include "backend/hypotheses.h"
 #include "backend/plans.h"
 #include "backend/training.h"
 #include "nerf_pose_refiner/observation.h"

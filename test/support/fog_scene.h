@@ -41,11 +41,11 @@ class FogScene final : public RayRenderer {
       const Trace ray = trace(rays[i], work);
       const RayLossGradient g = loss_gradient(i, toResult(ray));
       const RayColour gradient = {{g.rgb[0], g.rgb[1], g.rgb[2]}, g.alpha};
-      const FrozenGradient pose_gradient =
+      const FrozenGradient pull =
           gradientOf(ray.direction, ray.samples, ray.occupied_volume, gradient, direction_gradient);
       for (int a = 0; a < 3; ++a) {
-        gradients[i].force[a] = static_cast<float>(pose_gradient.force[a] / scale_);
-        gradients[i].torque[a] = static_cast<float>(pose_gradient.torque[a]);
+        gradients[i].force[a] = static_cast<float>(pull.force[a] / scale_);
+        gradients[i].torque[a] = static_cast<float>(pull.torque[a]);
       }
     }
   }

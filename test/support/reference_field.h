@@ -55,13 +55,13 @@ class ReferenceField {
   }
 
   /// Force [1 / model unit] and torque of a loss whose derivatives by the ray's colour are given.
-  FrozenGradient poseGradient(const Ray& ray, const std::vector<FrozenSample>& samples,
-                              const RayColour& gradient, bool direction_gradient) const {
-    FrozenGradient pose_gradient =
-        gradientOf(ray.direction, samples, occupiedVolumeAt(ray, samples, nullptr), gradient,
+  FrozenGradient gradient(const Ray& ray, const std::vector<FrozenSample>& samples,
+                          const RayColour& by_colour, bool direction_gradient) const {
+    FrozenGradient by_pose =
+        gradientOf(ray.direction, samples, occupiedVolumeAt(ray, samples, nullptr), by_colour,
                    direction_gradient);
-    pose_gradient.force /= field_.cubeSide();
-    return pose_gradient;
+    by_pose.force /= field_.cubeSide();
+    return by_pose;
   }
 
  private:
