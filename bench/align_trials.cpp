@@ -13,7 +13,7 @@
 #include "dataset/dataset.h"
 #include "evaluation/trial_observation.h"
 #include "field/model_file.h"
-#include "refinement/refiner.h"
+#include "refinement/field_refiner.h"
 #include "tracking.h"
 #include "trial_report.h"
 
@@ -80,7 +80,7 @@ RefinerSettings settingsOf(const Options& options, double diameter) {
   return settings;
 }
 
-Trial runTrial(const Options& options, const Protocol& protocol, Refiner* refiner,
+Trial runTrial(const Options& options, const Protocol& protocol, FieldRefiner* refiner,
                const LoadedField& field, const PosedView& view, const Observation& observation,
                std::uint64_t index) {
   const Eigen::Vector3d& centre = field.field().metadata.centre;
@@ -99,7 +99,8 @@ Trial runTrial(const Options& options, const Protocol& protocol, Refiner* refine
 
 /// Seconds from a model file to a pose, in a process that is warm.
 double secondsToFirstPose(const Options& options, const Protocol& protocol, Backend* backend,
-                          Refiner* refiner, const PosedView& view, const Observation& observation) {
+                          FieldRefiner* refiner, const PosedView& view,
+                          const Observation& observation) {
   const auto start = std::chrono::steady_clock::now();
   const auto field = backend->load(std::make_shared<Field>(loadModel(options.model)));
   runTrial(options, protocol, refiner, *field, view, observation, 0);
@@ -126,9 +127,9 @@ class MovingFloor {
   Floor floor_;
 };
 
-std::vector<Trial> runTrials(const Options& options, const Protocol& protocol, Refiner* refiner,
-                             const LoadedField& field, const Dataset& dataset, bool warm_up,
-                             MovingFloor* floor) {
+std::vector<Trial> runTrials(const Options& options, const Protocol& protocol,
+                             FieldRefiner* refiner, const LoadedField& field,
+                             const Dataset& dataset, bool warm_up, MovingFloor* floor) {
   TrialObservation disturbance = options.observation;
   disturbance.seed = options.seed;
   const int available = static_cast<int>(dataset.views.size());
@@ -175,7 +176,7 @@ void run(const Options& options) {
   DatasetOptions reading;
   reading.threads = threads;
   const Dataset dataset = loadTransforms(options.dataset, reading);
-  Refiner refiner(backend, settingsOf(options, object.diameter));
+  FieldRefiner refiner(backend, settingsOf(options, object.diameter));
   const Protocol protocol = protocolOf(options, object.diameter);
   const std::vector<Trial> trials =
       runTrials(options, protocol, &refiner, *field, dataset, info.warms_up, &floor);

@@ -116,7 +116,7 @@ class Bench {
     const std::unique_ptr<Backend> backend = makeBackend(choice_);
     Clock::time_point start;
     try {
-      registerObject(
+      learnField(
           backend.get(), loadTransforms(options_.photos, {}, token), settings,
           [&](const RegistrationProgress& progress) {
             if (progress.step <= 1) start = Clock::now();

@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "backend/cpu/keyframe_aligner.h"
+#include "backend/make_backend.h"
 #include "evaluation/pose_error.h"
 #include "evaluation/statistics.h"
 #include "field/object_metadata.h"
@@ -77,7 +78,7 @@ class Benchmark {
       : options_(options),
         sequence_(readSequence(options.sequence)),
         backend_(makeCpuBackend(options.threads, options.instruction_set)),
-        field_(backend_->load(std::make_shared<const Field>(loadObject(options.model)))),
+        field_(backend_->load(std::make_shared<const Field>(loadField(options.model)))),
         object_(field_->field().metadata),
         aligner_(selectKeyframeKernels(options.instruction_set)) {
     const double unit_m = object_.metres_per_unit > 0 ? object_.metres_per_unit : 1;

@@ -70,8 +70,8 @@ void declare(CLI::App* app, Options* options) {
   app->add_option("--until-psnr", options->until_psnr_db,
                   "no further registration once the test views are shown so well [dB]");
   app->add_option("--max-seconds", settings.max_seconds, "of training; 0: no limit");
-  app->add_option("--samples-per-step", settings.plan.samples_per_step, "about");
-  app->add_option("--learning-rate", settings.plan.learning_rate, "of Adam");
+  app->add_option("--samples-per-step", settings.samples_per_step, "about");
+  app->add_option("--learning-rate", settings.learning_rate, "of Adam");
   app->add_option("--held-out", settings.held_out, "training views kept apart");
   app->add_option("--seed", settings.seed, "of all random numbers");
   app->add_option("--backend", options->backend.backend, "auto, cpu or cuda");
@@ -131,13 +131,13 @@ double registerOnce(Backend* backend, const Dataset& data, const Dataset& test,
     training = backend->costs() - before;
   };
   const auto start = std::chrono::steady_clock::now();
-  const Field field = registerObject(backend, data, settings, watch, {});
+  const Field field = learnField(backend, data, settings, watch, {});
   const double steps = static_cast<double>(field.metadata.training_steps);
   std::printf(
       "registration        %.2f s in all, %.2f s of training, %.0f steps of about %d "
       "samples: %.3f G a second\n",
-      secondsSince(start), training_s, steps, settings.plan.samples_per_step,
-      1e-9 * steps * settings.plan.samples_per_step / training_s);
+      secondsSince(start), training_s, steps, settings.samples_per_step,
+      1e-9 * steps * settings.samples_per_step / training_s);
   std::printf("object              diameter %.4f, profile %s\n", field.metadata.diameter,
               field.config.profile.c_str());
   if (!options.model.empty()) saveModel(field, options.model);

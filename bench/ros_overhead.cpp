@@ -23,6 +23,7 @@
 #include <string>
 #include <vector>
 
+#include "backend/make_backend.h"
 #include "dataset/dataset.h"
 #include "field/model_file.h"
 #include "field/object_frame.h"
@@ -66,8 +67,8 @@ struct Subject {
     RegistrationSettings settings;
     settings.steps = 300;
     settings.metres_per_unit = kMetresPerUnit;
-    Field field = registerObject(backend.get(), loadTransforms((root / "photos").string()),
-                                 settings, {}, CancellationToken());
+    Field field = learnField(backend.get(), loadTransforms((root / "photos").string()), settings,
+                             {}, CancellationToken());
     field.metadata.name = "subject";
     saveModel(field, (root / "subject.safetensors").string());
 

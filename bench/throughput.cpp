@@ -4,11 +4,12 @@
 #include <cstdio>
 #include <string>
 
+#include "backend/make_backend.h"
 #include "concurrency/parallel.h"
 #include "dataset/dataset.h"
 #include "field/model_file.h"
 #include "image/colour.h"
-#include "refinement/refiner.h"
+#include "refinement/field_refiner.h"
 #include "work_report.h"
 
 // The rate of rendering and of direct alignment on this machine, against the floor that gathers and
@@ -35,8 +36,8 @@ void run(Backend* backend, const Field& field, const Dataset& data, int threads,
   observation.background = Background::kKnownAlpha;
   Prior prior;
   prior.T_O_C = view.T_O_C;
-  Refiner refiner(std::shared_ptr<Backend>(backend, [](Backend*) {}),
-                  RefinerSettings::named("align"));
+  FieldRefiner refiner(std::shared_ptr<Backend>(backend, [](Backend*) {}),
+                       RefinerSettings::named("align"));
 
   const std::size_t table_bytes = field.grid.size() * sizeof(std::uint16_t);
   printWorkHead();

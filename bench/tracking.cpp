@@ -11,7 +11,7 @@
 #include "evaluation/pose_error.h"
 #include "field/object_frame.h"
 #include "image/colour.h"
-#include "tracking/tracker.h"
+#include "tracking/object_tracker.h"
 #include "work_report.h"
 
 namespace nerf_pose_refiner {
@@ -102,7 +102,7 @@ class Bench {
 
  private:
   ObjectFrame frame_;
-  Tracker tracker_;
+  ObjectTracker tracker_;
   std::int64_t stamp_ns_ = 0;
 };
 

@@ -5,8 +5,8 @@
 #include <memory>
 #include <string>
 
-#include "backend/backend.h"
 #include "floor.h"
+#include "nerf_pose_refiner/backend.h"
 
 namespace nerf_pose_refiner {
 

@@ -7,7 +7,7 @@
 #include "dataset/dataset.h"
 #include "evaluation/pose_error.h"
 #include "evaluation/start.h"
-#include "refinement/refiner.h"
+#include "refinement/field_refiner.h"
 #include "work_report.h"
 
 namespace nerf_pose_refiner {

@@ -5,13 +5,13 @@
 #include <vector>
 
 #include "align.h"
-#include "backend/backend.h"
 #include "backend/common/scratch_pool.h"
 #include "cuda_field.h"
 #include "device_memory.h"
 #include "graph_cache.h"
 #include "hypotheses.h"
 #include "image_level.h"
+#include "nerf_pose_refiner/backend.h"
 #include "optimise.h"
 #include "render.h"
 #include "unknown_background.h"

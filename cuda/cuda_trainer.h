@@ -3,12 +3,12 @@
 
 #include <vector>
 
-#include "backend/backend.h"
 #include "backend/common/training_occupancy.h"
 #include "backend/training.h"
 #include "cuda_field.h"
 #include "cuda_processor.h"
 #include "device_memory.h"
+#include "nerf_pose_refiner/backend.h"
 #include "train.h"
 
 namespace nerf_pose_refiner {

@@ -41,15 +41,17 @@ MODULES = {
     'backend': (('field', 'geometry', 'image', 'math', 'concurrency'), (EIGEN, SIMD, C_HEADERS)),
     'views': (('backend', 'field', 'geometry', 'image', 'math', 'concurrency'), (EIGEN,)),
     'refinement': (('views', 'backend', 'field', 'geometry', 'image', 'math', 'concurrency'), (EIGEN,)),
-    'trust': (('refinement', 'backend', 'field', 'dataset', 'geometry', 'image', 'math', 'concurrency'),
+    'trust': (('refinement', 'views', 'backend', 'field', 'dataset', 'geometry', 'image', 'math', 'concurrency'),
               (EIGEN,)),
-    'registration': (('trust', 'refinement', 'dataset', 'backend', 'field', 'geometry', 'image', 'math',
+    'registration': (('trust', 'refinement', 'views', 'dataset', 'backend', 'field', 'geometry', 'image', 'math',
                       'concurrency', 'files'), (EIGEN,)),
-    'tracking': (('trust', 'refinement', 'backend', 'field', 'geometry', 'image', 'math', 'concurrency'),
+    'tracking': (('trust', 'refinement', 'views', 'backend', 'field', 'geometry', 'image', 'math', 'concurrency'),
                  (EIGEN,)),
-    'runtime': (('tracking', 'registration', 'trust', 'refinement', 'dataset', 'backend', 'field', 'geometry',
+    'runtime': (('tracking', 'registration', 'trust', 'refinement', 'views', 'dataset', 'backend', 'field', 'geometry',
                  'image', 'math', 'concurrency', 'files'), (EIGEN, OPENCV, POSIX)),
 }
+# The public classes: what they hide is here.
+MODULES['library'] = (tuple(MODULES), (EIGEN,))
 MODULES['evaluation'] = (tuple(MODULES), (EIGEN, JSON, OPENCV))
 MODULES['ros'] = (tuple(MODULES), (EIGEN, OPENCV, POSIX, ROS))
 # (Without catkin those tools are built that use no ROS.)
@@ -59,12 +61,20 @@ MODULES['cuda'] = (('backend', 'field', 'geometry', 'image', 'math', 'concurrenc
 
 # The public headers, and the module that each belongs to.
 PUBLIC = {
+    'backend.h': 'backend',
     'camera.h': 'geometry',
-    'image.h': 'image',
-    'observation.h': 'backend',
-    'pose.h': 'geometry',
     'cancellation_token.h': 'concurrency',
+    'image.h': 'image',
+    'object.h': 'views',
+    'observation.h': 'backend',
+    'overlay.h': 'library',
+    'pose.h': 'geometry',
+    'refiner.h': 'library',
+    'registration.h': 'registration',
     'symmetry.h': 'geometry',
+    'track_status.h': 'tracking',
+    'tracker.h': 'library',
+    'undistorter.h': 'image',
 }
 MAX_PUBLIC_HEADERS = 16
 

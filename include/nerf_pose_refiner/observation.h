@@ -31,4 +31,11 @@ struct Observation {
   void validate() const;
 };
 
+/// A camera image before an unknown background, or with a mask of the object.
+/// @param rgb [h][w][3], undistorted (undistorter.h). @param camera of it.
+/// @param mask [h][w][1], not zero on the object; empty: there is none.
+/// @throws std::invalid_argument if sizes or channels do not fit, or for a camera that makes no
+/// sense.
+Observation observe(const Image8& rgb, const Camera& camera, const Image8& mask = {});
+
 }  // namespace nerf_pose_refiner

@@ -1,5 +1,5 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "backend/backend.h"
+#include "nerf_pose_refiner/backend.h"
 
 #include "backend/hypotheses.h"
 

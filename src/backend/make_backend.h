@@ -4,9 +4,16 @@
 #include <memory>
 #include <string>
 
-#include "backend/backend.h"
+#include "backend/make_backend.h"
+#include "nerf_pose_refiner/backend.h"
 
 namespace nerf_pose_refiner {
+
+/// The CPU backend. @param threads 0: all cores. @param instruction_set "auto", "baseline", "avx2".
+/// @throws std::invalid_argument for an unknown instruction set, std::runtime_error for one that
+/// this processor does not have.
+std::unique_ptr<Backend> makeCpuBackend(int threads = 0,
+                                        const std::string& instruction_set = "auto");
 
 /// Which processor a backend works on, and how much of it it takes.
 struct BackendChoice {

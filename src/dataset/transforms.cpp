@@ -14,7 +14,7 @@
 #include "dataset/path_below.h"
 #include "dataset/transforms_json.h"
 #include "image/io.h"
-#include "image/undistort.h"
+#include "nerf_pose_refiner/undistorter.h"
 
 namespace nerf_pose_refiner {
 namespace {

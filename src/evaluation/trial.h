@@ -8,7 +8,7 @@
 #include "evaluation/pose_error.h"
 #include "evaluation/start.h"
 #include "nerf_pose_refiner/observation.h"
-#include "refinement/refiner.h"
+#include "refinement/field_refiner.h"
 
 namespace nerf_pose_refiner {
 

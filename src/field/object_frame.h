@@ -20,6 +20,10 @@ class ObjectFrame {
   static ObjectFrame inMetres(const FieldMetadata& object) {
     return {object.T_O_U, object.metres_per_unit};
   }
+  /// For users who count in metres if the object knows its scale, else in model units.
+  static ObjectFrame ofUsers(const FieldMetadata& object) {
+    return object.metres_per_unit > 0 ? inMetres(object) : inModelUnits(object);
+  }
   /// For users who count in model units.
   static ObjectFrame inModelUnits(const FieldMetadata& object) { return {object.T_O_U, 1}; }
 

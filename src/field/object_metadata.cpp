@@ -212,7 +212,7 @@ void apply(const ObjectMetadata& metadata, FieldMetadata* object) {
   object->symmetries = metadata.symmetries.inFrame(metadata.T_O_U);
 }
 
-Field loadObject(const std::string& model_path) {
+Field loadField(const std::string& model_path) {
   Field field = loadModel(model_path);
   apply(readObjectMetadata(metadataPathOf(model_path)), &field.metadata);
   return field;

@@ -32,7 +32,7 @@ void apply(const ObjectMetadata& metadata, FieldMetadata* object);
 
 /// A model with what is said of its object beside it.
 /// @throws std::runtime_error as loadModel and readObjectMetadata.
-Field loadObject(const std::string& model_path);
+Field loadField(const std::string& model_path);
 
 /// The same without the model's numbers: @see readModelMetadata.
 FieldMetadata readObject(const std::string& model_path);

@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "refinement/refiner.h"
+#include "refinement/field_refiner.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -164,6 +164,14 @@ Matrix6 covarianceInCamera(const Matrix6& of_twist, const Pose& T_O_C,
   jacobian.topRightCorner<3, 3>() = R_C_O * crossMatrix(point - centre);
   jacobian.bottomRightCorner<3, 3>() = -R_C_O;
   return jacobian * of_twist * jacobian.transpose();
+}
+
+Matrix6 covarianceInCamera(const Matrix6& of_twist, const Pose& T_O_C, const FieldMetadata& object,
+                           const ObjectFrame& frame) {
+  Vector6 unit = Vector6::Ones();
+  unit.head<3>().setConstant(frame.lengthPerUnit());
+  return unit.asDiagonal() * covarianceInCamera(of_twist, T_O_C, object.centre, frame.origin()) *
+         unit.asDiagonal();
 }
 
 }  // namespace nerf_pose_refiner

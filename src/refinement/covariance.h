@@ -9,6 +9,7 @@
 
 namespace nerf_pose_refiner {
 
+class ObjectFrame;
 struct Prior;
 
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
@@ -78,5 +79,10 @@ double scoreOfFraction(double fraction);
 /// @param point the origin of the frame whose pose it is, in O; its axes do not matter.
 Matrix6 covarianceInCamera(const Matrix6& of_twist, const Pose& T_O_C,
                            const Eigen::Vector3d& centre, const Eigen::Vector3d& point);
+
+/// The same of the object's own frame, in its users' unit of length.
+/// @param T_O_C of the best pose, model units. @param frame the object's own.
+Matrix6 covarianceInCamera(const Matrix6& of_twist, const Pose& T_O_C, const FieldMetadata& object,
+                           const ObjectFrame& frame);
 
 }  // namespace nerf_pose_refiner

@@ -7,7 +7,7 @@
 
 #include "field/field.h"
 #include "nerf_pose_refiner/observation.h"
-#include "refinement/refiner.h"
+#include "refinement/field_refiner.h"
 
 namespace nerf_pose_refiner {
 

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "refinement/refiner.h"
+#include "refinement/field_refiner.h"
 
 namespace nerf_pose_refiner {
 

@@ -238,7 +238,10 @@ void requireBox(const Dataset& dataset) {
 std::unique_ptr<FieldTrainer> trainerOf(Backend* backend, const std::vector<PosedView>& training,
                                         bool has_alpha, const RegistrationSettings& settings,
                                         Hull hull) {
-  TrainingPlan plan = settings.plan;
+  TrainingPlan plan;
+  plan.samples_per_step = settings.samples_per_step;
+  plan.learning_rate = settings.learning_rate;
+  plan.final_learning_rate_factor = settings.final_learning_rate_factor;
   plan.region = std::move(hull.region);
   plan.random_background = has_alpha || fillsViews(hull.box, training);
   plan.seed = settings.seed;
@@ -315,9 +318,9 @@ Dataset withCorrectedPoses(Backend* backend, const Dataset& dataset,
 
 }  // namespace
 
-Field registerObject(Backend* backend, const Dataset& dataset, const RegistrationSettings& settings,
-                     const std::function<void(const RegistrationProgress&)>& progress,
-                     const CancellationToken& stop) {
+Field learnField(Backend* backend, const Dataset& dataset, const RegistrationSettings& settings,
+                 const std::function<void(const RegistrationProgress&)>& progress,
+                 const CancellationToken& stop) {
   settings.validate();
   requireBox(dataset);
   Field field;

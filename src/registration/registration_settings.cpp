@@ -4,6 +4,8 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "field/field.h"
+
 namespace nerf_pose_refiner {
 
 void RegistrationSettings::validate() const {
@@ -21,12 +23,11 @@ void RegistrationSettings::validate() const {
   require(threads >= 0, "threads", threads, "0 (all cores) or more");
   require(metres_per_unit >= 0 && std::isfinite(metres_per_unit), "metres_per_unit",
           metres_per_unit, "0 (as the dataset says) or more");
-  require(plan.samples_per_step >= 1024, "samples_per_step", plan.samples_per_step,
-          "at least 1024");
-  require(plan.learning_rate > 0 && std::isfinite(plan.learning_rate), "learning_rate",
-          plan.learning_rate, "above 0");
-  require(plan.final_learning_rate_factor > 0 && plan.final_learning_rate_factor <= 1,
-          "final_learning_rate_factor", plan.final_learning_rate_factor, "in (0, 1]");
+  require(samples_per_step >= 1024, "samples_per_step", plan.samples_per_step, "at least 1024");
+  require(learning_rate > 0 && std::isfinite(plan.learning_rate), "learning_rate", learning_rate,
+          "above 0");
+  require(final_learning_rate_factor > 0 && plan.final_learning_rate_factor <= 1,
+          "final_learning_rate_factor", final_learning_rate_factor, "in (0, 1]");
 }
 
 }  // namespace nerf_pose_refiner

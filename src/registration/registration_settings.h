@@ -1,37 +1,9 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <cstdint>
-#include <string>
-
-#include "backend/training.h"
-#include "nerf_pose_refiner/symmetry.h"
+#include "nerf_pose_refiner/registration.h"
 
 namespace nerf_pose_refiner {
-
-/// How an object is learned from its photos.
-struct RegistrationSettings {
-  std::string profile = "cpu";  ///< shape of the field, see FieldConfig::named
-  int steps = 4000;             ///< of training, at most
-  double max_seconds = 0;       ///< of training; 0: no limit
-  double target_psnr_db = 0;    ///< stop when the held-out views reach it; 0: never
-  int held_out = 4;             ///< views kept apart to measure the quality, at most a tenth
-  double metres_per_unit = 0;   ///< 0: as the dataset says, or unknown
-  /// The photos' poses are not exact (a robot's kinematics): corrects them before the training, by
-  /// two short ones whose models the photos are aligned with. Takes half as long again, at least;
-  /// of `max_seconds` a half is left to the training itself.
-  bool refine_poses = false;
-  /// In O [model units], if they are known: what is measured of poses is modulo these. Does not
-  /// change the model.
-  Symmetries symmetries;
-  TrainingPlan plan;  ///< its region, background and seed are set by the registration
-  std::uint64_t seed = 1;
-  int threads =
-      0;  ///< for what is not the backend's work; 0: all cores. Does not change the result
-
-  /// @throws std::invalid_argument naming the setting and the value that is out of range.
-  void validate() const;
-};
 
 /// Calls `visit(name, member, meaning)` for each setting that people choose. Parameters, options,
 /// keys and hashes are made from this list. Its order is that of the hash: new settings go to the
@@ -47,10 +19,10 @@ void visitSettings(Settings& settings, Visitor&& visit) {
   visit("held_out", settings.held_out, "Views kept apart to measure the quality");
   visit("metres_per_unit", settings.metres_per_unit,
         "Length of the dataset's unit [m]; 0: as the dataset says, or unknown");
-  visit("samples_per_step", settings.plan.samples_per_step,
+  visit("samples_per_step", settings.samples_per_step,
         "Samples of a training step: more are slower and, with few photos, may be too many");
-  visit("learning_rate", settings.plan.learning_rate, "Learning rate at the start of the training");
-  visit("final_learning_rate_factor", settings.plan.final_learning_rate_factor,
+  visit("learning_rate", settings.learning_rate, "Learning rate at the start of the training");
+  visit("final_learning_rate_factor", settings.final_learning_rate_factor,
         "Learning rate at the end of the training, as a fraction of that at its start");
   visit("seed", settings.seed, "Same seed, same model");
   visit("refine_poses", settings.refine_poses,

@@ -149,7 +149,7 @@ std::shared_ptr<const Field> ModelCache::read(const std::string& path, const Ide
       makeRoom(path, std::get<2>(identity.model));
       ++files_read_;
     }
-    field = std::make_shared<Field>(loadObject(path));
+    field = std::make_shared<Field>(loadField(path));
   }
   if (!(identityOf(path) == identity)) return nullptr;
   field->metadata.name = std::filesystem::path(path).stem().string();  // it may be renamed

@@ -42,7 +42,7 @@ class ModelCache {
   void setBudget(std::size_t bytes, const std::string& owner);
 
   /// The model in a file, called as the file is. Files are read one after the other.
-  /// @throws std::runtime_error as loadObject, and if it does not fit beside what is in use.
+  /// @throws std::runtime_error as loadField, and if it does not fit beside what is in use.
   std::shared_ptr<const Field> load(const std::string& path);
 
   /// The same model, once other things are said of its object than when it was loaded, and the file

@@ -86,7 +86,7 @@ RegisteredObject ObjectRegistration::run(const RegistrationRequest& request,
   }
   const std::shared_ptr<Backend> backend = make_backend_();
   auto field =
-      std::make_shared<Field>(registerObject(backend.get(), dataset, settings, progress, stop));
+      std::make_shared<Field>(learnField(backend.get(), dataset, settings, progress, stop));
   field->metadata.name = request.name;
   stop.check();  // the last moment at which a stop leaves nothing behind
   return {store_.save(field), false};

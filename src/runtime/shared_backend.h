@@ -5,9 +5,9 @@
 #include <memory>
 #include <vector>
 
-#include "backend/backend.h"
 #include "backend/training.h"
 #include "field/field.h"
+#include "nerf_pose_refiner/backend.h"
 
 namespace nerf_pose_refiner {
 

@@ -7,7 +7,7 @@
 #include <string>
 #include <utility>
 
-#include "tracking/tracker.h"
+#include "tracking/object_tracker.h"
 
 namespace nerf_pose_refiner {
 
@@ -17,7 +17,7 @@ class TrackedObject {
  public:
   /// @param tracker outlives this object; its worker must run, for `track` waits for it.
   /// @param log told in words what is in use from now on.
-  TrackedObject(Tracker* tracker, std::function<void(const std::string&)> log)
+  TrackedObject(ObjectTracker* tracker, std::function<void(const std::string&)> log)
       : tracker_(tracker), log_(std::move(log)) {}
 
   /// Puts a model with metric scale in the place of the one before, and waits until it is in use.
@@ -38,7 +38,7 @@ class TrackedObject {
   }
 
  private:
-  Tracker* tracker_;
+  ObjectTracker* tracker_;
   std::function<void(const std::string&)> log_;
   std::mutex changing_;       ///< held while the tracker takes over a model
   mutable std::mutex mutex_;  ///< guards field_

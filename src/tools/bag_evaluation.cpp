@@ -69,7 +69,7 @@ BagEvaluation::BagEvaluation(const BagSequence& bag, std::shared_ptr<Backend> ba
       field_(std::move(field)),
       input_(settings.image_is_rectified) {
   settings_.validate();
-  tracker_ = std::make_unique<Tracker>(backend_, field_, settings_.tracker());
+  tracker_ = std::make_unique<ObjectTracker>(backend_, field_, settings_.tracker());
 }
 
 BagEvaluationResult BagEvaluation::run(const std::function<void(const EvaluatedFrame&)>& progress,
@@ -115,7 +115,7 @@ void BagEvaluation::evaluate(const BagFrame& frame, const CancellationToken& sto
   Observation observation = observe(frame);
   const bool masked = observation.background == Background::kMask;
   const auto hand_over = [&](bool) { return std::move(observation); };
-  const TrackResult result = tracker_->track({imageStampOf(header), hand_over, stop});
+  const TrackOutcome result = tracker_->track({imageStampOf(header), hand_over, stop});
   stop.check();
   if (result.state == TrackState::kError) {
     throw std::runtime_error(bag_.topics().image + ", frame " + std::to_string(frame.index) + ": " +
@@ -163,7 +163,7 @@ Observation BagEvaluation::observe(const BagFrame& frame) {
   }
 }
 
-EvaluatedFrame BagEvaluation::compare(const TrackResult& result, const Pose& true_T_C_U) const {
+EvaluatedFrame BagEvaluation::compare(const TrackOutcome& result, const Pose& true_T_C_U) const {
   const Camera& camera = result.observation->camera;
   const Pose truth = true_T_C_U.inverse();
   const Pose start_T_C_U =

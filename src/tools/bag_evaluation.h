@@ -11,7 +11,7 @@
 #include "evaluation/sequence.h"
 #include "ros/bag/bag_sequence.h"
 #include "ros/conversions/camera_input.h"
-#include "tracking/tracker.h"
+#include "tracking/object_tracker.h"
 
 namespace nerf_pose_refiner {
 
@@ -75,14 +75,14 @@ class BagEvaluation {
   std::optional<Pose> startOf(const BagFrame& frame, const Pose& true_T_C_U) const;
   bool offerStart(const BagFrame& frame, const Pose& true_T_C_U);
   Observation observe(const BagFrame& frame);
-  EvaluatedFrame compare(const TrackResult& result, const Pose& true_T_C_U) const;
+  EvaluatedFrame compare(const TrackOutcome& result, const Pose& true_T_C_U) const;
 
   const BagSequence& bag_;
   BagEvaluationSettings settings_;
   std::shared_ptr<Backend> backend_;
   std::shared_ptr<const Field> field_;
   CameraInput input_;
-  std::unique_ptr<Tracker> tracker_;
+  std::unique_ptr<ObjectTracker> tracker_;
   std::optional<EvaluatedObject> object_;
   BagEvaluationResult result_;
 };

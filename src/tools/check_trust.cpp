@@ -179,7 +179,7 @@ Recording trackAll(const TrustOptions& options, TrustTrials* trials, const Cance
 }
 
 void check(const TrustOptions& options, const CancellationToken& stop) {
-  const auto field = std::make_shared<const Field>(loadObject(options.model));
+  const auto field = std::make_shared<const Field>(loadField(options.model));
   PoseRefinerParameters node = options.node;
   node.tracker.initial.refiner = RefinerSettings::named(node.tracker.initial.preset);
   TrustTrials trials(options.backend.make(), field, node, options.trials);

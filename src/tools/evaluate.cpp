@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "backend/common/overlay.h"
+#include "backend/common/draw_overlay.h"
 #include "dataset/dataset.h"
 #include "evaluation/trial.h"
 #include "evaluation/trial_observation.h"
@@ -169,19 +169,20 @@ class Evaluation {
     loaded.name = scene.name;
     loaded.dataset = loadTransforms(scene.test_path, options_.backend.datasetOptions(), stop_);
     loaded.kind = kindOf(loaded.dataset);
-    loadField("", &loaded);
+    loadSceneField("", &loaded);
     for (const Experiment& experiment : plan_.experiments) {
       const auto& kinds = experiment.kinds;
       if (!isWanted(options_.only, experiment.name)) continue;
       if (std::find(kinds.begin(), kinds.end(), loaded.kind) == kinds.end()) continue;
-      for (const SearchVariant& variant : experiment.variants) loadField(variant.profile, &loaded);
+      for (const SearchVariant& variant : experiment.variants)
+        loadSceneField(variant.profile, &loaded);
       for (const std::string& condition : experiment.conditions) {
         runCondition(loaded, experiment, condition);
       }
     }
   }
 
-  void loadField(const std::string& profile, LoadedScene* scene) {
+  void loadSceneField(const std::string& profile, LoadedScene* scene) {
     std::shared_ptr<const LoadedField>& field = scene->fields[profile];
     if (field) return;
     const std::string name = scene->name + (profile.empty() ? "" : "." + profile) + ".safetensors";
@@ -294,9 +295,9 @@ class Evaluation {
       RefinerSettings brief = settings;
       brief.inversion.first_steps = brief.inversion.descent.score_steps;
       brief.inversion.rounds = 0;
-      Refiner(backend_, brief).refineAll(field, picture, priors, stop_);
+      FieldRefiner(backend_, brief).refineAll(field, picture, priors, stop_);
     }
-    return Refiner(backend_, settings).refineAll(field, picture, priors, stop_);
+    return FieldRefiner(backend_, settings).refineAll(field, picture, priors, stop_);
   }
 
   void addTrial(const TrialKey& key, const PoseError& before, const PoseError& after,

@@ -194,7 +194,7 @@ void evaluate(const EvaluateOptions& given, const CancellationToken& stop) {
   if (options.start == "recorded" && options.topics.initial_pose.empty()) {
     throw std::invalid_argument("--start recorded needs --initial-pose");
   }
-  const auto field = std::make_shared<const Field>(loadObject(options.model));
+  const auto field = std::make_shared<const Field>(loadField(options.model));
   const FieldMetadata& object = field->metadata;
   const BagSequence bag(options.bag, options.topics);
   const std::shared_ptr<Backend> backend = options.backend.make();

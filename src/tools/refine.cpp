@@ -10,7 +10,7 @@
 #include "field/object_frame.h"
 #include "field/object_metadata.h"
 #include "image/io.h"
-#include "refinement/refiner.h"
+#include "refinement/field_refiner.h"
 #include "tools/refine_case.h"
 #include "tools/tool.h"
 
@@ -221,7 +221,7 @@ void refine(const RefineOptions& options, const CancellationToken& stop) {
   if (options.image.empty() == options.transforms.empty()) {
     throw std::invalid_argument("give an image, or --transforms");
   }
-  const auto field = std::make_shared<const Field>(loadObject(options.model));
+  const auto field = std::make_shared<const Field>(loadField(options.model));
   const FieldMetadata& object = field->metadata;
   const RefineCase input =
       options.image.empty() ? caseOfDataset(options, object, stop) : caseOfImage(options, object);
@@ -232,7 +232,8 @@ void refine(const RefineOptions& options, const CancellationToken& stop) {
   const std::shared_ptr<const LoadedField> loaded = backend->load(field);
   const Prior prior = {input.start_T_O_C, options.search_rotation_deg / kDegreesPerRad,
                        options.search_translation};
-  const Refinement result = Refiner(backend, settings).refine(*loaded, observation, prior, stop);
+  const Refinement result =
+      FieldRefiner(backend, settings).refine(*loaded, observation, prior, stop);
   const nlohmann::json document = resultJson(input, result, object);
   if (options.json) {
     printJson(document);

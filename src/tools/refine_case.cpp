@@ -2,7 +2,7 @@
 #include "tools/refine_case.h"
 
 #include "image/colour.h"
-#include "image/undistort.h"
+#include "nerf_pose_refiner/undistorter.h"
 
 namespace nerf_pose_refiner {
 namespace {

@@ -9,6 +9,7 @@
 #include "field/model_file.h"
 #include "field/object_metadata.h"
 #include "registration/registrar.h"
+#include "registration/registration_settings.h"
 #include "tools/tool.h"
 
 // Posed photos to a model file.
@@ -124,7 +125,7 @@ void train(const TrainOptions& options, const CancellationToken& stop) {
       line.show(progress.steps > 0 ? static_cast<double>(progress.step) / progress.steps : 0, text);
       seconds = progress.seconds;
     };
-    field = registerObject(options.backend.make().get(), dataset, settings, show, stop);
+    field = learnField(options.backend.make().get(), dataset, settings, show, stop);
   }
   field.metadata.name = options.name.empty() ? fileStem(options.model) : options.name;
   saveModel(field, options.model);

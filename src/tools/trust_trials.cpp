@@ -80,7 +80,7 @@ class TrustTrials::Run {
   }
 
   /// @throws std::runtime_error for an image that cannot be used.
-  TrackResult process(const Recording::Image& image) {
+  TrackOutcome process(const Recording::Image& image) {
     const BagFrame& frame = image.frame;
     try {
       checkImage(*frame.image, cameraFromMessage(*frame.info, rectified_).camera);
@@ -104,7 +104,7 @@ class TrustTrials::Run {
 
   const bool rectified_;
   CameraInput input_;
-  Tracker tracker_;
+  ObjectTracker tracker_;
 };
 
 TrustTrials::TrustTrials(std::shared_ptr<Backend> backend, std::shared_ptr<const Field> field,
@@ -134,7 +134,7 @@ Pose TrustTrials::initialPose(const Pose& true_T_C_U, int run) const {
       .inverse();
 }
 
-bool TrustTrials::isRight(const TrackResult& result, const Pose& true_T_C_U) const {
+bool TrustTrials::isRight(const TrackOutcome& result, const Pose& true_T_C_U) const {
   if (!result.found) return false;
   const PoseError error = poseError(result.T_C_O_m.inverse(), true_T_C_U.inverse(), centre_m_,
                                     result.observation->camera, symmetries_m_);
@@ -151,7 +151,7 @@ PublishedPoses TrustTrials::track(const Recording& recording, int run) {
   for (int i = first; i < size && i <= first + span; i += settings_.every) {
     const Recording::Image& image = recording.images[i];
     ++counts.images;
-    const TrackResult result = tracker.process(image);
+    const TrackOutcome result = tracker.process(image);
     const bool right = isRight(result, image.true_T_C_U);
     counts.right += right;
     counts.published += result.trusted;
@@ -180,12 +180,12 @@ Disappearance TrustTrials::lose(const Recording& recording, const Recording& gon
   Run tracker(*this, images[place - lead], run);
   Disappearance outcome;
   for (int i = place - lead; i < place; i += settings_.every) {
-    const TrackResult result = tracker.process(images[i]);
+    const TrackOutcome result = tracker.process(images[i]);
     outcome.tracked = result.refined && result.state == TrackState::kTracking;
   }
   for (int k = from, seen = 1; k < size && seen <= settings_.limit; k += settings_.every, ++seen) {
     if (outcome.lost_after > 0 && seen > outcome.lost_after + settings_.after) break;
-    const TrackResult result = tracker.process(gone.images[k]);
+    const TrackOutcome result = tracker.process(gone.images[k]);
     if (!result.refined) continue;
     outcome.published += result.trusted;
     const bool lost = result.state == TrackState::kLost;

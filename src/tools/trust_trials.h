@@ -5,11 +5,11 @@
 #include <memory>
 #include <vector>
 
-#include "backend/backend.h"
+#include "nerf_pose_refiner/backend.h"
 #include "nerf_pose_refiner/symmetry.h"
 #include "ros/bag/bag_sequence.h"
 #include "ros/conversions/parameters.h"
-#include "tracking/tracker.h"
+#include "tracking/object_tracker.h"
 
 namespace nerf_pose_refiner {
 
@@ -79,7 +79,7 @@ class TrustTrials {
  private:
   class Run;
   Pose initialPose(const Pose& true_T_C_U, int run) const;
-  bool isRight(const TrackResult& result, const Pose& true_T_C_U) const;
+  bool isRight(const TrackOutcome& result, const Pose& true_T_C_U) const;
 
   std::shared_ptr<Backend> backend_;
   std::shared_ptr<const Field> field_;

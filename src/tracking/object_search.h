@@ -5,7 +5,7 @@
 #include <memory>
 #include <optional>
 
-#include "refinement/refiner.h"
+#include "refinement/field_refiner.h"
 
 namespace nerf_pose_refiner {
 
@@ -60,8 +60,8 @@ class RefinerSearch : public ObjectSearch {
   RefinerSettings initial_settings_;
   RefinerSettings tracking_settings_;
   SearchProcessor processor_;
-  std::optional<Refiner> initial_;
-  std::optional<Refiner> tracking_;
+  std::optional<FieldRefiner> initial_;
+  std::optional<FieldRefiner> tracking_;
   std::shared_ptr<const LoadedField> field_;
 };
 

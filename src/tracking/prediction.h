@@ -2,7 +2,7 @@
 #pragma once
 
 #include "field/field.h"
-#include "refinement/refiner.h"
+#include "refinement/field_refiner.h"
 
 namespace nerf_pose_refiner {
 

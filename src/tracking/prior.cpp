@@ -21,7 +21,7 @@ double searchWidth(const Matrix6& covariance, int block) {
 }
 
 /// The covariance of the object's centre and orientation, in the axes that the start's has.
-Matrix6 covarianceOfCentre(const PoseEstimate& start, const FieldMetadata& object) {
+Matrix6 covarianceOfCentre(const TimedPose& start, const FieldMetadata& object) {
   const ObjectFrame frame = ObjectFrame::inMetres(object);
   const Eigen::Matrix3d& R_P_U = start.T_P_U.R;
   const Eigen::Vector3d centre = R_P_U * frame.point(object.centre);  // from U's origin
@@ -34,7 +34,7 @@ Matrix6 covarianceOfCentre(const PoseEstimate& start, const FieldMetadata& objec
 
 }  // namespace
 
-Prior priorFrom(const PoseEstimate& start, const Pose& T_C_U, const FieldMetadata& object,
+Prior priorFrom(const TimedPose& start, const Pose& T_C_U, const FieldMetadata& object,
                 const SearchSettings& settings) {
   Prior prior;
   prior.T_O_C = ObjectFrame::inMetres(object).cameraInModel(T_C_U);

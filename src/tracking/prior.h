@@ -4,10 +4,10 @@
 #include <string>
 
 #include "field/field.h"
-#include "refinement/refiner.h"
-#include "tracking/pose_estimate.h"
+#include "nerf_pose_refiner/track_status.h"
+#include "refinement/field_refiner.h"
 #include "tracking/settings.h"
-#include "tracking/track_status.h"
+#include "tracking/timed_pose.h"
 
 namespace nerf_pose_refiner {
 
@@ -18,7 +18,7 @@ namespace nerf_pose_refiner {
 /// nothing. Where they are zero, the settings say how wide.
 /// @param T_C_U where it is for the camera, at the image's time [m].
 /// @throws InputError (kPriorBadCovariance) for a width that asks for the impossible.
-Prior priorFrom(const PoseEstimate& start, const Pose& T_C_U, const FieldMetadata& object,
+Prior priorFrom(const TimedPose& start, const Pose& T_C_U, const FieldMetadata& object,
                 const SearchSettings& settings);
 
 /// Why a refined pose is not trusted.

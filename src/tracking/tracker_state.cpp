@@ -52,9 +52,9 @@ void TrackerState::modelIsReady() {
 }
 
 void TrackerState::objectFrameMoved(const Pose& T_U_V) {
-  for (std::optional<PoseEstimate>* kept : {&last_, &previous_, &recovery_start_}) {
+  for (std::optional<TimedPose>* kept : {&last_, &previous_, &recovery_start_}) {
     if (!*kept) continue;
-    PoseEstimate& start = **kept;
+    TimedPose& start = **kept;
     if (start.covariance) start.covariance = atPoint(*start.covariance, start.T_P_U.R * T_U_V.t);
     start.T_P_U = start.T_P_U * T_U_V;
   }
@@ -64,7 +64,7 @@ void TrackerState::modelFailed(TrackReason reason, const std::string& message) {
   if (!has_model_) become(TrackState::kError, reason, message);
 }
 
-void TrackerState::offer(const PoseEstimate& initial_pose) {
+void TrackerState::offer(const TimedPose& initial_pose) {
   if (!enabled_) return;
   const bool another = initial_pose_.has_value();
   initial_pose_ = initial_pose;
@@ -176,12 +176,12 @@ ImageDecision TrackerState::decide(const ImageStamp& image) {
 }
 
 /// From where to refine an image.
-std::optional<PoseEstimate> TrackerState::startFor(std::int64_t stamp_ns, ImageDecision* decision) {
+std::optional<TimedPose> TrackerState::startFor(std::int64_t stamp_ns, ImageDecision* decision) {
   if (initialPoseIsDue(stamp_ns, decision)) {
     // An earlier track goes on if nothing comes of the new pose.
     recovery_start_.reset();
     become(TrackState::kRefining);
-    PoseEstimate start = *std::exchange(initial_pose_, std::nullopt);
+    TimedPose start = *std::exchange(initial_pose_, std::nullopt);
     if (start.stamp_ns == 0) start.stamp_ns = stamp_ns;
     return start;
   }
@@ -202,7 +202,7 @@ std::optional<TrackerState::Running> TrackerState::end(std::uint64_t ticket) {
 }
 
 /// @param start that the refinement began with.
-void TrackerState::countFailure(const PoseEstimate& start, TrackReason reason,
+void TrackerState::countFailure(const TimedPose& start, TrackReason reason,
                                 const std::string& message) {
   if (last_ && ++failures_ <= rules_.max_failures) {
     become(TrackState::kTracking, reason, message);
@@ -236,8 +236,8 @@ bool TrackerState::trusted(std::uint64_t ticket, const Pose& T_C_U) {
     return true;
   }
   previous_ = ended->start.tracked ? last_ : std::nullopt;
-  last_ = PoseEstimate{T_C_U, ended->image.camera_frame, ended->image.stamp_ns,
-                       /*tracked=*/true, std::nullopt};
+  last_ = TimedPose{T_C_U, ended->image.camera_frame, ended->image.stamp_ns,
+                    /*tracked=*/true, std::nullopt};
   become(TrackState::kTracking);
   return true;
 }

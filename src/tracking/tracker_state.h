@@ -6,20 +6,20 @@
 #include <string>
 
 #include "nerf_pose_refiner/pose.h"
-#include "tracking/pose_estimate.h"
+#include "nerf_pose_refiner/track_status.h"
 #include "tracking/settings.h"
-#include "tracking/track_status.h"
+#include "tracking/timed_pose.h"
 
 namespace nerf_pose_refiner {
 
 /// What to do with an image.
 struct ImageDecision {
-  std::optional<PoseEstimate> start;     ///< refine from here; nothing: leave the image alone
-  std::optional<PoseEstimate> previous;  ///< the trusted pose before `start`, to predict from
-  std::uint64_t ticket = 0;              ///< to be handed back with the result
-  bool clock_jumped = false;             ///< time went back: transforms from before are worthless
-  bool recovering = false;               ///< the start is where a lost object was seen last
-  bool initial_pose_ignored = false;     ///< one came while the object is tracked
+  std::optional<TimedPose> start;     ///< refine from here; nothing: leave the image alone
+  std::optional<TimedPose> previous;  ///< the trusted pose before `start`, to predict from
+  std::uint64_t ticket = 0;           ///< to be handed back with the result
+  bool clock_jumped = false;          ///< time went back: transforms from before are worthless
+  bool recovering = false;            ///< the start is where a lost object was seen last
+  bool initial_pose_ignored = false;  ///< one came while the object is tracked
 };
 
 /// The rules of tracking, without threads or images: which images are refined from where, and what
@@ -50,7 +50,7 @@ class TrackerState {
   void modelFailed(TrackReason reason, const std::string& message);
 
   /// Keeps an initial pose for the first image that is not older; the newest pose counts.
-  void offer(const PoseEstimate& initial_pose);
+  void offer(const TimedPose& initial_pose);
   /// Reports an initial pose that makes no sense.
   void refuseInitialPose(TrackReason reason, const std::string& message);
   /// Whether an image of this time would be left alone for lack of a pose to start from.
@@ -86,7 +86,7 @@ class TrackerState {
   struct Running {
     std::uint64_t ticket;
     ImageStamp image;
-    PoseEstimate start;
+    TimedPose start;
   };
 
   void become(TrackState state, TrackReason reason = TrackReason::kNone,
@@ -94,23 +94,23 @@ class TrackerState {
   void waitBecause(TrackReason reason, const std::string& message);
   void forgetPoses();
   void lose(TrackReason reason, const std::string& message);
-  std::optional<PoseEstimate> startFor(std::int64_t stamp_ns, ImageDecision* decision);
+  std::optional<TimedPose> startFor(std::int64_t stamp_ns, ImageDecision* decision);
   void timeWentBackTo(std::int64_t stamp_ns);
   bool initialPoseIsDue(std::int64_t stamp_ns, ImageDecision* decision);
   bool recoveryIsOver(std::int64_t stamp_ns) const;
   std::optional<Running> end(std::uint64_t ticket);
-  void countFailure(const PoseEstimate& start, TrackReason reason, const std::string& message);
+  void countFailure(const TimedPose& start, TrackReason reason, const std::string& message);
 
   TrackingRules rules_;
   TrackCondition condition_;
   std::optional<TrackCondition> before_refusal_;  ///< restored by the next usable image
   bool has_model_ = false;
   bool enabled_ = true;
-  std::optional<PoseEstimate> initial_pose_;  ///< from outside, not yet used
-  std::optional<PoseEstimate> last_;      ///< the last trusted pose, while the object is tracked
-  std::optional<PoseEstimate> previous_;  ///< what last_ was found from, if that was tracked, too
+  std::optional<TimedPose> initial_pose_;  ///< from outside, not yet used
+  std::optional<TimedPose> last_;          ///< the last trusted pose, while the object is tracked
+  std::optional<TimedPose> previous_;      ///< what last_ was found from, if that was tracked, too
   /// While lost: where to look for the object, the last trusted pose or an initial one of no avail.
-  std::optional<PoseEstimate> recovery_start_;
+  std::optional<TimedPose> recovery_start_;
   int failures_ = 0;                           ///< untrusted images since the last trusted one
   std::optional<std::int64_t> last_stamp_ns_;  ///< of the images decided on
   std::int64_t clock_ns_ = 0;                  ///< the time, when last told

@@ -3,7 +3,7 @@
 
 namespace nerf_pose_refiner {
 
-Pose CameraFrameOnly::inCamera(const PoseEstimate& estimate, const ImageStamp& image,
+Pose CameraFrameOnly::inCamera(const TimedPose& estimate, const ImageStamp& image,
                                const CancellationToken&) const {
   if (estimate.frame_id == image.camera_frame) return estimate.T_P_U;
   throw InputError(TrackReason::kNoTransform, "no transform from '" + estimate.frame_id + "' to '" +

@@ -3,8 +3,8 @@
 
 #include "nerf_pose_refiner/cancellation_token.h"
 #include "nerf_pose_refiner/pose.h"
-#include "tracking/pose_estimate.h"
-#include "tracking/track_status.h"
+#include "nerf_pose_refiner/track_status.h"
+#include "tracking/timed_pose.h"
 
 namespace nerf_pose_refiner {
 
@@ -17,7 +17,7 @@ class Transforms {
   /// The object in the camera's frame C at an image's time (T_C_U [m]). May wait for what is known
   /// late.
   /// @throws InputError (kNoTransform) if it is not known.
-  virtual Pose inCamera(const PoseEstimate& estimate, const ImageStamp& image,
+  virtual Pose inCamera(const TimedPose& estimate, const ImageStamp& image,
                         const CancellationToken& stop) const = 0;
 
   /// Time went back: what was known of times before is worthless.
@@ -28,7 +28,7 @@ class Transforms {
 /// moves, or where nothing is known of the camera's motion.
 class CameraFrameOnly : public Transforms {
  public:
-  Pose inCamera(const PoseEstimate& estimate, const ImageStamp& image,
+  Pose inCamera(const TimedPose& estimate, const ImageStamp& image,
                 const CancellationToken& stop) const override;
 };
 

@@ -1,7 +1,7 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include "refinement/refiner.h"
+#include "refinement/field_refiner.h"
 
 namespace nerf_pose_refiner {
 

@@ -8,7 +8,7 @@
 
 #include "image/colour.h"
 #include "math/random.h"
-#include "refinement/refiner.h"
+#include "refinement/field_refiner.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -146,7 +146,7 @@ PoseStatistics measurePoses(Backend* backend, const LoadedField& field,
                             const std::vector<PosedView>& views, const CancellationToken& stop) {
   const FieldMetadata& object = field.field().metadata;
   const std::shared_ptr<Backend> borrowed(backend, [](Backend*) {});
-  Refiner refiner(borrowed, RefinerSettings::named("track"));
+  FieldRefiner refiner(borrowed, RefinerSettings::named("track"));
   ErrorMoments errors;
   std::vector<double> right, wrong;
   for (std::size_t i = 0; i < views.size(); ++i) {

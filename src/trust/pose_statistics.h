@@ -3,9 +3,9 @@
 
 #include <vector>
 
-#include "backend/backend.h"
-#include "field/field.h"
 #include "dataset/dataset.h"
+#include "field/field.h"
+#include "nerf_pose_refiner/backend.h"
 
 namespace nerf_pose_refiner {
 

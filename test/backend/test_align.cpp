@@ -7,10 +7,10 @@
 #include <limits>
 #include <vector>
 
-#include "backend/backend.h"
 #include "backend/hypotheses.h"
 #include "backend/plans.h"
 #include "field/field.h"
+#include "nerf_pose_refiner/backend.h"
 #include "support/analytic_scene.h"
 #include "support/cpu_processor.h"
 #include "support/expect_error.h"

@@ -1,5 +1,5 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "backend/common/overlay.h"
+#include "backend/common/draw_overlay.h"
 
 #include <gtest/gtest.h>
 

@@ -1,20 +1,19 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include <nerf_pose_refiner/backend/backend.h>
-#include <nerf_pose_refiner/field/model_file.h>
-#include <nerf_pose_refiner/refine/refiner.h>
+#include <nerf_pose_refiner/backend.h>
+#include <nerf_pose_refiner/object.h>
+#include <nerf_pose_refiner/tracker.h>
 
 #include <cstdio>
 
-/// The library from C++ with three includes: loads a model, if one is given, and makes a refiner.
+/// Makes a backend and, if a model is given, a tracker of its object.
 int main(int argc, char** argv) {
   using namespace nerf_pose_refiner;
-  const std::shared_ptr<Backend> backend = makeCpuBackend();
-  const Refiner refiner(backend, RefinerSettings::named("align"));
+  const std::shared_ptr<Backend> backend = makeBackend("cpu");
   std::printf("%s\n", backend->info().description.c_str());
   if (argc > 1) {
-    const auto field = std::make_shared<const Field>(loadModel(argv[1]));
-    std::printf("%s: diameter %g\n", field->metadata.name.c_str(),
-                backend->load(field)->field().metadata.diameter);
+    const Object object = loadObject(argv[1]);
+    const Tracker tracker(backend, object);
+    std::printf("%s: diameter %g\n", object.name().c_str(), object.diameter());
   }
   return 0;
 }

@@ -8,7 +8,7 @@
 #include <tuple>
 
 #include "learned_object_test.h"
-#include "refinement/refiner.h"
+#include "refinement/field_refiner.h"
 
 // Direct alignment of the CUDA backend against the CPU backend's, from the same plans.
 
@@ -195,7 +195,7 @@ TEST_F(CudaAlign, endsAtTheSamePoseBeforeAnUnknownBackground) {
     Refinement found[2];
     for (auto* backend : {&cpu, &cuda}) {
       const std::shared_ptr<Backend> shared(backend->get(), [](Backend*) {});
-      Refiner refiner(shared, settings);
+      FieldRefiner refiner(shared, settings);
       found[backend == &cuda] = refiner.refine(loaded(**backend), seen, prior);
       ASSERT_EQ(found[backend == &cuda].outcome, Outcome::kRefined);
     }
@@ -219,7 +219,7 @@ TEST_F(CudaAlign, theSameBitsBeforeAnUnknownBackground) {
     Prior prior;
     prior.T_O_C = disturbed(truth, *field, 9, 0.08);
     const std::shared_ptr<Backend> shared(cuda.get(), [](Backend*) {});
-    Refiner refiner(shared, settings);
+    FieldRefiner refiner(shared, settings);
     const Refinement once = refiner.refine(*on_cuda, seen, prior);
     const Refinement again = refiner.refine(*on_cuda, seen, prior);
     EXPECT_EQ(once.T_O_C.R, again.T_O_C.R);
@@ -299,7 +299,7 @@ TEST_F(CudaAlign, bothBackendsEndAtTheSamePose) {
     for (auto* backend : {&cpu, &cuda}) {
       const int which = backend == &cuda;
       const std::shared_ptr<Backend> shared(backend->get(), [](Backend*) {});
-      Refiner refiner(shared, RefinerSettings::named("align"));
+      FieldRefiner refiner(shared, RefinerSettings::named("align"));
       found[which] = refiner.refine(loaded(**backend), seen, prior);
       ASSERT_EQ(found[which].outcome, Outcome::kRefined);
     }
@@ -320,7 +320,7 @@ TEST_F(CudaAlign, theSameBitsEveryTime) {
   Prior prior;
   prior.T_O_C = disturbed(truth, *field, 9, 0.08);
   const std::shared_ptr<Backend> shared(cuda.get(), [](Backend*) {});
-  Refiner refiner(shared, RefinerSettings::named("align"));
+  FieldRefiner refiner(shared, RefinerSettings::named("align"));
   const Refinement once = refiner.refine(*on_cuda, seen, prior);
   const Refinement again = refiner.refine(*on_cuda, seen, prior);
   EXPECT_EQ(once.T_O_C.R, again.T_O_C.R);

@@ -255,8 +255,8 @@ TEST_F(CudaTraining, registersAnObject) {
   RegistrationSettings settings;
   settings.steps = 300;
   settings.held_out = 2;
-  settings.plan.samples_per_step = 1 << 14;
-  const Field field = registerObject(cuda.get(), photos(), settings, {}, {});
+  settings.samples_per_step = 1 << 14;
+  const Field field = learnField(cuda.get(), photos(), settings, {}, {});
   EXPECT_GT(field.metadata.psnr_db, 24);
 }
 

@@ -151,13 +151,13 @@ TEST_F(ObjectMetadataTest, GoesBeforeWhatTheModelKnows) {
   const std::string model = folder.file("mug.safetensors");
   saveModel(field, model);
   EXPECT_EQ(metadataPathOf(model), path);
-  EXPECT_EQ(loadObject(model).metadata.metres_per_unit, 1);
+  EXPECT_EQ(loadField(model).metadata.metres_per_unit, 1);
   // U is turned by a quarter about x, so that its z axis is the model's -y axis.
   read(
       "metres_per_unit: 0.2\n"
       "frame_in_model: {position: [1, 2, 3], orientation: [0.70710678, 0, 0, 0.70710678]}\n"
       "symmetries: {continuous: {axis: [0, 0, 1], point: [1, 0, 0]}}\n");
-  for (const FieldMetadata& object : {loadObject(model).metadata, readObject(model)}) {
+  for (const FieldMetadata& object : {loadField(model).metadata, readObject(model)}) {
     EXPECT_EQ(object.metres_per_unit, 0.2);
     EXPECT_EQ(object.T_O_U.t, Eigen::Vector3d(1, 2, 3));
     ASSERT_TRUE(object.symmetries.axis());
@@ -166,7 +166,7 @@ TEST_F(ObjectMetadataTest, GoesBeforeWhatTheModelKnows) {
   }
   EXPECT_EQ(loadModel(model).metadata.metres_per_unit, 1);
   expectRefused("metres_per_unit: [1]\n", "metres_per_unit");
-  expectError<std::runtime_error>([&] { loadObject(model); }, "mug.yaml", "metres_per_unit");
+  expectError<std::runtime_error>([&] { loadField(model); }, "mug.yaml", "metres_per_unit");
 }
 
 }  // namespace

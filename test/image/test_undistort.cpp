@@ -1,5 +1,5 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "image/undistort.h"
+#include "nerf_pose_refiner/undistorter.h"
 
 #include <gtest/gtest.h>
 

@@ -6,7 +6,8 @@
 #include <limits>
 #include <memory>
 
-#include "refinement/refiner.h"
+#include "backend/make_backend.h"
+#include "refinement/field_refiner.h"
 #include "support/analytic_scene.h"
 #include "support/fog_scene.h"
 #include "support/stopping_scene.h"
@@ -71,7 +72,8 @@ struct Setting {
     Prior prior;
     prior.T_O_C = T_O_C;
     prior.T_O_C.t.x() += 0.05;
-    return Refiner(makeCpuBackend(1), settings).refine(stopping, observation, prior, stopping.stop);
+    return FieldRefiner(makeCpuBackend(1), settings)
+        .refine(stopping, observation, prior, stopping.stop);
   }
 };
 

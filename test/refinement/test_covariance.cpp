@@ -10,7 +10,7 @@
 #include "backend/cpu/cpu_backend.h"
 #include "evaluation/start.h"
 #include "math/random.h"
-#include "refinement/refiner.h"
+#include "refinement/field_refiner.h"
 #include "support/analytic_scene.h"
 #include "support/cpu_processor.h"
 
@@ -237,7 +237,7 @@ double meanNormalisedError(double noise, int trials) {
   RefinerSettings settings = RefinerSettings::named("track");
   settings.stages = {settings.stages.back()};
   settings.stages[0].object_px = 400;  // the image as it is
-  Refiner refiner(backend, settings);
+  FieldRefiner refiner(backend, settings);
   double sum = 0;
   for (int trial = 0; trial < trials; ++trial) {
     Observation seen = clean;

@@ -8,7 +8,8 @@
 #include <vector>
 
 #include "backend/cpu/cpu_backend.h"
-#include "refinement/refiner.h"
+#include "backend/make_backend.h"
+#include "refinement/field_refiner.h"
 #include "support/analytic_scene.h"
 #include "support/cpu_processor.h"
 #include "support/expect_error.h"
@@ -44,7 +45,7 @@ std::shared_ptr<const Recording> recorded(const RefinerSettings& settings, const
   observation.image = Image(64, 64, 3);
   Prior there = prior;
   there.T_O_C = cameraAround(field, 0, 0);
-  EXPECT_EQ(Refiner(makeCpuBackend(1), settings).refine(field, observation, there).outcome,
+  EXPECT_EQ(FieldRefiner(makeCpuBackend(1), settings).refine(field, observation, there).outcome,
             Outcome::kRefined);
   return recording;
 }
@@ -191,7 +192,7 @@ struct Trial {
   }
 
   Refinement run(const RefinerSettings& settings, const CancellationToken& stop = {}) {
-    return Refiner(backend, settings).refine(scene, observation, prior, stop);
+    return FieldRefiner(backend, settings).refine(scene, observation, prior, stop);
   }
   /// Distance of the object from where it stands in the camera's frame, in diameters.
   double displacement(const Pose& pose) const {
@@ -276,7 +277,7 @@ TEST(Inversion, severalPriorsAtOnce) {
   Prior outside = trial.prior, other = trial.prior;
   outside.T_O_C.R = trial.truth.R * expSO3(Eigen::Vector3d(0, M_PI, 0));
   other.T_O_C.t += Eigen::Vector3d(0.03, -0.02, 0.01);
-  Refiner refiner(trial.backend, smallInversion());
+  FieldRefiner refiner(trial.backend, smallInversion());
   const CostCounters before = trial.backend->costs();
   const std::vector<Refinement> results =
       refiner.refineAll(trial.scene, trial.observation, {trial.prior, outside, other, trial.prior});
@@ -305,7 +306,7 @@ TEST(Inversion, tooManyPriorsAreRefused) {
   Trial trial;
   RefinerSettings settings = smallInversion();
   settings.inversion.descent.samples_per_step = 1 << 27;
-  Refiner refiner(trial.backend, settings);
+  FieldRefiner refiner(trial.backend, settings);
   const std::vector<Prior> three(3, trial.prior);
   expectError<std::invalid_argument>(
       [&] { refiner.refineAll(trial.scene, trial.observation, three); }, "3 priors");
@@ -315,7 +316,7 @@ TEST(Inversion, priorsOfOneBatchAreEquallyWide) {
   Trial trial;
   Prior wider = trial.prior;
   wider.translation *= 2;
-  Refiner refiner(trial.backend, smallInversion());
+  FieldRefiner refiner(trial.backend, smallInversion());
   expectError<std::invalid_argument>(
       [&] {
         refiner.refineAll(trial.scene, trial.observation, {trial.prior, wider});
@@ -332,7 +333,7 @@ TEST(Inversion, noSurvivorIsNoResult) {
   observation.image = Image(64, 64, 3);
   Prior prior;
   prior.T_O_C = cameraAround(field, 0, 0);
-  Refiner refiner(makeCpuBackend(1), RefinerSettings::named("paper"));
+  FieldRefiner refiner(makeCpuBackend(1), RefinerSettings::named("paper"));
   const Refinement result = refiner.refine(field, observation, prior);
   EXPECT_EQ(result.outcome, Outcome::kDiverged);
   EXPECT_EQ(result.T_O_C.t, prior.T_O_C.t);

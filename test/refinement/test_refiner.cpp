@@ -7,7 +7,7 @@
 #include "backend/cpu/cpu_backend.h"
 #include "evaluation/pose_error.h"
 #include "evaluation/start.h"
-#include "refinement/refiner.h"
+#include "refinement/field_refiner.h"
 #include "support/analytic_scene.h"
 #include "support/cpu_processor.h"
 #include "support/expect_error.h"
@@ -57,7 +57,7 @@ struct Setting {
   }
   Refinement refine(const RefinerSettings& settings = quickSettings(),
                     const CancellationToken& stop = {}) const {
-    return Refiner(backend, settings).refine(*scene, observation, prior, stop);
+    return FieldRefiner(backend, settings).refine(*scene, observation, prior, stop);
   }
 };
 
@@ -68,7 +68,7 @@ void expectFound(const Setting& setting, const Refinement& result) {
   EXPECT_LT(error.object_offset, 0.01 * setting.scene->field().metadata.diameter);
 }
 
-TEST(Refiner, findsThePose) {
+TEST(FieldRefiner, findsThePose) {
   const Setting setting;
   const Refinement result = setting.refine();
   expectFound(setting, result);
@@ -78,7 +78,7 @@ TEST(Refiner, findsThePose) {
   EXPECT_GT(result.work.rays, 0u);
 }
 
-TEST(Refiner, findsThePoseBeforeAPhoto) {
+TEST(FieldRefiner, findsThePoseBeforeAPhoto) {
   Setting setting;
   Observation& seen = setting.observation;
   seen.background = Background::kUnknown;
@@ -93,7 +93,7 @@ TEST(Refiner, findsThePoseBeforeAPhoto) {
   EXPECT_GT(result.score, 0.8);
 }
 
-TEST(Refiner, findsThePoseWithAMaskInAnotherLight) {
+TEST(FieldRefiner, findsThePoseWithAMaskInAnotherLight) {
   Setting setting;
   setting.observation.background = Background::kMask;
   for (std::size_t i = 0; i < setting.observation.image.values.size(); ++i) {
@@ -104,7 +104,7 @@ TEST(Refiner, findsThePoseWithAMaskInAnotherLight) {
   expectFound(setting, setting.refine());
 }
 
-TEST(Refiner, aWrongPoseScoresLow) {
+TEST(FieldRefiner, aWrongPoseScoresLow) {
   Setting setting;
   RefinerSettings stay = quickSettings();
   for (AlignStageSettings& stage : stay.stages) {
@@ -114,7 +114,7 @@ TEST(Refiner, aWrongPoseScoresLow) {
   EXPECT_LT(setting.refine(stay).score, 0.6);
 }
 
-TEST(Refiner, tracesItsStages) {
+TEST(FieldRefiner, tracesItsStages) {
   const Setting setting;
   const Refinement result = setting.refine();
   ASSERT_EQ(result.trace.size(), 2u);
@@ -126,19 +126,19 @@ TEST(Refiner, tracesItsStages) {
 }
 
 // A power of two, so that scaling is exact in floating point.
-TEST(Refiner, aScaledSceneGivesTheSameTrials) {
+TEST(FieldRefiner, aScaledSceneGivesTheSameTrials) {
   const Setting setting(1), scaled(0.0625);
   const Refinement a = setting.refine(), b = scaled.refine();
   EXPECT_LT(rotationDistance(a.T_O_C.R, b.T_O_C.R), 1e-5);
   EXPECT_LT((a.T_O_C.t - b.T_O_C.t / 0.0625).norm(), 1e-5);
 }
 
-TEST(Refiner, aSceneOfATwentiethIsRefinedAsWell) {
+TEST(FieldRefiner, aSceneOfATwentiethIsRefinedAsWell) {
   const Setting scaled(0.05);
   expectFound(scaled, scaled.refine());
 }
 
-TEST(Refiner, sameSeedSameBitsOnAnyNumberOfThreads) {
+TEST(FieldRefiner, sameSeedSameBitsOnAnyNumberOfThreads) {
   const Setting one(1, 1), two(1, 2);
   const Refinement a = one.refine(), b = two.refine();
   EXPECT_EQ(a.T_O_C.R, b.T_O_C.R);
@@ -147,14 +147,14 @@ TEST(Refiner, sameSeedSameBitsOnAnyNumberOfThreads) {
   EXPECT_EQ(a.work.samples, b.work.samples);
 }
 
-TEST(Refiner, anotherSeedSearchesElsewhere) {
+TEST(FieldRefiner, anotherSeedSearchesElsewhere) {
   const Setting setting;
   RefinerSettings other = quickSettings();
   other.seed = 2;
   EXPECT_NE(setting.refine().T_O_C.t, setting.refine(other).T_O_C.t);
 }
 
-TEST(Refiner, aPriorOutsideOfTheImageHasNoOverlap) {
+TEST(FieldRefiner, aPriorOutsideOfTheImageHasNoOverlap) {
   Setting setting;
   setting.prior.T_O_C.R = setting.prior.T_O_C.R * expSO3({0, 60 * kDegree, 0});
   const Refinement result = setting.refine();
@@ -163,26 +163,26 @@ TEST(Refiner, aPriorOutsideOfTheImageHasNoOverlap) {
   EXPECT_EQ(result.work.rays, 0u);
 }
 
-TEST(Refiner, aPriorBehindTheCameraHasNoOverlap) {
+TEST(FieldRefiner, aPriorBehindTheCameraHasNoOverlap) {
   Setting setting;
   setting.prior.T_O_C.R = setting.prior.T_O_C.R * expSO3({0, M_PI, 0});
   EXPECT_EQ(setting.refine().outcome, Outcome::kNoOverlap);
 }
 
-TEST(Refiner, nothingToSeeDiverges) {
+TEST(FieldRefiner, nothingToSeeDiverges) {
   Setting setting;
   setting.observation.weight = Image(kCamera.width, kCamera.height, 1, 0.0f);
   EXPECT_EQ(setting.refine().outcome, Outcome::kDiverged);
 }
 
-TEST(Refiner, stops) {
+TEST(FieldRefiner, stops) {
   const Setting setting;
   const CancellationToken stop;
   stop.requestCancel();
   EXPECT_EQ(setting.refine(quickSettings(), stop).outcome, Outcome::kCancelled);
 }
 
-TEST(Refiner, senselessPriorsAreRefused) {
+TEST(FieldRefiner, senselessPriorsAreRefused) {
   Setting setting;
   const Prior good = setting.prior;
   setting.prior.T_O_C.t.x() = std::numeric_limits<double>::quiet_NaN();
@@ -195,12 +195,12 @@ TEST(Refiner, senselessPriorsAreRefused) {
   expectError<std::invalid_argument>([&] { setting.refine(); }, "translation");
 }
 
-TEST(Refiner, needsABackendAndValidSettings) {
-  expectError<std::invalid_argument>([] { Refiner(nullptr, quickSettings()); }, "backend");
+TEST(FieldRefiner, needsABackendAndValidSettings) {
+  expectError<std::invalid_argument>([] { FieldRefiner(nullptr, quickSettings()); }, "backend");
   RefinerSettings broken = quickSettings();
   broken.stages.clear();
   const Setting setting;
-  expectError<std::invalid_argument>([&] { Refiner(setting.backend, broken); }, "stages");
+  expectError<std::invalid_argument>([&] { FieldRefiner(setting.backend, broken); }, "stages");
 }
 
 }  // namespace

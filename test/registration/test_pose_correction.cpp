@@ -1,4 +1,5 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "backend/make_backend.h"
 #include "registration/pose_correction.h"
 
 #include <gtest/gtest.h>
@@ -129,10 +130,10 @@ TEST(RefinePoses, AModelOfNoisyPosesIsBetterWithIt) {
   const Dataset truth = analyticDataset(32, 48);
   RegistrationSettings settings;
   settings.steps = 320;  // of which the rough trainings have a quarter each
-  settings.plan.samples_per_step = 4096;
+  settings.samples_per_step = 4096;
   const auto psnr = [&] {
     const auto field =
-        std::make_shared<Field>(registerObject(backend.get(), withNoise(truth), settings, {}, {}));
+        std::make_shared<Field>(learnField(backend.get(), withNoise(truth), settings, {}, {}));
     return meanPsnr(*backend->load(field), truth.views, {});
   };
   const double without = psnr();

@@ -1,4 +1,5 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "backend/make_backend.h"
 #include "registration/registrar.h"
 
 #include <gtest/gtest.h>
@@ -29,7 +30,7 @@ RegistrationSettings fewSteps(int steps) {
 Field registerWith(Backend* backend, const Dataset& dataset, const RegistrationSettings& settings,
                    const std::function<void(const RegistrationProgress&)>& progress = {},
                    const CancellationToken& stop = {}) {
-  return registerObject(backend, dataset, settings, progress, stop);
+  return learnField(backend, dataset, settings, progress, stop);
 }
 
 std::set<int> heldOut(int views, int held_out) {
@@ -60,7 +61,7 @@ TEST(RegisterObject, GivesTheTrainerWhatItNeeds) {
   ScriptedBackend backend;
   RegistrationSettings settings = fewSteps(4);
   settings.seed = 7;
-  settings.plan.learning_rate = 0.5;
+  settings.learning_rate = 0.5;
   settings.plan.seed = 99;  // is not the one
   registerWith(&backend, greyDataset(10), settings);
   EXPECT_EQ(backend.box.min, Eigen::Vector3d(-1, -2, -3));
@@ -262,7 +263,7 @@ TEST(RegisterObject, RefusesWhatHasNoMatter) {
 TEST(RegisterObject, OnTheCpu) {
   const auto backend = makeCpuBackend(1);
   RegistrationSettings settings = fewSteps(80);
-  settings.plan.samples_per_step = 4096;
+  settings.samples_per_step = 4096;
   const Field field = registerWith(backend.get(), analyticDataset(24, 40), settings);
   EXPECT_NO_THROW(field.validate());
   EXPECT_EQ(field.config.profile, "cpu");
@@ -278,7 +279,7 @@ TEST(RegisterObject, StopsAtOnceOnTheCpu) {
   for (const std::string stage : {"training", "occupancy", "quality"}) {
     const auto backend = makeCpuBackend(1);
     RegistrationSettings settings = fewSteps(80);  // enough for some matter
-    settings.plan.samples_per_step = 4096;
+    settings.samples_per_step = 4096;
     const CancellationToken stop;
     std::uint64_t samples = 0;
     const auto stop_there = [&](const RegistrationProgress& report) {
@@ -313,12 +314,12 @@ TEST(RegistrationSettings, NamesWhatIsOutOfRange) {
   expectRefused([](S* s) { s->held_out = -1; }, "held_out");
   expectRefused([](S* s) { s->metres_per_unit = -1; }, "metres_per_unit");
   expectRefused([](S* s) { s->metres_per_unit = 1 / 0.0; }, "metres_per_unit");
-  expectRefused([](S* s) { s->plan.samples_per_step = 1000; }, "samples_per_step");
-  expectRefused([](S* s) { s->plan.learning_rate = 0; }, "learning_rate");
-  expectRefused([=](S* s) { s->plan.learning_rate = nan; }, "learning_rate");
-  expectRefused([](S* s) { s->plan.learning_rate = 1 / 0.0; }, "learning_rate");
-  expectRefused([](S* s) { s->plan.final_learning_rate_factor = 0; }, "final_learning_rate_factor");
-  expectRefused([](S* s) { s->plan.final_learning_rate_factor = 2; }, "final_learning_rate_factor");
+  expectRefused([](S* s) { s->samples_per_step = 1000; }, "samples_per_step");
+  expectRefused([](S* s) { s->learning_rate = 0; }, "learning_rate");
+  expectRefused([=](S* s) { s->learning_rate = nan; }, "learning_rate");
+  expectRefused([](S* s) { s->learning_rate = 1 / 0.0; }, "learning_rate");
+  expectRefused([](S* s) { s->final_learning_rate_factor = 0; }, "final_learning_rate_factor");
+  expectRefused([](S* s) { s->final_learning_rate_factor = 2; }, "final_learning_rate_factor");
   S unknown;
   unknown.profile = "tpu";
   expectError<std::invalid_argument>([&] { unknown.validate(); }, "'tpu'", "cpu, gpu, paper");

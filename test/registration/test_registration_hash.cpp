@@ -51,13 +51,17 @@ TEST(RegistrationHash, ChangesWithWhateverChangesTheModelOrWhatIsMeasuredOfIt) {
       [](D*, S* s) { s->target_psnr_db = 30; },
       [](D*, S* s) { ++s->held_out; },
       [](D*, S* s) { ++s->seed; },
-      [](D*, S* s) { ++s->plan.samples_per_step; },
-      [](D*, S* s) { s->plan.learning_rate *= 2; },
-      [](D*, S* s) { s->plan.final_learning_rate_factor *= 2; },
+      [](D*, S* s) { ++s->samples_per_step; },
+      [](D*, S* s) { s->learning_rate *= 2; },
+      [](D*, S* s) { s->final_learning_rate_factor *= 2; },
       [](D*, S* s) { s->refine_poses = true; },
       [](D*, S* s) { s->symmetries = Symmetries(SymmetryAxis(), {}); },
-      [](D*, S* s) { s->symmetries = Symmetries(SymmetryAxis{{1, 0, 0}, {0, 0, 0}}, {}); },
-      [](D*, S* s) { s->symmetries = Symmetries(SymmetryAxis{{0, 0, 1}, {0.1, 0, 0}}, {}); },
+      [](D*, S* s) {
+        s->symmetries = Symmetries(SymmetryAxis{{1, 0, 0}, {0, 0, 0}}, {});
+      },
+      [](D*, S* s) {
+        s->symmetries = Symmetries(SymmetryAxis{{0, 0, 1}, {0.1, 0, 0}}, {});
+      },
       [](D*, S* s) { s->symmetries = Symmetries({}, {turnAbout({}, M_PI)}); },
       [](D*, S* s) { s->symmetries = Symmetries({}, {turnAbout({}, M_PI / 2)}); },
   };
@@ -95,9 +99,9 @@ TEST(RegistrationHash, IsThatOfEarlierVersions) {
     s->held_out = 3;
     s->metres_per_unit = 0.5;
     s->refine_poses = true;
-    s->plan.samples_per_step = 2048;
-    s->plan.learning_rate = 0.02;
-    s->plan.final_learning_rate_factor = 0.5;
+    s->samples_per_step = 2048;
+    s->learning_rate = 0.02;
+    s->final_learning_rate_factor = 0.5;
     s->seed = 7;
   };
   EXPECT_EQ(hashAfter(all), "8d2c78a04c8382a9");

@@ -61,7 +61,7 @@ class MessageTrackerTest : public testing::Test {
   }
 
   void offer(const std::string& frame_id = "camera") {
-    PoseEstimate start;
+    TimedPose start;
     start.frame_id = frame_id;
     start.T_P_U.t.z() = 0.4;
     tracker_->tracker().offer(start);

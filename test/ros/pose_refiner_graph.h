@@ -20,6 +20,7 @@
 #include <optional>
 #include <string>
 
+#include "backend/make_backend.h"
 #include "fake_camera.h"
 #include "field/object_frame.h"
 #include "graph.h"
@@ -109,8 +110,8 @@ inline UnloadObject::Response unloadObject(const std::string& name) {
   return ask<UnloadObject>("unload_object", request);
 }
 
-inline RegisterObject registerObject(const std::string& name, const std::string& dataset,
-                                     double metres_per_unit) {
+inline RegisterObject learnField(const std::string& name, const std::string& dataset,
+                                 double metres_per_unit) {
   RegisterObject call;
   call.request.name = name;
   call.request.dataset = dataset;
@@ -119,7 +120,7 @@ inline RegisterObject registerObject(const std::string& name, const std::string&
   return call;
 }
 
-inline LoadObject loadObject(const std::string& name) {
+inline LoadObject loadField(const std::string& name) {
   LoadObject call;
   call.request.name = name;
   EXPECT_TRUE(world->pnh.serviceClient<LoadObject>("load_object").call(call));
@@ -149,7 +150,7 @@ class PoseRefinerTest : public testing::Test {
              world->poses.connected() && world->status.connected() &&
              world->hypotheses.connected() && world->transforms.connected();
     }));
-    const RegisterObject call = registerObject("toy", "toy", kMetresPerUnit);
+    const RegisterObject call = learnField("toy", "toy", kMetresPerUnit);
     ASSERT_TRUE(call.response.success) << call.response.message;
     EXPECT_FALSE(call.response.loaded_existing);
     EXPECT_GT(call.response.psnr_db, 20);

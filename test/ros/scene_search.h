@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <memory>
 
+#include "backend/make_backend.h"
 #include "image/colour.h"
 #include "ros/conversions/camera_input.h"
 #include "ros/nodelet/message_tracker.h"
@@ -32,7 +33,7 @@ class SceneSearch final : public ObjectSearch {
  private:
   const LoadedField& scene_;
   std::shared_ptr<Backend> backend_;
-  Refiner initial_, tracking_;
+  FieldRefiner initial_, tracking_;
 };
 
 /// A preset's first stages.

@@ -30,8 +30,8 @@ class SamePosesTest : public testing::Test {
     settings.steps = 60;
     backend_ = makeCpuBackend();
     field_ = std::make_shared<const Field>(
-        registerObject(backend_.get(), loadTransforms(NPR_SOURCE_DIR "/demo/data/toy_kiosk"),
-                       settings, {}, CancellationToken()));
+        learnField(backend_.get(), loadTransforms(NPR_SOURCE_DIR "/demo/data/toy_kiosk"), settings,
+                   {}, CancellationToken()));
   }
   static void TearDownTestSuite() {
     field_.reset();

@@ -100,7 +100,7 @@ TEST_F(MessageTrackerTest, TracksFromTheLastPoseInANarrowSearch) {
 
 TEST_F(MessageTrackerTest, SearchesAsWideAsTheInitialPoseSays) {
   useModel();
-  PoseEstimate start;
+  TimedPose start;
   start.frame_id = "camera";
   start.covariance = covarianceOf(0.25, 0.025);
   tracker_->tracker().offer(start);

@@ -132,7 +132,7 @@ TEST_F(MessageTrackerTest, OutlivesALensThatCannotBe) {
 
 TEST_F(MessageTrackerTest, RefusesACovarianceThatIsTooWideToSearch) {
   useModel();
-  PoseEstimate start;
+  TimedPose start;
   start.frame_id = "camera";
   start.covariance = covarianceOf(0, 500);  // the object is 0.2 m across
   tracker_->tracker().offer(start);

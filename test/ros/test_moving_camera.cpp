@@ -61,7 +61,7 @@ class MovingCameraTest : public testing::Test {
     loaded.get();
 
     const Pose error(expSO3({3 * kDegree, -4 * kDegree, 2 * kDegree}), {0.006, -0.004, 0.005});
-    PoseEstimate seen;
+    TimedPose seen;
     seen.frame_id = "camera";
     seen.stamp_ns = toNanoseconds(stampAt(0));
     seen.T_P_U = cameraAt(0).inverse() * error;

@@ -35,7 +35,7 @@ TEST(PaperPreset, PublishesWhatItFinds) {
   Pose rough = truth;
   rough.R = expSO3(Eigen::Vector3d(0.1, -0.12, 0.08)) * truth.R;
   rough.t += Eigen::Vector3d(0.08, 0.06, -0.05);
-  PoseEstimate start;
+  TimedPose start;
   start.frame_id = "camera";
   start.T_P_U = ObjectFrame(Pose(), kMetresPerUnit).objectInCamera(rough);
   tracker.tracker().offer(start);

@@ -63,7 +63,7 @@ TEST(PoseConversions, WritesTransforms) {
 }
 
 TEST(PoseConversions, ReadsInitialPoses) {
-  const PoseEstimate start = initialPoseFrom(somePose());
+  const TimedPose start = initialPoseFrom(somePose());
   EXPECT_EQ(start.frame_id, "base");
   EXPECT_EQ(start.stamp, ros::Time(12, 500));
   EXPECT_EQ(start.T_P_U.t, Eigen::Vector3d(1, 2, 3));
@@ -96,7 +96,7 @@ TEST(PoseConversions, ReadsTheCovarianceOfAnInitialPose) {
   geometry_msgs::PoseWithCovarianceStamped message;
   message.header = somePose().header;
   message.pose.pose = somePose().pose;
-  PoseEstimate start = initialPoseFrom(message);
+  TimedPose start = initialPoseFrom(message);
   EXPECT_FALSE(start.covariance) << "all zeros: nothing is known";
 
   message.pose.covariance[7] = 0.0004;

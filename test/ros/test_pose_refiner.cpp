@@ -163,10 +163,10 @@ TEST_F(PoseRefinerTest, StopsAndGoesOnRequest) {
 
 TEST_F(PoseRefinerTest, LearnsNothingTwice) {
   ASSERT_TRUE(track());
-  const RegisterObject call = registerObject("toy", "toy", kMetresPerUnit);
+  const RegisterObject call = learnField("toy", "toy", kMetresPerUnit);
   EXPECT_TRUE(call.response.success) << call.response.message;
   EXPECT_TRUE(call.response.loaded_existing);
-  const LoadObject load = loadObject("toy");
+  const LoadObject load = loadField("toy");
   EXPECT_TRUE(load.response.success) << load.response.message;
   world->poses.clear();
   EXPECT_TRUE(track()) << "in use when the service returns";

@@ -101,25 +101,25 @@ TEST_F(PoseRefinerTest, RefusesPathsOutOfItsFolders) {
   const std::string name = root.filename().string();
   for (const std::string& dataset :
        {"../" + name + "/toy", (root / "toy").string(), std::string("up"), std::string()}) {
-    const RegisterObject call = registerObject("thief", dataset, kMetresPerUnit);
+    const RegisterObject call = learnField("thief", dataset, kMetresPerUnit);
     EXPECT_FALSE(call.response.success) << dataset;
     EXPECT_FALSE(call.response.message.empty());
   }
-  EXPECT_FALSE(registerObject("../thief", "toy", kMetresPerUnit).response.success);
-  EXPECT_FALSE(loadObject("../toy").response.success);
-  EXPECT_FALSE(loadObject((root / "models" / "toy").string()).response.success);
+  EXPECT_FALSE(learnField("../thief", "toy", kMetresPerUnit).response.success);
+  EXPECT_FALSE(loadField("../toy").response.success);
+  EXPECT_FALSE(loadField((root / "models" / "toy").string()).response.success);
   EXPECT_FALSE(fs::exists(root / "thief.safetensors"));
   EXPECT_TRUE(track()) << "the object in use stays";
 }
 
 TEST_F(PoseRefinerTest, SaysWhatIsMissing) {
-  RegisterObject call = registerObject("other", "no_such_folder", kMetresPerUnit);
+  RegisterObject call = learnField("other", "no_such_folder", kMetresPerUnit);
   EXPECT_FALSE(call.response.success);
   EXPECT_NE(call.response.message.find("no_such_folder"), std::string::npos);
-  call = registerObject("other", "toy", 0);
+  call = learnField("other", "toy", 0);
   EXPECT_FALSE(call.response.success);
   EXPECT_NE(call.response.message.find("metres_per_unit"), std::string::npos);
-  const LoadObject load = loadObject("no_such_object");
+  const LoadObject load = loadField("no_such_object");
   EXPECT_FALSE(load.response.success);
   EXPECT_NE(load.response.message.find("no_such_object"), std::string::npos);
 }

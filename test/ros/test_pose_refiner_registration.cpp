@@ -102,7 +102,7 @@ TEST_F(RegistrationTest, TheActionTellsHowItGoesOn) {
 TEST_F(RegistrationTest, TheSameOneIsJoined) {
   Caller caller("pose_refiner");
   ASSERT_TRUE(caller.begin(goal()));
-  const RegisterObject joined = registerObject("new", "toy", kMetresPerUnit);
+  const RegisterObject joined = learnField("new", "toy", kMetresPerUnit);
   EXPECT_TRUE(joined.response.success) << joined.response.message;
   ASSERT_EQ(caller.end(&result), "SUCCEEDED") << result.message;
   EXPECT_FALSE(result.loaded_existing || joined.response.loaded_existing);

@@ -10,9 +10,10 @@
 #include <string>
 #include <vector>
 
+#include "backend/make_backend.h"
 #include "image/colour.h"
 #include "nerf_pose_refiner/pose.h"
-#include "refinement/refiner.h"
+#include "refinement/field_refiner.h"
 #include "ros/conversions/camera_input.h"
 #include "support/analytic_scene.h"
 
@@ -117,7 +118,7 @@ Pose refined(const WideView& view, bool rectified, const cv::Mat& rgb,
   prior.translation = 0.05;
   RefinerSettings settings = RefinerSettings::named("track");
   settings.stages.back().rays_per_side = 2;
-  Refiner refiner(view.backend, settings);
+  FieldRefiner refiner(view.backend, settings);
   const Refinement result = refiner.refine(*view.scene, observation, prior);
   EXPECT_EQ(result.outcome, Outcome::kRefined);
   return result.T_O_C.inverse();

@@ -67,7 +67,7 @@ class SymmetricObjectTest : public testing::TestWithParam<Shape> {
 TEST_P(SymmetricObjectTest, NeverFlips) {
   const Pose rough(expSO3({4 * kDegree, -5 * kDegree, 0}), {0.03, -0.02, 0.02});
   const Pose spun = cameraOf(scene_, 0) * rough;
-  PoseEstimate start;
+  TimedPose start;
   start.frame_id = "camera";
   start.T_P_U = frame_->objectInCamera(turnAbout(SymmetryAxis(), 2.5) * spun);
   tracker_->tracker().offer(start);

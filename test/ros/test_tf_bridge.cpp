@@ -39,7 +39,7 @@ class TfBridgeTest : public testing::Test {
   }
 
   double startX(const std::string& frame, const ros::Time& stamp, double x) const {
-    PoseEstimate start;
+    TimedPose start;
     start.frame_id = frame;
     start.stamp_ns = toNanoseconds(stamp);
     start.T_P_U.t.x() = x;

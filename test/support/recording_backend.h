@@ -6,11 +6,11 @@
 #include <utility>
 #include <vector>
 
-#include "backend/backend.h"
 #include "backend/hypotheses.h"
 #include "backend/plans.h"
 #include "backend/training.h"
 #include "field/field.h"
+#include "nerf_pose_refiner/backend.h"
 #include "nerf_pose_refiner/observation.h"
 
 namespace nerf_pose_refiner {

@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "backend/backend.h"
+#include "nerf_pose_refiner/backend.h"
 
 namespace nerf_pose_refiner {
 

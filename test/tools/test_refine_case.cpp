@@ -7,7 +7,7 @@
 #include <memory>
 #include <stdexcept>
 
-#include "image/undistort.h"
+#include "nerf_pose_refiner/undistorter.h"
 #include "support/expect_error.h"
 
 namespace nerf_pose_refiner {

@@ -24,18 +24,18 @@ SearchSettings someSettings() {
 }
 
 /// Variances [m^2, rad^2].
-PoseEstimate startWith(const Vector6& variances) {
-  PoseEstimate start;
+TimedPose startWith(const Vector6& variances) {
+  TimedPose start;
   start.covariance = variances.asDiagonal();
   return start;
 }
 
-Prior priorOf(const PoseEstimate& start, const FieldMetadata& object) {
+Prior priorOf(const TimedPose& start, const FieldMetadata& object) {
   return priorFrom(start, Pose(Eigen::Matrix3d::Identity(), {0, 0, 1}), object, someSettings());
 }
 
 TEST(Prior, IsAsWideAsTheSettingsSayWhereNothingIsSaid) {
-  const Prior prior = priorOf(PoseEstimate(), someObject());
+  const Prior prior = priorOf(TimedPose(), someObject());
   EXPECT_NEAR(prior.rotation_rad, 10 * M_PI / 180, 1e-12);
   EXPECT_EQ(prior.translation, 0.3);
   const Prior about_position =
@@ -49,7 +49,7 @@ TEST(Prior, IsAsWideAsTheSettingsSayWhereNothingIsSaid) {
 }
 
 TEST(Prior, TakesTheWorstDirection) {
-  PoseEstimate start = startWith((Vector6() << 1e-4, 1e-4, 1e-4, 0.01, 0.04, 0.01).finished());
+  TimedPose start = startWith((Vector6() << 1e-4, 1e-4, 1e-4, 0.01, 0.04, 0.01).finished());
   (*start.covariance)(0, 1) = (*start.covariance)(1, 0) = 1e-4;  // in (1, 1, 0) the sum: 2e-4
   const Prior prior = priorOf(start, someObject());
   EXPECT_NEAR(prior.translation, 2 * std::sqrt(2e-4) / 0.2, 1e-9);
@@ -60,10 +60,10 @@ TEST(Prior, TakesTheWorstDirection) {
 TEST(Prior, IsOfTheCentreThatTheSearchTurnsAbout) {
   FieldMetadata object = someObject();
   object.T_O_U.t.z() = -3;
-  const PoseEstimate start = startWith((Vector6() << 1e-4, 1e-4, 1e-4, 0.01, 0, 0).finished());
+  const TimedPose start = startWith((Vector6() << 1e-4, 1e-4, 1e-4, 0.01, 0, 0).finished());
   EXPECT_NEAR(priorOf(start, object).translation, 2 * std::sqrt(1e-4 + 9e-4) / 0.2, 1e-9);
   // Known to turn about the centre: then it moves no further.
-  PoseEstimate about_centre = start;
+  TimedPose about_centre = start;
   about_centre.covariance = atPoint(*start.covariance, {0, 0, -0.3});
   EXPECT_NEAR(priorOf(about_centre, object).translation, 2 * 0.01 / 0.2, 1e-9);
 }
@@ -73,7 +73,7 @@ TEST(Prior, IsNotWidenedByTurnsThatChangeNothing) {
   FieldMetadata object = someObject();
   object.symmetries = Symmetries(SymmetryAxis(), {});
   object.T_O_U.R = expSO3({0, M_PI / 2, 0});  // U's z axis is O's x axis, its x axis O's -z
-  PoseEstimate start = startWith((Vector6() << 1e-4, 1e-4, 1e-4, 0.01, 3.29, 0.01).finished());
+  TimedPose start = startWith((Vector6() << 1e-4, 1e-4, 1e-4, 0.01, 3.29, 0.01).finished());
   start.T_P_U.R = expSO3({0, 0, M_PI / 2});
   EXPECT_NEAR(priorOf(start, object).rotation_rad, 0.2, 1e-9);
   start.T_P_U.R.setIdentity();

@@ -1,5 +1,6 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "tracking/tracker.h"
+#include "backend/make_backend.h"
+#include "tracking/object_tracker.h"
 
 #include <gtest/gtest.h>
 
@@ -24,7 +25,7 @@ std::int64_t at(double seconds) { return kStart_ns + std::llround(1e9 * seconds)
 class MovingCamera : public Transforms {
  public:
   explicit MovingCamera(double speed_m_s) : speed_m_s_(speed_m_s) {}
-  Pose inCamera(const PoseEstimate& estimate, const ImageStamp& image,
+  Pose inCamera(const TimedPose& estimate, const ImageStamp& image,
                 const CancellationToken&) const override {
     if (estimate.frame_id != image.camera_frame) {
       throw InputError(TrackReason::kNoTransform, "only the camera's frame is known");
@@ -54,7 +55,8 @@ class TrackerTest : public testing::Test {
   void restart(TrackerConnections connections = {}) {
     auto search = std::make_unique<FakeSearch>();
     search_ = search.get();
-    tracker_ = std::make_unique<Tracker>(std::move(search), settings_, std::move(connections));
+    tracker_ =
+        std::make_unique<ObjectTracker>(std::move(search), settings_, std::move(connections));
     use("mug");
   }
 
@@ -65,7 +67,7 @@ class TrackerTest : public testing::Test {
   }
 
   void offer(const std::string& frame_id = "camera") {
-    PoseEstimate estimate;
+    TimedPose estimate;
     estimate.frame_id = frame_id;
     estimate.T_P_U.t.z() = 0.4;
     tracker_->offer(estimate);
@@ -81,17 +83,17 @@ class TrackerTest : public testing::Test {
             }};
   }
 
-  TrackResult track(double seconds) { return tracker_->track(image(seconds)); }
+  TrackOutcome track(double seconds) { return tracker_->track(image(seconds)); }
 
   TrackerSettings settings_;
-  std::unique_ptr<Tracker> tracker_;
+  std::unique_ptr<ObjectTracker> tracker_;
   FakeSearch* search_ = nullptr;
   int observed_ = 0;
   bool mask_used_ = false;
 };
 
 TEST_F(TrackerTest, LooksAtNoPixelsUntilThereIsAPose) {
-  const TrackResult result = track(0);
+  const TrackOutcome result = track(0);
   EXPECT_FALSE(result.refined);
   EXPECT_EQ(result.state, TrackState::kWaiting);
   EXPECT_EQ(observed_, 0);
@@ -103,7 +105,7 @@ TEST_F(TrackerTest, LooksAtNoPixelsUntilThereIsAPose) {
 TEST_F(TrackerTest, AnswersInMetres) {
   search_->covariance = (Vector6() << 4, 4, 4, 0.25, 0.25, 0.25).finished().asDiagonal();
   offer();
-  const TrackResult result = track(0);
+  const TrackOutcome result = track(0);
   ASSERT_TRUE(result.trusted && result.found);
   EXPECT_NEAR(result.T_C_O_m.t.z(), 0.1, 1e-12);  // one unit
   // The fake object's centre is its frame's origin: only the unit changes.
@@ -124,7 +126,7 @@ TEST_F(TrackerTest, APoseThatExplainsTheImageBadlyIsFoundAndNotTrusted) {
   offer();
   track(0);
   search_->score = 0.4;
-  TrackResult result = track(0.1);
+  TrackOutcome result = track(0.1);
   EXPECT_TRUE(result.found);
   EXPECT_FALSE(result.trusted);
   EXPECT_EQ(result.reason, TrackReason::kLowScore);
@@ -147,7 +149,7 @@ TEST_F(TrackerTest, AnImageThatCannotBeUsedSaysWhy) {
   offer();
   TrackerImage bad = image(0);
   bad.observe = [](bool) -> Observation { throw InputError(TrackReason::kBadMask, "too small"); };
-  const TrackResult result = tracker_->track(bad);
+  const TrackOutcome result = tracker_->track(bad);
   EXPECT_TRUE(result.refined);
   EXPECT_FALSE(result.found);
   EXPECT_EQ(result.reason, TrackReason::kBadMask);
@@ -156,7 +158,7 @@ TEST_F(TrackerTest, AnImageThatCannotBeUsedSaysWhy) {
 
 TEST_F(TrackerTest, KnowsNoFrameButTheCamerasByDefault) {
   offer("base");
-  const TrackResult result = track(0);
+  const TrackOutcome result = track(0);
   EXPECT_EQ(result.state, TrackState::kWaiting);
   EXPECT_EQ(result.reason, TrackReason::kPriorNoFrame);
   EXPECT_TRUE(search_->priors.empty());
@@ -182,7 +184,7 @@ TEST_F(TrackerTest, WithoutAClockTheImagesTellTheTime) {
   ASSERT_TRUE(track(10).trusted);
   EXPECT_FALSE(track(9.9).refined) << "an image that came late";
   ASSERT_TRUE(track(10.1).trusted);
-  const TrackResult result = track(5);
+  const TrackOutcome result = track(5);
   EXPECT_FALSE(result.refined);
   EXPECT_EQ(result.reason, TrackReason::kClockJumped);
   EXPECT_EQ(camera->cleared, 1);
@@ -223,7 +225,7 @@ TEST_F(TrackerTest, ARefinementIsInterruptedByItsToken) {
   offer();
   TrackerImage cancelled = image(0);
   cancelled.cancel.requestCancel();
-  const TrackResult result = tracker_->track(cancelled);
+  const TrackOutcome result = tracker_->track(cancelled);
   EXPECT_FALSE(result.found);
   EXPECT_EQ(result.reason, TrackReason::kCancelled);
 }
@@ -234,7 +236,7 @@ TEST_F(TrackerTest, AModelThatIsOfferedBeforeAnImageCountsForIt) {
   ASSERT_TRUE(track(0).trusted);
   tracker_->applyModels();
   std::future<void> in_use = tracker_->offerModel(fieldCalled("cup"));
-  const TrackResult result = track(0.1);
+  const TrackOutcome result = track(0.1);
   EXPECT_FALSE(result.refined) << "where the mug was says nothing of the cup";
   EXPECT_EQ(result.object, "cup");
   EXPECT_EQ(search_->object, "cup");
@@ -265,11 +267,11 @@ TEST_F(TrackerTest, ReportsChangesOnce) {
   EXPECT_EQ(reports[1].state, TrackState::kRefining) << "said before it began";
 }
 
-TEST(Tracker, NeedsAScale) {
+TEST(ObjectTracker, NeedsAScale) {
   auto field = std::make_shared<Field>(*fieldCalled("mug"));
   field->metadata.metres_per_unit = 0;
   const std::shared_ptr<Backend> backend = makeCpuBackend(1);
-  EXPECT_THROW(Tracker(backend, field, TrackerSettings()), std::invalid_argument);
+  EXPECT_THROW(ObjectTracker(backend, field, TrackerSettings()), std::invalid_argument);
 }
 
 }  // namespace

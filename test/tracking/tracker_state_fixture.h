@@ -14,8 +14,8 @@ inline constexpr char kCamera[] = "camera_optical";
 
 inline std::int64_t at(double seconds) { return std::llround(1e9 * (1000 + seconds)); }
 
-inline PoseEstimate poseAt(std::int64_t stamp_ns, double x = 0) {
-  PoseEstimate start;
+inline TimedPose poseAt(std::int64_t stamp_ns, double x = 0) {
+  TimedPose start;
   start.T_P_U.t.x() = x;
   start.frame_id = kCamera;
   start.stamp_ns = stamp_ns;

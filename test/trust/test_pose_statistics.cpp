@@ -1,4 +1,5 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "backend/make_backend.h"
 #include "trust/pose_statistics.h"
 
 #include <gtest/gtest.h>

@@ -1,5 +1,6 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include "backend/cpu/keyframe_aligner.h"
+#include "backend/make_backend.h"
 
 #include <gtest/gtest.h>
 
@@ -25,9 +26,7 @@ class KeyframeAlignerOnScene : public testing::Test {
  protected:
   const FieldMetadata& object() const { return scene_->field().metadata; }
 
-  KeyframePoints keyframeAt(const Pose& T_O_C) {
-    return renderKeyframe(*scene_, {kCamera, T_O_C});
-  }
+  KeyframePoints keyframeAt(const Pose& T_O_C) { return renderKeyframe(*scene_, {kCamera, T_O_C}); }
 
   // The scene before clutter, its colours times a gain, plus an offset.
   Image imageOf(const Pose& T_O_C, const Eigen::Array3f& gain = Eigen::Array3f::Ones(),

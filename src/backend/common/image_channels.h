@@ -3,7 +3,7 @@
 
 #include <Eigen/Core>
 
-#include "backend/backend.h"
+#include "nerf_pose_refiner/backend.h"
 
 namespace nerf_pose_refiner {
 

@@ -5,9 +5,9 @@
 #include <memory>
 #include <vector>
 
-#include "backend/backend.h"
 #include "backend/common/ray_march.h"
 #include "backend/cpu/sample_pool.h"
+#include "nerf_pose_refiner/backend.h"
 #include "nerf_pose_refiner/cancellation_token.h"
 
 namespace nerf_pose_refiner {

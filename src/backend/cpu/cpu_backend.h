@@ -4,10 +4,10 @@
 #include <memory>
 #include <vector>
 
-#include "backend/backend.h"
 #include "backend/cpu/cpu_processor.h"
 #include "backend/training.h"
 #include "field/field.h"
+#include "nerf_pose_refiner/backend.h"
 
 namespace nerf_pose_refiner {
 

@@ -4,7 +4,6 @@
 #include <memory>
 #include <vector>
 
-#include "backend/backend.h"
 #include "backend/common/pixel_window.h"
 #include "backend/common/scratch_pool.h"
 #include "backend/common/training_occupancy.h"
@@ -13,6 +12,7 @@
 #include "backend/cpu/ray_batch.h"
 #include "backend/training.h"
 #include "math/training.h"
+#include "nerf_pose_refiner/backend.h"
 
 namespace nerf_pose_refiner {
 

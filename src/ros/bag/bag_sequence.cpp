@@ -169,7 +169,7 @@ void BagSequence::readInitialPoses() {
   if (topics_.initial_pose.empty()) return;
   rosbag::View view(bag_, rosbag::TopicQuery(topics_.initial_pose));
   for (const rosbag::MessageInstance& message : view) {
-    PoseEstimate start;
+    TimedPose start;
     if (const auto pose = message.instantiate<geometry_msgs::PoseStamped>()) {
       start = initialPoseFrom(*pose);
     } else if (const auto wide = message.instantiate<geometry_msgs::PoseWithCovarianceStamped>()) {
@@ -253,7 +253,7 @@ std::optional<Pose> BagSequence::initialPose(const std::string& camera_frame,
   if (next == initial_poses_.begin()) return std::nullopt;
   --next;
   if ((stamp - next->first).toSec() > max_age_s) return std::nullopt;
-  const PoseEstimate& start = next->second;
+  const TimedPose& start = next->second;
   const std::string& fixed = topics_.fixed_frame.empty() ? start.frame_id : topics_.fixed_frame;
   try {
     const geometry_msgs::TransformStamped T_C_P =

@@ -14,7 +14,7 @@
 #include <vector>
 
 #include "nerf_pose_refiner/pose.h"
-#include "tracking/pose_estimate.h"
+#include "tracking/timed_pose.h"
 
 namespace nerf_pose_refiner {
 
@@ -81,7 +81,7 @@ class BagSequence {
   std::unique_ptr<rosbag::View> mask_view_;      // what masks_ refer to
   std::map<ros::Time, rosbag::MessageInstance> masks_;
   std::map<ros::Time, sensor_msgs::CameraInfoConstPtr> infos_;
-  std::map<ros::Time, PoseEstimate> initial_poses_;
+  std::map<ros::Time, TimedPose> initial_poses_;
   std::vector<ros::Time> truth_stamps_;  // of topics_.truth, sorted
   tf2::BufferCore transforms_;
 };

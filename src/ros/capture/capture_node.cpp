@@ -131,13 +131,13 @@ void CaptureNode::finish() {
   if (parameters_.register_service.empty()) {
     report(CaptureStatus::STATE_DONE, written);
   } else {
-    registerObject();
+    learnField();
     report(CaptureStatus::STATE_REGISTERING, written + ", and registered now");
   }
 }
 
 /// The service blocks for as long as the training takes.
-void CaptureNode::registerObject() {
+void CaptureNode::learnField() {
   RegisterObject::Request request;
   request.name = parameters_.name;
   request.dataset = capture_.status().dataset;

@@ -44,7 +44,7 @@ class CaptureNode {
   void watchCapture();
   void watchRegistration();
   void finish();
-  void registerObject();
+  void learnField();
   void report(std::uint8_t state, const std::string& message);
 
   CaptureParameters parameters_;

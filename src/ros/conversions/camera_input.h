@@ -7,9 +7,9 @@
 #include <memory>
 #include <optional>
 
-#include "image/undistort.h"
 #include "nerf_pose_refiner/camera.h"
 #include "nerf_pose_refiner/observation.h"
+#include "nerf_pose_refiner/undistorter.h"
 
 namespace nerf_pose_refiner {
 

@@ -66,8 +66,8 @@ geometry_msgs::TransformStamped toTransform(const geometry_msgs::PoseStamped& po
   return transform;
 }
 
-PoseEstimate initialPoseFrom(const geometry_msgs::PoseStamped& message) {
-  PoseEstimate start;
+TimedPose initialPoseFrom(const geometry_msgs::PoseStamped& message) {
+  TimedPose start;
   start.T_P_U = fromMessage(message.pose);
   start.frame_id = withoutSlash(message.header.frame_id);
   start.stamp_ns = toNanoseconds(message.header.stamp);
@@ -77,11 +77,11 @@ PoseEstimate initialPoseFrom(const geometry_msgs::PoseStamped& message) {
   return start;
 }
 
-PoseEstimate initialPoseFrom(const geometry_msgs::PoseWithCovarianceStamped& message) {
+TimedPose initialPoseFrom(const geometry_msgs::PoseWithCovarianceStamped& message) {
   geometry_msgs::PoseStamped pose;
   pose.header = message.header;
   pose.pose = message.pose.pose;
-  PoseEstimate start = initialPoseFrom(pose);
+  TimedPose start = initialPoseFrom(pose);
   const Eigen::Map<const Eigen::Matrix<double, 6, 6, Eigen::RowMajor>> values(
       message.pose.covariance.data());
   const Matrix6 covariance = values;

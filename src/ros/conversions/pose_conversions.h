@@ -13,9 +13,9 @@
 #include "backend/hypotheses.h"
 #include "field/field.h"
 #include "nerf_pose_refiner/pose.h"
-#include "refinement/refiner.h"
-#include "tracking/pose_estimate.h"
-#include "tracking/track_status.h"
+#include "nerf_pose_refiner/track_status.h"
+#include "refinement/field_refiner.h"
+#include "tracking/timed_pose.h"
 
 namespace nerf_pose_refiner {
 
@@ -35,11 +35,11 @@ geometry_msgs::TransformStamped toTransform(const geometry_msgs::PoseStamped& po
                                             const std::string& child_frame);
 
 /// An initial pose. @throws InputError if it makes no sense or names no frame.
-PoseEstimate initialPoseFrom(const geometry_msgs::PoseStamped& message);
+TimedPose initialPoseFrom(const geometry_msgs::PoseStamped& message);
 
 /// The same with its covariance. One of all zeros says nothing: it is left out.
 /// @throws InputError also for a covariance that is not finite or has a negative variance.
-PoseEstimate initialPoseFrom(const geometry_msgs::PoseWithCovarianceStamped& message);
+TimedPose initialPoseFrom(const geometry_msgs::PoseWithCovarianceStamped& message);
 
 /// The covariance of a pose as REP-103 has it: position of the origin of the object's frame U [m^2]
 /// and rotation about the fixed axes of W [rad^2], row-major, order (x, y, z, about x, about y,

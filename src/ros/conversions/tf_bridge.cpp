@@ -63,7 +63,7 @@ Pose TfBridge::cameraInOutput(const ImageStamp& image, const CancellationToken& 
       stop);
 }
 
-Pose TfBridge::inCamera(const PoseEstimate& estimate, const ImageStamp& image,
+Pose TfBridge::inCamera(const TimedPose& estimate, const ImageStamp& image,
                         const CancellationToken& stop) const {
   const std::int64_t since_ns = estimate.stamp_ns == 0 ? image.stamp_ns : estimate.stamp_ns;
   const bool same_frame = estimate.frame_id == image.camera_frame;

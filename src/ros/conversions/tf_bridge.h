@@ -32,7 +32,7 @@ class TfBridge : public Transforms {
   /// Between the time of the estimate and the image's, the object stands still in ~fixed_frame; if
   /// that is not set, in the frame that the pose is given in.
   /// @throws InputError if TF does not say it in time.
-  Pose inCamera(const PoseEstimate& estimate, const ImageStamp& image,
+  Pose inCamera(const TimedPose& estimate, const ImageStamp& image,
                 const CancellationToken& stop) const override;
 
   void clear() override { buffer_.clear(); }

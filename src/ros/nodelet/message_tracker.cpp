@@ -53,7 +53,7 @@ std::optional<FrameResult> MessageTracker::process(const CameraFrame& frame) {
   FrameResult result;
   result.track = tracker_.process(image);
   if (!result.track.refined) return std::nullopt;
-  TrackResult& track = result.track;
+  TrackOutcome& track = result.track;
   const bool nothing_else =
       track.reason == TrackReason::kNone || track.reason == TrackReason::kPriorIgnored;
   if (nothing_else && !no_transform.empty()) {
@@ -73,7 +73,7 @@ std::optional<FrameResult> MessageTracker::process(const CameraFrame& frame) {
 
 /// @param T_W_C the camera in ~output_frame [m].
 void MessageTracker::place(const Pose& T_W_C, FrameResult* result) const {
-  const TrackResult& track = result->track;
+  const TrackOutcome& track = result->track;
   const FieldMetadata& object = track.field->metadata;
   std_msgs::Header header = toHeader(track.image);
   header.frame_id = tf_->outputFrame(track.image.camera_frame);

@@ -15,7 +15,7 @@
 #include "ros/conversions/camera_input.h"
 #include "ros/conversions/parameters.h"
 #include "ros/conversions/tf_bridge.h"
-#include "tracking/tracker.h"
+#include "tracking/object_tracker.h"
 
 namespace nerf_pose_refiner {
 
@@ -24,7 +24,7 @@ struct CameraFrame {
   sensor_msgs::ImageConstPtr image;
   sensor_msgs::CameraInfoConstPtr info;
   ros::WallTime arrival;
-  std::uint32_t clock_jumps = 0;  ///< as Tracker::readClock said when it came
+  std::uint32_t clock_jumps = 0;  ///< as ObjectTracker::readClock said when it came
   ImageMasks masks = {};          ///< of the same stamp
 };
 
@@ -34,7 +34,7 @@ struct FrameResult {
   /// In ~output_frame, if it is trusted.
   std::optional<geometry_msgs::PoseWithCovarianceStamped> pose;
   PoseHypothesisArray hypotheses;  ///< in ~output_frame; empty if that could not be reached
-  TrackResult track;               ///< the same as the tracker has it
+  TrackOutcome track;              ///< the same as the tracker has it
 };
 
 /// A tracker behind messages: images in, status and poses out.
@@ -49,14 +49,14 @@ class MessageTracker {
   MessageTracker(const PoseRefinerParameters& parameters, std::unique_ptr<ObjectSearch> search,
                  tf2::BufferCore* transforms, Report report, Clock clock = ros::Time::now);
 
-  Tracker& tracker() { return tracker_; }
+  ObjectTracker& tracker() { return tracker_; }
 
   /// Tells the tracker that an image came. Any thread.
   /// @return nothing if it may be processed, else the reason in words, which ~status will say, too.
   std::optional<std::string> refusal(const sensor_msgs::Image& image,
                                      const sensor_msgs::CameraInfo& info);
 
-  /// Refines an image, as Tracker::process does. By the thread that tracks.
+  /// Refines an image, as ObjectTracker::process does. By the thread that tracks.
   /// @return nothing: it was left alone.
   std::optional<FrameResult> process(const CameraFrame& frame);
 
@@ -67,7 +67,7 @@ class MessageTracker {
   const Clock clock_;
   const std::shared_ptr<TfBridge> tf_;
   CameraInput input_;  ///< of the thread that tracks
-  Tracker tracker_;
+  ObjectTracker tracker_;
 };
 
 }  // namespace nerf_pose_refiner

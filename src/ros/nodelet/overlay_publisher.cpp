@@ -8,7 +8,7 @@
 #include <chrono>
 #include <utility>
 
-#include "backend/common/overlay.h"
+#include "backend/common/draw_overlay.h"
 #include "image/resample.h"
 #include "ros/conversions/camera_input.h"
 

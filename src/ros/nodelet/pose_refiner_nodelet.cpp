@@ -314,7 +314,7 @@ void PoseRefinerNodelet::workOnce() {
     results_->publish(*result);
     if (result->pose) diagnostics_->posePublished(result->pose->header.stamp);
     report(result->status);
-    const TrackResult& track = result->track;
+    const TrackOutcome& track = result->track;
     if (track.found) {
       overlay_->draw(
           {result->status.header, track.observation, track.field, track.refinement.T_O_C});

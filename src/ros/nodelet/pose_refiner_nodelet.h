@@ -31,7 +31,7 @@
 
 namespace nerf_pose_refiner {
 
-/// Tracks an object from image to image: the ROS graph around Tracker.
+/// Tracks an object from image to image: the ROS graph around ObjectTracker.
 ///
 /// Threads: callbacks on the nodelet's queue, none of which waits; the worker, which refines the
 /// newest image; one that advertises, at the start, what the loading need not wait for; those of

@@ -42,8 +42,8 @@ TrackerSettings settingsForOneImage(TrackerSettings settings) {
 }
 
 /// An estimate as it is for the camera at an image's time. @param T_C_U the same pose there [m].
-PoseEstimate seenFrom(const ImageStamp& image, const PoseEstimate& estimate, const Pose& T_C_U) {
-  PoseEstimate seen = {T_C_U, image.camera_frame, image.stamp_ns, false, estimate.covariance};
+TimedPose seenFrom(const ImageStamp& image, const TimedPose& estimate, const Pose& T_C_U) {
+  TimedPose seen = {T_C_U, image.camera_frame, image.stamp_ns, false, estimate.covariance};
   if (seen.covariance && T_C_U.R != estimate.T_P_U.R) {
     const Eigen::Matrix3d R_C_P = T_C_U.R * estimate.T_P_U.R.transpose();
     Matrix6 turn = Matrix6::Zero();
@@ -127,7 +127,7 @@ void PoseService::refine(const RefinePose::Request& request, const ros::Time& ca
                          const CancellationToken& stop, RefinePose::Response* response) {
   const TrackerSettings settings = settingsForOneImage(parameters().tracker);
   const std::shared_ptr<const Field> field = objectOf(request);
-  const PoseEstimate given = initialPoseFrom(request.initial);
+  const TimedPose given = initialPoseFrom(request.initial);
   const CameraImage image = imageOf(request, called, stop);
   const ImageStamp at = imageStampOf(image.image->header);
   ImageMasks masks;
@@ -136,12 +136,12 @@ void PoseService::refine(const RefinePose::Request& request, const ros::Time& ca
   }
   Observation observation = input_.observe(*image.image, *image.info, masks);
   const Pose T_W_C = tf_.cameraInOutput(at, stop);
-  Tracker tracker(make_search_(settings), settings);
+  ObjectTracker tracker(make_search_(settings), settings);
   std::future<void> in_use = tracker.offerModel(field);
   tracker.applyModels();
   in_use.get();
   tracker.offer(seenFrom(at, given, tf_.inCamera(given, at, stop)));
-  const TrackResult result =
+  const TrackOutcome result =
       tracker.track({at, [&](bool) { return std::move(observation); }, stop});
 
   response->success = result.trusted;

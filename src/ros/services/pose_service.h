@@ -17,7 +17,7 @@
 #include "ros/conversions/tf_bridge.h"
 #include "runtime/object_store.h"
 #include "runtime/tracked_object.h"
-#include "tracking/tracker.h"
+#include "tracking/object_tracker.h"
 
 namespace nerf_pose_refiner {
 

@@ -173,10 +173,11 @@ class Backend {
   virtual CostCounters costs() const = 0;
 };
 
-/// The CPU backend. @param threads 0: all cores. @param instruction_set "auto", "baseline", "avx2".
-/// @throws std::invalid_argument for an unknown instruction set, std::runtime_error for one that
-/// this processor does not have.
-std::unique_ptr<Backend> makeCpuBackend(int threads = 0,
-                                        const std::string& instruction_set = "auto");
+/// A backend that any number of threads may share: they take turns, call by call.
+/// @param processor "cpu", "cuda", or "auto": CUDA where it works, else the CPU.
+/// @param threads of the CPU backend; 0: all cores.
+/// @throws std::invalid_argument for an unknown processor, std::runtime_error saying why CUDA does
+/// not work here.
+std::shared_ptr<Backend> makeBackend(const std::string& processor = "auto", int threads = 0);
 
 }  // namespace nerf_pose_refiner

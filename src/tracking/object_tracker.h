@@ -10,10 +10,10 @@
 #include <optional>
 #include <string>
 
-#include "refinement/refiner.h"
+#include "nerf_pose_refiner/track_status.h"
+#include "refinement/field_refiner.h"
 #include "tracking/object_search.h"
 #include "tracking/settings.h"
-#include "tracking/track_status.h"
 #include "tracking/tracker_state.h"
 #include "tracking/transforms.h"
 
@@ -31,7 +31,7 @@ struct TrackerImage {
 };
 
 /// What came of an image.
-struct TrackResult : TrackStatus {
+struct TrackOutcome : TrackStatus {
   bool refined = false;  ///< there was a pose to start from; false: the image was left alone
   bool found = false;    ///< there is a pose, trusted or not
   bool trusted = false;  ///< there is a pose to believe in
@@ -58,23 +58,23 @@ struct TrackerConnections {
 
 /// Tracks one object from image to image.
 ///
-///     Tracker tracker(backend, object, TrackerSettings());
+///     ObjectTracker tracker(backend, object, TrackerSettings());
 ///     tracker.offer({T_C_O_m, "camera"});
-///     const TrackResult result = tracker.track({{"camera", stamp_ns}, observe});
+///     const TrackOutcome result = tracker.track({{"camera", stamp_ns}, observe});
 ///     if (result.trusted) use(result.T_C_O_m, result.covariance);
 ///
 /// One thread, the one that tracks, calls `track` and the methods below it; all others may be
 /// called from any thread and return at once.
-class Tracker {
+class ObjectTracker {
  public:
   /// @param object with metric scale. @throws std::invalid_argument if it has none, and what the
   /// backend throws when it loads the object.
-  Tracker(std::shared_ptr<Backend> backend, std::shared_ptr<const Field> object,
-          const TrackerSettings& settings);
+  ObjectTracker(std::shared_ptr<Backend> backend, std::shared_ptr<const Field> object,
+                const TrackerSettings& settings);
 
   /// Tracks nothing until a model is offered.
-  Tracker(std::unique_ptr<ObjectSearch> search, const TrackerSettings& settings,
-          TrackerConnections connections = {});
+  ObjectTracker(std::unique_ptr<ObjectSearch> search, const TrackerSettings& settings,
+                TrackerConnections connections = {});
 
   /// Reads the clock, if there is one: to be called with each message, before it is used, and now
   /// and then.
@@ -87,7 +87,7 @@ class Tracker {
   void imageRefused(TrackReason reason, const std::string& message);
 
   /// Keeps an initial pose for the first image that is not older.
-  void offer(const PoseEstimate& initial_pose);
+  void offer(const TimedPose& initial_pose);
   void refuseInitialPose(TrackReason reason, const std::string& message);
 
   void modelIsLoading();
@@ -111,11 +111,11 @@ class Tracker {
   bool needsInitialPose(std::int64_t stamp_ns);
 
   /// An image that has just come: readClock, imageArrived and process in one.
-  TrackResult track(TrackerImage image);
+  TrackOutcome track(TrackerImage image);
 
   /// Refines an image that came before, if there is a pose to start from and time did not jump back
   /// since.
-  TrackResult process(const TrackerImage& image);
+  TrackOutcome process(const TrackerImage& image);
 
   /// Takes over the models that were offered.
   void applyModels();
@@ -138,9 +138,9 @@ class Tracker {
   std::optional<ImageDecision> decide(const TrackerImage& image);
   std::optional<Prior> prepare(const TrackerImage& image, const ImageDecision& decision);
   Prior predict(const Prior& last, const TrackerImage& image, const ImageDecision& decision);
-  void refine(const TrackerImage& image, const ImageDecision& decision, TrackResult* result);
-  void conclude(const ImageDecision& decision, TrackResult* result);
-  void concludeStatus(const ImageStamp& at, const ImageDecision& decision, TrackResult* result);
+  void refine(const TrackerImage& image, const ImageDecision& decision, TrackOutcome* result);
+  void conclude(const ImageDecision& decision, TrackOutcome* result);
+  void concludeStatus(const ImageStamp& at, const ImageDecision& decision, TrackOutcome* result);
   TrackStatus statusNow(const ImageStamp& at) const;
 
   TrackerConnections connections_;

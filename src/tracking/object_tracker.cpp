@@ -1,5 +1,5 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "tracking/tracker.h"
+#include "tracking/object_tracker.h"
 
 #include <stdexcept>
 #include <utility>
@@ -17,25 +17,14 @@ double secondsOf(std::int64_t stamp_ns) {
   return static_cast<double>(stamp_ns / kSecond) + 1e-9 * static_cast<double>(stamp_ns % kSecond);
 }
 
-/// The covariance of the object's own frame in the camera [m^2, rad^2].
-Matrix6 covarianceInMetres(const Refinement& refinement, const FieldMetadata& object) {
-  const ObjectFrame frame = ObjectFrame::inMetres(object);
-  Vector6 metres = Vector6::Ones();
-  metres.head<3>().setConstant(frame.lengthPerUnit());
-  return metres.asDiagonal() *
-         covarianceInCamera(refinement.covariance, refinement.T_O_C, object.centre,
-                            frame.origin()) *
-         metres.asDiagonal();
-}
-
 }  // namespace
 
-Tracker::Tracker(std::shared_ptr<Backend> backend, std::shared_ptr<const Field> object,
-                 const TrackerSettings& settings)
-    : Tracker(std::make_unique<RefinerSearch>(
-                  [backend = std::move(backend)] { return SearchProcessor{backend}; },
-                  settings.initial.refiner, settings.tracking.refiner),
-              settings) {
+ObjectTracker::ObjectTracker(std::shared_ptr<Backend> backend, std::shared_ptr<const Field> object,
+                             const TrackerSettings& settings)
+    : ObjectTracker(std::make_unique<RefinerSearch>(
+                        [backend = std::move(backend)] { return SearchProcessor{backend}; },
+                        settings.initial.refiner, settings.tracking.refiner),
+                    settings) {
   if (!(object->metadata.metres_per_unit > 0)) {
     throw std::invalid_argument("the model '" + object->metadata.name +
                                 "' does not know its scale: train it with --metres-per-unit");
@@ -45,15 +34,15 @@ Tracker::Tracker(std::shared_ptr<Backend> backend, std::shared_ptr<const Field> 
   in_use.get();
 }
 
-Tracker::Tracker(std::unique_ptr<ObjectSearch> search, const TrackerSettings& settings,
-                 TrackerConnections connections)
+ObjectTracker::ObjectTracker(std::unique_ptr<ObjectSearch> search, const TrackerSettings& settings,
+                             TrackerConnections connections)
     : connections_(std::move(connections)),
       search_(std::move(search)),
       settings_(settings),
       state_(settings.rules) {}
 
 /// Called with mutex_ held.
-std::uint32_t Tracker::timeIs(std::int64_t now_ns) {
+std::uint32_t ObjectTracker::timeIs(std::int64_t now_ns) {
   if (state_.clockIs(now_ns)) {
     ++clock_jumps_;
     running_.requestCancel();
@@ -62,51 +51,51 @@ std::uint32_t Tracker::timeIs(std::int64_t now_ns) {
   return clock_jumps_;
 }
 
-std::uint32_t Tracker::readClock() {
+std::uint32_t ObjectTracker::readClock() {
   // Read under the lock: a thread that is held up between reading and telling would come with a
   // time of before that of another thread.
   std::lock_guard<std::mutex> lock(mutex_);
   return connections_.clock_ns ? timeIs(connections_.clock_ns()) : clock_jumps_;
 }
 
-void Tracker::imageArrived() {
+void ObjectTracker::imageArrived() {
   std::lock_guard<std::mutex> lock(mutex_);
   state_.imageArrived();
 }
 
-void Tracker::imageRefused(TrackReason reason, const std::string& message) {
+void ObjectTracker::imageRefused(TrackReason reason, const std::string& message) {
   std::lock_guard<std::mutex> lock(mutex_);
   state_.imageRefused(reason, message);
 }
 
-void Tracker::offer(const PoseEstimate& initial_pose) {
+void ObjectTracker::offer(const TimedPose& initial_pose) {
   std::lock_guard<std::mutex> lock(mutex_);
   state_.offer(initial_pose);
 }
 
-void Tracker::refuseInitialPose(TrackReason reason, const std::string& message) {
+void ObjectTracker::refuseInitialPose(TrackReason reason, const std::string& message) {
   std::lock_guard<std::mutex> lock(mutex_);
   state_.refuseInitialPose(reason, message);
 }
 
-void Tracker::modelIsLoading() {
+void ObjectTracker::modelIsLoading() {
   std::lock_guard<std::mutex> lock(mutex_);
   state_.modelIsLoading();
 }
 
-void Tracker::modelFailed(TrackReason reason, const std::string& message) {
+void ObjectTracker::modelFailed(TrackReason reason, const std::string& message) {
   std::lock_guard<std::mutex> lock(mutex_);
   state_.modelFailed(reason, message);
 }
 
-std::future<void> Tracker::offerModel(std::shared_ptr<const Field> field, bool same_looks) {
+std::future<void> ObjectTracker::offerModel(std::shared_ptr<const Field> field, bool same_looks) {
   std::lock_guard<std::mutex> lock(mutex_);
   pending_models_.push_back({std::move(field), same_looks, {}});
   if (!same_looks) running_.requestCancel();
   return pending_models_.back().done.get_future();
 }
 
-void Tracker::applyModels() {
+void ObjectTracker::applyModels() {
   while (true) {
     PendingModel model;
     {
@@ -125,7 +114,7 @@ void Tracker::applyModels() {
   }
 }
 
-void Tracker::use(const PendingModel& model) {
+void ObjectTracker::use(const PendingModel& model) {
   search_->use(model.field);
   std::lock_guard<std::mutex> lock(mutex_);
   const std::shared_ptr<const Field> before = std::exchange(field_, model.field);
@@ -139,24 +128,24 @@ void Tracker::use(const PendingModel& model) {
   }
 }
 
-void Tracker::reset() {
+void ObjectTracker::reset() {
   std::lock_guard<std::mutex> lock(mutex_);
   state_.reset();
   running_.requestCancel();
 }
 
-void Tracker::setEnabled(bool enabled) {
+void ObjectTracker::setEnabled(bool enabled) {
   std::lock_guard<std::mutex> lock(mutex_);
   state_.setEnabled(enabled);
   if (!enabled) running_.requestCancel();
 }
 
-void Tracker::change(const TrackerSettings& settings) {
+void ObjectTracker::change(const TrackerSettings& settings) {
   std::lock_guard<std::mutex> lock(mutex_);
   changed_ = settings;
 }
 
-void Tracker::applyChange() {
+void ObjectTracker::applyChange() {
   std::optional<TrackerSettings> changed;
   {
     std::lock_guard<std::mutex> lock(mutex_);
@@ -168,13 +157,13 @@ void Tracker::applyChange() {
   search_->configure(settings_.initial.refiner, settings_.tracking.refiner);
 }
 
-void Tracker::stop() {
+void ObjectTracker::stop() {
   std::lock_guard<std::mutex> lock(mutex_);
   stopping_ = true;
   running_.requestCancel();
 }
 
-TrackStatus Tracker::statusNow(const ImageStamp& at) const {
+TrackStatus ObjectTracker::statusNow(const ImageStamp& at) const {
   std::lock_guard<std::mutex> lock(mutex_);
   TrackStatus status;
   static_cast<TrackCondition&>(status) = state_.condition();
@@ -184,7 +173,7 @@ TrackStatus Tracker::statusNow(const ImageStamp& at) const {
   return status;
 }
 
-void Tracker::reportChange(const ImageStamp& at) {
+void ObjectTracker::reportChange(const ImageStamp& at) {
   const TrackStatus status = statusNow(at);
   if (reported_ && *reported_ == status) return;
   reported_ = status;
@@ -192,17 +181,17 @@ void Tracker::reportChange(const ImageStamp& at) {
 }
 
 /// The time when an image comes.
-std::int64_t Tracker::timeOfImage(std::int64_t stamp_ns) const {
+std::int64_t ObjectTracker::timeOfImage(std::int64_t stamp_ns) const {
   return connections_.clock_ns ? connections_.clock_ns() : stamp_ns;
 }
 
-bool Tracker::needsInitialPose(std::int64_t stamp_ns) {
+bool ObjectTracker::needsInitialPose(std::int64_t stamp_ns) {
   std::lock_guard<std::mutex> lock(mutex_);
   timeIs(timeOfImage(stamp_ns));
   return state_.needsInitialPose(stamp_ns);
 }
 
-TrackResult Tracker::track(TrackerImage image) {
+TrackOutcome ObjectTracker::track(TrackerImage image) {
   {
     std::lock_guard<std::mutex> lock(mutex_);
     image.clock_jumps = timeIs(timeOfImage(image.at.stamp_ns));
@@ -212,7 +201,7 @@ TrackResult Tracker::track(TrackerImage image) {
 }
 
 /// Nothing: the image came before time jumped back.
-std::optional<ImageDecision> Tracker::decide(const TrackerImage& image) {
+std::optional<ImageDecision> ObjectTracker::decide(const TrackerImage& image) {
   std::unique_lock<std::mutex> lock(mutex_);
   // A model that was offered before now is in use for this image: once it is decided on, the offer
   // of another one interrupts its refinement.
@@ -229,8 +218,8 @@ std::optional<ImageDecision> Tracker::decide(const TrackerImage& image) {
   return decision;
 }
 
-TrackResult Tracker::process(const TrackerImage& image) {
-  TrackResult result;
+TrackOutcome ObjectTracker::process(const TrackerImage& image) {
+  TrackOutcome result;
   applyChange();
   const std::optional<ImageDecision> decision = decide(image);
   if (decision) reportChange(image.at);
@@ -255,8 +244,8 @@ TrackResult Tracker::process(const TrackerImage& image) {
 }
 
 /// Status after an image, with what concerns this image alone.
-void Tracker::concludeStatus(const ImageStamp& at, const ImageDecision& decision,
-                             TrackResult* result) {
+void ObjectTracker::concludeStatus(const ImageStamp& at, const ImageDecision& decision,
+                                   TrackOutcome* result) {
   TrackStatus& status = *result;
   status = statusNow(at);
   reported_ = status;
@@ -269,8 +258,9 @@ void Tracker::concludeStatus(const ImageStamp& at, const ImageDecision& decision
 }
 
 /// The start as the library has it; nothing: it cannot be used, and the state says why.
-std::optional<Prior> Tracker::prepare(const TrackerImage& image, const ImageDecision& decision) {
-  const PoseEstimate& start = *decision.start;
+std::optional<Prior> ObjectTracker::prepare(const TrackerImage& image,
+                                            const ImageDecision& decision) {
+  const TimedPose& start = *decision.start;
   try {
     const Pose T_C_U = connections_.transforms->inCamera(start, image.at, image.cancel);
     const Prior prior = priorFrom(start, T_C_U, field_->metadata, settings_.search(start.tracked));
@@ -287,9 +277,9 @@ std::optional<Prior> Tracker::prepare(const TrackerImage& image, const ImageDeci
 
 /// Where the object is if it goes on as it did; where it was if nothing is known of the camera at
 /// the time of the pose before.
-Prior Tracker::predict(const Prior& last, const TrackerImage& image,
-                       const ImageDecision& decision) {
-  const PoseEstimate& previous = *decision.previous;
+Prior ObjectTracker::predict(const Prior& last, const TrackerImage& image,
+                             const ImageDecision& decision) {
+  const TimedPose& previous = *decision.previous;
   const double now = secondsOf(image.at.stamp_ns), since = secondsOf(decision.start->stamp_ns);
   const double time_ratio = (now - since) / (since - secondsOf(previous.stamp_ns));
   try {
@@ -301,8 +291,8 @@ Prior Tracker::predict(const Prior& last, const TrackerImage& image,
   }
 }
 
-void Tracker::refine(const TrackerImage& image, const ImageDecision& decision,
-                     TrackResult* result) {
+void ObjectTracker::refine(const TrackerImage& image, const ImageDecision& decision,
+                           TrackOutcome* result) {
   const bool tracked = decision.start->tracked;
   result->prior = prepare(image, decision);
   if (!result->prior) return;
@@ -313,10 +303,11 @@ void Tracker::refine(const TrackerImage& image, const ImageDecision& decision,
   conclude(decision, result);
 }
 
-void Tracker::conclude(const ImageDecision& decision, TrackResult* result) {
+void ObjectTracker::conclude(const ImageDecision& decision, TrackOutcome* result) {
   const Refinement& refinement = result->refinement;
   const FieldMetadata& object = field_->metadata;
-  const Pose T_C_U = ObjectFrame::inMetres(object).objectInCamera(refinement.T_O_C);
+  const ObjectFrame frame = ObjectFrame::inMetres(object);
+  const Pose T_C_U = frame.objectInCamera(refinement.T_O_C);
   const Judgement judgement = judge(refinement, decision.start->tracked, settings_.rules);
   bool up_to_date = false;
   {
@@ -330,7 +321,7 @@ void Tracker::conclude(const ImageDecision& decision, TrackResult* result) {
   result->trusted = result->found && judgement.trusted();
   if (!result->found) return;
   result->T_C_O_m = T_C_U;
-  result->covariance = covarianceInMetres(refinement, object);
+  result->covariance = covarianceInCamera(refinement.covariance, refinement.T_O_C, object, frame);
 }
 
 }  // namespace nerf_pose_refiner

@@ -1,5 +1,5 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "refinement/refiner.h"
+#include "refinement/field_refiner.h"
 
 #include <chrono>
 #include <cmath>
@@ -83,20 +83,21 @@ bool Prior::isAsWideAs(const Prior& other) const {
          rotate_about_object == other.rotate_about_object;
 }
 
-Refiner::Refiner(std::shared_ptr<Backend> backend, const RefinerSettings& settings)
+FieldRefiner::FieldRefiner(std::shared_ptr<Backend> backend, const RefinerSettings& settings)
     : backend_(std::move(backend)), settings_(settings) {
   if (!backend_) throw std::invalid_argument("Refiner: the backend is null");
   settings_.validate();
 }
 
-Refinement Refiner::refine(const LoadedField& field, const Observation& observation,
-                           const Prior& prior, const CancellationToken& stop) {
+Refinement FieldRefiner::refine(const LoadedField& field, const Observation& observation,
+                                const Prior& prior, const CancellationToken& stop) {
   return refineAll(field, observation, {prior}, stop).front();
 }
 
-std::vector<Refinement> Refiner::refineAll(const LoadedField& field, const Observation& observation,
-                                           const std::vector<Prior>& priors,
-                                           const CancellationToken& stop) {
+std::vector<Refinement> FieldRefiner::refineAll(const LoadedField& field,
+                                                const Observation& observation,
+                                                const std::vector<Prior>& priors,
+                                                const CancellationToken& stop) {
   if (!(field.field().metadata.diameter > 0)) {
     throw std::invalid_argument("Refiner: the diameter of the object '" +
                                 field.field().metadata.name + "' is not known");
@@ -125,7 +126,7 @@ std::vector<Refinement> Refiner::refineAll(const LoadedField& field, const Obser
   return results;
 }
 
-void Refiner::carryOut(std::vector<RefinementRun>* runs) {
+void FieldRefiner::carryOut(std::vector<RefinementRun>* runs) {
   const auto start = std::chrono::steady_clock::now();
   const CostCounters work_before = backend_->costs();
   try {

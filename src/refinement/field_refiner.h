@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "backend/backend.h"
+#include "nerf_pose_refiner/backend.h"
 #include "nerf_pose_refiner/observation.h"
 #include "refinement/covariance.h"
 #include "refinement/settings.h"
@@ -65,10 +65,10 @@ struct Refinement {
 /// Finds the pose of an object in one image. Makes the schedule; a backend carries it out.
 ///
 /// Not thread-safe: one caller at a time (a backend is not shared without a lock).
-class Refiner {
+class FieldRefiner {
  public:
   /// @param settings validated here. @throws std::invalid_argument.
-  Refiner(std::shared_ptr<Backend> backend, const RefinerSettings& settings);
+  FieldRefiner(std::shared_ptr<Backend> backend, const RefinerSettings& settings);
 
   /// @throws std::invalid_argument for an observation or a prior that makes no sense (sizes, NaN).
   Refinement refine(const LoadedField& field, const Observation& observation, const Prior& prior,

@@ -11,7 +11,7 @@
 namespace nerf_pose_refiner {
 
 /// Where the object was at some time: an initial pose from outside, or the result of a refinement.
-struct PoseEstimate {
+struct TimedPose {
   Pose T_P_U;                 ///< the object's frame U, as its users mean it, in frame P [m]
   std::string frame_id;       ///< P
   std::int64_t stamp_ns = 0;  ///< 0: the time of the image it is used for

@@ -1,0 +1,89 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+// Tracks an object through a video file or the images of a webcam, and draws it.
+//
+//   track_video kiosk.safetensors VIDEO FX FY CX CY  X Y Z QX QY QZ QW  [OUTPUT.avi]
+//
+// VIDEO is a file, or the number of a webcam. The pose is roughly where the object is at the
+// beginning, in the camera's optical frame [m]. Without OUTPUT a window shows the overlay; any key
+// ends it.
+#include <nerf_pose_refiner/backend.h>
+#include <nerf_pose_refiner/object.h>
+#include <nerf_pose_refiner/observation.h>
+#include <nerf_pose_refiner/overlay.h>
+#include <nerf_pose_refiner/tracker.h>
+
+#include <Eigen/Geometry>
+#include <cstdio>
+#include <cstdlib>
+#include <exception>
+#include <opencv2/highgui.hpp>
+#include <opencv2/videoio.hpp>
+#include <string>
+
+#include "opencv_images.h"
+
+using namespace nerf_pose_refiner;
+
+cv::VideoCapture openVideo(const std::string& name) {
+  const bool webcam = name.find_first_not_of("0123456789") == std::string::npos;
+  cv::VideoCapture video;
+  if (!(webcam ? video.open(std::atoi(name.c_str())) : video.open(name))) {
+    throw std::runtime_error("cannot open the video " + name);
+  }
+  return video;
+}
+
+int main(int argc, char** argv) try {
+  if (argc != 14 && argc != 15) {
+    std::fprintf(stderr, "Usage: %s MODEL VIDEO FX FY CX CY X Y Z QX QY QZ QW [OUTPUT]\n", argv[0]);
+    return 2;
+  }
+  double number[11];
+  for (int i = 0; i < 11; ++i) number[i] = std::atof(argv[3 + i]);
+  Camera camera;
+  camera.fx = number[0];
+  camera.fy = number[1];
+  camera.cx = number[2];
+  camera.cy = number[3];
+  Pose T_C_O;
+  T_C_O.t = {number[4], number[5], number[6]};
+  T_C_O.R = Eigen::Quaterniond(number[10], number[7], number[8], number[9])
+                .normalized()
+                .toRotationMatrix();
+
+  const std::shared_ptr<Backend> backend = makeBackend("auto");
+  const Object object = loadObject(argv[1]);
+  Tracker tracker(backend, object);
+  tracker.setInitialPose(T_C_O);
+  Overlay overlay(backend, object);
+  cv::VideoCapture video = openVideo(argv[2]);
+  cv::VideoWriter writer;
+  cv::Mat frame;
+  for (int i = 0; video.read(frame); ++i) {
+    camera.width = frame.cols;
+    camera.height = frame.rows;
+    const Observation observation = observe(rgbImage(frame), camera);
+    const auto stamp_ns = static_cast<std::int64_t>(1e6 * video.get(cv::CAP_PROP_POS_MSEC));
+    const TrackResult result = tracker.track(observation, stamp_ns);
+    std::printf("%4d %s", i, toString(result.state));
+    if (result.trusted) {
+      std::printf(": %.4f %.4f %.4f, score %.2f", result.T_C_O.t.x(), result.T_C_O.t.y(),
+                  result.T_C_O.t.z(), result.score);
+      frame = bgrImage(overlay.draw(observation, result.T_C_O));
+    }
+    std::printf("\n");
+    if (argc == 14) {
+      cv::imshow("track_video", frame);
+      if (cv::waitKey(1) >= 0) break;
+      continue;
+    }
+    if (!writer.isOpened()) {
+      writer.open(argv[14], cv::VideoWriter::fourcc('M', 'J', 'P', 'G'), 10, frame.size());
+    }
+    writer.write(frame);
+  }
+  return 0;
+} catch (const std::exception& e) {
+  std::fprintf(stderr, "%s\n", e.what());
+  return 1;
+}

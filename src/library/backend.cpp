@@ -1,0 +1,16 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "nerf_pose_refiner/backend.h"
+
+#include "backend/make_backend.h"
+#include "runtime/shared_backend.h"
+
+namespace nerf_pose_refiner {
+
+std::shared_ptr<Backend> makeBackend(const std::string& processor, int threads) {
+  BackendChoice choice;
+  choice.backend = processor;
+  choice.threads = threads;
+  return std::make_shared<SharedBackend>(makeBackend(choice));
+}
+
+}  // namespace nerf_pose_refiner

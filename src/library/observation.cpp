@@ -1,0 +1,30 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "nerf_pose_refiner/observation.h"
+
+#include <stdexcept>
+
+#include "image/colour.h"
+
+namespace nerf_pose_refiner {
+
+Observation observe(const Image8& rgb, const Camera& camera, const Image8& mask) {
+  if (rgb.channels != 3) {
+    throw std::invalid_argument("observe: the image has " + std::to_string(rgb.channels) +
+                                " channels, must have 3 (RGB)");
+  }
+  Observation observation;
+  observation.image = toFloat(rgb);
+  observation.camera = camera;
+  if (!mask.empty()) {
+    if (mask.channels != 1) throw std::invalid_argument("observe: a mask has one channel");
+    observation.background = Background::kMask;
+    observation.alpha = Image(mask.width, mask.height, 1);
+    for (std::size_t i = 0; i < mask.values.size(); ++i) {
+      observation.alpha.values[i] = mask.values[i] != 0 ? 1.0f : 0.0f;
+    }
+  }
+  observation.validate();
+  return observation;
+}
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,33 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "nerf_pose_refiner/overlay.h"
+
+#include <stdexcept>
+
+#include "backend/common/draw_overlay.h"
+#include "nerf_pose_refiner/backend.h"
+
+namespace nerf_pose_refiner {
+
+struct Overlay::Parts {
+  Object object;
+  std::shared_ptr<Backend> backend;  ///< outlives the field that it loaded
+  std::shared_ptr<const LoadedField> field;
+};
+
+Overlay::Overlay(std::shared_ptr<Backend> backend, const Object& object) {
+  if (!backend) throw std::invalid_argument("Overlay: the backend is null");
+  std::shared_ptr<const LoadedField> field = backend->load(object.field());
+  parts_ = std::make_unique<Parts>(Parts{object, std::move(backend), std::move(field)});
+}
+
+Overlay::~Overlay() = default;
+Overlay::Overlay(Overlay&&) noexcept = default;
+Overlay& Overlay::operator=(Overlay&&) noexcept = default;
+
+Image8 Overlay::draw(const Observation& observation, const Pose& T_C_O, double opacity) {
+  const View view{observation.camera, parts_->object.cameraInField(T_C_O)};
+  return drawOverlay(observation.image,
+                     parts_->field->render(view, RenderOptions(), CancellationToken()), opacity);
+}
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,94 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "nerf_pose_refiner/refiner.h"
+
+#include <stdexcept>
+#include <utility>
+
+#include "field/field.h"
+#include "field/object_frame.h"
+#include "nerf_pose_refiner/backend.h"
+#include "refinement/covariance.h"
+#include "refinement/field_refiner.h"
+#include "trust/check_trust.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+RefinerSettings settingsOf(const RefinerOptions& options) {
+  RefinerSettings settings = RefinerSettings::named(options.preset);
+  settings.seed = options.seed;
+  return settings;
+}
+
+const char* textOf(TrustVerdict verdict) {
+  switch (verdict) {
+    case TrustVerdict::kTrusted:
+      return "";
+    case TrustVerdict::kNoOverlap:
+      return "the prior lies outside of the image";
+    case TrustVerdict::kDiverged:
+      return "no hypothesis survived";
+    case TrustVerdict::kLowScore:
+      return "the best pose explains the image badly";
+    case TrustVerdict::kCancelled:
+      break;
+  }
+  return "cancelled";
+}
+
+}  // namespace
+
+struct Refiner::Parts {
+  Parts(std::shared_ptr<Backend> backend, const Object& known, const RefinerOptions& options)
+      : object(known),
+        trust_score(options.trust_score),
+        field(backend->load(known.field())),
+        refiner(backend, settingsOf(options)) {}
+
+  Object object;
+  double trust_score;
+  std::shared_ptr<const LoadedField> field;
+  FieldRefiner refiner;
+};
+
+Refiner::Refiner(std::shared_ptr<Backend> backend, const Object& object,
+                 const RefinerOptions& options) {
+  if (!backend) throw std::invalid_argument("Refiner: the backend is null");
+  parts_ = std::make_unique<Parts>(std::move(backend), object, options);
+}
+
+Refiner::~Refiner() = default;
+Refiner::Refiner(Refiner&&) noexcept = default;
+Refiner& Refiner::operator=(Refiner&&) noexcept = default;
+
+RefineResult Refiner::refine(const Observation& observation, const PosePrior& prior,
+                             const CancellationToken& cancellation) {
+  const Object& object = parts_->object;
+  Prior search;
+  search.T_O_C = object.cameraInField(prior.T_C_O);
+  search.rotation_rad = prior.rotation_rad;
+  search.translation = prior.translation;
+  const Refinement refined =
+      parts_->refiner.refine(*parts_->field, observation, search, cancellation);
+  cancellation.check();
+
+  RefineResult result;
+  const TrustVerdict verdict = checkTrust(refined, parts_->trust_score);
+  result.trusted = verdict == TrustVerdict::kTrusted;
+  result.message = textOf(verdict);
+  result.T_C_O = object.objectInCamera(refined.T_O_C);
+  result.score = refined.score;
+  result.visible_fraction = refined.visible_fraction;
+  result.seconds = refined.seconds;
+  if (refined.outcome != Outcome::kRefined) return result;
+  const FieldMetadata& metadata = object.field()->metadata;
+  result.covariance = covarianceInCamera(refined.covariance, refined.T_O_C, metadata,
+                                         ObjectFrame::ofUsers(metadata));
+  const std::vector<double> weights = hypothesisWeights(refined.hypotheses);
+  for (std::size_t i = 0; i < weights.size(); ++i) {
+    result.hypotheses.push_back({object.objectInCamera(refined.hypotheses[i].T_O_C), weights[i]});
+  }
+  return result;
+}
+
+}  // namespace nerf_pose_refiner

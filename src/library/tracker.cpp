@@ -1,0 +1,76 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "nerf_pose_refiner/tracker.h"
+
+#include <stdexcept>
+#include <utility>
+
+#include "tracking/object_tracker.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+constexpr double kDegreesPerRad = 57.295779513082320877;
+const char kCameraFrame[] = "camera";  // there is one
+
+TrackerSettings settingsOf(const TrackerOptions& options) {
+  TrackerSettings settings;
+  settings.initial.rotation_deg = kDegreesPerRad * options.search_rotation_rad;
+  settings.initial.translation = options.search_translation;
+  settings.initial.refiner.seed = settings.tracking.refiner.seed = options.seed;
+  settings.rules.trust_score = options.trust_score;
+  settings.rules.min_score = options.min_score;
+  settings.rules.max_failures = options.max_failures;
+  settings.rules.predict = options.predict;
+  settings.rules.recover_s = options.recover_s;
+  settings.rules.initial_pose_policy = InitialPosePolicy::kAlways;
+  return settings;
+}
+
+}  // namespace
+
+struct Tracker::Parts {
+  ObjectTracker tracker;
+};
+
+Tracker::Tracker(std::shared_ptr<Backend> backend, const Object& object,
+                 const TrackerOptions& options) {
+  if (!backend) throw std::invalid_argument("Tracker: the backend is null");
+  parts_.reset(new Parts{ObjectTracker(std::move(backend), object.field(), settingsOf(options))});
+}
+
+Tracker::~Tracker() = default;
+Tracker::Tracker(Tracker&&) noexcept = default;
+Tracker& Tracker::operator=(Tracker&&) noexcept = default;
+
+void Tracker::setInitialPose(const Pose& T_C_O) {
+  if (!T_C_O.isFinite() || !T_C_O.isRigid()) {
+    throw std::invalid_argument("Tracker: the initial pose is not a rigid transform");
+  }
+  TimedPose pose;
+  pose.T_P_U = T_C_O;
+  pose.frame_id = kCameraFrame;
+  parts_->tracker.offer(pose);
+}
+
+TrackResult Tracker::track(const Observation& observation, std::int64_t stamp_ns,
+                           const CancellationToken& cancellation) {
+  observation.validate();
+  const TrackOutcome outcome = parts_->tracker.track(
+      {{kCameraFrame, stamp_ns}, [&](bool) { return observation; }, cancellation});
+  cancellation.check();
+  TrackResult result;
+  result.state = outcome.state;
+  result.reason = outcome.reason;
+  result.message = outcome.message;
+  result.trusted = outcome.trusted;
+  result.T_C_O = outcome.T_C_O_m;
+  result.covariance = outcome.covariance;
+  result.score = outcome.score;
+  result.visible_fraction = outcome.refinement.visible_fraction;
+  result.seconds = outcome.refinement.seconds;
+  return result;
+}
+
+void Tracker::reset() { parts_->tracker.reset(); }
+
+}  // namespace nerf_pose_refiner
