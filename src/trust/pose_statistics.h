@@ -4,8 +4,8 @@
 #include <vector>
 
 #include "backend/backend.h"
-#include "field/field.h"
 #include "dataset/dataset.h"
+#include "field/field.h"
 
 namespace nerf_pose_refiner {
 
