@@ -8,6 +8,7 @@
 
 #include "dataset/path_below.h"
 #include "registration/registration_hash.h"
+#include "registration/registration_settings.h"
 
 namespace nerf_pose_refiner {
 namespace {

@@ -56,7 +56,7 @@ struct RaySample {
 };
 
 /// Walks along a ray through the field's box and gives the samples that may hold matter: middles of
-/// the lattice's intervals (maths/ray_lattice.h). The lattice does not depend on the occupancy
+/// the lattice's intervals (math/ray_lattice.h). The lattice does not depend on the occupancy
 /// grid, which only leaves samples out.
 class RayMarcher {
  public:

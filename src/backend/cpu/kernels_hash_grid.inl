@@ -6,7 +6,7 @@
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr uint32_t kPrimeY = 2654435761u;  // maths/hash.h
+constexpr uint32_t kPrimeY = 2654435761u;  // math/hash.h
 constexpr uint32_t kPrimeZ = 805459861u;
 
 /// Eight corners of the cells of kLanes samples at one level. Corner c is at

@@ -7,6 +7,7 @@
 #include <stdexcept>
 #include <vector>
 
+#include "registration/registration_settings.h"
 #include "ros/conversions/pose_conversions.h"
 
 namespace nerf_pose_refiner {
