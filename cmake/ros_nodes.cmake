@@ -13,11 +13,13 @@ add_library(${ros_library} STATIC
   src/ros/conversions/pose_conversions.cpp
   src/ros/conversions/status.cpp
   src/ros/conversions/tf_bridge.cpp
+  src/ros/nodelet/camera_subscription.cpp
   src/ros/nodelet/diagnostics.cpp
   src/ros/nodelet/initial_pose_marker.cpp
   src/ros/nodelet/message_tracker.cpp
   src/ros/nodelet/overlay_publisher.cpp
   src/ros/nodelet/result_publisher.cpp
+  src/ros/nodelet/tracking_worker.cpp
   src/ros/nodelet/transform_input.cpp
   src/ros/services/object_services.cpp
   src/ros/services/pose_service.cpp

@@ -27,7 +27,7 @@ struct RegistrationRequest {
 /// Learns objects on request, one call after the other or through a RegistrationQueue.
 class ObjectRegistration {
  public:
-  /// @param make_backend called for each training: it must not share an backend with refinements.
+  /// @param make_backend called for each training: it must not share a backend with refinements.
   /// @param find_schedule of that backend's processor: refinements go before.
   ObjectRegistration(const std::string& dataset_root, const RegistrationSettings& settings,
                      const ObjectStore& store, BackendFactory make_backend,
@@ -35,8 +35,8 @@ class ObjectRegistration {
 
   /// Trains and saves a model, or loads the one that is there if it was made of the same photos and
   /// settings. A call takes minutes.
-  /// @throws std::invalid_argument for a request that makes no sense, std::runtime_error, Stopped:
-  /// then the model that was there, in the file and in memory, stays.
+  /// @throws std::invalid_argument for a request that makes no sense, std::runtime_error,
+  /// Cancelled: then the model that was there, in the file and in memory, stays.
   RegisteredObject run(const RegistrationRequest& request,
                        const RegistrationQueue::Progress& progress,
                        const CancellationToken& stop) const;

@@ -54,7 +54,7 @@ class RegistrationQueue {
 
   /// Does a job, or joins it, and waits for its end.
   /// @param stop leaves. The last who leaves stops the job and waits until it has ended.
-  /// @throws RegistrationBusy, Stopped, and what the job throws.
+  /// @throws RegistrationBusy, Cancelled, and what the job throws.
   RegisteredObject run(const Job& job, const Listener& listener, const CancellationToken& stop);
 
  private:

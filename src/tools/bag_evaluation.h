@@ -66,7 +66,7 @@ class BagEvaluation {
                 std::shared_ptr<const Field> field, const BagEvaluationSettings& settings);
 
   /// @param progress told of each image: its number and the last result; may be empty.
-  /// @throws std::runtime_error naming topic and frame of what is damaged; Stopped.
+  /// @throws std::runtime_error naming topic and frame of what is damaged; Cancelled.
   BagEvaluationResult run(const std::function<void(const EvaluatedFrame&)>& progress,
                           const CancellationToken& stop);
 

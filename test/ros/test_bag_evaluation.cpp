@@ -20,14 +20,14 @@
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr int kImages = 5;
+constexpr int kImages = 4;
 
 class SamePosesTest : public testing::Test {
  protected:
   /// A model that is good enough to be found, in seconds.
   static void SetUpTestSuite() {
     RegistrationSettings settings;
-    settings.steps = 60;
+    settings.steps = 30;
     backend_ = makeCpuBackend();
     field_ = std::make_shared<const Field>(
         learnField(backend_.get(), loadTransforms(NPR_SOURCE_DIR "/demo/data/toy_kiosk"), settings,

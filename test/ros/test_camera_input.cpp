@@ -9,6 +9,9 @@
 #include <string>
 #include <vector>
 
+#include "concurrency/error_of.h"
+#include "nerf_pose_refiner/track_status.h"
+
 namespace nerf_pose_refiner {
 namespace {
 
@@ -51,7 +54,7 @@ sensor_msgs::Image someImage(const std::string& encoding) {
   return image;
 }
 
-int reasonOf(const std::function<void()>& function) {
+TrackReason reasonOf(const std::function<void()>& function) {
   try {
     function();
   } catch (const InputError& e) {
@@ -60,14 +63,7 @@ int reasonOf(const std::function<void()>& function) {
   return TrackReason::kNone;
 }
 
-std::string textOf(const std::function<void()>& function) {
-  try {
-    function();
-  } catch (const InputError& e) {
-    return e.what();
-  }
-  return "";
-}
+std::string textOf(const std::function<void()>& function) { return errorOf(function).value_or(""); }
 
 /// 8 x 6, zero but for the given columns.
 sensor_msgs::ImagePtr someMask(int first_column, int last_column) {
@@ -358,14 +354,11 @@ TEST(CameraInput, RefusesMasksOfAnotherKindOrSize) {
     const sensor_msgs::ImagePtr mask = someMask(0, 7);
     change(mask.get());
     CameraInput input(false);
-    const int as_mask = reasonOf([&] {
-      input.observe(someImage("rgb8"), someInfo(), {mask, nullptr});
-    });
-    const int as_ignored = reasonOf([&] {
-      input.observe(someImage("rgb8"), someInfo(), {nullptr, mask});
-    });
-    EXPECT_EQ(as_mask, as_ignored);
-    return as_mask;
+    const auto with = [&](const ImageMasks& masks) {
+      return reasonOf([&] { input.observe(someImage("rgb8"), someInfo(), masks); });
+    };
+    EXPECT_EQ(with({mask, nullptr}), with({nullptr, mask}));
+    return with({mask, nullptr});
   };
   EXPECT_EQ(reason_for([](auto*) {}), TrackReason::kNone);
   EXPECT_EQ(reason_for([](auto* m) { m->encoding = "8UC1"; }), TrackReason::kNone);

@@ -28,7 +28,7 @@ geometry_msgs::PoseStamped somePose() {
 }
 
 template <typename Message>
-int reasonOf(const Message& message) {
+TrackReason reasonFor(const Message& message) {
   try {
     initialPoseFrom(message);
   } catch (const InputError& e) {
@@ -65,7 +65,7 @@ TEST(PoseConversions, WritesTransforms) {
 TEST(PoseConversions, ReadsInitialPoses) {
   const TimedPose start = initialPoseFrom(somePose());
   EXPECT_EQ(start.frame_id, "base");
-  EXPECT_EQ(start.stamp, ros::Time(12, 500));
+  EXPECT_EQ(start.stamp_ns, 12000000500);
   EXPECT_EQ(start.T_P_U.t, Eigen::Vector3d(1, 2, 3));
   EXPECT_FALSE(start.tracked);
   EXPECT_FALSE(start.covariance);
@@ -74,22 +74,22 @@ TEST(PoseConversions, ReadsInitialPoses) {
 TEST(PoseConversions, RefusesInitialPosesThatMakeNoSense) {
   geometry_msgs::PoseStamped pose = somePose();
   pose.pose.position.y = std::numeric_limits<double>::quiet_NaN();
-  EXPECT_EQ(reasonOf(pose), TrackReason::kPriorNotFinite);
+  EXPECT_EQ(reasonFor(pose), TrackReason::kPriorNotFinite);
   pose = somePose();
   pose.pose.orientation.x = std::numeric_limits<double>::infinity();
-  EXPECT_EQ(reasonOf(pose), TrackReason::kPriorNotFinite);
+  EXPECT_EQ(reasonFor(pose), TrackReason::kPriorNotFinite);
   pose = somePose();
   pose.pose.orientation = geometry_msgs::Quaternion();
-  EXPECT_EQ(reasonOf(pose), TrackReason::kPriorNotUnit);
+  EXPECT_EQ(reasonFor(pose), TrackReason::kPriorNotUnit);
   pose = somePose();
   pose.pose.orientation.w *= 1.1;
-  EXPECT_EQ(reasonOf(pose), TrackReason::kPriorNotUnit);
+  EXPECT_EQ(reasonFor(pose), TrackReason::kPriorNotUnit);
   pose = somePose();
   pose.pose.orientation.w *= 1.001;
-  EXPECT_EQ(reasonOf(pose), TrackReason::kNone) << "numbers that were rounded on their way";
+  EXPECT_EQ(reasonFor(pose), TrackReason::kNone) << "numbers that were rounded on their way";
   pose = somePose();
   pose.header.frame_id.clear();
-  EXPECT_EQ(reasonOf(pose), TrackReason::kPriorNoFrame);
+  EXPECT_EQ(reasonFor(pose), TrackReason::kPriorNoFrame);
 }
 
 TEST(PoseConversions, ReadsTheCovarianceOfAnInitialPose) {
@@ -107,9 +107,9 @@ TEST(PoseConversions, ReadsTheCovarianceOfAnInitialPose) {
   EXPECT_EQ((*start.covariance)(1, 5), 0.003);
 
   message.pose.covariance[21] = -0.01;
-  EXPECT_EQ(reasonOf(message), TrackReason::kPriorBadCovariance);
+  EXPECT_EQ(reasonFor(message), TrackReason::kPriorBadCovariance);
   message.pose.covariance[21] = std::numeric_limits<double>::quiet_NaN();
-  EXPECT_EQ(reasonOf(message), TrackReason::kPriorNotFinite);
+  EXPECT_EQ(reasonFor(message), TrackReason::kPriorNotFinite);
 }
 
 TEST(PoseConversions, WeighsHypotheses) {

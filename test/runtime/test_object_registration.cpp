@@ -25,7 +25,7 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::json;
 
-/// Photos of an object in a box below "photos/mug", and an backend that makes believe to train.
+/// Photos of an object in a box below "photos/mug", and a backend that makes believe to train.
 class Registration : public testing::Test {
  protected:
   Registration() {

@@ -1,8 +1,13 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include "ros/nodelet/diagnostics.h"
 
+#include <ros/console.h>
+
 #include <algorithm>
 #include <limits>
+#include <optional>
+
+#include "concurrency/error_of.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -103,10 +108,13 @@ void Diagnostics::showMemory(std::function<Facts()> memory) {
   memory_ = std::move(memory);
 }
 
-void Diagnostics::callbackFailed(const std::string& message) {
+void Diagnostics::guard(const char* name, const std::function<void()>& callback) {
+  const std::optional<std::string> error = errorOf(callback);
+  if (!error) return;
+  ROS_ERROR_THROTTLE(5.0, "%s: %s", name, error->c_str());
   std::lock_guard<std::mutex> lock(mutex_);
   ++failures_;
-  failure_ = message;
+  failure_ = *error;
 }
 
 void Diagnostics::fillTracking(diagnostic_updater::DiagnosticStatusWrapper& report) {

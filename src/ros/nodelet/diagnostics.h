@@ -60,8 +60,9 @@ class Diagnostics {
   void backendIs(const std::string& description);
   /// Asked with each report for what is to be shown of the memory: the GPU's, models in it.
   void showMemory(std::function<Facts()> memory);
-  /// A callback, or the worker, ended with an exception. Any thread.
-  void callbackFailed(const std::string& message);
+  /// Runs what a callback or the worker does: whatever it throws is reported, and ends nothing. Any
+  /// thread. @param name of it, for the log.
+  void guard(const char* name, const std::function<void()>& callback);
 
  private:
   void fillTracking(diagnostic_updater::DiagnosticStatusWrapper& report);

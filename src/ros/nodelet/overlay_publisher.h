@@ -16,7 +16,7 @@
 
 namespace nerf_pose_refiner {
 
-/// Draws images of what was found on a thread and an backend of its own, so that poses never wait
+/// Draws images of what was found on a thread and a backend of its own, so that poses never wait
 /// for them: an image that comes while another is drawn replaces the one that waits.
 class OverlayPublisher {
  public:

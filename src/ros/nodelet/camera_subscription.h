@@ -1,0 +1,69 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <image_transport/image_transport.h>
+#include <ros/node_handle.h>
+#include <ros/subscriber.h>
+
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <string>
+
+#include "ros/nodelet/diagnostics.h"
+
+namespace nerf_pose_refiner {
+
+/// Listens to a camera and to masks of its images while anybody makes use of what comes of them.
+/// May be used from many threads at once.
+class CameraSubscription {
+ public:
+  /// Who wants images, and what is done with them.
+  struct Receiver {
+    std::function<bool()> wanted;
+    std::function<void(const sensor_msgs::ImageConstPtr&, const sensor_msgs::CameraInfoConstPtr&)>
+        image;
+    std::function<void(const sensor_msgs::ImageConstPtr&)> mask;  ///< empty: none is of use
+    std::function<void(const sensor_msgs::ImageConstPtr&)> ignore_mask;
+  };
+
+  /// Hands images to a receiver for as long as it lives; afterwards none is under way.
+  class Connection {
+   public:
+    Connection(CameraSubscription* camera, Receiver receiver);
+    ~Connection();
+    Connection(const Connection&) = delete;
+    Connection& operator=(const Connection&) = delete;
+
+   private:
+    CameraSubscription* camera_;
+  };
+
+  /// @param transport that image_transport is asked for. @param diagnostics outlives this object.
+  CameraSubscription(const ros::NodeHandle& nh, const ros::NodeHandle& pnh,
+                     const std::string& transport, Diagnostics* diagnostics);
+
+  void setEnabled(bool enabled);
+
+  /// To be called when somebody began or ceased to listen to results.
+  void update();
+
+ private:
+  void listen();
+  void unsubscribe();
+
+  ros::NodeHandle nh_;
+  ros::NodeHandle pnh_;
+  std::string transport_hint_;
+  Diagnostics* diagnostics_;
+  image_transport::ImageTransport transport_;
+
+  std::mutex mutex_;  ///< guards all below
+  bool enabled_ = true;
+  std::unique_ptr<const Receiver> receiver_;  ///< null: nobody
+  image_transport::CameraSubscriber images_;
+  ros::Subscriber masks_;
+  ros::Subscriber ignore_masks_;
+};
+
+}  // namespace nerf_pose_refiner

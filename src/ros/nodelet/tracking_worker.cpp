@@ -1,0 +1,102 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "ros/nodelet/tracking_worker.h"
+
+#include <ros/console.h>
+
+#include <chrono>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "ros/conversions/status.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+/// Without an image the worker looks so often for what else there is to do: a model that was
+/// loaded, a clock that went on.
+constexpr std::chrono::milliseconds kTick(100);
+
+}  // namespace
+
+TrackingWorker::TrackingWorker(const PoseRefinerParameters& parameters,
+                               std::unique_ptr<ObjectSearch> search, tf2::BufferCore* transforms,
+                               const Outputs& outputs)
+    : outputs_(outputs),
+      tracker_(parameters, std::move(search), transforms,
+               [this](const RefinementStatus& status) { report(status); }),
+      pairing_(parameters.tracker.mask_mode, parameters.mask_timeout_s,
+               [this](CameraFrame frame) { mailbox_.put(std::move(frame)); }),
+      thread_([this] { work(); }) {}
+
+TrackingWorker::~TrackingWorker() {
+  stopping_ = true;
+  tracker().stop();
+  mailbox_.wake();
+  thread_.join();
+}
+
+void TrackingWorker::addImage(const sensor_msgs::ImageConstPtr& image,
+                              const sensor_msgs::CameraInfoConstPtr& info) {
+  const ros::WallTime arrival = ros::WallTime::now();
+  const std::uint32_t clock_jumps = tracker().readClock();
+  outputs_.diagnostics->imageArrived(image->header.stamp);
+  if (const auto reason = tracker_.refusal(*image, *info)) {
+    ROS_ERROR_THROTTLE(5.0, "image: %s", reason->c_str());
+    wake();
+    return;
+  }
+  pairing_.add({image, info, arrival, clock_jumps}, arrival);
+}
+
+void TrackingWorker::addMask(const sensor_msgs::ImageConstPtr& mask) {
+  pairing_.addMask(mask, ros::WallTime::now());
+}
+
+void TrackingWorker::addIgnoreMask(const sensor_msgs::ImageConstPtr& mask) {
+  pairing_.addIgnoreMask(mask, ros::WallTime::now());
+}
+
+void TrackingWorker::work() {
+  while (!stopping_) outputs_.diagnostics->guard("refinement", [this] { workOnce(); });
+}
+
+void TrackingWorker::workOnce() {
+  tracker().applyModels();
+  const std::optional<CameraFrame> frame = mailbox_.take(kTick);
+  pairing_.tick(ros::WallTime::now());
+  tracker().readClock();
+  if (!frame) {
+    tracker().reportChange({"", toNanoseconds(ros::Time::now())});
+  } else if (const std::optional<FrameResult> result = tracker_.process(*frame)) {
+    publish(*result);
+  }
+}
+
+void TrackingWorker::publish(const FrameResult& result) {
+  outputs_.results->publish(result);
+  if (result.pose) outputs_.diagnostics->posePublished(result.pose->header.stamp);
+  report(result.status);
+  const TrackOutcome& track = result.track;
+  if (!track.found) return;
+  outputs_.overlay->draw(
+      {result.status.header, track.observation, track.field, track.refinement.T_O_C});
+}
+
+void TrackingWorker::report(const RefinementStatus& status) {
+  RefinementStatus full = status;
+  full.dropped = mailbox_.dropped() + pairing_.dropped();
+  pairing_.setTracking(full.state == RefinementStatus::STATE_TRACKING);
+  outputs_.diagnostics->statusIs(full);
+  outputs_.results->publish(full);
+  if (full.message.empty()) return;
+  // What is as it should be is no warning, and need not be said often.
+  if (full.reason == RefinementStatus::REASON_NONE ||
+      full.reason == RefinementStatus::REASON_PRIOR_IGNORED) {
+    ROS_INFO_THROTTLE(10.0, "%s", full.message.c_str());
+  } else {
+    ROS_WARN_THROTTLE(1.0, "%s", full.message.c_str());
+  }
+}
+
+}  // namespace nerf_pose_refiner
