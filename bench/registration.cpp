@@ -58,6 +58,7 @@ struct Options {
 void declare(CLI::App* app, Options* options) {
   RegistrationSettings& settings = options->settings;
   settings.held_out = 0;
+  settings.accept_poor_data = true;  // a few steps are measured, too
   app->add_option("dataset", options->dataset, "folder or transforms file of the training views")
       ->required();
   app->add_option("--test", options->test, "transforms file of the test views");

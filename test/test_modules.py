@@ -15,7 +15,7 @@ PACKAGE = 'nerf_pose_refiner'
 # Libraries, as patterns of the include's path.
 EIGEN = r'Eigen/'
 JSON = r'nlohmann/json\.hpp'
-YAML = r'yaml-cpp/yaml\.h'
+YAML = r'yaml-cpp/\w+\.h'
 OPENCV = r'opencv2/'
 CLI = r'CLI/CLI\.hpp'
 OPENMP = r'omp\.h'

@@ -24,6 +24,9 @@ struct RegistrationSettings {
   /// two short ones whose models the photos are aligned with. Takes half as long again, at least;
   /// of `max_seconds` a half is left to the training itself.
   bool refine_poses = false;
+  /// Accepts photos and models that are refused otherwise because the object could not be tracked:
+  /// fewer than three different photos or poses, or a model that does not look like its photos.
+  bool accept_poor_data = false;
   /// In O [model units], if they are known: what is measured of poses is modulo these. Does not
   /// change the model.
   Symmetries symmetries;

@@ -1,6 +1,7 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include "field/object_metadata.h"
 
+#include <yaml-cpp/eventhandler.h>
 #include <yaml-cpp/yaml.h>
 
 #include <Eigen/Geometry>
@@ -185,6 +186,29 @@ ObjectMetadata readDocument(const Node& document) {
   return metadata;
 }
 
+class IgnoredEvents final : public YAML::EventHandler {
+  using Mark = YAML::Mark;
+  using Text = std::string;
+  using Style = YAML::EmitterStyle::value;
+  void OnDocumentStart(const Mark&) override {}
+  void OnDocumentEnd() override {}
+  void OnNull(const Mark&, YAML::anchor_t) override {}
+  void OnAlias(const Mark&, YAML::anchor_t) override {}
+  void OnScalar(const Mark&, const Text&, YAML::anchor_t, const Text&) override {}
+  void OnSequenceStart(const Mark&, const Text&, YAML::anchor_t, Style) override {}
+  void OnSequenceEnd() override {}
+  void OnMapStart(const Mark&, const Text&, YAML::anchor_t, Style) override {}
+  void OnMapEnd() override {}
+};
+
+/// (Not by YAML::LoadAll: from text that begins with a comma it makes documents without end.)
+bool hasMoreDocuments(const std::string& content) {
+  std::istringstream stream(content);
+  YAML::Parser parser(stream);
+  IgnoredEvents ignored;
+  return parser.HandleNextDocument(ignored) && parser.HandleNextDocument(ignored);
+}
+
 }  // namespace
 
 std::string metadataPathOf(const std::string& model_path) {
@@ -194,9 +218,9 @@ std::string metadataPathOf(const std::string& model_path) {
 ObjectMetadata readObjectMetadata(const std::string& path) {
   try {
     if (!std::filesystem::exists(path)) return {};
-    const std::vector<Node> documents = YAML::LoadAll(readWhole(InputFile(path), kMaxBytes));
-    if (documents.size() > 1) throw std::runtime_error("it holds more than one document");
-    return readDocument(documents.empty() ? Node() : documents[0]);
+    const std::string content = readWhole(InputFile(path), kMaxBytes);
+    if (hasMoreDocuments(content)) throw std::runtime_error("it holds more than one document");
+    return readDocument(YAML::Load(content));
   } catch (const YAML::Exception& e) {
     throw std::runtime_error("cannot read '" + path + "': line " + std::to_string(e.mark.line + 1) +
                              ": " + e.msg);

@@ -1,4 +1,5 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
 #include <memory>
 #include <optional>
 #include <string>
@@ -15,6 +16,7 @@ namespace {
 constexpr int kSearchLevel = 0;  // the observed image as it is
 constexpr int kJudgeLevel = 1;   // on: images of the object, to say how well winners agree
 constexpr double kJudgedObjectPx = 128;
+constexpr std::size_t kMaxSamples = 1 << 28;  // of a step: backends count four times as many
 
 // Seeds of the parts of a run, all from the one of the settings; rounds add to the last.
 enum SeedOf : std::uint64_t { kPixelSeed, kSamplingSeed, kResamplingSeed };
@@ -126,7 +128,8 @@ class Inversion {
     OptimisationPlan plan = settings_.descent;
     plan.object_centre = object_.centre;
     plan.length_unit *= unit_;
-    plan.samples_per_step *= static_cast<int>(runs_.size());
+    plan.samples_per_step = static_cast<int>(
+        std::min<std::size_t>(kMaxSamples, runs_.size() * std::size_t(plan.samples_per_step)));
     plan.schedule.run_updates =
         (settings_.first_steps + settings_.rounds * settings_.round_steps) / plan.steps_per_update;
     plan.seed = seedOf(first_.settings, kPixelSeed);

@@ -8,6 +8,7 @@
 #include <stdexcept>
 
 #include "image/colour.h"
+#include "registration/data_check.h"
 #include "registration/pose_correction.h"
 #include "registration/registration_hash.h"
 #include "registration/visual_hull.h"
@@ -254,7 +255,11 @@ std::unique_ptr<FieldTrainer> trainerOf(Backend* backend, const std::vector<Pose
 Hull hullOf(const Dataset& dataset, const RegistrationSettings& settings, double slack,
             const CancellationToken& stop) {
   const int resolution = FieldConfig::named(settings.profile).occupancy_resolution;
-  return visualHull(dataset, resolution, settings.threads, stop, slack);
+  Hull hull = visualHull(dataset, resolution, settings.threads, stop, slack);
+  if (!settings.accept_poor_data) {
+    requireDirections(dataset, 0.5 * (hull.box.min + hull.box.max));
+  }
+  return hull;
 }
 
 Field finished(FieldTrainer* trainer, const Dataset& dataset, const CancellationToken& stop) {
@@ -283,7 +288,11 @@ Field train(Backend* backend, const Dataset& dataset, const RegistrationSettings
   run.report("pose quality");
   field.metadata.symmetries = settings.symmetries;
   const auto loaded = backend->load(std::make_shared<Field>(field));
-  field.metadata.pose = measurePoses(backend, *loaded, poseViews(held_out, training), stop);
+  const std::vector<PosedView> searched = poseViews(held_out, training);
+  field.metadata.pose = measurePoses(backend, *loaded, searched, stop);
+  if (!settings.accept_poor_data) {
+    requireUsableModel(field.metadata, static_cast<int>(searched.size()));
+  }
   return field;
 }
 
@@ -323,6 +332,7 @@ Field learnField(Backend* backend, const Dataset& dataset, const RegistrationSet
                  const CancellationToken& stop) {
   settings.validate();
   requireBox(dataset);
+  if (!settings.accept_poor_data) requireDifferentViews(dataset);
   Field field;
   if (settings.refine_poses) {
     const Dataset corrected = withCorrectedPoses(backend, dataset, settings, progress, stop);

@@ -15,7 +15,7 @@ namespace nerf_pose_refiner {
 /// Learns a field from posed views.
 /// @param progress called from this thread, about twice a second; may be empty.
 /// @throws std::invalid_argument for settings or a box that make no sense, std::runtime_error for
-/// photos that give no model, Stopped.
+/// photos that give no model, or a poor one (@see data_check.h), Cancelled.
 Field learnField(Backend* backend, const Dataset& dataset, const RegistrationSettings& settings,
                  const std::function<void(const RegistrationProgress&)>& progress,
                  const CancellationToken& stop);

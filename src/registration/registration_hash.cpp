@@ -1,6 +1,8 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include "registration/registration_hash.h"
 
+#include <cstring>
+
 #include "math/checksum.h"
 
 namespace nerf_pose_refiner {
@@ -21,8 +23,10 @@ class SettingHasher {
     if (name == std::string("metres_per_unit")) add(dataset_.metres_per_unit);  // its default
   }
   /// Only if set: models from before there was the setting stay valid.
-  void operator()(const char*, bool set, const char*) {
-    if (set) checksum_.add(&set, sizeof set);
+  void operator()(const char* name, bool set, const char*) {
+    if (!set) return;
+    checksum_.add(&set, sizeof set);
+    if (name != std::string("refine_poses")) checksum_.add(name, std::strlen(name));  // the first
   }
 
  private:

@@ -23,10 +23,12 @@ void RegistrationSettings::validate() const {
   require(threads >= 0, "threads", threads, "0 (all cores) or more");
   require(metres_per_unit >= 0 && std::isfinite(metres_per_unit), "metres_per_unit",
           metres_per_unit, "0 (as the dataset says) or more");
-  require(samples_per_step >= 1024, "samples_per_step", plan.samples_per_step, "at least 1024");
-  require(learning_rate > 0 && std::isfinite(plan.learning_rate), "learning_rate", learning_rate,
+  constexpr int kMaxSamples = 1 << 24;  // backends count a few of them together in 32 bits
+  require(samples_per_step >= 1024 && samples_per_step <= kMaxSamples, "samples_per_step",
+          samples_per_step, "1024 to 16777216");
+  require(learning_rate > 0 && std::isfinite(learning_rate), "learning_rate", learning_rate,
           "above 0");
-  require(final_learning_rate_factor > 0 && plan.final_learning_rate_factor <= 1,
+  require(final_learning_rate_factor > 0 && final_learning_rate_factor <= 1,
           "final_learning_rate_factor", final_learning_rate_factor, "in (0, 1]");
 }
 

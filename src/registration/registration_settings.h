@@ -27,6 +27,8 @@ void visitSettings(Settings& settings, Visitor&& visit) {
   visit("seed", settings.seed, "Same seed, same model");
   visit("refine_poses", settings.refine_poses,
         "The photos' poses are not exact: correct them first");
+  visit("accept_poor_data", settings.accept_poor_data,
+        "Register photos and models that are too poor to be tracked, too");
 }
 
 }  // namespace nerf_pose_refiner

@@ -85,6 +85,7 @@ RegisteredObject ObjectRegistration::run(const RegistrationRequest& request,
       return {existing, true};
     }
   }
+  store_.requireWritable(request.name, FieldConfig::named(settings.profile));
   const std::shared_ptr<Backend> backend = make_backend_();
   auto field =
       std::make_shared<Field>(learnField(backend.get(), dataset, settings, progress, stop));

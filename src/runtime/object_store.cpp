@@ -91,6 +91,12 @@ ObjectMetadata ObjectStore::metadataOf(const std::string& name) const {
   return readObjectMetadata(metadataPathOf(pathOf(name)));
 }
 
+void ObjectStore::requireWritable(const std::string& name, const FieldConfig& config) const {
+  const std::string path = pathOf(name);
+  fs::create_directories(fs::path(path).parent_path());
+  requireModelWritable(config, path);
+}
+
 std::shared_ptr<const Field> ObjectStore::save(std::shared_ptr<const Field> field) const {
   const std::string path = pathOf(field->metadata.name);
   fs::create_directories(fs::path(path).parent_path());

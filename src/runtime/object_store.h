@@ -66,6 +66,10 @@ class ObjectStore {
   /// @throws std::runtime_error as readObjectMetadata.
   ObjectMetadata metadataOf(const std::string& name) const;
 
+  /// Makes sure that a model of this shape can be saved under a name; creates the folder.
+  /// @throws as `save`.
+  void requireWritable(const std::string& name, const FieldConfig& config) const;
+
   /// Writes under the name in its metadata; creates the folder.
   /// @return it with what is said of the object.
   /// @throws std::invalid_argument for a bad name, std::runtime_error if it cannot be written: then

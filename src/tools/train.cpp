@@ -102,7 +102,7 @@ void report(const TrainOptions& options, const Field& field, double seconds) {
 }
 
 void train(const TrainOptions& options, const CancellationToken& stop) {
-  requireWritable(options.model);
+  requireModelWritable(FieldConfig::named(options.settings.profile), options.model);
   Dataset dataset = loadTransforms(options.dataset, options.backend.datasetOptions(), stop);
   if (!options.box.empty()) {
     dataset.has_box = true;

@@ -1,9 +1,7 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include <gtest/gtest.h>
-#include <sys/stat.h>
 
 #include <cmath>
-#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
@@ -333,79 +331,6 @@ TEST_F(Transforms, BrokenJson) {
   expectBroken("{\"frames\": [3]}", "frame 0");
   expectBroken("{\"frames\": [{}]}", "file_path is missing");
   expectBroken("{\"frames\": [{\"file_path\": 3}]}", "file_path");
-}
-
-TEST_F(Transforms, DeepJsonIsRefused) {
-  const auto nested = [](int n) { return std::string(n, '[') + std::string(n, ']'); };
-  const std::string text = scene.dump();
-  for (const char* key : {"camera_model", "is_fisheye", "aabb", "unknown"}) {
-    const std::string path =
-        folder.write("transforms.json",
-                     std::string("{\"") + key + "\":" + nested(500000) + "," + text.substr(1));
-    expectError<std::runtime_error>([&] { loadTransforms(path); }, path, "nest deeper");
-  }
-  scene["camera_model"] = {{"a", "b"}};
-  expectRefused("camera model", "object");
-}
-
-TEST_F(Transforms, APipeIsNotWaitedFor) {
-  const std::string pipe = folder.file("pipe.json");
-  ASSERT_EQ(mkfifo(pipe.c_str(), 0600), 0);
-  expectError<std::runtime_error>([&] { loadTransforms(pipe); }, pipe, "no regular file");
-  scene["frames"][1]["mask_path"] = "pipe.json";
-  expectRefused("frame 1", pipe, "no regular file");
-}
-
-// ---- limits ----
-
-class Limits : public Transforms {
- protected:
-  template <typename... Parts>
-  void expectTooMuch(const Parts&... parts) const {
-    const std::string path = folder.write("transforms.json", scene.dump());
-    EXPECT_NO_THROW(loadTransforms(path));
-    expectError<std::runtime_error>([&] { loadTransforms(path, options); }, path, parts...);
-  }
-  DatasetOptions options;
-};
-
-TEST_F(Limits, OfFrames) {
-  options.limits.frames = 1;
-  expectTooMuch("2 frames", "at most 1");
-}
-
-TEST_F(Limits, OfAnImage) {
-  options.limits.image_pixels = 8 * 6 - 1;
-  expectTooMuch("frame 0", "images/a.png", "8 x 6", "at most 47");
-}
-
-TEST_F(Limits, OfAMask) {
-  writePng(Image8(8, 6, 1, 255), folder.file("mask.png"));
-  scene["frames"][0]["mask_path"] = "mask.png";
-  EXPECT_NO_THROW(load());
-  writePng(Image8(80, 60, 1, 255), folder.file("mask.png"));
-  options.limits.image_pixels = 8 * 6;
-  const std::string path = folder.file("transforms.json");
-  expectError<std::runtime_error>([&] { loadTransforms(path, options); }, "frame 0", "mask.png",
-                                  "80 x 60", "at most 48");
-}
-
-TEST_F(Limits, OfAllImages) {
-  options.limits.pixels = 2 * 8 * 6 - 1;
-  expectTooMuch("frame 1", "images/b.png", "95 pixels together");
-}
-
-TEST_F(Limits, OfTheJson) {
-  options.limits.json_bytes = 100;
-  expectTooMuch("at most 100");
-}
-
-TEST_F(Transforms, OneImageInTwoFramesIsRefused) {
-  scene["frames"][1]["file_path"] = "images/../images/a";
-  expectRefused("frame 1", "frame 0 has the same image", "images/a.png");
-  std::filesystem::create_symlink("a.png", folder.file("images/link.png"));
-  scene["frames"][1]["file_path"] = "images/link.png";
-  expectRefused("frame 1", "frame 0 has the same image", "images/link.png");
 }
 
 TEST_F(Transforms, BadBoxes) {

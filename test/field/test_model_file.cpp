@@ -237,48 +237,6 @@ TEST_F(ModelFile, AnotherVersion) {
   expectRefused(bytesOf(parts), "version");
 }
 
-// Copying or printing such a value takes a frame of the stack for each bracket.
-TEST_F(ModelFile, DeepHeadersAreRefused) {
-  const auto withHeader = [](const std::string& text) {
-    const std::uint64_t length = text.size();
-    return std::string(reinterpret_cast<const char*>(&length), 8) + text;
-  };
-  const auto nested = [](int n) { return std::string(n, '[') + std::string(n, ']'); };
-  expectRefused(withHeader(R"({"__metadata__": {"format": "nerf_pose_refiner", "version": )" +
-                           nested(500000) + "}}"),
-                "no header");
-  expectRefused(withHeader(R"({"__metadata__": {"format": "nerf_pose_refiner", "version": )" +
-                           nested(30000) + "}}"),
-                "nest deeper");
-  Parts parts = partsOf(bytes);
-  parts.header["__metadata__"]["field"] = nested(30000);
-  expectRefused(bytesOf(parts), "nest deeper");
-}
-
-TEST_F(ModelFile, APipeOfItsNameIsNotWaitedFor) {
-  const std::string pipe = folder.file("pipe.safetensors");
-  ASSERT_EQ(mkfifo(pipe.c_str(), 0600), 0);
-  expectError<std::runtime_error>([&] { loadModel(pipe); }, pipe, "no regular file");
-  expectError<std::runtime_error>([&] { readModelMetadata(pipe); }, pipe, "no regular file");
-}
-
-TEST_F(ModelFile, RoomForAModelIsCheckedBeforeThereIsOne) {
-  EXPECT_NO_THROW(requireModelWritable(FieldConfig::named("cpu"), path));
-  EXPECT_EQ(readFile(path), bytes);
-  const std::string nowhere = folder.path() + "/none/cup.safetensors";
-  expectError<std::runtime_error>([&] { requireModelWritable(FieldConfig::named("cpu"), nowhere); },
-                                  nowhere, "No such file");
-  rlimit before;
-  getrlimit(RLIMIT_FSIZE, &before);
-  const auto ignored = signal(SIGXFSZ, SIG_IGN);
-  const rlimit little = {3000000, before.rlim_max};  // the grid alone has more
-  setrlimit(RLIMIT_FSIZE, &little);
-  expectError<std::runtime_error>([&] { requireModelWritable(FieldConfig::named("cpu"), path); },
-                                  path, "File too large");
-  setrlimit(RLIMIT_FSIZE, &before);
-  signal(SIGXFSZ, ignored);
-}
-
 TEST_F(ModelFile, ClaimsOfSizesTakeNoMemory) {
   // Far more than the file holds and the test needs, far less than what is claimed.
   rlimit before;

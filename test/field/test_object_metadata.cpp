@@ -140,6 +140,12 @@ TEST_F(ObjectMetadataTest, APipeOfItsNameIsNotWaitedFor) {
   expectError<std::runtime_error>([&] { readObjectMetadata(pipe); }, pipe, "no regular file");
 }
 
+// yaml-cpp makes documents of it without end.
+TEST_F(ObjectMetadataTest, AFileThatBeginsWithACommaIsRefused) {
+  expectRefused(", metres_per_unit: 1\n", "more than one document");
+  expectRefused("],", "");
+}
+
 TEST_F(ObjectMetadataTest, LongAndDeepFilesAreRefused) {
   expectRefused(std::string(1 << 17, '#'), "at most");
   expectRefused("symmetries: " + std::string(60000, '['), "line 1");

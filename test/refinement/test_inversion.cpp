@@ -173,6 +173,8 @@ TEST(Inversion, refusesSettingsOutOfRange) {
   expectRefused("score_pixels", [](InversionSettings* s) { s->score_pixels = 0; });
   expectRefused("jitter_translation", [](InversionSettings* s) { s->jitter_translation = NAN; });
   expectRefused("descent.beta2", [](InversionSettings* s) { s->descent.beta2 = 1; });
+  expectRefused("descent.samples_per_step",
+                [](InversionSettings* s) { s->descent.samples_per_step = (1 << 27) + 1; });
   expectRefused("descent.decay", [](InversionSettings* s) { s->descent.schedule.decay = 0; });
   expectRefused("descent.anneal_share",
                 [](InversionSettings* s) { s->descent.schedule.anneal_fraction = 1.1; });

@@ -30,6 +30,7 @@ class Registration : public testing::Test {
  protected:
   Registration() {
     settings.steps = 2;
+    settings.accept_poor_data = true;  // all photos have one pose
     scene = {{"camera_angle_x", 1.0},
              {"aabb", {{-1, -1, -1}, {1, 1, 1}}},
              {"metres_per_unit", 0.1},
@@ -186,6 +187,27 @@ TEST_F(Registration, AFullDiskIsNamedAndLeavesTheOldModel) {
   int files = 0;
   for (const auto& file : fs::directory_iterator(folder.path() + "/models")) files += file.exists();
   EXPECT_EQ(files, 1) << "nothing half";
+}
+
+TEST_F(Registration, DataThatCannotBeAnObjectIsRefused) {
+  settings.accept_poor_data = false;
+  expectError<std::runtime_error>([this] { run(); }, "1 different poses", "accept_poor_data");
+  EXPECT_FALSE(fs::exists(folder.path() + "/models/cup.safetensors"));
+}
+
+// Found out before the training, which may take minutes.
+TEST_F(Registration, AFolderThatTakesNoModelIsFoundBeforeTheTraining) {
+  folder.write("models", "a file");
+  expectError<std::runtime_error>([this] { run(); }, "models");
+  EXPECT_EQ(backends, 0);
+}
+
+TEST_F(Registration, OtherSymmetriesAreMeasuredAnew) {
+  EXPECT_TRUE(trained());
+  EXPECT_FALSE(trained());
+  folder.write("models/cup.yaml", "symmetries: {continuous: {axis: [0, 0, 1]}}\n");
+  EXPECT_TRUE(trained());
+  EXPECT_FALSE(trained());
 }
 
 TEST_F(Registration, AStopAtTheLastMomentWritesNothing) {

@@ -144,7 +144,7 @@ ViewCapture::Lookup ViewCapture::lookUp(const CapturedImage& image, const ros::T
                                               withoutSlash(header.frame_id), header.stamp)
                              .transform);
     return Lookup::kFound;
-  } catch (const tf2::TransformException& e) {
+  } catch (const std::exception& e) {  // tf2's, or of a stamp too far off for its differences
     // Numbers: a difference of times throws where a stamp is far off.
     const double age_s = now.toSec() - header.stamp.toSec();
     if (age_s >= 0 && age_s < parameters_.tf_timeout_s) return Lookup::kWait;
