@@ -226,6 +226,8 @@ void addOptions(CLI::App* app, Options* options) {
   app->add_option("--evaluations", options->alignment.max_evaluations, "at most, a level");
   app->add_option("--robust-scale", options->alignment.robust_scale, "[local deviations]");
   app->add_option("--robust-growth", options->alignment.robust_growth, "a level");
+  app->add_option("--observed", options->alignment.observed_fraction, "of gradients, finest level");
+  app->add_option("--coarse-observed", options->alignment.coarse_observed_fraction, "of gradients");
   app->add_option("--convergence", options->alignment.convergence_px, "[px]");
   app->add_option("--coarse-convergence", options->alignment.coarse_convergence_px, "[px]");
   app->add_option("--look-around", options->alignment.look_around_px, "[px]");

@@ -22,6 +22,12 @@ struct PointColumns {
   int size() const { return static_cast<int>(cell.size()); }
 };
 
+/// The surface around a point, for steps of a pixel of the keyframe to the right and down.
+struct ChosenSurface {
+  Eigen::Vector3f tangent[2];   ///< how the point moves, in the axes of O [model units]
+  Eigen::Vector2f gradient[3];  ///< how its locally normalised colour changes
+};
+
 /// One resolution of a keyframe: what alignment compares with an image.
 struct KeyframeLevel {
   int width = 0, height = 0;  ///< of the keyframe's own grid [px]
@@ -34,9 +40,10 @@ struct KeyframeLevel {
 
   /// Pixels that say most about the pose, sorted by tiles; each tile is a whole number of groups.
   PointColumns chosen;
-  int point_count = 0;              ///< of the chosen ones, without what fills groups
-  std::vector<float> weight;        ///< of the chosen ones: 1, or 0 for what fills a group
-  std::vector<float> colour[3];     ///< of the chosen ones, locally normalised
+  int point_count = 0;                 ///< of the chosen ones, without what fills groups
+  std::vector<float> weight;           ///< of the chosen ones: 1, or 0 for what fills a group
+  std::vector<float> colour[3];        ///< of the chosen ones, locally normalised
+  std::vector<ChosenSurface> surface;  ///< around the chosen ones
   std::vector<std::int32_t> tiles;  ///< where each tile begins among the chosen; last: their number
 };
 

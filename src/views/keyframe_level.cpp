@@ -88,29 +88,32 @@ class LevelMaker {
   // Colours relative to what is around them, as alignment does it with the image's.
   void normaliseColours() {
     const std::size_t pixels = smooth_.pixels();
-    std::vector<float> colours(4 * pixels, 0.0f), counts(4 * pixels, 0.0f), sums;
+    std::vector<float> colours(kBoxChannels * pixels, 0.0f), counts(kBoxChannels * pixels, 0.0f),
+        sums;
     for (std::size_t i = 0; i < pixels; ++i) {
       if (!shown_[i]) continue;
       const float* pixel = smooth_.values.data() + kKeyframeChannels * i;
       for (int c = 0; c < 3; ++c) {
-        colours[4 * i + c] = pixel[c] / pixel[kKeyframeAlpha];
-        colours[4 * i + 3] += colours[4 * i + c] * colours[4 * i + c];
+        const float colour = pixel[c] / pixel[kKeyframeAlpha];
+        colours[kBoxChannels * i + c] = colour;
+        colours[kBoxChannels * i + 3 + c] = colour * colour;
       }
-      counts[4 * i] = 1;
+      counts[kBoxChannels * i] = 1;
     }
     boxSums(counts, level_.width, level_.height, level_.window, &sums);
     level_.inverse_count.assign(pixels, 0.0f);
     for (std::size_t i = 0; i < pixels; ++i) {
-      if (shown_[i]) level_.inverse_count[i] = 1 / sums[4 * i];
+      if (shown_[i]) level_.inverse_count[i] = 1 / sums[kBoxChannels * i];
     }
     boxSums(colours, level_.width, level_.height, level_.window, &sums);
     normalised_ = Image(level_.width, level_.height, 3);
     for (std::size_t i = 0; i < pixels; ++i) {
       if (!shown_[i]) continue;
-      const LocalColours<float> local = localColours(sums.data() + 4 * i, level_.inverse_count[i]);
+      const LocalColours<float> local =
+          localColours(sums.data() + kBoxChannels * i, level_.inverse_count[i]);
       for (int c = 0; c < 3; ++c) {
         normalised_.values[3 * i + c] =
-            (colours[4 * i + c] - local.mean[c]) * local.inverse_deviation;
+            (colours[kBoxChannels * i + c] - local.mean[c]) * local.inverse_deviation[c];
       }
     }
   }
@@ -187,8 +190,20 @@ class LevelMaker {
     return pixel / level_.width / kTileSide * tiles + pixel % level_.width / kTileSide;
   }
 
+  ChosenSurface surfaceAt(int x, int y) const {
+    ChosenSurface surface;
+    surface.tangent[0] = 0.5f * (pointAt(x + 1, y) - pointAt(x - 1, y));
+    surface.tangent[1] = 0.5f * (pointAt(x, y + 1) - pointAt(x, y - 1));
+    for (int c = 0; c < 3; ++c) {
+      surface.gradient[c] = {0.5f * (normalised_.at(x + 1, y, c) - normalised_.at(x - 1, y, c)),
+                             0.5f * (normalised_.at(x, y + 1, c) - normalised_.at(x, y - 1, c))};
+    }
+    return surface;
+  }
+
   void addChosen(int pixel, float weight) {
     addPoint(pixel, &level_.chosen);
+    level_.surface.push_back(surfaceAt(pixel % level_.width, pixel / level_.width));
     level_.weight.push_back(weight);
     for (int c = 0; c < 3; ++c) {
       level_.colour[c].push_back(normalised_.values[3 * static_cast<std::size_t>(pixel) + c]);

@@ -22,16 +22,24 @@ struct KernelPoints {
 
 /// What a keyframe shows at its chosen points, and how the image looks around them.
 struct KernelColours {
-  const float* rendered[3];  ///< locally normalised
-  const float* mean[3];      ///< of the image around the point
-  const float* inverse_deviation;
+  const float* rendered[3];     ///< locally normalised
+  const float* rendered_du[3];  ///< its gradient in the image [1 / px]
+  const float* rendered_dv[3];
+  const float* mean[3];  ///< of the image around the point
+  const float* inverse_deviation[3];
   const float* weight;
+};
+
+/// @see pointResidual, gemanMcClure
+struct KernelRules {
+  float robust_scale;
+  float observed_fraction;
 };
 
 /// Alignment's arithmetic for one instruction set. Numbers of points are multiples of kPointGroup.
 struct KeyframeKernels {
-  /// Colours of n points where a pose puts them, and the sum of their squares: [n][4]. Points
-  /// outside of the image have the colours of its border.
+  /// Colours of n points where a pose puts them, and their squares, into the sums' grid: eight
+  /// numbers a pixel, the last two 0. Points outside of the image have the colours of its border.
   void (*sampleColours)(const KernelImage& image, const PointTransform<float>& pose,
                         const KernelPoints& points, const std::int32_t* cell, int n, float* grid);
 
@@ -39,7 +47,7 @@ struct KeyframeKernels {
   /// out.
   void (*sumTile)(const KernelImage& image, const PointTransform<float>& pose,
                   const KernelPoints& points, const KernelColours& colours, int first, int last,
-                  float robust_scale, PointSums<float>* sums);
+                  const KernelRules& rules, PointSums<float>* sums);
 };
 
 /// Kernels for any processor, and for x86-64 with AVX2 and FMA (not defined where not compiled).

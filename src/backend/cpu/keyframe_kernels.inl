@@ -92,10 +92,12 @@ void sampleColours(const KernelImage& image, const PointTransform<float>& pose,
   for (int i = 0; i < n; i += kLanes) {
     const Projected g = projectGroup(image, pose, points, i);
     for (int lane = 0; lane < kLanes; ++lane) {
-      Channels colour = interpolateAt(image, g, lane).value;
+      const Channels colour = interpolateAt(image, g, lane).value;
       const Channels squares = colour * colour;
-      colour[3] = squares[0] + squares[1] + squares[2];
-      memcpy(grid + 4 * (int64_t)cell[i + lane], &colour, sizeof colour);
+      float* sums = grid + 8 * (int64_t)cell[i + lane];
+      memcpy(sums + 3, &squares, sizeof squares);
+      const float rgb[3] = {colour[0], colour[1], colour[2]};
+      memcpy(sums, rgb, sizeof rgb);
     }
   }
 }
@@ -130,7 +132,7 @@ inline void addLanes(const PointSums<Vector>& lanes, PointSums<float>* sums) {
 
 void sumTile(const KernelImage& image, const PointTransform<float>& pose,
              const KernelPoints& points, const KernelColours& colours, int first, int last,
-             float robust_scale, PointSums<float>* sums) {
+             const KernelRules& rules, PointSums<float>* sums) {
   PointSums<Vector> lanes = {};
   for (int i = first; i < last; i += kLanes) {
     const Projected g = projectGroup(image, pose, points, i);
@@ -140,12 +142,18 @@ void sumTile(const KernelImage& image, const PointTransform<float>& pose,
                                                    group.channel(2)};
     const LocalColours<Vector> local = {
         {load(colours.mean[0] + i), load(colours.mean[1] + i), load(colours.mean[2] + i)},
-        load(colours.inverse_deviation + i)};
-    const Vector rendered[3] = {load(colours.rendered[0] + i), load(colours.rendered[1] + i),
-                                load(colours.rendered[2] + i)};
+        {load(colours.inverse_deviation[0] + i), load(colours.inverse_deviation[1] + i),
+         load(colours.inverse_deviation[2] + i)}};
+    RenderedPoint<Vector> rendered;
+    for (int c = 0; c < 3; ++c) {
+      rendered.value[c] = load(colours.rendered[c] + i);
+      rendered.du[c] = load(colours.rendered_du[c] + i);
+      rendered.dv[c] = load(colours.rendered_dv[c] + i);
+    }
     const Vector weight = choose(g.inside, load(colours.weight + i), Vector{});
-    addPoint(pointFlow(image.K, pose, g.p, g.q), pointResidual(rendered, observed, local), weight,
-             Vector{} + robust_scale, &lanes);
+    addPoint(pointFlow(image.K, pose, g.p, g.q),
+             pointResidual(rendered, observed, local, rules.observed_fraction), weight,
+             Vector{} + rules.robust_scale, &lanes);
   }
   addLanes(lanes, sums);
 }
