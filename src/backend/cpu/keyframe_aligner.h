@@ -15,7 +15,7 @@ namespace nerf_pose_refiner {
 /// How a pose is found by aligning a keyframe with an image.
 struct KeyframeAlignmentSettings {
   int max_evaluations = 16;               ///< a level
-  double robust_scale = 0.5;              ///< residuals above it are outliers [local deviations]
+  double robust_scale = 0.7;              ///< residuals above it are outliers [local deviations]
   double robust_growth = 1.3;             ///< of this scale, from a level to the next coarser one
   double observed_fraction = 0;           ///< of the observation in gradients, finest level
   double coarse_observed_fraction = 0.5;  ///< the same of other levels
