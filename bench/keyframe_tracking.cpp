@@ -217,6 +217,7 @@ void addOptions(CLI::App* app, Options* options) {
   app->add_option("--start-fraction", options->start_fraction, "the same, of the diameter");
   app->add_option("--repeat", options->repeat, "times that the sequence is tracked");
   app->add_option("--points", options->keyframe.max_points, "chosen points of a level");
+  app->add_option("--shown", options->keyframe.max_shown, "pixels that local colours are of");
   app->add_option("--levels", options->keyframe.levels, "of a keyframe");
   app->add_option("--max-side", options->keyframe.max_side_px, "of a keyframe [px]");
   app->add_option("--rays", options->keyframe.rays_per_side, "along a pixel of a keyframe");

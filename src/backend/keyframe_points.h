@@ -17,7 +17,7 @@ constexpr int kPointGroup = 8;
 /// units].
 struct PointColumns {
   std::vector<float> x, y, z;
-  std::vector<std::int32_t> cell;  ///< the pixel y * width + x of the keyframe's level
+  std::vector<std::int32_t> cell;  ///< the pixel y * width + x of the level's grid
 
   int size() const { return static_cast<int>(cell.size()); }
 };
@@ -30,11 +30,13 @@ struct ChosenSurface {
 
 /// One resolution of a keyframe: what alignment compares with an image.
 struct KeyframeLevel {
-  int width = 0, height = 0;  ///< of the keyframe's own grid [px]
-  int window = 0;             ///< half width of the neighbourhood of local colours [px]
+  /// Local colours are taken on a grid of every so many-th pixel of the keyframe, along both axes.
+  int spacing = 1;
+  int width = 0, height = 0;  ///< of this grid; cells of points are its pixels
+  int window = 0;             ///< half width of the neighbourhood of local colours, in it
 
-  /// Every pixel that shows the object for certain; local colours are taken over these. Groups are
-  /// filled up with the pixel width * height, which is none.
+  /// Every pixel of the grid that shows the object for certain; local colours are taken over
+  /// these. Groups are filled up with the pixel width * height, which is none.
   PointColumns shown;
   std::vector<float> inverse_count;  ///< [height][width], 1 / number of shown pixels around
 

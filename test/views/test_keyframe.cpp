@@ -18,7 +18,15 @@ const Camera kCamera = {320, 240, 400, 400, 159.5, 119.5};
 
 class KeyframeOfScene : public testing::Test {
  protected:
-  KeyframePoints render(const KeyframeSettings& settings = {}, const Camera& camera = kCamera) {
+  // Cells are pixels, unless settings say otherwise.
+  static KeyframeSettings dense() {
+    KeyframeSettings settings;
+    settings.max_shown = 1 << 20;
+    return settings;
+  }
+
+  KeyframePoints render(const KeyframeSettings& settings = dense(),
+                        const Camera& camera = kCamera) {
     return renderKeyframe(backend_.get(), *scene_, camera, T_O_C_, settings);
   }
 
@@ -49,7 +57,7 @@ TEST_F(KeyframeOfScene, PointsLieOnTheSurface) {
 }
 
 TEST_F(KeyframeOfScene, PointsProjectToTheirPixels) {
-  const KeyframeSettings settings;
+  const KeyframeSettings settings = dense();
   const KeyframePoints keyframe = render(settings);
   int reduction = 0;
   const FieldMetadata& object = scene_->field().metadata;
@@ -71,7 +79,7 @@ TEST_F(KeyframeOfScene, PointsProjectToTheirPixels) {
 }
 
 TEST_F(KeyframeOfScene, KeepsToItsBudgetAndSpreadsIt) {
-  KeyframeSettings settings;
+  KeyframeSettings settings = dense();
   settings.max_points = 300;
   const KeyframeLevel level = render(settings).levels[0];
   EXPECT_EQ(level.point_count, 300);
@@ -119,6 +127,16 @@ TEST_F(KeyframeOfScene, LeavesOutDepthJumps) {
     if (right == depths.end() || (cell + 1) % level.width == 0) continue;
     EXPECT_LT(std::abs(right->second - depth), 0.05) << cell;
   }
+}
+
+TEST_F(KeyframeOfScene, TakesLocalColoursOfAsManyPixelsAsItMay) {
+  KeyframeSettings settings;
+  settings.max_shown = 1500;
+  const KeyframeLevel dense = render().levels[0], sparse = render(settings).levels[0];
+  EXPECT_GT(sparse.spacing, 1);
+  EXPECT_LE(sparse.shown.size(), 1.1 * settings.max_shown);
+  EXPECT_EQ(sparse.width, (dense.width + sparse.spacing - 1) / sparse.spacing);
+  EXPECT_EQ(sparse.point_count, dense.point_count);
 }
 
 TEST_F(KeyframeOfScene, ReducesALargeImage) {

@@ -12,6 +12,7 @@ namespace nerf_pose_refiner {
 namespace {
 
 constexpr double kFirstDamping = 0.01;
+constexpr int kMinPoints = 24;
 
 CameraPose<float> single(const CameraPose<double>& pose) {
   CameraPose<float> single;
@@ -94,16 +95,19 @@ void KeyframeAligner::beginLevel(const KeyframePoints& keyframe, int index,
   carryGradients(keyframe, index, pose);
   const KernelImage image = frame_.level(index);
   hidden_ = occlusion_.hidden(level.shown, transformOf(pose, keyframe.centre),
-                              {image.K, image.width, image.height});
+                              {image.K, image.width, image.height, level.spacing});
   grid_.assign(kBoxChannels * (pixels + 1), 0.0f);
   if (hidden_.empty()) return;
   for (const std::int32_t cell : level.shown.cell) grid_[kBoxChannels * cell] = 1;
-  for (const std::int32_t cell : hidden_) grid_[kBoxChannels * cell] = 0;
+  for (const std::int32_t cell : hidden_) {
+    grid_[kBoxChannels * cell] = 0;
+    grid_[kBoxChannels * cell + 1] = 1;
+  }
   boxSums(grid_, level.width, level.height, level.window, &sums_);
   for (int i = 0; i < level.chosen.size(); ++i) {
-    const std::size_t cell = level.chosen.cell[i];
-    inverse_count_[cell] = 1 / std::max(1.0f, std::round(sums_[kBoxChannels * cell]));
-    if (grid_[kBoxChannels * cell] == 0) weight_[i] = 0;
+    const std::size_t cell = kBoxChannels * static_cast<std::size_t>(level.chosen.cell[i]);
+    inverse_count_[level.chosen.cell[i]] = 1 / std::max(1.0f, std::round(sums_[cell]));
+    if (grid_[cell + 1] > 0) weight_[i] = 0;
   }
   point_count_ = static_cast<int>(std::count(weight_.begin(), weight_.end(), 1.0f));
   std::fill(grid_.begin(), grid_.end(), 0.0f);
@@ -201,6 +205,7 @@ KeyframeAligner::Evaluation KeyframeAligner::alignLevel(
                                     : settings.coarse_observed_fraction)};
   beginLevel(keyframe, level, starts.front());
   Evaluation best;
+  best.pose = starts.front();
   for (const CameraPose<double>& start : starts) {
     lookAround(keyframe, level, start);
     const Evaluation evaluation = evaluate(keyframe, level, start, rules);
@@ -247,8 +252,10 @@ Hypothesis KeyframeAligner::align(const KeyframePoints& keyframe, const Pose& st
   // What a coarse level found counts only where a finer one finds it better than the start, too.
   std::vector<CameraPose<double>> starts = {best.pose};
   for (int level = static_cast<int>(keyframe.levels.size()) - 1; level >= 0; --level) {
+    if (keyframe.levels[level].point_count < kMinPoints) continue;  // a far object's coarse ones
     best = alignLevel(keyframe, level, starts, settings, &found.iterations);
-    starts = {best.pose, plainPose(start_T_O_C)};
+    starts = {best.pose};
+    if (level > 1) starts.push_back(plainPose(start_T_O_C));
   }
   found.T_O_C = poseOf(best.pose);
   found.loss = best.loss;
