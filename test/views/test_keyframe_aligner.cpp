@@ -163,6 +163,23 @@ TEST_F(KeyframeAlignerOnScene, FindsWhatLeavesTheImage) {
   expectFound(found, 0.3, 0.006);
 }
 
+TEST_F(KeyframeAlignerOnScene, SaysWhatCannotBeFound) {
+  const KeyframePoints keyframe = keyframeAt(truth_);
+  const Image image = imageOf(truth_);
+  const Pose outside(truth_.R, truth_.t + truth_.R * Eigen::Vector3d(5, 0, 0));
+  EXPECT_EQ(align(image, keyframe, outside).state, HypothesisState::kOutOfImage);
+  const Pose behind(truth_.R, truth_.t + truth_.R * Eigen::Vector3d(0, 0, 6));
+  EXPECT_EQ(align(image, keyframe, behind).state, HypothesisState::kBehindCamera);
+  EXPECT_EQ(align(image, keyframe, truth_).state, HypothesisState::kLive);
+}
+
+TEST_F(KeyframeAlignerOnScene, ScoresRightPosesAboveWrongOnes) {
+  const KeyframePoints keyframe = keyframeAt(truth_);
+  const Pose other = cameraAround(*scene_, 2.6, -0.4);
+  EXPECT_GT(align(imageOf(truth_), keyframe, truth_).score, 0.8);
+  EXPECT_LT(align(imageOf(other), keyframe, truth_).score, 0.4);
+}
+
 TEST_F(KeyframeAlignerOnScene, SameInputSameBits) {
   const Image image = imageOf(truth_);
   const Pose start = offBy(truth_, {0.5, -0.5, 0.5}, 4);

@@ -61,6 +61,22 @@ Eigen::Matrix<double, 6, 6> symmetric(const double lower[21]) {
   return full;
 }
 
+// Robust loss of colours that have nothing in common.
+double chanceLoss(double robust_scale) {
+  return kChanceDifference * 0.5 * robust_scale * robust_scale;
+}
+
+HypothesisState stateOf(const Pose& T_O_C, const KeyframePoints& keyframe,
+                        const PointSums<double>& sums) {
+  if (!T_O_C.isFinite()) return HypothesisState::kNotFinite;
+  if (!((T_O_C.inverse() * keyframe.centre).z() > 0)) return HypothesisState::kBehindCamera;
+  if (!(sums.weight >= kMinPoints)) return HypothesisState::kOutOfImage;
+  if (!(factorise6(sums.information, 0.0).smallest_pivot > 0)) {
+    return HypothesisState::kIllConditioned;
+  }
+  return HypothesisState::kLive;
+}
+
 }  // namespace
 
 void KeyframeAligner::observe(const Image8& image, const Camera& camera,
@@ -187,8 +203,8 @@ KeyframeAligner::Evaluation KeyframeAligner::evaluate(const KeyframePoints& keyf
   }
   // A point that has left the image explains no more than chance does: leaving it is no gain.
   const double missing = point_count_ - evaluation.sums.weight;
-  const double chance = kChanceDifference * 0.5 * rules.robust_scale * rules.robust_scale;
-  evaluation.loss = (evaluation.sums.cost + missing * chance) / std::max(1, point_count_);
+  evaluation.loss =
+      (evaluation.sums.cost + missing * chanceLoss(rules.robust_scale)) / std::max(1, point_count_);
   return evaluation;
 }
 
@@ -258,11 +274,13 @@ Hypothesis KeyframeAligner::align(const KeyframePoints& keyframe, const Pose& st
     if (level > 1) starts.push_back(plainPose(start_T_O_C));
   }
   found.T_O_C = poseOf(best.pose);
+  found.state = stateOf(found.T_O_C, keyframe, best.sums);
   found.loss = best.loss;
   found.information = symmetric(best.sums.information);
   found.gradient_scatter = best.scatter.correction() * symmetric(best.scatter.gradients);
   if (best.sums.weight > 0) found.visible_fraction = best.sums.robust_weight / best.sums.weight;
   if (best.sums.robust_weight > 0) {
+    found.score = std::max(0.0, 1 - best.loss / chanceLoss(settings.robust_scale));
     found.residual_variance = best.sums.squared_residual / (3 * best.sums.robust_weight);
   }
   return found;

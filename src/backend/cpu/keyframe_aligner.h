@@ -39,7 +39,9 @@ class KeyframeAligner {
   void observe(const Image8& image, const Camera& camera, const KeyframePoints& keyframe,
                const Pose& T_O_C, double margin = 0.2);
 
-  /// The pose that explains the image best, from a start near it; its loss is the mean over points.
+  /// The pose that explains the image best, from a start near it. Its loss is the mean over points;
+  /// its score is 1 where all look as rendered and 0 where no more do than by chance; its visible
+  /// fraction is the weight that robust weights leave.
   Hypothesis align(const KeyframePoints& keyframe, const Pose& start_T_O_C,
                    const KeyframeAlignmentSettings& settings = {});
 
