@@ -233,7 +233,8 @@ void addOptions(CLI::App* app, Options* options) {
   app->add_option("--coarse-convergence", options->alignment.coarse_convergence_px, "[px]");
   app->add_option("--look-around", options->alignment.look_around_px, "[px]");
   app->add_option("--relaxation", options->alignment.over_relaxation, "of steps");
-  app->add_option("--basin", options->basin_frames, "measures the basin in every so many-th frame");
+  app->add_option("--basin", options->basin_frames,
+                  "measures the basin in every so many-th frame, and nothing else");
   app->add_flag("--predict,!--no-predict", options->predict, "constant velocity");
   app->add_flag("--verbose", options->verbose, "a line for each frame");
 }
@@ -245,9 +246,12 @@ int run(int argc, char** argv) {
   CLI11_PARSE(app, argc, argv);
   try {
     Benchmark benchmark(options);
+    if (options.basin_frames > 0) {
+      benchmark.measureBasin();
+      return 0;
+    }
     for (int i = 0; i < options.repeat; ++i) benchmark.track();
     benchmark.print();
-    if (options.basin_frames > 0) benchmark.measureBasin();
   } catch (const std::exception& error) {
     std::fprintf(stderr, "keyframe_tracking: %s\n", error.what());
     return 1;

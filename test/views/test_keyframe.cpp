@@ -142,7 +142,7 @@ TEST_F(KeyframeOfScene, TakesLocalColoursOfAsManyPixelsAsItMay) {
 TEST_F(KeyframeOfScene, ReducesALargeImage) {
   const Camera large = kCamera.resized(4 * kCamera.width, 4 * kCamera.height);
   const KeyframePoints keyframe = render({}, large);
-  EXPECT_EQ(keyframe.reduction, 4);
+  EXPECT_EQ(keyframe.reduction, 2);
   EXPECT_LE(keyframe.levels[0].width, KeyframeSettings().max_side_px);
   EXPECT_EQ(render().reduction, 1);
 }
