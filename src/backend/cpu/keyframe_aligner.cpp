@@ -160,7 +160,7 @@ void KeyframeAligner::carryGradients(const KeyframePoints& keyframe, int index,
 void KeyframeAligner::lookAround(const KeyframePoints& keyframe, int index,
                                  const CameraPose<double>& pose) {
   const KeyframeLevel& level = keyframe.levels[index];
-  kernels_->sampleColours(frame_.level(index), transformOf(pose, keyframe.centre),
+  kernels_->sampleColours({frame_.level(index), transformOf(pose, keyframe.centre)},
                           columnsOf(level.shown), level.shown.cell.data(), level.shown.size(),
                           grid_.data());
   for (const std::int32_t cell : hidden_) {
@@ -183,8 +183,7 @@ KeyframeAligner::Evaluation KeyframeAligner::evaluate(const KeyframePoints& keyf
                                                       const CameraPose<double>& pose,
                                                       const KernelRules& rules) {
   const KeyframeLevel& points = keyframe.levels[level];
-  const KernelImage image = frame_.level(level);
-  const PointTransform<float> transform = transformOf(pose, keyframe.centre);
+  const KernelView view = {frame_.level(level), transformOf(pose, keyframe.centre)};
   const KernelColours colours = {
       {points.colour[0].data(), points.colour[1].data(), points.colour[2].data()},
       {rendered_du_[0].data(), rendered_du_[1].data(), rendered_du_[2].data()},
@@ -196,8 +195,9 @@ KeyframeAligner::Evaluation KeyframeAligner::evaluate(const KeyframePoints& keyf
   evaluation.pose = pose;
   for (std::size_t t = 0; t + 1 < points.tiles.size(); ++t) {
     PointSums<float> tile = {};
-    kernels_->sumTile(image, transform, columnsOf(points.chosen), colours, points.tiles[t],
-                      points.tiles[t + 1], rules, &tile);
+    const KernelTile points_of_tile = {columnsOf(points.chosen), colours, points.tiles[t],
+                                       points.tiles[t + 1]};
+    kernels_->sumTile(view, points_of_tile, rules, &tile);
     add(tile, &evaluation.sums);
     evaluation.scatter.addTile(equationsOf(tile));
   }

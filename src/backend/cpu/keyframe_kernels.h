@@ -15,6 +15,12 @@ struct KernelImage {
   Pinhole<float> K;   ///< of the window
 };
 
+/// An image, and where its camera is taken to be.
+struct KernelView {
+  KernelImage image;
+  PointTransform<float> pose;
+};
+
 /// Points as the kernels see them, relative to the object's centre.
 struct KernelPoints {
   const float *x, *y, *z;
@@ -30,6 +36,13 @@ struct KernelColours {
   const float* weight;
 };
 
+/// The chosen points first <= i < last: those of one tile.
+struct KernelTile {
+  KernelPoints points;
+  KernelColours colours;
+  int first, last;
+};
+
 /// @see pointResidual, gemanMcClure
 struct KernelRules {
   float robust_scale;
@@ -40,14 +53,12 @@ struct KernelRules {
 struct KeyframeKernels {
   /// Colours of n points where a pose puts them, and their squares, into the sums' grid: eight
   /// numbers a pixel, the last two 0. Points outside of the image have the colours of its border.
-  void (*sampleColours)(const KernelImage& image, const PointTransform<float>& pose,
-                        const KernelPoints& points, const std::int32_t* cell, int n, float* grid);
+  void (*sampleColours)(const KernelView& view, const KernelPoints& points,
+                        const std::int32_t* cell, int n, float* grid);
 
-  /// Adds points first <= i < last to the sums of their tile. Those outside of the image are left
-  /// out.
-  void (*sumTile)(const KernelImage& image, const PointTransform<float>& pose,
-                  const KernelPoints& points, const KernelColours& colours, int first, int last,
-                  const KernelRules& rules, PointSums<float>* sums);
+  /// Adds the points of a tile. Those outside of the image are left out.
+  void (*sumTile)(const KernelView& view, const KernelTile& tile, const KernelRules& rules,
+                  PointSums<float>* sums);
 };
 
 /// Kernels for any processor, and for x86-64 with AVX2 and FMA (not defined where not compiled).
