@@ -139,8 +139,8 @@ class Benchmark {
       std::printf("%-24s median %8.4f  p95 %8.4f  max %8.4f\n", name, percentile(v, 0.5),
                   percentile(v, 0.95), percentile(v, 1));
     };
-    std::printf("%s; %d of %zu frames within 2 deg and 2 %%\n", backend_->describe().c_str(),
-                measured_.right, measured_.deg.size());
+    std::printf("%s; %d of %zu frames within 2 deg and 2 %%\n",
+                backend_->info().description.c_str(), measured_.right, measured_.deg.size());
     row("rotation [deg]", measured_.deg);
     row("offset [% of diameter]", measured_.fraction);
     row("frame, by the wall [ms]", measured_.frame_ms);
@@ -218,6 +218,7 @@ void addOptions(CLI::App* app, Options* options) {
   app->add_option("--start-fraction", options->start_fraction, "the same, of the diameter");
   app->add_option("--repeat", options->repeat, "times that the sequence is tracked");
   app->add_option("--points", options->keyframe.max_points, "chosen points of a level");
+  app->add_option("--shown", options->keyframe.max_shown, "pixels that local colours are of");
   app->add_option("--levels", options->keyframe.levels, "of a keyframe");
   app->add_option("--max-side", options->keyframe.max_side_px, "of a keyframe [px]");
   app->add_option("--rays", options->keyframe.rays_per_side, "along a pixel of a keyframe");
@@ -227,11 +228,14 @@ void addOptions(CLI::App* app, Options* options) {
   app->add_option("--evaluations", options->alignment.max_evaluations, "at most, a level");
   app->add_option("--robust-scale", options->alignment.robust_scale, "[local deviations]");
   app->add_option("--robust-growth", options->alignment.robust_growth, "a level");
+  app->add_option("--observed", options->alignment.observed_fraction, "of gradients, finest level");
+  app->add_option("--coarse-observed", options->alignment.coarse_observed_fraction, "of gradients");
   app->add_option("--convergence", options->alignment.convergence_px, "[px]");
   app->add_option("--coarse-convergence", options->alignment.coarse_convergence_px, "[px]");
   app->add_option("--look-around", options->alignment.look_around_px, "[px]");
   app->add_option("--relaxation", options->alignment.over_relaxation, "of steps");
-  app->add_option("--basin", options->basin_frames, "measures the basin in every so many-th frame");
+  app->add_option("--basin", options->basin_frames,
+                  "measures the basin in every so many-th frame, and nothing else");
   app->add_flag("--predict,!--no-predict", options->predict, "constant velocity");
   app->add_flag("--verbose", options->verbose, "a line for each frame");
 }
@@ -243,9 +247,12 @@ int run(int argc, char** argv) {
   CLI11_PARSE(app, argc, argv);
   try {
     Benchmark benchmark(options);
+    if (options.basin_frames > 0) {
+      benchmark.measureBasin();
+      return 0;
+    }
     for (int i = 0; i < options.repeat; ++i) benchmark.track();
     benchmark.print();
-    if (options.basin_frames > 0) benchmark.measureBasin();
   } catch (const std::exception& error) {
     std::fprintf(stderr, "keyframe_tracking: %s\n", error.what());
     return 1;

@@ -17,26 +17,35 @@ constexpr int kPointGroup = 8;
 /// units].
 struct PointColumns {
   std::vector<float> x, y, z;
-  std::vector<std::int32_t> cell;  ///< the pixel y * width + x of the keyframe's level
+  std::vector<std::int32_t> cell;  ///< the pixel y * width + x of the level's grid
 
   int size() const { return static_cast<int>(cell.size()); }
 };
 
+/// The surface around a point, for steps of a pixel of the keyframe to the right and down.
+struct ChosenSurface {
+  Eigen::Vector3f tangent[2];   ///< how the point moves, in the axes of O [model units]
+  Eigen::Vector2f gradient[3];  ///< how its locally normalised colour changes
+};
+
 /// One resolution of a keyframe: what alignment compares with an image.
 struct KeyframeLevel {
-  int width = 0, height = 0;  ///< of the keyframe's own grid [px]
-  int window = 0;             ///< half width of the neighbourhood of local colours [px]
+  /// Local colours are taken on a grid of every so many-th pixel of the keyframe, along both axes.
+  int spacing = 1;
+  int width = 0, height = 0;  ///< of this grid; cells of points are its pixels
+  int window = 0;             ///< half width of the neighbourhood of local colours, in it
 
-  /// Every pixel that shows the object for certain; local colours are taken over these. Groups are
-  /// filled up with the pixel width * height, which is none.
+  /// Every pixel of the grid that shows the object for certain; local colours are taken over
+  /// these. Groups are filled up with the pixel width * height, which is none.
   PointColumns shown;
   std::vector<float> inverse_count;  ///< [height][width], 1 / number of shown pixels around
 
   /// Pixels that say most about the pose, sorted by tiles; each tile is a whole number of groups.
   PointColumns chosen;
-  int point_count = 0;              ///< of the chosen ones, without what fills groups
-  std::vector<float> weight;        ///< of the chosen ones: 1, or 0 for what fills a group
-  std::vector<float> colour[3];     ///< of the chosen ones, locally normalised
+  int point_count = 0;                 ///< of the chosen ones, without what fills groups
+  std::vector<float> weight;           ///< of the chosen ones: 1, or 0 for what fills a group
+  std::vector<float> colour[3];        ///< of the chosen ones, locally normalised
+  std::vector<ChosenSurface> surface;  ///< around the chosen ones
   std::vector<std::int32_t> tiles;  ///< where each tile begins among the chosen; last: their number
 };
 

@@ -5,6 +5,7 @@
 #include "math/projection.h"
 #include "math/robust.h"
 #include "math/solve6.h"
+#include "math/vec.h"
 
 namespace nerf_pose_refiner {
 
@@ -86,45 +87,80 @@ NPR_HOST_DEVICE inline PixelFlow<T> pointFlow(const Pinhole<S>& K, const PointTr
 template <typename T>
 struct LocalColours {
   T mean[3];
-  T inverse_deviation;
+  T inverse_deviation[3];
 };
 
 /// Deviation that is taken for flat: what is left of colours there is noise.
 constexpr float kFlatDeviation = 0.03f;
 
-/// @param sums over n pixels of red, green, blue, and of their squares' sum.
+/// Numbers that are summed around a pixel: red, green, blue, and their squares.
+constexpr int kLocalSums = 6;
+
+/// Each channel has its own deviation: lights differ in colour.
 template <typename T>
-NPR_HOST_DEVICE inline LocalColours<T> localColours(const T sums[4], T inverse_count) {
+NPR_HOST_DEVICE inline LocalColours<T> localColours(const T sums[kLocalSums], T inverse_count) {
   LocalColours<T> local;
-  T squared_mean = 0;
   for (int c = 0; c < 3; ++c) {
     local.mean[c] = inverse_count * sums[c];
-    squared_mean += local.mean[c] * local.mean[c];
+    const T variance = inverse_count * sums[3 + c] - local.mean[c] * local.mean[c];
+    local.inverse_deviation[c] =
+        1 / std::sqrt((variance > 0 ? variance : T(0)) + T(kFlatDeviation * kFlatDeviation));
   }
-  const T variance = (inverse_count * sums[3] - squared_mean) / 3;
-  local.inverse_deviation =
-      1 / std::sqrt((variance > 0 ? variance : T(0)) + T(kFlatDeviation * kFlatDeviation));
   return local;
 }
 
-/// Residual of a keyframe's point, normalised colours rendered minus observed, and its derivatives
-/// by the place in the image, the normalisation held constant.
+/// Gradient of an image where it shows a surface, from that of another image of the same surface.
+/// @param tangent of the surface, in C: how the point moves with a pixel of the other image.
+/// @param gradient of the other image [1 / px of it].
+/// @return [1 / px]; zero where the surface is seen edge-on.
+template <typename T>
+NPR_HOST_DEVICE inline Pixel<T> carriedGradient(const ProjectionJacobian<T>& projection,
+                                                const Vec3<T> tangent[2],
+                                                const Pixel<T>& gradient) {
+  // The chain rule, gradient = A^T result with A the pixels' motion, solved for the result.
+  const T a = dot(projection.du, tangent[0]), b = dot(projection.du, tangent[1]);
+  const T c = dot(projection.dv, tangent[0]), d = dot(projection.dv, tangent[1]);
+  const T determinant = a * d - b * c;
+  constexpr T kEdgeOn = T(0.05);
+  if (!(determinant > kEdgeOn)) return {0, 0};
+  return {(d * gradient.u - c * gradient.v) / determinant,
+          (a * gradient.v - b * gradient.u) / determinant};
+}
+
+/// Residual of a keyframe's point, normalised colours rendered minus observed, and the gradient of
+/// the image that predicts how it changes.
 template <typename T>
 struct PointResidual {
   T value[3];
-  T du[3];  ///< of the observed colour: what pointFlow's factors belong to [1 / px]
+  T du[3];  ///< [1 / px]
   T dv[3];
 };
 
+/// What a keyframe shows at a point, locally normalised, and its gradient in the image [1 / px].
 template <typename T>
-NPR_HOST_DEVICE inline PointResidual<T> pointResidual(const T rendered[3],
+struct RenderedPoint {
+  T value[3];
+  T du[3];
+  T dv[3];
+};
+
+/// The normalisation is held constant. Gradients are the rendering's and the observation's, mixed:
+/// the mean of both is exact to second order (ESM, Malis 2004); noise of the observation's goes
+/// together with noise of the residual, and biases the pose.
+/// @param observed_fraction of the observation's, 0..1.
+template <typename T, typename S>
+NPR_HOST_DEVICE inline PointResidual<T> pointResidual(const RenderedPoint<T>& rendered,
                                                       const InterpolatedPixel<T> observed[3],
-                                                      const LocalColours<T>& local) {
+                                                      const LocalColours<T>& local,
+                                                      S observed_fraction) {
+  const S rendered_fraction = 1 - observed_fraction;
   PointResidual<T> r;
   for (int c = 0; c < 3; ++c) {
-    r.value[c] = rendered[c] - (observed[c].value - local.mean[c]) * local.inverse_deviation;
-    r.du[c] = observed[c].du * local.inverse_deviation;
-    r.dv[c] = observed[c].dv * local.inverse_deviation;
+    r.value[c] =
+        rendered.value[c] - (observed[c].value - local.mean[c]) * local.inverse_deviation[c];
+    const T slope = observed_fraction * local.inverse_deviation[c];
+    r.du[c] = rendered_fraction * rendered.du[c] + slope * observed[c].du;
+    r.dv[c] = rendered_fraction * rendered.dv[c] + slope * observed[c].dv;
   }
   return r;
 }

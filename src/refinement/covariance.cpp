@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "field/object_frame.h"
 #include "refinement/field_refiner.h"
 
 namespace nerf_pose_refiner {

@@ -75,6 +75,7 @@ void KeyframeSettings::validate() const {
   require(finest_window_px >= 1, "finest_window_px", finest_window_px);
   require(coarsest_window_px >= 1, "coarsest_window_px", coarsest_window_px);
   require(max_points >= 6, "max_points", max_points);
+  require(max_shown >= 100, "max_shown", max_shown);
   require(min_alpha > 0 && min_alpha < 1, "min_alpha", min_alpha);
   require(max_depth_step > 0, "max_depth_step", max_depth_step);
 }

@@ -10,11 +10,12 @@ namespace nerf_pose_refiner {
 /// What a keyframe is made of.
 struct KeyframeSettings {
   int levels = 4;              ///< each half as fine as the one before, >= 1
-  int max_side_px = 256;       ///< of the finest level; larger images are reduced to it
+  int max_side_px = 400;       ///< of the finest level; larger images are reduced to it
   int rays_per_side = 1;       ///< rays along a pixel of the finest level: 1, 2 or 4
-  int finest_window_px = 5;    ///< half width of the neighbourhood of local colours, finest level
+  int finest_window_px = 10;   ///< half width of the neighbourhood of local colours, finest level
   int coarsest_window_px = 3;  ///< the same, coarsest level; linear between
   int max_points = 2000;       ///< that a level may choose
+  int max_shown = 4000;        ///< pixels that local colours are taken of
   float min_alpha = 0.97f;     ///< less: the pixel does not show the object for certain
   float max_depth_step = 4;    ///< between neighbours, in pixels as wide as their depth makes them
 

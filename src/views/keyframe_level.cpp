@@ -27,13 +27,13 @@ class LevelMaker {
   LevelMaker(const Image& layers, const KeyframeView& view, const KeyframeSettings& settings)
       : layers_(layers), view_(view), settings_(settings) {
     smoothImage(layers, &smooth_);
-    level_.width = layers.width;
-    level_.height = layers.height;
+    width_ = layers.width;
+    height_ = layers.height;
   }
 
   KeyframeLevel make(int window) {
-    level_.window = window;
     findShown();
+    layGrid(window);
     normaliseColours();
     fillShown();
     fillChosen(choose());
@@ -42,8 +42,7 @@ class LevelMaker {
 
  private:
   bool isShown(int x, int y) const {
-    return x >= 0 && y >= 0 && x < level_.width && y < level_.height &&
-           shown_[y * level_.width + x] != 0;
+    return x >= 0 && y >= 0 && x < width_ && y < height_ && shown_[y * width_ + x] != 0;
   }
 
   Eigen::Vector3f pointAt(int x, int y) const {
@@ -68,8 +67,8 @@ class LevelMaker {
   bool isAtDepthJump(int x, int y) const {
     const float depth = depthAt(x, y);
     const float step = settings_.max_depth_step * depth / view_.focal_px;
-    for (int v = std::max(0, y - 1); v <= std::min(level_.height - 1, y + 1); ++v) {
-      for (int u = std::max(0, x - 1); u <= std::min(level_.width - 1, x + 1); ++u) {
+    for (int v = std::max(0, y - 1); v <= std::min(height_ - 1, y + 1); ++v) {
+      for (int u = std::max(0, x - 1); u <= std::min(width_ - 1, x + 1); ++u) {
         if (std::abs(depthAt(u, v) - depth) > step) return true;
       }
     }
@@ -78,63 +77,92 @@ class LevelMaker {
 
   void findShown() {
     shown_.assign(smooth_.pixels(), 0);
-    for (int y = 0; y < level_.height; ++y) {
-      for (int x = 0; x < level_.width; ++x) {
-        shown_[y * level_.width + x] = isOpaque(x, y) && !isAtDepthJump(x, y);
+    for (int y = 0; y < height_; ++y) {
+      for (int x = 0; x < width_; ++x) {
+        shown_[y * width_ + x] = isOpaque(x, y) && !isAtDepthJump(x, y);
       }
     }
+  }
+
+  void layGrid(int window) {
+    const auto shown = std::count(shown_.begin(), shown_.end(), 1);
+    while (shown >
+           static_cast<std::ptrdiff_t>(level_.spacing) * level_.spacing * settings_.max_shown) {
+      ++level_.spacing;
+    }
+    level_.width = (width_ + level_.spacing - 1) / level_.spacing;
+    level_.height = (height_ + level_.spacing - 1) / level_.spacing;
+    level_.window = std::max(1, window / level_.spacing);
+  }
+
+  int pixelOfCell(int cell) const {
+    return cell / level_.width * level_.spacing * width_ + cell % level_.width * level_.spacing;
+  }
+
+  int cellOfPixel(int pixel) const {
+    return pixel / width_ / level_.spacing * level_.width + pixel % width_ / level_.spacing;
+  }
+
+  Eigen::Vector3f colourAt(int pixel) const {
+    const float* layers =
+        smooth_.values.data() + static_cast<std::size_t>(kKeyframeChannels) * pixel;
+    return Eigen::Map<const Eigen::Vector3f>(layers) / layers[kKeyframeAlpha];
   }
 
   // Colours relative to what is around them, as alignment does it with the image's.
   void normaliseColours() {
-    const std::size_t pixels = smooth_.pixels();
-    std::vector<float> colours(4 * pixels, 0.0f), counts(4 * pixels, 0.0f), sums;
-    for (std::size_t i = 0; i < pixels; ++i) {
-      if (!shown_[i]) continue;
-      const float* pixel = smooth_.values.data() + kKeyframeChannels * i;
+    const int cells = level_.width * level_.height;
+    std::vector<float> colours(static_cast<std::size_t>(kBoxChannels) * cells, 0.0f);
+    std::vector<float> counts = colours, sums;
+    for (int cell = 0; cell < cells; ++cell) {
+      if (!shown_[pixelOfCell(cell)]) continue;
+      const Eigen::Vector3f colour = colourAt(pixelOfCell(cell));
+      float* const values = colours.data() + static_cast<std::ptrdiff_t>(kBoxChannels) * cell;
       for (int c = 0; c < 3; ++c) {
-        colours[4 * i + c] = pixel[c] / pixel[kKeyframeAlpha];
-        colours[4 * i + 3] += colours[4 * i + c] * colours[4 * i + c];
+        values[c] = colour[c];
+        values[3 + c] = colour[c] * colour[c];
       }
-      counts[4 * i] = 1;
+      counts[static_cast<std::size_t>(kBoxChannels) * cell] = 1;
     }
     boxSums(counts, level_.width, level_.height, level_.window, &sums);
-    level_.inverse_count.assign(pixels, 0.0f);
-    for (std::size_t i = 0; i < pixels; ++i) {
-      if (shown_[i]) level_.inverse_count[i] = 1 / sums[4 * i];
+    level_.inverse_count.assign(cells, 0.0f);
+    for (int cell = 0; cell < cells; ++cell) {
+      const float count = std::round(sums[static_cast<std::size_t>(kBoxChannels) * cell]);
+      if (count > 0) level_.inverse_count[cell] = 1 / count;
     }
     boxSums(colours, level_.width, level_.height, level_.window, &sums);
-    normalised_ = Image(level_.width, level_.height, 3);
-    for (std::size_t i = 0; i < pixels; ++i) {
-      if (!shown_[i]) continue;
-      const LocalColours<float> local = localColours(sums.data() + 4 * i, level_.inverse_count[i]);
+    normalised_ = Image(width_, height_, 3);
+    for (int pixel = 0; pixel < width_ * height_; ++pixel) {
+      const std::size_t cell = cellOfPixel(pixel);
+      if (!shown_[pixel] || level_.inverse_count[cell] == 0) continue;
+      const LocalColours<float> local =
+          localColours(sums.data() + kBoxChannels * cell, level_.inverse_count[cell]);
+      const Eigen::Vector3f colour = colourAt(pixel);
       for (int c = 0; c < 3; ++c) {
-        normalised_.values[3 * i + c] =
-            (colours[4 * i + c] - local.mean[c]) * local.inverse_deviation;
+        normalised_.values[3 * static_cast<std::size_t>(pixel) + c] =
+            (colour[c] - local.mean[c]) * local.inverse_deviation[c];
       }
     }
   }
 
-  void addPoint(int pixel, PointColumns* points) const {
-    const Eigen::Vector3f p = pointAt(pixel % level_.width, pixel / level_.width);
+  void addPoint(int pixel, int cell, PointColumns* points) const {
+    const Eigen::Vector3f p = pointAt(pixel % width_, pixel / width_);
     points->x.push_back(p.x());
     points->y.push_back(p.y());
     points->z.push_back(p.z());
-    points->cell.push_back(pixel);
+    points->cell.push_back(cell);
   }
 
   void fillShown() {
     PointColumns& shown = level_.shown;
     const int none = level_.width * level_.height;
-    for (int i = 0; i < none; ++i) {
-      if (shown_[i]) addPoint(i, &shown);
+    int last = 0;
+    for (int cell = 0; cell < none; ++cell) {
+      if (!shown_[pixelOfCell(cell)]) continue;
+      last = pixelOfCell(cell);
+      addPoint(last, cell, &shown);
     }
-    while (shown.size() % kPointGroup != 0) {
-      shown.x.push_back(shown.x.back());
-      shown.y.push_back(shown.y.back());
-      shown.z.push_back(shown.z.back());
-      shown.cell.push_back(none);
-    }
+    while (shown.size() % kPointGroup != 0) addPoint(last, none, &shown);
   }
 
   // What a pixel says of the pose: the squared gradient of its colours. 0 where a neighbour is not
@@ -156,13 +184,13 @@ class LevelMaker {
   // The best of every cell first, then the second best, until there are enough.
   std::vector<Candidate> choose() const {
     std::vector<Candidate> candidates;
-    const int cells = (level_.width + kCellSide - 1) / kCellSide;
-    for (int y = 0; y < level_.height; ++y) {
-      for (int x = 0; x < level_.width; ++x) {
+    const int cells = (width_ + kCellSide - 1) / kCellSide;
+    for (int y = 0; y < height_; ++y) {
+      for (int x = 0; x < width_; ++x) {
         const float information = informationAt(x, y);
         if (!(information > 0)) continue;
         candidates.push_back(
-            {y * level_.width + x, y / kCellSide * cells + x / kCellSide, information, 0});
+            {y * width_ + x, y / kCellSide * cells + x / kCellSide, information, 0});
       }
     }
     std::sort(candidates.begin(), candidates.end(), [](const Candidate& a, const Candidate& b) {
@@ -183,20 +211,32 @@ class LevelMaker {
   }
 
   int tileOf(int pixel) const {
-    const int tiles = (level_.width + kTileSide - 1) / kTileSide;
-    return pixel / level_.width / kTileSide * tiles + pixel % level_.width / kTileSide;
+    const int tiles = (width_ + kTileSide - 1) / kTileSide;
+    return pixel / width_ / kTileSide * tiles + pixel % width_ / kTileSide;
+  }
+
+  ChosenSurface surfaceAt(int x, int y) const {
+    ChosenSurface surface;
+    surface.tangent[0] = 0.5f * (pointAt(x + 1, y) - pointAt(x - 1, y));
+    surface.tangent[1] = 0.5f * (pointAt(x, y + 1) - pointAt(x, y - 1));
+    for (int c = 0; c < 3; ++c) {
+      surface.gradient[c] = {0.5f * (normalised_.at(x + 1, y, c) - normalised_.at(x - 1, y, c)),
+                             0.5f * (normalised_.at(x, y + 1, c) - normalised_.at(x, y - 1, c))};
+    }
+    return surface;
   }
 
   void addChosen(int pixel, float weight) {
-    addPoint(pixel, &level_.chosen);
+    addPoint(pixel, cellOfPixel(pixel), &level_.chosen);
+    level_.surface.push_back(surfaceAt(pixel % width_, pixel / width_));
     level_.weight.push_back(weight);
     for (int c = 0; c < 3; ++c) {
       level_.colour[c].push_back(normalised_.values[3 * static_cast<std::size_t>(pixel) + c]);
     }
   }
 
-  void fillGroup() {
-    while (level_.chosen.size() % kPointGroup != 0) addChosen(level_.chosen.cell.back(), 0);
+  void fillGroup(int pixel) {
+    while (level_.chosen.size() % kPointGroup != 0) addChosen(pixel, 0);
   }
 
   void fillChosen(std::vector<Candidate> chosen) {
@@ -209,7 +249,7 @@ class LevelMaker {
     for (std::size_t i = 0; i < chosen.size(); ++i) {
       addChosen(chosen[i].pixel, 1);
       if (i + 1 == chosen.size() || tileOf(chosen[i + 1].pixel) != tileOf(chosen[i].pixel)) {
-        fillGroup();
+        fillGroup(chosen[i].pixel);
         level_.tiles.push_back(level_.chosen.size());
       }
     }
@@ -218,6 +258,7 @@ class LevelMaker {
   const Image& layers_;
   const KeyframeView& view_;
   const KeyframeSettings& settings_;
+  int width_, height_;  // of the keyframe's own pixels
   Image smooth_;
   std::vector<char> shown_;
   Image normalised_;  // [h][w][3], 0 where the object is not shown

@@ -11,8 +11,8 @@ namespace {
 const Pinhole<double> kPinhole = {300, 320, 40, 30};
 const Vec3<double> kCentre = {0.3, -0.2, 0.1};
 const Vec3<double> kPoint = {0.11, -0.07, 0.05};  // relative to the centre
-const double kRendered[3] = {0.4, -0.3, 0.9};
-const LocalColours<double> kLocal = {{0.3, 0.5, 0.2}, 4.0};
+const RenderedPoint<double> kRendered = {{0.4, -0.3, 0.9}, {}, {}};
+const LocalColours<double> kLocal = {{0.3, 0.5, 0.2}, {4.0, 3.0, 5.0}};
 
 CameraPose<double> poseBefore() {
   return {expSO3(Vec3<double>{0.3, -0.5, 0.2}), kCentre + Vec3<double>{-0.9, -0.2, -1.8}};
@@ -28,7 +28,7 @@ PointResidual<double> residualAt(const CameraPose<double>& pose) {
   const Vec3<double> q = inCamera(pointTransform(pose, kCentre), kPoint);
   InterpolatedPixel<double> observed[3];
   for (int c = 0; c < 3; ++c) observed[c] = imageAt(project(kPinhole, q), c);
-  return pointResidual(kRendered, observed, kLocal);
+  return pointResidual(kRendered, observed, kLocal, 1.0);
 }
 
 PixelFlow<double> flowAt(const CameraPose<double>& pose) {
@@ -108,18 +108,33 @@ TEST(KeyframeAlignment, InterpolatesBetweenFourPixels) {
   EXPECT_DOUBLE_EQ(pixel.dv, 5);     // 6.5 - 1.5
 }
 
-TEST(KeyframeAlignment, LocalColoursAreMeanAndCommonDeviation) {
-  // Two pixels, (0, 0, 1) and (0.6, 0, 1): variances 0.09, 0, 0.
-  const double sums[4] = {0.6, 0, 2, 1 + 0.36 + 1};
+TEST(KeyframeAlignment, LocalColoursAreMeansAndDeviations) {
+  // Two pixels, (0, 0.4, 1) and (0.6, 0.4, 0.8): variances 0.09, 0, 0.01.
+  const double sums[kLocalSums] = {0.6, 0.8, 1.8, 0.36, 0.32, 1.64};
   const LocalColours<double> local = localColours(sums, 0.5);
   EXPECT_DOUBLE_EQ(local.mean[0], 0.3);
-  EXPECT_DOUBLE_EQ(local.mean[2], 1);
-  EXPECT_NEAR(local.inverse_deviation, 1 / std::sqrt(0.03 + 9e-4), 1e-6);
+  EXPECT_DOUBLE_EQ(local.mean[2], 0.9);
+  EXPECT_NEAR(local.inverse_deviation[0], 1 / std::sqrt(0.09 + 9e-4), 1e-5);
+  EXPECT_NEAR(local.inverse_deviation[1], 1 / 0.03, 1e-5);
+  EXPECT_NEAR(local.inverse_deviation[2], 1 / std::sqrt(0.01 + 9e-4), 1e-5);
 }
 
 TEST(KeyframeAlignment, FlatColoursAreNotBlownUp) {
-  const double sums[4] = {0.5, 0.5, 0.5, 0.75 - 1e-12};  // rounding below zero
-  EXPECT_NEAR(localColours(sums, 1.0).inverse_deviation, 1 / 0.03, 1e-3);
+  const double sums[kLocalSums] = {0.5, 0.5, 0.5, 0.25 - 1e-12, 0.25, 0.25};  // below 0 by rounding
+  EXPECT_NEAR(localColours(sums, 1.0).inverse_deviation[0], 1 / 0.03, 1e-3);
+}
+
+TEST(KeyframeAlignment, CarriesGradientsOverASurface) {
+  // A pixel of the other image to the right is (2, 1) here, one down is (0, 3).
+  const ProjectionJacobian<double> projection = {{1, 0, 0}, {0, 1, 0}};
+  const Vec3<double> tangent[2] = {{2, 1, 9}, {0, 3, 9}};
+  const Pixel<double> here = {0.5, -1};
+  const Pixel<double> other = {2 * here.u + 1 * here.v, 3 * here.v};
+  const Pixel<double> carried = carriedGradient(projection, tangent, other);
+  EXPECT_DOUBLE_EQ(carried.u, here.u);
+  EXPECT_DOUBLE_EQ(carried.v, here.v);
+  const Vec3<double> edge_on[2] = {{2, 1, 0}, {4, 2, 0}};
+  EXPECT_EQ(carriedGradient(projection, edge_on, other).u, 0);
 }
 
 }  // namespace

@@ -1,5 +1,4 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "backend/make_backend.h"
 #include "views/keyframe.h"
 
 #include <gtest/gtest.h>
@@ -11,6 +10,7 @@
 
 #include "math/tile_scatter.h"
 #include "support/analytic_scene.h"
+#include "support/cpu_processor.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -19,7 +19,15 @@ const Camera kCamera = {320, 240, 400, 400, 159.5, 119.5};
 
 class KeyframeOfScene : public testing::Test {
  protected:
-  KeyframePoints render(const KeyframeSettings& settings = {}, const Camera& camera = kCamera) {
+  // Cells are pixels, unless settings say otherwise.
+  static KeyframeSettings dense() {
+    KeyframeSettings settings;
+    settings.max_shown = 1 << 20;
+    return settings;
+  }
+
+  KeyframePoints render(const KeyframeSettings& settings = dense(),
+                        const Camera& camera = kCamera) {
     return renderKeyframe(*scene_, {camera, T_O_C_}, settings);
   }
 
@@ -34,8 +42,7 @@ class KeyframeOfScene : public testing::Test {
     return std::min(box, ball);
   }
 
-  std::unique_ptr<Backend> backend_ = makeCpuBackend(2);
-  std::shared_ptr<const LoadedField> scene_ = makeAnalyticScene();
+  std::shared_ptr<const LoadedField> scene_ = makeAnalyticScene(1, cpuProcessor(2));
   Pose T_O_C_ = cameraAround(*scene_, 0.6, 0.5);
 };
 
@@ -50,7 +57,7 @@ TEST_F(KeyframeOfScene, PointsLieOnTheSurface) {
 }
 
 TEST_F(KeyframeOfScene, PointsProjectToTheirPixels) {
-  const KeyframeSettings settings;
+  const KeyframeSettings settings = dense();
   const KeyframePoints keyframe = render(settings);
   int reduction = 0;
   const FieldMetadata& object = scene_->field().metadata;
@@ -72,7 +79,7 @@ TEST_F(KeyframeOfScene, PointsProjectToTheirPixels) {
 }
 
 TEST_F(KeyframeOfScene, KeepsToItsBudgetAndSpreadsIt) {
-  KeyframeSettings settings;
+  KeyframeSettings settings = dense();
   settings.max_points = 300;
   const KeyframeLevel level = render(settings).levels[0];
   EXPECT_EQ(level.point_count, 300);
@@ -122,10 +129,20 @@ TEST_F(KeyframeOfScene, LeavesOutDepthJumps) {
   }
 }
 
+TEST_F(KeyframeOfScene, TakesLocalColoursOfAsManyPixelsAsItMay) {
+  KeyframeSettings settings;
+  settings.max_shown = 1500;
+  const KeyframeLevel dense = render().levels[0], sparse = render(settings).levels[0];
+  EXPECT_GT(sparse.spacing, 1);
+  EXPECT_LE(sparse.shown.size(), 1.1 * settings.max_shown);
+  EXPECT_EQ(sparse.width, (dense.width + sparse.spacing - 1) / sparse.spacing);
+  EXPECT_EQ(sparse.point_count, dense.point_count);
+}
+
 TEST_F(KeyframeOfScene, ReducesALargeImage) {
   const Camera large = kCamera.resized(4 * kCamera.width, 4 * kCamera.height);
   const KeyframePoints keyframe = render({}, large);
-  EXPECT_EQ(keyframe.reduction, 4);
+  EXPECT_EQ(keyframe.reduction, 2);
   EXPECT_LE(keyframe.levels[0].width, KeyframeSettings().max_side_px);
   EXPECT_EQ(render().reduction, 1);
 }

@@ -7,8 +7,6 @@
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr int kChannels = 4;
-
 void addRow(const float* row, std::size_t n, float* sums) {
   for (std::size_t i = 0; i < n; ++i) sums[i] += row[i];
 }
@@ -19,18 +17,18 @@ void subtractRow(const float* row, std::size_t n, float* sums) {
 
 // Sums of 2 half + 1 neighbours in a row.
 void sumAlongRow(const float* columns, int width, int half, float* row) {
-  float sum[kChannels] = {};
+  float sum[kBoxChannels] = {};
   const auto add = [&](int x) {
-    for (int c = 0; c < kChannels; ++c) sum[c] += columns[kChannels * x + c];
+    for (int c = 0; c < kBoxChannels; ++c) sum[c] += columns[kBoxChannels * x + c];
   };
   const auto subtract = [&](int x) {
-    for (int c = 0; c < kChannels; ++c) sum[c] -= columns[kChannels * x + c];
+    for (int c = 0; c < kBoxChannels; ++c) sum[c] -= columns[kBoxChannels * x + c];
   };
   for (int x = 0; x < std::min(half, width); ++x) add(x);
   for (int x = 0; x < width; ++x) {
     if (x + half < width) add(x + half);
     if (x - half > 0) subtract(x - half - 1);
-    for (int c = 0; c < kChannels; ++c) row[kChannels * x + c] = sum[c];
+    for (int c = 0; c < kBoxChannels; ++c) row[kBoxChannels * x + c] = sum[c];
   }
 }
 
@@ -38,7 +36,7 @@ void sumAlongRow(const float* columns, int width, int half, float* row) {
 
 void boxSums(const std::vector<float>& image, int width, int height, int half,
              std::vector<float>* sums) {
-  const std::size_t row = static_cast<std::size_t>(kChannels) * width;
+  const std::size_t row = static_cast<std::size_t>(kBoxChannels) * width;
   sums->resize(row * height);
   std::vector<float> columns(row, 0.0f);
   for (int y = 0; y < std::min(half, height); ++y)

@@ -5,8 +5,11 @@
 
 namespace nerf_pose_refiner {
 
-/// Sums over the (2 half + 1)^2 pixels around each one of an image, [height][width][4]; there is
-/// nothing outside of the image.
+/// Numbers of a pixel; as many as vector instructions take at once.
+constexpr int kBoxChannels = 8;
+
+/// Sums over the (2 half + 1)^2 pixels around each one of an image, [height][width][kBoxChannels];
+/// there is nothing outside of the image.
 /// @param image may be longer. @param sums is resized, its memory reused.
 void boxSums(const std::vector<float>& image, int width, int height, int half,
              std::vector<float>* sums);

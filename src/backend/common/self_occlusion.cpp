@@ -7,18 +7,19 @@
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr float kCell_px = 2;  // wide enough that a surface's points leave no holes
+constexpr int kCellSpacings = 2;  // of a cell: so wide that a surface's points leave no holes
 // Depth that a surface may gain within a cell, in pixels as wide as its depth makes them: what a
 // keyframe shows is not steeper.
-constexpr float kMargin_px = 10;
+constexpr float kMargin_px = 12;
 
 }  // namespace
 
 const std::vector<std::int32_t>& SelfOcclusion::hidden(const PointColumns& shown,
                                                        const PointTransform<float>& pose,
                                                        const ImageFrame& image) {
-  const int columns = static_cast<int>(static_cast<float>(image.width) / kCell_px) + 1;
-  const int rows = static_cast<int>(static_cast<float>(image.height) / kCell_px) + 1;
+  const float cell_px = static_cast<float>(kCellSpacings * image.spacing);
+  const int columns = static_cast<int>(static_cast<float>(image.width) / cell_px) + 1;
+  const int rows = static_cast<int>(static_cast<float>(image.height) / cell_px) + 1;
   nearest_.assign(static_cast<std::size_t>(columns) * rows, std::numeric_limits<float>::max());
   cell_.resize(shown.size());
   depth_.resize(shown.size());
@@ -26,8 +27,8 @@ const std::vector<std::int32_t>& SelfOcclusion::hidden(const PointColumns& shown
   for (int i = 0; i < shown.size(); ++i) {
     const Vec3<float> q = inCamera(pose, Vec3<float>{shown.x[i], shown.y[i], shown.z[i]});
     const float inverse_depth = 1 / std::max(q.z, 1e-6f);
-    const float u = (image.K.fx * q.x * inverse_depth + image.K.cx + 0.5f) / kCell_px;
-    const float v = (image.K.fy * q.y * inverse_depth + image.K.cy + 0.5f) / kCell_px;
+    const float u = (image.K.fx * q.x * inverse_depth + image.K.cx + 0.5f) / cell_px;
+    const float v = (image.K.fy * q.y * inverse_depth + image.K.cy + 0.5f) / cell_px;
     const bool inside = u >= 0 && v >= 0 && u < static_cast<float>(columns) &&
                         v < static_cast<float>(rows) && q.z > 0;
     cell_[i] = inside ? static_cast<int>(v) * columns + static_cast<int>(u) : -1;

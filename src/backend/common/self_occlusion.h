@@ -13,6 +13,7 @@ namespace nerf_pose_refiner {
 struct ImageFrame {
   Pinhole<float> K;
   int width, height;
+  int spacing;  ///< of the points [px]
 };
 
 /// Finds points of a keyframe that other points of it hide from a camera: a depth test on a grid

@@ -14,11 +14,13 @@ namespace nerf_pose_refiner {
 
 /// How a pose is found by aligning a keyframe with an image.
 struct KeyframeAlignmentSettings {
-  int max_evaluations = 16;        ///< a level
-  double robust_scale = 0.5;       ///< residuals above it are outliers [local deviations]
-  double robust_growth = 1.3;      ///< of this scale, from a level to the next coarser one
-  double max_rotation_rad = 0.08;  ///< of a step
-  double max_translation = 0.08;   ///< of a step, of the object's diameter
+  int max_evaluations = 16;               ///< a level
+  double robust_scale = 0.7;              ///< residuals above it are outliers [local deviations]
+  double robust_growth = 1.3;             ///< of this scale, from a level to the next coarser one
+  double observed_fraction = 0;           ///< of the observation in gradients, finest level
+  double coarse_observed_fraction = 0.5;  ///< the same of other levels
+  double max_rotation_rad = 0.08;         ///< of a step
+  double max_translation = 0.08;          ///< of a step, of the object's diameter
   /// Steps are longer than Gauss-Newton's by this: robust weights and the frozen normalisation make
   /// those too short.
   double over_relaxation = 1.4;
@@ -37,7 +39,9 @@ class KeyframeAligner {
   void observe(const Image8& image, const Camera& camera, const KeyframePoints& keyframe,
                const Pose& T_O_C, double margin = 0.2);
 
-  /// The pose that explains the image best, from a start near it; its loss is the mean over points.
+  /// The pose that explains the image best, from a start near it. Its loss is the mean over points;
+  /// its score is 1 where all look as rendered and 0 where no more do than by chance; its visible
+  /// fraction is the weight that robust weights leave.
   Hypothesis align(const KeyframePoints& keyframe, const Pose& start_T_O_C,
                    const KeyframeAlignmentSettings& settings = {});
 
@@ -51,10 +55,11 @@ class KeyframeAligner {
 
   void beginLevel(const KeyframePoints& keyframe, int level, const CameraPose<double>& pose);
   Evaluation evaluate(const KeyframePoints& keyframe, int level, const CameraPose<double>& pose,
-                      double robust_scale);
+                      const KernelRules& rules);
   Evaluation alignLevel(const KeyframePoints& keyframe, int level,
                         const std::vector<CameraPose<double>>& starts,
                         const KeyframeAlignmentSettings& settings, int* evaluations);
+  void carryGradients(const KeyframePoints& keyframe, int level, const CameraPose<double>& pose);
   void lookAround(const KeyframePoints& keyframe, int level, const CameraPose<double>& pose);
 
   const KeyframeKernels* kernels_;
@@ -64,8 +69,9 @@ class KeyframeAligner {
   std::vector<std::int32_t> hidden_;  // pixels of the keyframe that the object itself hides
   std::vector<float> inverse_count_;  // of those that are left around each pixel
   std::vector<float> grid_, sums_;    // of the image's colours, in the keyframe's pixels
-  std::vector<float> mean_[3], inverse_deviation_, weight_;  // of the chosen points
-  int point_count_ = 0;                                      // of those with weight
+  std::vector<float> rendered_du_[3], rendered_dv_[3];          // of the chosen points
+  std::vector<float> mean_[3], inverse_deviation_[3], weight_;  // of the chosen points
+  int point_count_ = 0;                                         // of those with weight
 };
 
 }  // namespace nerf_pose_refiner

@@ -15,6 +15,12 @@ struct KernelImage {
   Pinhole<float> K;   ///< of the window
 };
 
+/// An image, and where its camera is taken to be.
+struct KernelView {
+  KernelImage image;
+  PointTransform<float> pose;
+};
+
 /// Points as the kernels see them, relative to the object's centre.
 struct KernelPoints {
   const float *x, *y, *z;
@@ -22,24 +28,37 @@ struct KernelPoints {
 
 /// What a keyframe shows at its chosen points, and how the image looks around them.
 struct KernelColours {
-  const float* rendered[3];  ///< locally normalised
-  const float* mean[3];      ///< of the image around the point
-  const float* inverse_deviation;
+  const float* rendered[3];     ///< locally normalised
+  const float* rendered_du[3];  ///< its gradient in the image [1 / px]
+  const float* rendered_dv[3];
+  const float* mean[3];  ///< of the image around the point
+  const float* inverse_deviation[3];
   const float* weight;
+};
+
+/// The chosen points first <= i < last: those of one tile.
+struct KernelTile {
+  KernelPoints points;
+  KernelColours colours;
+  int first, last;
+};
+
+/// @see pointResidual, gemanMcClure
+struct KernelRules {
+  float robust_scale;
+  float observed_fraction;
 };
 
 /// Alignment's arithmetic for one instruction set. Numbers of points are multiples of kPointGroup.
 struct KeyframeKernels {
-  /// Colours of n points where a pose puts them, and the sum of their squares: [n][4]. Points
-  /// outside of the image have the colours of its border.
-  void (*sampleColours)(const KernelImage& image, const PointTransform<float>& pose,
-                        const KernelPoints& points, const std::int32_t* cell, int n, float* grid);
+  /// Colours of n points where a pose puts them, and their squares, into the sums' grid: eight
+  /// numbers a pixel, the last two 0. Points outside of the image have the colours of its border.
+  void (*sampleColours)(const KernelView& view, const KernelPoints& points,
+                        const std::int32_t* cell, int n, float* grid);
 
-  /// Adds points first <= i < last to the sums of their tile. Those outside of the image are left
-  /// out.
-  void (*sumTile)(const KernelImage& image, const PointTransform<float>& pose,
-                  const KernelPoints& points, const KernelColours& colours, int first, int last,
-                  float robust_scale, PointSums<float>* sums);
+  /// Adds the points of a tile. Those outside of the image are left out.
+  void (*sumTile)(const KernelView& view, const KernelTile& tile, const KernelRules& rules,
+                  PointSums<float>* sums);
 };
 
 /// Kernels for any processor, and for x86-64 with AVX2 and FMA (not defined where not compiled).

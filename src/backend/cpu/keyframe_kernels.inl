@@ -59,11 +59,11 @@ inline void splitCoordinate(Vector x, int last, IntVector* whole, Vector* rest) 
   *rest = x - __builtin_convertvector(i, Vector);
 }
 
-inline Projected projectGroup(const KernelImage& image, const PointTransform<float>& pose,
-                              const KernelPoints& points, int i) {
+inline Projected projectGroup(const KernelView& view, const KernelPoints& points, int i) {
+  const KernelImage& image = view.image;
   Projected g;
   g.p = {load(points.x + i), load(points.y + i), load(points.z + i)};
-  g.q = inCamera(pose, g.p);
+  g.q = inCamera(view.pose, g.p);
   const IntVector before = g.q.z > 1e-6f;
   g.q.z = choose(before, g.q.z, Vector{} + 1e-6f);
   const Vector inverse_depth = 1.0f / g.q.z;
@@ -87,15 +87,17 @@ inline InterpolatedPixel<Channels> interpolateAt(const KernelImage& image, const
                                                 g.v[lane]});
 }
 
-void sampleColours(const KernelImage& image, const PointTransform<float>& pose,
-                   const KernelPoints& points, const int32_t* cell, int n, float* grid) {
+void sampleColours(const KernelView& view, const KernelPoints& points, const int32_t* cell, int n,
+                   float* grid) {
   for (int i = 0; i < n; i += kLanes) {
-    const Projected g = projectGroup(image, pose, points, i);
+    const Projected g = projectGroup(view, points, i);
     for (int lane = 0; lane < kLanes; ++lane) {
-      Channels colour = interpolateAt(image, g, lane).value;
+      const Channels colour = interpolateAt(view.image, g, lane).value;
       const Channels squares = colour * colour;
-      colour[3] = squares[0] + squares[1] + squares[2];
-      memcpy(grid + 4 * (int64_t)cell[i + lane], &colour, sizeof colour);
+      float* sums = grid + 8 * (int64_t)cell[i + lane];
+      memcpy(sums + 3, &squares, sizeof squares);
+      const float rgb[3] = {colour[0], colour[1], colour[2]};
+      memcpy(sums, rgb, sizeof rgb);
     }
   }
 }
@@ -128,24 +130,30 @@ inline void addLanes(const PointSums<Vector>& lanes, PointSums<float>* sums) {
   for (int k = 0; k < 6; ++k) sums->gradient[k] += sumLanes(lanes.gradient[k]);
 }
 
-void sumTile(const KernelImage& image, const PointTransform<float>& pose,
-             const KernelPoints& points, const KernelColours& colours, int first, int last,
-             float robust_scale, PointSums<float>* sums) {
+void sumTile(const KernelView& view, const KernelTile& tile, const KernelRules& rules,
+             PointSums<float>* sums) {
+  const KernelColours& colours = tile.colours;
   PointSums<Vector> lanes = {};
-  for (int i = first; i < last; i += kLanes) {
-    const Projected g = projectGroup(image, pose, points, i);
+  for (int i = tile.first; i < tile.last; i += kLanes) {
+    const Projected g = projectGroup(view, tile.points, i);
     GroupColours group;
-    interpolateGroup(image, g, &group);
+    interpolateGroup(view.image, g, &group);
     const InterpolatedPixel<Vector> observed[3] = {group.channel(0), group.channel(1),
                                                    group.channel(2)};
     const LocalColours<Vector> local = {
         {load(colours.mean[0] + i), load(colours.mean[1] + i), load(colours.mean[2] + i)},
-        load(colours.inverse_deviation + i)};
-    const Vector rendered[3] = {load(colours.rendered[0] + i), load(colours.rendered[1] + i),
-                                load(colours.rendered[2] + i)};
+        {load(colours.inverse_deviation[0] + i), load(colours.inverse_deviation[1] + i),
+         load(colours.inverse_deviation[2] + i)}};
+    RenderedPoint<Vector> rendered;
+    for (int c = 0; c < 3; ++c) {
+      rendered.value[c] = load(colours.rendered[c] + i);
+      rendered.du[c] = load(colours.rendered_du[c] + i);
+      rendered.dv[c] = load(colours.rendered_dv[c] + i);
+    }
     const Vector weight = choose(g.inside, load(colours.weight + i), Vector{});
-    addPoint(pointFlow(image.K, pose, g.p, g.q), pointResidual(rendered, observed, local), weight,
-             Vector{} + robust_scale, &lanes);
+    addPoint(pointFlow(view.image.K, view.pose, g.p, g.q),
+             pointResidual(rendered, observed, local, rules.observed_fraction), weight,
+             Vector{} + rules.robust_scale, &lanes);
   }
   addLanes(lanes, sums);
 }
