@@ -18,6 +18,9 @@ enum class TrackState {
   kError,     ///< something failed that is not the image's fault
 };
 
+/// In lower case, as RefinementStatus.msg has it: "no_model", "tracking".
+const char* toString(TrackState state);
+
 /// Why a tracker's state is not the one hoped for.
 enum class TrackReason {
   kNone,
