@@ -1,7 +1,7 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include "test_object.h"
-#include "backend/make_backend.h"
 
+#include "backend/make_backend.h"
 #include "registration/visual_hull.h"
 #include "support/analytic_dataset.h"
 

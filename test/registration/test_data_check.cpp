@@ -7,6 +7,7 @@
 #include <memory>
 #include <stdexcept>
 
+#include "backend/make_backend.h"
 #include "registration/registrar.h"
 #include "support/analytic_dataset.h"
 #include "support/expect_error.h"

@@ -1,5 +1,4 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "backend/make_backend.h"
 #include "registration/pose_correction.h"
 
 #include <gtest/gtest.h>
@@ -7,6 +6,7 @@
 #include <Eigen/Geometry>
 #include <cmath>
 
+#include "backend/make_backend.h"
 #include "math/random.h"
 #include "registration/registrar.h"
 #include "support/analytic_dataset.h"

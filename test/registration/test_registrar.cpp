@@ -1,5 +1,4 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "backend/make_backend.h"
 #include "registration/registrar.h"
 
 #include <gtest/gtest.h>
@@ -12,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "backend/make_backend.h"
 #include "registration/registration_hash.h"
 #include "support/analytic_dataset.h"
 #include "support/expect_error.h"

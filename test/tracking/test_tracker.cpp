@@ -1,5 +1,4 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "backend/make_backend.h"
 #include "tracking/object_tracker.h"
 
 #include <gtest/gtest.h>
@@ -12,6 +11,7 @@
 #include <utility>
 #include <vector>
 
+#include "backend/make_backend.h"
 #include "support/fake_search.h"
 
 namespace nerf_pose_refiner {

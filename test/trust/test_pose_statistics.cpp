@@ -1,5 +1,4 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "backend/make_backend.h"
 #include "trust/pose_statistics.h"
 
 #include <gtest/gtest.h>
@@ -7,6 +6,7 @@
 #include <memory>
 #include <vector>
 
+#include "backend/make_backend.h"
 #include "image/colour.h"
 #include "support/analytic_scene.h"
 #include "support/revolved_scene.h"

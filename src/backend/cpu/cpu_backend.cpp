@@ -1,11 +1,11 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include "backend/cpu/cpu_backend.h"
-#include "backend/make_backend.h"
 
 #include <stdexcept>
 
 #include "backend/cpu/cpu_field.h"
 #include "backend/cpu/cpu_trainer.h"
+#include "backend/make_backend.h"
 #include "concurrency/parallel.h"
 
 namespace nerf_pose_refiner {
