@@ -133,7 +133,9 @@ class SharedBackendTest : public testing::Test {
 
 TEST_F(SharedBackendTest, CallersTakeTurns) {
   const auto field = shared->load(std::make_shared<Field>());
-  callFromTwoThreads([&](int caller) { field->makeSolver({}, {}, caller); });
+  std::vector<std::unique_ptr<PoseSolver>> kept[3];  // of each caller: to end one takes a turn, too
+  callFromTwoThreads(
+      [&](int caller) { kept[caller].push_back(field->makeSolver({}, {}, caller)); });
   EXPECT_EQ(visits->overlaps, 0);
   // While both want to, nobody goes twice in a row: but for the ends, where one is alone.
   int repeated = 0;
