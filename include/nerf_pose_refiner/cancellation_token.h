@@ -23,7 +23,7 @@ class CancellationToken {
   bool cancelRequested() const { return state_->stop.load(std::memory_order_relaxed); }
   /// While paused, `check` holds up the threads of the operation.
   void setPaused(bool paused) const { state_->paused.store(paused, std::memory_order_relaxed); }
-  /// Rests while the operation is paused. @throws Stopped if a stop was requested.
+  /// Rests while the operation is paused. @throws Cancelled if a cancellation was requested.
   void check() const {
     // Polled: a signal handler could wake nobody.
     while (state_->paused.load(std::memory_order_relaxed) && !cancelRequested()) {

@@ -69,7 +69,7 @@ struct DatasetOptions {
 /// @throws std::runtime_error naming the file and the frame: for an image or mask that is missing,
 /// damaged, of another size or not allowed, a matrix that is not finite or not rigid, intrinsics
 /// that are missing or make no sense, a camera that is no pinhole, alpha in some frames only, one
-/// image in two frames, more than `options.limits`, no frames, broken JSON. Stopped.
+/// image in two frames, more than `options.limits`, no frames, broken JSON. Cancelled.
 Dataset loadTransforms(const std::string& path, const DatasetOptions& options = {},
                        const CancellationToken& stop = {});
 

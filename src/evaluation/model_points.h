@@ -46,7 +46,7 @@ class ModelPoints {
 /// for each cell of a fine grid at most, and of those `count`, drawn by `seed`.
 /// @return in O [model units]; fewer if the surface is not resolved into so many.
 /// @throws std::invalid_argument for a count below 1, std::runtime_error if nothing is opaque,
-/// Stopped.
+/// Cancelled.
 std::vector<Eigen::Vector3d> surfacePoints(const LoadedField& field, int count, std::uint64_t seed,
                                            const CancellationToken& stop = {});
 

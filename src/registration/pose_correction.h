@@ -18,7 +18,7 @@ namespace nerf_pose_refiner {
 /// @param measured T_O_C of each view.
 /// @return T_O_C of each view, in order; one that cannot be aligned (the object is behind its
 /// camera, or it would move by more than a few degrees) keeps its pose.
-/// @throws Stopped.
+/// @throws Cancelled.
 std::vector<Pose> alignViews(const LoadedField& field, const std::vector<PosedView>& views,
                              const std::vector<Pose>& measured, bool has_alpha,
                              const CancellationToken& stop);

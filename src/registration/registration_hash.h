@@ -10,7 +10,7 @@ namespace nerf_pose_refiner {
 
 /// A hash of the images, poses and settings: equal means that a model was learned from the same.
 /// (To the last bit training gives it again only where no time limit ends it.)
-/// @throws Stopped.
+/// @throws Cancelled.
 std::string registrationHash(const Dataset& dataset, const RegistrationSettings& settings,
                              const CancellationToken& stop = {});
 
