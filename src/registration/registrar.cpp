@@ -34,24 +34,30 @@ double secondsSince(Clock::time_point start) {
   return std::chrono::duration<double>(Clock::now() - start).count();
 }
 
+/// The views of a dataset: those that the field learns from, and those held out for its quality.
+struct SplitViews {
+  std::vector<PosedView> training, held_out;
+};
+
 /// Every k-th view is held out, so that they are spread over the path.
-void split(const std::vector<PosedView>& views, int held_out, std::vector<PosedView>* training,
-           std::vector<PosedView>* held) {
+SplitViews split(const std::vector<PosedView>& views, int held_out) {
   const int count = std::min(held_out, static_cast<int>(views.size()) / 10);
   const int interval = count > 0 ? static_cast<int>(views.size()) / count : 0;
+  SplitViews parts;
   for (std::size_t i = 0; i < views.size(); ++i) {
-    const bool keep_apart = count > 0 && static_cast<int>(held->size()) < count &&
+    const bool keep_apart = count > 0 && static_cast<int>(parts.held_out.size()) < count &&
                             static_cast<int>(i) % interval == interval / 2;
-    (keep_apart ? held : training)->push_back(views[i]);
+    (keep_apart ? parts.held_out : parts.training).push_back(views[i]);
   }
+  return parts;
 }
 
 /// Views whose poses are found again, to learn how well that goes: those held out, and some that
 /// were learned, for few are held out.
-std::vector<PosedView> poseViews(const std::vector<PosedView>& held_out,
-                                 const std::vector<PosedView>& training) {
+std::vector<PosedView> poseViews(const SplitViews& split) {
   constexpr std::size_t kViews = 12;
-  std::vector<PosedView> views = held_out;
+  const std::vector<PosedView>& training = split.training;
+  std::vector<PosedView> views = split.held_out;
   const std::size_t missing = std::min(kViews - std::min(kViews, views.size()), training.size());
   for (std::size_t i = 0; i < missing; ++i)
     views.push_back(training[training.size() * i / missing]);
@@ -135,13 +141,12 @@ bool isTelling(const PosedView& view, const Box& box) {
 class TrainingRun {
  public:
   TrainingRun(Backend* backend, FieldTrainer* trainer, const RegistrationSettings& settings,
-              const std::vector<PosedView>& held_out, const PosedView& previewed,
+              const SplitViews& views,
               const std::function<void(const RegistrationProgress&)>& progress)
       : backend_(backend),
         trainer_(trainer),
         settings_(settings),
-        held_out_(held_out),
-        previewed_(previewed),
+        views_(views),
         progress_(progress) {}
 
   void run(const char* stage, const CancellationToken& stop) {
@@ -150,10 +155,10 @@ class TrainingRun {
       stop.check();
       loss_ = trainer_->step(done());
       report(stage, [&] { return preview(stop); });
-      if (settings_.target_psnr_db > 0 && !held_out_.empty() && done() >= next_look) {
+      if (settings_.target_psnr_db > 0 && !views_.held_out.empty() && done() >= next_look) {
         next_look += kQualityInterval;
         const auto field = backend_->load(std::make_shared<Field>(trainer_->snapshot(stop)));
-        psnr_db_ = meanPsnr(*field, held_out_, stop);
+        psnr_db_ = meanPsnr(*field, views_.held_out, stop);
         if (psnr_db_ >= settings_.target_psnr_db) break;
       }
     }
@@ -179,10 +184,11 @@ class TrainingRun {
 
  private:
   Rendering preview(const CancellationToken& stop) {
-    const Camera& full = previewed_.camera;
+    const PosedView& view = views_.training.front();
+    const Camera& full = view.camera;
     const double scale = std::min(1.0, kPreviewSize_px / std::max(full.width, full.height));
     const auto field = backend_->load(std::make_shared<Field>(trainer_->snapshot(stop)));
-    return field->render({full.scaled(scale), previewed_.T_O_C}, RenderOptions(), stop);
+    return field->render({full.scaled(scale), view.T_O_C}, RenderOptions(), stop);
   }
 
   /// Share of the training that is over, by steps or by time.
@@ -196,8 +202,7 @@ class TrainingRun {
   Backend* backend_;
   FieldTrainer* trainer_;
   const RegistrationSettings& settings_;
-  const std::vector<PosedView>& held_out_;
-  const PosedView& previewed_;
+  const SplitViews& views_;
   const std::function<void(const RegistrationProgress&)>& progress_;
   Clock::time_point start_ = Clock::now();
   std::string last_stage_;
@@ -270,16 +275,17 @@ Field finished(FieldTrainer* trainer, const Dataset& dataset, const Cancellation
 
 /// One training, and its quality.
 Field train(Backend* backend, const Dataset& dataset, const RegistrationSettings& settings,
-            double slack, const std::function<void(const RegistrationProgress&)>& progress,
+            const std::function<void(const RegistrationProgress&)>& progress,
             const CancellationToken& stop) {
-  Hull hull = hullOf(dataset, settings, slack, stop);
-  std::vector<PosedView> training, held_out;
-  split(dataset.views, settings.held_out, &training, &held_out);
+  Hull hull = hullOf(dataset, settings, settings.refine_poses ? kSlackAfter : 0, stop);
+  SplitViews views = split(dataset.views, settings.held_out);
+  std::vector<PosedView>& held_out = views.held_out;
   held_out.erase(std::remove_if(held_out.begin(), held_out.end(),
                                 [&](const PosedView& view) { return !isTelling(view, hull.box); }),
                  held_out.end());
-  const auto trainer = trainerOf(backend, training, dataset.has_alpha, settings, std::move(hull));
-  TrainingRun run(backend, trainer.get(), settings, held_out, training.front(), progress);
+  const auto trainer =
+      trainerOf(backend, views.training, dataset.has_alpha, settings, std::move(hull));
+  TrainingRun run(backend, trainer.get(), settings, views, progress);
   run.run("training", stop);
   run.report("occupancy");
   Field field = finished(trainer.get(), dataset, stop);
@@ -288,7 +294,7 @@ Field train(Backend* backend, const Dataset& dataset, const RegistrationSettings
   run.report("pose quality");
   field.metadata.symmetries = settings.symmetries;
   const auto loaded = backend->load(std::make_shared<Field>(field));
-  const std::vector<PosedView> searched = poseViews(held_out, training);
+  const std::vector<PosedView> searched = poseViews(views);
   field.metadata.pose = measurePoses(backend, *loaded, searched, stop);
   if (!settings.accept_poor_data) {
     requireUsableModel(field.metadata, static_cast<int>(searched.size()));
@@ -311,9 +317,8 @@ Dataset withCorrectedPoses(Backend* backend, const Dataset& dataset,
   for (const double slack : kRoundSlack) {
     const auto trainer = trainerOf(backend, corrected.views, dataset.has_alpha, rough,
                                    hullOf(corrected, rough, slack, stop));
-    const std::vector<PosedView> none_held_out;
-    TrainingRun run(backend, trainer.get(), rough, none_held_out, corrected.views.front(),
-                    progress);
+    const SplitViews views = {corrected.views, {}};
+    TrainingRun run(backend, trainer.get(), rough, views, progress);
     run.run("rough training", stop);
     run.report("poses");
     const auto field =
@@ -338,9 +343,9 @@ Field learnField(Backend* backend, const Dataset& dataset, const RegistrationSet
     const Dataset corrected = withCorrectedPoses(backend, dataset, settings, progress, stop);
     RegistrationSettings rest = settings;
     rest.max_seconds = 0.5 * settings.max_seconds;
-    field = train(backend, corrected, rest, kSlackAfter, progress, stop);
+    field = train(backend, corrected, rest, progress, stop);
   } else {
-    field = train(backend, dataset, settings, 0, progress, stop);
+    field = train(backend, dataset, settings, progress, stop);
   }
   field.metadata.metres_per_unit =
       settings.metres_per_unit > 0 ? settings.metres_per_unit : dataset.metres_per_unit;
