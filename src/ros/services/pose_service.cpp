@@ -55,20 +55,17 @@ TimedPose seenFrom(const ImageStamp& image, const TimedPose& estimate, const Pos
 
 }  // namespace
 
-PoseService::PoseService(const ros::NodeHandle& nh, const ros::NodeHandle& pnh,
-                         const PoseRefinerParameters& parameters, const ObjectStore& store,
-                         MakeSearch make_search, const TrackedObject* tracked,
+PoseService::PoseService(const NodeHandles& nodes, const PoseRefinerParameters& parameters,
+                         FindObject find_object, MakeSearch make_search,
                          tf2::BufferCore& transforms)
-    : nh_(nh),
-      pnh_(pnh),
+    : nodes_(nodes),
       parameters_(parameters),
-      store_(store),
+      find_object_(std::move(find_object)),
       make_search_(std::move(make_search)),
-      tracked_(tracked),
       input_(parameters.image_is_rectified),
       tf_(transforms, parameters.frames),
       spinner_(1, &queue_) {
-  ros::NodeHandle service_nh(pnh);
+  ros::NodeHandle service_nh(nodes.pnh);
   service_nh.setCallbackQueue(&queue_);
   server_ = service_nh.advertiseService(topics::kRefine, &PoseService::onRefine, this);
   spinner_.start();
@@ -126,7 +123,7 @@ bool PoseService::onRefine(RefinePose::Request& request, RefinePose::Response& r
 void PoseService::refine(const RefinePose::Request& request, const ros::Time& called,
                          const CancellationToken& stop, RefinePose::Response* response) {
   const TrackerSettings settings = settingsForOneImage(parameters().tracker);
-  const std::shared_ptr<const Field> field = objectOf(request);
+  const std::shared_ptr<const Field> field = find_object_(request.object);
   const TimedPose given = initialPoseFrom(request.initial);
   const CameraImage image = imageOf(request, called, stop);
   const ImageStamp at = imageStampOf(image.image->header);
@@ -155,12 +152,6 @@ void PoseService::refine(const RefinePose::Request& request, const ros::Time& ca
   response->hypotheses = toMessage(result.refinement.hypotheses, T_W_C, field->metadata).hypotheses;
 }
 
-std::shared_ptr<const Field> PoseService::objectOf(const RefinePose::Request& request) const {
-  if (!request.object.empty()) return store_.load(request.object);
-  if (std::shared_ptr<const Field> tracked = tracked_->field()) return tracked;
-  throw InputError(TrackReason::kModelUnreadable, "no object is tracked: name one");
-}
-
 PoseService::CameraImage PoseService::imageOf(const RefinePose::Request& request,
                                               const ros::Time& called,
                                               const CancellationToken& stop) const {
@@ -173,12 +164,12 @@ PoseService::CameraImage PoseService::imageOf(const RefinePose::Request& request
 PoseService::CameraImage PoseService::waitForImage(const ros::Time& called,
                                                    const CancellationToken& stop) const {
   ros::CallbackQueue queue;
-  ros::NodeHandle nh(nh_);
+  ros::NodeHandle nh(nodes_.nh);
   nh.setCallbackQueue(&queue);
   CameraImage newest;
   image_transport::ImageTransport transport(nh);
   const image_transport::TransportHints hints(parameters().image_transport, ros::TransportHints(),
-                                              pnh_);
+                                              nodes_.pnh);
   const image_transport::CameraSubscriber subscriber = transport.subscribeCamera(
       topics::kImage, 10,
       [&](const sensor_msgs::ImageConstPtr& image, const sensor_msgs::CameraInfoConstPtr& info) {
