@@ -245,8 +245,13 @@ OccupancyGrid CudaTrainer::freezeOccupancy(const CancellationToken& stop,
   for (std::size_t first = 0; first < cells.size(); first += kCellsPerRound) {
     stop.check();
     const std::size_t count = std::min<std::size_t>(kCellsPerRound, cells.size() - first);
-    lookAtCells(view_, box_cells_.data() + first, static_cast<int>(count), n, highest_.data(),
-                mean_.data(), stream_);
+    CellDensities densities;
+    densities.cells = box_cells_.data() + first;
+    densities.count = static_cast<int>(count);
+    densities.resolution = n;
+    densities.highest = highest_.data();
+    densities.mean = mean_.data();
+    evaluateCells(view_, densities, stream_);
     const std::size_t bytes = count * sizeof(float);
     NPR_CUDA_CHECK(
         cudaMemcpyAsync(highest.data(), highest_.data(), bytes, cudaMemcpyDeviceToHost, stream_));

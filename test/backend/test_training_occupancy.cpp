@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <functional>
 #include <stdexcept>
@@ -26,9 +27,8 @@ std::function<float(float, float, float)> density_at;
 std::function<void()> on_evaluation;
 thread_local const float* positions[3];
 
-void rememberPositions(const KernelGrid&, const float* x, const float* y, const float* z, int,
-                       float*, int) {
-  positions[0] = x, positions[1] = y, positions[2] = z;
+void rememberPositions(const KernelGrid&, const float* const position[3], KernelRows) {
+  std::copy(position, position + 3, positions);
 }
 
 void densityByHand(const float*, float* out, int n) {
@@ -66,11 +66,11 @@ class Occupancy : public testing::Test {
     return TrainingOccupancy(config(), region, kZero, kOne, 3);
   }
   void update(TrainingOccupancy* grid, int step, int threads = 1) {
-    grid->update(field, networks, step, threads, &work);
+    grid->update(field, step, threads, &work);
   }
   OccupancyGrid dense(const TrainingOccupancy& grid, const CancellationToken& stop = {},
                       int threads = 1) {
-    return grid.dense(field, networks, threads, stop, &opacity, &work);
+    return grid.dense(field, threads, stop, &opacity, &work);
   }
 
   CpuNetworks networks;

@@ -30,17 +30,16 @@ class StoppingScene final : public RayRenderer {
 
   const Field& field() const override { return scene_->field(); }
 
-  void renderRays(const Ray* rays, int n, const RenderOptions& options, RayResult* results,
-                  CostCounters* work) const override {
-    count(n);
-    scene_->renderRays(rays, n, options, results, work);
+  CostCounters renderRays(RaySpan rays, const RenderOptions& options,
+                          RayResult* results) const override {
+    count(rays.size);
+    return scene_->renderRays(rays, options, results);
   }
 
-  void rayGradients(const Ray* rays, int n, const RenderOptions& options, bool direction_gradient,
-                    const std::function<RayLossGradient(int, const RayResult&)>& loss_gradient,
-                    RayGradient* gradients, CostCounters* work) const override {
-    count(n);
-    scene_->rayGradients(rays, n, options, direction_gradient, loss_gradient, gradients, work);
+  CostCounters rayGradients(RaySpan rays, const RenderOptions& options, bool direction_gradient,
+                            const RayLoss& loss, RayGradient* gradients) const override {
+    count(rays.size);
+    return scene_->rayGradients(rays, options, direction_gradient, loss, gradients);
   }
 
  private:

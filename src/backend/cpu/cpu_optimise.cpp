@@ -22,15 +22,11 @@ namespace {
 constexpr int kRaysPerBlock = 128;
 constexpr std::uint64_t kEvaluationStream = ~std::uint64_t{0};  // steps use their own number
 
-struct Pixel {
-  int x, y;
-};
-
 // Uniform over the pixels with a weight, the same for every hypothesis.
-std::vector<Pixel> drawPixels(const ObservedLevel& level, int count, std::uint64_t seed,
-                              std::uint64_t stream) {
+std::vector<PixelIndex> drawPixels(const ObservedLevel& level, int count, std::uint64_t seed,
+                                   std::uint64_t stream) {
   const std::uint32_t pixels = static_cast<std::uint32_t>(level.weight.pixels());
-  std::vector<Pixel> drawn(count);
+  std::vector<PixelIndex> drawn(count);
   for (int i = 0; i < count; ++i) {
     const int index =
         static_cast<int>(drawPixel(seed, stream, i, pixels, level.weight.values.data()));
@@ -70,7 +66,7 @@ struct Target {
   const CancellationToken& stop;
 };
 
-RaySums castBlock(const Target& target, const Pose& T_O_C, const Pixel* pixels, int n,
+RaySums castBlock(const Target& target, const Pose& T_O_C, const PixelIndex* pixels, int n,
                   bool with_gradient) {
   Ray rays[kRaysPerBlock];
   for (int i = 0; i < n; ++i) {
@@ -78,23 +74,23 @@ RaySums castBlock(const Target& target, const Pose& T_O_C, const Pixel* pixels, 
   }
   RaySums sums;
   const auto compare = [&](int i, const RayResult& ray) {
-    const PixelLoss pixel = pixelLoss(target.plan.loss, target.observation, target.level,
-                                      pixels[i].x, pixels[i].y, ray);
+    const PixelLoss pixel =
+        pixelLoss(target.plan.loss, target.observation, target.level, pixels[i], ray);
     sums.loss += pixel.loss;
     sums.weight += pixel.weight;
     return pixel.gradient;
   };
   if (with_gradient) {
     RayGradient gradients[kRaysPerBlock];
-    target.scene.rayGradients(rays, n, RenderOptions(), target.plan.direction_gradient, compare,
-                              gradients, &sums.work);
+    sums.work = target.scene.rayGradients({rays, n}, RenderOptions(),
+                                          target.plan.direction_gradient, compare, gradients);
     for (int i = 0; i < n; ++i) {
       sums.force += Eigen::Map<const Eigen::Vector3f>(gradients[i].force).cast<double>();
       sums.torque += Eigen::Map<const Eigen::Vector3f>(gradients[i].torque).cast<double>();
     }
   } else {
     RayResult results[kRaysPerBlock];
-    target.scene.renderRays(rays, n, RenderOptions(), results, &sums.work);
+    sums.work = target.scene.renderRays({rays, n}, RenderOptions(), results);
     for (int i = 0; i < n; ++i) compare(i, results[i]);
   }
   return sums;
@@ -102,7 +98,7 @@ RaySums castBlock(const Target& target, const Pose& T_O_C, const Pixel* pixels, 
 
 // Casts the pixels' rays for each of the hypotheses.
 std::vector<RaySums> castRays(const Target& target, const std::vector<CpuHypothesis*>& hypotheses,
-                              const std::vector<Pixel>& pixels, bool with_gradient) {
+                              const std::vector<PixelIndex>& pixels, bool with_gradient) {
   const int rays = static_cast<int>(pixels.size());
   const int blocks = (rays + kRaysPerBlock - 1) / kRaysPerBlock;
   const int count = static_cast<int>(hypotheses.size());

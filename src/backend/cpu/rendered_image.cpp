@@ -66,7 +66,7 @@ void renderTile(const RayRenderer& scene, const ImageRequest& request, const Til
   }
   const int rays = static_cast<int>(buffers.rays.size());
   buffers.results.resize(buffers.rays.size());
-  scene.renderRays(buffers.rays.data(), rays, options, buffers.results.data(), work);
+  *work += scene.renderRays({buffers.rays.data(), rays}, options, buffers.results.data());
 
   const Eigen::Vector3f centre = scene.field().metadata.centre.cast<float>();
   const float fraction = 1.0f / static_cast<float>(side * side);
