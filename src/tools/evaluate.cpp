@@ -129,9 +129,9 @@ SceneKind kindOf(const Dataset& dataset) {
 
 class Evaluation {
  public:
-  Evaluation(const EvaluateOptions& options, const CancellationToken& stop)
+  Evaluation(const EvaluateOptions& options, const CancellationToken& cancellation)
       : options_(options),
-        stop_(stop),
+        cancellation_(cancellation),
         shard_(options.shard),
         plan_(loadExperiments(options.experiments)),
         backend_(options.backend.make()),
@@ -150,7 +150,8 @@ class Evaluation {
   void runScene(const Scene& scene) {
     LoadedScene loaded;
     loaded.name = scene.name;
-    loaded.dataset = loadTransforms(scene.test_path, options_.backend.datasetOptions(), stop_);
+    loaded.dataset =
+        loadTransforms(scene.test_path, options_.backend.datasetOptions(), cancellation_);
     loaded.kind = kindOf(loaded.dataset);
     loadSceneField("", &loaded);
     for (const Experiment& experiment : plan_.experiments) {
@@ -201,7 +202,7 @@ class Evaluation {
         const auto losses = has_losses ? experiment.losses
                                        : std::vector<std::string>{method == "inerf" ? "l2" : ""};
         for (const std::string& loss : losses) {
-          stop_.check();
+          cancellation_.check();
           const TrialKey first = {
               experiment.name, scene.name, sceneKindName(scene.kind), method, loss,
               variant.label,   condition,  experiment.protocol,       view,   0};
@@ -242,7 +243,7 @@ class Evaluation {
     }
     const Observation image = trialImage(observation, first.method, batch.variant);
     const std::vector<Refinement> refinements = refineAll(batch, protocol.unit, image, priors);
-    stop_.check();  // what was interrupted is no result
+    cancellation_.check();  // what was interrupted is no result
     const auto errorOf = [&](const Pose& T_O_C) {
       return poseError(T_O_C, view.T_O_C, object.centre, view.camera);
     };
@@ -275,9 +276,9 @@ class Evaluation {
       RefinerSettings brief = settings;
       brief.inversion.first_steps = brief.inversion.descent.score_steps;
       brief.inversion.rounds = 0;
-      FieldRefiner(backend_, brief).refineAll(field, image, priors, stop_);
+      FieldRefiner(backend_, brief).refineAll(field, image, priors, cancellation_);
     }
-    return FieldRefiner(backend_, settings).refineAll(field, image, priors, stop_);
+    return FieldRefiner(backend_, settings).refineAll(field, image, priors, cancellation_);
   }
 
   /// The first start of the first views, by the first variant.
@@ -297,7 +298,7 @@ class Evaluation {
     Image8 pair(2 * camera.width, camera.height, 3);
     for (int side = 0; side < 2; ++side) {
       const Rendering rendering =
-          batch.scene.fields.at("")->render({camera, side == 0 ? start : found}, {}, stop_);
+          batch.scene.fields.at("")->render({camera, side == 0 ? start : found}, {}, cancellation_);
       const Image8 overlay = drawOverlay(observation.image, rendering, 0.7);
       for (int y = 0; y < camera.height; ++y) {
         std::copy(overlay.pixel(0, y), overlay.pixel(0, y) + 3 * camera.width,
@@ -313,7 +314,7 @@ class Evaluation {
   }
 
   const EvaluateOptions& options_;
-  const CancellationToken& stop_;
+  const CancellationToken& cancellation_;
   const Shard shard_;
   const ExperimentPlan plan_;
   std::shared_ptr<Backend> backend_;
@@ -323,12 +324,12 @@ class Evaluation {
   int done_ = 0;
 };
 
-void evaluate(const EvaluateOptions& options, const CancellationToken& stop) {
+void evaluate(const EvaluateOptions& options, const CancellationToken& cancellation) {
   if (options.check_plan) {
     checkedScenes(options, loadExperiments(options.experiments));
     return;
   }
-  Evaluation(options, stop).run();
+  Evaluation(options, cancellation).run();
 }
 
 }  // namespace

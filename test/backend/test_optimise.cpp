@@ -258,9 +258,9 @@ TEST(Optimise, aGradientThatIsNotFiniteEndsTheHypothesis) {
 
 TEST(Optimise, stopsOnRequest) {
   OneHypothesis one;
-  const CancellationToken stop;
-  stop.requestCancel();
-  EXPECT_THROW(one.solver->optimise(0, one.plan, {0, 1}, stop), Cancelled);
+  const CancellationToken cancellation;
+  cancellation.requestCancel();
+  EXPECT_THROW(one.solver->optimise(0, one.plan, {0, 1}, cancellation), Cancelled);
 }
 
 // L1 of a black rendering (an empty scene) against a picture of one grey: the grey.

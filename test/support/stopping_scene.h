@@ -22,7 +22,7 @@ class StoppingScene final : public RayRenderer {
   StoppingScene(std::shared_ptr<const RayRenderer> scene, std::uint64_t stop_after, int threads)
       : RayRenderer(cpuProcessor(threads)), scene_(std::move(scene)), stop_after_(stop_after) {}
 
-  const CancellationToken stop;
+  const CancellationToken cancellation;
 
   std::uint64_t rays() const { return rays_; }
   std::uint64_t raysAfterTheStop() const { return late_rays_; }  ///< of calls that began after it
@@ -44,10 +44,10 @@ class StoppingScene final : public RayRenderer {
 
  private:
   void count(int n) const {
-    if (stop.cancelRequested()) late_rays_ += static_cast<std::uint64_t>(n);
+    if (cancellation.cancelRequested()) late_rays_ += static_cast<std::uint64_t>(n);
     for (int most = max_; most < n && !max_.compare_exchange_weak(most, n);) {
     }
-    if ((rays_ += static_cast<std::uint64_t>(n)) >= stop_after_) stop.requestCancel();
+    if ((rays_ += static_cast<std::uint64_t>(n)) >= stop_after_) cancellation.requestCancel();
   }
 
   std::shared_ptr<const RayRenderer> scene_;

@@ -122,7 +122,7 @@ void TrainingOccupancy::update(const FieldView& field, int step, int threads, Co
 }
 
 OccupancyGrid TrainingOccupancy::dense(const FieldView& field, int threads,
-                                       const CancellationToken& stop,
+                                       const CancellationToken& cancellation,
                                        std::vector<float>* cell_opacity, CostCounters* work) const {
   const int n = config_.occupancy_resolution;
   const float cell_size = 1.0f / static_cast<float>(n);
@@ -131,7 +131,7 @@ OccupancyGrid TrainingOccupancy::dense(const FieldView& field, int threads,
   OccupancyGrid grid{n, std::vector<std::uint8_t>(static_cast<std::size_t>(n) * n * n / 8, 0)};
   constexpr int kCellsPerRound = 1 << 13;  // cancellation is checked in between
   for (std::size_t first = 0; first < box_cells_.size(); first += kCellsPerRound) {
-    stop.check();
+    cancellation.check();
     const int cells =
         static_cast<int>(std::min<std::size_t>(kCellsPerRound, box_cells_.size() - first));
     const std::vector<float> density =

@@ -34,7 +34,7 @@ class TrainingOccupancy {
   /// Looks at every cell that touches the box at several points. @param cell_opacity of the way
   /// through each cell, by its mean density. @param work is added to.
   /// @return the occupied cells, dilated by one. @throws Cancelled.
-  OccupancyGrid dense(const FieldView& field, int threads, const CancellationToken& stop,
+  OccupancyGrid dense(const FieldView& field, int threads, const CancellationToken& cancellation,
                       std::vector<float>* cell_opacity, CostCounters* work) const;
 
  private:

@@ -63,7 +63,7 @@ struct Target {
   const CpuObservation& observation;
   const ObservedLevel& level;
   const OptimisationPlan& plan;
-  const CancellationToken& stop;
+  const CancellationToken& cancellation;
 };
 
 RaySums castBlock(const Target& target, const Pose& T_O_C, const PixelIndex* pixels, int n,
@@ -104,7 +104,7 @@ std::vector<RaySums> castRays(const Target& target, const std::vector<CpuHypothe
   const int count = static_cast<int>(hypotheses.size());
   std::vector<RaySums> block_sums(static_cast<std::size_t>(count) * blocks);
   parallelFor(target.scene.processor().threads, count * blocks, [&](int i) {
-    target.stop.check();
+    target.cancellation.check();
     const int first = i % blocks * kRaysPerBlock;
     block_sums[i] = castBlock(target, hypotheses[i / blocks]->T_O_C, pixels.data() + first,
                               std::min(kRaysPerBlock, rays - first), with_gradient);
@@ -148,8 +148,8 @@ void gather(const OptimisationPlan& plan, int step, int rays, const RaySums& sum
 }  // namespace
 
 void CpuSolver::optimise(int level, const OptimisationPlan& plan, const StepRange& steps,
-                         const CancellationToken& stop) {
-  const Target target = {scene_, observation_, observation_.level(level), plan, stop};
+                         const CancellationToken& cancellation) {
+  const Target target = {scene_, observation_, observation_.level(level), plan, cancellation};
   std::vector<CpuHypothesis*> live = hypotheses_.live();
   const int count = static_cast<int>(live.size());
   std::vector<RaySums> scores(live.size());
@@ -173,8 +173,8 @@ void CpuSolver::optimise(int level, const OptimisationPlan& plan, const StepRang
 }
 
 void CpuSolver::evaluate(int level, const OptimisationPlan& plan, int pixels,
-                         const CancellationToken& stop) {
-  const Target target = {scene_, observation_, observation_.level(level), plan, stop};
+                         const CancellationToken& cancellation) {
+  const Target target = {scene_, observation_, observation_.level(level), plan, cancellation};
   const std::vector<CpuHypothesis*> live = hypotheses_.live();
   const auto drawn = drawPixels(target.level, pixels, plan.seed, kEvaluationStream);
   const auto sums = castRays(target, live, drawn, false);

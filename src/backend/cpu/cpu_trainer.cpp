@@ -272,7 +272,7 @@ double CpuTrainer::step(double progress) {
   return loss;
 }
 
-Field CpuTrainer::snapshot(const CancellationToken& stop) {
+Field CpuTrainer::snapshot(const CancellationToken& cancellation) {
   Field field;
   field.config = config_;
   field.box = box_;
@@ -283,7 +283,7 @@ Field CpuTrainer::snapshot(const CancellationToken& stop) {
   gatherWeights(networks_.colour, field.colour_weights.data());
   std::vector<float> cell_opacity;
   field.occupancy =
-      occupancy_.dense(view_, processor_->threads, stop, &cell_opacity, &processor_->costs);
+      occupancy_.dense(view_, processor_->threads, cancellation, &cell_opacity, &processor_->costs);
   const OccupiedExtent extent = measureOccupiedVolume(field, cell_opacity);
   field.metadata.centre = extent.centre;
   field.metadata.diameter = extent.diameter;

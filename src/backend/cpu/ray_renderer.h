@@ -60,7 +60,7 @@ class RayRenderer : public LoadedField {
   CpuProcessor& processor() const { return *processor_; }
 
   Rendering render(const View& view, const RenderOptions& options,
-                   const CancellationToken& stop) const final;
+                   const CancellationToken& cancellation) const final;
   std::unique_ptr<PoseSolver> makeSolver(const Observation& observation,
                                          const std::vector<ImageLevel>& levels,
                                          int capacity) const final;

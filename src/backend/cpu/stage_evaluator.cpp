@@ -59,7 +59,7 @@ class StageEvaluator::Steps {
     RenderOptions options;
     options.step_scale = align.step_scale;
     options.min_transmittance = align.min_transmittance;
-    renderImages(stage_.scene_, requests, options, stage_.request_.stop);
+    renderImages(stage_.scene_, requests, options, stage_.request_.cancellation);
     const std::vector<float>& weight = target_.level->weight.values;
     for (Evaluation* e : evaluations_) {
       for (std::size_t i = 0; i < weight.size(); ++i) {

@@ -47,10 +47,10 @@ class PoseService {
 
   bool onRefine(RefinePose::Request& request, RefinePose::Response& response);
   void refine(const RefinePose::Request& request, const ros::Time& called,
-              const CancellationToken& stop, RefinePose::Response* response);
+              const CancellationToken& cancellation, RefinePose::Response* response);
   CameraImage imageOf(const RefinePose::Request& request, const ros::Time& called,
-                      const CancellationToken& stop) const;
-  CameraImage waitForImage(const ros::Time& called, const CancellationToken& stop) const;
+                      const CancellationToken& cancellation) const;
+  CameraImage waitForImage(const ros::Time& called, const CancellationToken& cancellation) const;
   PoseRefinerParameters parameters() const;
 
   NodeHandles nodes_;
@@ -60,7 +60,7 @@ class PoseService {
   MakeSearch make_search_;
   CameraInput input_;
   TfBridge tf_;
-  CancellationToken stop_;  ///< of all calls
+  CancellationToken cancellation_;  ///< of all calls
   ros::CallbackQueue queue_;
   ros::ServiceServer server_;
   ros::AsyncSpinner spinner_;
