@@ -136,6 +136,7 @@ struct PointResidual {
   T value[3];
   T du[3];  ///< [1 / px]
   T dv[3];
+  T unrelated;  ///< mean square, summed, of a residual between such colours drawn at random
 };
 
 /// What a keyframe shows at a point, locally normalised, and its gradient in the image [1 / px].
@@ -157,9 +158,11 @@ NPR_HOST_DEVICE inline PointResidual<T> pointResidual(const RenderedPoint<T>& re
                                                       S observed_fraction) {
   const S rendered_fraction = 1 - observed_fraction;
   PointResidual<T> r;
+  r.unrelated = T{};
   for (int c = 0; c < 3; ++c) {
-    r.value[c] =
-        rendered.value[c] - (observed[c].value - local.mean[c]) * local.inverse_deviation[c];
+    const T normalised = (observed[c].value - local.mean[c]) * local.inverse_deviation[c];
+    r.value[c] = rendered.value[c] - normalised;
+    r.unrelated += rendered.value[c] * rendered.value[c] + normalised * normalised;
     const T slope = observed_fraction * local.inverse_deviation[c];
     r.du[c] = rendered_fraction * rendered.du[c] + slope * observed[c].du;
     r.dv[c] = rendered_fraction * rendered.dv[c] + slope * observed[c].dv;
@@ -172,6 +175,8 @@ template <typename T>
 struct PointSums {
   T weight;            ///< of the points that are in the image
   T cost;              ///< robust
+  T explained;         ///< what of the cost is judged, and ...
+  T chance;            ///< ... what it would be if images had nothing in common there
   T robust_weight;     ///< what is left of `weight` where outliers lose theirs
   T squared_residual;  ///< robustly weighted
   T information[21];   ///< J^T W J and J^T W r, as NormalEquations6 has them
@@ -197,6 +202,8 @@ NPR_HOST_DEVICE inline void addPoint(const PixelFlow<T>& flow, const PointResidu
   const T w = weight * robust.weight;
   sums->weight += weight;
   sums->cost += weight * robust.value;
+  sums->explained += weight * robust.value;
+  sums->chance += weight * gemanMcClure(r.unrelated, scale).value;
   sums->robust_weight += w;
   sums->squared_residual += w * squared;
   T* entry = sums->information;

@@ -129,6 +129,8 @@ inline void interpolateGroup(const KernelImage& image, const Projected& g, Group
 inline void addLanes(const PointSums<Vector>& lanes, PointSums<float>* sums) {
   sums->weight += sumLanes(lanes.weight);
   sums->cost += sumLanes(lanes.cost);
+  sums->explained += sumLanes(lanes.explained);
+  sums->chance += sumLanes(lanes.chance);
   sums->robust_weight += sumLanes(lanes.robust_weight);
   sums->squared_residual += sumLanes(lanes.squared_residual);
   for (int k = 0; k < 21; ++k) sums->information[k] += sumLanes(lanes.information[k]);

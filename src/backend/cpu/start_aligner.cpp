@@ -6,6 +6,7 @@
 
 #include "backend/common/box_sums.h"
 #include "backend/common/plain_pose.h"
+#include "backend/cpu/outline_sums.h"
 #include "math/alignment_sums.h"
 
 namespace nerf_pose_refiner {
@@ -39,6 +40,8 @@ KernelPoints columnsOf(const PointColumns& points) {
 void add(const PointSums<float>& tile, PointSums<double>* sums) {
   sums->weight += tile.weight;
   sums->cost += tile.cost;
+  sums->explained += tile.explained;
+  sums->chance += tile.chance;
   sums->robust_weight += tile.robust_weight;
   sums->squared_residual += tile.squared_residual;
   for (int k = 0; k < 21; ++k) sums->information[k] += tile.information[k];
@@ -64,6 +67,14 @@ Eigen::Matrix<double, 6, 6> symmetric(const double lower[21]) {
 // Robust loss of colours that have nothing in common.
 double chanceLoss(double robust_scale) {
   return kChanceDifference * 0.5 * robust_scale * robust_scale;
+}
+
+double robustScale(const KeyframeAlignmentSettings& settings, int level) {
+  return settings.robust_scale * std::pow(settings.robust_growth, level);
+}
+
+int countOf(const KeyframeLevel& level) {
+  return level.point_count + static_cast<int>(level.outline.size());
 }
 
 HypothesisState stateOf(const Pose& T_O_C, const KeyframePoints& keyframe,
@@ -216,10 +227,21 @@ StartAligner::Evaluation StartAligner::evaluate(const CameraPose<double>& pose,
     add(tile, &evaluation.sums);
     evaluation.scatter.addTile(equationsOf(tile));
   }
-  // A point that has left the image explains no more than chance does: leaving it is no gain.
   const double missing = point_count_ - evaluation.sums.weight;
-  evaluation.loss =
-      (evaluation.sums.cost + missing * chanceLoss(rules.robust_scale)) / std::max(1, point_count_);
+  int seen = 0;  // of the outline
+  for (std::size_t t = 0; t + 1 < points.outline_tiles.size(); ++t) {
+    PointSums<float> tile = {};
+    seen += sumOutline(view, {points, points.outline_tiles[t], points.outline_tiles[t + 1]},
+                       {rules.robust_scale, points.outline_weight}, &tile);
+    add(tile, &evaluation.sums);
+    evaluation.scatter.addTile(equationsOf(tile));
+  }
+  const auto outline = static_cast<double>(points.outline.size());
+  // A point that has left the image explains no more than chance does: leaving it is no gain.
+  const double cost = evaluation.sums.cost + missing * chanceLoss(rules.robust_scale) +
+                      points.outline_weight * (outline - seen) *
+                          gemanMcClure(kOutlineChance, rules.robust_scale).value;
+  evaluation.loss = cost / std::max(1.0, point_count_ + points.outline_weight * outline);
   return evaluation;
 }
 
@@ -227,7 +249,7 @@ StartAligner::Evaluation StartAligner::alignLevel(const std::vector<CameraPose<d
                                                   const KeyframeAlignmentSettings& settings) {
   const bool finest = index_ == settings.finest_level;
   const KernelRules rules = {
-      static_cast<float>(settings.robust_scale * std::pow(settings.robust_growth, index_)),
+      static_cast<float>(robustScale(settings, index_)),
       static_cast<float>(finest ? settings.observed_fraction : settings.coarse_observed_fraction)};
   Evaluation best;
   best.pose = starts.front();
@@ -292,7 +314,7 @@ Hypothesis StartAligner::align(const FramePyramid& frame, const KeyframePoints& 
        --level) {
     const std::optional<KernelImage> image = frame.level(first_of_frame + level);
     // A far object has no points at coarse levels.
-    if (!image || keyframe.levels[level].point_count < kMinPoints) continue;
+    if (!image || countOf(keyframe.levels[level]) < kMinPoints) continue;
     image_ = *image;
     beginLevel(level, starts.front());
     best = alignLevel(starts, settings);
@@ -300,6 +322,18 @@ Hypothesis StartAligner::align(const FramePyramid& frame, const KeyframePoints& 
     if (level > settings.finest_level + 1) starts.push_back(plainPose(start_T_O_C));
   }
   return hypothesisOf(best, settings);
+}
+
+// How much less the image differs than by chance, where there is anything to differ: a wall is no
+// evidence for a plain object.
+double StartAligner::scoreOf(const Evaluation& evaluation, double robust_scale) const {
+  constexpr double kLeastEvidence = 0.15;  // of what points of full contrast would give
+  const PointSums<double>& sums = evaluation.sums;
+  if (!(sums.chance > 0)) return 0;
+  const double most =
+      point_count_ + level_->outline_weight * static_cast<double>(level_->outline.size());
+  const double evidence = sums.chance / (most * chanceLoss(robust_scale));
+  return std::max(0.0, 1 - sums.explained / sums.chance) * std::min(1.0, evidence / kLeastEvidence);
 }
 
 Hypothesis StartAligner::hypothesisOf(const Evaluation& best,
@@ -313,7 +347,7 @@ Hypothesis StartAligner::hypothesisOf(const Evaluation& best,
   found.gradient_scatter = best.scatter.correction() * symmetric(best.scatter.gradients);
   if (best.sums.weight > 0) found.visible_fraction = best.sums.robust_weight / best.sums.weight;
   if (best.sums.robust_weight > 0) {
-    found.score = std::max(0.0, 1 - best.loss / chanceLoss(settings.robust_scale));
+    found.score = scoreOf(best, robustScale(settings, index_));
     found.residual_variance = best.sums.squared_residual / (3 * best.sums.robust_weight);
   }
   return found;

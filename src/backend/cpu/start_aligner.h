@@ -41,6 +41,7 @@ class StartAligner {
                         const KeyframeAlignmentSettings& settings);
   std::optional<Step> proposeStep(const Evaluation& from, double damping,
                                   const KeyframeAlignmentSettings& settings) const;
+  double scoreOf(const Evaluation& evaluation, double robust_scale) const;
   Hypothesis hypothesisOf(const Evaluation& best, const KeyframeAlignmentSettings& settings) const;
   void hideOccluded(const CameraPose<double>& pose);
   void compareWhatIsSeen();
