@@ -113,7 +113,7 @@ struct Report {
   }
 };
 
-void tell(const std::string& name, const PublishedPoses& poses, Report* report) {
+void print(const std::string& name, const PublishedPoses& poses, Report* report) {
   const double right = fraction(poses.published_right, poses.published);
   const double published = fraction(poses.published_right, poses.right);
   report->json["stays"][name] = {{"images", poses.images},
@@ -128,7 +128,7 @@ void tell(const std::string& name, const PublishedPoses& poses, Report* report) 
   report->say(name + line);
 }
 
-void tell(const std::string& name, const std::vector<Disappearance>& runs, int limit,
+void print(const std::string& name, const std::vector<Disappearance>& runs, int limit,
           Report* report) {
   int tracked = 0, soon = 0, last = 0, published = 0;
   for (const Disappearance& run : runs) {
@@ -167,11 +167,11 @@ Recording trackAll(const TrustOptions& options, TrustTrials* trials,
       poses += trials->track(recording, run);
     }
     line.end();
-    tell(fileName(path), poses, report);
+    print(fileName(path), poses, report);
     all += poses;
     if (first.images.empty()) first = std::move(recording);
   }
-  if (options.bags.size() > 1) tell("all", all, report);
+  if (options.bags.size() > 1) print("all", all, report);
   report->holds = report->holds && all.published > 0 &&
                   fraction(all.published_right, all.published) >= options.published_right &&
                   fraction(all.published_right, all.right) >= options.right_published;
@@ -196,7 +196,7 @@ void check(const TrustOptions& options, const CancellationToken& cancellation) {
       runs.push_back(trials.lose(first, gone, run));
     }
     line.end();
-    tell(fileName(path), runs, options.trials.limit, &report);
+    print(fileName(path), runs, options.trials.limit, &report);
   }
   if (options.json) {
     report.json["holds"] = report.holds;

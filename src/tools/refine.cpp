@@ -75,9 +75,9 @@ void declareInput(CLI::App* app, RefineOptions* options) {
 void declare(CLI::App* app, RefineOptions* options) {
   const std::string name = app->get_name();
   app->description(
-      "Refines a rough pose of an object until its rendering matches a picture.\n\n"
+      "Refines a rough pose of an object until its rendering matches an image.\n\n"
       "What is behind the object may be known: from --mask, from --background, or because the\n"
-      "picture has alpha. Otherwise nothing is assumed of it.\n\n"
+      "image has alpha. Otherwise nothing is assumed about it.\n\n"
       "Poses are of the frame that the file <model>.yaml gives the object, if there is one.");
   app->footer("Examples:\n  " + name +
               " mug.safetensors photo.jpg --intrinsics 500 500 319.5 239.5"
@@ -100,8 +100,7 @@ void declare(CLI::App* app, RefineOptions* options) {
   auto* background = app->add_option("--background", options->background,
                                      "Red, green, blue behind the object [0..1]");
   background->expected(3)->check(CLI::Range(0.0, 1.0));
-  app->add_option("--mask", options->mask,
-                  "Picture of the same size, black where the object is not")
+  app->add_option("--mask", options->mask, "Image of the same size, black where the object is not")
       ->check(CLI::ExistingFile)
       ->excludes(background);
   app->add_option("--seed", options->seed, "Same seed, same answer")->capture_default_str();

@@ -41,7 +41,7 @@ void declare(CLI::App* app, RenderToolOptions* options) {
   const std::string name = app->get_name();
   app->description(
       "Renders a model: all views of a transforms.json, or one pose.\n\n"
-      "Pictures are PNG with straight alpha unless a background is given.");
+      "Images are PNG with straight alpha unless a background is given.");
   app->footer("Examples:\n  " + name +
               " mug.safetensors --transforms photos/mug/transforms_test.json --psnr\n  " + name +
               " mug.safetensors --pose 0 0 0.6 1 0 0 0 --intrinsics 500 500 319.5 239.5"

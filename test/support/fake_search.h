@@ -33,7 +33,7 @@ class FakeSearch : public ObjectSearch {
     priors.push_back(prior);
     was_tracked.push_back(tracked);
     width = observation.image.width;
-    if (throws) throw std::runtime_error("the engine broke");
+    if (throws) throw std::runtime_error("the backend broke");
     while (waits_to_be_stopped && !cancellation.cancelRequested()) {
       searching = true;
       std::this_thread::yield();
