@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "backend/hypotheses.h"
+#include "backend/keyframe_aligner.h"
 #include "backend/plans.h"
 #include "backend/training.h"
 #include "nerf_pose_refiner/observation.h"
@@ -179,6 +180,10 @@ std::shared_ptr<const LoadedField> SharedBackend::load(std::shared_ptr<const Fie
     known = loaded;
     return loaded;
   });
+}
+
+std::unique_ptr<KeyframeAligner> SharedBackend::makeKeyframeAligner() {
+  return backend_->makeKeyframeAligner();
 }
 
 std::unique_ptr<FieldTrainer> SharedBackend::makeTrainer(const FieldConfig& config, const Box& box,

@@ -8,6 +8,8 @@
 #include <utility>
 #include <vector>
 
+#include "backend/keyframe_aligner.h"
+#include "backend/make_backend.h"
 #include "support/recording_backend.h"
 
 namespace nerf_pose_refiner {
@@ -40,6 +42,10 @@ class ScriptedBackend final : public Backend {
     views = std::move(from);
     plan = with;
     return std::make_unique<Trainer>(this);
+  }
+
+  std::unique_ptr<KeyframeAligner> makeKeyframeAligner() override {
+    return makeCpuKeyframeAligner(1);
   }
 
   CostCounters costs() const override { return {}; }
