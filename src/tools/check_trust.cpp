@@ -129,7 +129,7 @@ void print(const std::string& name, const PublishedPoses& poses, Report* report)
 }
 
 void print(const std::string& name, const std::vector<Disappearance>& runs, int limit,
-          Report* report) {
+           Report* report) {
   int tracked = 0, soon = 0, last = 0, published = 0;
   for (const Disappearance& run : runs) {
     tracked += run.tracked;
