@@ -223,17 +223,17 @@ void declareStarts(CLI::App* app, Options* options) {
                   "centre and moved")
       ->check(CLI::IsMember({"paper", "robot"}))
       ->capture_default_str();
-  app->add_option("--views", options->views, "Evenly spread over the dataset")
+  app->add_option("--views", options->views, "Number of views, evenly spread over the dataset")
       ->capture_default_str();
   app->add_option("--first-view", options->first_view)->capture_default_str();
   app->add_option("--starts", options->starts, "Starts of each view")->capture_default_str();
-  app->add_option("--rotation-deg", options->rotation_deg, "Of the starts, half width per axis")
+  app->add_option("--rotation-deg", options->rotation_deg, "Half width of the starts per axis")
       ->capture_default_str();
   app->add_option("--translation", options->translation,
-                  "Of the starts, half width per axis; paper: units (0.25), robot: diameters "
+                  "Half width of the starts per axis; paper: units (0.25), robot: diameters "
                   "(0.15)");
   app->add_option("--search-deg", options->search_deg,
-                  "Half width of the search; default: starts'");
+                  "Half width of the search; default: that of the starts");
   app->add_option("--search-translation", options->search_translation,
                   "Half width of the search, in the unit of --translation");
 }
@@ -254,7 +254,7 @@ void declareObservation(CLI::App* app, TrialObservation* observation) {
 }
 
 void declareRefiner(CLI::App* app, Options* options) {
-  app->add_option("--preset", options->preset, "Of the refiner")
+  app->add_option("--preset", options->preset, "Preset of the refiner")
       ->check(CLI::IsMember(RefinerSettings::presetNames()))
       ->capture_default_str();
   app->add_option("--seed", options->seed)->capture_default_str();
