@@ -204,7 +204,7 @@ void expectReferenceMatchesDifferences(bool turns_view) {
     for (int i = 0; i < kCases; ++i) {
       const Vector6d gradient = referenceGradient(field, drawn.cases[i], kind, turns_view);
       const Vector6d expected = centralDifferences(drawn.cases[i], drawn.renderings[i], kind);
-      if (!agree(pull, expected, 1e-3)) ++failures;
+      if (!agree(gradient, expected, 1e-3)) ++failures;
     }
     EXPECT_LE(failures, kCases / 100) << lossName(kind);
   }
