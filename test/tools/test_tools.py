@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-"""Runs the command-line tools as a user does: photos to a model, pictures, a refined pose.
+"""Runs the command-line tools as a user does: photos to a model, renderings, a refined pose.
 
     test_tools.py FOLDER_FOR_FILES TRAIN RENDER REFINE [unittest arguments]
 """
