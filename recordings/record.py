@@ -23,11 +23,11 @@ HERE = os.path.dirname(os.path.abspath(__file__))
 sys.path[:0] = [HERE, os.path.join(os.path.dirname(HERE), "demo")]
 import background  # noqa: E402
 import kinds  # noqa: E402
+import lights  # noqa: E402
 import motion  # noqa: E402
 import render as demo  # noqa: E402
 import room  # noqa: E402
-from scene import tabletop  # noqa: E402
-from stage import OBJECTS, Stage, build  # noqa: E402
+from stage import OBJECTS, Stage, build, restrict  # noqa: E402
 from visibility import Surface, View  # noqa: E402
 
 JPEG_QUALITY = 95
@@ -39,8 +39,10 @@ BLUR_STEPS = 6        # of the background during an exposure
 def write_object(args):
     thing = OBJECTS[args.object]
     size, focal_px = args.size, 2.0 * args.size
-    scene = demo.start(size, size, focal_px, args.samples, transparent=True)
+    scene = demo.start(size, size, focal_px, 1, transparent=True)
+    kinds.quicken(scene, 0)
     surface = Surface(build(thing), thing.LABEL)
+    lights.light_studio()
     points = surface.points()
     low, high, diameter = points.min(axis=0), points.max(axis=0), demo.diameter_m(points)
     os.makedirs(args.out, exist_ok=True)
@@ -48,25 +50,29 @@ def write_object(args):
     demo.write_json(os.path.join(args.out, "object.json"), {
         "name": thing.NAME, "bounding_box": [np.round(low, 4).tolist(), np.round(high, 4).tolist()],
         "diameter": round(diameter, 4), "symmetric_about_z_without_label": thing.LABEL is not None})
-    tabletop.light("studio")
     camera = {"w": size, "h": size, "fl_x": focal_px, "fl_y": focal_px, "cx": size / 2, "cy": size / 2,
               "metres_per_unit": 1.0,
               "aabb": [np.round(low - demo.MARGIN_M, 3).tolist(), np.round(high + demo.MARGIN_M, 3).tolist()]}
     for split, count, phase in (("train", args.train, 0.0), ("test", args.test, 1.0)):
         os.makedirs(os.path.join(args.out, split), exist_ok=True)
-        frames = [photo(scene, (low + high) / 2, diameter, (split, i, count, phase), args.out) for i in range(count)]
+        views = demo.hemisphere(count, phase, -88, 88)
+        frames = [photo(scene, points, view, "%s/view_%03d.png" % (split, i), args.out) for i, view in enumerate(views)]
         demo.write_json(os.path.join(args.out, "transforms_%s.json" % split), {**camera, "frames": frames})
 
 
-def photo(scene, centre, diameter, which, folder):
-    """Takes one photo, if it is not there. @return its entry in the transforms"""
-    split, i, count, phase = which
-    azimuth, elevation = demo.hemisphere(count, phase, -88, 88)[i]
-    distance = diameter * (2.6 + 0.2 * math.sin(2.4 * i + phase))  # not one sphere: scale is to be seen from distances
+def photo(scene, points, view, name, folder):
+    """Takes one photo of points, if it is not there. @param view (azimuth, elevation). @return its entry in the transforms"""
+    azimuth, elevation = view
+    centre, diameter = (points.min(axis=0) + points.max(axis=0)) / 2, demo.diameter_m(points)
+    distance = diameter * (2.5 + 0.2 * math.sin(7 * azimuth))  # not one sphere: scale is to be seen from distances
     T_W_G = demo.looking(centre + demo.around(azimuth, elevation, distance), centre)
-    name = "%s/view_%03d.png" % (split, i)
     path = os.path.join(folder, name)
     if not os.path.exists(path):
+        T_G_W = np.linalg.inv(T_W_G)
+        seen = points @ T_G_W[:3, :3].T + T_G_W[:3, 3]
+        size = scene.render.resolution_x
+        pixels = seen[:, :2] / -seen[:, 2:] * [2 * size, -2 * size] + size / 2
+        restrict(scene, pixels.min(axis=0) - 3, pixels.max(axis=0) + 3)
         demo.shoot(scene, T_W_G, path + ".part.png")
         demo.shrink(path + ".part.png")
         os.replace(path + ".part.png", path)
@@ -99,8 +105,8 @@ def render_room(args):
     scene = demo.start(*background.SIZE, 1.0, ROOM_SAMPLES, transparent=False)
     room.furnish(args.seed)
     for part in bpy.data.objects:
-        part.visible_shadow = part.visible_diffuse = False  # evenly lit, or it would need many samples
-    kinds.Lights(kinds.KINDS["regular"], args.seed).at(0)
+        part.visible_shadow = False  # the sun has to get in
+    lights.Lights(args.seed)
     kinds.quicken(scene, 0)
     background.set_panoramic(scene.camera.data)
     # The panorama's middle is the world's +x.
@@ -125,7 +131,7 @@ def render_frames(args):
         bpy.ops.render.render(write_still=True)
         moments = frame["time_s"] + stage.exposure(BLUR_STEPS if stage.kind.exposure_s else 1)
         behind = np.mean([panorama.seen_from(stage.trajectory.T_W_C(t)) for t in moments], axis=0)
-        image = background.composed(cv2.imread(raw, cv2.IMREAD_UNCHANGED), behind * stage.lights.gain_bgr())
+        image = background.composed(cv2.imread(raw, cv2.IMREAD_UNCHANGED), behind * stage.lights.gain_bgr(frame["time_s"]))
         path = os.path.join(args.out, frame["file"])
         cv2.imwrite(path + ".part.jpg", kinds.with_noise(image, stage.kind.noise, (sequence["seed"], frame["index"])),
                     [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
@@ -140,10 +146,9 @@ def main():
     photos, truth, room_only, frames = (commands.add_parser(name) for name in ("object", "truth", "room", "frames"))
     for command in (photos, truth):
         command.add_argument("--object", choices=sorted(OBJECTS), required=True)
-    photos.add_argument("--train", type=int, default=80, help="training photos")
+    photos.add_argument("--train", type=int, default=72, help="training photos")
     photos.add_argument("--test", type=int, default=8, help="held-out photos")
     photos.add_argument("--size", type=int, default=400, help="width and height [px]")
-    photos.add_argument("--samples", type=int, default=48, help="paths a pixel")
     truth.add_argument("--kind", choices=sorted(kinds.KINDS), required=True)
     truth.add_argument("--seconds", type=float, default=10.0)
     for command in (truth, room_only):

@@ -12,12 +12,13 @@ import desk_lamp
 import kinds
 import motion
 import render as demo
+from lights import Lights
 from room import add_occluder
 from scene import toy_kiosk
 from visibility import Surface
 
-PATHS_A_FRAME = 500000  # shared by the pixels that are rendered
-FEWEST_SAMPLES, MOST_SAMPLES = 4, 16
+PATHS_AN_IMAGE = 500000  # shared by the pixels that are rendered
+FEWEST_SAMPLES, MOST_SAMPLES = 4, 12
 
 
 class Kiosk:
@@ -35,6 +36,18 @@ def build(thing):
     others = set(bpy.data.objects)
     thing.build()
     return [part for part in bpy.data.objects if part not in others]
+
+
+def restrict(scene, low_px, high_px):
+    """Renders only a rectangle of the image, with fewer paths a pixel where it is large. Pixels count from the corner."""
+    render = scene.render
+    size = [render.resolution_x, render.resolution_y]
+    low, high = np.clip(low_px, 0, size), np.clip(high_px, 0, size)
+    render.use_border, render.use_crop_to_border = True, False
+    render.border_min_x, render.border_max_x = low[0] / size[0], high[0] / size[0]
+    render.border_min_y, render.border_max_y = 1 - high[1] / size[1], 1 - low[1] / size[1]
+    samples = round(PATHS_AN_IMAGE / max(1.0, np.prod(high - low)))
+    scene.cycles.samples = min(max(samples, FEWEST_SAMPLES), MOST_SAMPLES)
 
 
 def _carried(parts, name):
@@ -64,7 +77,7 @@ class Stage:
             part = add_occluder(self.occluder.diameter)
             self.cover = Surface([part])
             self.movers.append((part, lambda t: self.trajectory.T_W_C(t) @ self.T_C_X(t)))
-        self.lights = kinds.Lights(self.kind, seed)
+        self.lights = Lights(seed, self.kind.moving_lights)
         kinds.quicken(self.scene, self.kind.exposure_s)
 
     def T_C_X(self, t_s):
@@ -91,18 +104,8 @@ class Stage:
                 for path in ("location", "rotation_quaternion"):
                     thing.keyframe_insert(path, frame=frame)
         self.lights.at(t_s)
-        self._restrict(t_s)
+        restrict(self.scene, *self._bounds(t_s))
         self.scene.frame_set(1)
-
-    def _restrict(self, t_s):
-        """Renders only where the object or the occluder may be seen, with fewer paths a pixel where that is much."""
-        low, high = self._bounds(t_s)
-        render = self.scene.render
-        render.use_border, render.use_crop_to_border = True, False
-        render.border_min_x, render.border_max_x = low[0] / motion.WIDTH, high[0] / motion.WIDTH
-        render.border_min_y, render.border_max_y = 1 - high[1] / motion.HEIGHT, 1 - low[1] / motion.HEIGHT
-        samples = round(PATHS_A_FRAME / max(1.0, np.prod(high - low)))
-        self.scene.cycles.samples = min(max(samples, FEWEST_SAMPLES), MOST_SAMPLES)
 
     def _bounds(self, t_s, margin_px=3.0):
         """Corners of a rectangle in the image, counted from the image's corner [px]."""
@@ -113,5 +116,4 @@ class Stage:
                     seen = surface.points() @ T[:3, :3].T + T[:3, 3]
                     pixels.append(seen[:, :2] / seen[:, 2:] * motion.FOCAL_PX + [motion.CX + 0.5, motion.CY + 0.5])
         pixels = np.concatenate(pixels)
-        size = [motion.WIDTH, motion.HEIGHT]
-        return (np.clip(pixels.min(axis=0) - margin_px, 0, size), np.clip(pixels.max(axis=0) + margin_px, 0, size))
+        return pixels.min(axis=0) - margin_px, pixels.max(axis=0) + margin_px
