@@ -89,7 +89,7 @@ class Trajectory:
         self.panning = [Wave(random, 0.04, 0.30) for _ in range(3)]  # yaw, pitch, roll of the camera
         low, high = np.radians(elevations_deg)
         self.elevation_middle, self.elevation_half = (low + high) / 2, (high - low) / 2
-        self.tempo_turn, self.tempo_move = 0.4, 0.6
+        self.tempo_turn = self.tempo_move = 0.4
         self._speed_up()
 
     def _speed_up(self):
