@@ -95,6 +95,7 @@ def write_truth(args):
             frame.update(label_fraction=round(label, 4), label_px=round(label_px), label_visible=label >= LABEL_VISIBLE)
         frames.append(frame)
     os.makedirs(args.out, exist_ok=True)
+    stage.surface.write_obj(os.path.join(args.out, "object.obj"), args.object)
     demo.write_json(os.path.join(args.out, "sequence.json"), {
         **sequence, "diameter": round(path.diameter, 4), "centre_O": np.round(path.centre_O, 5).tolist(),
         "width": motion.WIDTH, "height": motion.HEIGHT, "fx": motion.FOCAL_PX, "fy": motion.FOCAL_PX,

@@ -73,7 +73,7 @@ def _stand(random, name, where, sheet):
 
 
 def furnish(seed):
-    """Builds the room and returns its parts' names."""
+    """Builds the room."""
     random = np.random.RandomState(seed)
     sheets = [_sheet(random, "sheet %d of %d" % (i, seed)) for i in range(26)]
     _shell(random, sheets)
@@ -97,8 +97,8 @@ def furnish(seed):
 
 
 def add_occluder(diameter_m):
-    """A striped spinning top with a handle, about `diameter_m` large, its centre at the origin."""
+    """A striped spinning top with a handle, about `diameter_m` large, its centre at the origin. @return the part"""
     size = 1000 * diameter_m / 2
     paint = Picture("spinning top", 120, 60, SLATE).tiles([SLATE, LIME, PURPLE, CREAM], 12, 10, INK).worn()
-    turned("spinning top", [(0, -0.75 * size), (0.45 * size, -0.5 * size), (0.85 * size, 0), (0.5 * size, 0.35 * size),
-                            (0.16 * size, 0.4 * size), (0.16 * size, size), (0, size)], paint, segments=40)
+    return turned("spinning top", [(0, -0.75 * size), (0.45 * size, -0.5 * size), (0.85 * size, 0), (0.5 * size, 0.35 * size),
+                                   (0.16 * size, 0.4 * size), (0.16 * size, size), (0, size)], paint, segments=40)

@@ -17,8 +17,8 @@ from room import add_occluder
 from scene import toy_kiosk
 from visibility import Surface
 
-PATHS_AN_IMAGE = 500000  # shared by the pixels that are rendered
-FEWEST_SAMPLES, MOST_SAMPLES = 4, 12
+PATHS_AN_IMAGE = 300000  # shared by the pixels that are rendered
+FEWEST_SAMPLES, MOST_SAMPLES = 3, 12
 
 
 class Kiosk:
