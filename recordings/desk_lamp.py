@@ -43,4 +43,4 @@ def build():
     turned("rim", [inside[0], outside[-1]], CREAM, tilt)
     turned("shade inside", inside[::-1], CREAM, tilt)
     turned("bulb", arc(11, centre_z=-20), CREAM, tilt)
-    box("weight", (16, 20, 10), SLATE, place(*(0, elbow[0] + 17, elbow[1] - 18)))
+    box("weight", (16, 20, 10), SLATE, place(0, elbow[0] + 17, elbow[1] - 18))

@@ -6,8 +6,8 @@
     blender -b --factory-startup -P record.py -- room --seed 1 --file room.png
     blender -b --factory-startup -P record.py -- frames --room room.png --out DIR [--part 0 --of 2]
 
-`object` writes posed RGBA photos, the mesh and object.json; `truth` writes sequence.json; `room` renders the background;
-`frames` renders the images that sequence.json names. What is there already is kept.
+`object` writes posed RGBA photos, the mesh and object.json; `truth` writes sequence.json; `room` renders the
+background; `frames` renders the images that sequence.json names. Images that are there already are kept.
 """
 import argparse
 import json
@@ -61,7 +61,8 @@ def write_object(args):
 
 
 def photo(scene, points, view, name, folder):
-    """Takes one photo of points, if it is not there. @param view (azimuth, elevation). @return its entry in the transforms"""
+    """Takes one photo, if it is not there. @param points of the object; @param view (azimuth, elevation).
+    @return its entry in the transforms"""
     azimuth, elevation = view
     centre, diameter = (points.min(axis=0) + points.max(axis=0)) / 2, demo.diameter_m(points)
     distance = diameter * (2.5 + 0.2 * math.sin(7 * azimuth))  # not one sphere: scale is to be seen from distances
@@ -132,7 +133,8 @@ def render_frames(args):
         bpy.ops.render.render(write_still=True)
         moments = frame["time_s"] + stage.exposure(BLUR_STEPS if stage.kind.exposure_s else 1)
         behind = np.mean([panorama.seen_from(stage.trajectory.T_W_C(t)) for t in moments], axis=0)
-        image = background.composed(cv2.imread(raw, cv2.IMREAD_UNCHANGED), behind * stage.lights.gain_bgr(frame["time_s"]))
+        behind = behind * stage.lights.gain_bgr(frame["time_s"])
+        image = background.composed(cv2.imread(raw, cv2.IMREAD_UNCHANGED), behind)
         path = os.path.join(args.out, frame["file"])
         cv2.imwrite(path + ".part.jpg", kinds.with_noise(image, stage.kind.noise, (sequence["seed"], frame["index"])),
                     [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])

@@ -100,5 +100,5 @@ def add_occluder(diameter_m):
     """A striped spinning top with a handle, about `diameter_m` large, its centre at the origin. @return the part"""
     size = 1000 * diameter_m / 2
     paint = Picture("spinning top", 120, 60, SLATE).tiles([SLATE, LIME, PURPLE, CREAM], 12, 10, INK).worn()
-    return turned("spinning top", [(0, -0.75 * size), (0.45 * size, -0.5 * size), (0.85 * size, 0), (0.5 * size, 0.35 * size),
-                                   (0.16 * size, 0.4 * size), (0.16 * size, size), (0, size)], paint, segments=40)
+    profile = ((0, -0.75), (0.45, -0.5), (0.85, 0), (0.5, 0.35), (0.16, 0.4), (0.16, 1), (0, 1))
+    return turned("spinning top", [(size * r, size * z) for r, z in profile], paint, segments=40)

@@ -39,7 +39,8 @@ def build(thing):
 
 
 def restrict(scene, low_px, high_px):
-    """Renders only a rectangle of the image, with fewer paths a pixel where it is large. Pixels count from the corner."""
+    """Renders only a rectangle of the image, with fewer paths a pixel where it is large. Pixels count from the
+    image's corner."""
     render = scene.render
     size = [render.resolution_x, render.resolution_y]
     low, high = np.clip(low_px, 0, size), np.clip(high_px, 0, size)
@@ -68,8 +69,9 @@ class Stage:
         parts = build(thing)
         self.surface, self.cover, self.occluder = Surface(parts, thing.LABEL), None, None
         points = self.surface.points()
-        self.trajectory = motion.Trajectory(seed, demo.diameter_m(points), (points.min(axis=0) + points.max(axis=0)) / 2,
-                                            thing.ELEVATIONS_DEG, sequence["seconds"])
+        centre = (points.min(axis=0) + points.max(axis=0)) / 2
+        self.trajectory = motion.Trajectory(seed, demo.diameter_m(points), centre, thing.ELEVATIONS_DEG,
+                                            sequence["seconds"])
         self.movers = [(self.scene.camera, lambda t: self.trajectory.T_W_C(t) @ demo.OPTICAL_FROM_OPENGL),
                        (_carried(parts, thing.NAME), lambda t: self.trajectory.T_W_C(t) @ self.trajectory.T_C_O(t))]
         if self.kind.occluder:

@@ -50,8 +50,8 @@ def _material(paint):
 
 
 def add_mesh(name, placement, vertices_mm, faces, corner_uvs, face_paints):
-    """Links a mesh to the scene. @param vertices_mm [n][3] before `placement`; @param corner_uvs of all faces' corners in
-    turn; @param face_paints one a face, a colour or a Picture"""
+    """Links a mesh to the scene. @param vertices_mm [n][3] before `placement`; @param corner_uvs of all faces' corners
+    in turn; @param face_paints one a face, a colour or a Picture"""
     mesh = bpy.data.meshes.new(name)
     vertices = [(placement @ Matrix.Translation(v)).translation * METRES_PER_MM for v in vertices_mm]
     mesh.from_pydata(vertices, [], faces)

@@ -77,8 +77,8 @@ class Tracker:
 
 
 def run(recording, tracker, every=1, resets=True):
-    """Tracks every so many-th frame, from the truth of the first one. After a wrong pose it starts from the truth again,
-    if there are resets. @return one row a tracked frame: index, degrees, diameters, right, seconds"""
+    """Tracks every so many-th frame, from the truth of the first one. After a wrong pose it starts from the truth
+    again, if there are resets. @return one row a tracked frame: index, degrees, diameters, right, seconds"""
     rows = []
     # The first image makes the tracker's pictures of the object, as a first pose does.
     tracker.reset(recording.truth[0])

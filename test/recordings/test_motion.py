@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-"""Checks the motion of recordings: conventions by hand-worked poses, and for many seeds the promised speeds and sizes."""
+"""Checks the motion of recordings: conventions by hand-worked poses, the promised speeds and sizes for many seeds."""
 import os
 import sys
 import unittest
@@ -44,7 +44,8 @@ class Conventions(unittest.TestCase):
     def test_angles_between_rotations(self):
         for angle_deg in (0, 1e-5, 0.5, 89, 91, 150, 180):
             R = motion.rotation_about(1, np.radians(angle_deg))
-            self.assertAlmostEqual(float(motion.angle_between_deg(np.eye(3), R)), angle_deg, delta=1e-9 + 1e-7 * angle_deg)
+            found = float(motion.angle_between_deg(np.eye(3), R))
+            self.assertAlmostEqual(found, angle_deg, delta=1e-9 + 1e-7 * angle_deg)
 
     def test_speeds_of_a_motion_worked_by_hand(self):
         T = np.stack([np.eye(4)] * 2)
