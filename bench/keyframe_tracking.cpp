@@ -15,11 +15,12 @@
 #include <string>
 #include <vector>
 
-#include "backend/cpu/keyframe_aligner.h"
+#include "backend/keyframe_aligner.h"
 #include "backend/make_backend.h"
 #include "evaluation/pose_error.h"
 #include "evaluation/statistics.h"
 #include "field/object_metadata.h"
+#include "image/io.h"
 #include "recorded_sequence.h"
 #include "tracking/prediction.h"
 #include "views/keyframe.h"
@@ -61,7 +62,7 @@ class Stopwatch {
 
 struct Measured {
   std::vector<double> deg, fraction, frame_ms, prepare_ms, align_ms, evaluations, render_ms,
-      visible;
+      visible, score;
   int right = 0;  // within 2 degrees and 2 % of the diameter
 };
 
@@ -80,9 +81,11 @@ class Benchmark {
         backend_(makeCpuBackend(options.threads, options.instruction_set)),
         field_(backend_->load(std::make_shared<const Field>(loadField(options.model)))),
         object_(field_->field().metadata),
-        aligner_(selectKeyframeKernels(options.instruction_set)) {
+        aligner_(backend_->makeKeyframeAligner()) {
     const double unit_m = object_.metres_per_unit > 0 ? object_.metres_per_unit : 1;
-    for (const Pose& T_C_O : sequence_.T_C_O) {
+    for (const RecordedFrame& frame : sequence_.frames) {
+      const Pose& T_C_O = frame.T_C_O;
+      images_.push_back(readImage(frame.file));
       truth_.push_back(Pose(T_C_O.R, T_C_O.t / unit_m).inverse());
     }
   }
@@ -118,8 +121,9 @@ class Benchmark {
           for (int a = 0; a < 3; ++a) turn[a] = width * kDegree * uniform(random);
           for (int a = 0; a < 3; ++a) shift[a] = 0.01 * width * object_.diameter * uniform(random);
           const Pose start = perturbed(truth_[i], object_, turn, shift);
-          aligner_.observe(sequence_.images[i], sequence_.camera, keyframe_, start);
-          const Hypothesis aligned = aligner_.align(keyframe_, start, options_.alignment);
+          aligner_->observe(observe(images_[i], sequence_.camera),
+                            frameWindowFor(*keyframe_, sequence_.camera, start));
+          const Hypothesis aligned = align(start);
           const PoseError error =
               poseError(aligned.T_O_C, truth_[i], object_.centre, sequence_.camera);
           back += error.rotation_rad < 0.3 * kDegree;
@@ -148,9 +152,10 @@ class Benchmark {
     row("alignment, thread [ms]", measured_.align_ms);
     row("evaluations", measured_.evaluations);
     row("visible", measured_.visible);
+    row("score", measured_.score);
     row("keyframe [ms]", measured_.render_ms);
     std::printf("%zu keyframes of", measured_.render_ms.size());
-    for (const KeyframeLevel& level : keyframe_.levels) {
+    for (const KeyframeLevel& level : keyframe_->levels) {
       std::printf(" %dx%d (%d points, %d chosen)", level.width, level.height, level.shown.size(),
                   level.chosen.size());
     }
@@ -160,7 +165,7 @@ class Benchmark {
  private:
   bool isFar(const Pose& T_O_C) const {
     const Eigen::Vector3d now = T_O_C.t - object_.centre;
-    const Eigen::Vector3d then = keyframe_.T_O_C.t - object_.centre;
+    const Eigen::Vector3d then = keyframe_->T_O_C.t - object_.centre;
     const double angle = std::atan2(now.cross(then).norm(), now.dot(then));
     return angle > options_.renew_deg * kDegree ||
            std::abs(now.norm() / then.norm() - 1) > options_.renew_distance;
@@ -168,15 +173,23 @@ class Benchmark {
 
   void renew(const Pose& T_O_C) {
     const Stopwatch watch;
-    keyframe_ = renderKeyframe(*field_, {sequence_.camera, T_O_C}, options_.keyframe);
+    keyframe_ = std::make_shared<const KeyframePoints>(
+        renderKeyframe(*field_, {sequence_.camera, T_O_C}, options_.keyframe));
+    aligner_->remove(number_);
+    number_ = aligner_->add(keyframe_);
     measured_.render_ms.push_back(watch.wall_ms());
+  }
+
+  Hypothesis align(const Pose& start) {
+    return aligner_->align({{number_, start}}, options_.alignment, {}).front();
   }
 
   Hypothesis alignFrame(int i, const Pose& start) {
     const Stopwatch watch;
-    aligner_.observe(sequence_.images[i], sequence_.camera, keyframe_, start);
+    aligner_->observe(observe(images_[i], sequence_.camera),
+                      frameWindowFor(*keyframe_, sequence_.camera, start));
     const double prepared = watch.thread_ms();
-    const Hypothesis aligned = aligner_.align(keyframe_, start, options_.alignment);
+    const Hypothesis aligned = align(start);
     const double done = watch.thread_ms();
     const PoseError error = poseError(aligned.T_O_C, truth_[i], object_.centre, sequence_.camera);
     measured_.deg.push_back(error.rotation_rad / kDegree);
@@ -186,6 +199,7 @@ class Benchmark {
     measured_.frame_ms.push_back(watch.wall_ms());
     measured_.evaluations.push_back(aligned.iterations);
     measured_.visible.push_back(aligned.visible_fraction);
+    measured_.score.push_back(aligned.score);
     measured_.right += measured_.deg.back() < 2 && measured_.fraction.back() < 2;
     if (options_.verbose) {
       std::printf("%3d: %.3f deg %.3f %%, loss %.4f, visible %.3f, %d evaluations, %.2f ms\n", i,
@@ -197,12 +211,14 @@ class Benchmark {
 
   Options options_;
   RecordedSequence sequence_;
+  std::vector<Image8> images_;
   std::shared_ptr<Backend> backend_;
   std::shared_ptr<const LoadedField> field_;
   const FieldMetadata& object_;
   std::vector<Pose> truth_;  // T_O_C [model units]
-  KeyframeAligner aligner_;
-  KeyframePoints keyframe_;
+  std::unique_ptr<KeyframeAligner> aligner_;
+  std::shared_ptr<const KeyframePoints> keyframe_;
+  int number_ = -1;  // of the keyframe
   Measured measured_;
 };
 

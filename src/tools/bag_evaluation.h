@@ -33,7 +33,7 @@ struct BagEvaluationSettings {
   std::string preset = "align";        ///< of the search from a start
   double search_rotation_deg = 15;     ///< half width of it
   double search_translation = 0.15;    ///< the same [object diameters]
-  std::string track_preset = "track";  ///< of the search from the last pose
+  std::string track_preset = "keyframes";  ///< of the search from the last pose
   double track_rotation_deg = 5;
   double track_translation = 0.05;
   /// The node's; `once` is set by `track`.
@@ -68,10 +68,10 @@ class BagEvaluation {
   /// @param progress told of each image: its number and the last result; may be empty.
   /// @throws std::runtime_error naming topic and frame of what is damaged; Cancelled.
   BagEvaluationResult run(const std::function<void(const EvaluatedFrame&)>& progress,
-                          const CancellationToken& stop);
+                          const CancellationToken& cancellation);
 
  private:
-  void evaluate(const BagFrame& frame, const CancellationToken& stop);
+  void evaluate(const BagFrame& frame, const CancellationToken& cancellation);
   std::optional<Pose> startOf(const BagFrame& frame, const Pose& true_T_C_U) const;
   bool offerStart(const BagFrame& frame, const Pose& true_T_C_U);
   Observation observe(const BagFrame& frame);
