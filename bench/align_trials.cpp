@@ -4,7 +4,9 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "backend/make_backend.h"
@@ -80,33 +82,6 @@ RefinerSettings settingsOf(const Options& options, double diameter) {
   return settings;
 }
 
-Trial runTrial(const Options& options, const Protocol& protocol, FieldRefiner* refiner,
-               const LoadedField& field, const PosedView& view, const Observation& observation,
-               std::uint64_t index) {
-  const Eigen::Vector3d& centre = field.field().metadata.centre;
-  Prior prior;
-  prior.T_O_C = perturbedStart(view.T_O_C, protocol.start, centre, options.seed, index);
-  prior.rotation_rad = protocol.search_rotation_rad;
-  prior.translation = protocol.search_translation;
-  prior.rotate_about_object = protocol.start.about_object;
-  Trial trial;
-  trial.refinement = refiner->refine(field, observation, prior);
-  trial.before = poseError(prior.T_O_C, view.T_O_C, centre, view.camera);
-  trial.after = poseError(trial.refinement.T_O_C, view.T_O_C, centre, view.camera);
-  compareWithCovariance(view.T_O_C, centre, &trial);
-  return trial;
-}
-
-/// Seconds from a model file to a pose, in a process that is warm.
-double secondsToFirstPose(const Options& options, const Protocol& protocol, Backend* backend,
-                          FieldRefiner* refiner, const PosedView& view,
-                          const Observation& observation) {
-  const auto start = std::chrono::steady_clock::now();
-  const auto field = backend->load(std::make_shared<Field>(loadModel(options.model)));
-  runTrial(options, protocol, refiner, *field, view, observation, 0);
-  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-}
-
 /// Measured anew for every view where the memory is the host's: it moves with the machine's load.
 class MovingFloor {
  public:
@@ -127,36 +102,85 @@ class MovingFloor {
   Floor floor_;
 };
 
-std::vector<Trial> runTrials(const Options& options, const Protocol& protocol,
-                             FieldRefiner* refiner, const LoadedField& field,
-                             const Dataset& dataset, bool warm_up, MovingFloor* floor) {
-  TrialObservation disturbance = options.observation;
-  disturbance.seed = options.seed;
-  const int available = static_cast<int>(dataset.views.size());
-  const int views = std::min(options.views, available);
-  std::vector<Trial> trials;
-  for (int v = 0; v < views; ++v) {
-    const int index = (options.first_view + v * available / views) % available;
-    const PosedView& view = dataset.views[index];
-    const Observation observation = disturbance.of(view, v);
-    const Floor& best = floor->now(options.json || options.quiet);
-    if (warm_up && v == 0) runTrial(options, protocol, refiner, field, view, observation, 0);
-    for (int s = 0; s < options.starts; ++s) {
-      Trial trial = runTrial(options, protocol, refiner, field, view, observation,
-                             static_cast<std::uint64_t>(v) * 1000 + s);
-      trial.view = index;
-      trial.start = s;
-      trial.fraction = floorFraction(trial.refinement.work, trial.refinement.seconds, best);
-      if (options.json && !options.quiet) {
-        std::printf("%s\n", toJson(trial).dump().c_str());
-      } else if (!options.quiet) {
-        printTrial(trial, view, field.field().metadata.centre, options.trace);
+/// Runs trials of one model.
+class TrialRunner {
+ public:
+  TrialRunner(const Options& options, std::shared_ptr<Backend> backend,
+              std::shared_ptr<const LoadedField> field)
+      : options_(options),
+        backend_(std::move(backend)),
+        field_(std::move(field)),
+        protocol_(protocolOf(options, field_->field().metadata.diameter)),
+        refiner_(backend_, settingsOf(options, field_->field().metadata.diameter)) {}
+
+  const Protocol& protocol() const { return protocol_; }
+
+  std::vector<Trial> run(const Dataset& dataset, MovingFloor* floor) {
+    TrialObservation disturbance = options_.observation;
+    disturbance.seed = options_.seed;
+    const int available = static_cast<int>(dataset.views.size());
+    const int views = std::min(options_.views, available);
+    std::vector<Trial> trials;
+    for (int v = 0; v < views; ++v) {
+      const int index = (options_.first_view + v * available / views) % available;
+      const PosedView& view = dataset.views[index];
+      const Observation observation = disturbance.of(view, v);
+      const Floor& best = floor->now(options_.json || options_.quiet);
+      if (v == 0 && backend_->info().warms_up) runTrial(*field_, view, observation, 0);
+      for (int s = 0; s < options_.starts; ++s) {
+        Trial trial =
+            runTrial(*field_, view, observation, static_cast<std::uint64_t>(v) * 1000 + s);
+        trial.view = index;
+        trial.start = s;
+        trial.fraction = floorFraction(trial.refinement.work, trial.refinement.seconds, best);
+        print(trial, view);
+        trials.push_back(trial);
       }
-      trials.push_back(trial);
+    }
+    return trials;
+  }
+
+  /// Seconds from a model file to a pose, in a process that is warm.
+  double secondsToFirstPose(const PosedView& view) {
+    const Observation observation = options_.observation.of(view, 0);
+    const auto start = std::chrono::steady_clock::now();
+    const auto field = backend_->load(std::make_shared<Field>(loadModel(options_.model)));
+    runTrial(*field, view, observation, 0);
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  }
+
+ private:
+  Trial runTrial(const LoadedField& field, const PosedView& view, const Observation& observation,
+                 std::uint64_t index) {
+    const Eigen::Vector3d& centre = field.field().metadata.centre;
+    Prior prior;
+    prior.T_O_C = perturbedStart(view.T_O_C, protocol_.start, centre, options_.seed, index);
+    prior.rotation_rad = protocol_.search_rotation_rad;
+    prior.translation = protocol_.search_translation;
+    prior.rotate_about_object = protocol_.start.about_object;
+    Trial trial;
+    trial.refinement = refiner_.refine(field, observation, prior);
+    trial.before = poseError(prior.T_O_C, view.T_O_C, centre, view.camera);
+    trial.after = poseError(trial.refinement.T_O_C, view.T_O_C, centre, view.camera);
+    compareWithCovariance(view.T_O_C, centre, &trial);
+    return trial;
+  }
+
+  void print(const Trial& trial, const PosedView& view) const {
+    if (options_.quiet) return;
+    if (options_.json) {
+      std::printf("%s\n", toJson(trial).dump().c_str());
+    } else {
+      printTrial(trial, view, field_->field().metadata.centre, options_.trace);
     }
   }
-  return trials;
-}
+
+  const Options& options_;
+  const std::shared_ptr<Backend> backend_;
+  const std::shared_ptr<const LoadedField> field_;
+  const Protocol protocol_;
+  FieldRefiner refiner_;
+};
 
 void run(const Options& options) {
   const double context_MiB = deviceMemory_MiB();
@@ -176,21 +200,16 @@ void run(const Options& options) {
   DatasetOptions reading;
   reading.threads = threads;
   const Dataset dataset = loadTransforms(options.dataset, reading);
-  FieldRefiner refiner(backend, settingsOf(options, object.diameter));
-  const Protocol protocol = protocolOf(options, object.diameter);
-  const std::vector<Trial> trials =
-      runTrials(options, protocol, &refiner, *field, dataset, info.warms_up, &floor);
-  nlohmann::json summary = summaryOf(trials, protocol);
+  TrialRunner runner(options, backend, field);
+  const std::vector<Trial> trials = runner.run(dataset, &floor);
+  nlohmann::json summary = summaryOf(trials, runner.protocol());
   if (info.memory_bytes > 0) {
     summary["device_context_mib"] = context_MiB;
     summary["device_memory_mib"] =
         deviceMemory_MiB() - context_MiB;  // the floor's, given back, too
   }
   if (options.first_pose) {
-    TrialObservation disturbance = options.observation;
-    const PosedView& view = dataset.views.front();
-    summary["file_to_first_pose_s"] = secondsToFirstPose(options, protocol, backend.get(), &refiner,
-                                                         view, disturbance.of(view, 0));
+    summary["file_to_first_pose_s"] = runner.secondsToFirstPose(dataset.views.front());
   }
   summary["engine"] = info.description;
   summary["object"] = object.name;

@@ -23,6 +23,7 @@ namespace nerf_pose_refiner {
 namespace {
 
 struct Samples {
+  const char* order;  ///< in which they come
   std::vector<float> positions, directions;
 };
 
@@ -46,7 +47,7 @@ Samples alongRays(const Field& field, const PosedView& view, std::size_t n) {
   space.step = field.config.step;
   space.cone_angle = field.config.cone_angle;
   space.mask = &mask;
-  Samples samples;
+  Samples samples = {"rays", {}, {}};
   const Eigen::Vector3d origin = (view.T_O_C.t - corner) / side;
   const int pixels = view.camera.width * view.camera.height;
   for (int start = 0; start < 7; ++start) {
@@ -70,7 +71,7 @@ Samples alongRays(const Field& field, const PosedView& view, std::size_t n) {
 }
 
 Samples atRandom(std::size_t n) {
-  Samples samples;
+  Samples samples = {"random", {}, {}};
   for (std::size_t i = 0; i < n; ++i) {
     Eigen::Vector3f d;
     for (std::size_t a = 0; a < 3; ++a) {
@@ -100,31 +101,29 @@ Field reshaped(const Field& model, const FieldConfig& shape) {
   return field;
 }
 
-void rateRow(const std::string& name, const Field& field, const char* what, const Samples& samples,
+void rateRow(const std::string& name, const Field& field, const Samples& samples,
              bool with_gradient, double gathers_per_s) {
   const double n = static_cast<double>(samples.positions.size()) / 3;
   const double seconds =
       medianOf(timeEvaluations(field, samples.positions, samples.directions, with_gradient, 15));
   const double floor = 8.0 * field.config.levels * n / gathers_per_s;
   std::printf("%-10s %-8s %-8s 2^%.0f samples: %7.1f us, %6.2f G samples/s; floor %7.1f us, %.2f\n",
-              name.c_str(), what, with_gradient ? "back" : "forward", std::log2(n), 1e6 * seconds,
-              1e-9 * n / seconds, 1e6 * floor, floor / seconds);
+              name.c_str(), samples.order, with_gradient ? "back" : "forward", std::log2(n),
+              1e6 * seconds, 1e-9 * n / seconds, 1e6 * floor, floor / seconds);
   std::fflush(stdout);
 }
 
 /// Steps of training on the views, by the host's clock, to the end of the last.
+/// @param model whose shape, box and occupied region the trained field has.
 void trainingRow(Backend* backend, const std::string& name, const Field& model,
-                 const FieldConfig& shape, const std::vector<PosedView>& views,
-                 double gathers_per_s) {
+                 const std::vector<PosedView>& views, double gathers_per_s) {
   constexpr int kSamples = 1 << 18, kWarmUp = 512, kSteps = 512;  // waits come every 16 steps
   std::vector<TrainingView> learned;
   for (const PosedView& view : views) learned.push_back({view.rgba, view.camera, view.T_O_C});
-  FieldConfig config = shape;
-  config.occupancy_resolution = model.config.occupancy_resolution;
   TrainingPlan plan;
   plan.samples_per_step = kSamples;
   plan.region = model.occupancy;
-  const auto trainer = backend->makeTrainer(config, model.box, learned, plan);
+  const auto trainer = backend->makeTrainer(model.config, model.box, learned, plan);
   for (int i = 0; i < kWarmUp; ++i) trainer->step(0);
   const CostCounters before = backend->costs();
   const auto start = std::chrono::steady_clock::now();
@@ -169,13 +168,13 @@ void run(const std::string& path, const std::string& dataset) {
                                       {"paper", reshaped(model, paper)},
                                       {"4 x 8", reshaped(model, wideFeatures())}}) {
       for (const bool back : {false, true}) {
-        rateRow(name, field, "rays", rays, back, floor.gathers_per_s);
-        rateRow(name, field, "random", points, back, floor.gathers_per_s);
+        rateRow(name, field, rays, back, floor.gathers_per_s);
+        rateRow(name, field, points, back, floor.gathers_per_s);
       }
     }
   }
-  trainingRow(backend.get(), "model", model, model.config, views.views, floor.gathers_per_s);
-  trainingRow(backend.get(), "paper", model, paper, views.views, floor.gathers_per_s);
+  trainingRow(backend.get(), "model", model, views.views, floor.gathers_per_s);
+  trainingRow(backend.get(), "paper", reshaped(model, paper), views.views, floor.gathers_per_s);
   const auto start = Clock::now();
   const auto loaded = backend->load(std::make_shared<Field>(loadModel(path)));
   std::printf("file to device: %.1f ms\n",

@@ -15,7 +15,7 @@
 #include <string>
 #include <vector>
 
-#include "backend/cpu/keyframe_aligner.h"
+#include "backend/keyframe_aligner.h"
 #include "backend/make_backend.h"
 #include "evaluation/pose_error.h"
 #include "evaluation/statistics.h"
@@ -80,7 +80,7 @@ class Benchmark {
         backend_(makeCpuBackend(options.threads, options.instruction_set)),
         field_(backend_->load(std::make_shared<const Field>(loadField(options.model)))),
         object_(field_->field().metadata),
-        aligner_(selectKeyframeKernels(options.instruction_set)) {
+        aligner_(backend_->makeKeyframeAligner()) {
     const double unit_m = object_.metres_per_unit > 0 ? object_.metres_per_unit : 1;
     for (const Pose& T_C_O : sequence_.T_C_O) {
       truth_.push_back(Pose(T_C_O.R, T_C_O.t / unit_m).inverse());
@@ -118,8 +118,9 @@ class Benchmark {
           for (int a = 0; a < 3; ++a) turn[a] = width * kDegree * uniform(random);
           for (int a = 0; a < 3; ++a) shift[a] = 0.01 * width * object_.diameter * uniform(random);
           const Pose start = perturbed(truth_[i], object_, turn, shift);
-          aligner_.observe(sequence_.images[i], sequence_.camera, keyframe_, start);
-          const Hypothesis aligned = aligner_.align(keyframe_, start, options_.alignment);
+          aligner_->observe(observe(sequence_.images[i], sequence_.camera),
+                            frameWindowFor(*keyframe_, sequence_.camera, start));
+          const Hypothesis aligned = align(start);
           const PoseError error =
               poseError(aligned.T_O_C, truth_[i], object_.centre, sequence_.camera);
           back += error.rotation_rad < 0.3 * kDegree;
@@ -150,7 +151,7 @@ class Benchmark {
     row("visible", measured_.visible);
     row("keyframe [ms]", measured_.render_ms);
     std::printf("%zu keyframes of", measured_.render_ms.size());
-    for (const KeyframeLevel& level : keyframe_.levels) {
+    for (const KeyframeLevel& level : keyframe_->levels) {
       std::printf(" %dx%d (%d points, %d chosen)", level.width, level.height, level.shown.size(),
                   level.chosen.size());
     }
@@ -160,7 +161,7 @@ class Benchmark {
  private:
   bool isFar(const Pose& T_O_C) const {
     const Eigen::Vector3d now = T_O_C.t - object_.centre;
-    const Eigen::Vector3d then = keyframe_.T_O_C.t - object_.centre;
+    const Eigen::Vector3d then = keyframe_->T_O_C.t - object_.centre;
     const double angle = std::atan2(now.cross(then).norm(), now.dot(then));
     return angle > options_.renew_deg * kDegree ||
            std::abs(now.norm() / then.norm() - 1) > options_.renew_distance;
@@ -168,15 +169,23 @@ class Benchmark {
 
   void renew(const Pose& T_O_C) {
     const Stopwatch watch;
-    keyframe_ = renderKeyframe(*field_, {sequence_.camera, T_O_C}, options_.keyframe);
+    keyframe_ = std::make_shared<const KeyframePoints>(
+        renderKeyframe(*field_, {sequence_.camera, T_O_C}, options_.keyframe));
+    aligner_->remove(number_);
+    number_ = aligner_->add(keyframe_);
     measured_.render_ms.push_back(watch.wall_ms());
+  }
+
+  Hypothesis align(const Pose& start) {
+    return aligner_->align({{number_, start}}, options_.alignment, {}).front();
   }
 
   Hypothesis alignFrame(int i, const Pose& start) {
     const Stopwatch watch;
-    aligner_.observe(sequence_.images[i], sequence_.camera, keyframe_, start);
+    aligner_->observe(observe(sequence_.images[i], sequence_.camera),
+                      frameWindowFor(*keyframe_, sequence_.camera, start));
     const double prepared = watch.thread_ms();
-    const Hypothesis aligned = aligner_.align(keyframe_, start, options_.alignment);
+    const Hypothesis aligned = align(start);
     const double done = watch.thread_ms();
     const PoseError error = poseError(aligned.T_O_C, truth_[i], object_.centre, sequence_.camera);
     measured_.deg.push_back(error.rotation_rad / kDegree);
@@ -201,8 +210,9 @@ class Benchmark {
   std::shared_ptr<const LoadedField> field_;
   const FieldMetadata& object_;
   std::vector<Pose> truth_;  // T_O_C [model units]
-  KeyframeAligner aligner_;
-  KeyframePoints keyframe_;
+  std::unique_ptr<KeyframeAligner> aligner_;
+  std::shared_ptr<const KeyframePoints> keyframe_;
+  int number_ = -1;  // of the keyframe
   Measured measured_;
 };
 

@@ -130,14 +130,14 @@ __global__ void sumAlignmentKernel(CudaAlignmentTarget target, CudaSearches sear
     if (pixel_weight == 0) continue;
     const ImageSample<float> rendered = sampleAt(image, width, height, x, y);
     const ImageSample<float> observed = sampleAt(target.observed, width, height, x, y);
-    const RegionPixel region = regionAt(target, i);
-    const PixelResidual<float> r =
-        comparePixel(target.rules, rendered, observed, gain_bias, region);
-    const float A = rendered.value[3];
     const float4 point = image[2 * i + 1];
-    addComparedPixel(target.rules, r, A, region, pixel_weight,
-                     surfaceFlow(view, {point.x, point.y, point.z}, A, x, y), &sums,
-                     &sums.equations);
+    ComparedPixel pixel;
+    pixel.region = regionAt(target, i);
+    pixel.residual = comparePixel(target.rules, rendered, observed, gain_bias, pixel.region);
+    pixel.opacity = rendered.value[3];
+    pixel.flow = surfaceFlow(view, {point.x, point.y, point.z}, pixel.opacity, x, y);
+    pixel.weight = pixel_weight;
+    addComparedPixel(target.rules, pixel, &sums, &sums.equations);
   }
   const std::size_t part = static_cast<std::size_t>(v) * gridDim.x + blockIdx.x;
   sumBlock<kAlignmentSums>(reinterpret_cast<const float*>(&sums),
@@ -219,8 +219,7 @@ __global__ void sumGainBiasKernel(CudaAlignmentTarget target, CudaSearches searc
     const int i = static_cast<int>(blockIdx.x) * kPixelsPerChunk + k + threadIdx.x;
     if (i >= pixels) break;
     const float4 rendered = image[2 * i], observed = target.observed[2 * i];
-    addGainBiasPixel(&rendered.x, &observed.x, target.weight[i], gain_bias,
-                     target.rules.robust_scale, &sums);
+    sums.addPixel(&rendered.x, &observed.x, target.weight[i], gain_bias, target.rules.robust_scale);
   }
   const std::size_t part = static_cast<std::size_t>(v) * gridDim.x + blockIdx.x;
   sumBlock<kGainBiasSums>(reinterpret_cast<const float*>(&sums),

@@ -4,6 +4,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "backend/keyframe_aligner.h"
 #include "backend/make_backend.h"
 #include "cuda_loaded_field.h"
 #include "cuda_trainer.h"
@@ -65,6 +66,10 @@ BackendInfo CudaBackend::info() const {
 std::shared_ptr<const LoadedField> CudaBackend::load(std::shared_ptr<const Field> field) {
   processor_->enter();
   return std::make_shared<CudaLoadedField>(std::move(field), processor_);
+}
+
+std::unique_ptr<KeyframeAligner> CudaBackend::makeKeyframeAligner() {
+  return makeCpuKeyframeAligner();  // a few thousand points: the host aligns them as well
 }
 
 std::unique_ptr<FieldTrainer> CudaBackend::makeTrainer(const FieldConfig& config, const Box& box,

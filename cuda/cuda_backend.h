@@ -17,6 +17,7 @@ class CudaBackend final : public Backend {
 
   BackendInfo info() const override;
   std::shared_ptr<const LoadedField> load(std::shared_ptr<const Field> field) override;
+  std::unique_ptr<KeyframeAligner> makeKeyframeAligner() override;
   std::unique_ptr<FieldTrainer> makeTrainer(const FieldConfig& config, const Box& box,
                                             std::vector<TrainingView> views,
                                             const TrainingPlan& plan) override;

@@ -7,6 +7,7 @@
 #include "concurrency/parallel.h"
 #include "cuda_solver.h"
 #include "image/filter.h"
+#include "views.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -18,22 +19,20 @@ struct Crop {
   int x, y, width, height;
 };
 
-/// First and last of `size` pixels that a level covers along one axis.
-void coverAxis(int size, double focal, double centre, int level_size, double level_focal,
-               double level_centre, int* first, int* last) {
-  const double scale = focal / level_focal, margin = std::max(scale, 1.0) + 1;
-  const double low = (0 - level_centre) * scale + centre - margin;
-  const double high = (level_size - 1 - level_centre) * scale + centre + margin;
-  *first = std::min(*first, static_cast<int>(std::clamp(std::floor(low), 0.0, size - 1.0)));
-  *last = std::max(*last, static_cast<int>(std::clamp(std::ceil(high), 0.0, size - 1.0)));
+/// First and last pixel of an image that a level covers along one axis.
+void coverAxis(const ImageAxis& image, const ImageAxis& level, int* first, int* last) {
+  const double scale = image.focal / level.focal, margin = std::max(scale, 1.0) + 1;
+  const double low = (0 - level.centre) * scale + image.centre - margin;
+  const double high = (level.size - 1 - level.centre) * scale + image.centre + margin;
+  *first = std::min(*first, static_cast<int>(std::clamp(std::floor(low), 0.0, image.size - 1.0)));
+  *last = std::max(*last, static_cast<int>(std::clamp(std::ceil(high), 0.0, image.size - 1.0)));
 }
 
 Crop cropFor(const Camera& camera, const std::vector<ImageLevel>& levels) {
   int left = camera.width - 1, right = 0, top = camera.height - 1, bottom = 0;
   for (const ImageLevel& level : levels) {
-    const Camera& c = level.camera;
-    coverAxis(camera.width, camera.fx, camera.cx, c.width, c.fx, c.cx, &left, &right);
-    coverAxis(camera.height, camera.fy, camera.cy, c.height, c.fy, c.cy, &top, &bottom);
+    coverAxis(axisX(camera), axisX(level.camera), &left, &right);
+    coverAxis(axisY(camera), axisY(level.camera), &top, &bottom);
   }
   return {left, top, std::max(1, right - left + 1), std::max(1, bottom - top + 1)};
 }

@@ -62,7 +62,7 @@ OptimisationTask CudaSolver::optimisationTask(int level_index, const Optimisatio
 }
 
 void CudaSolver::optimise(int level, const OptimisationPlan& plan, const StepRange& steps,
-                          const CancellationToken& stop) {
+                          const CancellationToken& cancellation) {
   processor_.enter();
   requireLevel(level, level_count_);
   if (bound_ == 0) return;
@@ -85,25 +85,25 @@ void CudaSolver::optimise(int level, const OptimisationPlan& plan, const StepRan
   enqueue(std::max(0, steps.count - graphs * kStepsPerGraph));  // also readies the kernels
   if (graphs > 0) {
     const GraphKey key = GraphKey().add(field_.view()).add(task).add(bound_);
-    launch(space.graphs.get(key, stream, [&] { enqueue(kStepsPerGraph); }), graphs, stop);
+    launch(space.graphs.get(key, stream, [&] { enqueue(kStepsPerGraph); }), graphs, cancellation);
   }
   finishOptimisation(task, bound_, stream);
 }
 
-void CudaSolver::launch(const CudaGraph& graph, int times, const CancellationToken& stop) {
+void CudaSolver::launch(const CudaGraph& graph, int times, const CancellationToken& cancellation) {
   for (int i = 0; i < times; ++i) {
     const CudaEvent& stepped = processor_.space().stepped[i % kGraphsAhead];
     stepped.wait();
-    stop.check();
+    cancellation.check();
     graph.launch(processor_.stream());
     stepped.record(processor_.stream());
   }
 }
 
 void CudaSolver::evaluate(int level, const OptimisationPlan& plan, int pixels,
-                          const CancellationToken& stop) {
+                          const CancellationToken& cancellation) {
   processor_.enter();
-  stop.check();
+  cancellation.check();
   requireLevel(level, level_count_);
   if (bound_ == 0 || pixels < 1) return;
   if (pixels > std::numeric_limits<int>::max() / bound_) {

@@ -17,7 +17,7 @@ constexpr int kStepsPerWait = 16;
 constexpr int kMaxRays = 1 << 17;
 constexpr unsigned kRoomPerSample = 4;  // samples that are looked at for one that is learned from
 constexpr float kFirstLossScale = 128;
-constexpr int kCellsPerRound = 1 << 18;  // the stop token is looked at in between
+constexpr int kCellsPerRound = 1 << 18;  // the cancellation token is looked at in between
 
 TrainingCamera plainView(const TrainingView& view, const Box& box, const CudaFieldView& field,
                          std::size_t first_pixel) {
@@ -234,7 +234,7 @@ void CudaTrainer::addWork(double rays, double samples, double learned) {
   spent->flops += flops * (evaluations + 2 * learned);
 }
 
-OccupancyGrid CudaTrainer::freezeOccupancy(const CancellationToken& stop,
+OccupancyGrid CudaTrainer::freezeOccupancy(const CancellationToken& cancellation,
                                            std::vector<float>* cell_opacity) {
   const std::vector<std::uint32_t>& cells = cells_.boxCells();
   const int n = config_.occupancy_resolution;
@@ -243,10 +243,15 @@ OccupancyGrid CudaTrainer::freezeOccupancy(const CancellationToken& stop,
   OccupancyGrid grid{n, std::vector<std::uint8_t>(cell_opacity->size() / 8, 0)};
   std::vector<float> highest(kCellsPerRound), mean(kCellsPerRound);
   for (std::size_t first = 0; first < cells.size(); first += kCellsPerRound) {
-    stop.check();
+    cancellation.check();
     const std::size_t count = std::min<std::size_t>(kCellsPerRound, cells.size() - first);
-    lookAtCells(view_, box_cells_.data() + first, static_cast<int>(count), n, highest_.data(),
-                mean_.data(), stream_);
+    CellDensities densities;
+    densities.cells = box_cells_.data() + first;
+    densities.count = static_cast<int>(count);
+    densities.resolution = n;
+    densities.highest = highest_.data();
+    densities.mean = mean_.data();
+    evaluateCells(view_, densities, stream_);
     const std::size_t bytes = count * sizeof(float);
     NPR_CUDA_CHECK(
         cudaMemcpyAsync(highest.data(), highest_.data(), bytes, cudaMemcpyDeviceToHost, stream_));
@@ -266,9 +271,9 @@ OccupancyGrid CudaTrainer::freezeOccupancy(const CancellationToken& stop,
   return dilated(grid);
 }
 
-Field CudaTrainer::snapshot(const CancellationToken& stop) {
+Field CudaTrainer::snapshot(const CancellationToken& cancellation) {
   processor_->enter();
-  stop.check();
+  cancellation.check();
   takeSums();
   Field field;
   field.config = config_;
@@ -284,7 +289,7 @@ Field CudaTrainer::snapshot(const CancellationToken& stop) {
   stream_.wait();
   compactWeights(config_, padded, &field.density_weights, &field.colour_weights);
   std::vector<float> cell_opacity;
-  field.occupancy = freezeOccupancy(stop, &cell_opacity);
+  field.occupancy = freezeOccupancy(cancellation, &cell_opacity);
   const OccupiedExtent extent = measureOccupiedVolume(field, cell_opacity);
   field.metadata.centre = extent.centre;
   field.metadata.diameter = extent.diameter;

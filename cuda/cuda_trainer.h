@@ -31,8 +31,8 @@ class CudaTrainer final : public FieldTrainer {
 
   double step(double progress) override;
   int stepsDone() const override { return steps_; }
-  Field finish(const CancellationToken& stop) override { return snapshot(stop); }
-  Field snapshot(const CancellationToken& stop) override;
+  Field finish(const CancellationToken& cancellation) override { return snapshot(cancellation); }
+  Field snapshot(const CancellationToken& cancellation) override;
 
  private:
   /// Numbers and the optimiser's memory of them.
@@ -46,7 +46,8 @@ class CudaTrainer final : public FieldTrainer {
   void startParameters();
   void startOccupancy();
   void takeSums();  ///< waits
-  OccupancyGrid freezeOccupancy(const CancellationToken& stop, std::vector<float>* cell_opacity);
+  OccupancyGrid freezeOccupancy(const CancellationToken& cancellation,
+                                std::vector<float>* cell_opacity);
   void addWork(double rays, double samples, double learned);
 
   FieldConfig config_;

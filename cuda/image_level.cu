@@ -13,12 +13,12 @@ struct Taps {
   int first, last;
   double middle, scale;
 
-  __device__ Taps(int i, int size, double focal, double centre, double to_focal, double to_centre)
-      : scale(focal / to_focal) {
-    middle = (i - to_centre) * scale + centre;
+  __device__ Taps(int i, const ImageAxis& from, const ImageAxis& to)
+      : scale(from.focal / to.focal) {
+    middle = (i - to.centre) * scale + from.centre;
     const double reach = 0.5 * fmax(scale, 1.0) + 0.5;
-    first = static_cast<int>(fmin(fmax(ceil(middle - reach), 0.0), size - 1.0));
-    last = static_cast<int>(fmax(fmin(size - 1.0, floor(middle + reach)), -1.0));
+    first = static_cast<int>(fmin(fmax(ceil(middle - reach), 0.0), from.size - 1.0));
+    last = static_cast<int>(fmax(fmin(from.size - 1.0, floor(middle + reach)), -1.0));
   }
 
   /// Overlap of an old pixel with the new one; enlarging, linear interpolation.
@@ -37,9 +37,8 @@ __global__ void resampleKernel(CudaObservedImage from, CudaCamera to, float4* im
   const int pixel = index / kLanesPerPixel, part = index % kLanesPerPixel;
   const bool inside = pixel < to.width * to.height;  // all lanes stay for the sums
   const int at = inside ? pixel : 0;
-  const Taps columns(at % to.width, from.camera.width, from.camera.fx, from.camera.cx, to.fx,
-                     to.cx);
-  const Taps rows(at / to.width, from.camera.height, from.camera.fy, from.camera.cy, to.fy, to.cy);
+  const Taps columns(at % to.width, axisX(from.camera), axisX(to));
+  const Taps rows(at / to.width, axisY(from.camera), axisY(to));
   const int n = columns.last - columns.first + 1;
   const int taps = n > 0 && rows.last >= rows.first ? n * (rows.last - rows.first + 1) : 0;
   float sum[5] = {};

@@ -56,20 +56,20 @@ __device__ RayLattice rayOf(const CudaFieldView& field, const OptimisationTask& 
 }
 
 /// What a ray saw, compared with its pixel.
-__device__ void recordRay(const OptimisationTask& task, unsigned id, const float rgb[3],
-                          float alpha) {
+__device__ void recordRay(const OptimisationTask& task, unsigned id,
+                          const PremultipliedColour& ray) {
   const int pixel = pixelOf(task, id);
   const float4 seen = task.image[pixel];
   const float observed[3] = {seen.x, seen.y, seen.z};
   const PixelLossTerm term =
       task.background_known
-          ? lossBeforeKnown(task.loss, rgb, alpha, task.background, observed, task.weight[pixel])
-          : lossBeforeUnknown(task.loss, rgb, alpha, observed, task.weight[pixel]);
+          ? lossBeforeKnown(task.loss, ray, task.background, observed, task.weight[pixel])
+          : lossBeforeUnknown(task.loss, ray, observed, task.weight[pixel]);
   RayRecord r;
-  r.value = term.alpha * alpha;
+  r.value = term.alpha * ray.alpha;
   for (int c = 0; c < 3; ++c) {
     r.rgb[c] = term.rgb[c];
-    r.value += term.rgb[c] * rgb[c];
+    r.value += term.rgb[c] * ray.rgb[c];
   }
   r.alpha = term.alpha;
   r.loss = term.loss;
@@ -90,10 +90,7 @@ __global__ void __launch_bounds__(kFindThreads)
     const bool found =
         id < all && findOccupiedVolume(rayOf(field, task, space, id), space.occupancy, &interval);
     appendHit({task.hits, &task.clock->found}, found, {id, static_cast<unsigned>(interval.k)});
-    if (id < all && !found) {
-      const float nothing[3] = {0, 0, 0};
-      recordRay(task, id, nothing, 0);
-    }
+    if (id < all && !found) recordRay(task, id, {{0, 0, 0}, 0});
   }
   // The rays themselves are counted here.
   if (blockIdx.x == 0 && threadIdx.x == 0) {
@@ -159,10 +156,10 @@ struct CastSource {
   __device__ bool turnOver(const RayGroup& ray) {
     const bool done = queue.active && ray.ended && ray.count == 0;
     if (__any_sync(kWholeWarp, done)) {
-      const float rgb[3] = {groupSum(ray.rgb[0]), groupSum(ray.rgb[1]), groupSum(ray.rgb[2])};
-      const float alpha = groupSum(ray.alpha);
+      const PremultipliedColour colour = {
+          {groupSum(ray.rgb[0]), groupSum(ray.rgb[1]), groupSum(ray.rgb[2])}, groupSum(ray.alpha)};
       if (done) {
-        if (laneSlot() == 0) recordRay(task, queue.hit.id, rgb, alpha);
+        if (laneSlot() == 0) recordRay(task, queue.hit.id, colour);
         queue.active = false;
       }
     }
@@ -217,33 +214,37 @@ __device__ long long warpSum(long long x) {
   return x;
 }
 
-/// Adds samples' pulls to the sums of their hypotheses; what is not finite pulls at nothing. All
+/// Derivatives of the loss by a sample; 0 for a lane that has none.
+struct SampleGradient {
+  float position[3];   ///< in N
+  float direction[3];  ///< by the viewing direction alone
+};
+
+/// Adds samples' gradients to the sums of their hypotheses, but for those that are not finite. All
 /// lanes of a warp take part: nearly always its samples are of one hypothesis, and are summed
 /// before they meet those of other warps at the same few numbers.
-/// @param gradient by the sample's position, in N; 0 for a lane that does not pull.
-/// @param lever_extra of the direction's own.
-__device__ void addGradients(const RayLine& line, float t, const float gradient[3],
-                             const float lever_extra[3], int hypothesis, GradientSums* sums) {
+__device__ void addGradients(const RayLine& line, float t, const SampleGradient& gradient,
+                             int hypothesis, GradientSums* sums) {
   const float* d = line.direction;
   float lever[3];
 #pragma unroll
-  for (int a = 0; a < 3; ++a) lever[a] = t * gradient[a] + lever_extra[a];
-  const float pull[6] = {gradient[0],
-                         gradient[1],
-                         gradient[2],
-                         d[1] * lever[2] - d[2] * lever[1],
-                         d[2] * lever[0] - d[0] * lever[2],
-                         d[0] * lever[1] - d[1] * lever[0]};
+  for (int a = 0; a < 3; ++a) lever[a] = t * gradient.position[a] + gradient.direction[a];
+  const float terms[6] = {gradient.position[0],
+                          gradient.position[1],
+                          gradient.position[2],
+                          d[1] * lever[2] - d[2] * lever[1],
+                          d[2] * lever[0] - d[0] * lever[2],
+                          d[0] * lever[1] - d[1] * lever[0]};
   float size = 0;
 #pragma unroll
-  for (int k = 0; k < 6; ++k) size += fabsf(pull[k]);
+  for (int k = 0; k < 6; ++k) size += fabsf(terms[k]);
   const bool finite = isfinite(size);
   const bool mixed = !__all_sync(kWholeWarp, hypothesis == __shfl_sync(kWholeWarp, hypothesis, 0));
   static_assert(sizeof(GradientSums) == 6 * sizeof(long long), "");
   auto* to = reinterpret_cast<unsigned long long*>(sums + hypothesis);
 #pragma unroll
   for (int k = 0; k < 6; ++k) {
-    long long whole = finite ? llrint(pull[k] / kGradientUnit) : 0;
+    long long whole = finite ? llrint(terms[k] / kGradientUnit) : 0;
     if (!mixed) whole = warpSum(whole);
     if (whole != 0 && (mixed || threadIdx.x % 32 == 0)) {
       atomicAdd(to + k, static_cast<unsigned long long>(whole));
@@ -251,7 +252,7 @@ __device__ void addGradients(const RayLine& line, float t, const float gradient[
   }
 }
 
-constexpr float kMinGradient = 1e-20f;  // what is less pulls at nothing, and has no inverse
+constexpr float kMinGradient = 1e-20f;  // what is less does not count, and has no inverse
 
 /// Warps take 32 samples at a time. Every sample's gradient goes back scaled to one and is scaled
 /// again behind: halves hold it, however small it is.
@@ -286,21 +287,21 @@ __global__ void __launch_bounds__(kGradientThreads, 1)
                           ? make_float4(inverse * g.x, inverse * g.y, inverse * g.z, inverse * g.w)
                           : make_float4(0, 0, 0, 0),
                       task.direction_gradient ? by_harmonics : nullptr);
-    float gradient[3] = {0, 0, 0}, lever[3] = {0, 0, 0};
+    SampleGradient gradient = {};
     if (gradients) {
-      positionGradient(field, memory.row(), memory.slopeRow(), memory.slopePlane(), gradient);
-      const float* d = line.direction;
+      positionGradient(field, memory.row(), memory.slopeRow(), memory.slopePlane(),
+                       gradient.position);
       if (task.direction_gradient) {
-        sphericalHarmonicsGradient(d[0], d[1], d[2], field.sh_degree, by_harmonics, lever);
+        sphericalHarmonicsGradient(line.direction, field.sh_degree, by_harmonics,
+                                   gradient.direction);
       }
 #pragma unroll
       for (int a = 0; a < 3; ++a) {
-        gradient[a] *= scale;
-        lever[a] *= scale;
+        gradient.position[a] *= scale;
+        gradient.direction[a] *= scale;
       }
     }
-    addGradients(line, point.t, gradient, lever, static_cast<int>(point.id / task.clock->rays),
-                 task.sums);
+    addGradients(line, point.t, gradient, static_cast<int>(point.id / task.clock->rays), task.sums);
   }
 }
 

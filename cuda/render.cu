@@ -22,10 +22,8 @@ __global__ void windowKernel(const __grid_constant__ CudaFieldView field,
   if (i >= task.view_count) return;
   CudaView view = {};
   if (task.active == nullptr || task.active[i]) {
-    const Pinhole<double> K = {task.camera.fx, task.camera.fy, task.camera.cx, task.camera.cy};
     const CameraPose<double> pose = task.poses[i];
-    const PixelWindow window =
-        boxWindow(K, task.camera.width, task.camera.height, pose, field.box_O_min, field.box_O_max);
+    const PixelWindow window = boxWindow(task.camera, pose, field.box_O_min, field.box_O_max);
     for (int k = 0; k < 9; ++k) view.R[k] = static_cast<float>(pose.R.m[k / 3][k % 3]);
     view.o[0] = static_cast<float>(pose.o.x);
     view.o[1] = static_cast<float>(pose.o.y);
@@ -38,17 +36,21 @@ __global__ void windowKernel(const __grid_constant__ CudaFieldView field,
   task.views[i] = view;
 }
 
-/// Ray `index` of a pixel's lattice of rays.
+/// A ray of a pixel's lattice of rays.
+struct ImageRay {
+  int view, x, y;
+  int index;  ///< in the lattice, row by row
+};
+
 __device__ RayLattice rayOf(const CudaFieldView& field, const RenderTask& task,
-                            const MarchSpace& space, int view_index, int pixel_x, int pixel_y,
-                            int index) {
-  const CudaView& view = task.views[view_index];
+                            const MarchSpace& space, const ImageRay& ray) {
+  const CudaView& view = task.views[ray.view];
   const int side = task.rays_per_side;
   const float fraction = 1.0f / static_cast<float>(side);
   const float u =
-      static_cast<float>(pixel_x) - 0.5f + (static_cast<float>(index % side) + 0.5f) * fraction;
+      static_cast<float>(ray.x) - 0.5f + (static_cast<float>(ray.index % side) + 0.5f) * fraction;
   const float v =
-      static_cast<float>(pixel_y) - 0.5f + (static_cast<float>(index / side) + 0.5f) * fraction;
+      static_cast<float>(ray.y) - 0.5f + (static_cast<float>(ray.index / side) + 0.5f) * fraction;
   const float x = (u - static_cast<float>(task.camera.cx)) / static_cast<float>(task.camera.fx);
   const float y = (v - static_cast<float>(task.camera.cy)) / static_cast<float>(task.camera.fy);
   const float scale = rsqrtf(x * x + y * y + 1);
@@ -80,8 +82,9 @@ __global__ void findRaysKernel(const __grid_constant__ CudaFieldView field,
   const int rays = task.rays_per_side * task.rays_per_side;
   for (int i = 0; i < rays; ++i) {
     RayInterval interval = {0, 0, 0};
-    const bool found = inside && findOccupiedVolume(rayOf(field, task, space, view_index, x, y, i),
-                                                    space.occupancy, &interval);
+    const bool found =
+        inside && findOccupiedVolume(rayOf(field, task, space, {view_index, x, y, i}),
+                                     space.occupancy, &interval);
     const int pixel = (view_index * task.camera.height + y) * task.camera.width + x;
     appendHit(task.hits, found,
               {static_cast<unsigned>(pixel * rays + i), static_cast<unsigned>(interval.k)});
@@ -107,9 +110,9 @@ struct ImageSource {
     const int rays = task.rays_per_side * task.rays_per_side;
     const int pixel = static_cast<int>(queue.hit.id) / rays;
     const int row = pixel / task.camera.width;
-    ray->start(rayOf(field, task, space, row / task.camera.height, pixel % task.camera.width,
-                     row % task.camera.height, static_cast<int>(queue.hit.id) % rays),
-               static_cast<int>(queue.hit.first));
+    const ImageRay own = {row / task.camera.height, pixel % task.camera.width,
+                          row % task.camera.height, static_cast<int>(queue.hit.id) % rays};
+    ray->start(rayOf(field, task, space, own), static_cast<int>(queue.hit.first));
   }
 
   __device__ bool turnOver(const RayGroup& ray) {

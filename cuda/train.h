@@ -122,8 +122,15 @@ void finishTrainingStep(const TrainingTask& task, cudaStream_t stream);
 /// Looks at a share of the region's cells and decides anew which are occupied.
 void updateOccupancy(const CudaFieldView& field, const OccupancyTask& task, cudaStream_t stream);
 
-/// Looks at cells at kFrozenPointsPerAxis^3 points each. @param highest, mean densities [count].
-void lookAtCells(const CudaFieldView& field, const std::uint32_t* cells, int count, int resolution,
-                 float* highest, float* mean, cudaStream_t stream);
+/// Cells of an occupancy grid and their densities, on the device.
+struct CellDensities {
+  const std::uint32_t* cells;  ///< [count]
+  int count;
+  int resolution;         ///< of the grid: cells along the cube
+  float *highest, *mean;  ///< [count]
+};
+
+/// Evaluates the densities of cells, at kFrozenPointsPerAxis^3 points each.
+void evaluateCells(const CudaFieldView& field, const CellDensities& densities, cudaStream_t stream);
 
 }  // namespace nerf_pose_refiner

@@ -39,8 +39,8 @@ __global__ void __launch_bounds__(kForwardThreads, 4)
 /// Warps take four cells at a time, eight points each.
 template <int W>
 __global__ void __launch_bounds__(kForwardThreads, 4)
-    lookAtCellsKernel(const __grid_constant__ CudaFieldView field, const std::uint32_t* cells,
-                      int count, int resolution, float* highest, float* mean) {
+    evaluateCellsKernel(const __grid_constant__ CudaFieldView field,
+                        const __grid_constant__ CellDensities densities) {
   constexpr int kPoints = kFrozenPointsPerAxis * kFrozenPointsPerAxis * kFrozenPointsPerAxis;
   static_assert(32 % kPoints == 0, "");
   const WarpMemory memory = enterBlock(field, 1, false);
@@ -48,10 +48,13 @@ __global__ void __launch_bounds__(kForwardThreads, 4)
   constexpr int kCells = 32 / kPoints;
   const int warps = static_cast<int>(gridDim.x * blockDim.x / 32);
   int first = static_cast<int>((blockIdx.x * blockDim.x + threadIdx.x) / 32) * kCells;
-  for (; first < count; first += warps * kCells) {
+  for (; first < densities.count; first += warps * kCells) {
     const int i = first + memory.lane / kPoints;
     float p[3] = {0.5f, 0.5f, 0.5f};
-    if (i < count) frozenCellPoint(cells[i], resolution, memory.lane % kPoints, p);
+    const bool inside = i < densities.count;
+    if (inside) {
+      frozenCellPoint(densities.cells[i], densities.resolution, memory.lane % kPoints, p);
+    }
     encode<false>(field, p, memory.row(), nullptr, 0);
     float most = expf(fminf(networks.template density<false>(), 30.0f));
     float sum = most / kPoints;
@@ -59,9 +62,9 @@ __global__ void __launch_bounds__(kForwardThreads, 4)
       most = fmaxf(most, __shfl_xor_sync(kWholeWarp, most, away));
       sum += __shfl_xor_sync(kWholeWarp, sum, away);
     }
-    if (i < count && memory.lane % kPoints == 0) {
-      highest[i] = most;
-      mean[i] = sum;
+    if (inside && memory.lane % kPoints == 0) {
+      densities.highest[i] = most;
+      densities.mean[i] = sum;
     }
   }
 }
@@ -142,11 +145,10 @@ void updateOccupancy(const CudaFieldView& field, const OccupancyTask& task, cuda
                                  cudaMemcpyDeviceToDevice, stream));
 }
 
-void lookAtCells(const CudaFieldView& field, const std::uint32_t* cells, int count, int resolution,
-                 float* highest, float* mean, cudaStream_t stream) {
-  if (count == 0) return;
-  launchForward(field, lookAtCellsKernel<32>, lookAtCellsKernel<64>, stream, field, cells, count,
-                resolution, highest, mean);
+void evaluateCells(const CudaFieldView& field, const CellDensities& densities,
+                   cudaStream_t stream) {
+  if (densities.count == 0) return;
+  launchForward(field, evaluateCellsKernel<32>, evaluateCellsKernel<64>, stream, field, densities);
 }
 
 }  // namespace nerf_pose_refiner

@@ -61,8 +61,7 @@ __global__ void __launch_bounds__(kThreads) marchKernel(const __grid_constant__ 
   TrainingClock* clock = task.clock;
   if (thread < kEmptyPoints) {
     float p[3];
-    drawEmptyPoint(task.seed, task.step, static_cast<std::uint64_t>(thread), field.box_min,
-                   field.box_max, p);
+    drawEmptyPoint(task.seed, task.step, static_cast<std::uint64_t>(thread), field, p);
     task.points[thread] = make_float4(p[0], p[1], p[2], 0);
     task.point_rays[thread] = kNoRay;
   }

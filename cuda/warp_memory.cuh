@@ -105,7 +105,7 @@ __device__ inline WarpMemory enterBlock(const CudaFieldView& field, int samples_
 /// Writes the harmonics of a ray's direction (which is the same in N and O).
 __device__ inline void writeHarmonics(const float direction[3], int degree, __half* to) {
   float h[kHarmonics] = {};
-  sphericalHarmonics(direction[0], direction[1], direction[2], degree, h);
+  sphericalHarmonics(direction, degree, h);
   reinterpret_cast<uint4*>(to)[0] = packEight(h);
   reinterpret_cast<uint4*>(to)[1] = packEight(h + 8);
 }

@@ -15,6 +15,7 @@
 namespace nerf_pose_refiner {
 
 class FieldTrainer;
+class KeyframeAligner;
 struct AlignStage;
 struct Box;
 struct Field;
@@ -163,6 +164,9 @@ class Backend {
   /// @throws std::invalid_argument for a field that is not whole, or of a shape that the processor
   /// does not take.
   virtual std::shared_ptr<const LoadedField> load(std::shared_ptr<const Field> field) = 0;
+
+  /// What aligns keyframes with images; it may be used beside all else, by one thread.
+  virtual std::unique_ptr<KeyframeAligner> makeKeyframeAligner() = 0;
 
   /// A trainer of one field; it keeps the images.
   virtual std::unique_ptr<FieldTrainer> makeTrainer(const FieldConfig& config, const Box& box,

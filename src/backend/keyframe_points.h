@@ -28,6 +28,19 @@ struct ChosenSurface {
   Eigen::Vector2f gradient[3];  ///< how its locally normalised colour changes
 };
 
+/// Mean and spread of the colours around points, channel by channel.
+struct LocalColourColumns {
+  std::vector<float> mean[3];
+  std::vector<float> inverse_deviation[3];
+
+  void resize(std::size_t points) {
+    for (int c = 0; c < 3; ++c) {
+      mean[c].resize(points);
+      inverse_deviation[c].resize(points);
+    }
+  }
+};
+
 /// One resolution of a keyframe: what alignment compares with an image.
 struct KeyframeLevel {
   /// Local colours are taken on a grid of every so many-th pixel of the keyframe, along both axes.
@@ -35,16 +48,18 @@ struct KeyframeLevel {
   int width = 0, height = 0;  ///< of this grid; cells of points are its pixels
   int window = 0;             ///< half width of the neighbourhood of local colours, in it
 
-  /// Every pixel of the grid that shows the object for certain; local colours are taken over
-  /// these. Groups are filled up with the pixel width * height, which is none.
+  /// Every pixel of the grid that shows the object for certain, and its colours, not normalised;
+  /// local colours are taken over these. Groups are filled up with the pixel width * height, which
+  /// is none.
   PointColumns shown;
-  std::vector<float> inverse_count;  ///< [height][width], 1 / number of shown pixels around
+  std::vector<float> shown_colour[3];
 
   /// Pixels that say most about the pose, sorted by tiles; each tile is a whole number of groups.
   PointColumns chosen;
   int point_count = 0;                 ///< of the chosen ones, without what fills groups
   std::vector<float> weight;           ///< of the chosen ones: 1, or 0 for what fills a group
-  std::vector<float> colour[3];        ///< of the chosen ones, locally normalised
+  std::vector<float> colour[3];        ///< of the chosen ones, locally normalised ...
+  LocalColourColumns local;            ///< ... by this: the colour is (colour - mean) / deviation
   std::vector<ChosenSurface> surface;  ///< around the chosen ones
   std::vector<std::int32_t> tiles;  ///< where each tile begins among the chosen; last: their number
 };

@@ -4,7 +4,7 @@
 #include <memory>
 #include <string>
 
-#include "backend/make_backend.h"
+#include "backend/keyframe_aligner.h"
 #include "nerf_pose_refiner/backend.h"
 
 namespace nerf_pose_refiner {
@@ -14,6 +14,11 @@ namespace nerf_pose_refiner {
 /// this processor does not have.
 std::unique_ptr<Backend> makeCpuBackend(int threads = 0,
                                         const std::string& instruction_set = "auto");
+
+/// What aligns keyframes on the CPU, whatever processor renders. @param threads 0: all cores.
+/// @throws as makeCpuBackend.
+std::unique_ptr<KeyframeAligner> makeCpuKeyframeAligner(
+    int threads = 0, const std::string& instruction_set = "auto");
 
 /// Which processor a backend works on, and how much of it it takes.
 struct BackendChoice {

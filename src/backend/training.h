@@ -43,10 +43,10 @@ class FieldTrainer {
   virtual int stepsDone() const = 0;
 
   /// Ends the training: rebuilds the occupancy grid densely and freezes the parameters.
-  virtual Field finish(const CancellationToken& stop) = 0;
+  virtual Field finish(const CancellationToken& cancellation) = 0;
 
   /// The field as it is now (for a preview or a test of the quality), with a fresh occupancy grid.
-  virtual Field snapshot(const CancellationToken& stop) = 0;
+  virtual Field snapshot(const CancellationToken& cancellation) = 0;
 };
 
 }  // namespace nerf_pose_refiner

@@ -65,12 +65,12 @@ struct DatasetOptions {
 /// that frame. Opacity comes from an alpha channel, a `mask_path` of the frame, or both multiplied.
 /// The box is `object_aabb` or `aabb`, [[min], [max]] in the units of the poses, and
 /// `metres_per_unit` their scale. Other keys are ignored.
-/// @param stop looked at between images.
+/// @param cancellation looked at between images.
 /// @throws std::runtime_error naming the file and the frame: for an image or mask that is missing,
 /// damaged, of another size or not allowed, a matrix that is not finite or not rigid, intrinsics
 /// that are missing or make no sense, a camera that is no pinhole, alpha in some frames only, one
 /// image in two frames, more than `options.limits`, no frames, broken JSON. Cancelled.
 Dataset loadTransforms(const std::string& path, const DatasetOptions& options = {},
-                       const CancellationToken& stop = {});
+                       const CancellationToken& cancellation = {});
 
 }  // namespace nerf_pose_refiner

@@ -76,11 +76,11 @@ class FrameFileFinder {
 
 std::vector<FrameFiles> findFrameFiles(const std::vector<TransformsFrame>& frames,
                                        const std::string& folder, const DatasetOptions& options,
-                                       const CancellationToken& stop) {
+                                       const CancellationToken& cancellation) {
   FrameFileFinder finder(folder, options);
   std::vector<FrameFiles> files;
   for (const TransformsFrame& frame : frames) {
-    stop.check();
+    cancellation.check();
     try {
       files.push_back(finder.find(frame));
     } catch (const std::exception& error) {

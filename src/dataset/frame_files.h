@@ -23,6 +23,6 @@ struct FrameFiles {
 /// not allowed or no picture, or an image that another frame has, too. Cancelled.
 std::vector<FrameFiles> findFrameFiles(const std::vector<TransformsFrame>& frames,
                                        const std::string& folder, const DatasetOptions& options,
-                                       const CancellationToken& stop);
+                                       const CancellationToken& cancellation);
 
 }  // namespace nerf_pose_refiner

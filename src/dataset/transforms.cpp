@@ -137,11 +137,12 @@ LoadedView loadView(const FrameFiles& files, const TransformsFrame& frame,
 /// All views, in parallel. The first frame that fails is the one that is reported.
 std::vector<LoadedView> loadViews(const std::vector<FrameFiles>& files,
                                   const std::vector<TransformsFrame>& frames,
-                                  const DatasetOptions& options, const CancellationToken& stop) {
+                                  const DatasetOptions& options,
+                                  const CancellationToken& cancellation) {
   std::vector<LoadedView> views(frames.size());
   UndistorterCache undistorters;
   parallelFor(threadCount(options.threads), static_cast<int>(frames.size()), [&](int i) {
-    stop.check();
+    cancellation.check();
     try {
       views[i] = loadView(files[i], frames[i], options.limits, &undistorters);
     } catch (const std::exception& error) {
@@ -154,12 +155,12 @@ std::vector<LoadedView> loadViews(const std::vector<FrameFiles>& files,
 }  // namespace
 
 Dataset loadTransforms(const std::string& path, const DatasetOptions& options,
-                       const CancellationToken& stop) {
+                       const CancellationToken& cancellation) {
   const fs::path json_path = jsonPath(path, options);
   const std::string folder = json_path.parent_path().string();
   const TransformsFile file = readTransformsJson(json_path.string(), options.limits);
-  const std::vector<FrameFiles> files = findFrameFiles(file.frames, folder, options, stop);
-  const std::vector<LoadedView> views = loadViews(files, file.frames, options, stop);
+  const std::vector<FrameFiles> files = findFrameFiles(file.frames, folder, options, cancellation);
+  const std::vector<LoadedView> views = loadViews(files, file.frames, options, cancellation);
 
   Dataset dataset;
   dataset.folder = folder;

@@ -48,6 +48,6 @@ class ModelPoints {
 /// @throws std::invalid_argument for a count below 1, std::runtime_error if nothing is opaque,
 /// Cancelled.
 std::vector<Eigen::Vector3d> surfacePoints(const LoadedField& field, int count, std::uint64_t seed,
-                                           const CancellationToken& stop = {});
+                                           const CancellationToken& cancellation = {});
 
 }  // namespace nerf_pose_refiner

@@ -35,7 +35,7 @@ Pose cameraAround(const Eigen::Vector3d& centre, double distance, int i, int n) 
 
 /// All that is seen, one view after the other.
 std::vector<Eigen::Vector3d> visiblePoints(const LoadedField& field,
-                                           const CancellationToken& stop) {
+                                           const CancellationToken& cancellation) {
   const FieldMetadata& object = field.field().metadata;
   // The image just holds a ball of the object's diameter around its centre, and half as much
   // again: the centre of the matter need not be in the middle.
@@ -45,7 +45,7 @@ std::vector<Eigen::Vector3d> visiblePoints(const LoadedField& field,
   std::vector<Eigen::Vector3d> points;
   for (int i = 0; i < kViews; ++i) {
     const Pose T_O_C = cameraAround(object.centre, kDistance * object.diameter, i, kViews);
-    const Rendering seen = field.render({camera, T_O_C}, RenderOptions(), stop);
+    const Rendering seen = field.render({camera, T_O_C}, RenderOptions(), cancellation);
     for (std::size_t p = 0; p < seen.alpha.pixels(); ++p) {
       const float alpha = seen.alpha.values[p];
       if (alpha < kOpaque) continue;
@@ -67,13 +67,13 @@ void shuffle(std::vector<Eigen::Vector3d>* points, std::uint64_t seed) {
 }  // namespace
 
 std::vector<Eigen::Vector3d> surfacePoints(const LoadedField& field, int count, std::uint64_t seed,
-                                           const CancellationToken& stop) {
+                                           const CancellationToken& cancellation) {
   if (count < 1) throw std::invalid_argument("surfacePoints: count is below 1");
   const FieldMetadata& object = field.field().metadata;
   if (!(object.diameter > 0)) {
     throw std::runtime_error("the diameter of the object '" + object.name + "' is not known");
   }
-  std::vector<Eigen::Vector3d> points = visiblePoints(field, stop);
+  std::vector<Eigen::Vector3d> points = visiblePoints(field, cancellation);
   if (points.empty()) throw std::runtime_error("nothing of '" + object.name + "' is opaque");
   shuffle(&points, seed);
   // Near parts of the surface are seen by many pixels: thinned, all of it counts alike.

@@ -43,9 +43,9 @@ void requireLength(const char* name, double value) {
 /// Exponent bits all set: infinite or not a number.
 bool isFiniteHalf(std::uint16_t bits) { return (bits & 0x7c00u) != 0x7c00u; }
 
-std::size_t weightCount(int inputs, int width, int hidden_layers, int outputs) {
-  const std::size_t w = width;
-  return inputs * w + (hidden_layers - 1) * w * w + w * outputs;
+std::size_t weightCount(const NetworkShape& shape) {
+  const std::size_t w = shape.width;
+  return shape.inputs * w + (shape.hidden_layers - 1) * w * w + w * shape.outputs;
 }
 
 FieldConfig gpuConfig() {
@@ -142,14 +142,22 @@ std::vector<GridLevel> gridLevels(const FieldConfig& config) {
   return levels;
 }
 
+NetworkShape densityNetwork(const FieldConfig& config) {
+  return {config.levels * config.features, config.density_width, config.density_hidden_layers,
+          1 + config.geometry_features};
+}
+
+NetworkShape colourNetwork(const FieldConfig& config) {
+  return {config.sh_degree * config.sh_degree + config.geometry_features, config.colour_width,
+          config.colour_hidden_layers, 3};
+}
+
 std::size_t densityWeightCount(const FieldConfig& config) {
-  return weightCount(config.levels * config.features, config.density_width,
-                     config.density_hidden_layers, 1 + config.geometry_features);
+  return weightCount(densityNetwork(config));
 }
 
 std::size_t colourWeightCount(const FieldConfig& config) {
-  return weightCount(config.sh_degree * config.sh_degree + config.geometry_features,
-                     config.colour_width, config.colour_hidden_layers, 3);
+  return weightCount(colourNetwork(config));
 }
 
 void Field::validate() const {

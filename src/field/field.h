@@ -144,6 +144,16 @@ struct Field {
   void validate() const;
 };
 
+/// Shape of a network: hidden layers of one width and an output layer, without biases.
+struct NetworkShape {
+  int inputs;
+  int width;
+  int hidden_layers;  ///< >= 1
+  int outputs;
+};
+NetworkShape densityNetwork(const FieldConfig& config);
+NetworkShape colourNetwork(const FieldConfig& config);
+
 /// Numbers of weights of the two networks.
 std::size_t densityWeightCount(const FieldConfig& config);
 std::size_t colourWeightCount(const FieldConfig& config);

@@ -36,19 +36,28 @@ struct PixelResidual {
   T opacity_weight;
 };
 
+/// How a pixel's residuals count.
+template <typename T>
+struct ResidualWeights {
+  T colour = 1;                  ///< 0..1: 0 where other things may tint the colours
+  T opacity = 0;                 ///< 0 if the observed opacity is not known
+  T observed_fraction = T(0.5);  ///< of the observation in the gradients, 0..1
+};
+
 /// Residual where the background is known: C' + (1 - A) B - I, and A - A_observed.
 ///
-/// C' = gain C + bias A is the premultiplied rendering in the observation's light. Gradients are
-/// the mean of the rendered and the observed image's (ESM, Malis 2004): exact to second order,
-/// and the observation pulls where the rendering is still empty. Near the end they are the
-/// rendering's alone: noise in the observation's goes together with noise in the residual, and
-/// makes the object look nearer or farther.
-/// @param opacity_weight 0 if the observed opacity is not known.
-/// @param observed_fraction of the observation in the gradients, 0..1.
+/// C' = gain C + bias A is the premultiplied rendering with the observation's gain and bias.
+/// Gradients are the mean of the rendered and the observed image's (ESM, Malis 2004): exact to
+/// second order, and the observation attracts where the rendering is still empty. Near the end they
+/// are the rendering's alone: noise in the observation's is correlated with noise in the residual,
+/// and makes the object look nearer or farther.
 template <typename T>
-NPR_HOST_DEVICE inline PixelResidual<T> knownBackgroundResidual(
-    const ImageSample<T>& rendered, const ImageSample<T>& observed, const GainBias<T>& gain_bias,
-    const T background[3], T opacity_weight, T observed_fraction = T(0.5)) {
+NPR_HOST_DEVICE inline PixelResidual<T> knownBackgroundResidual(const ImageSample<T>& rendered,
+                                                                const ImageSample<T>& observed,
+                                                                const GainBias<T>& gain_bias,
+                                                                const T background[3],
+                                                                const ResidualWeights<T>& weights) {
+  const T observed_fraction = weights.observed_fraction;
   const T rendered_fraction = 1 - observed_fraction;
   PixelResidual<T> r;
   for (int c = 0; c < 3; ++c) {
@@ -63,8 +72,8 @@ NPR_HOST_DEVICE inline PixelResidual<T> knownBackgroundResidual(
   r.value[3] = rendered.value[3] - observed.value[3];
   r.du[3] = rendered_fraction * rendered.du[3] + observed_fraction * observed.du[3];
   r.dv[3] = rendered_fraction * rendered.dv[3] + observed_fraction * observed.dv[3];
-  r.colour_weight = 1;
-  r.opacity_weight = opacity_weight;
+  r.colour_weight = weights.colour;
+  r.opacity_weight = weights.opacity;
   return r;
 }
 
@@ -74,16 +83,13 @@ NPR_HOST_DEVICE inline PixelResidual<T> knownBackgroundResidual(
 /// nothing to gain by moving the outline off the object or by shrinking it. The outline is held by
 /// P, the probability that the pixel shows the object.
 /// @param observed colour I of the object, and P as its opacity.
-/// @param inside weight of the colours, 0..1: 0 where other things may tint them.
-/// @param opacity_weight 0 if nothing is known of P.
 template <typename T>
-NPR_HOST_DEVICE inline PixelResidual<T> unknownBackgroundResidual(const ImageSample<T>& rendered,
-                                                                  const ImageSample<T>& observed,
-                                                                  const GainBias<T>& gain_bias,
-                                                                  T inside, T opacity_weight,
-                                                                  T observed_fraction = T(0.5)) {
+NPR_HOST_DEVICE inline PixelResidual<T> unknownBackgroundResidual(
+    const ImageSample<T>& rendered, const ImageSample<T>& observed, const GainBias<T>& gain_bias,
+    const ResidualWeights<T>& weights) {
   const T A = rendered.value[3];
   const T inverse = 1 / (A > T(1e-3) ? A : T(1e-3));
+  const T observed_fraction = weights.observed_fraction;
   const T rendered_fraction = 1 - observed_fraction;
   PixelResidual<T> r;
   for (int c = 0; c < 3; ++c) {
@@ -99,8 +105,8 @@ NPR_HOST_DEVICE inline PixelResidual<T> unknownBackgroundResidual(const ImageSam
   r.value[3] = A - observed.value[3];
   r.du[3] = rendered_fraction * rendered.du[3] + observed_fraction * observed.du[3];
   r.dv[3] = rendered_fraction * rendered.dv[3] + observed_fraction * observed.dv[3];
-  r.colour_weight = inside;
-  r.opacity_weight = opacity_weight;
+  r.colour_weight = weights.colour;
+  r.opacity_weight = weights.opacity;
   return r;
 }
 

@@ -9,12 +9,6 @@
 
 namespace nerf_pose_refiner {
 
-/// Moments of rendered against observed colours, from which gain and bias follow.
-template <typename T>
-struct GainBiasMomentsOf {
-  T weight[3] = {}, x[3] = {}, y[3] = {}, xx[3] = {}, xy[3] = {};
-};
-
 /// Sums over the pixels of an image that judge a pose and say how to better it.
 template <typename T>
 struct AlignmentSumsOf {
@@ -99,28 +93,6 @@ NPR_HOST_DEVICE inline PixelJudgement judgeContrast(const RobustResidual& robust
           difference < kChanceDifference};
 }
 
-/// Adds a pixel to the sums of its pose. @param equations may be those of a part of the image.
-/// @param judges_background whether a known background is judged, too.
-template <typename T>
-NPR_HOST_DEVICE inline void addJudgedPixel(const PixelResidual<float>& r,
-                                           const RobustResidual& robust,
-                                           const PixelJudgement& judgement, float opacity,
-                                           float pixel_weight, bool judges_background,
-                                           const PixelFlow<float>& flow, AlignmentSumsOf<T>* sums,
-                                           NormalEquations6<float>* equations) {
-  sums->weight += pixel_weight;
-  sums->cost += pixel_weight * judgement.cost;
-  sums->opacity += pixel_weight * opacity;
-  if (judgement.agrees) sums->agreeing += pixel_weight * opacity;
-  if (!judgement.agrees && judges_background) sums->unexplained += pixel_weight * (1 - opacity);
-  const float colour_weight = pixel_weight * r.colour_weight * robust.colour.weight;
-  const float opacity_weight = pixel_weight * r.opacity_weight * robust.opacity.weight;
-  sums->squared_residual += colour_weight * robust.squared;
-  sums->residual_weight += 3 * colour_weight;
-  const float weights[4] = {colour_weight, colour_weight, colour_weight, opacity_weight};
-  addPixel(flow, r, weights, equations);
-}
-
 /// How a pixel of a rendering is compared with the observation's.
 enum class Comparison {
   kKnownBackground,
@@ -155,31 +127,40 @@ NPR_HOST_DEVICE inline PixelResidual<float> comparePixel(const ComparisonRules& 
                                                          const RegionPixel& region) {
   switch (rules.kind) {
     case Comparison::kContrasts:
-      return unknownBackgroundResidual(rendered, observed, gain_bias,
-                                       interiorWeight(rendered.value[3]), 0.0f,
-                                       rules.observed_fraction);
+      return unknownBackgroundResidual(
+          rendered, observed, gain_bias,
+          {interiorWeight(rendered.value[3]), 0.0f, rules.observed_fraction});
     case Comparison::kRegions:
-      return unknownBackgroundResidual(rendered, observed, gain_bias, region.inside,
-                                       rules.opacity_weight * region.confidence,
-                                       rules.observed_fraction);
+      return unknownBackgroundResidual(
+          rendered, observed, gain_bias,
+          {region.inside, rules.opacity_weight * region.confidence, rules.observed_fraction});
     default:
       return knownBackgroundResidual(rendered, observed, gain_bias, rules.background,
-                                     rules.opacity_weight, rules.observed_fraction);
+                                     {1.0f, rules.opacity_weight, rules.observed_fraction});
   }
 }
 
-/// Adds a pixel to the sums of its pose, robustly. @param r of comparePixel. @param opacity of the
-/// rendering. @param equations may be those of a part of the image.
+/// A pixel of a rendering after its comparison with the observation's.
+struct ComparedPixel {
+  PixelResidual<float> residual;  ///< @see comparePixel
+  PixelFlow<float> flow;          ///< @see surfaceFlow
+  RegionPixel region;
+  float opacity;  ///< rendered
+  float weight;   ///< observed
+};
+
+/// Adds a pixel to the sums of its pose, robustly. @param equations may be those of a part of the
+/// image.
 template <typename T>
 NPR_HOST_DEVICE inline void addComparedPixel(const ComparisonRules& rules,
-                                             const PixelResidual<float>& r, float opacity,
-                                             const RegionPixel& region, float pixel_weight,
-                                             const PixelFlow<float>& flow, AlignmentSumsOf<T>* sums,
+                                             const ComparedPixel& pixel, AlignmentSumsOf<T>* sums,
                                              NormalEquations6<float>* equations) {
   constexpr float kContrastScale = 2;  // contrasts differ by more than colours
   // Wider than the colours': outlines pull from afar. Bounded: where something covers the object,
   // the outline is not its own.
   constexpr float kOpacityScale = 3;
+  const PixelResidual<float>& r = pixel.residual;
+  const float opacity = pixel.opacity;
   const float scale = rules.robust_scale;
   const bool contrasts = rules.kind == Comparison::kContrasts;
   const float colour_scale = (contrasts ? kContrastScale : 1) * scale;
@@ -188,39 +169,55 @@ NPR_HOST_DEVICE inline void addComparedPixel(const ComparisonRules& rules,
       contrasts ? judgeContrast(robust, opacity, colour_scale) : judgeResidual(r, robust, scale);
   if (rules.kind == Comparison::kRegions) {
     const float object = objectDensity(robust.squared / std::max(opacity * opacity, 1e-4f));
-    judgement.agrees = object > region.background_density;
+    judgement.agrees = object > pixel.region.background_density;
     if (rules.rank_by_regions) {
-      judgement.cost = mixtureCost(opacity, object, region.background_density);
+      judgement.cost = mixtureCost(opacity, object, pixel.region.background_density);
     }
   }
-  addJudgedPixel(r, robust, judgement, opacity, pixel_weight,
-                 rules.kind == Comparison::kKnownBackground, flow, sums, equations);
+  sums->weight += pixel.weight;
+  sums->cost += pixel.weight * judgement.cost;
+  sums->opacity += pixel.weight * opacity;
+  if (judgement.agrees) sums->agreeing += pixel.weight * opacity;
+  if (!judgement.agrees && rules.kind == Comparison::kKnownBackground) {
+    sums->unexplained += pixel.weight * (1 - opacity);
+  }
+  const float colour_weight = pixel.weight * r.colour_weight * robust.colour.weight;
+  const float opacity_weight = pixel.weight * r.opacity_weight * robust.opacity.weight;
+  sums->squared_residual += colour_weight * robust.squared;
+  sums->residual_weight += 3 * colour_weight;
+  const float weights[4] = {colour_weight, colour_weight, colour_weight, opacity_weight};
+  addPixel(pixel.flow, r, weights, equations);
 }
 
-/// Adds a pixel to the moments, if it shows the object.
-/// @param rendered premultiplied RGB, opacity. @param observed RGB.
+/// Moments of rendered against observed colours, from which gain and bias follow.
 template <typename T>
-NPR_HOST_DEVICE inline void addGainBiasPixel(const float rendered[4], const float observed[3],
-                                             float pixel_weight, const GainBias<float>& gain_bias,
-                                             float robust_scale, GainBiasMomentsOf<T>* sums) {
-  const float A = rendered[3];
-  if (A < 0.5f || pixel_weight == 0) return;
-  float colour[3], squared = 0;
-  for (int c = 0; c < 3; ++c) {
-    colour[c] = rendered[c] / A;
-    const float r = gain_bias.gain[c] * colour[c] + gain_bias.bias[c] - observed[c];
-    squared += r * r;
+struct GainBiasMomentsOf {
+  T weight[3] = {}, x[3] = {}, y[3] = {}, xx[3] = {}, xy[3] = {};
+
+  /// Adds a pixel, if it shows the object. @param rendered premultiplied RGB, opacity.
+  /// @param observed RGB. @param gain_bias so far: pixels that it explains badly count less.
+  NPR_HOST_DEVICE void addPixel(const float rendered[4], const float observed[3],
+                                float pixel_weight, const GainBias<float>& gain_bias,
+                                float robust_scale) {
+    const float A = rendered[3];
+    if (A < 0.5f || pixel_weight == 0) return;
+    float colour[3], squared = 0;
+    for (int c = 0; c < 3; ++c) {
+      colour[c] = rendered[c] / A;
+      const float r = gain_bias.gain[c] * colour[c] + gain_bias.bias[c] - observed[c];
+      squared += r * r;
+    }
+    const float w =
+        pixel_weight * A * A * interiorWeight(A) * gemanMcClure(squared, 2 * robust_scale).weight;
+    for (int c = 0; c < 3; ++c) {
+      weight[c] += w;
+      x[c] += w * colour[c];
+      y[c] += w * observed[c];
+      xx[c] += w * colour[c] * colour[c];
+      xy[c] += w * colour[c] * observed[c];
+    }
   }
-  const float weight =
-      pixel_weight * A * A * interiorWeight(A) * gemanMcClure(squared, 2 * robust_scale).weight;
-  for (int c = 0; c < 3; ++c) {
-    sums->weight[c] += weight;
-    sums->x[c] += weight * colour[c];
-    sums->y[c] += weight * observed[c];
-    sums->xx[c] += weight * colour[c] * colour[c];
-    sums->xy[c] += weight * colour[c] * observed[c];
-  }
-}
+};
 
 /// Gain and bias by least squares, drawn towards 1 and 0.
 NPR_HOST_DEVICE inline GainBias<float> solveGainBias(const GainBiasMomentsOf<double>& m) {

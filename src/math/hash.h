@@ -11,15 +11,18 @@ namespace nerf_pose_refiner {
 constexpr std::uint32_t kHashPrimeY = 2654435761u;
 constexpr std::uint32_t kHashPrimeZ = 805459861u;
 
-/// Index of grid vertex (x, y, z), each in 0..resolution, in the table of its level.
-///
-/// Dense levels count x fastest. Hashed tables have a power of two of entries.
-NPR_HOST_DEVICE inline std::uint32_t gridIndex(std::uint32_t x, std::uint32_t y, std::uint32_t z,
-                                               std::uint32_t resolution, std::uint32_t entries,
-                                               bool hashed) {
-  if (hashed) return (x ^ (y * kHashPrimeY) ^ (z * kHashPrimeZ)) & (entries - 1);
+/// Index of grid vertex (x, y, z), each in 0..resolution, in the table of a dense level: x counts
+/// fastest.
+NPR_HOST_DEVICE inline std::uint32_t denseIndex(std::uint32_t x, std::uint32_t y, std::uint32_t z,
+                                                std::uint32_t resolution) {
   const std::uint32_t n = resolution + 1;
   return x + n * (y + n * z);
+}
+
+/// The same for a hashed level. @param entries of its table, a power of two.
+NPR_HOST_DEVICE inline std::uint32_t hashedIndex(std::uint32_t x, std::uint32_t y, std::uint32_t z,
+                                                 std::uint32_t entries) {
+  return (x ^ (y * kHashPrimeY) ^ (z * kHashPrimeZ)) & (entries - 1);
 }
 
 }  // namespace nerf_pose_refiner

@@ -95,6 +95,8 @@ constexpr float kFlatDeviation = 0.03f;
 
 /// Numbers that are summed around a pixel: red, green, blue, and their squares.
 constexpr int kLocalSums = 6;
+/// Where the sum of their weights stands, behind them.
+constexpr int kLocalWeight = 6;
 
 /// Each channel has its own deviation: lights differ in colour.
 template <typename T>

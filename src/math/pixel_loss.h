@@ -5,6 +5,12 @@
 
 namespace nerf_pose_refiner {
 
+/// What a ray saw: its samples' colours, weighted and summed, and its opacity.
+struct PremultipliedColour {
+  float rgb[3];
+  float alpha;
+};
+
 /// How a ray's colour compares with the pixel that it went through.
 struct PixelLossTerm {
   float loss = 0;            ///< mean over the channels, times the weight
@@ -13,14 +19,14 @@ struct PixelLossTerm {
   float alpha = 0;
 };
 
-/// Loss of the rendering (premultiplied) over a background that is known.
-NPR_HOST_DEVICE inline PixelLossTerm lossBeforeKnown(Loss kind, const float rgb[3], float alpha,
+/// Loss of the rendering over a background that is known.
+NPR_HOST_DEVICE inline PixelLossTerm lossBeforeKnown(Loss kind, const PremultipliedColour& ray,
                                                      const float background[3],
                                                      const float observed[3], float weight) {
   PixelLossTerm pixel;
   pixel.weight = weight;
   for (int c = 0; c < 3; ++c) {
-    const float colour = rgb[c] + (1 - alpha) * background[c];
+    const float colour = ray.rgb[c] + (1 - ray.alpha) * background[c];
     const LossTerm<float> term = lossTerm(kind, colour, observed[c]);
     pixel.loss += weight * term.value / 3;
     pixel.rgb[c] = weight * term.derivative / 3;
@@ -31,14 +37,14 @@ NPR_HOST_DEVICE inline PixelLossTerm lossBeforeKnown(Loss kind, const float rgb[
 
 /// Loss of the object's own colour, for an unknown background: it counts as far as the rendering is
 /// opaque. That weight is held constant in the gradient: nothing is gained by fading.
-NPR_HOST_DEVICE inline PixelLossTerm lossBeforeUnknown(Loss kind, const float rgb[3], float alpha,
+NPR_HOST_DEVICE inline PixelLossTerm lossBeforeUnknown(Loss kind, const PremultipliedColour& ray,
                                                        const float observed[3], float weight) {
   constexpr float kTransparent = 1e-3f;
   PixelLossTerm pixel;
-  if (alpha < kTransparent) return pixel;
-  pixel.weight = weight * alpha;
+  if (ray.alpha < kTransparent) return pixel;
+  pixel.weight = weight * ray.alpha;
   for (int c = 0; c < 3; ++c) {
-    const float colour = rgb[c] / alpha;
+    const float colour = ray.rgb[c] / ray.alpha;
     const LossTerm<float> term = lossTerm(kind, colour, observed[c]);
     pixel.loss += pixel.weight * term.value / 3;
     pixel.rgb[c] = weight * term.derivative / 3;

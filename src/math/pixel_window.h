@@ -16,9 +16,12 @@ struct PixelWindow {
 
 /// The pixels of an image whose areas can show something of a box in O: all of the image if some
 /// corners of the box lie behind the camera, none if all do or the box is outside of the image.
-NPR_HOST_DEVICE inline PixelWindow boxWindow(const Pinhole<double>& K, int width, int height,
-                                             const CameraPose<double>& pose,
+/// @param camera its fx, fy, cx, cy, width and height [px].
+template <typename Camera>
+NPR_HOST_DEVICE inline PixelWindow boxWindow(const Camera& camera, const CameraPose<double>& pose,
                                              const double box_min[3], const double box_max[3]) {
+  const Pinhole<double> K = {camera.fx, camera.fy, camera.cx, camera.cy};
+  const int width = camera.width, height = camera.height;
   const Vec3<double> diagonal = {box_max[0] - box_min[0], box_max[1] - box_min[1],
                                  box_max[2] - box_min[2]};
   const Vec3<double> t = -transposedTimes(pose.R, pose.o);

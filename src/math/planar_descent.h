@@ -99,16 +99,22 @@ struct PlanarAdam {
   }
 };
 
-/// Descends from `start` until the error is below `tolerance`, or for `max_steps` steps.
+/// When an optimisation in the plane ends.
+struct PlanarTermination {
+  double tolerance;  ///< of planarError
+  int max_steps;
+};
+
+/// Optimises from `start` until the termination's tolerance or number of steps is reached.
 /// @param visit called with the pose before the first and after every step.
 /// @return steps taken.
 template <typename Update, typename Optimiser, typename Visit>
 int optimiseInPlane(const PlanarPose& start, const PlanarPose& target, Optimiser optimiser,
-                    double tolerance, int max_steps, const Visit& visit) {
+                    const PlanarTermination& termination, const Visit& visit) {
   PlanarPose pose = start;
   visit(pose);
   int steps = 0;
-  while (steps < max_steps && !(planarError(pose, target) < tolerance)) {
+  while (steps < termination.max_steps && !(planarError(pose, target) < termination.tolerance)) {
     pose = Update::apply(pose, optimiser.step(Update::gradient(pose, target)));
     ++steps;
     visit(pose);

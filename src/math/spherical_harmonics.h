@@ -8,7 +8,8 @@ namespace nerf_pose_refiner {
 /// Real spherical harmonics of a unit direction up to degree 1..4: out[degree^2], bands in order,
 /// m = -l..l within a band, Condon-Shortley phase included.
 template <typename T>
-NPR_HOST_DEVICE inline void sphericalHarmonics(T x, T y, T z, int degree, T* out) {
+NPR_HOST_DEVICE inline void sphericalHarmonics(const T direction[3], int degree, T* out) {
+  const T x = direction[0], y = direction[1], z = direction[2];
   out[0] = T(0.28209479177387814);
   if (degree < 2) return;
   out[1] = T(-0.48860251190291987) * y;
@@ -31,11 +32,12 @@ NPR_HOST_DEVICE inline void sphericalHarmonics(T x, T y, T z, int degree, T* out
   out[15] = T(0.59004358992664352) * x * (-x2 + T(3) * y2);
 }
 
-/// Gradient of sum_k weight[k] * out[k] with respect to (x, y, z), taken as free variables of the
-/// polynomials above; added to gradient[3].
+/// Gradient of sum_k weight[k] * out[k] with respect to the direction's three numbers, taken as
+/// free variables of the polynomials above; added to gradient[3].
 template <typename T>
-NPR_HOST_DEVICE inline void sphericalHarmonicsGradient(T x, T y, T z, int degree, const T* weight,
-                                                       T* gradient) {
+NPR_HOST_DEVICE inline void sphericalHarmonicsGradient(const T direction[3], int degree,
+                                                       const T* weight, T* gradient) {
+  const T x = direction[0], y = direction[1], z = direction[2];
   if (degree < 2) return;
   gradient[0] += T(-0.48860251190291987) * weight[3];
   gradient[1] += T(-0.48860251190291987) * weight[1];

@@ -103,13 +103,15 @@ NPR_HOST_DEVICE inline TrainingLoss trainingLoss(const float rgb[3], float alpha
 }
 
 /// Point `index` of those where empty space is pushed down in a step, in N.
+/// @param space box_min[3], box_max[3] of what can be occupied.
+template <typename Space>
 NPR_HOST_DEVICE inline void drawEmptyPoint(std::uint64_t seed, int step, std::uint64_t index,
-                                           const float box_min[3], const float box_max[3],
-                                           float p[3]) {
+                                           const Space& space, float p[3]) {
   const std::uint64_t stream = kStreamEmpty + 16 * static_cast<std::uint64_t>(step + 1);
   for (int a = 0; a < 3; ++a) {
-    p[a] = box_min[a] + (box_max[a] - box_min[a]) *
-                            randomUniform(seed, stream, index * 3 + static_cast<std::uint64_t>(a));
+    p[a] = space.box_min[a] +
+           (space.box_max[a] - space.box_min[a]) *
+               randomUniform(seed, stream, index * 3 + static_cast<std::uint64_t>(a));
   }
 }
 

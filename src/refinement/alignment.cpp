@@ -12,8 +12,9 @@ void runStages(const RefinementRun& run, const AlignmentPlan& plan, PoseSolver* 
       run.observation.background == Background::kUnknown && !run.settings.compare_contrast;
   int hypotheses = plan.sampling.count;
   for (const PlannedStage& stage : plan.stages) {
-    solver->align(stage.level, stage.align, run.stop);
-    if (hypotheses > 1 && ranked_by_regions) solver->score(stage.level, stage.align, run.stop);
+    solver->align(stage.level, stage.align, run.cancellation);
+    if (hypotheses > 1 && ranked_by_regions)
+      solver->score(stage.level, stage.align, run.cancellation);
     solver->resample(stage.resample);
     solver->snapshot();
     hypotheses = stage.resample.keep;

@@ -142,7 +142,8 @@ class Inversion {
     const OptimisationPlan plan = optimisationPlan();
     for (int left = steps.count; left > 0;) {
       const int slice = left % plan.score_steps > 0 ? left % plan.score_steps : plan.score_steps;
-      solver_->optimise(kSearchLevel, plan, {steps.first + steps.count - left, slice}, first_.stop);
+      solver_->optimise(kSearchLevel, plan, {steps.first + steps.count - left, slice},
+                        first_.cancellation);
       left -= slice;
       solver_->snapshot();
       stages_.push_back(stage);
@@ -150,7 +151,8 @@ class Inversion {
   }
 
   void evaluate() {
-    solver_->evaluate(kSearchLevel, optimisationPlan(), settings_.score_pixels, first_.stop);
+    solver_->evaluate(kSearchLevel, optimisationPlan(), settings_.score_pixels,
+                      first_.cancellation);
   }
 
   /// All snapshots since the last wait, the last being of now.
@@ -189,7 +191,8 @@ class Inversion {
   void judge(int search, Hypothesis* winner) {
     startAt({winner->T_O_C});
     solver_->score(kJudgeLevel + search,
-                   judgingStage(first_.settings, first_.observation.background), first_.stop);
+                   judgingStage(first_.settings, first_.observation.background),
+                   first_.cancellation);
     const Hypothesis judged = solver_->readHypotheses().front();
     winner->visible_fraction = judged.visible_fraction;
     winner->score = judged.score;

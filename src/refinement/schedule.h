@@ -14,7 +14,7 @@ struct RefinementRun {
   const Observation& observation;
   const Prior& prior;
   const RefinerSettings& settings;
-  const CancellationToken& stop;
+  const CancellationToken& cancellation;
   Refinement* result;
   int together = 1;  ///< runs that share the backend's time and work; 0: this one takes none
 

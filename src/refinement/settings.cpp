@@ -29,18 +29,6 @@ void validateStage(const AlignStageSettings& stage, std::size_t index) {
           "0.25..16");
 }
 
-AlignStageSettings stage(double object_px, int hypotheses, int iterations, int rays_per_side,
-                         double blur_px, double step_scale) {
-  AlignStageSettings s;
-  s.object_px = object_px;
-  s.hypotheses = hypotheses;
-  s.iterations = iterations;
-  s.rays_per_side = rays_per_side;
-  s.blur_px = blur_px;
-  s.step_scale = step_scale;
-  return s;
-}
-
 /// Yen-Chen et al. (iNeRF, IROS 2021): one hypothesis, a twist of se(3) through the exponential
 /// map, L2, the learning rate of their code (0.01, by 0.8 every 100 steps) and as many steps as Lin
 /// et al. gave it.
@@ -66,12 +54,13 @@ InversionSettings inerf() {
 RefinerSettings RefinerSettings::named(const std::string& preset) {
   RefinerSettings settings;
   if (preset == "align") {
-    settings.stages = {stage(32, 64, 10, 2, 1.0, 4), stage(64, 12, 10, 2, 1.0, 4),
-                       stage(128, 4, 10, 1, 1.0, 2), stage(256, 2, 8, 1, 1.0, 1),
-                       stage(512, 1, 4, 1, 0.7, 1)};
+    settings.stages = {
+        // object_px, hypotheses, iterations, rays_per_side, blur_px, step_scale
+        {32, 64, 10, 2, 1.0, 4}, {64, 12, 10, 2, 1.0, 4}, {128, 4, 10, 1, 1.0, 2},
+        {256, 2, 8, 1, 1.0, 1},  {512, 1, 4, 1, 0.7, 1},
+    };
   } else if (preset == "track") {
-    settings.stages = {stage(64, 4, 2, 1, 1.5, 4), stage(96, 2, 2, 1, 0.7, 2),
-                       stage(128, 1, 3, 1, 0.7, 1)};
+    settings.stages = {{64, 4, 2, 1, 1.5, 4}, {96, 2, 2, 1, 0.7, 2}, {128, 1, 3, 1, 0.7, 1}};
   } else if (preset == "paper") {
     settings.method = Method::kInversion;
     // One of the paper's losses; its Table I has L2, which ends farther off where the model is

@@ -91,7 +91,7 @@ Pose fused(const Hypothesis& aligned, const Pose& measured, const FieldMetadata&
 
 /// @param measured where the view's camera was measured to be.
 Pose alignView(const LoadedField& field, const PosedView& view, const Pose& measured,
-               bool has_alpha, const CancellationToken& stop) {
+               bool has_alpha, const CancellationToken& cancellation) {
   const FieldMetadata& object = field.field().metadata;
   const Eigen::Vector3d centre_C = view.T_O_C.inverse() * object.centre;
   if (centre_C.z() < object.diameter) return view.T_O_C;
@@ -111,7 +111,7 @@ Pose alignView(const LoadedField& field, const PosedView& view, const Pose& meas
   for (std::size_t i = 0; i < levels.size(); ++i) {
     const bool last = i + 1 == levels.size();
     stage.step_scale = last ? 1.0f : 2.0f;
-    solver->align(static_cast<int>(i), stage, stop);
+    solver->align(static_cast<int>(i), stage, cancellation);
   }
   const HypothesisTable table = solver->readHypotheses();
   const bool aligned = !table.empty() && table.front().state == HypothesisState::kLive;
@@ -122,11 +122,11 @@ Pose alignView(const LoadedField& field, const PosedView& view, const Pose& meas
 
 std::vector<Pose> alignViews(const LoadedField& field, const std::vector<PosedView>& views,
                              const std::vector<Pose>& measured, bool has_alpha,
-                             const CancellationToken& stop) {
+                             const CancellationToken& cancellation) {
   std::vector<Pose> poses;
   for (std::size_t i = 0; i < views.size(); ++i) {
-    stop.check();
-    poses.push_back(alignView(field, views[i], measured.at(i), has_alpha, stop));
+    cancellation.check();
+    poses.push_back(alignView(field, views[i], measured.at(i), has_alpha, cancellation));
   }
   return poses;
 }

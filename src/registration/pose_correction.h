@@ -21,7 +21,7 @@ namespace nerf_pose_refiner {
 /// @throws Cancelled.
 std::vector<Pose> alignViews(const LoadedField& field, const std::vector<PosedView>& views,
                              const std::vector<Pose>& measured, bool has_alpha,
-                             const CancellationToken& stop);
+                             const CancellationToken& cancellation);
 
 /// Moves poses as one, so that the cameras' centres lie as near as can be to where they were
 /// measured. Alignment with a model says nothing of where and how large the whole is; the measured

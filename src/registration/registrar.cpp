@@ -34,24 +34,30 @@ double secondsSince(Clock::time_point start) {
   return std::chrono::duration<double>(Clock::now() - start).count();
 }
 
+/// The views of a dataset: those that the field learns from, and those held out for its quality.
+struct SplitViews {
+  std::vector<PosedView> training, held_out;
+};
+
 /// Every k-th view is held out, so that they are spread over the path.
-void split(const std::vector<PosedView>& views, int held_out, std::vector<PosedView>* training,
-           std::vector<PosedView>* held) {
+SplitViews split(const std::vector<PosedView>& views, int held_out) {
   const int count = std::min(held_out, static_cast<int>(views.size()) / 10);
   const int interval = count > 0 ? static_cast<int>(views.size()) / count : 0;
+  SplitViews parts;
   for (std::size_t i = 0; i < views.size(); ++i) {
-    const bool keep_apart = count > 0 && static_cast<int>(held->size()) < count &&
+    const bool keep_apart = count > 0 && static_cast<int>(parts.held_out.size()) < count &&
                             static_cast<int>(i) % interval == interval / 2;
-    (keep_apart ? held : training)->push_back(views[i]);
+    (keep_apart ? parts.held_out : parts.training).push_back(views[i]);
   }
+  return parts;
 }
 
 /// Views whose poses are found again, to learn how well that goes: those held out, and some that
 /// were learned, for few are held out.
-std::vector<PosedView> poseViews(const std::vector<PosedView>& held_out,
-                                 const std::vector<PosedView>& training) {
+std::vector<PosedView> poseViews(const SplitViews& split) {
   constexpr std::size_t kViews = 12;
-  std::vector<PosedView> views = held_out;
+  const std::vector<PosedView>& training = split.training;
+  std::vector<PosedView> views = split.held_out;
   const std::size_t missing = std::min(kViews - std::min(kViews, views.size()), training.size());
   for (std::size_t i = 0; i < missing; ++i)
     views.push_back(training[training.size() * i / missing]);
@@ -96,10 +102,11 @@ struct ViewError {
 };
 
 ViewError viewError(const LoadedField& field, const PosedView& view,
-                    const CancellationToken& stop) {
+                    const CancellationToken& cancellation) {
   const PremultipliedImage truth = premultiply(*view.rgba);
   const std::vector<std::uint8_t> telling = tellingPixels(view, field.field().box);
-  const Rendering rendering = field.render({view.camera, view.T_O_C}, RenderOptions(), stop);
+  const Rendering rendering =
+      field.render({view.camera, view.T_O_C}, RenderOptions(), cancellation);
   double squares = 0, inside_squares = 0;
   std::size_t pixels = 0, inside = 0;
   for (std::size_t i = 0; i < telling.size(); ++i) {
@@ -135,25 +142,25 @@ bool isTelling(const PosedView& view, const Box& box) {
 class TrainingRun {
  public:
   TrainingRun(Backend* backend, FieldTrainer* trainer, const RegistrationSettings& settings,
-              const std::vector<PosedView>& held_out, const PosedView& previewed,
+              const SplitViews& views,
               const std::function<void(const RegistrationProgress&)>& progress)
       : backend_(backend),
         trainer_(trainer),
         settings_(settings),
-        held_out_(held_out),
-        previewed_(previewed),
+        views_(views),
         progress_(progress) {}
 
-  void run(const char* stage, const CancellationToken& stop) {
+  void run(const char* stage, const CancellationToken& cancellation) {
     double next_look = kQualityInterval;
     while (done() < 1) {
-      stop.check();
+      cancellation.check();
       loss_ = trainer_->step(done());
-      report(stage, [&] { return preview(stop); });
-      if (settings_.target_psnr_db > 0 && !held_out_.empty() && done() >= next_look) {
+      report(stage, [&] { return preview(cancellation); });
+      if (settings_.target_psnr_db > 0 && !views_.held_out.empty() && done() >= next_look) {
         next_look += kQualityInterval;
-        const auto field = backend_->load(std::make_shared<Field>(trainer_->snapshot(stop)));
-        psnr_db_ = meanPsnr(*field, held_out_, stop);
+        const auto field =
+            backend_->load(std::make_shared<Field>(trainer_->snapshot(cancellation)));
+        psnr_db_ = meanPsnr(*field, views_.held_out, cancellation);
         if (psnr_db_ >= settings_.target_psnr_db) break;
       }
     }
@@ -178,11 +185,12 @@ class TrainingRun {
   }
 
  private:
-  Rendering preview(const CancellationToken& stop) {
-    const Camera& full = previewed_.camera;
+  Rendering preview(const CancellationToken& cancellation) {
+    const PosedView& view = views_.training.front();
+    const Camera& full = view.camera;
     const double scale = std::min(1.0, kPreviewSize_px / std::max(full.width, full.height));
-    const auto field = backend_->load(std::make_shared<Field>(trainer_->snapshot(stop)));
-    return field->render({full.scaled(scale), previewed_.T_O_C}, RenderOptions(), stop);
+    const auto field = backend_->load(std::make_shared<Field>(trainer_->snapshot(cancellation)));
+    return field->render({full.scaled(scale), view.T_O_C}, RenderOptions(), cancellation);
   }
 
   /// Share of the training that is over, by steps or by time.
@@ -196,8 +204,7 @@ class TrainingRun {
   Backend* backend_;
   FieldTrainer* trainer_;
   const RegistrationSettings& settings_;
-  const std::vector<PosedView>& held_out_;
-  const PosedView& previewed_;
+  const SplitViews& views_;
   const std::function<void(const RegistrationProgress&)>& progress_;
   Clock::time_point start_ = Clock::now();
   std::string last_stage_;
@@ -207,12 +214,12 @@ class TrainingRun {
 
 /// How well held-out views are shown at their true poses.
 void measureQuality(Backend* backend, const std::vector<PosedView>& held_out,
-                    const CancellationToken& stop, Field* field) {
+                    const CancellationToken& cancellation, Field* field) {
   if (held_out.empty()) return;
   const auto loaded = backend->load(std::make_shared<Field>(*field));
   double psnr_sum = 0, sum = 0, squares = 0;
   for (const PosedView& view : held_out) {
-    const ViewError error = viewError(*loaded, view, stop);
+    const ViewError error = viewError(*loaded, view, cancellation);
     psnr_sum += error.psnr_db;
     sum += error.inside_rms;
     squares += error.inside_rms * error.inside_rms;
@@ -253,43 +260,45 @@ std::unique_ptr<FieldTrainer> trainerOf(Backend* backend, const std::vector<Pose
 }
 
 Hull hullOf(const Dataset& dataset, const RegistrationSettings& settings, double slack,
-            const CancellationToken& stop) {
+            const CancellationToken& cancellation) {
   const int resolution = FieldConfig::named(settings.profile).occupancy_resolution;
-  Hull hull = visualHull(dataset, resolution, settings.threads, stop, slack);
+  Hull hull = visualHull(dataset, resolution, settings.threads, cancellation, slack);
   if (!settings.accept_poor_data) {
     requireDirections(dataset, 0.5 * (hull.box.min + hull.box.max));
   }
   return hull;
 }
 
-Field finished(FieldTrainer* trainer, const Dataset& dataset, const CancellationToken& stop) {
-  Field field = trainer->finish(stop);
+Field finished(FieldTrainer* trainer, const Dataset& dataset,
+               const CancellationToken& cancellation) {
+  Field field = trainer->finish(cancellation);
   if (field.metadata.diameter > 0) return field;
   throw std::runtime_error(dataset.folder + ": training found no opaque matter");
 }
 
 /// One training, and its quality.
 Field train(Backend* backend, const Dataset& dataset, const RegistrationSettings& settings,
-            double slack, const std::function<void(const RegistrationProgress&)>& progress,
-            const CancellationToken& stop) {
-  Hull hull = hullOf(dataset, settings, slack, stop);
-  std::vector<PosedView> training, held_out;
-  split(dataset.views, settings.held_out, &training, &held_out);
+            const std::function<void(const RegistrationProgress&)>& progress,
+            const CancellationToken& cancellation) {
+  Hull hull = hullOf(dataset, settings, settings.refine_poses ? kSlackAfter : 0, cancellation);
+  SplitViews views = split(dataset.views, settings.held_out);
+  std::vector<PosedView>& held_out = views.held_out;
   held_out.erase(std::remove_if(held_out.begin(), held_out.end(),
                                 [&](const PosedView& view) { return !isTelling(view, hull.box); }),
                  held_out.end());
-  const auto trainer = trainerOf(backend, training, dataset.has_alpha, settings, std::move(hull));
-  TrainingRun run(backend, trainer.get(), settings, held_out, training.front(), progress);
-  run.run("training", stop);
+  const auto trainer =
+      trainerOf(backend, views.training, dataset.has_alpha, settings, std::move(hull));
+  TrainingRun run(backend, trainer.get(), settings, views, progress);
+  run.run("training", cancellation);
   run.report("occupancy");
-  Field field = finished(trainer.get(), dataset, stop);
+  Field field = finished(trainer.get(), dataset, cancellation);
   run.report("quality");
-  measureQuality(backend, held_out, stop, &field);
+  measureQuality(backend, held_out, cancellation, &field);
   run.report("pose quality");
   field.metadata.symmetries = settings.symmetries;
   const auto loaded = backend->load(std::make_shared<Field>(field));
-  const std::vector<PosedView> searched = poseViews(held_out, training);
-  field.metadata.pose = measurePoses(backend, *loaded, searched, stop);
+  const std::vector<PosedView> searched = poseViews(views);
+  field.metadata.pose = measurePoses(backend, *loaded, searched, cancellation);
   if (!settings.accept_poor_data) {
     requireUsableModel(field.metadata, static_cast<int>(searched.size()));
   }
@@ -300,7 +309,7 @@ Field train(Backend* backend, const Dataset& dataset, const RegistrationSettings
 Dataset withCorrectedPoses(Backend* backend, const Dataset& dataset,
                            const RegistrationSettings& settings,
                            const std::function<void(const RegistrationProgress&)>& progress,
-                           const CancellationToken& stop) {
+                           const CancellationToken& cancellation) {
   RegistrationSettings rough = settings;
   rough.steps = std::max(1, settings.steps / kRoughFraction);
   rough.max_seconds = settings.max_seconds / kRoughFraction;
@@ -310,16 +319,15 @@ Dataset withCorrectedPoses(Backend* backend, const Dataset& dataset,
   Dataset corrected = dataset;
   for (const double slack : kRoundSlack) {
     const auto trainer = trainerOf(backend, corrected.views, dataset.has_alpha, rough,
-                                   hullOf(corrected, rough, slack, stop));
-    const std::vector<PosedView> none_held_out;
-    TrainingRun run(backend, trainer.get(), rough, none_held_out, corrected.views.front(),
-                    progress);
-    run.run("rough training", stop);
+                                   hullOf(corrected, rough, slack, cancellation));
+    const SplitViews views = {corrected.views, {}};
+    TrainingRun run(backend, trainer.get(), rough, views, progress);
+    run.run("rough training", cancellation);
     run.report("poses");
     const auto field =
-        backend->load(std::make_shared<Field>(finished(trainer.get(), dataset, stop)));
+        backend->load(std::make_shared<Field>(finished(trainer.get(), dataset, cancellation)));
     const std::vector<Pose> poses = inMeasuredFrame(
-        alignViews(*field, corrected.views, measured, dataset.has_alpha, stop), measured);
+        alignViews(*field, corrected.views, measured, dataset.has_alpha, cancellation), measured);
     for (std::size_t i = 0; i < poses.size(); ++i) corrected.views[i].T_O_C = poses[i];
   }
   return corrected;
@@ -329,30 +337,31 @@ Dataset withCorrectedPoses(Backend* backend, const Dataset& dataset,
 
 Field learnField(Backend* backend, const Dataset& dataset, const RegistrationSettings& settings,
                  const std::function<void(const RegistrationProgress&)>& progress,
-                 const CancellationToken& stop) {
+                 const CancellationToken& cancellation) {
   settings.validate();
   requireBox(dataset);
   if (!settings.accept_poor_data) requireDifferentViews(dataset);
   Field field;
   if (settings.refine_poses) {
-    const Dataset corrected = withCorrectedPoses(backend, dataset, settings, progress, stop);
+    const Dataset corrected =
+        withCorrectedPoses(backend, dataset, settings, progress, cancellation);
     RegistrationSettings rest = settings;
     rest.max_seconds = 0.5 * settings.max_seconds;
-    field = train(backend, corrected, rest, kSlackAfter, progress, stop);
+    field = train(backend, corrected, rest, progress, cancellation);
   } else {
-    field = train(backend, dataset, settings, 0, progress, stop);
+    field = train(backend, dataset, settings, progress, cancellation);
   }
   field.metadata.metres_per_unit =
       settings.metres_per_unit > 0 ? settings.metres_per_unit : dataset.metres_per_unit;
-  field.metadata.data_hash = registrationHash(dataset, settings, stop);
+  field.metadata.data_hash = registrationHash(dataset, settings, cancellation);
   return field;
 }
 
 double meanPsnr(const LoadedField& field, const std::vector<PosedView>& views,
-                const CancellationToken& stop) {
+                const CancellationToken& cancellation) {
   if (views.empty()) throw std::invalid_argument("PSNR of no views");
   double sum = 0;
-  for (const PosedView& view : views) sum += viewError(field, view, stop).psnr_db;
+  for (const PosedView& view : views) sum += viewError(field, view, cancellation).psnr_db;
   return sum / static_cast<double>(views.size());
 }
 

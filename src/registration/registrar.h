@@ -18,12 +18,12 @@ namespace nerf_pose_refiner {
 /// photos that give no model, or a poor one (@see data_check.h), Cancelled.
 Field learnField(Backend* backend, const Dataset& dataset, const RegistrationSettings& settings,
                  const std::function<void(const RegistrationProgress&)>& progress,
-                 const CancellationToken& stop);
+                 const CancellationToken& cancellation);
 
 /// Mean PSNR [dB] over views, rendered on black against the views composited on black. Of a view
 /// without transparency only the pixels count whose rays meet the field's box: what lies behind
 /// the others is not of the object.
 double meanPsnr(const LoadedField& field, const std::vector<PosedView>& views,
-                const CancellationToken& stop);
+                const CancellationToken& cancellation);
 
 }  // namespace nerf_pose_refiner

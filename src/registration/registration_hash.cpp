@@ -57,10 +57,10 @@ void addSymmetries(const Symmetries& symmetries, Checksum* checksum) {
 }  // namespace
 
 std::string registrationHash(const Dataset& dataset, const RegistrationSettings& settings,
-                             const CancellationToken& stop) {
+                             const CancellationToken& cancellation) {
   Checksum checksum;
   for (const PosedView& view : dataset.views) {
-    stop.check();
+    cancellation.check();
     checksum.add(view.rgba->values.data(), view.rgba->values.size());
     for (const double number : {view.camera.fx, view.camera.fy, view.camera.cx, view.camera.cy}) {
       checksum.add(&number, sizeof number);

@@ -12,6 +12,6 @@ namespace nerf_pose_refiner {
 /// (To the last bit training gives it again only where no time limit ends it.)
 /// @throws Cancelled.
 std::string registrationHash(const Dataset& dataset, const RegistrationSettings& settings,
-                             const CancellationToken& stop = {});
+                             const CancellationToken& cancellation = {});
 
 }  // namespace nerf_pose_refiner

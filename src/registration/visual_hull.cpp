@@ -83,10 +83,10 @@ struct Witness {
 };
 
 std::vector<Witness> witnessesOf(const std::vector<PosedView>& views, double slack, int threads,
-                                 const CancellationToken& stop) {
+                                 const CancellationToken& cancellation) {
   std::vector<std::unique_ptr<Witness>> made(views.size());
   parallelFor(threads, static_cast<int>(views.size()), [&](int i) {
-    stop.check();
+    cancellation.check();
     made[i] = std::make_unique<Witness>(views[i], slack);
   });
   std::vector<Witness> witnesses;
@@ -172,7 +172,7 @@ void judgeSlice(const Witness& view, int z, Cells* cells) {
 
 /// Cells of the box that no silhouette denies, in a grid over the box's cube.
 OccupancyGrid carve(const std::vector<Witness>& views, const Box& box, int n, int threads,
-                    const CancellationToken& stop) {
+                    const CancellationToken& cancellation) {
   Cells cells(box, n);
   parallelFor(threads, n, [&](int z) {
     for (int y = 0; y < n; ++y) {
@@ -181,7 +181,7 @@ OccupancyGrid carve(const std::vector<Witness>& views, const Box& box, int n, in
       }
     }
     for (const Witness& view : views) {
-      stop.check();
+      cancellation.check();
       judgeSlice(view, z, &cells);
     }
   });
@@ -222,8 +222,8 @@ Box tightBox(const OccupancyGrid& grid, const Box& box, const std::string& folde
 
 }  // namespace
 
-Hull visualHull(const Dataset& dataset, int resolution, int threads, const CancellationToken& stop,
-                double slack) {
+Hull visualHull(const Dataset& dataset, int resolution, int threads,
+                const CancellationToken& cancellation, double slack) {
   if (dataset.views.empty()) throw std::runtime_error(dataset.folder + ": no views");
   const Box given{dataset.box_min, dataset.box_max};
   if (!dataset.has_alpha) {
@@ -234,13 +234,13 @@ Hull visualHull(const Dataset& dataset, int resolution, int threads, const Cance
     return {given, OccupancyGrid{}};
   }
   const int count = threadCount(threads);
-  const std::vector<Witness> views = witnessesOf(dataset.views, slack, count, stop);
+  const std::vector<Witness> views = witnessesOf(dataset.views, slack, count, cancellation);
   Box box = dataset.has_box ? given : boxOfPictures(dataset.views);
   // Twice: the second pass has finer cells, for the box is tighter.
   for (int pass = 0; pass < 2; ++pass) {
-    box = tightBox(carve(views, box, kCoarseResolution, count, stop), box, dataset.folder);
+    box = tightBox(carve(views, box, kCoarseResolution, count, cancellation), box, dataset.folder);
   }
-  return {box, dilated(carve(views, box, resolution, count, stop))};
+  return {box, dilated(carve(views, box, resolution, count, cancellation))};
 }
 
 }  // namespace nerf_pose_refiner

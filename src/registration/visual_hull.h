@@ -23,7 +23,7 @@ struct Hull {
 /// each is taken as so much wider on all sides. For poses that are not exact.
 /// @throws std::runtime_error if there is neither alpha nor a box, or if the silhouettes have no
 /// common volume (poses that do not belong to the images, say). Cancelled.
-Hull visualHull(const Dataset& dataset, int resolution, int threads, const CancellationToken& stop,
-                double slack = 0);
+Hull visualHull(const Dataset& dataset, int resolution, int threads,
+                const CancellationToken& cancellation, double slack = 0);
 
 }  // namespace nerf_pose_refiner

@@ -35,8 +35,8 @@ std::shared_ptr<ProcessorSchedule> BackendPool::scheduleOf(const BackendChoice& 
 }
 
 SearchProcessor BackendPool::searchProcessor(const BackendChoice& choice) {
-  const auto take_turn = [schedule = scheduleOf(choice)](const CancellationToken& stop) {
-    return std::make_unique<ProcessorSchedule::Refinement>(schedule.get(), stop);
+  const auto take_turn = [schedule = scheduleOf(choice)](const CancellationToken& cancellation) {
+    return std::make_unique<ProcessorSchedule::Refinement>(schedule.get(), cancellation);
   };
   return {shared(choice), take_turn};
 }

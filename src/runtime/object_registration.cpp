@@ -43,13 +43,14 @@ ObjectRegistration::ObjectRegistration(const std::string& dataset_root,
       find_schedule_(std::move(find_schedule)) {}
 
 Dataset ObjectRegistration::readPhotos(const RegistrationRequest& request,
-                                       const CancellationToken& stop) const {
+                                       const CancellationToken& cancellation) const {
   if (dataset_root_.empty()) throw std::invalid_argument("~dataset_root is not set");
   // The request comes over the network: nothing outside of the folder is read for it.
   DatasetOptions confined;
   confined.threads = settings_.threads;
   confined.confined = true;
-  Dataset dataset = loadTransforms(pathBelow(dataset_root_, request.dataset), confined, stop);
+  Dataset dataset =
+      loadTransforms(pathBelow(dataset_root_, request.dataset), confined, cancellation);
   applyBox(request, &dataset);
   return dataset;
 }
@@ -68,29 +69,30 @@ RegistrationSettings ObjectRegistration::settingsOf(const RegistrationRequest& r
 
 RegisteredObject ObjectRegistration::run(const RegistrationRequest& request,
                                          const RegistrationQueue::Progress& progress,
-                                         const CancellationToken& stop) const {
+                                         const CancellationToken& cancellation) const {
   requireObjectName(request.name);
   // Read before the training: a mistake in it is better told now.
   const ObjectMetadata said = store_.metadataOf(request.name);
   requireLength("metres_per_unit", request.metres_per_unit);
   requireLength("max_seconds", request.max_seconds);
   const std::shared_ptr<ProcessorSchedule> schedule = find_schedule_();
-  const ProcessorSchedule::Training after_refinements(schedule.get(), stop);
-  const Dataset dataset = readPhotos(request, stop);
+  const ProcessorSchedule::Training after_refinements(schedule.get(), cancellation);
+  const Dataset dataset = readPhotos(request, cancellation);
   RegistrationSettings settings = settingsOf(request, dataset);
   settings.symmetries = said.symmetries.inFrame(said.T_O_U);
   if (!request.force_retrain) {
     const std::shared_ptr<const Field> existing = store_.find(request.name);
-    if (existing && existing->metadata.data_hash == registrationHash(dataset, settings, stop)) {
+    if (existing &&
+        existing->metadata.data_hash == registrationHash(dataset, settings, cancellation)) {
       return {existing, true};
     }
   }
   store_.requireWritable(request.name, FieldConfig::named(settings.profile));
   const std::shared_ptr<Backend> backend = make_backend_();
   auto field =
-      std::make_shared<Field>(learnField(backend.get(), dataset, settings, progress, stop));
+      std::make_shared<Field>(learnField(backend.get(), dataset, settings, progress, cancellation));
   field->metadata.name = request.name;
-  stop.check();  // the last moment at which a stop leaves nothing behind
+  cancellation.check();  // the last moment at which a stop leaves nothing behind
   return {store_.save(field), false};
 }
 
@@ -107,8 +109,8 @@ RegistrationQueue::Job ObjectRegistration::jobOf(const RegistrationRequest& requ
     key << name << ' ' << value << '\n';
   });
   const auto work = [registration = *this, request](const RegistrationQueue::Progress& progress,
-                                                    const CancellationToken& stop) {
-    return registration.run(request, progress, stop);
+                                                    const CancellationToken& cancellation) {
+    return registration.run(request, progress, cancellation);
   };
   return {request.name, key.str(), work};
 }

@@ -39,14 +39,15 @@ class ObjectRegistration {
   /// Cancelled: then the model that was there, in the file and in memory, stays.
   RegisteredObject run(const RegistrationRequest& request,
                        const RegistrationQueue::Progress& progress,
-                       const CancellationToken& stop) const;
+                       const CancellationToken& cancellation) const;
 
   /// The same for the queue; it holds a copy of this object. Its key tells apart what may give
   /// another model or writes another file.
   RegistrationQueue::Job jobOf(const RegistrationRequest& request) const;
 
  private:
-  Dataset readPhotos(const RegistrationRequest& request, const CancellationToken& stop) const;
+  Dataset readPhotos(const RegistrationRequest& request,
+                     const CancellationToken& cancellation) const;
   RegistrationSettings settingsOf(const RegistrationRequest& request, const Dataset& dataset) const;
 
   std::string dataset_root_;

@@ -18,9 +18,9 @@ std::chrono::steady_clock::duration gapAfter(std::chrono::steady_clock::duration
 }  // namespace
 
 ProcessorSchedule::Refinement::Refinement(ProcessorSchedule* schedule,
-                                          const CancellationToken& stop)
+                                          const CancellationToken& cancellation)
     : schedule_(schedule) {
-  schedule_->begin(stop);
+  schedule_->begin(cancellation);
 }
 
 ProcessorSchedule::Refinement::~Refinement() { schedule_->end(); }
@@ -46,10 +46,10 @@ bool ProcessorSchedule::trainingIsDue(Clock::time_point now) const {
   return std::chrono::duration<double>(gapAfter(now - busy_since_)).count() >= kLongestGap_s;
 }
 
-void ProcessorSchedule::begin(const CancellationToken& stop) {
+void ProcessorSchedule::begin(const CancellationToken& cancellation) {
   std::unique_lock<std::mutex> lock(mutex_);
   // Polled, for a token that is set wakes nobody.
-  while (trainingIsDue(Clock::now()) && !stop.cancelRequested()) {
+  while (trainingIsDue(Clock::now()) && !cancellation.cancelRequested()) {
     lock.unlock();
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
     lock.lock();

@@ -11,7 +11,7 @@
 namespace nerf_pose_refiner {
 
 /// Refinement before training, on one processor: while anything is refined, trainings rest at their
-/// next look at their stop token.
+/// next look at their cancellation token.
 ///
 /// So that a training comes to an end beside a camera that never rests, it gets a share: when the
 /// processor was busy with refinements for a time t, the next one waits for
@@ -26,8 +26,8 @@ class ProcessorSchedule {
   /// A refinement under way, from its construction on, which may wait for a training's share.
   class Refinement : public ProcessorTurn {
    public:
-    /// @param stop ends the waiting.
-    Refinement(ProcessorSchedule* schedule, const CancellationToken& stop);
+    /// @param cancellation ends the waiting.
+    Refinement(ProcessorSchedule* schedule, const CancellationToken& cancellation);
     ~Refinement() override;
     Refinement(const Refinement&) = delete;
     Refinement& operator=(const Refinement&) = delete;
@@ -52,7 +52,7 @@ class ProcessorSchedule {
  private:
   using Clock = std::chrono::steady_clock;
 
-  void begin(const CancellationToken& stop);
+  void begin(const CancellationToken& cancellation);
   void end();
   bool trainingIsDue(Clock::time_point now) const;
 

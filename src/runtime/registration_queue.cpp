@@ -61,7 +61,7 @@ std::string describe(const std::string& name, const RegistrationProgress& progre
 struct RegistrationQueue::Running {
   RegistrationQueue* queue;
   std::string name, key;
-  CancellationToken stop;
+  CancellationToken cancellation;
   std::condition_variable changed;
   std::list<Listener> listeners;  ///< one for each who waits
   std::uint64_t updates = 0;
@@ -93,7 +93,7 @@ void RegistrationQueue::work(Running* running, const Job& job) {
   RegisteredObject result;
   std::exception_ptr error;
   try {
-    result = job.work(progress, running->stop);
+    result = job.work(progress, running->cancellation);
   } catch (...) {
     error = std::current_exception();
   }
@@ -107,7 +107,7 @@ void RegistrationQueue::work(Running* running, const Job& job) {
 /// The job under way, with one more listener. Called with mutex_ held.
 std::shared_ptr<RegistrationQueue::Running> RegistrationQueue::join(const Job& job,
                                                                     const Listener& listener) {
-  if (running_ && (running_->key != job.key || running_->stop.cancelRequested())) {
+  if (running_ && (running_->key != job.key || running_->cancellation.cancelRequested())) {
     throw RegistrationBusy(describe(running_->name, running_->update.progress));
   }
   if (!running_) {
@@ -122,12 +122,12 @@ std::shared_ptr<RegistrationQueue::Running> RegistrationQueue::join(const Job& j
 }
 
 RegisteredObject RegistrationQueue::run(const Job& job, const Listener& listener,
-                                        const CancellationToken& stop) {
+                                        const CancellationToken& cancellation) {
   std::unique_lock<std::mutex> lock(mutex_);
   const std::shared_ptr<Running> running = join(job, listener);
   const auto own = running->listeners.begin();
   std::uint64_t heard = 0;
-  while (!running->done && !stop.cancelRequested()) {
+  while (!running->done && !cancellation.cancelRequested()) {
     // Not for ever, for a token that is set wakes nobody.
     running->changed.wait_for(lock, std::chrono::milliseconds(20));
     if (running->updates == heard) continue;
@@ -139,14 +139,14 @@ RegisteredObject RegistrationQueue::run(const Job& job, const Listener& listener
   }
   running->listeners.erase(own);
   if (running->listeners.empty()) {  // the last one ends it; until then nobody can begin another
-    running->stop.requestCancel();
+    running->cancellation.requestCancel();
     running->changed.wait(lock, [&] { return running->done; });
     running_.reset();
     lock.unlock();
     running->thread.join();
     lock.lock();
   }
-  if (stop.cancelRequested() && !running->done) throw Cancelled();
+  if (cancellation.cancelRequested() && !running->done) throw Cancelled();
   if (running->error) std::rethrow_exception(running->error);
   return running->result;
 }

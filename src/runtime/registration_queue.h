@@ -53,9 +53,10 @@ class RegistrationQueue {
   };
 
   /// Does a job, or joins it, and waits for its end.
-  /// @param stop leaves. The last who leaves stops the job and waits until it has ended.
+  /// @param cancellation leaves. The last who leaves stops the job and waits until it has ended.
   /// @throws RegistrationBusy, Cancelled, and what the job throws.
-  RegisteredObject run(const Job& job, const Listener& listener, const CancellationToken& stop);
+  RegisteredObject run(const Job& job, const Listener& listener,
+                       const CancellationToken& cancellation);
 
  private:
   struct Running;

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "backend/hypotheses.h"
+#include "backend/keyframe_aligner.h"
 #include "backend/plans.h"
 #include "backend/training.h"
 #include "nerf_pose_refiner/observation.h"
@@ -86,19 +87,19 @@ class SharedSolver final : public PoseSolver {
   void sample(const std::vector<Pose>& priors_T_O_C, const SamplingPlan& plan) override {
     in_turn_([&](PoseSolver& solver) { solver.sample(priors_T_O_C, plan); });
   }
-  void align(int level, const AlignStage& stage, const CancellationToken& stop) override {
-    in_turn_([&](PoseSolver& solver) { solver.align(level, stage, stop); });
+  void align(int level, const AlignStage& stage, const CancellationToken& cancellation) override {
+    in_turn_([&](PoseSolver& solver) { solver.align(level, stage, cancellation); });
   }
-  void score(int level, const AlignStage& stage, const CancellationToken& stop) override {
-    in_turn_([&](PoseSolver& solver) { solver.score(level, stage, stop); });
+  void score(int level, const AlignStage& stage, const CancellationToken& cancellation) override {
+    in_turn_([&](PoseSolver& solver) { solver.score(level, stage, cancellation); });
   }
   void optimise(int level, const OptimisationPlan& plan, const StepRange& steps,
-                const CancellationToken& stop) override {
-    in_turn_([&](PoseSolver& solver) { solver.optimise(level, plan, steps, stop); });
+                const CancellationToken& cancellation) override {
+    in_turn_([&](PoseSolver& solver) { solver.optimise(level, plan, steps, cancellation); });
   }
   void evaluate(int level, const OptimisationPlan& plan, int pixels,
-                const CancellationToken& stop) override {
-    in_turn_([&](PoseSolver& solver) { solver.evaluate(level, plan, pixels, stop); });
+                const CancellationToken& cancellation) override {
+    in_turn_([&](PoseSolver& solver) { solver.evaluate(level, plan, pixels, cancellation); });
   }
   void resample(const ResamplingPlan& plan) override {
     in_turn_([&](PoseSolver& solver) { solver.resample(plan); });
@@ -121,8 +122,9 @@ class SharedField final : public LoadedField {
 
   const Field& field() const override { return in_turn_.made()->field(); }
   Rendering render(const View& view, const RenderOptions& options,
-                   const CancellationToken& stop) const override {
-    return in_turn_([&](const LoadedField& field) { return field.render(view, options, stop); });
+                   const CancellationToken& cancellation) const override {
+    return in_turn_(
+        [&](const LoadedField& field) { return field.render(view, options, cancellation); });
   }
   std::unique_ptr<PoseSolver> makeSolver(const Observation& observation,
                                          const std::vector<ImageLevel>& levels,
@@ -145,11 +147,11 @@ class SharedTrainer final : public FieldTrainer {
     return in_turn_([&](FieldTrainer& trainer) { return trainer.step(progress); });
   }
   int stepsDone() const override { return in_turn_.made()->stepsDone(); }
-  Field finish(const CancellationToken& stop) override {
-    return in_turn_([&](FieldTrainer& trainer) { return trainer.finish(stop); });
+  Field finish(const CancellationToken& cancellation) override {
+    return in_turn_([&](FieldTrainer& trainer) { return trainer.finish(cancellation); });
   }
-  Field snapshot(const CancellationToken& stop) override {
-    return in_turn_([&](FieldTrainer& trainer) { return trainer.snapshot(stop); });
+  Field snapshot(const CancellationToken& cancellation) override {
+    return in_turn_([&](FieldTrainer& trainer) { return trainer.snapshot(cancellation); });
   }
 
  private:
@@ -178,6 +180,10 @@ std::shared_ptr<const LoadedField> SharedBackend::load(std::shared_ptr<const Fie
     known = loaded;
     return loaded;
   });
+}
+
+std::unique_ptr<KeyframeAligner> SharedBackend::makeKeyframeAligner() {
+  return backend_->makeKeyframeAligner();
 }
 
 std::unique_ptr<FieldTrainer> SharedBackend::makeTrainer(const FieldConfig& config, const Box& box,

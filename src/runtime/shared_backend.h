@@ -23,6 +23,8 @@ class SharedBackend final : public Backend {
 
   BackendInfo info() const override;
   std::shared_ptr<const LoadedField> load(std::shared_ptr<const Field> field) override;
+  /// Aligners take no turns.
+  std::unique_ptr<KeyframeAligner> makeKeyframeAligner() override;
   /// A step of the trainer is a turn.
   std::unique_ptr<FieldTrainer> makeTrainer(const FieldConfig& config, const Box& box,
                                             std::vector<TrainingView> views,

@@ -73,11 +73,11 @@ BagEvaluation::BagEvaluation(const BagSequence& bag, std::shared_ptr<Backend> ba
 }
 
 BagEvaluationResult BagEvaluation::run(const std::function<void(const EvaluatedFrame&)>& progress,
-                                       const CancellationToken& stop) {
+                                       const CancellationToken& cancellation) {
   const FieldMetadata& metadata = field_->metadata;
   const ObjectFrame frame = ObjectFrame::inMetres(metadata);
   std::vector<Eigen::Vector3d> points =
-      surfacePoints(*backend_->load(field_), settings_.points, settings_.seed, stop);
+      surfacePoints(*backend_->load(field_), settings_.points, settings_.seed, cancellation);
   for (Eigen::Vector3d& point : points) point = frame.point(point);
   result_ = {};
   result_.points = static_cast<int>(points.size());
@@ -89,15 +89,15 @@ BagEvaluationResult BagEvaluation::run(const std::function<void(const EvaluatedF
   int looked_at = 0;
   for (int i = settings_.first; i < bag_.size(); i += settings_.every) {
     if (settings_.most > 0 && looked_at++ == settings_.most) break;
-    stop.check();
+    cancellation.check();
     const std::size_t before = result_.frames.size();
-    evaluate(bag_.frame(i), stop);
+    evaluate(bag_.frame(i), cancellation);
     if (progress && result_.frames.size() > before) progress(result_.frames.back());
   }
   return result_;
 }
 
-void BagEvaluation::evaluate(const BagFrame& frame, const CancellationToken& stop) {
+void BagEvaluation::evaluate(const BagFrame& frame, const CancellationToken& cancellation) {
   const std_msgs::Header& header = frame.image->header;
   Pose true_T_C_U;
   const char* missing = "no true pose at the image's time";
@@ -115,8 +115,8 @@ void BagEvaluation::evaluate(const BagFrame& frame, const CancellationToken& sto
   Observation observation = observe(frame);
   const bool masked = observation.background == Background::kMask;
   const auto hand_over = [&](bool) { return std::move(observation); };
-  const TrackOutcome result = tracker_->track({imageStampOf(header), hand_over, stop});
-  stop.check();
+  const TrackOutcome result = tracker_->track({imageStampOf(header), hand_over, cancellation});
+  cancellation.check();
   if (result.state == TrackState::kError) {
     throw std::runtime_error(bag_.topics().image + ", frame " + std::to_string(frame.index) + ": " +
                              result.message);

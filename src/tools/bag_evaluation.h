@@ -68,10 +68,10 @@ class BagEvaluation {
   /// @param progress told of each image: its number and the last result; may be empty.
   /// @throws std::runtime_error naming topic and frame of what is damaged; Cancelled.
   BagEvaluationResult run(const std::function<void(const EvaluatedFrame&)>& progress,
-                          const CancellationToken& stop);
+                          const CancellationToken& cancellation);
 
  private:
-  void evaluate(const BagFrame& frame, const CancellationToken& stop);
+  void evaluate(const BagFrame& frame, const CancellationToken& cancellation);
   std::optional<Pose> startOf(const BagFrame& frame, const Pose& true_T_C_U) const;
   bool offerStart(const BagFrame& frame, const Pose& true_T_C_U);
   Observation observe(const BagFrame& frame);

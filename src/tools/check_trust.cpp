@@ -153,8 +153,8 @@ void tell(const std::string& name, const std::vector<Disappearance>& runs, int l
 }
 
 /// Runs in which the object stays, and their report. @return the first recording.
-Recording trackAll(const TrustOptions& options, TrustTrials* trials, const CancellationToken& stop,
-                   Report* report) {
+Recording trackAll(const TrustOptions& options, TrustTrials* trials,
+                   const CancellationToken& cancellation, Report* report) {
   ProgressLine line;
   Recording first;
   PublishedPoses all;
@@ -162,7 +162,7 @@ Recording trackAll(const TrustOptions& options, TrustTrials* trials, const Cance
     Recording recording = Recording::of(BagSequence(path, options.topics));
     PublishedPoses poses;
     for (int run = 0; run < options.runs; ++run) {
-      stop.check();
+      cancellation.check();
       line.show(1.0 * run / options.runs, path);
       poses += trials->track(recording, run);
     }
@@ -178,20 +178,20 @@ Recording trackAll(const TrustOptions& options, TrustTrials* trials, const Cance
   return first;
 }
 
-void check(const TrustOptions& options, const CancellationToken& stop) {
+void check(const TrustOptions& options, const CancellationToken& cancellation) {
   const auto field = std::make_shared<const Field>(loadField(options.model));
   PoseRefinerParameters node = options.node;
   node.tracker.initial.refiner = RefinerSettings::named(node.tracker.initial.preset);
   TrustTrials trials(options.backend.make(), field, node, options.trials);
   Report report;
   report.print = !options.json;
-  const Recording first = trackAll(options, &trials, stop, &report);
+  const Recording first = trackAll(options, &trials, cancellation, &report);
   ProgressLine line;
   for (const std::string& path : options.gone) {
     const Recording gone = Recording::of(BagSequence(path, options.topics));
     std::vector<Disappearance> runs;
     for (int run = 0; run < options.runs; ++run) {
-      stop.check();
+      cancellation.check();
       line.show(1.0 * run / options.runs, path);
       runs.push_back(trials.lose(first, gone, run));
     }

@@ -54,7 +54,7 @@ template <typename Update, typename Optimiser>
 std::string path(const Optimiser& optimiser, const char* name, const char* colour, int row) {
   std::ostringstream line, dots;
   const int steps = optimiseInPlane<Update>(
-      PlanarPose(), kTarget, optimiser, kTolerance, kMaxSteps, [&](const PlanarPose& pose) {
+      PlanarPose(), kTarget, optimiser, {kTolerance, kMaxSteps}, [&](const PlanarPose& pose) {
         line << (line.tellp() > 0 ? " " : "") << at(pose);
         const std::string point = at(pose);
         const std::size_t comma = point.find(',');

@@ -13,7 +13,7 @@
 #include "dataset/dataset.h"
 #include "evaluation/trial.h"
 #include "evaluation/trial_observation.h"
-#include "evaluation/trial_table.h"
+#include "evaluation/trial_results.h"
 #include "field/model_file.h"
 #include "image/io.h"
 #include "tools/tool.h"
@@ -26,7 +26,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr double kDegreesPerRad = 180 / 3.14159265358979323846;
 constexpr std::uint64_t kStartsPerView = 1000;  // of the numbers that starts are drawn by
 
 struct EvaluateOptions {
@@ -104,20 +103,6 @@ std::vector<Scene> checkedScenes(const EvaluateOptions& options, const Experimen
   return scenes;
 }
 
-const char* nameOf(Outcome outcome) {
-  switch (outcome) {
-    case Outcome::kRefined:
-      return "refined";
-    case Outcome::kNoOverlap:
-      return "no_overlap";
-    case Outcome::kDiverged:
-      return "diverged";
-    case Outcome::kCancelled:
-      break;
-  }
-  return "stopped";
-}
-
 /// A scene whose trials are run.
 struct LoadedScene {
   std::string name;
@@ -129,6 +114,14 @@ struct LoadedScene {
   const FieldMetadata& object() const { return fields.at("")->field().metadata; }
 };
 
+/// Starts of one image that one method searches together.
+struct Batch {
+  const LoadedScene& scene;
+  const Experiment& experiment;
+  const SearchVariant& variant;
+  std::vector<TrialKey> keys;
+};
+
 SceneKind kindOf(const Dataset& dataset) {
   if (dataset.has_masks) return SceneKind::kMasked;
   return dataset.has_alpha ? SceneKind::kSynthetic : SceneKind::kForwardFacing;
@@ -136,30 +129,20 @@ SceneKind kindOf(const Dataset& dataset) {
 
 class Evaluation {
  public:
-  Evaluation(const EvaluateOptions& options, const CancellationToken& stop)
+  Evaluation(const EvaluateOptions& options, const CancellationToken& cancellation)
       : options_(options),
-        stop_(stop),
+        cancellation_(cancellation),
         shard_(options.shard),
         plan_(loadExperiments(options.experiments)),
-        backend_(options.backend.make()) {
-    fs::create_directories(options.output);
-    const fs::path folder = options.output;
-    trials_ = std::make_unique<TrialTable>(
-        (folder / ("trials-" + shard_.suffix())).string(),
-        std::vector<std::string>{"start_deg", "start_units", "start_diameters", "deg", "units",
-                                 "diameters", "pixels", "outcome", "score", "seconds", "samples",
-                                 "engine"});
-    traces_ = std::make_unique<TrialTable>(
-        (folder / ("traces-" + shard_.suffix())).string(),
-        std::vector<std::string>{"stage", "seconds", "samples", "deg", "units"});
-  }
+        backend_(options.backend.make()),
+        results_(options.output, shard_.suffix(), backend_->info().description) {}
 
   void run() {
     for (const Scene& scene : checkedScenes(options_, plan_)) {
       if (isWanted(options_.scenes, scene.name)) runScene(scene);
     }
     line_.end();
-    std::printf("%zu trials, %d of them new, on %s\n", trials_->size(), done_,
+    std::printf("%zu trials, %d of them new, on %s\n", results_.size(), done_,
                 backend_->info().description.c_str());
   }
 
@@ -167,7 +150,8 @@ class Evaluation {
   void runScene(const Scene& scene) {
     LoadedScene loaded;
     loaded.name = scene.name;
-    loaded.dataset = loadTransforms(scene.test_path, options_.backend.datasetOptions(), stop_);
+    loaded.dataset =
+        loadTransforms(scene.test_path, options_.backend.datasetOptions(), cancellation_);
     loaded.kind = kindOf(loaded.dataset);
     loadSceneField("", &loaded);
     for (const Experiment& experiment : plan_.experiments) {
@@ -200,11 +184,10 @@ class Evaluation {
     for (const int v : chosenViews(experiment.views, available)) {
       const PosedView& view = scene.dataset.views[v];
       Observation observation;  // made when a trial needs it
-      forEachBatch(scene, experiment, condition, v,
-                   [&](const std::vector<TrialKey>& keys, const SearchVariant& how) {
-                     if (observation.image.empty()) observation = disturbance.of(view, v);
-                     runBatch(scene, experiment, keys, how, view, observation);
-                   });
+      forEachBatch(scene, experiment, condition, v, [&](const Batch& batch) {
+        if (observation.image.empty()) observation = disturbance.of(view, v);
+        runBatch(batch, view, observation);
+      });
     }
   }
 
@@ -219,7 +202,7 @@ class Evaluation {
         const auto losses = has_losses ? experiment.losses
                                        : std::vector<std::string>{method == "inerf" ? "l2" : ""};
         for (const std::string& loss : losses) {
-          stop_.check();
+          cancellation_.check();
           const TrialKey first = {
               experiment.name, scene.name, sceneKindName(scene.kind), method, loss,
               variant.label,   condition,  experiment.protocol,       view,   0};
@@ -231,8 +214,8 @@ class Evaluation {
               keys[i].start = start + static_cast<int>(i);
             const bool complete =
                 std::all_of(keys.begin(), keys.end(),
-                            [this](const TrialKey& key) { return trials_->has(key); });
-            if (!complete) run(keys, variant);
+                            [this](const TrialKey& key) { return results_.has(key); });
+            if (!complete) run(Batch{scene, experiment, variant, keys});
           }
         }
       }
@@ -245,49 +228,47 @@ class Evaluation {
     return method == "alignment" ? 1 : backend_->info().searches_at_once;
   }
 
-  /// Starts of one image. Those that an earlier process has written are searched again, for a
-  /// search's samples depend a little on the others', and are not written.
-  void runBatch(const LoadedScene& scene, const Experiment& experiment,
-                const std::vector<TrialKey>& keys, const SearchVariant& variant,
-                const PosedView& view, const Observation& observation) {
-    const FieldMetadata& object = scene.object();
-    const TrialProtocol protocol(experiment.protocol, scene.kind, object);
+  /// Starts that an earlier process has written are searched again, for a search's samples depend a
+  /// little on the others', and are not written.
+  void runBatch(const Batch& batch, const PosedView& view, const Observation& observation) {
+    const std::vector<TrialKey>& keys = batch.keys;
+    const FieldMetadata& object = batch.scene.object();
+    const TrialProtocol protocol(batch.experiment.protocol, batch.scene.kind, object);
+    const TrialScale scale = {protocol.unit, object.diameter};
     const TrialKey& first = keys.front();
     std::vector<Prior> priors;
     for (const TrialKey& key : keys) {
       priors.push_back(
           protocol.prior(view.T_O_C, object, plan_.seed, kStartsPerView * key.view + key.start));
     }
-    const Observation picture = trialImage(observation, first.method, variant);
-    const std::vector<Refinement> refinements =
-        refineAll(scene, first, variant, protocol.unit, picture, priors);
-    stop_.check();  // what was interrupted is no result
+    const Observation image = trialImage(observation, first.method, batch.variant);
+    const std::vector<Refinement> refinements = refineAll(batch, protocol.unit, image, priors);
+    cancellation_.check();  // what was interrupted is no result
     const auto errorOf = [&](const Pose& T_O_C) {
       return poseError(T_O_C, view.T_O_C, object.centre, view.camera);
     };
     for (std::size_t i = 0; i < keys.size(); ++i) {
-      if (trials_->has(keys[i])) continue;
+      if (results_.has(keys[i])) continue;
       const Refinement& refinement = refinements[i];
-      if (experiment.traces) addTrace(keys[i], priors[i], refinement, protocol.unit, errorOf);
-      addTrial(keys[i], errorOf(priors[i].T_O_C), errorOf(refinement.T_O_C), refinement,
-               protocol.unit, object.diameter);
+      if (batch.experiment.traces) {
+        results_.addTrace(keys[i], priors[i].T_O_C, refinement, scale.unit, errorOf);
+      }
+      results_.add(keys[i], refinement, errorOf(priors[i].T_O_C), errorOf(refinement.T_O_C), scale);
       ++done_;
     }
-    if (first.start == 0 && first.variant == experiment.variants.front().label &&
-        isInImage(scene, experiment, first.view)) {
-      drawTrial(scene, first, view.camera, observation, priors.front().T_O_C,
-                refinements.front().T_O_C);
+    if (isDrawn(batch)) {
+      drawTrial(batch, observation, priors.front().T_O_C, refinements.front().T_O_C);
     }
-    line_.show(0, scene.name + " " + first.experiment + " " + first.condition + ": view " +
+    line_.show(0, first.scene + " " + first.experiment + " " + first.condition + ": view " +
                       std::to_string(first.view) + ", " + std::to_string(done_) + " trials");
   }
 
-  std::vector<Refinement> refineAll(const LoadedScene& scene, const TrialKey& key,
-                                    const SearchVariant& variant, double unit,
-                                    const Observation& picture, const std::vector<Prior>& priors) {
-    const LoadedField& field = *scene.fields.at(variant.profile);
-    const RefinerSettings settings =
-        trialSettings(key.method, key.loss.empty() ? "l2" : key.loss, variant, unit, plan_.seed);
+  std::vector<Refinement> refineAll(const Batch& batch, double unit, const Observation& image,
+                                    const std::vector<Prior>& priors) {
+    const LoadedField& field = *batch.scene.fields.at(batch.variant.profile);
+    const TrialKey& key = batch.keys.front();
+    const RefinerSettings settings = trialSettings(key.method, key.loss.empty() ? "l2" : key.loss,
+                                                   batch.variant, unit, plan_.seed);
     TrialKey likewise = key;
     likewise.view = likewise.start = 0;
     if (backend_->info().warms_up && warmed_.insert(likewise.cells()).second) {
@@ -295,58 +276,29 @@ class Evaluation {
       RefinerSettings brief = settings;
       brief.inversion.first_steps = brief.inversion.descent.score_steps;
       brief.inversion.rounds = 0;
-      FieldRefiner(backend_, brief).refineAll(field, picture, priors, stop_);
+      FieldRefiner(backend_, brief).refineAll(field, image, priors, cancellation_);
     }
-    return FieldRefiner(backend_, settings).refineAll(field, picture, priors, stop_);
+    return FieldRefiner(backend_, settings).refineAll(field, image, priors, cancellation_);
   }
 
-  void addTrial(const TrialKey& key, const PoseError& before, const PoseError& after,
-                const Refinement& refinement, double unit, double diameter) {
-    const bool found = refinement.outcome == Outcome::kRefined;
-    const auto ifFound = [&](double value) { return found ? cellOf(value) : std::string(); };
-    trials_->add(
-        key,
-        {{cellOf(before.rotation_rad * kDegreesPerRad), cellOf(before.camera_offset / unit),
-          cellOf(before.object_offset / diameter), ifFound(after.rotation_rad * kDegreesPerRad),
-          ifFound(after.camera_offset / unit), ifFound(after.object_offset / diameter),
-          ifFound(after.pixels), nameOf(refinement.outcome), cellOf(refinement.score),
-          cellOf(refinement.seconds), std::to_string(refinement.work.samples), backendCell()}});
+  /// The first start of the first views, by the first variant.
+  bool isDrawn(const Batch& batch) const {
+    const TrialKey& first = batch.keys.front();
+    if (first.start != 0 || first.variant != batch.experiment.variants.front().label) return false;
+    const int available = static_cast<int>(batch.scene.dataset.views.size());
+    const std::vector<int> views = chosenViews(batch.experiment.views, available);
+    return std::find(views.begin(), views.end(), first.view) - views.begin() < options_.images;
   }
 
-  template <typename ErrorOf>
-  void addTrace(const TrialKey& key, const Prior& prior, const Refinement& refinement, double unit,
-                const ErrorOf& errorOf) {
-    // A trace whose trial is missing was cut by an interruption: it is begun anew behind that.
-    std::vector<std::vector<std::string>> rows;
-    double seconds = 0, samples = 0;
-    const auto addRow = [&](const std::string& stage, const Pose& T_O_C) {
-      const PoseError error = errorOf(T_O_C);
-      rows.push_back({stage, cellOf(seconds), cellOf(samples),
-                      cellOf(error.rotation_rad * kDegreesPerRad),
-                      cellOf(error.camera_offset / unit)});
-    };
-    addRow("start", prior.T_O_C);
-    for (const TraceEntry& entry : refinement.trace) {
-      seconds += entry.seconds;
-      samples += static_cast<double>(entry.work.samples);
-      addRow(entry.stage, entry.best_T_O_C);
-    }
-    traces_->add(key, rows);
-  }
-
-  bool isInImage(const LoadedScene& scene, const Experiment& experiment, int view) const {
-    const int available = static_cast<int>(scene.dataset.views.size());
-    const std::vector<int> views = chosenViews(experiment.views, available);
-    return std::find(views.begin(), views.end(), view) - views.begin() < options_.images;
-  }
-
-  /// Start and result, side by side, over the picture in grey.
-  void drawTrial(const LoadedScene& scene, const TrialKey& key, const Camera& camera,
-                 const Observation& observation, const Pose& start, const Pose& found) {
+  /// The batch's first start and its result, side by side, over the image in grey.
+  void drawTrial(const Batch& batch, const Observation& observation, const Pose& start,
+                 const Pose& found) {
+    const TrialKey& key = batch.keys.front();
+    const Camera& camera = observation.camera;
     Image8 pair(2 * camera.width, camera.height, 3);
     for (int side = 0; side < 2; ++side) {
       const Rendering rendering =
-          scene.fields.at("")->render({camera, side == 0 ? start : found}, {}, stop_);
+          batch.scene.fields.at("")->render({camera, side == 0 ? start : found}, {}, cancellation_);
       const Image8 overlay = drawOverlay(observation.image, rendering, 0.7);
       for (int y = 0; y < camera.height; ++y) {
         std::copy(overlay.pixel(0, y), overlay.pixel(0, y) + 3 * camera.width,
@@ -361,29 +313,23 @@ class Evaluation {
                        .string());
   }
 
-  std::string backendCell() const {
-    std::string text = backend_->info().description;
-    std::replace(text.begin(), text.end(), ',', ';');
-    return text;
-  }
-
   const EvaluateOptions& options_;
-  const CancellationToken& stop_;
+  const CancellationToken& cancellation_;
   const Shard shard_;
   const ExperimentPlan plan_;
   std::shared_ptr<Backend> backend_;
-  std::unique_ptr<TrialTable> trials_, traces_;
+  TrialResults results_;
   ProgressLine line_;
   std::set<std::vector<std::string>> warmed_;  // trials whose like has its memory and graphs
   int done_ = 0;
 };
 
-void evaluate(const EvaluateOptions& options, const CancellationToken& stop) {
+void evaluate(const EvaluateOptions& options, const CancellationToken& cancellation) {
   if (options.check_plan) {
     checkedScenes(options, loadExperiments(options.experiments));
     return;
   }
-  Evaluation(options, stop).run();
+  Evaluation(options, cancellation).run();
 }
 
 }  // namespace

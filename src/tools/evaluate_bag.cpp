@@ -175,7 +175,7 @@ void plot(const std::string& folder) {
 }
 
 BagEvaluationResult evaluateAll(const BagSequence& bag, BagEvaluation* evaluation,
-                                const CancellationToken& stop) {
+                                const CancellationToken& cancellation) {
   ProgressLine line;
   const auto show = [&](const EvaluatedFrame& frame) {
     char text[120];
@@ -184,10 +184,10 @@ BagEvaluationResult evaluateAll(const BagSequence& bag, BagEvaluation* evaluatio
                   100 * frame.found.offset_diameters);
     line.show(static_cast<double>(frame.index + 1) / bag.size(), text);
   };
-  return evaluation->run(show, stop);
+  return evaluation->run(show, cancellation);
 }
 
-void evaluate(const EvaluateOptions& given, const CancellationToken& stop) {
+void evaluate(const EvaluateOptions& given, const CancellationToken& cancellation) {
   EvaluateOptions options = given;
   options.settings.start =
       options.start == "recorded" ? StartMode::kRecorded : StartMode::kPerturbed;
@@ -201,7 +201,7 @@ void evaluate(const EvaluateOptions& given, const CancellationToken& stop) {
   BagEvaluation evaluation(bag, backend, field, options.settings);
   fs::create_directories(options.out);
   requireWritable(options.out + "/");
-  const BagEvaluationResult result = evaluateAll(bag, &evaluation, stop);
+  const BagEvaluationResult result = evaluateAll(bag, &evaluation, cancellation);
   if (result.frames.empty()) {
     std::string reasons;
     for (const auto& [reason, count] : result.skipped) {

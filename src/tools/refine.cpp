@@ -131,9 +131,9 @@ const PosedView& findView(const Dataset& dataset, const std::string& name) {
 }
 
 RefineCase caseOfDataset(const RefineOptions& options, const FieldMetadata& object,
-                         const CancellationToken& stop) {
+                         const CancellationToken& cancellation) {
   const Dataset dataset =
-      loadTransforms(options.transforms, options.backend.datasetOptions(), stop);
+      loadTransforms(options.transforms, options.backend.datasetOptions(), cancellation);
   const PosedView& view = findView(dataset, options.view);
   const StartSpread spread = {options.start_rotation_deg / kDegreesPerRad,
                               options.start_translation * object.diameter, true};
@@ -217,14 +217,14 @@ void printResult(const nlohmann::json& result) {
   }
 }
 
-void refine(const RefineOptions& options, const CancellationToken& stop) {
+void refine(const RefineOptions& options, const CancellationToken& cancellation) {
   if (options.image.empty() == options.transforms.empty()) {
     throw std::invalid_argument("give an image, or --transforms");
   }
   const auto field = std::make_shared<const Field>(loadField(options.model));
   const FieldMetadata& object = field->metadata;
-  const RefineCase input =
-      options.image.empty() ? caseOfDataset(options, object, stop) : caseOfImage(options, object);
+  const RefineCase input = options.image.empty() ? caseOfDataset(options, object, cancellation)
+                                                 : caseOfImage(options, object);
   RefinerSettings settings = RefinerSettings::named(options.preset);
   settings.seed = options.seed;
   const Observation observation = observationOf(input, options.background);
@@ -233,7 +233,7 @@ void refine(const RefineOptions& options, const CancellationToken& stop) {
   const Prior prior = {input.start_T_O_C, options.search_rotation_deg / kDegreesPerRad,
                        options.search_translation};
   const Refinement result =
-      FieldRefiner(backend, settings).refine(*loaded, observation, prior, stop);
+      FieldRefiner(backend, settings).refine(*loaded, observation, prior, cancellation);
   const nlohmann::json document = resultJson(input, result, object);
   if (options.json) {
     printJson(document);

@@ -75,9 +75,10 @@ void declare(CLI::App* app, RenderToolOptions* options) {
   app->add_flag("--json", options->json, "Print the result as JSON");
 }
 
-std::vector<PosedView> viewsOf(const RenderToolOptions& options, const CancellationToken& stop) {
+std::vector<PosedView> viewsOf(const RenderToolOptions& options,
+                               const CancellationToken& cancellation) {
   if (!options.transforms.empty()) {
-    return loadTransforms(options.transforms, options.backend.datasetOptions(), stop).views;
+    return loadTransforms(options.transforms, options.backend.datasetOptions(), cancellation).views;
   }
   if (options.pose.empty() || options.intrinsics.empty() || options.size.empty()) {
     throw std::invalid_argument("give --transforms, or --pose with --intrinsics and --size");
@@ -183,12 +184,12 @@ void report(const RenderToolOptions& options, const nlohmann::json& views) {
   }
 }
 
-void render(const RenderToolOptions& options, const CancellationToken& stop) {
+void render(const RenderToolOptions& options, const CancellationToken& cancellation) {
   const auto field = std::make_shared<const Field>(loadModel(options.model));
   check(options, *field);
   const std::shared_ptr<Backend> backend = options.backend.make();
   const std::shared_ptr<const LoadedField> loaded = backend->load(field);
-  const std::vector<PosedView> views = viewsOf(options, stop);
+  const std::vector<PosedView> views = viewsOf(options, cancellation);
   requireDistinctOutputs(options, views);
   nlohmann::json rows = nlohmann::json::array();
   ProgressLine line;
@@ -196,7 +197,7 @@ void render(const RenderToolOptions& options, const CancellationToken& stop) {
     line.show(static_cast<double>(rows.size()) / views.size(), view.name);
     const Camera camera = limited(view.camera, options.max_size);
     const auto start = std::chrono::steady_clock::now();
-    const Rendering rendering = loaded->render({camera, view.T_O_C}, {}, stop);
+    const Rendering rendering = loaded->render({camera, view.T_O_C}, {}, cancellation);
     const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
     write(options, rendering, view, field->metadata.metres_per_unit);
     rows.push_back({{"view", view.name}, {"seconds", elapsed.count()}});

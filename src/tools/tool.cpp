@@ -39,11 +39,11 @@ int runApp(CLI::App* app, int argc, char** argv,
   } catch (const CLI::ParseError& e) {
     return app->exit(e) == 0 ? 0 : kWrongUsage;
   }
-  const CancellationToken& stop = interruptToken();
+  const CancellationToken& cancellation = interruptToken();
   std::signal(SIGINT, onInterrupt);
   std::signal(SIGTERM, onInterrupt);
   try {
-    body(stop);
+    body(cancellation);
     return 0;
   } catch (const std::invalid_argument& e) {
     std::cerr << app->get_name() << ": " << e.what() << "\nRun with --help for more.\n";

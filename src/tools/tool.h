@@ -38,7 +38,8 @@ int runTool(int argc, char** argv, void (*declare)(CLI::App*, Options*),
   CLI::App app("", fileName(argv[0]));
   Options options;
   declare(&app, &options);
-  return runApp(&app, argc, argv, [&](const CancellationToken& stop) { run(options, stop); });
+  return runApp(&app, argc, argv,
+                [&](const CancellationToken& cancellation) { run(options, cancellation); });
 }
 
 /// Which backend, and how much of the machine it takes.

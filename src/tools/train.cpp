@@ -101,9 +101,9 @@ void report(const TrainOptions& options, const Field& field, double seconds) {
   }
 }
 
-void train(const TrainOptions& options, const CancellationToken& stop) {
+void train(const TrainOptions& options, const CancellationToken& cancellation) {
   requireModelWritable(FieldConfig::named(options.settings.profile), options.model);
-  Dataset dataset = loadTransforms(options.dataset, options.backend.datasetOptions(), stop);
+  Dataset dataset = loadTransforms(options.dataset, options.backend.datasetOptions(), cancellation);
   if (!options.box.empty()) {
     dataset.has_box = true;
     dataset.box_min = {options.box[0], options.box[1], options.box[2]};
@@ -125,7 +125,7 @@ void train(const TrainOptions& options, const CancellationToken& stop) {
       line.show(progress.steps > 0 ? static_cast<double>(progress.step) / progress.steps : 0, text);
       seconds = progress.seconds;
     };
-    field = learnField(options.backend.make().get(), dataset, settings, show, stop);
+    field = learnField(options.backend.make().get(), dataset, settings, show, cancellation);
   }
   field.metadata.name = options.name.empty() ? fileStem(options.model) : options.name;
   saveModel(field, options.model);

@@ -143,7 +143,8 @@ bool isFound(const Refinement& refinement, const Pose& true_T_O_C, const FieldMe
 }  // namespace
 
 PoseStatistics measurePoses(Backend* backend, const LoadedField& field,
-                            const std::vector<PosedView>& views, const CancellationToken& stop) {
+                            const std::vector<PosedView>& views,
+                            const CancellationToken& cancellation) {
   const FieldMetadata& object = field.field().metadata;
   const std::shared_ptr<Backend> borrowed(backend, [](Backend*) {});
   FieldRefiner refiner(borrowed, RefinerSettings::named("track"));
@@ -156,11 +157,11 @@ PoseStatistics measurePoses(Backend* backend, const LoadedField& field,
     prior.rotation_rad = 2 * kStartRotation_rad;
     prior.translation = 2 * kStartTranslation;
     prior.T_O_C = littleOff(truth, object, i);
-    const Refinement found = refiner.refine(field, observation, prior, stop);
+    const Refinement found = refiner.refine(field, observation, prior, cancellation);
     prior.T_O_C = wrongSide(truth, object, i);
-    const Refinement mistaken = refiner.refine(field, observation, prior, stop);
+    const Refinement mistaken = refiner.refine(field, observation, prior, cancellation);
     if (found.outcome == Outcome::kCancelled || mistaken.outcome == Outcome::kCancelled)
-      stop.check();
+      cancellation.check();
     if (mistaken.outcome == Outcome::kRefined) wrong.push_back(mistaken.score);
     if (!isFound(found, truth, object)) continue;
     right.push_back(found.score);

@@ -14,6 +14,7 @@ namespace nerf_pose_refiner {
 /// it.
 /// @param views that show the object. @throws Cancelled.
 PoseStatistics measurePoses(Backend* backend, const LoadedField& field,
-                            const std::vector<PosedView>& views, const CancellationToken& stop);
+                            const std::vector<PosedView>& views,
+                            const CancellationToken& cancellation);
 
 }  // namespace nerf_pose_refiner

@@ -125,18 +125,19 @@ class LevelMaker {
       counts[static_cast<std::size_t>(kBoxChannels) * cell] = 1;
     }
     boxSums(counts, level_.width, level_.height, level_.window, &sums);
-    level_.inverse_count.assign(cells, 0.0f);
+    std::vector<float> inverse_count(cells, 0.0f);
     for (int cell = 0; cell < cells; ++cell) {
       const float count = std::round(sums[static_cast<std::size_t>(kBoxChannels) * cell]);
-      if (count > 0) level_.inverse_count[cell] = 1 / count;
+      if (count > 0) inverse_count[cell] = 1 / count;
     }
     boxSums(colours, level_.width, level_.height, level_.window, &sums);
     normalised_ = Image(width_, height_, 3);
+    local_.resize(cells);
     for (int pixel = 0; pixel < width_ * height_; ++pixel) {
       const std::size_t cell = cellOfPixel(pixel);
-      if (!shown_[pixel] || level_.inverse_count[cell] == 0) continue;
-      const LocalColours<float> local =
-          localColours(sums.data() + kBoxChannels * cell, level_.inverse_count[cell]);
+      if (!shown_[pixel] || inverse_count[cell] == 0) continue;
+      LocalColours<float>& local = local_[cell];
+      local = localColours(sums.data() + kBoxChannels * cell, inverse_count[cell]);
       const Eigen::Vector3f colour = colourAt(pixel);
       for (int c = 0; c < 3; ++c) {
         normalised_.values[3 * static_cast<std::size_t>(pixel) + c] =
@@ -153,16 +154,22 @@ class LevelMaker {
     points->cell.push_back(cell);
   }
 
+  void addShown(int pixel, int cell) {
+    addPoint(pixel, cell, &level_.shown);
+    const Eigen::Vector3f colour = colourAt(pixel);
+    for (int c = 0; c < 3; ++c) level_.shown_colour[c].push_back(colour[c]);
+  }
+
   void fillShown() {
-    PointColumns& shown = level_.shown;
+    const PointColumns& shown = level_.shown;
     const int none = level_.width * level_.height;
     int last = 0;
     for (int cell = 0; cell < none; ++cell) {
       if (!shown_[pixelOfCell(cell)]) continue;
       last = pixelOfCell(cell);
-      addPoint(last, cell, &shown);
+      addShown(last, cell);
     }
-    while (shown.size() % kPointGroup != 0) addPoint(last, none, &shown);
+    while (shown.size() % kPointGroup != 0) addShown(last, none);
   }
 
   // What a pixel says of the pose: the squared gradient of its colours. 0 where a neighbour is not
@@ -230,8 +237,11 @@ class LevelMaker {
     addPoint(pixel, cellOfPixel(pixel), &level_.chosen);
     level_.surface.push_back(surfaceAt(pixel % width_, pixel / width_));
     level_.weight.push_back(weight);
+    const LocalColours<float>& local = local_[cellOfPixel(pixel)];
     for (int c = 0; c < 3; ++c) {
       level_.colour[c].push_back(normalised_.values[3 * static_cast<std::size_t>(pixel) + c]);
+      level_.local.mean[c].push_back(local.mean[c]);
+      level_.local.inverse_deviation[c].push_back(local.inverse_deviation[c]);
     }
   }
 
@@ -261,7 +271,8 @@ class LevelMaker {
   int width_, height_;  // of the keyframe's own pixels
   Image smooth_;
   std::vector<char> shown_;
-  Image normalised_;  // [h][w][3], 0 where the object is not shown
+  std::vector<LocalColours<float>> local_;  // of the grid's cells
+  Image normalised_;                        // [h][w][3], 0 where the object is not shown
   KeyframeLevel level_;
 };
 

@@ -46,12 +46,12 @@ struct Setting {
     return {turn * truth.R, centre() + v + turn * (truth.t - centre())};
   }
 
-  Hypothesis alignFrom(const Pose& start, const CancellationToken& stop = {}) {
+  Hypothesis alignFrom(const Pose& start, const CancellationToken& cancellation = {}) {
     const auto solver = scene->makeSolver(observation, {level}, 1);
     SamplingPlan sampling;
     sampling.count = 1;
     solver->sample({start}, sampling);
-    solver->align(0, stage, stop);
+    solver->align(0, stage, cancellation);
     return solver->readHypotheses().front();
   }
 };
@@ -227,9 +227,9 @@ TEST(Align, sameBitsForAnyNumberOfThreads) {
 
 TEST(Align, stops) {
   Setting setting;
-  CancellationToken stop;
-  stop.requestCancel();
-  EXPECT_THROW(setting.alignFrom(setting.truth, stop), Cancelled);
+  CancellationToken cancellation;
+  cancellation.requestCancel();
+  EXPECT_THROW(setting.alignFrom(setting.truth, cancellation), Cancelled);
 }
 
 TEST(Align, wrongLevelIsNamed) {

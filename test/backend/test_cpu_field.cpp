@@ -196,16 +196,14 @@ TEST(CpuField, ResultsDoNotDependOnGroupsOrThreads) {
   const Rays rays = randomRays(field, 1000);
   const Results together = render(*scene, rays);
   Results alone(rays.size()), threaded(rays.size());
-  CostCounters work;
   for (std::size_t i = rays.size(); i-- > 0;) {
-    scene->renderRays(&rays[i], 1, RenderOptions(), &alone[i], &work);
+    scene->renderRays({&rays[i], 1}, RenderOptions(), &alone[i]);
   }
   std::vector<std::thread> threads;
   for (int t = 0; t < 4; ++t) {
     threads.emplace_back([&, t] {
-      CostCounters own;
       for (int first = 50 * t; first < 1000; first += 200) {
-        scene->renderRays(&rays[first], 50, RenderOptions(), &threaded[first], &own);
+        scene->renderRays({&rays[first], 50}, RenderOptions(), &threaded[first]);
       }
     });
   }
@@ -216,28 +214,27 @@ TEST(CpuField, ResultsDoNotDependOnGroupsOrThreads) {
   }
 }
 
-std::vector<RayGradient> pull(const RayRenderer& scene, const Rays& rays, std::vector<int>* asked) {
+std::vector<RayGradient> gradientsOf(const RayRenderer& scene, const Rays& rays,
+                                     std::vector<int>* asked) {
   std::vector<RayGradient> gradients(rays.size());
   const auto gradient = [&](int i, const RayResult& result) -> RayLossGradient {
     ++asked->at(i);
     return {{result.rgb[0], 1, -1}, 0.5f};
   };
-  CostCounters work;
-  scene.rayGradients(rays.data(), static_cast<int>(rays.size()), everything(), true, gradient,
-                     gradients.data(), &work);
+  scene.rayGradients(spanOf(rays), everything(), true, gradient, gradients.data());
   return gradients;
 }
 
-TEST(CpuField, RaysOfManySamplesAreGradientedInSmallerGroups) {
+TEST(CpuField, GradientsOfRaysWithManySamplesAreTakenInSmallerGroups) {
   Field field = randomField(smallConfig(), 3);
   field.config.step = 0.002f;  // several hundred samples a ray: 32 rays do not fit
   const auto scene = load(field);
   const Rays rays = randomRays(field, 70);
   std::vector<int> asked(70, 0), asked_once(1, 0);
-  const std::vector<RayGradient> together = pull(*scene, rays, &asked);
+  const std::vector<RayGradient> together = gradientsOf(*scene, rays, &asked);
   EXPECT_EQ(asked, std::vector<int>(70, 1));
   for (std::size_t i = 0; i < rays.size(); ++i) {
-    const RayGradient alone = pull(*scene, {rays[i]}, &asked_once)[0];
+    const RayGradient alone = gradientsOf(*scene, {rays[i]}, &asked_once)[0];
     EXPECT_EQ(std::memcmp(&alone, &together[i], sizeof alone), 0) << i;
   }
 }
@@ -259,8 +256,7 @@ TEST(CpuField, GradientSeesWhatIsRendered) {
       for (int c = 0; c < 3; ++c) EXPECT_NEAR(seen.point[c], rendered[i].point[c], 4e-5);
       return {{0, 0, 0}, 0};
     };
-    CostCounters work;
-    scene->rayGradients(rays.data(), 100, options, false, compare, gradients.data(), &work);
+    scene->rayGradients(spanOf(rays), options, false, compare, gradients.data());
     for (const RayGradient& p : gradients) {
       for (int a = 0; a < 3; ++a) EXPECT_EQ(std::abs(p.force[a]) + std::abs(p.torque[a]), 0);
     }

@@ -14,23 +14,26 @@
 namespace nerf_pose_refiner {
 namespace {
 
-FieldConfig shape(int features, int levels, int width, int hidden_layers, int geometry,
-                  int degree) {
-  FieldConfig config;
-  config.features = features;
-  config.levels = levels;
-  config.log2_table_size = 10;
-  config.base_resolution = 3;
-  config.finest_resolution = levels == 1 ? 3 : 40;
-  config.density_width = width;
-  config.density_hidden_layers = hidden_layers;
-  config.colour_width = width + 4;
-  config.colour_hidden_layers = hidden_layers;
-  config.geometry_features = geometry;
-  config.sh_degree = degree;
-  config.step = 0.07f;
-  return config;
-}
+struct Shape {
+  int features, levels, width, hidden_layers, geometry_features, sh_degree;
+
+  FieldConfig config() const {
+    FieldConfig config;
+    config.features = features;
+    config.levels = levels;
+    config.log2_table_size = 10;
+    config.base_resolution = 3;
+    config.finest_resolution = levels == 1 ? 3 : 40;
+    config.density_width = width;
+    config.density_hidden_layers = hidden_layers;
+    config.colour_width = width + 4;
+    config.colour_hidden_layers = hidden_layers;
+    config.geometry_features = geometry_features;
+    config.sh_degree = sh_degree;
+    config.step = 0.07f;
+    return config;
+  }
+};
 
 // What a ray sees, and the share of it that is too faint to be coloured by the backend.
 struct Expected {
@@ -57,8 +60,8 @@ Expected expectedOf(const ReferenceField& reference, const Field& field, const R
   return sum;
 }
 
-void expectMatchesReference(const FieldConfig& config, const char* instruction_set) {
-  const Field field = randomField(config, 3);
+void expectMatchesReference(const Shape& shape, const char* instruction_set) {
+  const Field field = randomField(shape.config(), 3);
   const ReferenceField reference(field);
   const Rays rays = randomRays(field, 60);
   const Results results = render(*load(field, instruction_set), rays, everything());
@@ -91,20 +94,12 @@ class AgainstReference : public ::testing::TestWithParam<const char*> {
 INSTANTIATE_TEST_SUITE_P(InstructionSets, AgainstReference, ::testing::Values("baseline", "avx2"),
                          [](const auto& p) { return std::string(p.param); });
 
-TEST_P(AgainstReference, OneFeature) {
-  expectMatchesReference(shape(1, 5, 13, 1, 6, 2), GetParam());
-}
-TEST_P(AgainstReference, TwoFeatures) {
-  expectMatchesReference(shape(2, 4, 16, 2, 15, 4), GetParam());
-}
-TEST_P(AgainstReference, FourFeatures) {
-  expectMatchesReference(shape(4, 3, 9, 3, 1, 3), GetParam());
-}
-TEST_P(AgainstReference, EightFeatures) {
-  expectMatchesReference(shape(8, 2, 18, 1, 7, 1), GetParam());
-}
+TEST_P(AgainstReference, OneFeature) { expectMatchesReference({1, 5, 13, 1, 6, 2}, GetParam()); }
+TEST_P(AgainstReference, TwoFeatures) { expectMatchesReference({2, 4, 16, 2, 15, 4}, GetParam()); }
+TEST_P(AgainstReference, FourFeatures) { expectMatchesReference({4, 3, 9, 3, 1, 3}, GetParam()); }
+TEST_P(AgainstReference, EightFeatures) { expectMatchesReference({8, 2, 18, 1, 7, 1}, GetParam()); }
 TEST_P(AgainstReference, OneLevelAndNoGeometryFeatures) {
-  expectMatchesReference(shape(4, 1, 6, 2, 0, 4), GetParam());
+  expectMatchesReference({4, 1, 6, 2, 0, 4}, GetParam());
 }
 
 }  // namespace

@@ -74,12 +74,13 @@ void expectSameFirstSamples(const CpuKernels& kernels, std::uint64_t seed) {
                            {space.box_max[0], space.box_max[1], space.box_max[2]},
                            space.near,
                            space.step};
-  const float* const origins[3] = {rays.origin[0].data(), rays.origin[1].data(),
-                                   rays.origin[2].data()};
-  const float* const directions[3] = {rays.direction[0].data(), rays.direction[1].data(),
-                                      rays.direction[2].data()};
+  const KernelRays kernel_rays = {
+      {rays.origin[0].data(), rays.origin[1].data(), rays.origin[2].data()},
+      {rays.direction[0].data(), rays.direction[1].data(), rays.direction[2].data()},
+      rays.jitter.data(),
+      kRays};
   std::vector<std::int32_t> first(kRays, -7);
-  kernels.firstSamples(kernel_space, origins, directions, rays.jitter.data(), kRays, first.data());
+  kernels.firstSamples(kernel_space, kernel_rays, first.data());
 
   int hits = 0, skipped = 0;
   for (int r = 0; r < kRays; ++r) {

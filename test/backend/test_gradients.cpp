@@ -234,14 +234,13 @@ std::vector<Vector6d> backendGradients(const RayRenderer& scene, const std::vect
     const Eigen::Vector4f g = lossGradient<float>(kind, p, cases[i]);
     return {{g[0], g[1], g[2]}, g[3]};
   };
-  CostCounters work;
-  scene.rayGradients(rays.data(), static_cast<int>(rays.size()), options, turns_view, gradient,
-                     gradients.data(), &work);
+  scene.rayGradients({rays.data(), static_cast<int>(rays.size())}, options, turns_view, gradient,
+                     gradients.data());
   std::vector<Vector6d> all;
-  for (const RayGradient& pull : gradients) {
+  for (const RayGradient& of_ray : gradients) {
     Vector6d both;
-    both << Eigen::Map<const Eigen::Vector3f>(pull.force).cast<double>(),
-        Eigen::Map<const Eigen::Vector3f>(pull.torque).cast<double>();
+    both << Eigen::Map<const Eigen::Vector3f>(of_ray.force).cast<double>(),
+        Eigen::Map<const Eigen::Vector3f>(of_ray.torque).cast<double>();
     all.push_back(both);
   }
   return all;

@@ -14,7 +14,6 @@
 #include "math/half.h"
 #include "math/hash.h"
 #include "math/random.h"
-#include "support/expect_error.h"
 
 // The kernels of every instruction set against plain loops in double precision.
 
@@ -125,8 +124,9 @@ std::vector<Corner> cornersAt(const GridCase& c, int level, int column) {
       slope[a] = side[a] == 1 ? l.resolution : -static_cast<double>(l.resolution);
     }
     Corner corner;
-    corner.entry = l.offset + gridIndex(cell[0] + side[0], cell[1] + side[1], cell[2] + side[2],
-                                        l.resolution, l.entries, l.hashed != 0);
+    const std::uint32_t x = cell[0] + side[0], y = cell[1] + side[1], z = cell[2] + side[2];
+    corner.entry =
+        l.offset + (l.hashed ? hashedIndex(x, y, z, l.entries) : denseIndex(x, y, z, l.resolution));
     corner.weight = factor[0] * factor[1] * factor[2];
     corner.derivative[0] = slope[0] * factor[1] * factor[2];
     corner.derivative[1] = factor[0] * slope[1] * factor[2];
@@ -144,7 +144,8 @@ TEST_P(Kernels, EncodeInterpolates) {
     ASSERT_EQ(c.networks->levels[1].hashed, 0u);
     ASSERT_EQ(c.networks->levels[2].hashed, 1u);
     TiledRows out(c.rows(), kColumns);
-    kernels_->encode(c.grid(), c.axis(0), c.axis(1), c.axis(2), kColumns, out.at(0), kStride);
+    const float* const position[3] = {c.axis(0), c.axis(1), c.axis(2)};
+    kernels_->encode(c.grid(), position, out.part(0, kColumns));
     for (int row = 0; row < c.rows(); ++row) {
       for (int s = 0; s < kColumns; ++s) {
         double expected = 0;
@@ -164,9 +165,11 @@ TEST_P(Kernels, EncodePositionGradientIsAddedTo) {
     const TiledRows out_gradient = randomRows(c.rows());
     TiledRows gradient = randomRows(3);
     const std::vector<float> before(gradient.at(0), gradient.at(0) + 3 * kStride);
-    kernels_->encodePositionGradient(c.grid(), c.axis(0), c.axis(1), c.axis(2), kColumns,
-                                     out_gradient.at(0), kStride, gradient.at(0),
-                                     gradient.at(0) + kStride, gradient.at(0) + 2 * kStride);
+    const float* const position[3] = {c.axis(0), c.axis(1), c.axis(2)};
+    float* const by_position[3] = {gradient.at(0), gradient.at(0) + kStride,
+                                   gradient.at(0) + 2 * kStride};
+    kernels_->encodePositionGradient(c.grid(), position, out_gradient.constPart(0, kColumns),
+                                     by_position);
     for (int s = 0; s < kColumns; ++s) {
       for (int a = 0; a < 3; ++a) {
         double expected = before[a * kStride + s];
@@ -192,8 +195,9 @@ TEST_P(Kernels, EncodeGridGradientIsAddedTo) {
       for (int f = 0; f < features; ++f) out_gradient.at(0)[f * kStride + 40] = 0;
       std::vector<float> gradient(std::size_t{l.entries} * features, 0.25f);
       std::vector<double> expected(gradient.begin(), gradient.end());
-      kernels_->encodeGridGradient(c.grid(), level, c.axis(0), c.axis(1), c.axis(2), kColumns,
-                                   out_gradient.at(0), kStride, gradient.data());
+      const float* const position[3] = {c.axis(0), c.axis(1), c.axis(2)};
+      kernels_->encodeGridGradient(c.grid(), level, position, out_gradient.constPart(0, kColumns),
+                                   gradient.data());
       for (int s = 0; s < kColumns; ++s) {
         for (const Corner& corner : cornersAt(c, level, s)) {
           for (int f = 0; f < features; ++f) {
@@ -227,8 +231,8 @@ TEST_P(Kernels, LayerMultiplies) {
       const TiledRows in = randomRows(size.inputs);
       TiledRows out = randomRows(size.outputs);
       const float behind = out.at(0)[size.columns];
-      kernels_->layer(weights.data(), size.outputs, size.inputs, in.at(0), out.at(0), size.columns,
-                      kStride, relu);
+      kernels_->layer(weights.data(), in.constPart(0, size.columns), out.part(0, size.columns),
+                      relu);
       for (int o = 0; o < size.outputs; ++o) {
         for (int s = 0; s < size.columns; ++s) {
           double sum = 0;
@@ -249,8 +253,8 @@ TEST_P(Kernels, LayerWeightGradientIsAddedTo) {
       const TiledRows out_gradient = randomRows(size.outputs), in = randomRows(inputs);
       std::vector<float> gradient = randomNumbers(static_cast<std::size_t>(size.outputs) * inputs);
       const std::vector<float> before = gradient;
-      kernels_->layerWeightGradient(size.outputs, inputs, out_gradient.at(0), in.at(0),
-                                    size.columns, kStride, gradient.data());
+      kernels_->layerWeightGradient(out_gradient.constPart(0, size.columns),
+                                    in.constPart(0, size.columns), gradient.data());
       for (int o = 0; o < size.outputs; ++o) {
         for (int i = 0; i < inputs; ++i) {
           double expected = before[o * inputs + i];
@@ -271,7 +275,7 @@ TEST_P(Kernels, ReluGradientPassesWhereTheNeuronIsActive) {
   activation.at(0)[2] = -0.5f;
   activation.at(0)[kStride] = std::numeric_limits<float>::denorm_min();
   const float first = gradient.at(0)[1], second = gradient.at(0)[kStride];
-  kernels_->reluGradient(activation.at(0), gradient.at(0), 2, 16, kStride);
+  kernels_->reluGradient(activation.constPart(0, 16), gradient.part(0, 16));
   for (int s = 0; s < 16; ++s) {
     EXPECT_EQ(gradient.at(0)[s], s == 1 ? first : 0.0f) << s;
     EXPECT_EQ(gradient.at(0)[kStride + s], s == 0 ? second : 0.0f) << s;
@@ -316,82 +320,78 @@ TEST_P(Kernels, SigmoidIsAccurateAndBounded) {
 
 // --- optimiser
 
+/// Some numbers, as the kernel takes them.
+struct Parameters {
+  std::vector<float> value, first, second, gradient;
+  std::vector<std::uint16_t> half;
+
+  explicit Parameters(std::size_t n)
+      : value(n, 1.0f), first(n, 0.0f), second(n, 0.0f), gradient(n, 0.0f), half(n, 0) {}
+
+  KernelParameters all(bool with_halves = true) {
+    return {value.data(),
+            first.data(),
+            second.data(),
+            gradient.data(),
+            with_halves ? half.data() : nullptr,
+            static_cast<std::int64_t>(value.size())};
+  }
+};
+
 TEST_P(Kernels, AdamByHand) {
-  // beta1 0.5, beta2 0.75, epsilon 0.25, rate 0.1; no bias correction.
-  std::vector<float> value(16, 1.0f), first(16, 0.0f), second(16, 0.0f), gradient(16, 0.0f);
-  std::vector<std::uint16_t> half(16, 0);
-  gradient[3] = 2;
-  kernels_->adam(value.data(), first.data(), second.data(), gradient.data(), half.data(), 16, 0.1f,
-                 0.5f, 0.75f, 0.25f);
-  EXPECT_FLOAT_EQ(first[3], 1);
-  EXPECT_FLOAT_EQ(second[3], 1);
-  EXPECT_FLOAT_EQ(value[3], 0.92f);  // 1 - 0.1 * 1 / (1 + 0.25)
-  EXPECT_EQ(gradient[3], 0);
-  EXPECT_EQ(half[3], 0x3b5c);  // 0.919921875
-  gradient[3] = -4;
-  kernels_->adam(value.data(), first.data(), second.data(), gradient.data(), nullptr, 16, 0.1f,
-                 0.5f, 0.75f, 0.25f);
-  EXPECT_FLOAT_EQ(first[3], -1.5f);
-  EXPECT_FLOAT_EQ(second[3], 4.75f);
-  EXPECT_FLOAT_EQ(value[3], 0.98174238f);  // 0.92 + 0.15 / (2.17944947 + 0.25)
-  EXPECT_EQ(half[3], 0x3b5c) << "no half values were asked for";
+  const KernelAdam adam = {0.1f, 0.5f, 0.75f, 0.25f};  // no bias correction
+  Parameters p(16);
+  p.gradient[3] = 2;
+  kernels_->adam(p.all(), adam);
+  EXPECT_FLOAT_EQ(p.first[3], 1);
+  EXPECT_FLOAT_EQ(p.second[3], 1);
+  EXPECT_FLOAT_EQ(p.value[3], 0.92f);  // 1 - 0.1 * 1 / (1 + 0.25)
+  EXPECT_EQ(p.gradient[3], 0);
+  EXPECT_EQ(p.half[3], 0x3b5c);  // 0.919921875
+  p.gradient[3] = -4;
+  kernels_->adam(p.all(false), adam);
+  EXPECT_FLOAT_EQ(p.first[3], -1.5f);
+  EXPECT_FLOAT_EQ(p.second[3], 4.75f);
+  EXPECT_FLOAT_EQ(p.value[3], 0.98174238f);  // 0.92 + 0.15 / (2.17944947 + 0.25)
+  EXPECT_EQ(p.half[3], 0x3b5c) << "no half values were asked for";
 }
 
 TEST_P(Kernels, AdamLeavesAloneWhatHasNoGradient) {
   constexpr int kCount = 64;
-  const std::vector<float> value0 = randomNumbers(kCount), first0 = randomNumbers(kCount);
-  std::vector<float> value = value0, first = first0, second(kCount, 0.5f), gradient(kCount, 0.0f);
-  std::vector<std::uint16_t> half(kCount, 0);
-  for (int i = 0; i < kCount; ++i) half[i] = floatToHalf(value[i]);
-  const std::vector<std::uint16_t> half0 = half;
-  for (const int i : {0, 5, 17, 18, 63}) gradient[i] = 1e-20f;  // of any size but 0
-  gradient[40] = -0.0f;
-  kernels_->adam(value.data(), first.data(), second.data(), gradient.data(), half.data(), kCount,
-                 0.1f, 0.9f, 0.99f, 1e-8f);
+  Parameters p(kCount);
+  p.value = randomNumbers(kCount);
+  p.first = randomNumbers(kCount);
+  p.second.assign(kCount, 0.5f);
+  for (int i = 0; i < kCount; ++i) p.half[i] = floatToHalf(p.value[i]);
+  const Parameters before = p;
+  for (const int i : {0, 5, 17, 18, 63}) p.gradient[i] = 1e-20f;  // of any size but 0
+  p.gradient[40] = -0.0f;
+  kernels_->adam(p.all(), {0.1f, 0.9f, 0.99f, 1e-8f});
   for (int i = 0; i < kCount; ++i) {
     const bool touched = i == 0 || i == 5 || i == 17 || i == 18 || i == 63;
-    EXPECT_EQ(value[i] != value0[i], touched) << i;
-    EXPECT_EQ(first[i] != first0[i], touched) << i;
-    EXPECT_EQ(second[i] != 0.5f, touched) << i;
-    EXPECT_EQ(half[i] != half0[i], touched) << i;
-    EXPECT_EQ(gradient[i], 0) << i;
+    EXPECT_EQ(p.value[i] != before.value[i], touched) << i;
+    EXPECT_EQ(p.first[i] != before.first[i], touched) << i;
+    EXPECT_EQ(p.second[i] != before.second[i], touched) << i;
+    EXPECT_EQ(p.half[i] != before.half[i], touched) << i;
+    EXPECT_EQ(p.gradient[i], 0) << i;
   }
 }
 
 TEST_P(Kernels, AdamRoundsHalvesToNearestEven) {
   constexpr int kCount = 4096;
-  std::vector<float> value(kCount), first(kCount), second(kCount), gradient(kCount, 1.0f);
-  std::vector<std::uint16_t> half(kCount, 0);
+  Parameters p(kCount);
+  p.gradient.assign(kCount, 1.0f);
   for (int i = 0; i < kCount; ++i) {
-    value[i] = std::ldexp(uniform(-2, 2), static_cast<int>(randomIndex(3, 1, i, 42)) - 27);
+    p.value[i] = std::ldexp(uniform(-2, 2), static_cast<int>(randomIndex(3, 1, i, 42)) - 27);
   }
-  value[0] = 1 + std::ldexp(3.0f, -11);  // ties, normal and subnormal
-  value[1] = std::ldexp(2.5f, -24);
-  value[2] = std::ldexp(-1023.5f, -24);
-  kernels_->adam(value.data(), first.data(), second.data(), gradient.data(), half.data(), kCount,
-                 0.0f, 0.9f, 0.99f, 1e-8f);
-  EXPECT_EQ(half[0], 0x3c02);
-  EXPECT_EQ(half[1], 0x0002);
-  EXPECT_EQ(half[2], 0x8400);
-  for (int i = 0; i < kCount; ++i) ASSERT_EQ(half[i], floatToHalf(value[i])) << value[i];
-}
-
-// --- choice
-
-TEST(SelectCpuKernels, ByName) {
-  EXPECT_STREQ(selectCpuKernels("baseline").name, "baseline");
-  const CpuKernels* best = baselineKernels();
-  try {
-    best = &selectCpuKernels("avx2");
-    EXPECT_STREQ(best->name, "AVX2");
-  } catch (const std::runtime_error&) {
-  }
-  EXPECT_EQ(&selectCpuKernels("auto"), best);
-}
-
-TEST(SelectCpuKernels, RefusesAnUnknownName) {
-  expectError<std::invalid_argument>([] { selectCpuKernels("AVX2"); },
-                                     "instruction set 'AVX2': expected auto, baseline or avx2");
+  p.value[0] = 1 + std::ldexp(3.0f, -11);  // ties, normal and subnormal
+  p.value[1] = std::ldexp(2.5f, -24);
+  p.value[2] = std::ldexp(-1023.5f, -24);
+  kernels_->adam(p.all(), {0.0f, 0.9f, 0.99f, 1e-8f});
+  EXPECT_EQ(p.half[0], 0x3c02);
+  EXPECT_EQ(p.half[1], 0x0002);
+  EXPECT_EQ(p.half[2], 0x8400);
+  for (int i = 0; i < kCount; ++i) ASSERT_EQ(p.half[i], floatToHalf(p.value[i])) << p.value[i];
 }
 
 }  // namespace

@@ -88,9 +88,9 @@ TEST(LevelQuality, everyLevelIsWithinADecibelOfTheFullSize) {
   EXPECT_LT(full_size, 40);  // or nothing could be a decibel worse
 
   for (const PlannedStage& stage : plan.stages) {
-    const CancellationToken stop;
+    const CancellationToken cancellation;
     const auto& level = observed.level(stage.level);
-    StageEvaluator evaluator(field, observed, {stage.level, stage.align, stop});
+    StageEvaluator evaluator(field, observed, {stage.level, stage.align, cancellation});
     Evaluation evaluation;
     evaluation.T_O_C = view.T_O_C;
     evaluator.evaluate({&evaluation});

@@ -23,22 +23,26 @@ class ConstantGradient final : public RayRenderer {
   RayGradient gradient = {{0, 0, 0}, {0, 0, 0}};
 
   const Field& field() const override { return field_; }
-  void renderRays(const Ray*, int n, const RenderOptions&, RayResult* results,
-                  CostCounters* work) const override {
-    for (int i = 0; i < n; ++i) results[i] = {};
-    work->samples += n;
+  CostCounters renderRays(RaySpan rays, const RenderOptions&, RayResult* results) const override {
+    for (int i = 0; i < rays.size; ++i) results[i] = {};
+    return costOf(rays);
   }
-  void rayGradients(const Ray*, int n, const RenderOptions&, bool,
-                    const std::function<RayLossGradient(int, const RayResult&)>& loss_gradient,
-                    RayGradient* gradients, CostCounters* work) const override {
-    for (int i = 0; i < n; ++i) {
-      loss_gradient(i, RayResult());
+  CostCounters rayGradients(RaySpan rays, const RenderOptions&, bool, const RayLoss& loss,
+                            RayGradient* gradients) const override {
+    for (int i = 0; i < rays.size; ++i) {
+      loss(i, RayResult());
       gradients[i] = gradient;
     }
-    work->samples += n;
+    return costOf(rays);
   }
 
  private:
+  static CostCounters costOf(RaySpan rays) {
+    CostCounters cost;
+    cost.samples = static_cast<std::uint64_t>(rays.size);
+    return cost;
+  }
+
   Field field_;
 };
 
@@ -254,9 +258,9 @@ TEST(Optimise, aGradientThatIsNotFiniteEndsTheHypothesis) {
 
 TEST(Optimise, stopsOnRequest) {
   OneHypothesis one;
-  const CancellationToken stop;
-  stop.requestCancel();
-  EXPECT_THROW(one.solver->optimise(0, one.plan, {0, 1}, stop), Cancelled);
+  const CancellationToken cancellation;
+  cancellation.requestCancel();
+  EXPECT_THROW(one.solver->optimise(0, one.plan, {0, 1}, cancellation), Cancelled);
 }
 
 // L1 of a black rendering (an empty scene) against a picture of one grey: the grey.

@@ -300,9 +300,9 @@ TEST(Training, FinishCanBeStopped) {
   const auto backend = makeCpuBackend(1);
   const auto trainer =
       backend->makeTrainer(trainingConfig(), hull().box, trainingViews(dataset()), trainingPlan());
-  CancellationToken stop;
-  stop.requestCancel();
-  EXPECT_THROW(trainer->finish(stop), Cancelled);
+  CancellationToken cancellation;
+  cancellation.requestCancel();
+  EXPECT_THROW(trainer->finish(cancellation), Cancelled);
 }
 
 }  // namespace

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <functional>
 #include <stdexcept>
@@ -26,9 +27,8 @@ std::function<float(float, float, float)> density_at;
 std::function<void()> on_evaluation;
 thread_local const float* positions[3];
 
-void rememberPositions(const KernelGrid&, const float* x, const float* y, const float* z, int,
-                       float*, int) {
-  positions[0] = x, positions[1] = y, positions[2] = z;
+void rememberPositions(const KernelGrid&, const float* const position[3], KernelRows) {
+  std::copy(position, position + 3, positions);
 }
 
 void densityByHand(const float*, float* out, int n) {
@@ -66,11 +66,11 @@ class Occupancy : public testing::Test {
     return TrainingOccupancy(config(), region, kZero, kOne, 3);
   }
   void update(TrainingOccupancy* grid, int step, int threads = 1) {
-    grid->update(field, networks, step, threads, &work);
+    grid->update(field, step, threads, &work);
   }
-  OccupancyGrid dense(const TrainingOccupancy& grid, const CancellationToken& stop = {},
+  OccupancyGrid dense(const TrainingOccupancy& grid, const CancellationToken& cancellation = {},
                       int threads = 1) {
-    return grid.dense(field, networks, threads, stop, &opacity, &work);
+    return grid.dense(field, threads, cancellation, &opacity, &work);
   }
 
   CpuNetworks networks;
@@ -189,15 +189,15 @@ TEST_F(Occupancy, ThreadsDoNotMatter) {
 
 // At most one round of 2^16 points is evaluated after a stop: some 10 ms.
 TEST_F(Occupancy, TheDenseGridCanBeStoppedOnTheWay) {
-  const CancellationToken stop;
+  const CancellationToken cancellation;
   std::uint64_t evaluated = 0, asked_at = 10000;
   on_evaluation = [&] {
-    if (++evaluated == asked_at) stop.requestCancel();
+    if (++evaluated == asked_at) cancellation.requestCancel();
   };
   FieldConfig large = config();
   large.occupancy_resolution = 64;
   const TrainingOccupancy grid(large, OccupancyGrid(), kZero, kOne, 3);
-  EXPECT_THROW(dense(grid, stop), Cancelled);
+  EXPECT_THROW(dense(grid, cancellation), Cancelled);
   EXPECT_GE(evaluated, asked_at);
   EXPECT_LE(evaluated, asked_at + (1u << 16));
 }

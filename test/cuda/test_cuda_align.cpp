@@ -233,18 +233,18 @@ TEST_F(CudaAlign, theSameBitsBeforeAnUnknownBackground) {
 template <typename CostCounters, typename Wait>
 double secondsToStop(const CostCounters& work, const Wait& wait) {
   using Clock = std::chrono::steady_clock;
-  CancellationToken stop;
+  CancellationToken cancellation;
   std::atomic<int> rounds{0};
   Clock::time_point requested;
   std::thread other([&] {
     while (rounds < 5) std::this_thread::yield();
     requested = Clock::now();
-    stop.requestCancel();
+    cancellation.requestCancel();
   });
   EXPECT_THROW(
       try {
         while (true) {
-          work(stop);
+          work(cancellation);
           ++rounds;
         }
       } catch (...) {
@@ -270,15 +270,15 @@ TEST_F(CudaAlign, hearsAStopWithinTenMilliseconds) {
   stage.max_iterations = 1000;
   stage.convergence_px = 0;
   const double aligning = secondsToStop(
-      [&](const CancellationToken& stop) {
+      [&](const CancellationToken& cancellation) {
         solver->sample({disturbed(truth, *field, 4, 0.05)}, plan);
-        solver->align(0, stage, stop);
+        solver->align(0, stage, cancellation);
       },
       wait);
   solver->sample({truth}, plan);
   const double optimising = secondsToStop(
-      [&](const CancellationToken& stop) {
-        solver->optimise(0, OptimisationPlan(), {0, 512}, stop);
+      [&](const CancellationToken& cancellation) {
+        solver->optimise(0, OptimisationPlan(), {0, 512}, cancellation);
       },
       wait);
   std::printf("  aligning %.4f s, optimising %.4f s\n", aligning, optimising);

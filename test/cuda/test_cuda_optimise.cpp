@@ -247,9 +247,9 @@ TEST_F(CudaOptimise, aStepWithTooManySamplesChangesNothing) {
 TEST_F(CudaOptimise, stopsWhenAsked) {
   const Observation seen = observe(*on_cpu, someCamera(), truth, Background::kKnownAlpha);
   const auto solver = this->solver(*cuda, seen, 16);
-  CancellationToken stop;
-  stop.requestCancel();
-  EXPECT_THROW(solver->optimise(0, {}, {0, 100}, stop), Cancelled);
+  CancellationToken cancellation;
+  cancellation.requestCancel();
+  EXPECT_THROW(solver->optimise(0, {}, {0, 100}, cancellation), Cancelled);
   solver->optimise(0, {}, {0, 3}, {});
   EXPECT_EQ(solver->readHypotheses().size(), 16u);
 }

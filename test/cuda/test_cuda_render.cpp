@@ -171,9 +171,9 @@ TEST_F(CudaRender, refusesWhatItCannotDo) {
   EXPECT_THROW(cuda->load(std::make_shared<Field>(randomField(wide, 1))), std::invalid_argument);
   field.grid.pop_back();
   EXPECT_THROW(cuda->load(std::make_shared<Field>(field)), std::invalid_argument);
-  CancellationToken stop;
-  stop.requestCancel();
-  EXPECT_THROW(loaded->render({someCamera(), {}}, {}, stop), Cancelled);
+  CancellationToken cancellation;
+  cancellation.requestCancel();
+  EXPECT_THROW(loaded->render({someCamera(), {}}, {}, cancellation), Cancelled);
 }
 
 TEST(MakeBackend, choosesAndRefuses) {

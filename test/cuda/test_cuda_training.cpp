@@ -246,9 +246,10 @@ TEST_F(CudaTraining, refusesWhatItCannotDo) {
   EXPECT_THROW(trainer(cuda.get(), trainingConfig(), plan), std::invalid_argument);
   EXPECT_THROW(cuda->makeTrainer(trainingConfig(), hull().box, {}, trainingPlan()),
                std::invalid_argument);
-  CancellationToken stop;
-  stop.requestCancel();
-  EXPECT_THROW(trainer(cuda.get(), trainingConfig(), trainingPlan())->finish(stop), Cancelled);
+  CancellationToken cancellation;
+  cancellation.requestCancel();
+  EXPECT_THROW(trainer(cuda.get(), trainingConfig(), trainingPlan())->finish(cancellation),
+               Cancelled);
 }
 
 TEST_F(CudaTraining, registersAnObject) {

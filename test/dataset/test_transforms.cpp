@@ -224,10 +224,10 @@ TEST_F(Transforms, NoImageIsReadAfterAStop) {
   for (const char* name : {"a", "b"}) {
     folder.write(std::string("images/") + name + ".png", "no picture");  // reading it would show
   }
-  const CancellationToken stop;
-  stop.requestCancel();
+  const CancellationToken cancellation;
+  cancellation.requestCancel();
   const std::string path = folder.write("transforms.json", scene.dump());
-  EXPECT_THROW(loadTransforms(path, DatasetOptions(), stop), Cancelled);
+  EXPECT_THROW(loadTransforms(path, DatasetOptions(), cancellation), Cancelled);
 }
 
 TEST_F(Transforms, WrongSizes) {

@@ -103,7 +103,10 @@ OccupancyGrid gridOf(const std::vector<Cell>& cells) {
   return grid;
 }
 
-std::vector<Cell> box(int x0, int x1, int y0, int y1, int z0, int z1) {
+/// All cells from one corner to the opposite one, both included.
+std::vector<Cell> box(const Cell& low, const Cell& high) {
+  const auto [x0, y0, z0] = low;
+  const auto [x1, y1, z1] = high;
   std::vector<Cell> cells;
   for (int z = z0; z <= z1; ++z) {
     for (int y = y0; y <= y1; ++y) {
@@ -114,25 +117,25 @@ std::vector<Cell> box(int x0, int x1, int y0, int y1, int z0, int z1) {
 }
 
 TEST(Dilated, ACellInside) {
-  EXPECT_EQ(dilated(gridOf({{3, 4, 5}})).bits, gridOf(box(2, 4, 3, 5, 4, 6)).bits);
+  EXPECT_EQ(dilated(gridOf({{3, 4, 5}})).bits, gridOf(box({2, 3, 4}, {4, 5, 6})).bits);
   EXPECT_EQ(dilated(gridOf({{3, 4, 5}})).resolution, kCells);
 }
 
 TEST(Dilated, CellsAtTheBorder) {
-  EXPECT_EQ(dilated(gridOf({{0, 0, 0}})).bits, gridOf(box(0, 1, 0, 1, 0, 1)).bits);
-  EXPECT_EQ(dilated(gridOf({{7, 7, 7}})).bits, gridOf(box(6, 7, 6, 7, 6, 7)).bits);
-  EXPECT_EQ(dilated(gridOf({{7, 3, 0}})).bits, gridOf(box(6, 7, 2, 4, 0, 1)).bits);
+  EXPECT_EQ(dilated(gridOf({{0, 0, 0}})).bits, gridOf(box({0, 0, 0}, {1, 1, 1})).bits);
+  EXPECT_EQ(dilated(gridOf({{7, 7, 7}})).bits, gridOf(box({6, 6, 6}, {7, 7, 7})).bits);
+  EXPECT_EQ(dilated(gridOf({{7, 3, 0}})).bits, gridOf(box({6, 2, 0}, {7, 4, 1})).bits);
 }
 
 TEST(Dilated, UnionOfNeighbourhoods) {
-  std::vector<Cell> both = box(1, 3, 3, 5, 4, 6);
-  for (const Cell& cell : box(4, 6, 4, 6, 4, 6)) both.push_back(cell);
+  std::vector<Cell> both = box({1, 3, 4}, {3, 5, 6});
+  for (const Cell& cell : box({4, 4, 4}, {6, 6, 6})) both.push_back(cell);
   EXPECT_EQ(dilated(gridOf({{2, 4, 5}, {5, 5, 5}})).bits, gridOf(both).bits);
 }
 
 TEST(Dilated, EmptyStaysEmptyAndFullStaysFull) {
   EXPECT_EQ(dilated(gridOf({})).bits, gridOf({}).bits);
-  const OccupancyGrid full = gridOf(box(0, 7, 0, 7, 0, 7));
+  const OccupancyGrid full = gridOf(box({0, 0, 0}, {7, 7, 7}));
   EXPECT_EQ(dilated(full).bits, full.bits);
 }
 

@@ -29,8 +29,10 @@ TEST(KnownBackground, byHand) {
   const double background[3] = {0.6, 0.6, 0.6};
   ImageSample<double> observed = sampleOf(0.7, 1);
   observed.value[3] = 0.5;
-  const auto r =
-      knownBackgroundResidual(sampleOf(0.8, 0.75), observed, GainBias<double>(), background, 0.3);
+  ResidualWeights<double> weights;
+  weights.opacity = 0.3;
+  const auto r = knownBackgroundResidual(sampleOf(0.8, 0.75), observed, GainBias<double>(),
+                                         background, weights);
   EXPECT_NEAR(r.value[0], 0.05, 1e-12);
   EXPECT_NEAR(r.du[0], (0.1 - 0.3 + 0.1) / 2, 1e-12);
   EXPECT_NEAR(r.dv[2], (-0.2 - 0.6 * 0.25 - 0.2) / 2, 1e-12);
@@ -46,15 +48,16 @@ TEST(KnownBackground, inTheObservationsLight) {
   gain_bias.gain[0] = 1.5;
   gain_bias.bias[0] = 0.1;
   const double black[3] = {0, 0, 0};
-  const auto r =
-      knownBackgroundResidual(sampleOf(0.8, 0.75), sampleOf(0.7, 1), gain_bias, black, 1.0);
+  const auto r = knownBackgroundResidual(sampleOf(0.8, 0.75), sampleOf(0.7, 1), gain_bias, black,
+                                         ResidualWeights<double>());
   EXPECT_NEAR(r.value[0], 0.9 + 0.075 - 0.7, 1e-12);
 }
 
 // 0.75 * (0.8 - 0.7), whatever is behind; A grad(C / A) = 0.1 - 0.8 * 0.5, and 0.75 * 0.1.
 TEST(UnknownBackground, byHand) {
-  const auto r = unknownBackgroundResidual(sampleOf(0.8, 0.75), sampleOf(0.7, 1),
-                                           GainBias<double>(), 0.9, 0.2);
+  const ResidualWeights<double> weights = {0.9, 0.2};
+  const auto r =
+      unknownBackgroundResidual(sampleOf(0.8, 0.75), sampleOf(0.7, 1), GainBias<double>(), weights);
   EXPECT_NEAR(r.value[0], 0.075, 1e-12);
   EXPECT_NEAR(r.du[0], (0.1 - 0.4 + 0.075) / 2, 1e-12);
   EXPECT_NEAR(r.value[3], -0.25, 1e-12);
@@ -64,7 +67,8 @@ TEST(UnknownBackground, byHand) {
 
 TEST(UnknownBackground, anEmptyPixelSaysNothing) {
   ImageSample<double> empty = {};
-  const auto r = unknownBackgroundResidual(empty, sampleOf(0.7, 1), GainBias<double>(), 1.0, 0.0);
+  const auto r = unknownBackgroundResidual(empty, sampleOf(0.7, 1), GainBias<double>(),
+                                           ResidualWeights<double>());
   for (int c = 0; c < 3; ++c) {
     EXPECT_EQ(r.value[c], 0);
     EXPECT_EQ(r.du[c], 0);
@@ -102,7 +106,7 @@ GainBiasMomentsOf<double> momentsOf(const float gain, const float bias) {
     const float rendered[4] = {x, x, x, 1};
     const float y = gain * x + bias;
     const float observed[3] = {y, y, y};
-    addGainBiasPixel(rendered, observed, 1, GainBias<float>(), 10.0f, &moments);
+    moments.addPixel(rendered, observed, 1, GainBias<float>(), 10.0f);
   }
   return moments;
 }
@@ -111,16 +115,16 @@ GainBiasMomentsOf<double> momentsOf(const float gain, const float bias) {
 // outline that is far off pulls; one that is covered altogether pulls less than one that is near.
 TEST(ComparedPixel, opacityGradientsByHand) {
   const auto gradientOf = [](float opacity_residual) {
-    PixelResidual<float> r = {};
-    r.value[3] = opacity_residual;
-    r.du[3] = 0.5f;
-    r.opacity_weight = 1;
-    PixelFlow<float> flow = {};
-    flow.u[0] = 2;  // the Jacobian is 1
+    ComparedPixel pixel = {};
+    pixel.residual.value[3] = opacity_residual;
+    pixel.residual.du[3] = 0.5f;
+    pixel.residual.opacity_weight = 1;
+    pixel.flow.u[0] = 2;  // the Jacobian is 1
+    pixel.opacity = pixel.weight = 1;
     ComparisonRules rules;
     rules.robust_scale = 0.1f;
     AlignmentSumsOf<float> sums;
-    addComparedPixel(rules, r, 1.0f, RegionPixel(), 1.0f, flow, &sums, &sums.equations);
+    addComparedPixel(rules, pixel, &sums, &sums.equations);
     return sums.equations.gradient[0];
   };
   EXPECT_NEAR(gradientOf(0.03f), 0.03 / (1.01 * 1.01), 1e-6);
@@ -143,7 +147,7 @@ TEST(SolveGainBias, knowsNothingWithoutPixels) {
 TEST(SolveGainBias, looksInsideOfTheObjectOnly) {
   GainBiasMomentsOf<double> moments;
   const float rendered[4] = {0.2f, 0.2f, 0.2f, 0.4f}, observed[3] = {0.5f, 0.5f, 0.5f};
-  addGainBiasPixel(rendered, observed, 1, GainBias<float>(), 0.1f, &moments);
+  moments.addPixel(rendered, observed, 1, GainBias<float>(), 0.1f);
   EXPECT_EQ(moments.weight[0], 0);
 }
 

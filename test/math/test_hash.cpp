@@ -11,16 +11,16 @@ namespace {
 
 TEST(GridIndex, DenseLevelsCountXFastest) {
   // 5 vertices along an axis of 4 cells: 1 + 5 (2 + 5 * 3)
-  EXPECT_EQ(gridIndex(1, 2, 3, 4, 128, false), 86u);
-  EXPECT_EQ(gridIndex(0, 0, 0, 4, 128, false), 0u);
-  EXPECT_EQ(gridIndex(4, 4, 4, 4, 128, false), 124u);
+  EXPECT_EQ(denseIndex(1, 2, 3, 4), 86u);
+  EXPECT_EQ(denseIndex(0, 0, 0, 4), 0u);
+  EXPECT_EQ(denseIndex(4, 4, 4, 4), 124u);
 }
 
 TEST(GridIndex, DenseVerticesHaveEntriesOfTheirOwn) {
   std::vector<int> uses(6 * 6 * 6, 0);
   for (std::uint32_t z = 0; z <= 5; ++z) {
     for (std::uint32_t y = 0; y <= 5; ++y) {
-      for (std::uint32_t x = 0; x <= 5; ++x) ++uses.at(gridIndex(x, y, z, 5, 216, false));
+      for (std::uint32_t x = 0; x <= 5; ++x) ++uses.at(denseIndex(x, y, z, 5));
     }
   }
   EXPECT_EQ(std::count(uses.begin(), uses.end(), 1), 216);
@@ -28,12 +28,12 @@ TEST(GridIndex, DenseVerticesHaveEntriesOfTheirOwn) {
 
 TEST(GridIndex, HashByHand) {
   // 2654435761 = 0x9e3779b1 and 805459861 = 0x30025795, cut to 11 bits: 0x1b1 and 0x795.
-  EXPECT_EQ(gridIndex(1, 0, 0, 40, 2048, true), 1u);
-  EXPECT_EQ(gridIndex(0, 1, 0, 40, 2048, true), 0x1b1u);
-  EXPECT_EQ(gridIndex(0, 0, 1, 40, 2048, true), 0x795u);
+  EXPECT_EQ(hashedIndex(1, 0, 0, 2048), 1u);
+  EXPECT_EQ(hashedIndex(0, 1, 0, 2048), 0x1b1u);
+  EXPECT_EQ(hashedIndex(0, 0, 1, 2048), 0x795u);
   // 3 ^ 2 * 0x9e3779b1 ^ 0x30025795, the product modulo 2^32: 3 ^ 0x3c6ef362 ^ 0x30025795
-  EXPECT_EQ(gridIndex(3, 2, 1, 40, 2048, true), 0x4f4u);
-  EXPECT_EQ(gridIndex(3, 2, 1, 40, 1u << 24, true), 0x6ca4f4u);
+  EXPECT_EQ(hashedIndex(3, 2, 1, 2048), 0x4f4u);
+  EXPECT_EQ(hashedIndex(3, 2, 1, 1u << 24), 0x6ca4f4u);
 }
 
 TEST(GridIndex, HashFillsTheTableEvenly) {
@@ -41,7 +41,7 @@ TEST(GridIndex, HashFillsTheTableEvenly) {
   std::vector<int> uses(kEntries, 0);
   for (std::uint32_t z = 0; z < 40; ++z) {
     for (std::uint32_t y = 0; y < 40; ++y) {
-      for (std::uint32_t x = 0; x < 40; ++x) ++uses.at(gridIndex(x, y, z, 39, kEntries, true));
+      for (std::uint32_t x = 0; x < 40; ++x) ++uses.at(hashedIndex(x, y, z, kEntries));
     }
   }
   // 62.5 vertices an entry

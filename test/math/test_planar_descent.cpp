@@ -28,7 +28,7 @@ double distanceFromLine(const std::vector<PlanarPose>& path, const PlanarPose& t
 template <typename Update, typename Optimiser>
 std::vector<PlanarPose> optimise(const PlanarPose& target, const Optimiser& optimiser) {
   std::vector<PlanarPose> path;
-  optimiseInPlane<Update>(PlanarPose(), target, optimiser, kTolerance, kMaxSteps,
+  optimiseInPlane<Update>(PlanarPose(), target, optimiser, {kTolerance, kMaxSteps},
                           [&](const PlanarPose& pose) { path.push_back(pose); });
   EXPECT_LT(planarError(path.back(), target), kTolerance);
   return path;

@@ -19,7 +19,8 @@ using Sparse = std::vector<std::pair<int, double>>;
 void expectValues(double x, double y, double z, const Sparse& values) {
   std::vector<double> expected(16, 0.0), harmonics(16);
   for (const auto& [index, value] : values) expected[index] = value;
-  sphericalHarmonics(x, y, z, 4, harmonics.data());
+  const double direction[3] = {x, y, z};
+  sphericalHarmonics(direction, 4, harmonics.data());
   for (int k = 0; k < 16; ++k) EXPECT_NEAR(harmonics[k], expected[k], 1e-15) << k;
 }
 
@@ -54,11 +55,12 @@ TEST(SphericalHarmonics, AlongY) {
 }
 
 TEST(SphericalHarmonics, ALowerDegreeWritesTheFirstBandsOnly) {
+  const double direction[3] = {0.48, -0.6, 0.64};
   double all[16];
-  sphericalHarmonics(0.48, -0.6, 0.64, 4, all);
+  sphericalHarmonics(direction, 4, all);
   for (int degree = 1; degree <= 4; ++degree) {
     std::vector<double> some(16, 99.0);
-    sphericalHarmonics(0.48, -0.6, 0.64, degree, some.data());
+    sphericalHarmonics(direction, degree, some.data());
     for (int k = 0; k < 16; ++k) EXPECT_EQ(some[k], k < degree * degree ? all[k] : 99.0) << k;
   }
 }
@@ -73,8 +75,9 @@ TEST(SphericalHarmonics, AreOrthonormalOnTheSphere) {
   for (int i = 0; i < 4; ++i) {
     for (int j = 0; j < 8; ++j) {
       const double radius = std::sqrt(1 - nodes[i] * nodes[i]), angle = j * kPi / 4 + 0.1;
+      const double direction[3] = {radius * std::cos(angle), radius * std::sin(angle), nodes[i]};
       double h[16];
-      sphericalHarmonics(radius * std::cos(angle), radius * std::sin(angle), nodes[i], 4, h);
+      sphericalHarmonics(direction, 4, h);
       for (int a = 0; a < 16; ++a) {
         for (int b = 0; b < 16; ++b) products[a][b] += weights[i] * kPi / 4 * h[a] * h[b];
       }
@@ -88,7 +91,7 @@ TEST(SphericalHarmonics, AreOrthonormalOnTheSphere) {
 
 double weightedSum(const double p[3], int degree, const double* weights) {
   double harmonics[16], sum = 0;
-  sphericalHarmonics(p[0], p[1], p[2], degree, harmonics);
+  sphericalHarmonics(p, degree, harmonics);
   for (int k = 0; k < degree * degree; ++k) sum += weights[k] * harmonics[k];
   return sum;
 }
@@ -101,7 +104,7 @@ TEST(SphericalHarmonics, GradientMatchesCentralDifferences) {
       double weights[16] = {};
       weights[harmonic] = 1.5;
       double gradient[3] = {10, 20, 30};  // is added to
-      sphericalHarmonicsGradient(p[0], p[1], p[2], degree, weights, gradient);
+      sphericalHarmonicsGradient(p, degree, weights, gradient);
       for (int a = 0; a < 3; ++a) {
         double plus[3], minus[3];
         std::copy(p, p + 3, plus);

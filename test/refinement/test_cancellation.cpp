@@ -25,7 +25,7 @@ constexpr std::uint64_t kNever = std::numeric_limits<std::uint64_t>::max();
 const Camera kCamera = {120, 100, 165, 165, 59.5, 49.5};
 
 void expectHeeded(const StoppingScene& scene) {
-  EXPECT_TRUE(scene.stop.cancelRequested());
+  EXPECT_TRUE(scene.cancellation.cancelRequested());
   EXPECT_LE(scene.maxRaysPerCall(), kMaxRaysPerCall);
   EXPECT_LE(scene.raysAfterTheStop(), (kThreads - 1) * std::uint64_t(scene.maxRaysPerCall()));
 }
@@ -73,7 +73,7 @@ struct Setting {
     prior.T_O_C = T_O_C;
     prior.T_O_C.t.x() += 0.05;
     return FieldRefiner(makeCpuBackend(1), settings)
-        .refine(stopping, observation, prior, stopping.stop);
+        .refine(stopping, observation, prior, stopping.cancellation);
   }
 };
 
@@ -81,7 +81,7 @@ TEST(Stop, OfARendering) {
   const Setting s(makeAnalyticScene());
   const Camera large = kCamera.resized(600, 500);
   expectStopsAnywhere(s.scene, [&](const StoppingScene& scene) {
-    scene.render({large, s.T_O_C}, RenderOptions(), scene.stop);
+    scene.render({large, s.T_O_C}, RenderOptions(), scene.cancellation);
   });
 }
 
@@ -91,10 +91,10 @@ TEST(Stop, OfAnAlignmentAndOfScores) {
   stage.rays_per_side = 2;
   stage.max_iterations = 3;
   expectStopsAnywhere(s.scene, [&](const StoppingScene& scene) {
-    s.solver(scene, 1, 6)->align(0, stage, scene.stop);
+    s.solver(scene, 1, 6)->align(0, stage, scene.cancellation);
   });
   expectStopsAnywhere(s.scene, [&](const StoppingScene& scene) {
-    s.solver(scene, 1, 12)->score(0, stage, scene.stop);
+    s.solver(scene, 1, 12)->score(0, stage, scene.cancellation);
   });
 }
 
@@ -103,10 +103,10 @@ TEST(Stop, OfAnInversionAndOfItsLosses) {
   OptimisationPlan plan;
   plan.samples_per_step = 1 << 14;
   expectStopsAnywhere(s.scene, [&](const StoppingScene& scene) {
-    s.solver(scene, 0, 8)->optimise(0, plan, {0, 8}, scene.stop);
+    s.solver(scene, 0, 8)->optimise(0, plan, {0, 8}, scene.cancellation);
   });
   expectStopsAnywhere(s.scene, [&](const StoppingScene& scene) {
-    s.solver(scene, 0, 8)->evaluate(0, plan, 2000, scene.stop);
+    s.solver(scene, 0, 8)->evaluate(0, plan, 2000, scene.cancellation);
   });
 }
 

@@ -193,8 +193,8 @@ struct Trial {
     prior.T_O_C.t = truth.t + scale * Eigen::Vector3d(0.08, 0.06, -0.05);
   }
 
-  Refinement run(const RefinerSettings& settings, const CancellationToken& stop = {}) {
-    return FieldRefiner(backend, settings).refine(scene, observation, prior, stop);
+  Refinement run(const RefinerSettings& settings, const CancellationToken& cancellation = {}) {
+    return FieldRefiner(backend, settings).refine(scene, observation, prior, cancellation);
   }
   /// Distance of the object from where it stands in the camera's frame, in diameters.
   double displacement(const Pose& pose) const {
@@ -342,9 +342,9 @@ TEST(Inversion, noSurvivorIsNoResult) {
 }
 
 TEST(Inversion, stopsOnRequest) {
-  const CancellationToken stop;
-  stop.requestCancel();
-  EXPECT_EQ(Trial().run(smallInversion(), stop).outcome, Outcome::kCancelled);
+  const CancellationToken cancellation;
+  cancellation.requestCancel();
+  EXPECT_EQ(Trial().run(smallInversion(), cancellation).outcome, Outcome::kCancelled);
 }
 
 }  // namespace

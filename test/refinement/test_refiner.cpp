@@ -56,8 +56,8 @@ struct Setting {
     return poseError(result.T_O_C, truth, centre(), kCamera);
   }
   Refinement refine(const RefinerSettings& settings = quickSettings(),
-                    const CancellationToken& stop = {}) const {
-    return FieldRefiner(backend, settings).refine(*scene, observation, prior, stop);
+                    const CancellationToken& cancellation = {}) const {
+    return FieldRefiner(backend, settings).refine(*scene, observation, prior, cancellation);
   }
 };
 
@@ -177,9 +177,9 @@ TEST(FieldRefiner, nothingToSeeDiverges) {
 
 TEST(FieldRefiner, stops) {
   const Setting setting;
-  const CancellationToken stop;
-  stop.requestCancel();
-  EXPECT_EQ(setting.refine(quickSettings(), stop).outcome, Outcome::kCancelled);
+  const CancellationToken cancellation;
+  cancellation.requestCancel();
+  EXPECT_EQ(setting.refine(quickSettings(), cancellation).outcome, Outcome::kCancelled);
 }
 
 TEST(FieldRefiner, senselessPriorsAreRefused) {

@@ -30,8 +30,8 @@ RegistrationSettings fewSteps(int steps) {
 
 Field registerWith(Backend* backend, const Dataset& dataset, const RegistrationSettings& settings,
                    const std::function<void(const RegistrationProgress&)>& progress = {},
-                   const CancellationToken& stop = {}) {
-  return learnField(backend, dataset, settings, progress, stop);
+                   const CancellationToken& cancellation = {}) {
+  return learnField(backend, dataset, settings, progress, cancellation);
 }
 
 std::set<int> heldOut(int views, int held_out) {
@@ -241,11 +241,11 @@ TEST(RegisterObject, EndsByQuality) {
 TEST(RegisterObject, StopsWithinAStep) {
   for (const std::string stage : {"training", "occupancy", "quality"}) {
     ScriptedBackend backend;
-    const CancellationToken stop;
+    const CancellationToken cancellation;
     const auto stop_there = [&](const RegistrationProgress& report) {
-      if (report.stage == stage) stop.requestCancel();
+      if (report.stage == stage) cancellation.requestCancel();
     };
-    EXPECT_THROW(registerWith(&backend, greyDataset(20), fewSteps(50), stop_there, stop),
+    EXPECT_THROW(registerWith(&backend, greyDataset(20), fewSteps(50), stop_there, cancellation),
                  Cancelled);
     EXPECT_EQ(backend.progress.size(), stage == "training" ? 1u : 50u) << stage;
   }
@@ -280,15 +280,16 @@ TEST(RegisterObject, StopsAtOnceOnTheCpu) {
     const auto backend = makeCpuBackend(1);
     RegistrationSettings settings = fewSteps(80);  // enough for some matter
     settings.samples_per_step = 4096;
-    const CancellationToken stop;
+    const CancellationToken cancellation;
     std::uint64_t samples = 0;
     const auto stop_there = [&](const RegistrationProgress& report) {
       if (report.stage != stage) return;
-      stop.requestCancel();
+      cancellation.requestCancel();
       samples = backend->costs().samples;
     };
-    EXPECT_THROW(registerWith(backend.get(), analyticDataset(24, 40), settings, stop_there, stop),
-                 Cancelled);
+    EXPECT_THROW(
+        registerWith(backend.get(), analyticDataset(24, 40), settings, stop_there, cancellation),
+        Cancelled);
     EXPECT_GT(samples, 0u) << stage;
     EXPECT_EQ(backend->costs().samples, samples) << stage;
   }

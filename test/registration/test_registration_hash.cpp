@@ -106,9 +106,9 @@ TEST(RegistrationHash, IsThatOfEarlierVersions) {
 }
 
 TEST(RegistrationHash, CanBeStopped) {
-  const CancellationToken stop;
-  stop.requestCancel();
-  EXPECT_THROW(registrationHash(greyDataset(3), RegistrationSettings(), stop), Cancelled);
+  const CancellationToken cancellation;
+  cancellation.requestCancel();
+  EXPECT_THROW(registrationHash(greyDataset(3), RegistrationSettings(), cancellation), Cancelled);
 }
 
 }  // namespace

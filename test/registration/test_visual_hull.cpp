@@ -235,9 +235,9 @@ TEST(VisualHull, NeedsViews) {
 }
 
 TEST(VisualHull, CanBeStopped) {
-  CancellationToken stop;
-  stop.requestCancel();
-  EXPECT_THROW(visualHull(datasetOf(Ball()), kResolution, 0, stop), Cancelled);
+  CancellationToken cancellation;
+  cancellation.requestCancel();
+  EXPECT_THROW(visualHull(datasetOf(Ball()), kResolution, 0, cancellation), Cancelled);
 }
 
 }  // namespace

@@ -26,8 +26,8 @@ class SceneSearch final : public ObjectSearch {
   void use(std::shared_ptr<const Field>) override {}
   void configure(const RefinerSettings&, const RefinerSettings&) override {}
   Refinement search(const Observation& observation, const Prior& prior, bool tracked,
-                    const CancellationToken& stop) override {
-    return (tracked ? tracking_ : initial_).refine(scene_, observation, prior, stop);
+                    const CancellationToken& cancellation) override {
+    return (tracked ? tracking_ : initial_).refine(scene_, observation, prior, cancellation);
   }
 
  private:

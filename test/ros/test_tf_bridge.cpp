@@ -117,10 +117,10 @@ TEST_F(TfBridgeTest, WaitsNoLongerThanItMay) {
   EXPECT_GE(waited.count(), 0.05);
 
   frames_.tf_timeout_s = 1000;
-  CancellationToken stop;
-  stop.requestCancel();
+  CancellationToken cancellation;
+  cancellation.requestCancel();
   frames_.output_frame = "nowhere";
-  EXPECT_THROW(TfBridge(buffer_, frames_).cameraInOutput(cameraAt(kNow), stop), InputError);
+  EXPECT_THROW(TfBridge(buffer_, frames_).cameraInOutput(cameraAt(kNow), cancellation), InputError);
 }
 
 }  // namespace

@@ -47,12 +47,12 @@ class Registration : public testing::Test {
     request.dataset = "mug";
   }
 
-  RegisteredObject run(const CancellationToken& stop = {}) {
+  RegisteredObject run(const CancellationToken& cancellation = {}) {
     folder.write("photos/mug/transforms.json", scene.dump());
-    return trainWithoutWriting(stop);
+    return trainWithoutWriting(cancellation);
   }
 
-  RegisteredObject trainWithoutWriting(const CancellationToken& stop = {}) {
+  RegisteredObject trainWithoutWriting(const CancellationToken& cancellation = {}) {
     const auto make_backend = [this] {
       backend = std::make_shared<ScriptedBackend>();
       backend->model = smallField();
@@ -61,7 +61,7 @@ class Registration : public testing::Test {
     };
     return ObjectRegistration(dataset_root, settings, store(), make_backend,
                               [this] { return schedule; })
-        .run(request, progress, stop);
+        .run(request, progress, cancellation);
   }
 
   ObjectStore store() { return ObjectStore(folder.path() + "/models", &cache); }
@@ -211,11 +211,11 @@ TEST_F(Registration, OtherSymmetriesAreMeasuredAnew) {
 }
 
 TEST_F(Registration, AStopAtTheLastMomentWritesNothing) {
-  const CancellationToken stop;
+  const CancellationToken cancellation;
   progress = [&](const RegistrationProgress& now) {
-    if (now.stage == "quality") stop.requestCancel();
+    if (now.stage == "quality") cancellation.requestCancel();
   };
-  EXPECT_THROW(run(stop), Cancelled);
+  EXPECT_THROW(run(cancellation), Cancelled);
   EXPECT_FALSE(fs::exists(folder.path() + "/models/cup.safetensors"));
   EXPECT_TRUE(cache.list().empty());
 }
@@ -242,9 +242,9 @@ TEST_F(Registration, JobsAreTheSameIfAllThatCountsIs) {
 }
 
 TEST_F(Registration, CanBeStoppedWhileItReads) {
-  const CancellationToken stop;
-  stop.requestCancel();
-  EXPECT_THROW(run(stop), Cancelled);
+  const CancellationToken cancellation;
+  cancellation.requestCancel();
+  EXPECT_THROW(run(cancellation), Cancelled);
   EXPECT_EQ(backends, 0);
 }
 

@@ -29,10 +29,10 @@ class Trainer {
  public:
   explicit Trainer(ProcessorSchedule* schedule)
       : thread_([this, schedule] {
-          const ProcessorSchedule::Training training(schedule, stop_);
+          const ProcessorSchedule::Training training(schedule, cancellation_);
           try {
             while (true) {
-              stop_.check();
+              cancellation_.check();
               ++steps;
               std::this_thread::yield();
             }
@@ -42,14 +42,14 @@ class Trainer {
     while (steps == 0) std::this_thread::yield();
   }
   ~Trainer() {
-    stop_.requestCancel();
+    cancellation_.requestCancel();
     thread_.join();
   }
 
   std::atomic<long> steps{0};
 
  private:
-  CancellationToken stop_;
+  CancellationToken cancellation_;
   std::thread thread_;
 };
 

@@ -18,7 +18,7 @@ namespace {
 class RegistrationQueueTest : public testing::Test {
  protected:
   RegistrationQueue::Job job(const std::string& name, const std::string& data = "photos") {
-    return {name, name + data, [this](const auto& progress, const CancellationToken& stop) {
+    return {name, name + data, [this](const auto& progress, const CancellationToken& cancellation) {
               ++jobs;
               while (!let_go) {
                 RegistrationProgress now;
@@ -31,7 +31,7 @@ class RegistrationQueueTest : public testing::Test {
                   return Rendering{Image(8, 8, 3, 0.5f), {}, {}};
                 };
                 progress(now);
-                stop.check();
+                cancellation.check();
                 std::this_thread::yield();
               }
               if (fails) throw std::runtime_error("the photos are bad");
@@ -40,11 +40,11 @@ class RegistrationQueueTest : public testing::Test {
   }
 
   std::future<RegisteredObject> start(const RegistrationQueue::Job& what,
-                                      const CancellationToken& stop = {}) {
+                                      const CancellationToken& cancellation = {}) {
     auto running = std::make_shared<std::promise<void>>();
     auto running_soon = running->get_future();
-    auto result =
-        std::async(std::launch::async, [this, what, stop, heard = false, running]() mutable {
+    auto result = std::async(
+        std::launch::async, [this, what, cancellation, heard = false, running]() mutable {
           RegistrationQueue::Listener listener;
           listener.wants_preview = [this] { return wants_preview.load(); };
           listener.progress = [this, &heard, running](const RegistrationUpdate& update) {
@@ -52,7 +52,7 @@ class RegistrationQueueTest : public testing::Test {
             if (!heard) running->set_value();
             heard = true;
           };
-          return queue.run(what, listener, stop);
+          return queue.run(what, listener, cancellation);
         });
     running_soon.wait();
     return result;

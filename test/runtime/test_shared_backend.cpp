@@ -10,6 +10,8 @@
 #include <vector>
 
 #include "backend/hypotheses.h"
+#include "backend/keyframe_aligner.h"
+#include "backend/make_backend.h"
 #include "backend/plans.h"
 #include "backend/training.h"
 #include "nerf_pose_refiner/observation.h"
@@ -95,6 +97,9 @@ class CountingBackend final : public Backend {
                                             std::vector<TrainingView>,
                                             const TrainingPlan&) override {
     return std::make_unique<CountingTrainer>(visits_);
+  }
+  std::unique_ptr<KeyframeAligner> makeKeyframeAligner() override {
+    return makeCpuKeyframeAligner(1);
   }
   CostCounters costs() const override { return {}; }
 

@@ -74,16 +74,16 @@ class AnalyticScene final : public RayRenderer {
 
   const Field& field() const override { return field_; }
 
-  void renderRays(const Ray* rays, int n, const RenderOptions& options, RayResult* results,
-                  CostCounters* work) const override {
-    for (int i = 0; i < n; ++i) results[i] = trace(rays[i], options);
-    work->rays += n;
-    work->samples += n;
+  CostCounters renderRays(RaySpan rays, const RenderOptions& options,
+                          RayResult* results) const override {
+    for (int i = 0; i < rays.size; ++i) results[i] = trace(rays[i], options);
+    CostCounters cost;
+    cost.rays = cost.samples = static_cast<std::uint64_t>(rays.size);
+    return cost;
   }
 
-  void rayGradients(const Ray*, int, const RenderOptions&, bool,
-                    const std::function<RayLossGradient(int, const RayResult&)>&, RayGradient*,
-                    CostCounters*) const override {
+  CostCounters rayGradients(RaySpan, const RenderOptions&, bool, const RayLoss&,
+                            RayGradient*) const override {
     throw std::logic_error("the analytic scene is made for alignment, which needs no gradients");
   }
 

@@ -13,6 +13,8 @@ namespace nerf_pose_refiner {
 using Rays = std::vector<Ray>;
 using Results = std::vector<RayResult>;
 
+inline RaySpan spanOf(const Rays& rays) { return {rays.data(), static_cast<int>(rays.size())}; }
+
 /// A field in the CPU backend.
 inline std::shared_ptr<const RayRenderer> load(const Field& field,
                                                const char* instruction_set = "auto") {
@@ -24,9 +26,8 @@ inline std::shared_ptr<const RayRenderer> load(const Field& field,
 inline Results render(const RayRenderer& scene, const Rays& rays, const RenderOptions& options = {},
                       CostCounters* work = nullptr) {
   Results results(rays.size());
-  CostCounters unused;
-  scene.renderRays(rays.data(), static_cast<int>(rays.size()), options, results.data(),
-                   work ? work : &unused);
+  const CostCounters cost = scene.renderRays(spanOf(rays), options, results.data());
+  if (work) *work += cost;
   return results;
 }
 

@@ -29,17 +29,17 @@ class FakeSearch : public ObjectSearch {
   }
 
   Refinement search(const Observation& observation, const Prior& prior, bool tracked,
-                    const CancellationToken& stop) override {
+                    const CancellationToken& cancellation) override {
     priors.push_back(prior);
     was_tracked.push_back(tracked);
     width = observation.image.width;
     if (throws) throw std::runtime_error("the engine broke");
-    while (waits_to_be_stopped && !stop.cancelRequested()) {
+    while (waits_to_be_stopped && !cancellation.cancelRequested()) {
       searching = true;
       std::this_thread::yield();
     }
     Refinement refinement;
-    refinement.outcome = stop.cancelRequested() ? Outcome::kCancelled : outcome;
+    refinement.outcome = cancellation.cancelRequested() ? Outcome::kCancelled : outcome;
     refinement.score = score;
     refinement.visible_fraction = 0.75;
     refinement.T_O_C = T_O_C;

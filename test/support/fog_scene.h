@@ -29,25 +29,27 @@ class FogScene final : public RayRenderer {
 
   const Field& field() const override { return field_; }
 
-  void renderRays(const Ray* rays, int n, const RenderOptions&, RayResult* results,
-                  CostCounters* work) const override {
-    for (int i = 0; i < n; ++i) results[i] = toResult(trace(rays[i], work));
+  CostCounters renderRays(RaySpan rays, const RenderOptions&, RayResult* results) const override {
+    CostCounters cost;
+    for (int i = 0; i < rays.size; ++i) results[i] = toResult(trace(rays[i], &cost));
+    return cost;
   }
 
-  void rayGradients(const Ray* rays, int n, const RenderOptions&, bool direction_gradient,
-                    const std::function<RayLossGradient(int, const RayResult&)>& loss_gradient,
-                    RayGradient* gradients, CostCounters* work) const override {
-    for (int i = 0; i < n; ++i) {
-      const Trace ray = trace(rays[i], work);
-      const RayLossGradient g = loss_gradient(i, toResult(ray));
+  CostCounters rayGradients(RaySpan rays, const RenderOptions&, bool direction_gradient,
+                            const RayLoss& loss, RayGradient* gradients) const override {
+    CostCounters cost;
+    for (int i = 0; i < rays.size; ++i) {
+      const Trace ray = trace(rays[i], &cost);
+      const RayLossGradient g = loss(i, toResult(ray));
       const RayColour gradient = {{g.rgb[0], g.rgb[1], g.rgb[2]}, g.alpha};
-      const FrozenGradient pull =
+      const FrozenGradient of_ray =
           gradientOf(ray.direction, ray.samples, ray.occupied_volume, gradient, direction_gradient);
       for (int a = 0; a < 3; ++a) {
-        gradients[i].force[a] = static_cast<float>(pull.force[a] / scale_);
-        gradients[i].torque[a] = static_cast<float>(pull.torque[a]);
+        gradients[i].force[a] = static_cast<float>(of_ray.force[a] / scale_);
+        gradients[i].torque[a] = static_cast<float>(of_ray.torque[a]);
       }
     }
+    return cost;
   }
 
  private:

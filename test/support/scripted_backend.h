@@ -8,6 +8,8 @@
 #include <utility>
 #include <vector>
 
+#include "backend/keyframe_aligner.h"
+#include "backend/make_backend.h"
 #include "support/recording_backend.h"
 
 namespace nerf_pose_refiner {
@@ -42,6 +44,10 @@ class ScriptedBackend final : public Backend {
     return std::make_unique<Trainer>(this);
   }
 
+  std::unique_ptr<KeyframeAligner> makeKeyframeAligner() override {
+    return makeCpuKeyframeAligner(1);
+  }
+
   CostCounters costs() const override { return {}; }
 
  private:
@@ -50,8 +56,8 @@ class ScriptedBackend final : public Backend {
     GreyField(std::shared_ptr<const Field> field, const ScriptedBackend& script)
         : RecordingField(std::move(field)), script_(script) {}
     Rendering render(const View& view, const RenderOptions&,
-                     const CancellationToken& stop) const override {
-      stop.check();
+                     const CancellationToken& cancellation) const override {
+      cancellation.check();
       const int steps = static_cast<int>(field().metadata.training_steps);
       const float value = kGrey + static_cast<float>(script_.error(steps, view.T_O_C));
       const int width = view.camera.width, height = view.camera.height;
@@ -71,9 +77,9 @@ class ScriptedBackend final : public Backend {
       return 0.25;
     }
     int stepsDone() const override { return static_cast<int>(backend_->progress.size()); }
-    Field finish(const CancellationToken& stop) override { return snapshot(stop); }
-    Field snapshot(const CancellationToken& stop) override {
-      stop.check();
+    Field finish(const CancellationToken& cancellation) override { return snapshot(cancellation); }
+    Field snapshot(const CancellationToken& cancellation) override {
+      cancellation.check();
       Field field = backend_->model;
       field.box = backend_->box;
       field.metadata.diameter = backend_->diameter;

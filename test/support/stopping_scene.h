@@ -22,7 +22,7 @@ class StoppingScene final : public RayRenderer {
   StoppingScene(std::shared_ptr<const RayRenderer> scene, std::uint64_t stop_after, int threads)
       : RayRenderer(cpuProcessor(threads)), scene_(std::move(scene)), stop_after_(stop_after) {}
 
-  const CancellationToken stop;
+  const CancellationToken cancellation;
 
   std::uint64_t rays() const { return rays_; }
   std::uint64_t raysAfterTheStop() const { return late_rays_; }  ///< of calls that began after it
@@ -30,25 +30,24 @@ class StoppingScene final : public RayRenderer {
 
   const Field& field() const override { return scene_->field(); }
 
-  void renderRays(const Ray* rays, int n, const RenderOptions& options, RayResult* results,
-                  CostCounters* work) const override {
-    count(n);
-    scene_->renderRays(rays, n, options, results, work);
+  CostCounters renderRays(RaySpan rays, const RenderOptions& options,
+                          RayResult* results) const override {
+    count(rays.size);
+    return scene_->renderRays(rays, options, results);
   }
 
-  void rayGradients(const Ray* rays, int n, const RenderOptions& options, bool direction_gradient,
-                    const std::function<RayLossGradient(int, const RayResult&)>& loss_gradient,
-                    RayGradient* gradients, CostCounters* work) const override {
-    count(n);
-    scene_->rayGradients(rays, n, options, direction_gradient, loss_gradient, gradients, work);
+  CostCounters rayGradients(RaySpan rays, const RenderOptions& options, bool direction_gradient,
+                            const RayLoss& loss, RayGradient* gradients) const override {
+    count(rays.size);
+    return scene_->rayGradients(rays, options, direction_gradient, loss, gradients);
   }
 
  private:
   void count(int n) const {
-    if (stop.cancelRequested()) late_rays_ += static_cast<std::uint64_t>(n);
+    if (cancellation.cancelRequested()) late_rays_ += static_cast<std::uint64_t>(n);
     for (int most = max_; most < n && !max_.compare_exchange_weak(most, n);) {
     }
-    if ((rays_ += static_cast<std::uint64_t>(n)) >= stop_after_) stop.requestCancel();
+    if ((rays_ += static_cast<std::uint64_t>(n)) >= stop_after_) cancellation.requestCancel();
   }
 
   std::shared_ptr<const RayRenderer> scene_;

@@ -1,5 +1,5 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "backend/cpu/keyframe_aligner.h"
+#include "backend/keyframe_aligner.h"
 
 #include <gtest/gtest.h>
 
@@ -9,6 +9,7 @@
 #include <random>
 #include <stdexcept>
 
+#include "backend/make_backend.h"
 #include "evaluation/clutter.h"
 #include "evaluation/pose_error.h"
 #include "image/colour.h"
@@ -52,11 +53,19 @@ class KeyframeAlignerOnScene : public testing::Test {
     return {turn * T_O_C.R, object().centre + shift + turn * (T_O_C.t - object().centre)};
   }
 
+  static Observation observed(const Image& image) {
+    Observation observation;
+    observation.image = image;
+    observation.camera = kCamera;
+    return observation;
+  }
+
   Hypothesis align(const Image& image, const KeyframePoints& keyframe, const Pose& start,
                    const std::string& instruction_set = "auto") const {
-    KeyframeAligner aligner(selectKeyframeKernels(instruction_set));
-    aligner.observe(toBytes(image), kCamera, keyframe, start);
-    return aligner.align(keyframe, start);
+    const auto aligner = makeCpuKeyframeAligner(1, instruction_set);
+    aligner->observe(observed(image), frameWindowFor(keyframe, kCamera, start));
+    const int number = aligner->add(std::make_shared<const KeyframePoints>(keyframe));
+    return aligner->align({{number, start}}, {}, {}).front();
   }
 
   void expectFound(const Hypothesis& found, double deg, double fraction) const {
@@ -202,11 +211,71 @@ TEST_F(KeyframeAlignerOnScene, InstructionSetsAgree) {
   EXPECT_LT((any.t - best.t).norm() / object().diameter, 1e-3);
 }
 
+TEST_F(KeyframeAlignerOnScene, LeavesOutWhatHasNoWeight) {
+  // A gripper of strong colours before a quarter of the object: without its pixels nothing is
+  // wrong.
+  Image image = imageOf(truth_);
+  Observation observation = observed(image);
+  observation.weight = Image(kCamera.width, kCamera.height, 1, 1.0f);
+  for (int y = 90; y < 150; ++y) {
+    for (int x = 100; x < 140; ++x) {
+      for (int c = 0; c < 3; ++c) observation.image.at(x, y, c) = (x / 5 + y / 5) % 2 ? 1.0f : 0.0f;
+      observation.weight.at(x, y, 0) = 0;
+    }
+  }
+  const auto keyframe = std::make_shared<const KeyframePoints>(keyframeAt(truth_));
+  const auto aligner = makeCpuKeyframeAligner(1);
+  aligner->observe(observation, frameWindowFor(*keyframe, kCamera, truth_));
+  const int number = aligner->add(keyframe);
+  const Pose start = offBy(truth_, {0.5, -0.5, 0.5}, 3);
+  const Hypothesis found = aligner->align({{number, start}}, {}, {}).front();
+  expectFound(found, 0.1, 0.002);
+  EXPECT_GT(found.visible_fraction, 0.9);
+}
+
+TEST_F(KeyframeAlignerOnScene, ManyStartsAreAsOneByOne) {
+  const auto keyframe = std::make_shared<const KeyframePoints>(keyframeAt(truth_));
+  const auto other =
+      std::make_shared<const KeyframePoints>(keyframeAt(offBy(truth_, {0.6, 0.5, -0.6}, 6)));
+  const auto aligner = makeCpuKeyframeAligner(2);
+  aligner->observe(observed(imageOf(truth_)), frameWindowFor(*keyframe, kCamera, truth_));
+  const int a = aligner->add(keyframe), b = aligner->add(other);
+  std::vector<KeyframeStart> starts;
+  for (int i = 0; i < 8; ++i) {
+    starts.push_back({i % 2 ? a : b, offBy(truth_, Eigen::Vector3d::Unit(i % 3), i - 4)});
+  }
+  const std::vector<Hypothesis> together = aligner->align(starts, {}, {});
+  ASSERT_EQ(together.size(), starts.size());
+  for (std::size_t i = 0; i < starts.size(); ++i) {
+    const Hypothesis alone = aligner->align({starts[i]}, {}, {}).front();
+    EXPECT_EQ(alone.T_O_C.R, together[i].T_O_C.R);
+    EXPECT_EQ(alone.T_O_C.t, together[i].T_O_C.t);
+  }
+}
+
+TEST_F(KeyframeAlignerOnScene, FindsAnObjectThatHasComeNear) {
+  // Twice as large in the image as in the keyframe: the frame's coarser levels are compared.
+  const KeyframePoints far =
+      keyframeAt({truth_.R, object().centre + 2 * (truth_.t - object().centre)});
+  expectFound(align(imageOf(truth_), far, offBy(truth_, {0.5, -0.5, 0.5}, 3)), 0.3, 0.01);
+}
+
+TEST_F(KeyframeAlignerOnScene, CanBeCancelled) {
+  const auto keyframe = std::make_shared<const KeyframePoints>(keyframeAt(truth_));
+  const auto aligner = makeCpuKeyframeAligner(1);
+  aligner->observe(observed(imageOf(truth_)), frameWindowFor(*keyframe, kCamera, truth_));
+  const int number = aligner->add(keyframe);
+  CancellationToken cancellation;
+  cancellation.requestCancel();
+  EXPECT_THROW(aligner->align({{number, truth_}}, {}, cancellation), Cancelled);
+}
+
 TEST_F(KeyframeAlignerOnScene, RefusesAnImageThatIsTooSmall) {
-  const KeyframePoints keyframe = keyframeAt(truth_);
-  KeyframeAligner aligner(selectKeyframeKernels("auto"));
-  const Camera tiny = {8, 8, 10, 10, 3.5, 3.5};
-  EXPECT_THROW(aligner.observe(Image8(8, 8, 3), tiny, keyframe, truth_), std::invalid_argument);
+  Observation tiny;
+  tiny.camera = {8, 8, 10, 10, 3.5, 3.5};
+  tiny.image = Image(8, 8, 3);
+  const auto aligner = makeCpuKeyframeAligner(1);
+  EXPECT_THROW(aligner->observe(tiny, {{0, 0, 8, 8}, 0, 4}), std::invalid_argument);
 }
 
 }  // namespace

@@ -6,8 +6,7 @@
 namespace nerf_pose_refiner {
 
 PixelWindow windowOf(const Camera& camera, const Pose& T_O_C, const Box& box) {
-  return boxWindow({camera.fx, camera.fy, camera.cx, camera.cy}, camera.width, camera.height,
-                   plainPose(T_O_C), box.min.data(), box.max.data());
+  return boxWindow(camera, plainPose(T_O_C), box.min.data(), box.max.data());
 }
 
 }  // namespace nerf_pose_refiner

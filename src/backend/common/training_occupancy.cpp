@@ -18,30 +18,35 @@ namespace {
 
 constexpr int kChunk = 1024;  // points that are evaluated together
 
-/// Densities at many points: `position(i, p)` gives point i in N, `take(i, density)` its density.
-template <typename Position, typename Take>
-void evaluatePoints(const FieldView& field, const CpuNetworks& networks, int sh_degree, int n,
-                    int threads, const Position& position, const Take& take, CostCounters* work) {
-  work->samples += static_cast<std::uint64_t>(n);
-  work->gathers += networks.gathersPerSample() * n;
-  work->flops += networks.densityFlops() * n;
+/// Densities at n points: `position(i, p)` gives point i in N.
+template <typename Position>
+std::vector<float> densitiesAt(const FieldView& field, int sh_degree, int n, int threads,
+                               const Position& position) {
+  std::vector<float> densities(n);
   const int chunks = (n + kChunk - 1) / kChunk;
   const int workers = std::max(1, std::min(threads, chunks));
   parallelFor(threads, workers, [&](int worker) {
-    SamplePool pool(networks, sh_degree, kChunk);
+    SamplePool pool(*field.networks, sh_degree, kChunk);
     for (int chunk = worker; chunk < chunks; chunk += workers) {
       const int first = chunk * kChunk, count = std::min(kChunk, n - first);
       for (int i = 0; i < roundUpToColumnGroup(count); ++i) {
         float p[3] = {0.5f, 0.5f, 0.5f};
         if (i < count) position(first + i, p);
-        pool.x()[i] = p[0];
-        pool.y()[i] = p[1];
-        pool.z()[i] = p[2];
+        for (int a = 0; a < 3; ++a) pool.position(a)[i] = p[a];
       }
       pool.evaluateDensity(field, 0, roundUpToColumnGroup(count));
-      for (int i = 0; i < count; ++i) take(first + i, pool.density()[i]);
+      std::copy(pool.density(), pool.density() + count, densities.begin() + first);
     }
   });
+  return densities;
+}
+
+CostCounters densityCost(const CpuNetworks& networks, int n) {
+  CostCounters cost;
+  cost.samples = static_cast<std::uint64_t>(n);
+  cost.gathers = networks.gathersPerSample() * n;
+  cost.flops = networks.densityFlops() * n;
+  return cost;
 }
 
 std::array<int, 3> cellOf(std::uint32_t cell, int n) {
@@ -92,21 +97,18 @@ bool TrainingOccupancy::occupied(const float p_N[3]) const {
   return mask_->fine().occupied(c[0], c[1], c[2]);
 }
 
-void TrainingOccupancy::update(const FieldView& field, const CpuNetworks& networks, int step,
-                               int threads, CostCounters* work) {
+void TrainingOccupancy::update(const FieldView& field, int step, int threads, CostCounters* work) {
   const int n = config_.occupancy_resolution;
   const std::size_t offset = randomIndex(seed_, static_cast<std::uint64_t>(step), 0,
                                          kOccupancyFraction);  // this update's share
   const int count =
       static_cast<int>((region_.size() + kOccupancyFraction - 1 - offset) / kOccupancyFraction);
-  std::vector<float> seen(count, 0.0f);
-  evaluatePoints(
-      field, networks, config_.sh_degree, count, threads,
-      [&](int i, float p[3]) {
+  const std::vector<float> seen =
+      densitiesAt(field, config_.sh_degree, count, threads, [&](int i, float p[3]) {
         drawCellPoint(seed_, step,
                       region_[offset + static_cast<std::size_t>(i) * kOccupancyFraction], n, p);
-      },
-      [&](int i, float density) { seen[i] = density; }, work);
+      });
+  *work += densityCost(*field.networks, count);
   for (float& density : density_) density *= std::pow(kOccupancyFading, 1.0f / kOccupancyFraction);
   for (int i = 0; i < count; ++i) {
     float& density = density_[offset + static_cast<std::size_t>(i) * kOccupancyFraction];
@@ -119,26 +121,24 @@ void TrainingOccupancy::update(const FieldView& field, const CpuNetworks& networ
   mask_.reset(new OccupancyMask(std::move(grid)));
 }
 
-OccupancyGrid TrainingOccupancy::dense(const FieldView& field, const CpuNetworks& networks,
-                                       int threads, const CancellationToken& stop,
+OccupancyGrid TrainingOccupancy::dense(const FieldView& field, int threads,
+                                       const CancellationToken& cancellation,
                                        std::vector<float>* cell_opacity, CostCounters* work) const {
   const int n = config_.occupancy_resolution;
   const float cell_size = 1.0f / static_cast<float>(n);
   constexpr int kPoints = kFrozenPointsPerAxis * kFrozenPointsPerAxis * kFrozenPointsPerAxis;
   cell_opacity->assign(static_cast<std::size_t>(n) * n * n, 0.0f);
   OccupancyGrid grid{n, std::vector<std::uint8_t>(static_cast<std::size_t>(n) * n * n / 8, 0)};
-  constexpr int kCellsPerRound = 1 << 13;  // the stop token is looked at in between
-  std::vector<float> density(static_cast<std::size_t>(kCellsPerRound) * kPoints);
+  constexpr int kCellsPerRound = 1 << 13;  // cancellation is checked in between
   for (std::size_t first = 0; first < box_cells_.size(); first += kCellsPerRound) {
-    stop.check();
+    cancellation.check();
     const int cells =
         static_cast<int>(std::min<std::size_t>(kCellsPerRound, box_cells_.size() - first));
-    evaluatePoints(
-        field, networks, config_.sh_degree, cells * kPoints, threads,
-        [&](int i, float p[3]) {
+    const std::vector<float> density =
+        densitiesAt(field, config_.sh_degree, cells * kPoints, threads, [&](int i, float p[3]) {
           frozenCellPoint(box_cells_[first + i / kPoints], n, i % kPoints, p);
-        },
-        [&](int i, float value) { density[i] = value; }, work);
+        });
+    *work += densityCost(*field.networks, cells * kPoints);
     for (int i = 0; i < cells; ++i) {
       float highest = 0, mean = 0;
       for (int k = 0; k < kPoints; ++k) {

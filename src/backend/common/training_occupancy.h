@@ -29,15 +29,13 @@ class TrainingOccupancy {
 
   /// Looks at a share of the region's cells, each at a random point; densities that were seen
   /// before fade. Then decides anew which cells are occupied. @param work is added to.
-  void update(const FieldView& field, const CpuNetworks& networks, int step, int threads,
-              CostCounters* work);
+  void update(const FieldView& field, int step, int threads, CostCounters* work);
 
   /// Looks at every cell that touches the box at several points. @param cell_opacity of the way
   /// through each cell, by its mean density. @param work is added to.
   /// @return the occupied cells, dilated by one. @throws Cancelled.
-  OccupancyGrid dense(const FieldView& field, const CpuNetworks& networks, int threads,
-                      const CancellationToken& stop, std::vector<float>* cell_opacity,
-                      CostCounters* work) const;
+  OccupancyGrid dense(const FieldView& field, int threads, const CancellationToken& cancellation,
+                      std::vector<float>* cell_opacity, CostCounters* work) const;
 
  private:
   FieldConfig config_;

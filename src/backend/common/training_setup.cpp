@@ -12,14 +12,14 @@ namespace nerf_pose_refiner {
 namespace {
 
 /// He's initialisation: the ReLU keeps the variance. @param counter of the random numbers.
-std::vector<float> drawnNetwork(int inputs, int width, int hidden_layers, int outputs,
-                                std::uint64_t seed, std::uint64_t* counter) {
+std::vector<float> drawnNetwork(const NetworkShape& shape, std::uint64_t seed,
+                                std::uint64_t* counter) {
   std::vector<float> weights;
-  for (int l = 0; l <= hidden_layers; ++l) {
-    const int layer_inputs = l == 0 ? inputs : width;
-    const int layer_outputs = l < hidden_layers ? width : outputs;
-    const float bound = std::sqrt(6.0f / static_cast<float>(layer_inputs));
-    for (int i = 0; i < layer_inputs * layer_outputs; ++i) {
+  for (int l = 0; l <= shape.hidden_layers; ++l) {
+    const int inputs = l == 0 ? shape.inputs : shape.width;
+    const int outputs = l < shape.hidden_layers ? shape.width : shape.outputs;
+    const float bound = std::sqrt(6.0f / static_cast<float>(inputs));
+    for (int i = 0; i < inputs * outputs; ++i) {
       weights.push_back(bound * (2 * randomUniform(seed, kStreamLayer, (*counter)++) - 1));
     }
   }
@@ -45,12 +45,8 @@ float initialFeature(std::uint64_t seed, std::size_t index) {
 InitialWeights initialWeights(const FieldConfig& config, std::uint64_t seed) {
   std::uint64_t counter = 0;
   InitialWeights weights;
-  weights.density =
-      drawnNetwork(config.levels * config.features, config.density_width,
-                   config.density_hidden_layers, 1 + config.geometry_features, seed, &counter);
-  weights.colour =
-      drawnNetwork(config.sh_degree * config.sh_degree + config.geometry_features,
-                   config.colour_width, config.colour_hidden_layers, 3, seed, &counter);
+  weights.density = drawnNetwork(densityNetwork(config), seed, &counter);
+  weights.colour = drawnNetwork(colourNetwork(config), seed, &counter);
   return weights;
 }
 

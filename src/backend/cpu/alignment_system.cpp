@@ -92,32 +92,32 @@ void AlignmentSums::add(const AlignmentSums& other) {
 }
 
 GainBiasMoments sumGainBias(const AlignmentTarget& target, const Image& image,
-                            const GainBias<float>& gain_bias, int first_row, int last_row) {
+                            const GainBias<float>& gain_bias, RowRange rows) {
   GainBiasMoments sums;
-  for (int y = first_row; y < last_row; ++y) {
+  for (int y = rows.first; y < rows.end; ++y) {
     for (int x = 0; x < image.width; ++x) {
-      addGainBiasPixel<double>(image.pixel(x, y), target.observed->pixel(x, y),
-                               target.level->weight.at(x, y, 0), gain_bias,
-                               target.rules.robust_scale, &sums);
+      sums.addPixel(image.pixel(x, y), target.observed->pixel(x, y),
+                    target.level->weight.at(x, y, 0), gain_bias, target.rules.robust_scale);
     }
   }
   return sums;
 }
 
 AlignmentSums sumAlignment(const AlignmentTarget& target, const Image& image, const Pose& T_O_C,
-                           const GainBias<float>& gain_bias, int first_row, int last_row) {
+                           const GainBias<float>& gain_bias, RowRange rows) {
   const AlignmentView view = viewOf(target, T_O_C);
   AlignmentSums sums;
   for (int left = 0; left < image.width; left += kTileSide) {
     const int right = std::min(image.width, left + kTileSide);
     NormalEquations6<float> tile;  // single precision suffices for a tile
-    for (int y = first_row; y < last_row; ++y) {
+    for (int y = rows.first; y < rows.end; ++y) {
       for (int x = left; x < right; ++x) {
         const float pixel_weight = target.level->weight.at(x, y, 0);
         if (pixel_weight == 0) continue;
-        addComparedPixel<double>(target.rules, residualAt(target, image, gain_bias, x, y),
-                                 image.at(x, y, kOpacity), regionAt(target, x, y), pixel_weight,
-                                 flowAt(view, image, x, y), &sums, &tile);
+        const ComparedPixel pixel = {residualAt(target, image, gain_bias, x, y),
+                                     flowAt(view, image, x, y), regionAt(target, x, y),
+                                     image.at(x, y, kOpacity), pixel_weight};
+        addComparedPixel<double>(target.rules, pixel, &sums, &tile);
       }
     }
     addTile(tile, &sums);

@@ -39,13 +39,18 @@ PixelResidual<float> residualAt(const AlignmentTarget& target, const Image& imag
 /// @see surfaceFlow
 PixelFlow<float> flowAt(const AlignmentView& view, const Image& image, int x, int y);
 
-/// Moments over rows [first_row, last_row). @param image blurred rendering.
-GainBiasMoments sumGainBias(const AlignmentTarget& target, const Image& image,
-                            const GainBias<float>& gain_bias, int first_row, int last_row);
+/// Rows [first, end) of an image.
+struct RowRange {
+  int first, end;
+};
 
-/// Cost and normal equations over rows [first_row, last_row) of a pose's blurred rendering: a row
-/// of tiles, for the scatter.
+/// Moments over some rows. @param image blurred rendering.
+GainBiasMoments sumGainBias(const AlignmentTarget& target, const Image& image,
+                            const GainBias<float>& gain_bias, RowRange rows);
+
+/// Cost and normal equations over some rows of a pose's blurred rendering: a row of tiles, for the
+/// scatter.
 AlignmentSums sumAlignment(const AlignmentTarget& target, const Image& image, const Pose& T_O_C,
-                           const GainBias<float>& gain_bias, int first_row, int last_row);
+                           const GainBias<float>& gain_bias, RowRange rows);
 
 }  // namespace nerf_pose_refiner

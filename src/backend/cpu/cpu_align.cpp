@@ -73,8 +73,8 @@ std::vector<Track> tracksOf(const AlignmentRules& rules, CpuHypotheses* hypothes
 
 // Evaluates the trials of all tracks that are not done; false if there are none.
 bool evaluateTrials(StageEvaluator* evaluator, std::vector<Track>* tracks,
-                    const CancellationToken& stop) {
-  stop.check();
+                    const CancellationToken& cancellation) {
+  cancellation.check();
   std::vector<Evaluation*> trials;
   for (Track& track : *tracks) {
     if (!track.search.done) trials.push_back(&track.trial);
@@ -85,11 +85,11 @@ bool evaluateTrials(StageEvaluator* evaluator, std::vector<Track>* tracks,
 
 }  // namespace
 
-void CpuSolver::align(int level, const AlignStage& stage, const CancellationToken& stop) {
-  StageEvaluator evaluator(scene_, observation_, {level, stage, stop});
+void CpuSolver::align(int level, const AlignStage& stage, const CancellationToken& cancellation) {
+  StageEvaluator evaluator(scene_, observation_, {level, stage, cancellation});
   const AlignmentRules rules = rulesOf(evaluator, stage, hypotheses_);
   std::vector<Track> tracks = tracksOf(rules, &hypotheses_);
-  while (evaluateTrials(&evaluator, &tracks, stop)) {
+  while (evaluateTrials(&evaluator, &tracks, cancellation)) {
     for (Track& track : tracks) {
       if (!track.search.done) advance(rules, &track);
     }
@@ -97,12 +97,12 @@ void CpuSolver::align(int level, const AlignStage& stage, const CancellationToke
   for (const Track& track : tracks) writeResult(track, stage.compare_contrast, track.hypothesis);
 }
 
-void CpuSolver::score(int level, const AlignStage& stage, const CancellationToken& stop) {
-  StageEvaluator evaluator(scene_, observation_, {level, stage, stop});
+void CpuSolver::score(int level, const AlignStage& stage, const CancellationToken& cancellation) {
+  StageEvaluator evaluator(scene_, observation_, {level, stage, cancellation});
   evaluator.rankByRegions();
   const AlignmentRules rules = rulesOf(evaluator, stage, hypotheses_);
   std::vector<Track> tracks = tracksOf(rules, &hypotheses_);
-  evaluateTrials(&evaluator, &tracks, stop);
+  evaluateTrials(&evaluator, &tracks, cancellation);
   for (Track& track : tracks) {
     takeTrial(&track);
     scoreSearch(rules, track.trial.sums, &track.search);

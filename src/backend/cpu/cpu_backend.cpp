@@ -4,6 +4,7 @@
 #include <stdexcept>
 
 #include "backend/cpu/cpu_field.h"
+#include "backend/cpu/cpu_keyframe_aligner.h"
 #include "backend/cpu/cpu_trainer.h"
 #include "backend/make_backend.h"
 #include "concurrency/parallel.h"
@@ -26,6 +27,10 @@ std::shared_ptr<const LoadedField> CpuBackend::load(std::shared_ptr<const Field>
   return std::make_shared<CpuField>(std::move(field), processor_);
 }
 
+std::unique_ptr<KeyframeAligner> CpuBackend::makeKeyframeAligner() {
+  return std::make_unique<CpuKeyframeAligner>(*processor_->keyframe_kernels, processor_->threads);
+}
+
 std::unique_ptr<FieldTrainer> CpuBackend::makeTrainer(const FieldConfig& config, const Box& box,
                                                       std::vector<TrainingView> views,
                                                       const TrainingPlan& plan) {
@@ -39,6 +44,7 @@ std::unique_ptr<Backend> makeCpuBackend(int threads, const std::string& instruct
   }
   auto processor = std::make_shared<CpuProcessor>();
   processor->kernels = &selectCpuKernels(instruction_set);
+  processor->keyframe_kernels = &selectKeyframeKernels(instruction_set);
   processor->threads = threadCount(threads);
   return std::make_unique<CpuBackend>(std::move(processor));
 }

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "backend/cpu/cpu_processor.h"
+#include "backend/keyframe_aligner.h"
 #include "backend/training.h"
 #include "field/field.h"
 #include "nerf_pose_refiner/backend.h"
@@ -18,6 +19,7 @@ class CpuBackend final : public Backend {
 
   BackendInfo info() const override;
   std::shared_ptr<const LoadedField> load(std::shared_ptr<const Field> field) override;
+  std::unique_ptr<KeyframeAligner> makeKeyframeAligner() override;
   std::unique_ptr<FieldTrainer> makeTrainer(const FieldConfig& config, const Box& box,
                                             std::vector<TrainingView> views,
                                             const TrainingPlan& plan) override;

@@ -60,7 +60,8 @@ MarchSpace CubeFrame::space(float step, float cone_angle, const OccupancyMask* m
   return space;
 }
 
-void CpuField::enter(const Ray* rays, int n, const RenderOptions& options, RayBatch* batch) const {
+void CpuField::enter(RaySpan rays, const RenderOptions& options, RayBatch* batch) const {
+  const int n = rays.size;
   RayBatch::Rays& given = batch->rays();
   given.resize(n);
   for (int r = 0; r < n; ++r) {
@@ -80,15 +81,16 @@ void CpuField::enter(const Ray* rays, int n, const RenderOptions& options, RayBa
   batch->begin(view_, space, n);
 }
 
-void CpuField::renderRays(const Ray* rays, int n, const RenderOptions& options, RayResult* results,
-                          CostCounters* work) const {
+CostCounters CpuField::renderRays(RaySpan rays, const RenderOptions& options,
+                                  RayResult* results) const {
+  CostCounters cost;
   ScratchPool<RayBatch>::Lease lease = batches_.borrow();
   RayBatch* batch = lease.get();
   RayBatch::Sums sums[kRaysPerGroup];
-  for (int first = 0; first < n; first += kRaysPerGroup) {
-    const int size = std::min(kRaysPerGroup, n - first);
+  for (int first = 0; first < rays.size; first += kRaysPerGroup) {
+    const int size = std::min(kRaysPerGroup, rays.size - first);
     std::fill(sums, sums + size, RayBatch::Sums{});
-    enter(rays + first, size, options, batch);
+    enter(rays.part(first, size), options, batch);
     while (!batch->finished()) {
       batch->advance(view_, options.min_transmittance);
       batch->addColours(view_, options.min_weight, sums);
@@ -96,50 +98,55 @@ void CpuField::renderRays(const Ray* rays, int n, const RenderOptions& options, 
     for (int r = 0; r < size; ++r) {
       results[first + r] = resultOf(rays[first + r], sums[r], cube_.side);
     }
-    addWork(*batch, size, work);
+    addWork(*batch, size, &cost);
   }
+  return cost;
 }
 
-void CpuField::rayGradients(
-    const Ray* rays, int n, const RenderOptions& options, bool direction_gradient,
-    const std::function<RayLossGradient(int, const RayResult&)>& loss_gradient, RayGradient* pulls,
-    CostCounters* work) const {
+CostCounters CpuField::rayGradients(RaySpan rays, const RenderOptions& options,
+                                    bool direction_gradient, const RayLoss& loss,
+                                    RayGradient* gradients) const {
+  CostCounters cost;
   ScratchPool<RayBatch>::Lease lease = batches_.borrow();
   RayBatch* batch = lease.get();
   RayBatch::Sums sums[kGradientRaysPerGroup];
-  RayLossGradient gradients[kGradientRaysPerGroup];
+  RayLossGradient loss_gradients[kGradientRaysPerGroup];
   int first = 0, group = kGradientRaysPerGroup;
-  while (first < n) {
-    const int size = std::min(group, n - first);
-    enter(rays + first, size, options, batch);
+  while (first < rays.size) {
+    const int size = std::min(group, rays.size - first);
+    const RaySpan part = rays.part(first, size);
+    enter(part, options, batch);
     if (!batch->forward(view_, options.min_transmittance, options.min_weight, sums)) {
       group = size / 2;  // too many samples to keep: again with fewer rays
       continue;
     }
     for (int r = 0; r < size; ++r) {
-      gradients[r] = loss_gradient(first + r, resultOf(rays[first + r], sums[r], cube_.side));
+      loss_gradients[r] = loss(first + r, resultOf(part[r], sums[r], cube_.side));
     }
-    batch->backward(view_, gradients, nullptr);
-    std::fill(pulls + first, pulls + first + size, RayGradient{});
-    positionGradients(rays + first, direction_gradient, batch, pulls + first);
-    addWork(*batch, size, work);
-    addGradientWork(*batch, work);
+    batch->backward(view_, loss_gradients, nullptr);
+    std::fill(gradients + first, gradients + first + size, RayGradient{});
+    positionGradients(part, direction_gradient, batch, gradients + first);
+    addWork(*batch, size, &cost);
+    addGradientWork(*batch, &cost);
     first += size;
     group = kGradientRaysPerGroup;
   }
+  return cost;
 }
 
-void CpuField::positionGradients(const Ray* rays, bool direction_gradient, RayBatch* batch,
-                                 RayGradient* pulls) const {
+void CpuField::positionGradients(RaySpan rays, bool direction_gradient, RayBatch* batch,
+                                 RayGradient* gradients) const {
   SamplePool& pool = batch->pool();
   const int count = static_cast<int>(batch->columns().size());
   std::vector<float> gradient[3];  // with respect to positions in N
   for (std::vector<float>& axis : gradient) axis.assign(count, 0.0f);
   forEachTile(0, count, [&](int s, int n) {
-    view_.kernels->encodePositionGradient(view_.grid, pool.x() + s, pool.y() + s, pool.z() + s, n,
-                                          pool.encodingGradient().at(s), TiledRows::kTileStride,
-                                          gradient[0].data() + s, gradient[1].data() + s,
-                                          gradient[2].data() + s);
+    const float* const position[3] = {pool.position(0) + s, pool.position(1) + s,
+                                      pool.position(2) + s};
+    float* const by_position[3] = {gradient[0].data() + s, gradient[1].data() + s,
+                                   gradient[2].data() + s};
+    view_.kernels->encodePositionGradient(view_.grid, position,
+                                          pool.encodingGradient().constPart(s, n), by_position);
   });
   for (int s = 0; s < count; ++s) {
     const RayBatch::Column& column = batch->columns()[s];
@@ -155,13 +162,13 @@ void CpuField::positionGradients(const Ray* rays, bool direction_gradient, RayBa
       const int degree = field_->config.sh_degree;
       const float* harmonics = pool.colourInputGradient().at(s);
       for (int k = 0; k < degree * degree; ++k) weight[k] = harmonics[k * TiledRows::kTileStride];
-      sphericalHarmonicsGradient(d[0], d[1], d[2], degree, weight, lever);
+      sphericalHarmonicsGradient(d, degree, weight, lever);
     }
-    RayGradient& pull = pulls[column.ray];
+    RayGradient& of_ray = gradients[column.ray];
     for (int a = 0; a < 3; ++a) {
       const int b = (a + 1) % 3, c = (a + 2) % 3;
-      pull.force[a] += force[a];
-      pull.torque[a] += d[b] * lever[c] - d[c] * lever[b];
+      of_ray.force[a] += force[a];
+      of_ray.torque[a] += d[b] * lever[c] - d[c] * lever[b];
     }
   }
 }

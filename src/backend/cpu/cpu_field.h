@@ -17,7 +17,7 @@ namespace nerf_pose_refiner {
 struct CubeFrame {
   float origin[3];               ///< corner of the cube in O
   float side;                    ///< [model units]
-  float box_min[3], box_max[3];  ///< of the matter, in N
+  float box_min[3], box_max[3];  ///< of what can be occupied, in N
 
   explicit CubeFrame(const Box& box);
   /// From the cameras on: near is 0.
@@ -35,16 +35,15 @@ class CpuField : public RayRenderer {
 
   const Field& field() const override { return *field_; }
 
-  void renderRays(const Ray* rays, int n, const RenderOptions& options, RayResult* results,
-                  CostCounters* work) const override;
+  CostCounters renderRays(RaySpan rays, const RenderOptions& options,
+                          RayResult* results) const override;
 
-  void rayGradients(const Ray* rays, int n, const RenderOptions& options, bool direction_gradient,
-                    const std::function<RayLossGradient(int, const RayResult&)>& loss_gradient,
-                    RayGradient* gradients, CostCounters* work) const override;
+  CostCounters rayGradients(RaySpan rays, const RenderOptions& options, bool direction_gradient,
+                            const RayLoss& loss, RayGradient* gradients) const override;
 
  private:
-  void enter(const Ray* rays, int n, const RenderOptions& options, RayBatch* batch) const;
-  void positionGradients(const Ray* rays, bool direction_gradient, RayBatch* batch,
+  void enter(RaySpan rays, const RenderOptions& options, RayBatch* batch) const;
+  void positionGradients(RaySpan rays, bool direction_gradient, RayBatch* batch,
                          RayGradient* gradients) const;
   void addWork(const RayBatch& batch, int rays, CostCounters* work) const;
   void addGradientWork(const RayBatch& batch, CostCounters* work) const;

@@ -6,13 +6,13 @@ namespace {
 
 int roundUpTo4(int n) { return (n + 3) / 4 * 4; }
 
-std::vector<CpuLayer> makeLayers(int inputs, int width, int hidden_layers, int outputs) {
+std::vector<CpuLayer> makeLayers(const NetworkShape& shape) {
   std::vector<CpuLayer> layers;
-  for (int l = 0; l <= hidden_layers; ++l) {
+  for (int l = 0; l <= shape.hidden_layers; ++l) {
     CpuLayer layer;
-    layer.relu = l < hidden_layers;
-    layer.true_inputs = l == 0 ? inputs : width;
-    layer.true_outputs = layer.relu ? width : outputs;
+    layer.relu = l < shape.hidden_layers;
+    layer.true_inputs = l == 0 ? shape.inputs : shape.width;
+    layer.true_outputs = layer.relu ? shape.width : shape.outputs;
     layer.inputs = roundUpTo4(layer.true_inputs);
     layer.outputs = roundUpTo4(layer.true_outputs);
     layer.weights.assign(static_cast<std::size_t>(layer.inputs) * layer.outputs, 0.0f);
@@ -54,10 +54,8 @@ void CpuLayer::setWeights(const std::vector<float>& padded) {
 }
 
 CpuNetworks::CpuNetworks(const FieldConfig& config)
-    : density(makeLayers(config.levels * config.features, config.density_width,
-                         config.density_hidden_layers, 1 + config.geometry_features)),
-      colour(makeLayers(config.sh_degree * config.sh_degree + config.geometry_features,
-                        config.colour_width, config.colour_hidden_layers, 3)),
+    : density(makeLayers(densityNetwork(config))),
+      colour(makeLayers(colourNetwork(config))),
       features(config.features),
       encoding_rows(config.levels * config.features) {
   for (const GridLevel& level : gridLevels(config)) {

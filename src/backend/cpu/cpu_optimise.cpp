@@ -22,15 +22,11 @@ namespace {
 constexpr int kRaysPerBlock = 128;
 constexpr std::uint64_t kEvaluationStream = ~std::uint64_t{0};  // steps use their own number
 
-struct Pixel {
-  int x, y;
-};
-
 // Uniform over the pixels with a weight, the same for every hypothesis.
-std::vector<Pixel> drawPixels(const ObservedLevel& level, int count, std::uint64_t seed,
-                              std::uint64_t stream) {
+std::vector<PixelIndex> drawPixels(const ObservedLevel& level, int count, std::uint64_t seed,
+                                   std::uint64_t stream) {
   const std::uint32_t pixels = static_cast<std::uint32_t>(level.weight.pixels());
-  std::vector<Pixel> drawn(count);
+  std::vector<PixelIndex> drawn(count);
   for (int i = 0; i < count; ++i) {
     const int index =
         static_cast<int>(drawPixel(seed, stream, i, pixels, level.weight.values.data()));
@@ -67,10 +63,10 @@ struct Target {
   const CpuObservation& observation;
   const ObservedLevel& level;
   const OptimisationPlan& plan;
-  const CancellationToken& stop;
+  const CancellationToken& cancellation;
 };
 
-RaySums castBlock(const Target& target, const Pose& T_O_C, const Pixel* pixels, int n,
+RaySums castBlock(const Target& target, const Pose& T_O_C, const PixelIndex* pixels, int n,
                   bool with_gradient) {
   Ray rays[kRaysPerBlock];
   for (int i = 0; i < n; ++i) {
@@ -78,23 +74,23 @@ RaySums castBlock(const Target& target, const Pose& T_O_C, const Pixel* pixels, 
   }
   RaySums sums;
   const auto compare = [&](int i, const RayResult& ray) {
-    const PixelLoss pixel = pixelLoss(target.plan.loss, target.observation, target.level,
-                                      pixels[i].x, pixels[i].y, ray);
+    const PixelLoss pixel =
+        pixelLoss(target.plan.loss, target.observation, target.level, pixels[i], ray);
     sums.loss += pixel.loss;
     sums.weight += pixel.weight;
     return pixel.gradient;
   };
   if (with_gradient) {
     RayGradient gradients[kRaysPerBlock];
-    target.scene.rayGradients(rays, n, RenderOptions(), target.plan.direction_gradient, compare,
-                              gradients, &sums.work);
+    sums.work = target.scene.rayGradients({rays, n}, RenderOptions(),
+                                          target.plan.direction_gradient, compare, gradients);
     for (int i = 0; i < n; ++i) {
       sums.force += Eigen::Map<const Eigen::Vector3f>(gradients[i].force).cast<double>();
       sums.torque += Eigen::Map<const Eigen::Vector3f>(gradients[i].torque).cast<double>();
     }
   } else {
     RayResult results[kRaysPerBlock];
-    target.scene.renderRays(rays, n, RenderOptions(), results, &sums.work);
+    sums.work = target.scene.renderRays({rays, n}, RenderOptions(), results);
     for (int i = 0; i < n; ++i) compare(i, results[i]);
   }
   return sums;
@@ -102,13 +98,13 @@ RaySums castBlock(const Target& target, const Pose& T_O_C, const Pixel* pixels, 
 
 // Casts the pixels' rays for each of the hypotheses.
 std::vector<RaySums> castRays(const Target& target, const std::vector<CpuHypothesis*>& hypotheses,
-                              const std::vector<Pixel>& pixels, bool with_gradient) {
+                              const std::vector<PixelIndex>& pixels, bool with_gradient) {
   const int rays = static_cast<int>(pixels.size());
   const int blocks = (rays + kRaysPerBlock - 1) / kRaysPerBlock;
   const int count = static_cast<int>(hypotheses.size());
   std::vector<RaySums> block_sums(static_cast<std::size_t>(count) * blocks);
   parallelFor(target.scene.processor().threads, count * blocks, [&](int i) {
-    target.stop.check();
+    target.cancellation.check();
     const int first = i % blocks * kRaysPerBlock;
     block_sums[i] = castBlock(target, hypotheses[i / blocks]->T_O_C, pixels.data() + first,
                               std::min(kRaysPerBlock, rays - first), with_gradient);
@@ -152,8 +148,8 @@ void gather(const OptimisationPlan& plan, int step, int rays, const RaySums& sum
 }  // namespace
 
 void CpuSolver::optimise(int level, const OptimisationPlan& plan, const StepRange& steps,
-                         const CancellationToken& stop) {
-  const Target target = {scene_, observation_, observation_.level(level), plan, stop};
+                         const CancellationToken& cancellation) {
+  const Target target = {scene_, observation_, observation_.level(level), plan, cancellation};
   std::vector<CpuHypothesis*> live = hypotheses_.live();
   const int count = static_cast<int>(live.size());
   std::vector<RaySums> scores(live.size());
@@ -177,8 +173,8 @@ void CpuSolver::optimise(int level, const OptimisationPlan& plan, const StepRang
 }
 
 void CpuSolver::evaluate(int level, const OptimisationPlan& plan, int pixels,
-                         const CancellationToken& stop) {
-  const Target target = {scene_, observation_, observation_.level(level), plan, stop};
+                         const CancellationToken& cancellation) {
+  const Target target = {scene_, observation_, observation_.level(level), plan, cancellation};
   const std::vector<CpuHypothesis*> live = hypotheses_.live();
   const auto drawn = drawPixels(target.level, pixels, plan.seed, kEvaluationStream);
   const auto sums = castRays(target, live, drawn, false);

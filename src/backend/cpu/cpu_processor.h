@@ -2,6 +2,7 @@
 #pragma once
 
 #include "backend/cpu/cpu_kernels.h"
+#include "backend/cpu/keyframe_kernels.h"
 #include "nerf_pose_refiner/backend.h"
 
 namespace nerf_pose_refiner {
@@ -9,6 +10,7 @@ namespace nerf_pose_refiner {
 /// What the fields, solvers and trainers of a CPU backend share.
 struct CpuProcessor {
   const CpuKernels* kernels = &selectCpuKernels("auto");
+  const KeyframeKernels* keyframe_kernels = &selectKeyframeKernels("auto");
   int threads = 1;
   CostCounters costs;  ///< of all of them so far
 };

@@ -20,12 +20,12 @@ class CpuSolver final : public PoseSolver {
   CpuSolver(const RayRenderer& scene, CpuObservation observation, int capacity);
 
   void sample(const std::vector<Pose>& priors_T_O_C, const SamplingPlan& plan) override;
-  void align(int level, const AlignStage& stage, const CancellationToken& stop) override;
-  void score(int level, const AlignStage& stage, const CancellationToken& stop) override;
+  void align(int level, const AlignStage& stage, const CancellationToken& cancellation) override;
+  void score(int level, const AlignStage& stage, const CancellationToken& cancellation) override;
   void optimise(int level, const OptimisationPlan& plan, const StepRange& steps,
-                const CancellationToken& stop) override;
+                const CancellationToken& cancellation) override;
   void evaluate(int level, const OptimisationPlan& plan, int pixels,
-                const CancellationToken& stop) override;
+                const CancellationToken& cancellation) override;
   void resample(const ResamplingPlan& plan) override;
   void snapshot() override;
   std::vector<SolverSnapshot> read() override;

@@ -141,7 +141,7 @@ void CpuTrainer::countBackward(std::uint64_t columns, CostCounters* work) const 
 
 void CpuTrainer::keepEncodingGradient(SamplePool* pool, int columns, Slot* slot) {
   const int rows = 3 + networks_.encoding_rows;
-  const float* const position[3] = {pool->x(), pool->y(), pool->z()};
+  const float* const position[3] = {pool->position(0), pool->position(1), pool->position(2)};
   forEachTile(0, columns, [&](int first, int count) {
     if (slot->used_blocks == slot->blocks.size()) slot->blocks.emplace_back();
     Block& block = slot->blocks[slot->used_blocks++];
@@ -160,15 +160,12 @@ void CpuTrainer::pushEmptySpaceDown(SamplePool* pool, Slot* slot, int slot_index
   for (int s = 0; s < kEmptyPointsPerSlot; ++s) {
     float p[3];
     drawEmptyPoint(plan_.seed, steps_,
-                   static_cast<std::uint64_t>(slot_index * kEmptyPointsPerSlot + s), cube_.box_min,
-                   cube_.box_max, p);
-    pool->x()[s] = p[0];
-    pool->y()[s] = p[1];
-    pool->z()[s] = p[2];
+                   static_cast<std::uint64_t>(slot_index * kEmptyPointsPerSlot + s), cube_, p);
+    for (int a = 0; a < 3; ++a) pool->position(a)[s] = p[a];
   }
   pool->evaluateDensity(view_, 0, kEmptyPointsPerSlot);
   for (int s = 0; s < kEmptyPointsPerSlot; ++s) {
-    const float p[3] = {pool->x()[s], pool->y()[s], pool->z()[s]};
+    const float p[3] = {pool->position(0)[s], pool->position(1)[s], pool->position(2)[s]};
     const float density = pool->density()[s];
     const bool push = density * config_.step > kClearThickness && !occupancy_.occupied(p);
     // The pool multiplies by the density, as the exponential's derivative.
@@ -213,19 +210,21 @@ void CpuTrainer::updateGridLevel(int level, float learning_rate) {
   for (const Slot& slot : slots_) {
     for (std::size_t b = 0; b < slot.used_blocks; ++b) {
       const Block& block = slot.blocks[b];
-      const float* rows = block.rows.data();
-      const std::size_t n = static_cast<std::size_t>(block.columns);
+      const auto row = [&block](int r) {
+        return block.rows.data() + static_cast<std::size_t>(r) * block.columns;
+      };
+      const float* const position[3] = {row(0), row(1), row(2)};
       processor_->kernels->encodeGridGradient(
-          view_.grid, level, rows, rows + n, rows + 2 * n, block.columns,
-          rows + (3 + static_cast<std::size_t>(level) * config_.features) * n, block.columns,
+          view_.grid, level, position,
+          {row(3 + level * config_.features), config_.features, block.columns, block.columns},
           grid_.gradient.data() + first);
     }
   }
-  processor_->kernels->adam(grid_.values.data() + first, grid_.first_moment.data() + first,
-                            grid_.second_moment.data() + first, grid_.gradient.data() + first,
-                            half_grid_.data() + first,
-                            static_cast<std::int64_t>(l.entries) * config_.features, learning_rate,
-                            kTrainingBeta1, kTrainingBeta2, kTrainingEpsilon);
+  processor_->kernels->adam(
+      {grid_.values.data() + first, grid_.first_moment.data() + first,
+       grid_.second_moment.data() + first, grid_.gradient.data() + first, half_grid_.data() + first,
+       static_cast<std::int64_t>(l.entries) * config_.features},
+      {learning_rate, kTrainingBeta1, kTrainingBeta2, kTrainingEpsilon});
 }
 
 void CpuTrainer::updateNetworks(float learning_rate) {
@@ -237,10 +236,10 @@ void CpuTrainer::updateNetworks(float learning_rate) {
         const std::vector<float>& gradient = slot.weight_gradients[index];
         for (std::size_t i = 0; i < gradient.size(); ++i) parameters.gradient[i] += gradient[i];
       }
-      processor_->kernels->adam(parameters.values.data(), parameters.first_moment.data(),
-                                parameters.second_moment.data(), parameters.gradient.data(),
-                                nullptr, static_cast<std::int64_t>(parameters.values.size()),
-                                learning_rate, kTrainingBeta1, kTrainingBeta2, kTrainingEpsilon);
+      processor_->kernels->adam({parameters.values.data(), parameters.first_moment.data(),
+                                 parameters.second_moment.data(), parameters.gradient.data(),
+                                 nullptr, static_cast<std::int64_t>(parameters.values.size())},
+                                {learning_rate, kTrainingBeta1, kTrainingBeta2, kTrainingEpsilon});
       layer.setWeights(parameters.values);
       ++index;
     }
@@ -249,7 +248,7 @@ void CpuTrainer::updateNetworks(float learning_rate) {
 
 double CpuTrainer::step(double progress) {
   if (steps_ >= kOccupancyStart && steps_ % kOccupancyInterval == 0) {
-    occupancy_.update(view_, networks_, steps_, processor_->threads, &processor_->costs);
+    occupancy_.update(view_, steps_, processor_->threads, &processor_->costs);
   }
   const int rays_per_slot = rays_per_step_ / kSlots;
   parallelFor(processor_->threads, kSlots,
@@ -273,7 +272,7 @@ double CpuTrainer::step(double progress) {
   return loss;
 }
 
-Field CpuTrainer::snapshot(const CancellationToken& stop) {
+Field CpuTrainer::snapshot(const CancellationToken& cancellation) {
   Field field;
   field.config = config_;
   field.box = box_;
@@ -283,8 +282,8 @@ Field CpuTrainer::snapshot(const CancellationToken& stop) {
   gatherWeights(networks_.density, field.density_weights.data());
   gatherWeights(networks_.colour, field.colour_weights.data());
   std::vector<float> cell_opacity;
-  field.occupancy = occupancy_.dense(view_, networks_, processor_->threads, stop, &cell_opacity,
-                                     &processor_->costs);
+  field.occupancy =
+      occupancy_.dense(view_, processor_->threads, cancellation, &cell_opacity, &processor_->costs);
   const OccupiedExtent extent = measureOccupiedVolume(field, cell_opacity);
   field.metadata.centre = extent.centre;
   field.metadata.diameter = extent.diameter;

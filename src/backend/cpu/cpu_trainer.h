@@ -26,8 +26,8 @@ class CpuTrainer : public FieldTrainer {
 
   double step(double progress) override;
   int stepsDone() const override { return steps_; }
-  Field finish(const CancellationToken& stop) override { return snapshot(stop); }
-  Field snapshot(const CancellationToken& stop) override;
+  Field finish(const CancellationToken& cancellation) override { return snapshot(cancellation); }
+  Field snapshot(const CancellationToken& cancellation) override;
 
  private:
   /// Numbers and the optimiser's memory of them.

@@ -12,12 +12,12 @@ struct RayLanes {
   Vector lattice;      // where interval 0 starts
 };
 
-inline void enterBox(const KernelSpace& space, const float* const origin[3],
-                     const float* const direction[3], const float* offset, int s, RayLanes* rays) {
+/// Takes rays s to s + kLanes - 1.
+inline void enterBox(const KernelSpace& space, const KernelRays& given, int s, RayLanes* rays) {
   Vector entry = broadcast(space.near), exit = broadcast(1e30f);
   for (int a = 0; a < 3; ++a) {
-    const Vector o = load(origin[a] + s);
-    Vector d = load(direction[a] + s);
+    const Vector o = load(given.origin[a] + s);
+    Vector d = load(given.direction[a] + s);
     // An axis that the ray does not move along: its faces are very far away.
     d = select((d < 1e-12f) & (d > -1e-12f), broadcast(1e-12f), d);
     const Vector inverse = 1.0f / d;
@@ -32,7 +32,7 @@ inline void enterBox(const KernelSpace& space, const float* const origin[3],
   }
   rays->entry = entry;
   rays->exit = exit;
-  rays->lattice = entry - load(offset + s) * space.step;
+  rays->lattice = entry - load(given.offset + s) * space.step;
 }
 
 inline IntVector cellsOf(Vector p, int n) {
@@ -71,12 +71,11 @@ inline IntVector lookAhead(const KernelSpace& space, const RayLanes& rays, Vecto
   return occupied_volume & ~far;
 }
 
-void firstSamples(const KernelSpace& space, const float* const origin[3],
-                  const float* const direction[3], const float* offset, int n, int32_t* first) {
+void firstSamples(const KernelSpace& space, const KernelRays& given, int32_t* first) {
   const float inverse_step = 1.0f / space.step;
-  for (int s = 0; s < n; s += kLanes) {
+  for (int s = 0; s < given.count; s += kLanes) {
     RayLanes rays;
-    enterBox(space, origin, direction, offset, s, &rays);
+    enterBox(space, given, s, &rays);
     IntVector k = {}, result = (IntVector){} - 1;
     IntVector active = rays.entry < rays.exit;
     while (true) {

@@ -147,29 +147,28 @@ inline void interpolateGroup<4>(const uint16_t* values, const Corners& corners, 
 #endif
 
 template <int F>
-void encodeLevels(const KernelGrid& grid, const float* x, const float* y, const float* z, int n,
-                  float* out, int stride) {
+void encodeLevels(const KernelGrid& grid, const float* const position[3], KernelRows out) {
+  const float *x = position[0], *y = position[1], *z = position[2];
   for (int l = 0; l < grid.level_count; ++l) {
-    float* rows = out + (int64_t)l * F * stride;
-    for (int s = 0; s < n; s += kLanes) {
+    float* rows = out.data + (int64_t)l * F * out.stride;
+    for (int s = 0; s < out.columns; s += kLanes) {
       Corners corners;
       findCorners(grid.levels[l], x + s, y + s, z + s, &corners);
-      interpolateGroup<F>(grid.values, corners, rows + s, stride);
+      interpolateGroup<F>(grid.values, corners, rows + s, out.stride);
     }
   }
 }
 
-void encode(const KernelGrid& grid, const float* x, const float* y, const float* z, int n,
-            float* out, int stride) {
+void encode(const KernelGrid& grid, const float* const position[3], KernelRows out) {
   switch (grid.features) {
     case 1:
-      return encodeLevels<1>(grid, x, y, z, n, out, stride);
+      return encodeLevels<1>(grid, position, out);
     case 2:
-      return encodeLevels<2>(grid, x, y, z, n, out, stride);
+      return encodeLevels<2>(grid, position, out);
     case 4:
-      return encodeLevels<4>(grid, x, y, z, n, out, stride);
+      return encodeLevels<4>(grid, position, out);
     default:
-      return encodeLevels<8>(grid, x, y, z, n, out, stride);
+      return encodeLevels<8>(grid, position, out);
   }
 }
 
@@ -204,19 +203,20 @@ inline void cornerProducts<4>(const uint16_t* values, const Corners& corners, in
 #endif
 
 template <int F>
-void addPositionGradient(const KernelGrid& grid, const float* x, const float* y, const float* z,
-                         int n, const float* out_gradient, int stride, float* gradient_x,
-                         float* gradient_y, float* gradient_z) {
+void addPositionGradient(const KernelGrid& grid, const float* const position[3],
+                         ConstKernelRows out_gradient, float* const gradient[3]) {
+  const float *x = position[0], *y = position[1], *z = position[2];
+  float *gradient_x = gradient[0], *gradient_y = gradient[1], *gradient_z = gradient[2];
   for (int l = 0; l < grid.level_count; ++l) {
-    const float* rows = out_gradient + (int64_t)l * F * stride;
+    const float* rows = out_gradient.data + (int64_t)l * F * out_gradient.stride;
     const float scale = (float)grid.levels[l].resolution;
-    for (int s0 = 0; s0 < n; s0 += kLanes) {
+    for (int s0 = 0; s0 < out_gradient.columns; s0 += kLanes) {
       Corners corners;
       findCorners(grid.levels[l], x + s0, y + s0, z + s0, &corners);
       float g[8][kLanes];
       for (int s = 0; s < kLanes; ++s) {
         float column[F], products[8];
-        for (int f = 0; f < F; ++f) column[f] = rows[(int64_t)f * stride + s0 + s];
+        for (int f = 0; f < F; ++f) column[f] = rows[(int64_t)f * out_gradient.stride + s0 + s];
         cornerProducts<F>(grid.values, corners, s, column, products);
         for (int c = 0; c < 8; ++c) g[c][s] = products[c];
       }
@@ -236,27 +236,27 @@ void addPositionGradient(const KernelGrid& grid, const float* x, const float* y,
   }
 }
 
-void encodePositionGradient(const KernelGrid& grid, const float* x, const float* y, const float* z,
-                            int n, const float* out_gradient, int stride, float* gradient_x,
-                            float* gradient_y, float* gradient_z) {
+void encodePositionGradient(const KernelGrid& grid, const float* const position[3],
+                            ConstKernelRows out_gradient, float* const gradient[3]) {
   const auto add = grid.features == 1   ? addPositionGradient<1>
                    : grid.features == 2 ? addPositionGradient<2>
                    : grid.features == 4 ? addPositionGradient<4>
                                         : addPositionGradient<8>;
-  add(grid, x, y, z, n, out_gradient, stride, gradient_x, gradient_y, gradient_z);
+  add(grid, position, out_gradient, gradient);
 }
 
 template <int F>
-void addGridGradient(const KernelGridLevel& level, const float* x, const float* y, const float* z,
-                     int n, const float* out_gradient, int stride, float* grid_gradient) {
-  for (int s0 = 0; s0 < n; s0 += kLanes) {
+void addGridGradient(const KernelGridLevel& level, const float* const position[3],
+                     ConstKernelRows out_gradient, float* grid_gradient) {
+  const float *x = position[0], *y = position[1], *z = position[2];
+  for (int s0 = 0; s0 < out_gradient.columns; s0 += kLanes) {
     Corners corners;
     findCorners(level, x + s0, y + s0, z + s0, &corners);
     for (int s = 0; s < kLanes; ++s) {
       float g[F];
       float any = 0;
       for (int f = 0; f < F; ++f) {
-        g[f] = out_gradient[(int64_t)f * stride + s0 + s];
+        g[f] = out_gradient.data[(int64_t)f * out_gradient.stride + s0 + s];
         any += g[f] * g[f];
       }
       if (any == 0) continue;
@@ -268,19 +268,18 @@ void addGridGradient(const KernelGridLevel& level, const float* x, const float* 
   }
 }
 
-void encodeGridGradient(const KernelGrid& grid, int level, const float* x, const float* y,
-                        const float* z, int n, const float* out_gradient, int stride,
-                        float* grid_gradient) {
+void encodeGridGradient(const KernelGrid& grid, int level, const float* const position[3],
+                        ConstKernelRows out_gradient, float* grid_gradient) {
   const KernelGridLevel& l = grid.levels[level];
   switch (grid.features) {
     case 1:
-      return addGridGradient<1>(l, x, y, z, n, out_gradient, stride, grid_gradient);
+      return addGridGradient<1>(l, position, out_gradient, grid_gradient);
     case 2:
-      return addGridGradient<2>(l, x, y, z, n, out_gradient, stride, grid_gradient);
+      return addGridGradient<2>(l, position, out_gradient, grid_gradient);
     case 4:
-      return addGridGradient<4>(l, x, y, z, n, out_gradient, stride, grid_gradient);
+      return addGridGradient<4>(l, position, out_gradient, grid_gradient);
     default:
-      return addGridGradient<8>(l, x, y, z, n, out_gradient, stride, grid_gradient);
+      return addGridGradient<8>(l, position, out_gradient, grid_gradient);
   }
 }
 

@@ -8,15 +8,15 @@ namespace {
 
 /// Four rows of outputs for kColumnGroup columns: eight accumulators hide the FMA's latency, and
 /// six loads feed eight multiplications.
-void layer(const float* weights, int outputs, int inputs, const float* in, float* out, int n,
-           int stride, bool relu) {
+void layer(const float* weights, ConstKernelRows in, KernelRows out, bool relu) {
   constexpr int kVectors = kColumnGroup / kLanes;
-  for (int s = 0; s < n; s += kColumnGroup) {
-    for (int o = 0; o < outputs; o += 4) {
+  const int inputs = in.rows;
+  for (int s = 0; s < out.columns; s += kColumnGroup) {
+    for (int o = 0; o < out.rows; o += 4) {
       Vector sum[4][kVectors] = {};
       const float* w = weights + (int64_t)o * inputs;
-      const float* column = in + s;
-      for (int i = 0; i < inputs; ++i, column += stride) {
+      const float* column = in.data + s;
+      for (int i = 0; i < inputs; ++i, column += in.stride) {
         Vector v[kVectors];
         for (int k = 0; k < kVectors; ++k) v[k] = load(column + k * kLanes);
         for (int r = 0; r < 4; ++r) {
@@ -27,7 +27,7 @@ void layer(const float* weights, int outputs, int inputs, const float* in, float
       for (int r = 0; r < 4; ++r) {
         for (int k = 0; k < kVectors; ++k) {
           const Vector v = relu ? maximum(sum[r][k], Vector{}) : sum[r][k];
-          store(out + (int64_t)(o + r) * stride + s + k * kLanes, v);
+          store(out.data + (int64_t)(o + r) * out.stride + s + k * kLanes, v);
         }
       }
     }
@@ -35,18 +35,18 @@ void layer(const float* weights, int outputs, int inputs, const float* in, float
 }
 
 /// Sums over columns for a tile of four outputs and two inputs.
-void layerWeightGradient(int outputs, int inputs, const float* out_gradient, const float* in, int n,
-                         int stride, float* weight_gradient) {
-  for (int o = 0; o < outputs; o += 4) {
+void layerWeightGradient(ConstKernelRows out_gradient, ConstKernelRows in, float* weight_gradient) {
+  const int inputs = in.rows;
+  for (int o = 0; o < out_gradient.rows; o += 4) {
     for (int i = 0; i < inputs; i += 2) {
       const int second = i + 1 < inputs ? 1 : 0;
-      const float* a = out_gradient + (int64_t)o * stride;
-      const float* b = in + (int64_t)i * stride;
+      const float* a = out_gradient.data + (int64_t)o * out_gradient.stride;
+      const float* b = in.data + (int64_t)i * in.stride;
       Vector sum[4][2] = {};
-      for (int s = 0; s < n; s += kLanes) {
-        const Vector b0 = load(b + s), b1 = load(b + second * stride + s);
+      for (int s = 0; s < in.columns; s += kLanes) {
+        const Vector b0 = load(b + s), b1 = load(b + second * in.stride + s);
         for (int r = 0; r < 4; ++r) {
-          const Vector g = load(a + (int64_t)r * stride + s);
+          const Vector g = load(a + (int64_t)r * out_gradient.stride + s);
           sum[r][0] += g * b0;
           sum[r][1] += g * b1;
         }
@@ -60,11 +60,11 @@ void layerWeightGradient(int outputs, int inputs, const float* out_gradient, con
   }
 }
 
-void reluGradient(const float* activation, float* gradient, int rows, int n, int stride) {
-  for (int r = 0; r < rows; ++r) {
-    const float* a = activation + (int64_t)r * stride;
-    float* g = gradient + (int64_t)r * stride;
-    for (int s = 0; s < n; s += kLanes) {
+void reluGradient(ConstKernelRows activation, KernelRows gradient) {
+  for (int r = 0; r < gradient.rows; ++r) {
+    const float* a = activation.data + (int64_t)r * activation.stride;
+    float* g = gradient.data + (int64_t)r * gradient.stride;
+    for (int s = 0; s < gradient.columns; s += kLanes) {
       store(g + s, select(load(a + s) > 0, load(g + s), Vector{}));
     }
   }
@@ -112,9 +112,12 @@ inline Vector squareRoot(Vector v) {
 #endif
 }
 
-void adam(float* values, float* first_moment, float* second_moment, float* gradient,
-          uint16_t* half_values, int64_t n, float learning_rate, float beta1, float beta2,
-          float epsilon) {
+void adam(const KernelParameters& parameters, const KernelAdam& adam) {
+  float *values = parameters.values, *gradient = parameters.gradient;
+  float *first_moment = parameters.first_moment, *second_moment = parameters.second_moment;
+  uint16_t* half_values = parameters.half_values;
+  const float beta1 = adam.beta1, beta2 = adam.beta2;
+  const int64_t n = parameters.count;
   for (int64_t i = 0; i < n; i += kLanes) {
     const Vector g = load(gradient + i);
     const IntVector touched = g != 0;
@@ -124,7 +127,7 @@ void adam(float* values, float* first_moment, float* second_moment, float* gradi
     const Vector m0 = load(first_moment + i), v0 = load(second_moment + i), p0 = load(values + i);
     const Vector m = beta1 * m0 + (1 - beta1) * g;
     const Vector v = beta2 * v0 + (1 - beta2) * g * g;
-    const Vector p = p0 - learning_rate * m / (squareRoot(v) + epsilon);
+    const Vector p = p0 - adam.learning_rate * m / (squareRoot(v) + adam.epsilon);
     const Vector updated = select(touched, p, p0);
     store(first_moment + i, select(touched, m, m0));
     store(second_moment + i, select(touched, v, v0));

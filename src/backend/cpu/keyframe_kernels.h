@@ -8,7 +8,7 @@
 
 namespace nerf_pose_refiner {
 
-/// A window of an image as the kernels see it: [height][width][4], red, green, blue and nothing.
+/// A window of an image as the kernels see it: [height][width][4], red, green, blue and weight.
 struct KernelImage {
   const float* pixels;
   int width, height;  ///< >= 2
@@ -43,6 +43,12 @@ struct KernelTile {
   int first, last;
 };
 
+/// Where the colours of n points go: numbers of cells.
+struct KernelCells {
+  const std::int32_t* cell;
+  int count;
+};
+
 /// @see pointResidual, gemanMcClure
 struct KernelRules {
   float robust_scale;
@@ -51,12 +57,14 @@ struct KernelRules {
 
 /// Alignment's arithmetic for one instruction set. Numbers of points are multiples of kPointGroup.
 struct KeyframeKernels {
-  /// Colours of n points where a pose puts them, and their squares, into the sums' grid: eight
-  /// numbers a pixel, the last two 0. Points outside of the image have the colours of its border.
+  /// Colours of points where a pose puts them, and their squares, times the weight of the image
+  /// there, and the weight: into the cells of the sums' grid, eight numbers a cell, the last one 0.
+  /// What is outside of the image has no weight.
   void (*sampleColours)(const KernelView& view, const KernelPoints& points,
-                        const std::int32_t* cell, int n, float* grid);
+                        const KernelCells& cells, float* grid);
 
-  /// Adds the points of a tile. Those outside of the image are left out.
+  /// Adds the points of a tile, with the weight of the image there. Those outside of it are left
+  /// out.
   void (*sumTile)(const KernelView& view, const KernelTile& tile, const KernelRules& rules,
                   PointSums<float>* sums);
 };

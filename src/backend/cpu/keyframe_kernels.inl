@@ -87,23 +87,27 @@ inline InterpolatedPixel<Channels> interpolateAt(const KernelImage& image, const
                                                 g.v[lane]});
 }
 
-void sampleColours(const KernelView& view, const KernelPoints& points, const int32_t* cell, int n,
+void sampleColours(const KernelView& view, const KernelPoints& points, const KernelCells& cells,
                    float* grid) {
-  for (int i = 0; i < n; i += kLanes) {
+  for (int i = 0; i < cells.count; i += kLanes) {
     const Projected g = projectGroup(view, points, i);
     for (int lane = 0; lane < kLanes; ++lane) {
-      const Channels colour = interpolateAt(view.image, g, lane).value;
-      const Channels squares = colour * colour;
-      float* sums = grid + 8 * (int64_t)cell[i + lane];
-      memcpy(sums + 3, &squares, sizeof squares);
-      const float rgb[3] = {colour[0], colour[1], colour[2]};
-      memcpy(sums, rgb, sizeof rgb);
+      const Channels pixel = interpolateAt(view.image, g, lane).value;
+      const float weight = g.inside[lane] ? pixel[3] : 0.0f;
+      const Channels colour = weight * pixel;
+      const Channels squares = colour * pixel;
+      float* sums = grid + 8 * (int64_t)cells.cell[i + lane];
+      const float first[4] = {colour[0], colour[1], colour[2], squares[0]};
+      const float second[4] = {squares[1], squares[2], weight, 0};
+      memcpy(sums, first, sizeof first);
+      memcpy(sums + 4, second, sizeof second);
     }
   }
 }
 
-/// Red, green and blue of a group's points: the transpose of what the pixels hold.
+/// Red, green and blue of a group's points and their weight: the transpose of what pixels hold.
 struct GroupColours {
+  float weight[kLanes];
   float value[3][kLanes], du[3][kLanes], dv[3][kLanes];
   InterpolatedPixel<Vector> channel(int c) const {
     return {load(value[c]), load(du[c]), load(dv[c])};
@@ -113,6 +117,7 @@ struct GroupColours {
 inline void interpolateGroup(const KernelImage& image, const Projected& g, GroupColours* observed) {
   for (int lane = 0; lane < kLanes; ++lane) {
     const InterpolatedPixel<Channels> pixel = interpolateAt(image, g, lane);
+    observed->weight[lane] = pixel.value[3];
     for (int c = 0; c < 3; ++c) {
       observed->value[c][lane] = pixel.value[c];
       observed->du[c][lane] = pixel.du[c];
@@ -150,7 +155,7 @@ void sumTile(const KernelView& view, const KernelTile& tile, const KernelRules& 
       rendered.du[c] = load(colours.rendered_du[c] + i);
       rendered.dv[c] = load(colours.rendered_dv[c] + i);
     }
-    const Vector weight = choose(g.inside, load(colours.weight + i), Vector{});
+    const Vector weight = choose(g.inside, load(group.weight) * load(colours.weight + i), Vector{});
     addPoint(pointFlow(view.image.K, view.pose, g.p, g.q),
              pointResidual(rendered, observed, local, rules.observed_fraction), weight,
              Vector{} + rules.robust_scale, &lanes);

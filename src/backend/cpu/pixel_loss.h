@@ -14,6 +14,10 @@ struct PixelLoss {
   RayLossGradient gradient = {{0, 0, 0}, 0};
 };
 
+inline PremultipliedColour colourOf(const RayResult& ray) {
+  return {{ray.rgb[0], ray.rgb[1], ray.rgb[2]}, ray.alpha};
+}
+
 inline PixelLoss toPixelLoss(const PixelLossTerm& term) {
   return {term.loss, term.weight, {{term.rgb[0], term.rgb[1], term.rgb[2]}, term.alpha}};
 }
@@ -22,21 +26,25 @@ inline PixelLoss toPixelLoss(const PixelLossTerm& term) {
 inline PixelLoss lossOnBackground(Loss kind, const RayResult& ray,
                                   const Eigen::Vector3f& background, const float* observed,
                                   float weight) {
-  return toPixelLoss(
-      lossBeforeKnown(kind, ray.rgb, ray.alpha, background.data(), observed, weight));
+  return toPixelLoss(lossBeforeKnown(kind, colourOf(ray), background.data(), observed, weight));
 }
 
 /// @see lossBeforeUnknown
 inline PixelLoss lossOfOpaque(Loss kind, const RayResult& ray, const float* observed,
                               float weight) {
-  return toPixelLoss(lossBeforeUnknown(kind, ray.rgb, ray.alpha, observed, weight));
+  return toPixelLoss(lossBeforeUnknown(kind, colourOf(ray), observed, weight));
 }
 
-/// Loss of a ray through pixel (x, y) of a level.
+/// A pixel's column and row in its image.
+struct PixelIndex {
+  int x, y;
+};
+
+/// Loss of a ray through a pixel of a level.
 inline PixelLoss pixelLoss(Loss kind, const CpuObservation& observation, const ObservedLevel& level,
-                           int x, int y, const RayResult& ray) {
-  const float* observed = level.image.pixel(x, y);
-  const float weight = level.weight.at(x, y, 0);
+                           PixelIndex pixel, const RayResult& ray) {
+  const float* observed = level.image.pixel(pixel.x, pixel.y);
+  const float weight = level.weight.at(pixel.x, pixel.y, 0);
   if (observation.background == Background::kUnknown) {
     return lossOfOpaque(kind, ray, observed, weight);
   }

@@ -39,12 +39,14 @@ void RayBatch::findFirstSamples(const FieldView& field, const MarchSpace& space,
   std::copy(space.box_max, space.box_max + 3, kernel_space.box_max);
   kernel_space.near = space.near;
   kernel_space.step = space.step;
-  const float* const origin[3] = {given_.origin[0].data(), given_.origin[1].data(),
-                                  given_.origin[2].data()};
-  const float* const direction[3] = {given_.direction[0].data(), given_.direction[1].data(),
-                                     given_.direction[2].data()};
-  field.kernels->firstSamples(kernel_space, origin, direction, given_.jitter.data(),
-                              roundUpToColumnGroup(n), first_.data());
+  KernelRays rays;
+  for (int a = 0; a < 3; ++a) {
+    rays.origin[a] = given_.origin[a].data();
+    rays.direction[a] = given_.direction[a].data();
+  }
+  rays.offset = given_.jitter.data();
+  rays.count = roundUpToColumnGroup(n);
+  field.kernels->firstSamples(kernel_space, rays, first_.data());
 }
 
 void RayBatch::begin(const FieldView& field, const MarchSpace& space, int n) {
@@ -79,17 +81,16 @@ void RayBatch::begin(const FieldView& field, const MarchSpace& space, int n) {
 const float* RayBatch::harmonicsOf(int r) {
   RayState& ray = rays_[r];
   if (!ray.has_harmonics) {
-    sphericalHarmonics(ray.direction[0], ray.direction[1], ray.direction[2], sh_degree_,
-                       ray.harmonics);
+    sphericalHarmonics(ray.direction, sh_degree_, ray.harmonics);
     ray.has_harmonics = true;
   }
   return ray.harmonics;
 }
 
 void RayBatch::takeSamples() {
-  float* const x = pool_.x();
-  float* const y = pool_.y();
-  float* const z = pool_.z();
+  float* const x = pool_.position(0);
+  float* const y = pool_.position(1);
+  float* const z = pool_.position(2);
   for (const int r : active_) {
     RayState& ray = rays_[r];
     RaySample sample;
@@ -111,7 +112,7 @@ bool RayBatch::advance(const FieldView& field, float min_transmittance) {
   const int count = static_cast<int>(columns_.size()) - first;
   const int padded = roundUpToColumnGroup(count);
   for (int s = first + count; s < first + padded; ++s) {
-    pool_.x()[s] = pool_.y()[s] = pool_.z()[s] = 0.5f;
+    for (int a = 0; a < 3; ++a) pool_.position(a)[s] = 0.5f;
     columns_.push_back({-1, {0, 0}, 0, 0});
   }
   density_evaluations_ += static_cast<std::uint64_t>(count);

@@ -9,10 +9,10 @@
 namespace nerf_pose_refiner {
 
 Rendering RayRenderer::render(const View& view, const RenderOptions& options,
-                              const CancellationToken& stop) const {
+                              const CancellationToken& cancellation) const {
   requireView(view);
   Image image;
-  renderImages(*this, {{view.camera, view.T_O_C, 1, &image}}, options, stop);
+  renderImages(*this, {{view.camera, view.T_O_C, 1, &image}}, options, cancellation);
   return unpacked(view.camera, image.values.data(), field().metadata.centre.cast<float>());
 }
 

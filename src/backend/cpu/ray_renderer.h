@@ -17,6 +17,15 @@ struct Ray {
   float direction[3];  ///< unit length
 };
 
+/// Rays side by side.
+struct RaySpan {
+  const Ray* data;
+  int size;
+
+  const Ray& operator[](int i) const { return data[i]; }
+  RaySpan part(int first, int count) const { return {data + first, count}; }
+};
+
 /// What a ray sees: sums over its samples, with w the sample's weight (transmittance * opacity).
 struct RayResult {
   float rgb[3];    ///< sum of w * colour: premultiplied, sRGB-encoded
@@ -36,6 +45,9 @@ struct RayLossGradient {
   float alpha;
 };
 
+/// The derivative of a loss for ray i, which has this result.
+using RayLoss = std::function<RayLossGradient(int i, const RayResult&)>;
+
 /// A field in the CPU backend: whatever rays can be cast through is rendered and searched for. The
 /// hash grid is one; an analytic scene takes its place in tests. The casting of rays may be called
 /// from many threads at once.
@@ -48,22 +60,22 @@ class RayRenderer : public LoadedField {
   CpuProcessor& processor() const { return *processor_; }
 
   Rendering render(const View& view, const RenderOptions& options,
-                   const CancellationToken& stop) const final;
+                   const CancellationToken& cancellation) const final;
   std::unique_ptr<PoseSolver> makeSolver(const Observation& observation,
                                          const std::vector<ImageLevel>& levels,
                                          int capacity) const final;
 
-  /// Renders n rays. @param work is added to. Results do not depend on how rays are grouped.
-  virtual void renderRays(const Ray* rays, int n, const RenderOptions& options, RayResult* results,
-                          CostCounters* work) const = 0;
+  /// Renders rays, each into its own result. Results do not depend on how rays are grouped.
+  /// @return what it cost.
+  virtual CostCounters renderRays(RaySpan rays, const RenderOptions& options,
+                                  RayResult* results) const = 0;
 
-  /// Renders n rays, asks `loss_gradient(ray index, result)` once for each, and carries the answer
-  /// back to the sample positions with the parameters frozen. Sample distances are held fixed; the
-  /// viewing direction's own term is added to the torque if `direction_gradient`.
-  virtual void rayGradients(
-      const Ray* rays, int n, const RenderOptions& options, bool direction_gradient,
-      const std::function<RayLossGradient(int, const RayResult&)>& loss_gradient,
-      RayGradient* gradients, CostCounters* work) const = 0;
+  /// Renders rays, calls `loss` once for each, and propagates its derivative back to the sample
+  /// positions with the parameters frozen. Sample distances are held fixed; the viewing direction's
+  /// own term is added to the torque if `direction_gradient`. @return what it cost.
+  virtual CostCounters rayGradients(RaySpan rays, const RenderOptions& options,
+                                    bool direction_gradient, const RayLoss& loss,
+                                    RayGradient* gradients) const = 0;
 
  private:
   std::shared_ptr<CpuProcessor> processor_;

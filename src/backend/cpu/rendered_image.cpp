@@ -66,7 +66,7 @@ void renderTile(const RayRenderer& scene, const ImageRequest& request, const Til
   }
   const int rays = static_cast<int>(buffers.rays.size());
   buffers.results.resize(buffers.rays.size());
-  scene.renderRays(buffers.rays.data(), rays, options, buffers.results.data(), work);
+  *work += scene.renderRays({buffers.rays.data(), rays}, options, buffers.results.data());
 
   const Eigen::Vector3f centre = scene.field().metadata.centre.cast<float>();
   const float fraction = 1.0f / static_cast<float>(side * side);
@@ -98,7 +98,7 @@ Ray rayThrough(const Camera& camera, const Pose& T_O_C, double u, double v) {
 }
 
 void renderImages(const RayRenderer& scene, const std::vector<ImageRequest>& requests,
-                  const RenderOptions& options, const CancellationToken& stop) {
+                  const RenderOptions& options, const CancellationToken& cancellation) {
   for (const ImageRequest& request : requests) {
     *request.image = Image(request.camera.width, request.camera.height, kImageChannels);
     for (std::size_t i = 0; i < request.image->pixels(); ++i) {
@@ -109,7 +109,7 @@ void renderImages(const RayRenderer& scene, const std::vector<ImageRequest>& req
   CpuProcessor& processor = scene.processor();
   std::mutex costs_mutex;  // guards the processor's
   parallelFor(processor.threads, static_cast<int>(tiles.size()), [&](int i) {
-    stop.check();
+    cancellation.check();
     CostCounters tile_work;
     renderTile(scene, requests[tiles[i].request], tiles[i], options, &tile_work);
     const std::lock_guard<std::mutex> lock(costs_mutex);

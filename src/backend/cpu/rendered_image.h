@@ -21,7 +21,7 @@ struct ImageRequest {
 
 /// Renders images, on all threads of the scene's processor together.
 void renderImages(const RayRenderer& scene, const std::vector<ImageRequest>& requests,
-                  const RenderOptions& options, const CancellationToken& stop);
+                  const RenderOptions& options, const CancellationToken& cancellation);
 
 /// Replaces an image by the weighted means of its pixels under a Gaussian; the weights (channel
 /// kWeight) become their sum. What lies outside weighs nothing, so two images with the same

@@ -17,34 +17,6 @@ std::vector<TiledRows> makeRows(const std::vector<CpuLayer>& layers, int capacit
   return rows;
 }
 
-/// All layers for columns of one tile.
-void forwardTile(const CpuKernels& kernels, const std::vector<CpuLayer>& layers,
-                 std::vector<TiledRows>* activations, int first, int count) {
-  for (std::size_t l = 0; l < layers.size(); ++l) {
-    kernels.layer(layers[l].weights.data(), layers[l].outputs, layers[l].inputs,
-                  (*activations)[l].at(first), (*activations)[l + 1].at(first), count, kStride,
-                  layers[l].relu);
-  }
-}
-
-void backwardLayers(const CpuKernels& kernels, const std::vector<CpuLayer>& layers,
-                    const std::vector<TiledRows>& activations, std::vector<TiledRows>* gradients,
-                    int first, int count, std::vector<float>* weight_gradients) {
-  for (int l = static_cast<int>(layers.size()) - 1; l >= 0; --l) {
-    const CpuLayer& layer = layers[l];
-    float* out = (*gradients)[l + 1].at(first);
-    if (layer.relu) {
-      kernels.reluGradient(activations[l + 1].at(first), out, layer.outputs, count, kStride);
-    }
-    if (weight_gradients) {
-      kernels.layerWeightGradient(layer.outputs, layer.inputs, out, activations[l].at(first), count,
-                                  kStride, weight_gradients[l].data());
-    }
-    kernels.layer(layer.transposed.data(), layer.inputs, layer.outputs, out,
-                  (*gradients)[l].at(first), count, kStride, false);
-  }
-}
-
 }  // namespace
 
 TiledRows::TiledRows(int rows, int columns)
@@ -55,16 +27,42 @@ TiledRows::TiledRows(int rows, int columns)
   data_ = storage_.data() + ((64 - address % 64) % 64) / sizeof(float);
 }
 
+NetworkRows::NetworkRows(const std::vector<CpuLayer>& layers, int columns)
+    : activations_(makeRows(layers, columns)), gradients_(makeRows(layers, columns)) {}
+
+void NetworkRows::forward(const CpuKernels& kernels, const std::vector<CpuLayer>& layers, int first,
+                          int count) {
+  for (std::size_t l = 0; l < layers.size(); ++l) {
+    kernels.layer(layers[l].weights.data(), activations_[l].constPart(first, count),
+                  activations_[l + 1].part(first, count), layers[l].relu);
+  }
+}
+
+void NetworkRows::backward(const CpuKernels& kernels, const std::vector<CpuLayer>& layers,
+                           int first, int count, std::vector<float>* weight_gradients) {
+  for (int l = static_cast<int>(layers.size()) - 1; l >= 0; --l) {
+    TiledRows& out = gradients_[l + 1];
+    if (layers[l].relu) {
+      kernels.reluGradient(activations_[l + 1].constPart(first, count), out.part(first, count));
+    }
+    if (weight_gradients) {
+      kernels.layerWeightGradient(out.constPart(first, count),
+                                  activations_[l].constPart(first, count),
+                                  weight_gradients[l].data());
+    }
+    kernels.layer(layers[l].transposed.data(), out.constPart(first, count),
+                  gradients_[l].part(first, count), false);
+  }
+}
+
 SamplePool::SamplePool(const CpuNetworks& networks, int sh_degree, int capacity)
     : capacity_(capacity),
       harmonics_(sh_degree * sh_degree),
       geometry_(networks.colour.front().true_inputs - sh_degree * sh_degree),
       density_(capacity),
       density_gradient_(capacity),
-      density_activations_(makeRows(networks.density, capacity)),
-      colour_activations_(makeRows(networks.colour, capacity)),
-      density_gradients_(makeRows(networks.density, capacity)),
-      colour_gradients_(makeRows(networks.colour, capacity)) {
+      density_network_(networks.density, capacity),
+      colour_network_(networks.colour, capacity) {
   for (auto* rows : {position_, rgb_, rgb_gradient_}) {
     for (int r = 0; r < 3; ++r) rows[r].assign(capacity, 0.0f);
   }
@@ -72,25 +70,25 @@ SamplePool::SamplePool(const CpuNetworks& networks, int sh_degree, int capacity)
 
 void SamplePool::evaluateDensity(const FieldView& field, int first, int count) {
   forEachTile(first, count, [&](int s, int n) {
-    field.kernels->encode(field.grid, x() + s, y() + s, z() + s, n,
-                          density_activations_.front().at(s), kStride);
-    forwardTile(*field.kernels, field.networks->density, &density_activations_, s, n);
-    field.kernels->exponential(density_activations_.back().at(s), density() + s, n);
+    const float* const at[3] = {position(0) + s, position(1) + s, position(2) + s};
+    field.kernels->encode(field.grid, at, density_network_.input().part(s, n));
+    density_network_.forward(*field.kernels, field.networks->density, s, n);
+    field.kernels->exponential(density_network_.output().at(s), density() + s, n);
   });
 }
 
 void SamplePool::setColourInput(int column, const float* harmonics, int from) {
-  float* out = colour_activations_.front().at(column);
+  float* out = colour_network_.input().at(column);
   for (int k = 0; k < harmonics_; ++k, out += kStride) *out = harmonics[k];
-  const float* features = density_activations_.back().at(from) + kStride;  // behind the logit
+  const float* features = density_network_.output().at(from) + kStride;  // behind the logit
   for (int k = 0; k < geometry_; ++k, out += kStride, features += kStride) *out = *features;
 }
 
 void SamplePool::evaluateColour(const FieldView& field, int count) {
   forEachTile(0, count, [&](int s, int n) {
-    forwardTile(*field.kernels, field.networks->colour, &colour_activations_, s, n);
+    colour_network_.forward(*field.kernels, field.networks->colour, s, n);
     for (int c = 0; c < 3; ++c) {
-      field.kernels->sigmoid(colour_activations_.back().at(s) + c * kStride, rgb_[c].data() + s, n);
+      field.kernels->sigmoid(colour_network_.output().at(s) + c * kStride, rgb_[c].data() + s, n);
     }
   });
 }
@@ -103,27 +101,26 @@ void SamplePool::backward(const FieldView& field, int count,
 void SamplePool::backwardTile(const FieldView& field, int first, int count,
                               std::vector<std::vector<float>>* weight_gradients) {
   const std::size_t density_layers = field.networks->density.size();
-  float* colour_out = colour_gradients_.back().at(first);
+  float* colour_out = colour_network_.outputGradient().at(first);
   for (int c = 0; c < 3; ++c) {
     for (int s = 0; s < count; ++s) {  // of the sigmoid
       const float value = rgb_[c][first + s];
       colour_out[c * kStride + s] = rgb_gradient_[c][first + s] * value * (1 - value);
     }
   }
-  backwardLayers(*field.kernels, field.networks->colour, colour_activations_, &colour_gradients_,
-                 first, count,
-                 weight_gradients ? weight_gradients->data() + density_layers : nullptr);
+  colour_network_.backward(*field.kernels, field.networks->colour, first, count,
+                           weight_gradients ? weight_gradients->data() + density_layers : nullptr);
 
-  float* density_out = density_gradients_.back().at(first);
+  float* density_out = density_network_.outputGradient().at(first);
   for (int s = 0; s < count; ++s) {  // of the exponential
     density_out[s] = density_gradient_[first + s] * density_[first + s];
   }
-  const float* features = colour_gradients_.front().at(first) + harmonics_ * kStride;
+  const float* features = colour_network_.inputGradient().at(first) + harmonics_ * kStride;
   for (int k = 0; k < geometry_; ++k) {
     std::memcpy(density_out + (1 + k) * kStride, features + k * kStride, sizeof(float) * count);
   }
-  backwardLayers(*field.kernels, field.networks->density, density_activations_, &density_gradients_,
-                 first, count, weight_gradients ? weight_gradients->data() : nullptr);
+  density_network_.backward(*field.kernels, field.networks->density, first, count,
+                            weight_gradients ? weight_gradients->data() : nullptr);
 }
 
 }  // namespace nerf_pose_refiner

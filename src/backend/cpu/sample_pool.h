@@ -28,6 +28,12 @@ class TiledRows {
   const float* at(int column) const { return const_cast<TiledRows*>(this)->at(column); }
   int rows() const { return rows_; }
 
+  /// Columns [first, first + count) of one tile.
+  KernelRows part(int first, int count) { return {at(first), rows_, count, kTileStride}; }
+  ConstKernelRows constPart(int first, int count) const {
+    return {at(first), rows_, count, kTileStride};
+  }
+
  private:
   int rows_;
   std::vector<float> storage_;
@@ -41,7 +47,31 @@ struct FieldView {
   KernelGrid grid;
 };
 
-/// Room for samples and all that is computed for them: one thread's workspace. Columns are samples.
+/// What the layers of a network compute for many columns, and the gradients of the same.
+class NetworkRows {
+ public:
+  NetworkRows(const std::vector<CpuLayer>& layers, int columns);
+
+  /// All layers for columns of one tile.
+  void forward(const CpuKernels& kernels, const std::vector<CpuLayer>& layers, int first,
+               int count);
+
+  /// From outputGradient, which is written to, back to inputGradient.
+  /// @param weight_gradients of each layer, or null: frozen.
+  void backward(const CpuKernels& kernels, const std::vector<CpuLayer>& layers, int first,
+                int count, std::vector<float>* weight_gradients);
+
+  TiledRows& input() { return activations_.front(); }
+  TiledRows& output() { return activations_.back(); }
+  const TiledRows& inputGradient() const { return gradients_.front(); }
+  TiledRows& outputGradient() { return gradients_.back(); }
+
+ private:
+  std::vector<TiledRows> activations_;  ///< before each layer and behind the last
+  std::vector<TiledRows> gradients_;
+};
+
+/// Memory for samples and all that is computed for them, by one thread. Columns are samples.
 ///
 /// Forward activations are kept, so that gradients can be carried back through them.
 class SamplePool {
@@ -50,7 +80,7 @@ class SamplePool {
 
   int capacity() const { return capacity_; }
 
-  /// Density of columns [first, first + count) from positions x, y, z; first and count are
+  /// Density of columns [first, first + count) from their positions; first and count are
   /// multiples of kColumnGroup.
   void evaluateDensity(const FieldView& field, int first, int count);
 
@@ -67,15 +97,13 @@ class SamplePool {
   void backward(const FieldView& field, int count,
                 std::vector<std::vector<float>>* weight_gradients);
 
-  float* x() { return position_[0].data(); }  ///< in N
-  float* y() { return position_[1].data(); }
-  float* z() { return position_[2].data(); }
+  float* position(int axis) { return position_[axis].data(); }  ///< in N
   float* density() { return density_.data(); }
   const float* rgb(int channel) const { return rgb_[channel].data(); }
   float* rgbGradient(int channel) { return rgb_gradient_[channel].data(); }
   float* densityGradient() { return density_gradient_.data(); }
-  const TiledRows& encodingGradient() const { return density_gradients_.front(); }
-  const TiledRows& colourInputGradient() const { return colour_gradients_.front(); }
+  const TiledRows& encodingGradient() const { return density_network_.inputGradient(); }
+  const TiledRows& colourInputGradient() const { return colour_network_.inputGradient(); }
 
  private:
   void backwardTile(const FieldView& field, int first, int count,
@@ -85,9 +113,7 @@ class SamplePool {
   int harmonics_;  ///< rows of spherical harmonics
   int geometry_;   ///< rows of geometry features
   std::vector<float> position_[3], density_, density_gradient_, rgb_[3], rgb_gradient_[3];
-  // Activations before each layer and behind the last; gradients of the same shapes.
-  std::vector<TiledRows> density_activations_, colour_activations_;
-  std::vector<TiledRows> density_gradients_, colour_gradients_;
+  NetworkRows density_network_, colour_network_;
 };
 
 /// Calls body(first, count) for the parts of columns [first, first + count) that lie in one tile.

@@ -59,7 +59,7 @@ class StageEvaluator::Steps {
     RenderOptions options;
     options.step_scale = align.step_scale;
     options.min_transmittance = align.min_transmittance;
-    renderImages(stage_.scene_, requests, options, stage_.request_.stop);
+    renderImages(stage_.scene_, requests, options, stage_.request_.cancellation);
     const std::vector<float>& weight = target_.level->weight.values;
     for (Evaluation* e : evaluations_) {
       for (std::size_t i = 0; i < weight.size(); ++i) {
@@ -101,10 +101,9 @@ class StageEvaluator::Steps {
   void fitGainBias() {
     if (!target_.fit_gain_bias) return;
     for (int pass = 0; pass < 2; ++pass) {
-      const auto moments =
-          sumChunks<GainBiasMoments>([&](const Evaluation& e, int first, int last) {
-            return sumGainBias(target_, e.image, e.gain_bias, first, last);
-          });
+      const auto moments = sumChunks<GainBiasMoments>([&](const Evaluation& e, RowRange rows) {
+        return sumGainBias(target_, e.image, e.gain_bias, rows);
+      });
       for (int i = 0; i < count_; ++i) evaluations_[i]->gain_bias = solveGainBias(moments[i]);
     }
   }
@@ -120,9 +119,9 @@ class StageEvaluator::Steps {
 
   void sum() {
     const bool contrasts = target_.rules.kind == Comparison::kContrasts;
-    const auto sums = sumChunks<AlignmentSums>([&](const Evaluation& e, int first, int last) {
+    const auto sums = sumChunks<AlignmentSums>([&](const Evaluation& e, RowRange rows) {
       const GainBias<float> gain_bias = contrasts ? GainBias<float>() : e.gain_bias;
-      return sumAlignment(target_, e.image, e.T_O_C, gain_bias, first, last);
+      return sumAlignment(target_, e.image, e.T_O_C, gain_bias, rows);
     });
     for (int i = 0; i < count_; ++i) evaluations_[i]->sums = sums[i];
   }
@@ -137,8 +136,8 @@ class StageEvaluator::Steps {
     std::vector<Sums> parts(static_cast<std::size_t>(count_) * chunks);
     parallelFor(threads(), count_ * chunks, [&](int i) {
       const int first = i % chunks * kRowsPerChunk;
-      parts[i] =
-          sum_rows(*evaluations_[i / chunks], first, std::min(height, first + kRowsPerChunk));
+      parts[i] = sum_rows(*evaluations_[i / chunks],
+                          RowRange{first, std::min(height, first + kRowsPerChunk)});
     });
     std::vector<Sums> sums(count_);
     for (int i = 0; i < count_ * chunks; ++i) sums[i / chunks].add(parts[i]);

@@ -23,7 +23,7 @@ struct Evaluation {
 struct StageRequest {
   int level;
   const AlignStage& align;
-  const CancellationToken& stop;
+  const CancellationToken& cancellation;
 };
 
 /// One stage: the poses' common target, and how images of them are made and compared with it.

@@ -24,7 +24,7 @@ TfBridge::TfBridge(tf2::BufferCore& buffer, const FrameSettings& frames)
       })) {}
 
 Pose TfBridge::wait(const std::string& what, const Lookup& lookup,
-                    const CancellationToken& stop) const {
+                    const CancellationToken& cancellation) const {
   // tf2_ros::Buffer waits by the ROS clock, which stands still in a simulation that is paused.
   using std::chrono::steady_clock;
   const auto deadline =
@@ -38,7 +38,7 @@ Pose TfBridge::wait(const std::string& what, const Lookup& lookup,
     try {
       return fromMessage(lookup().transform);
     } catch (const tf2::TransformException& e) {
-      if (stop.cancelRequested() || steady_clock::now() >= deadline) {
+      if (cancellation.cancelRequested() || steady_clock::now() >= deadline) {
         throw InputError(TrackReason::kNoTransform, what + ": " + e.what());
       }
     }
@@ -52,7 +52,8 @@ std::string TfBridge::outputFrame(const std::string& camera_frame) const {
   return frames_.output_frame.empty() ? camera_frame : frames_.output_frame;
 }
 
-Pose TfBridge::cameraInOutput(const ImageStamp& image, const CancellationToken& stop) const {
+Pose TfBridge::cameraInOutput(const ImageStamp& image,
+                              const CancellationToken& cancellation) const {
   const std::string output_frame = outputFrame(image.camera_frame);
   if (output_frame == image.camera_frame) return Pose();
   return wait(
@@ -60,11 +61,11 @@ Pose TfBridge::cameraInOutput(const ImageStamp& image, const CancellationToken& 
       [&] {
         return buffer_.lookupTransform(output_frame, image.camera_frame, toTime(image.stamp_ns));
       },
-      stop);
+      cancellation);
 }
 
 Pose TfBridge::inCamera(const TimedPose& estimate, const ImageStamp& image,
-                        const CancellationToken& stop) const {
+                        const CancellationToken& cancellation) const {
   const std::int64_t since_ns = estimate.stamp_ns == 0 ? image.stamp_ns : estimate.stamp_ns;
   const bool same_frame = estimate.frame_id == image.camera_frame;
   if (same_frame && (frames_.fixed_frame.empty() || since_ns == image.stamp_ns)) {
@@ -77,7 +78,7 @@ Pose TfBridge::inCamera(const TimedPose& estimate, const ImageStamp& image,
         return buffer_.lookupTransform(image.camera_frame, toTime(image.stamp_ns),
                                        estimate.frame_id, toTime(since_ns), fixed);
       },
-      stop);
+      cancellation);
   return T_C_P * estimate.T_P_U;
 }
 

@@ -27,13 +27,13 @@ class TfBridge : public Transforms {
 
   /// The camera in ~output_frame (T_W_C, metres) at an image's time.
   /// @throws InputError if TF does not say it in time.
-  Pose cameraInOutput(const ImageStamp& image, const CancellationToken& stop) const;
+  Pose cameraInOutput(const ImageStamp& image, const CancellationToken& cancellation) const;
 
   /// Between the time of the estimate and the image's, the object stands still in ~fixed_frame; if
   /// that is not set, in the frame that the pose is given in.
   /// @throws InputError if TF does not say it in time.
   Pose inCamera(const TimedPose& estimate, const ImageStamp& image,
-                const CancellationToken& stop) const override;
+                const CancellationToken& cancellation) const override;
 
   void clear() override { buffer_.clear(); }
 
@@ -49,7 +49,8 @@ class TfBridge : public Transforms {
   };
 
   using Lookup = std::function<geometry_msgs::TransformStamped()>;
-  Pose wait(const std::string& what, const Lookup& lookup, const CancellationToken& stop) const;
+  Pose wait(const std::string& what, const Lookup& lookup,
+            const CancellationToken& cancellation) const;
 
   tf2::BufferCore& buffer_;
   FrameSettings frames_;

@@ -22,9 +22,9 @@ CameraSubscription::Connection::~Connection() {
   camera_->receiver_.reset();
 }
 
-CameraSubscription::CameraSubscription(const ros::NodeHandle& nh, const ros::NodeHandle& pnh,
-                                       const std::string& transport, Diagnostics* diagnostics)
-    : nh_(nh), pnh_(pnh), transport_hint_(transport), diagnostics_(diagnostics), transport_(nh) {}
+CameraSubscription::CameraSubscription(const NodeHandles& nodes, const std::string& transport,
+                                       Diagnostics* diagnostics)
+    : nodes_(nodes), transport_hint_(transport), diagnostics_(diagnostics), transport_(nodes.nh) {}
 
 void CameraSubscription::setEnabled(bool enabled) {
   {
@@ -51,7 +51,7 @@ void CameraSubscription::update() {
 void CameraSubscription::listen() {
   const Receiver* receiver = receiver_.get();
   // A queue, for camera_info comes before an image that is decoded on its way.
-  const image_transport::TransportHints hints(transport_hint_, ros::TransportHints(), pnh_);
+  const image_transport::TransportHints hints(transport_hint_, ros::TransportHints(), nodes_.pnh);
   const auto guarded_image = [this, receiver](const sensor_msgs::ImageConstPtr& image,
                                               const sensor_msgs::CameraInfoConstPtr& info) {
     diagnostics_->guard("image", [&] { receiver->image(image, info); });
@@ -62,7 +62,7 @@ void CameraSubscription::listen() {
         [this, topic, take](const sensor_msgs::ImageConstPtr& mask) {
           diagnostics_->guard(topic, [&] { take(mask); });
         };
-    return nh_.subscribe<sensor_msgs::Image>(topic, 10, guarded);
+    return nodes_.nh.subscribe<sensor_msgs::Image>(topic, 10, guarded);
   };
   if (receiver->mask) masks_ = subscribe(topics::kMask, receiver->mask);
   ignore_masks_ = subscribe(topics::kIgnoreMask, receiver->ignore_mask);

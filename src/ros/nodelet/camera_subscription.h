@@ -2,7 +2,6 @@
 #pragma once
 
 #include <image_transport/image_transport.h>
-#include <ros/node_handle.h>
 #include <ros/subscriber.h>
 
 #include <functional>
@@ -10,6 +9,7 @@
 #include <mutex>
 #include <string>
 
+#include "ros/conversions/node_handles.h"
 #include "ros/nodelet/diagnostics.h"
 
 namespace nerf_pose_refiner {
@@ -40,8 +40,8 @@ class CameraSubscription {
   };
 
   /// @param transport that image_transport is asked for. @param diagnostics outlives this object.
-  CameraSubscription(const ros::NodeHandle& nh, const ros::NodeHandle& pnh,
-                     const std::string& transport, Diagnostics* diagnostics);
+  CameraSubscription(const NodeHandles& nodes, const std::string& transport,
+                     Diagnostics* diagnostics);
 
   void setEnabled(bool enabled);
 
@@ -52,8 +52,7 @@ class CameraSubscription {
   void listen();
   void unsubscribe();
 
-  ros::NodeHandle nh_;
-  ros::NodeHandle pnh_;
+  NodeHandles nodes_;
   std::string transport_hint_;
   Diagnostics* diagnostics_;
   image_transport::ImageTransport transport_;

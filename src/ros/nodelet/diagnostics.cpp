@@ -75,20 +75,20 @@ void TopicHealth::run(diagnostic_updater::DiagnosticStatusWrapper& report) {
   }
 }
 
-Diagnostics::Diagnostics(const ros::NodeHandle& nh, const ros::NodeHandle& pnh,
-                         const std::string& name, const DiagnosticSettings& settings)
+Diagnostics::Diagnostics(const NodeHandles& nodes, const std::string& name,
+                         const DiagnosticSettings& settings)
     : images_("images", "nobody makes use of them", settings.min_image_rate_hz,
               settings.max_image_age_s),
       poses_("poses", "nothing is tracked", 0, std::numeric_limits<double>::infinity()),
       since_(ros::WallTime::now()),
-      updater_(nh, pnh, name) {
+      updater_(nodes.nh, nodes.pnh, name) {
   updater_.setHardwareID("none");
   updater_.add("tracking", this, &Diagnostics::fillTracking);
   updater_.add(images_);
   updater_.add(poses_);
   updater_.add("engine", this, &Diagnostics::fillBackend);
-  timer_ = pnh.createWallTimer(ros::WallDuration(1.0),
-                               [this](const ros::WallTimerEvent&) { updater_.force_update(); });
+  timer_ = nodes.pnh.createWallTimer(
+      ros::WallDuration(1.0), [this](const ros::WallTimerEvent&) { updater_.force_update(); });
 }
 
 void Diagnostics::statusIs(const RefinementStatus& status) {

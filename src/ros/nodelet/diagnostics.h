@@ -4,7 +4,6 @@
 #include <diagnostic_updater/diagnostic_updater.h>
 #include <diagnostic_updater/publisher.h>
 #include <nerf_pose_refiner/RefinementStatus.h>
-#include <ros/node_handle.h>
 #include <ros/wall_timer.h>
 
 #include <cstdint>
@@ -14,6 +13,7 @@
 #include <utility>
 #include <vector>
 
+#include "ros/conversions/node_handles.h"
 #include "ros/conversions/parameters.h"
 
 namespace nerf_pose_refiner {
@@ -46,7 +46,7 @@ class Diagnostics {
   /// What else is known, in the order in which it is shown.
   using Facts = std::vector<std::pair<std::string, std::string>>;
 
-  Diagnostics(const ros::NodeHandle& nh, const ros::NodeHandle& pnh, const std::string& name,
+  Diagnostics(const NodeHandles& nodes, const std::string& name,
               const DiagnosticSettings& settings = {});
 
   /// What the tracker reported last. Any thread.

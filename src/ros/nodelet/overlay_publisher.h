@@ -50,7 +50,7 @@ class OverlayPublisher {
   FrameMailbox<Job> jobs_;
   std::mutex settings_mutex_;  ///< guards settings_
   OverlaySettings settings_;
-  CancellationToken stop_;
+  CancellationToken cancellation_;
   // The drawing thread's own.
   std::shared_ptr<Backend> backend_;
   std::shared_ptr<const Field> field_;

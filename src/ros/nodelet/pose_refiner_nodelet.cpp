@@ -26,13 +26,12 @@ void PoseRefinerNodelet::onInit() {
 
 void PoseRefinerNodelet::start() {
   readParameters();
-  ros::NodeHandle& nh = getNodeHandle();
   ros::NodeHandle& pnh = getPrivateNodeHandle();
   process_ = RefinerProcess::ofThisProcess();
   process_->models.setBudget(std::size_t{1000000} * parameters_.model_memory_mb, getName());
   transforms_ = std::make_unique<tf2_ros::Buffer>(ros::Duration(parameters_.frames.tf_cache_s));
-  transform_input_ = std::make_unique<TransformInput>(*transforms_, nh);
-  diagnostics_ = std::make_unique<Diagnostics>(nh, pnh, getName(), parameters_.diagnostics);
+  transform_input_ = std::make_unique<TransformInput>(*transforms_, getNodeHandle());
+  diagnostics_ = std::make_unique<Diagnostics>(nodeHandles(), getName(), parameters_.diagnostics);
   diagnostics_->showMemory([this] { return memoryFacts(); });
   advertiseResults();
   startTracking();
@@ -68,7 +67,7 @@ void PoseRefinerNodelet::readParameters() {
 
 void PoseRefinerNodelet::advertiseResults() {
   ros::NodeHandle& pnh = getPrivateNodeHandle();
-  camera_ = std::make_unique<CameraSubscription>(getNodeHandle(), pnh, parameters_.image_transport,
+  camera_ = std::make_unique<CameraSubscription>(nodeHandles(), parameters_.image_transport,
                                                  diagnostics_.get());
   const auto on_connect = [this](const ros::SingleSubscriberPublisher&) { camera_->update(); };
   const auto on_connect_image = [this](const image_transport::SingleSubscriberPublisher&) {
@@ -113,8 +112,13 @@ void PoseRefinerNodelet::startTracking() {
     return std::make_unique<RefinerSearch>(find_shared, settings.initial.refiner,
                                            settings.tracking.refiner);
   };
-  poses_ = std::make_unique<PoseService>(getNodeHandle(), getPrivateNodeHandle(), parameters_,
-                                         store(), make_search, tracked_.get(), *transforms_);
+  const auto find_object = [this](const std::string& name) {
+    if (!name.empty()) return store().load(name);
+    if (std::shared_ptr<const Field> tracked = tracked_->field()) return tracked;
+    throw InputError(TrackReason::kModelUnreadable, "no object is tracked: name one");
+  };
+  poses_ = std::make_unique<PoseService>(nodeHandles(), parameters_, find_object, make_search,
+                                         *transforms_);
 }
 
 void PoseRefinerNodelet::startObjectServices() {

@@ -10,6 +10,7 @@
 #include <future>
 #include <memory>
 
+#include "ros/conversions/node_handles.h"
 #include "ros/conversions/parameters.h"
 #include "ros/nodelet/camera_subscription.h"
 #include "ros/nodelet/diagnostics.h"
@@ -41,6 +42,7 @@ class PoseRefinerNodelet : public nodelet::Nodelet {
   void startTracking();
   void startObjectServices();
   void startReconfiguration();
+  NodeHandles nodeHandles() const { return {getNodeHandle(), getPrivateNodeHandle()}; }
   ProcessorFactory sharedProcessor() const;
   ObjectStore store() const;
   Diagnostics::Facts memoryFacts() const;

@@ -55,27 +55,24 @@ TimedPose seenFrom(const ImageStamp& image, const TimedPose& estimate, const Pos
 
 }  // namespace
 
-PoseService::PoseService(const ros::NodeHandle& nh, const ros::NodeHandle& pnh,
-                         const PoseRefinerParameters& parameters, const ObjectStore& store,
-                         MakeSearch make_search, const TrackedObject* tracked,
+PoseService::PoseService(const NodeHandles& nodes, const PoseRefinerParameters& parameters,
+                         FindObject find_object, MakeSearch make_search,
                          tf2::BufferCore& transforms)
-    : nh_(nh),
-      pnh_(pnh),
+    : nodes_(nodes),
       parameters_(parameters),
-      store_(store),
+      find_object_(std::move(find_object)),
       make_search_(std::move(make_search)),
-      tracked_(tracked),
       input_(parameters.image_is_rectified),
       tf_(transforms, parameters.frames),
       spinner_(1, &queue_) {
-  ros::NodeHandle service_nh(pnh);
+  ros::NodeHandle service_nh(nodes.pnh);
   service_nh.setCallbackQueue(&queue_);
   server_ = service_nh.advertiseService(topics::kRefine, &PoseService::onRefine, this);
   spinner_.start();
 }
 
 PoseService::~PoseService() {
-  stop_.requestCancel();
+  cancellation_.requestCancel();
   server_.shutdown();
   spinner_.stop();
 }
@@ -94,17 +91,17 @@ bool PoseService::onRefine(RefinePose::Request& request, RefinePose::Response& r
   using Clock = std::chrono::steady_clock;
   const ros::Time called = ros::Time::now();
   const Clock::time_point start = Clock::now();
-  const CancellationToken stop;
+  const CancellationToken cancellation;
   double timeout_s = 0;
   bool timed_out = false;
   try {
     timeout_s = timeoutOf(request);
     // This thread watches the time, another one works.
     std::future<void> work =
-        std::async(std::launch::async, [&] { refine(request, called, stop, &response); });
+        std::async(std::launch::async, [&] { refine(request, called, cancellation, &response); });
     while (work.wait_for(std::chrono::milliseconds(10)) != std::future_status::ready) {
       timed_out = std::chrono::duration<double>(Clock::now() - start).count() >= timeout_s;
-      if (timed_out || stop_.cancelRequested()) stop.requestCancel();
+      if (timed_out || cancellation_.cancelRequested()) cancellation.requestCancel();
     }
     work.get();
   } catch (const InputError& e) {
@@ -124,25 +121,25 @@ bool PoseService::onRefine(RefinePose::Request& request, RefinePose::Response& r
 
 /// @throws InputError for what cannot be used.
 void PoseService::refine(const RefinePose::Request& request, const ros::Time& called,
-                         const CancellationToken& stop, RefinePose::Response* response) {
+                         const CancellationToken& cancellation, RefinePose::Response* response) {
   const TrackerSettings settings = settingsForOneImage(parameters().tracker);
-  const std::shared_ptr<const Field> field = objectOf(request);
+  const std::shared_ptr<const Field> field = find_object_(request.object);
   const TimedPose given = initialPoseFrom(request.initial);
-  const CameraImage image = imageOf(request, called, stop);
+  const CameraImage image = imageOf(request, called, cancellation);
   const ImageStamp at = imageStampOf(image.image->header);
   ImageMasks masks;
   if (!request.mask.data.empty()) {
     masks.object = boost::make_shared<const sensor_msgs::Image>(request.mask);
   }
   Observation observation = input_.observe(*image.image, *image.info, masks);
-  const Pose T_W_C = tf_.cameraInOutput(at, stop);
+  const Pose T_W_C = tf_.cameraInOutput(at, cancellation);
   ObjectTracker tracker(make_search_(settings), settings);
   std::future<void> in_use = tracker.offerModel(field);
   tracker.applyModels();
   in_use.get();
-  tracker.offer(seenFrom(at, given, tf_.inCamera(given, at, stop)));
+  tracker.offer(seenFrom(at, given, tf_.inCamera(given, at, cancellation)));
   const TrackOutcome result =
-      tracker.track({at, [&](bool) { return std::move(observation); }, stop});
+      tracker.track({at, [&](bool) { return std::move(observation); }, cancellation});
 
   response->success = result.trusted;
   response->reason = toMessage(result.reason);
@@ -155,37 +152,32 @@ void PoseService::refine(const RefinePose::Request& request, const ros::Time& ca
   response->hypotheses = toMessage(result.refinement.hypotheses, T_W_C, field->metadata).hypotheses;
 }
 
-std::shared_ptr<const Field> PoseService::objectOf(const RefinePose::Request& request) const {
-  if (!request.object.empty()) return store_.load(request.object);
-  if (std::shared_ptr<const Field> tracked = tracked_->field()) return tracked;
-  throw InputError(TrackReason::kModelUnreadable, "no object is tracked: name one");
-}
-
 PoseService::CameraImage PoseService::imageOf(const RefinePose::Request& request,
                                               const ros::Time& called,
-                                              const CancellationToken& stop) const {
-  if (request.image.data.empty()) return waitForImage(called, stop);
+                                              const CancellationToken& cancellation) const {
+  if (request.image.data.empty()) return waitForImage(called, cancellation);
   return {boost::make_shared<const sensor_msgs::Image>(request.image),
           boost::make_shared<const sensor_msgs::CameraInfo>(request.camera_info)};
 }
 
 /// Listens to the camera for as long as it takes, whether or not the tracking does.
 PoseService::CameraImage PoseService::waitForImage(const ros::Time& called,
-                                                   const CancellationToken& stop) const {
+                                                   const CancellationToken& cancellation) const {
   ros::CallbackQueue queue;
-  ros::NodeHandle nh(nh_);
+  ros::NodeHandle nh(nodes_.nh);
   nh.setCallbackQueue(&queue);
   CameraImage newest;
   image_transport::ImageTransport transport(nh);
   const image_transport::TransportHints hints(parameters().image_transport, ros::TransportHints(),
-                                              pnh_);
+                                              nodes_.pnh);
   const image_transport::CameraSubscriber subscriber = transport.subscribeCamera(
       topics::kImage, 10,
       [&](const sensor_msgs::ImageConstPtr& image, const sensor_msgs::CameraInfoConstPtr& info) {
         if (!newest.image && image->header.stamp >= called) newest = {image, info};
       },
       ros::VoidPtr(), hints);
-  while (!newest.image && !stop.cancelRequested()) queue.callAvailable(ros::WallDuration(0.02));
+  while (!newest.image && !cancellation.cancelRequested())
+    queue.callAvailable(ros::WallDuration(0.02));
   if (newest.image) return newest;
   throw InputError(TrackReason::kNoImages,
                    "no image came that is not older than the call (topic '" +

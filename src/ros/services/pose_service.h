@@ -3,7 +3,6 @@
 
 #include <nerf_pose_refiner/RefinePose.h>
 #include <ros/callback_queue.h>
-#include <ros/node_handle.h>
 #include <ros/service_server.h>
 #include <ros/spinner.h>
 #include <tf2/buffer_core.h>
@@ -11,12 +10,12 @@
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <string>
 
 #include "ros/conversions/camera_input.h"
+#include "ros/conversions/node_handles.h"
 #include "ros/conversions/parameters.h"
 #include "ros/conversions/tf_bridge.h"
-#include "runtime/object_store.h"
-#include "runtime/tracked_object.h"
 #include "tracking/object_tracker.h"
 
 namespace nerf_pose_refiner {
@@ -25,15 +24,16 @@ namespace nerf_pose_refiner {
 /// Calls are answered one after the other, on a queue of their own.
 class PoseService {
  public:
+  /// The model of an object by its name; without a name, of the tracked one.
+  /// @throws ModelError, InputError.
+  using FindObject = std::function<std::shared_ptr<const Field>(const std::string& name)>;
   using MakeSearch = std::function<std::unique_ptr<ObjectSearch>(const TrackerSettings&)>;
 
-  /// @param nh where the topic `image` is.
-  /// @param make_search called for each call, so that no model stays in use.
-  /// @param transforms filled by another thread; outlives this object, as does tracked.
-  PoseService(const ros::NodeHandle& nh, const ros::NodeHandle& pnh,
-              const PoseRefinerParameters& parameters, const ObjectStore& store,
-              MakeSearch make_search, const TrackedObject* tracked, tf2::BufferCore& transforms);
-  /// Interrupts what is under way.
+  /// @param make_search called for each request, so that no model stays in use.
+  /// @param transforms filled by another thread; outlives this object.
+  PoseService(const NodeHandles& nodes, const PoseRefinerParameters& parameters,
+              FindObject find_object, MakeSearch make_search, tf2::BufferCore& transforms);
+  /// Cancels the request in progress.
   ~PoseService();
 
   /// Takes over the searches and the rules of tracking, from the next call on. By any thread.
@@ -47,23 +47,20 @@ class PoseService {
 
   bool onRefine(RefinePose::Request& request, RefinePose::Response& response);
   void refine(const RefinePose::Request& request, const ros::Time& called,
-              const CancellationToken& stop, RefinePose::Response* response);
-  std::shared_ptr<const Field> objectOf(const RefinePose::Request& request) const;
+              const CancellationToken& cancellation, RefinePose::Response* response);
   CameraImage imageOf(const RefinePose::Request& request, const ros::Time& called,
-                      const CancellationToken& stop) const;
-  CameraImage waitForImage(const ros::Time& called, const CancellationToken& stop) const;
+                      const CancellationToken& cancellation) const;
+  CameraImage waitForImage(const ros::Time& called, const CancellationToken& cancellation) const;
   PoseRefinerParameters parameters() const;
 
-  ros::NodeHandle nh_;
-  ros::NodeHandle pnh_;
+  NodeHandles nodes_;
   mutable std::mutex mutex_;  ///< guards parameters_
   PoseRefinerParameters parameters_;
-  ObjectStore store_;
+  FindObject find_object_;
   MakeSearch make_search_;
-  const TrackedObject* tracked_;
   CameraInput input_;
   TfBridge tf_;
-  CancellationToken stop_;  ///< of all calls
+  CancellationToken cancellation_;  ///< of all calls
   ros::CallbackQueue queue_;
   ros::ServiceServer server_;
   ros::AsyncSpinner spinner_;

@@ -98,11 +98,11 @@ RegistrationServices::RegistrationServices(const ros::NodeHandle& pnh,
 }
 
 RegistrationServices::~RegistrationServices() {
-  stop_.requestCancel();
+  cancellation_.requestCancel();
   service_.shutdown();
   service_spinner_.stop();
   action_spinner_.stop();  // from here on there are no new goals
-  for (const std::unique_ptr<Goal>& goal : goals_) goal->stop.requestCancel();
+  for (const std::unique_ptr<Goal>& goal : goals_) goal->cancellation.requestCancel();
   for (const std::unique_ptr<Goal>& goal : goals_) goal->thread.join();
   goals_.clear();
   action_.reset();
@@ -111,11 +111,12 @@ RegistrationServices::~RegistrationServices() {
 /// Registers and tracks. Never throws.
 RegisterObject::Response RegistrationServices::answer(const RegistrationRequest& request,
                                                       const RegistrationQueue::Listener& listener,
-                                                      const CancellationToken& stop) {
+                                                      const CancellationToken& cancellation) {
   const auto start = std::chrono::steady_clock::now();
   RegisterObject::Response response;
   try {
-    const RegisteredObject registered = queue_->run(registration_.jobOf(request), listener, stop);
+    const RegisteredObject registered =
+        queue_->run(registration_.jobOf(request), listener, cancellation);
     response.loaded_existing = registered.loaded_existing;
     response.psnr_db = static_cast<float>(registered.field->metadata.psnr_db);
     response.message = tracked_->track(registered.field) +
@@ -135,7 +136,7 @@ bool RegistrationServices::onService(RegisterObject::Request& request,
   RegistrationQueue::Listener listener;
   listener.progress = [log = std::make_shared<ProgressLog>(request.name)](
                           const RegistrationUpdate& update) { (*log)(update.progress); };
-  response = answer(toRequest(request), listener, stop_);
+  response = answer(toRequest(request), listener, cancellation_);
   return true;  // false would lose the message on its way
 }
 
@@ -152,7 +153,7 @@ void RegistrationServices::onGoal(Server::GoalHandle handle) {
 void RegistrationServices::onCancel(Server::GoalHandle handle) {
   std::lock_guard<std::mutex> lock(mutex_);
   for (const std::unique_ptr<Goal>& goal : goals_) {
-    if (goal->handle == handle) goal->stop.requestCancel();
+    if (goal->handle == handle) goal->cancellation.requestCancel();
   }
 }
 
@@ -170,10 +171,11 @@ void RegistrationServices::carryOut(Goal* goal) {
     goal->handle.publishFeedback(feedback);
   };
   const auto goal_message = goal->handle.getGoal();
-  const RegisterResult result = toResult(answer(toRequest(*goal_message), listener, goal->stop));
+  const RegisterResult result =
+      toResult(answer(toRequest(*goal_message), listener, goal->cancellation));
   if (result.success) {
     goal->handle.setSucceeded(result, result.message);
-  } else if (goal->stop.cancelRequested()) {
+  } else if (goal->cancellation.cancelRequested()) {
     goal->handle.setCanceled(result, result.message);
   } else {
     goal->handle.setAborted(result, result.message);

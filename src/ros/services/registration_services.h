@@ -39,7 +39,7 @@ class RegistrationServices {
   /// A goal and the thread that waits for it.
   struct Goal {
     Server::GoalHandle handle;
-    CancellationToken stop;
+    CancellationToken cancellation;
     bool done = false;  ///< guarded by mutex_
     std::thread thread;
   };
@@ -51,12 +51,12 @@ class RegistrationServices {
   void joinThoseDone();
   RegisterObject::Response answer(const RegistrationRequest& request,
                                   const RegistrationQueue::Listener& listener,
-                                  const CancellationToken& stop);
+                                  const CancellationToken& cancellation);
 
   ObjectRegistration registration_;
   RegistrationQueue* queue_;
   TrackedObject* tracked_;
-  CancellationToken stop_;  ///< of the service's callers
+  CancellationToken cancellation_;  ///< of the service's callers
 
   std::mutex mutex_;  ///< guards goals_
   std::list<std::unique_ptr<Goal>> goals_;

@@ -1,0 +1,70 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <limits>
+#include <optional>
+#include <vector>
+
+#include "backend/common/self_occlusion.h"
+#include "backend/cpu/frame_pyramid.h"
+#include "backend/keyframe_aligner.h"
+#include "math/tile_scatter.h"
+
+namespace nerf_pose_refiner {
+
+/// Aligns one keyframe with a frame from one start. Keeps its memory from start to start.
+class StartAligner {
+ public:
+  explicit StartAligner(const KeyframeKernels& kernels) : kernels_(&kernels) {}
+
+  /// @see KeyframeAligner::align
+  Hypothesis align(const FramePyramid& frame, const KeyframePoints& keyframe,
+                   const Pose& start_T_O_C, const KeyframeAlignmentSettings& settings);
+
+ private:
+  struct Evaluation {
+    CameraPose<double> pose;
+    PointSums<double> sums = {};
+    TileScatter scatter;
+    double loss = std::numeric_limits<double>::infinity();  // mean over all points
+  };
+
+  // The next pose to try, and how far it moves the object's rim [px of the level].
+  struct Step {
+    CameraPose<double> pose;
+    double rim_px;
+  };
+
+  void beginLevel(int level, const CameraPose<double>& pose);
+  Evaluation evaluate(const CameraPose<double>& pose, const KernelRules& rules);
+  Evaluation alignLevel(const std::vector<CameraPose<double>>& starts,
+                        const KeyframeAlignmentSettings& settings);
+  std::optional<Step> proposeStep(const Evaluation& from, double damping,
+                                  const KeyframeAlignmentSettings& settings) const;
+  Hypothesis hypothesisOf(const Evaluation& best, const KeyframeAlignmentSettings& settings) const;
+  void hideOccluded(const CameraPose<double>& pose);
+  void compareWhatIsSeen();
+  void carryGradients(const CameraPose<double>& pose);
+  void sampleFrame(const CameraPose<double>& pose);
+  void takeLocalColours(LocalColourColumns* local);
+  void lookAround(const CameraPose<double>& pose);
+
+  const KeyframeKernels* kernels_;
+  SelfOcclusion occlusion_;
+  // Of the start that is being aligned:
+  const KeyframePoints* keyframe_ = nullptr;
+  int evaluations_ = 0;
+  // Of the level that is being aligned:
+  int index_ = 0;
+  const KeyframeLevel* level_ = nullptr;
+  KernelImage image_ = {};
+  std::vector<std::int32_t> hidden_;  // cells of the keyframe that the object itself hides
+  std::vector<float> grid_, sums_;    // of colours in the keyframe's cells, @see boxSums
+  // Of the chosen points:
+  std::vector<float> weight_;
+  std::vector<float> rendered_[3], rendered_du_[3], rendered_dv_[3];
+  LocalColourColumns rendered_local_, local_;  // around them in the rendering, in the frame
+  int point_count_ = 0;                        // of those with weight
+};
+
+}  // namespace nerf_pose_refiner
