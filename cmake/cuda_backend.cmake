@@ -71,6 +71,7 @@ add_library(${npr_cuda} OBJECT
   cuda/train_rays.cu
   cuda/train_update.cu)
 npr_set_cuda_options(${npr_cuda})
+npr_precompile(${npr_cuda})
 target_include_directories(${npr_cuda} PRIVATE include src)
 target_link_libraries(${npr_cuda} PRIVATE Eigen3::Eigen CUDA::cudart_static OpenMP::OpenMP_CXX)
 target_sources(${PROJECT_NAME} PRIVATE $<TARGET_OBJECTS:${npr_cuda}>)

@@ -28,6 +28,8 @@ add_library(${ros_library} STATIC
 add_dependencies(${ros_library}
   ${PROJECT_NAME}_gencfg ${PROJECT_NAME}_generate_messages_cpp ${catkin_EXPORTED_TARGETS})
 npr_set_warnings(${ros_library})
+npr_precompile(${ros_library} <ros/ros.h> <sensor_msgs/CameraInfo.h> <sensor_msgs/Image.h>)
+set_target_properties(${ros_library} PROPERTIES POSITION_INDEPENDENT_CODE ON)  # of the nodelets
 # Private to this package.
 #catkin_lint: ignore_once external_interface_path
 target_include_directories(${ros_library} SYSTEM PUBLIC ${catkin_INCLUDE_DIRS})
@@ -53,13 +55,12 @@ target_link_libraries(${PROJECT_NAME}_initial_pose_marker_node PRIVATE ${ros_lib
 
 # Tools that read bags need ROS. The script of the evaluation is installed beside them.
 if(CLI11_FOUND)
-  npr_add_tool(check_trust src/tools/check_trust.cpp src/tools/tool.cpp
-    src/tools/trust_trials.cpp)
+  npr_add_tool(check_trust src/tools/check_trust.cpp src/tools/trust_trials.cpp)
   npr_add_tool(evaluate_bag src/tools/bag_evaluation.cpp src/tools/evaluate_bag.cpp
-    src/tools/evaluation_files.cpp src/tools/refine_case.cpp src/tools/tool.cpp)
+    src/tools/evaluation_files.cpp)
   foreach(tool check_trust evaluate_bag)
-    target_link_libraries(${PROJECT_NAME}_${tool} PRIVATE
-      ${ros_library} CLI11::CLI11 nlohmann_json::nlohmann_json)
+    target_link_libraries(${PROJECT_NAME}_${tool} PRIVATE ${tools} ${ros_library})
+    npr_reuse_precompiled(${PROJECT_NAME}_${tool} ${tools})
   endforeach()
 endif()
 catkin_install_python(PROGRAMS scripts/llff_to_transforms scripts/plot_evaluation
