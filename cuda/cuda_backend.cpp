@@ -4,8 +4,8 @@
 #include <stdexcept>
 #include <string>
 
-#include "backend/keyframe_aligner.h"
 #include "backend/make_backend.h"
+#include "cuda_keyframe_aligner.h"
 #include "cuda_loaded_field.h"
 #include "cuda_trainer.h"
 
@@ -69,7 +69,8 @@ std::shared_ptr<const LoadedField> CudaBackend::load(std::shared_ptr<const Field
 }
 
 std::unique_ptr<KeyframeAligner> CudaBackend::makeKeyframeAligner() {
-  return makeCpuKeyframeAligner();  // a few thousand points: the host aligns them as well
+  processor_->enter();
+  return std::make_unique<CudaKeyframeAligner>(processor_->device());
 }
 
 std::unique_ptr<FieldTrainer> CudaBackend::makeTrainer(const FieldConfig& config, const Box& box,
