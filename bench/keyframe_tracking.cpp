@@ -20,6 +20,7 @@
 #include "evaluation/pose_error.h"
 #include "evaluation/statistics.h"
 #include "field/object_metadata.h"
+#include "image/io.h"
 #include "recorded_sequence.h"
 #include "tracking/prediction.h"
 #include "views/keyframe.h"
@@ -61,7 +62,7 @@ class Stopwatch {
 
 struct Measured {
   std::vector<double> deg, fraction, frame_ms, convert_ms, prepare_ms, align_ms, evaluations,
-      render_ms, visible;
+      render_ms, visible, score;
   int right = 0;  // within 2 degrees and 2 % of the diameter
 };
 
@@ -82,7 +83,9 @@ class Benchmark {
         object_(field_->field().metadata),
         aligner_(backend_->makeKeyframeAligner()) {
     const double unit_m = object_.metres_per_unit > 0 ? object_.metres_per_unit : 1;
-    for (const Pose& T_C_O : sequence_.T_C_O) {
+    for (const RecordedFrame& frame : sequence_.frames) {
+      const Pose& T_C_O = frame.T_C_O;
+      images_.push_back(readImage(frame.file));
       truth_.push_back(Pose(T_C_O.R, T_C_O.t / unit_m).inverse());
     }
   }
@@ -118,7 +121,7 @@ class Benchmark {
           for (int a = 0; a < 3; ++a) turn[a] = width * kDegree * uniform(random);
           for (int a = 0; a < 3; ++a) shift[a] = 0.01 * width * object_.diameter * uniform(random);
           const Pose start = perturbed(truth_[i], object_, turn, shift);
-          aligner_->observe(observe(sequence_.images[i], sequence_.camera),
+          aligner_->observe(observe(images_[i], sequence_.camera),
                             frameWindowFor(*keyframe_, sequence_.camera, start));
           const Hypothesis aligned = align(start);
           const PoseError error =
@@ -151,7 +154,7 @@ class Benchmark {
         const Eigen::Vector3d turn(uniform(random), uniform(random), uniform(random));
         starts.push_back({number_, perturbed(truth_[i], object_, turn, Eigen::Vector3d::Zero())});
       }
-      aligner_->observe(observe(sequence_.images[i], sequence_.camera),
+      aligner_->observe(observe(images_[i], sequence_.camera),
                         frameWindowFor(*keyframe_, sequence_.camera, truth_[i]));
       const Stopwatch watch;
       aligner_->align(starts, settings, {});
@@ -176,6 +179,7 @@ class Benchmark {
     row("alignment, thread [ms]", measured_.align_ms);
     row("evaluations", measured_.evaluations);
     row("visible", measured_.visible);
+    row("score", measured_.score);
     row("keyframe [ms]", measured_.render_ms);
     std::printf("%zu keyframes of", measured_.render_ms.size());
     for (const KeyframeLevel& level : keyframe_->levels) {
@@ -209,7 +213,7 @@ class Benchmark {
 
   Hypothesis alignFrame(int i, const Pose& start) {
     const Stopwatch watch;
-    const Observation observation = observe(sequence_.images[i], sequence_.camera);
+    const Observation observation = observe(images_[i], sequence_.camera);
     const double converted = watch.thread_ms();
     aligner_->observe(observation, frameWindowFor(*keyframe_, sequence_.camera, start));
     const double prepared = watch.thread_ms();
@@ -224,6 +228,7 @@ class Benchmark {
     measured_.frame_ms.push_back(watch.wall_ms());
     measured_.evaluations.push_back(aligned.iterations);
     measured_.visible.push_back(aligned.visible_fraction);
+    measured_.score.push_back(aligned.score);
     measured_.right += measured_.deg.back() < 2 && measured_.fraction.back() < 2;
     if (options_.verbose) {
       std::printf("%3d: %.3f deg %.3f %%, loss %.4f, visible %.3f, %d evaluations, %.2f ms\n", i,
@@ -235,6 +240,7 @@ class Benchmark {
 
   Options options_;
   RecordedSequence sequence_;
+  std::vector<Image8> images_;
   std::shared_ptr<Backend> backend_;
   std::shared_ptr<const LoadedField> field_;
   const FieldMetadata& object_;

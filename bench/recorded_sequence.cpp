@@ -21,6 +21,13 @@ Pose poseFrom(const nlohmann::json& rows) {
   return pose;
 }
 
+std::string fileOf(const nlohmann::json& frame) {
+  if (frame.contains("file")) return frame.at("file");
+  char name[32];
+  std::snprintf(name, sizeof name, "frames/frame_%03d.png", frame.at("index").get<int>());
+  return name;
+}
+
 }  // namespace
 
 RecordedSequence readSequence(const std::string& folder) {
@@ -33,10 +40,13 @@ RecordedSequence readSequence(const std::string& folder) {
     sequence.camera = {json.at("width"), json.at("height"), json.at("fx"),
                        json.at("fy"),    json.at("cx"),     json.at("cy")};
     for (const nlohmann::json& frame : json.at("frames")) {
-      char name[32];
-      std::snprintf(name, sizeof name, "/frames/frame_%03d.png", frame.at("index").get<int>());
-      sequence.images.push_back(readImage(folder + name));
-      sequence.T_C_O.push_back(poseFrom(frame.at("T_C_O")));
+      RecordedFrame recorded;
+      recorded.file = folder + "/" + fileOf(frame);
+      recorded.stamp_ns = static_cast<std::int64_t>(
+          1e9 * frame.value("time_s", 0.1 * frame.at("index").get<int>()));
+      recorded.T_C_O = poseFrom(frame.at("T_C_O"));
+      recorded.label_visible = frame.value("label_visible", true);
+      sequence.frames.push_back(recorded);
     }
     return sequence;
   } catch (const nlohmann::json::exception& error) {

@@ -1,6 +1,7 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -10,14 +11,21 @@
 
 namespace nerf_pose_refiner {
 
+/// An image of a recording, and what is true of it.
+struct RecordedFrame {
+  std::string file;
+  std::int64_t stamp_ns = 0;
+  Pose T_C_O;                 ///< [m]
+  bool label_visible = true;  ///< false: the object looks alike from all around its axis z
+};
+
 /// Images of an object from one camera, with its true poses.
 struct RecordedSequence {
   Camera camera;
-  std::vector<Image8> images;  ///< [h][w][3]
-  std::vector<Pose> T_C_O;     ///< [m]
+  std::vector<RecordedFrame> frames;
 };
 
-/// Reads what demo/render.py writes: sequence.json and frames/frame_000.png, ...
+/// Reads sequence.json of a recording.
 /// @throws std::runtime_error naming the file and what is wrong with it.
 RecordedSequence readSequence(const std::string& folder);
 

@@ -32,7 +32,7 @@ ROS = (r'(ros|rosbag|nodelet|pluginlib|image_transport|image_geometry|cv_bridge|
 # it alone.
 MODULES = {
     'math': ((), ()),
-    'concurrency': ((), ()),
+    'concurrency': ((), (POSIX,)),
     'geometry': (('math',), (EIGEN,)),
     'files': ((), (JSON, POSIX)),
     'image': (('math', 'geometry', 'files'), (OPENCV,)),

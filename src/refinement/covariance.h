@@ -69,6 +69,9 @@ Matrix6 poseCovariance(const HypothesisTable& hypotheses, const Prior& prior,
 /// @param score as the backend has it; returned as it is if nothing was measured.
 double calibratedScore(double score, const PoseStatistics& statistics);
 
+/// The same of a keyframe's score (KeyframeAligner::align).
+double keyframeScore(double score, const PoseStatistics& statistics);
+
 /// The same of a score that is a share of the silhouette (colours were compared, not contrasts): 0
 /// if no more than half of it agrees.
 double scoreOfFraction(double fraction);

@@ -130,10 +130,10 @@ void FieldRefiner::carryOut(std::vector<RefinementRun>* runs) {
   const auto start = std::chrono::steady_clock::now();
   const CostCounters work_before = backend_->costs();
   try {
-    if (settings_.method == Method::kAlign) {
-      for (RefinementRun& run : *runs) runAlignment(&run);
-    } else {
+    if (settings_.method == Method::kInversion) {
       runInversions(runs);
+    } else {
+      for (RefinementRun& run : *runs) runAlignment(&run);
     }
   } catch (const Cancelled&) {
     for (RefinementRun& run : *runs) run.result->outcome = Outcome::kCancelled;

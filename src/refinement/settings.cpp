@@ -59,7 +59,8 @@ RefinerSettings RefinerSettings::named(const std::string& preset) {
         {32, 64, 10, 2, 1.0, 4}, {64, 12, 10, 2, 1.0, 4}, {128, 4, 10, 1, 1.0, 2},
         {256, 2, 8, 1, 1.0, 1},  {512, 1, 4, 1, 0.7, 1},
     };
-  } else if (preset == "track") {
+  } else if (preset == "track" || preset == "keyframes") {
+    if (preset == "keyframes") settings.method = Method::kKeyframes;
     settings.stages = {{64, 4, 2, 1, 1.5, 4}, {96, 2, 2, 1, 0.7, 2}, {128, 1, 3, 1, 0.7, 1}};
   } else if (preset == "paper") {
     settings.method = Method::kInversion;
@@ -83,11 +84,11 @@ RefinerSettings RefinerSettings::named(const std::string& preset) {
 }
 
 std::vector<std::string> RefinerSettings::presetNames() {
-  return {"align", "track", "paper", "paper_single", "inerf"};
+  return {"align", "track", "keyframes", "paper", "paper_single", "inerf"};
 }
 
 void RefinerSettings::validate() const {
-  if (method == Method::kAlign && stages.empty()) {
+  if (method != Method::kInversion && stages.empty()) {
     throw std::invalid_argument("RefinerSettings::stages is empty, must hold a stage at least");
   }
   for (std::size_t i = 0; i < stages.size(); ++i) {
@@ -97,6 +98,7 @@ void RefinerSettings::validate() const {
             "at most those of the stage before");
   }
   require(robust_scale >= 1e-3 && robust_scale <= 10, "robust_scale", robust_scale, "0.001..10");
+  keyframes.validate();
   inversion.validate();
 }
 

@@ -6,12 +6,14 @@
 #include <vector>
 
 #include "backend/plans.h"
+#include "refinement/keyframe_settings.h"
 
 namespace nerf_pose_refiner {
 
 /// How the pose is searched.
 enum class Method {
   kAlign,      ///< direct alignment: coarse to fine, Gauss-Newton on rendered images
+  kKeyframes,  ///< keyframes through the images of a sequence; one image alone: as kAlign
   kInversion,  ///< the paper's parallel inversion: Adam on SO(3) x T(3) with resampling
 };
 
@@ -69,18 +71,20 @@ constexpr double kInversionUnitsPerDiameter = 2.5;
 
 struct RefinerSettings {
   Method method = Method::kAlign;
-  std::vector<AlignStageSettings> stages;  ///< of Method::kAlign, coarse to fine
+  std::vector<AlignStageSettings> stages;  ///< of alignment to the field, coarse to fine
   double robust_scale = 0.1;
   /// Before an unknown background: compare contrasts with the surroundings instead of colours.
   /// Right for textured objects in any light; false for plain ones in the light of the photos.
   bool compare_contrast = true;
   bool fit_gain_bias = true;  ///< ignored before a known colour: the light is that of the photos
 
-  InversionSettings inversion;  ///< of Method::kInversion
+  KeyframeSearchSettings keyframes;  ///< of Method::kKeyframes
+  InversionSettings inversion;       ///< of Method::kInversion
 
   std::uint64_t seed = 1;
 
-  /// Presets: "align" (a wide search), "track" (from the last pose), "paper", "paper_single",
+  /// Presets: "align" (a wide search), "track" (from the last pose),
+  /// "keyframes" (the same by keyframes), "paper", "paper_single",
   /// "inerf" (of one hypothesis, to compare with).
   /// @throws std::invalid_argument listing the names that exist.
   static RefinerSettings named(const std::string& preset);

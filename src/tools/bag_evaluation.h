@@ -33,7 +33,7 @@ struct BagEvaluationSettings {
   std::string preset = "align";        ///< of the search from a start
   double search_rotation_deg = 15;     ///< half width of it
   double search_translation = 0.15;    ///< the same [object diameters]
-  std::string track_preset = "track";  ///< of the search from the last pose
+  std::string track_preset = "keyframes";  ///< of the search from the last pose
   double track_rotation_deg = 5;
   double track_translation = 0.05;
   /// The node's; `once` is set by `track`.

@@ -1,13 +1,23 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <optional>
 
 #include "refinement/field_refiner.h"
+#include "refinement/keyframe_follower.h"
 
 namespace nerf_pose_refiner {
+
+/// Where to look for the object.
+struct SearchRequest {
+  const Observation& observation;
+  Prior prior;
+  bool tracked = false;       ///< the prior is the pose of the image before
+  std::int64_t stamp_ns = 0;  ///< when the image was taken
+};
 
 /// What tracking asks of the library: find the object in an image. (Tests put another one in its
 /// place.) One thread at a time.
@@ -21,9 +31,8 @@ class ObjectSearch {
   /// Searches in another way from now on.
   virtual void configure(const RefinerSettings& initial, const RefinerSettings& tracking) = 0;
 
-  /// @param tracked the prior is the pose of the image before.
-  virtual Refinement search(const Observation& observation, const Prior& prior, bool tracked,
-                            const CancellationToken& stop) = 0;
+  virtual Refinement search(const SearchRequest& request,
+                            const CancellationToken& cancellation) = 0;
 };
 
 /// The right to use a processor that others want to use, too; it ends with this object.
@@ -43,7 +52,8 @@ struct SearchProcessor {
 /// long.
 using ProcessorFactory = std::function<SearchProcessor()>;
 
-/// Searches with a backend: widely from an initial pose, narrowly from the last one.
+/// Searches with a backend: widely from an initial pose, narrowly from the last one. To follow by
+/// keyframes takes no turn: their renderings are turns of their own.
 class RefinerSearch : public ObjectSearch {
  public:
   /// @param find_processor called with the first object.
@@ -52,8 +62,7 @@ class RefinerSearch : public ObjectSearch {
 
   void use(std::shared_ptr<const Field> field) override;
   void configure(const RefinerSettings& initial, const RefinerSettings& tracking) override;
-  Refinement search(const Observation& observation, const Prior& prior, bool tracked,
-                    const CancellationToken& stop) override;
+  Refinement search(const SearchRequest& request, const CancellationToken& cancellation) override;
 
  private:
   ProcessorFactory find_processor_;
@@ -63,6 +72,7 @@ class RefinerSearch : public ObjectSearch {
   std::optional<FieldRefiner> initial_;
   std::optional<FieldRefiner> tracking_;
   std::shared_ptr<const LoadedField> field_;
+  std::optional<KeyframeFollower> follower_;  ///< of the field; nothing: not asked for yet
 };
 
 }  // namespace nerf_pose_refiner

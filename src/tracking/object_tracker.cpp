@@ -299,7 +299,8 @@ void ObjectTracker::refine(const TrackerImage& image, const ImageDecision& decis
   result->field = field_;
   result->observation =
       std::make_shared<const Observation>(image.observe(settings_.usesMask(tracked)));
-  result->refinement = search_->search(*result->observation, *result->prior, tracked, image.cancel);
+  result->refinement = search_->search(
+      {*result->observation, *result->prior, tracked, image.at.stamp_ns}, image.cancel);
   conclude(decision, result);
 }
 

@@ -25,9 +25,9 @@ class SceneSearch final : public ObjectSearch {
         tracking_(backend_, tracking) {}
   void use(std::shared_ptr<const Field>) override {}
   void configure(const RefinerSettings&, const RefinerSettings&) override {}
-  Refinement search(const Observation& observation, const Prior& prior, bool tracked,
-                    const CancellationToken& cancellation) override {
-    return (tracked ? tracking_ : initial_).refine(scene_, observation, prior, cancellation);
+  Refinement search(const SearchRequest& request, const CancellationToken& cancellation) override {
+    FieldRefiner& refiner = request.tracked ? tracking_ : initial_;
+    return refiner.refine(scene_, request.observation, request.prior, cancellation);
   }
 
  private:

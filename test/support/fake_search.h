@@ -28,11 +28,10 @@ class FakeSearch : public ObjectSearch {
     seeds = {initial.seed, tracking.seed};
   }
 
-  Refinement search(const Observation& observation, const Prior& prior, bool tracked,
-                    const CancellationToken& cancellation) override {
-    priors.push_back(prior);
-    was_tracked.push_back(tracked);
-    width = observation.image.width;
+  Refinement search(const SearchRequest& request, const CancellationToken& cancellation) override {
+    priors.push_back(request.prior);
+    was_tracked.push_back(request.tracked);
+    width = request.observation.image.width;
     if (throws) throw std::runtime_error("the engine broke");
     while (waits_to_be_stopped && !cancellation.cancelRequested()) {
       searching = true;
