@@ -51,6 +51,9 @@ add_library(${npr_cuda} OBJECT
   cuda/cuda_backend.cpp
   cuda/cuda_error.cpp
   cuda/cuda_field.cpp
+  cuda/cuda_frame.cpp
+  cuda/cuda_keyframe.cpp
+  cuda/cuda_keyframe_aligner.cpp
   cuda/cuda_loaded_field.cpp
   cuda/cuda_observe.cpp
   cuda/cuda_optimise.cpp
@@ -62,6 +65,8 @@ add_library(${npr_cuda} OBJECT
   cuda/gpu_memory.cpp
   cuda/hypotheses.cu
   cuda/image_level.cu
+  cuda/image_pyramid.cu
+  cuda/keyframe_align.cu
   cuda/launch.cpp
   cuda/optimise.cu
   cuda/regions.cu

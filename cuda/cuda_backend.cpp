@@ -4,7 +4,6 @@
 #include <stdexcept>
 #include <string>
 
-#include "backend/keyframe_aligner.h"
 #include "backend/make_backend.h"
 #include "cuda_loaded_field.h"
 #include "cuda_trainer.h"
@@ -69,7 +68,7 @@ std::shared_ptr<const LoadedField> CudaBackend::load(std::shared_ptr<const Field
 }
 
 std::unique_ptr<KeyframeAligner> CudaBackend::makeKeyframeAligner() {
-  return makeCpuKeyframeAligner();  // a few thousand points: the host aligns them as well
+  return makeCpuKeyframeAligner();  // outlines are aligned on the host alone so far
 }
 
 std::unique_ptr<FieldTrainer> CudaBackend::makeTrainer(const FieldConfig& config, const Box& box,

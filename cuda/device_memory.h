@@ -92,7 +92,14 @@ class PinnedBuffer {
 /// A stream of its own, never the default one.
 class CudaStream {
  public:
-  CudaStream() { NPR_CUDA_CHECK(cudaStreamCreateWithFlags(&stream_, cudaStreamNonBlocking)); }
+  enum class Priority { kUsual, kHighest };
+
+  explicit CudaStream(Priority priority = Priority::kUsual) {
+    int lowest = 0, highest = 0;
+    NPR_CUDA_CHECK(cudaDeviceGetStreamPriorityRange(&lowest, &highest));
+    const int chosen = priority == Priority::kHighest ? highest : lowest;
+    NPR_CUDA_CHECK(cudaStreamCreateWithPriority(&stream_, cudaStreamNonBlocking, chosen));
+  }
   ~CudaStream() { cudaStreamDestroy(stream_); }
   CudaStream(const CudaStream&) = delete;
   CudaStream& operator=(const CudaStream&) = delete;

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "math/keyframe_alignment.h"
 #include "nerf_pose_refiner/camera.h"
 #include "nerf_pose_refiner/pose.h"
 
@@ -38,6 +39,10 @@ struct LocalColourColumns {
       mean[c].resize(points);
       inverse_deviation[c].resize(points);
     }
+  }
+  LocalColours<float> at(std::size_t i) const {
+    return {{mean[0][i], mean[1][i], mean[2][i]},
+            {inverse_deviation[0][i], inverse_deviation[1][i], inverse_deviation[2][i]}};
   }
 };
 

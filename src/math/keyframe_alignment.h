@@ -175,13 +175,27 @@ template <typename T>
 struct PointSums {
   T weight;            ///< of the points that are in the image
   T cost;              ///< robust
-  T explained;         ///< what of the cost is judged, and ...
-  T chance;            ///< ... what it would be if images had nothing in common there
   T robust_weight;     ///< what is left of `weight` where outliers lose theirs
   T squared_residual;  ///< robustly weighted
   T information[21];   ///< J^T W J and J^T W r, as NormalEquations6 has them
   T gradient[6];
 };
+
+/// What speaks for a pose: robust losses where there is anything to compare.
+template <typename T>
+struct EvidenceSums {
+  T explained;  ///< as they are, and ...
+  T chance;     ///< ... as they would be, had the images nothing in common
+};
+
+template <typename T>
+NPR_HOST_DEVICE inline void addEvidence(const PointResidual<T>& r, T weight, T scale,
+                                        EvidenceSums<T>* sums) {
+  T squared = r.value[0] * r.value[0];
+  for (int c = 1; c < 3; ++c) squared += r.value[c] * r.value[c];
+  sums->explained += weight * gemanMcClure(squared, scale).value;
+  sums->chance += weight * gemanMcClure(r.unrelated, scale).value;
+}
 
 /// Adds points. @param weight 0 for a point that is not seen. @param scale of the robust loss.
 template <typename T>
@@ -202,8 +216,6 @@ NPR_HOST_DEVICE inline void addPoint(const PixelFlow<T>& flow, const PointResidu
   const T w = weight * robust.weight;
   sums->weight += weight;
   sums->cost += weight * robust.value;
-  sums->explained += weight * robust.value;
-  sums->chance += weight * gemanMcClure(r.unrelated, scale).value;
   sums->robust_weight += w;
   sums->squared_residual += w * squared;
   T* entry = sums->information;

@@ -87,8 +87,6 @@ NPR_HOST_DEVICE inline void addOutlinePoint(const float rendered[kOutlineOpaciti
     sums->weight += weight;
     // Where there is no outline to be seen, leaving it is no gain.
     sums->cost += weight * robust.value + (share - weight) * chance;
-    sums->explained += weight * robust.value;
-    sums->chance += weight * chance;
     sums->robust_weight += w;
     sums->squared_residual += w * r * r;
     float* entry = sums->information;
@@ -97,6 +95,19 @@ NPR_HOST_DEVICE inline void addOutlinePoint(const float rendered[kOutlineOpaciti
       for (int b = 0; b <= a; ++b) *entry++ += g * flow[b];
       sums->gradient[a] += w * slope * r * flow[a];
     }
+  }
+}
+
+/// Adds what a point of the outline says for a pose.
+NPR_HOST_DEVICE inline void addOutlineEvidence(const float rendered[kOutlineOpacities],
+                                               const OutlineOpacities& observed,
+                                               const OutlineRules& rules,
+                                               EvidenceSums<float>* sums) {
+  const float weight = rules.weight / kOutlineOpacities * observed.weight;
+  for (int i = 0; i < kOutlineOpacities; ++i) {
+    const float r = kOutlineScale * (rendered[i] - observed.value[i]);
+    sums->explained += weight * gemanMcClure(r * r, rules.robust_scale).value;
+    sums->chance += weight * gemanMcClure(kOutlineChance, rules.robust_scale).value;
   }
 }
 

@@ -10,56 +10,14 @@
 #include <stdexcept>
 
 #include "backend/make_backend.h"
-#include "evaluation/clutter.h"
 #include "evaluation/pose_error.h"
-#include "image/colour.h"
-#include "support/analytic_scene.h"
-#include "support/cpu_processor.h"
-#include "views/keyframe.h"
+#include "support/keyframe_scene.h"
 
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr double kDegree = 3.14159265358979323846 / 180;
-const Camera kCamera = {320, 240, 400, 400, 159.5, 119.5};
-
-class KeyframeAlignerOnScene : public testing::Test {
+class KeyframeAlignerOnScene : public testing::Test, protected KeyframeScene {
  protected:
-  const FieldMetadata& object() const { return scene_->field().metadata; }
-
-  KeyframePoints keyframeAt(const Pose& T_O_C) { return renderKeyframe(*scene_, {kCamera, T_O_C}); }
-
-  // The scene before clutter, its colours times a gain, plus an offset.
-  Image imageOf(const Pose& T_O_C, const Eigen::Array3f& gain = Eigen::Array3f::Ones(),
-                float offset = 0) {
-    const Observation scene = observeScene(*scene_, kCamera, T_O_C);
-    Image image = clutter(kCamera.width, kCamera.height, 7);
-    for (std::size_t i = 0; i < image.pixels(); ++i) {
-      const float alpha = scene.alpha.values[i];
-      for (std::size_t c = 0; c < 3; ++c) {
-        const float colour = gain[static_cast<Eigen::Index>(c)] * scene.image.values[3 * i + c];
-        float& value = image.values[3 * i + c];
-        value = colour + alpha * offset + (1 - alpha) * value;
-      }
-    }
-    return image;
-  }
-
-  // Turned by up to `deg` and moved by up to as many hundredths of the diameter.
-  Pose offBy(const Pose& T_O_C, const Eigen::Vector3d& direction, double deg) const {
-    const Eigen::Matrix3d turn = expSO3(Eigen::Vector3d(deg * kDegree * direction));
-    const Eigen::Vector3d shift = 0.01 * deg * object().diameter *
-                                  Eigen::Vector3d(direction.z(), -direction.x(), direction.y());
-    return {turn * T_O_C.R, object().centre + shift + turn * (T_O_C.t - object().centre)};
-  }
-
-  static Observation observed(const Image& image) {
-    Observation observation;
-    observation.image = image;
-    observation.camera = kCamera;
-    return observation;
-  }
-
   Hypothesis align(const Image& image, const KeyframePoints& keyframe, const Pose& start,
                    const std::string& instruction_set = "auto") const {
     const auto aligner = makeCpuKeyframeAligner(1, instruction_set);
@@ -85,9 +43,6 @@ class KeyframeAlignerOnScene : public testing::Test {
       }
     }
   }
-
-  std::shared_ptr<const LoadedField> scene_ = makeAnalyticScene(1, cpuProcessor(2));
-  Pose truth_ = cameraAround(*scene_, 0.6, 0.5);
 };
 
 TEST_F(KeyframeAlignerOnScene, StaysAtThePoseItself) {
@@ -106,17 +61,12 @@ TEST_F(KeyframeAlignerOnScene, IgnoresTheLight) {
 }
 
 TEST_F(KeyframeAlignerOnScene, IgnoresAnOccluder) {
-  Image image = imageOf(truth_);
-  for (int y = 90; y < 150; ++y) {
-    for (int x = 100; x < 140; ++x) {
-      for (int c = 0; c < 3; ++c) image.at(x, y, c) = (x / 5 + y / 5 + c) % 2 ? 0.9f : 0.1f;
-    }
-  }
   const KeyframePoints keyframe = keyframeAt(offBy(truth_, {0.6, 0.5, -0.6}, 6));
-  const Hypothesis covered = align(image, keyframe, offBy(truth_, {0.5, -0.5, 0.5}, 4));
-  expectFound(covered, 0.3, 0.01);
+  const Hypothesis hidden =
+      align(covered(imageOf(truth_)), keyframe, offBy(truth_, {0.5, -0.5, 0.5}, 4));
+  expectFound(hidden, 0.3, 0.01);
   const Hypothesis free = align(imageOf(truth_), keyframe, offBy(truth_, {0.5, -0.5, 0.5}, 4));
-  EXPECT_LT(covered.visible_fraction, free.visible_fraction - 0.05);
+  EXPECT_LT(hidden.visible_fraction, free.visible_fraction - 0.05);
 }
 
 TEST_F(KeyframeAlignerOnScene, StandsNoise) {
@@ -214,15 +164,7 @@ TEST_F(KeyframeAlignerOnScene, InstructionSetsAgree) {
 TEST_F(KeyframeAlignerOnScene, LeavesOutWhatHasNoWeight) {
   // A gripper of strong colours before a quarter of the object: without its pixels nothing is
   // wrong.
-  Image image = imageOf(truth_);
-  Observation observation = observed(image);
-  observation.weight = Image(kCamera.width, kCamera.height, 1, 1.0f);
-  for (int y = 90; y < 150; ++y) {
-    for (int x = 100; x < 140; ++x) {
-      for (int c = 0; c < 3; ++c) observation.image.at(x, y, c) = (x / 5 + y / 5) % 2 ? 1.0f : 0.0f;
-      observation.weight.at(x, y, 0) = 0;
-    }
-  }
+  const Observation observation = withoutCovered(covered(imageOf(truth_)));
   const auto keyframe = std::make_shared<const KeyframePoints>(keyframeAt(truth_));
   const auto aligner = makeCpuKeyframeAligner(1);
   aligner->observe(observation, frameWindowFor(*keyframe, kCamera, truth_));

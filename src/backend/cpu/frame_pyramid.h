@@ -4,8 +4,8 @@
 #include <optional>
 #include <vector>
 
+#include "backend/common/frame_levels.h"
 #include "backend/cpu/keyframe_kernels.h"
-#include "backend/keyframe_aligner.h"
 #include "nerf_pose_refiner/observation.h"
 
 namespace nerf_pose_refiner {
@@ -17,15 +17,12 @@ class FramePyramid {
   /// @see KeyframeAligner::observe; the window grows to whole pixels of the coarsest level.
   void prepare(const Observation& observation, const FrameWindow& window);
 
-  /// Of the whole image.
-  const Camera& camera() const { return camera_; }
+  const FrameLevels& levels() const { return levels_; }
   /// The level with 2^level pixels of the image along a pixel; nothing: it was not asked for.
   std::optional<KernelImage> level(int level) const;
 
  private:
-  Camera camera_;
-  int finest_ = 0;
-  Pinhole<double> K_;  // of the window, at the finest level
+  FrameLevels levels_;
   std::vector<Image> plain_, smooth_;
 };
 

@@ -34,30 +34,58 @@ bool sampleProfile(const KernelImage& image, const Pixel<float>& middle, const P
   return true;
 }
 
+// A point of the outline in the frame.
+struct SeenOutline {
+  Vec3<float> p, q;            // relative to the object's centre in O; in C
+  Pixel<float> step;           // along the normal, a pixel of the keyframe
+  OutlineOpacities opacities;  // as the frame shows them
+};
+
+// False: its normal leaves the image, or what has weight in it, or is seen end-on.
+bool look(const KernelView& view, const OutlinePoint& place, SeenOutline* seen) {
+  constexpr float kEndOn = 0.1f;  // squared length of the step [px^2]
+  const Pinhole<float>& K = view.image.K;
+  seen->p = plain(place.point);
+  seen->q = inCamera(view.pose, seen->p);
+  const Vec3<float> beside = inCamera(view.pose, seen->p + plain(place.normal));
+  if (!(seen->q.z > 0 && beside.z > 0)) return false;
+  const Pixel<float> middle = project(K, seen->q), end = project(K, beside);
+  seen->step = {end.u - middle.u, end.v - middle.v};
+  if (!(seen->step.u * seen->step.u + seen->step.v * seen->step.v > kEndOn)) return false;
+  OutlineProfile profile;
+  if (!sampleProfile(view.image, middle, seen->step, &profile)) return false;
+  seen->opacities = outlineOpacities(profile);
+  return true;
+}
+
 }  // namespace
 
 int sumOutline(const KernelView& view, const OutlineTile& tile, const OutlineRules& rules,
                PointSums<float>* sums) {
-  int seen = 0;
-  const Pinhole<float>& K = view.image.K;
+  int count = 0;
+  SeenOutline seen;
   for (int i = tile.first; i < tile.last; ++i) {
     const OutlinePoint& place = tile.level.outline[i];
-    const Vec3<float> p = plain(place.point), q = inCamera(view.pose, p);
-    const Vec3<float> beside = inCamera(view.pose, p + plain(place.normal));
-    if (!(q.z > 0 && beside.z > 0)) continue;
-    const Pixel<float> middle = project(K, q), end = project(K, beside);
-    const Pixel<float> step = {end.u - middle.u, end.v - middle.v};
-    const float squared = step.u * step.u + step.v * step.v;
-    if (!(squared > 0.1f)) continue;  // seen from the side: not what the keyframe's outline is
-    OutlineProfile profile;
-    if (!sampleProfile(view.image, middle, step, &profile)) continue;
-    const PixelFlow<float> flow = pointFlow(K, view.pose, p, q);
+    if (!look(view, place, &seen)) continue;
+    const PixelFlow<float> flow = pointFlow(view.image.K, view.pose, seen.p, seen.q);
+    const float squared = seen.step.u * seen.step.u + seen.step.v * seen.step.v;
     float along[6];  // the normal, in pixels of the keyframe
-    for (int k = 0; k < 6; ++k) along[k] = (step.u * flow.u[k] + step.v * flow.v[k]) / squared;
-    addOutlinePoint(place.opacity, outlineOpacities(profile), along, rules, sums);
-    ++seen;
+    for (int k = 0; k < 6; ++k) {
+      along[k] = (seen.step.u * flow.u[k] + seen.step.v * flow.v[k]) / squared;
+    }
+    addOutlinePoint(place.opacity, seen.opacities, along, rules, sums);
+    ++count;
   }
-  return seen;
+  return count;
+}
+
+void sumOutlineEvidence(const KernelView& view, const OutlineTile& tile, const OutlineRules& rules,
+                        EvidenceSums<float>* sums) {
+  SeenOutline seen;
+  for (int i = tile.first; i < tile.last; ++i) {
+    const OutlinePoint& place = tile.level.outline[i];
+    if (look(view, place, &seen)) addOutlineEvidence(place.opacity, seen.opacities, rules, sums);
+  }
 }
 
 }  // namespace nerf_pose_refiner

@@ -18,4 +18,8 @@ struct OutlineTile {
 int sumOutline(const KernelView& view, const OutlineTile& tile, const OutlineRules& rules,
                PointSums<float>* sums);
 
+/// Adds what the same points say for the pose.
+void sumOutlineEvidence(const KernelView& view, const OutlineTile& tile, const OutlineRules& rules,
+                        EvidenceSums<float>* sums);
+
 }  // namespace nerf_pose_refiner

@@ -1,14 +1,11 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <limits>
-#include <optional>
 #include <vector>
 
+#include "backend/common/keyframe_rules.h"
 #include "backend/common/self_occlusion.h"
 #include "backend/cpu/frame_pyramid.h"
-#include "backend/keyframe_aligner.h"
-#include "math/tile_scatter.h"
 
 namespace nerf_pose_refiner {
 
@@ -22,27 +19,13 @@ class StartAligner {
                    const Pose& start_T_O_C, const KeyframeAlignmentSettings& settings);
 
  private:
-  struct Evaluation {
-    CameraPose<double> pose;
-    PointSums<double> sums = {};
-    TileScatter scatter;
-    double loss = std::numeric_limits<double>::infinity();  // mean over all points
-  };
-
-  // The next pose to try, and how far it moves the object's rim [px of the level].
-  struct Step {
-    CameraPose<double> pose;
-    double rim_px;
-  };
-
   void beginLevel(int level, const CameraPose<double>& pose);
-  Evaluation evaluate(const CameraPose<double>& pose, const KernelRules& rules);
-  Evaluation alignLevel(const std::vector<CameraPose<double>>& starts,
-                        const KeyframeAlignmentSettings& settings);
-  std::optional<Step> proposeStep(const Evaluation& from, double damping,
-                                  const KeyframeAlignmentSettings& settings) const;
-  double scoreOf(const Evaluation& evaluation, double robust_scale) const;
-  Hypothesis hypothesisOf(const Evaluation& best, const KeyframeAlignmentSettings& settings) const;
+  AlignedKeyframe evaluate(const CameraPose<double>& pose, const KeyframeLevelRules& rules);
+  AlignedKeyframe alignLevel(const std::vector<CameraPose<double>>& starts,
+                             const KeyframeLevelRules& rules);
+  EvidenceSums<float> evidenceFor(const CameraPose<double>& pose, const KeyframeLevelRules& rules);
+  KernelColours colours() const;
+  PointTransform<float> transformOf(const CameraPose<double>& pose) const;
   void hideOccluded(const CameraPose<double>& pose);
   void compareWhatIsSeen();
   void carryGradients(const CameraPose<double>& pose);
@@ -56,7 +39,6 @@ class StartAligner {
   const KeyframePoints* keyframe_ = nullptr;
   int evaluations_ = 0;
   // Of the level that is being aligned:
-  int index_ = 0;
   const KeyframeLevel* level_ = nullptr;
   KernelImage image_ = {};
   std::vector<std::int32_t> hidden_;  // cells of the keyframe that the object itself hides

@@ -1,0 +1,343 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include "keyframe_points.cuh"
+
+// A start is aligned from its coarsest level to the finest by one launch: a crew of blocks shares
+// its points, and every block takes the same steps from the same sums.
+
+namespace nerf_pose_refiner {
+
+constexpr int kGroup = 8;  // points: lanes of a warp that sum together
+constexpr int kGroupsOfChunk = kChunkPoints / kGroup;
+// Places among the sums.
+constexpr int kFirstInformation = 4, kFirstGradient = 25;
+constexpr int kProducts = 21;  // of two numbers of a gradient
+constexpr int kScatterSums = kProducts + 2;
+
+/// What a point adds.
+struct PointTerms {
+  PointSums<float> sums;
+  float count;
+};
+static_assert(sizeof(PointTerms) == kKeyframeSums * sizeof(float), "");
+
+/// What the threads of a block share of a start.
+struct SharedSearch {
+  LevelScene scene;
+  CudaKeyframeStart start;
+  PointTransform<float> transform;  ///< of the trial
+  CameraPose<double> trial;
+  CudaAlignedKeyframe best;
+  PointSums<double> sums;  ///< of the trial
+  int points;              ///< of the level, that are not hidden
+  double damping;
+  double moved_px;  ///< since the last look around
+  bool goes_on, looks_around;
+  int trial_groups;  ///< where the trial's sums of groups are; the best one's are in the other
+                     ///< place
+  double warp_sums[kAlignWarps][kKeyframeSums];
+};
+
+/// One start on its way, as its threads see it.
+class StartAlignment {
+ public:
+  __device__ StartAlignment(const KeyframeAlignmentTask& task, const KeyframeCrews& crews,
+                            SharedSearch* shared, float4* row_memory)
+      : task_(task), crews_(crews), shared_(*shared) {
+    crew_.rank = static_cast<int>(blockIdx.x) % crews.blocks;
+    crew_.blocks = crews.blocks;
+    const int warp = warpIndex();
+    if (warp < crews.row_warps) row_memory_ = row_memory + warp * kRowPlanes * crews.row_cells;
+  }
+
+  /// Aligns the starts of this crew.
+  __device__ void run() {
+    const int crew = static_cast<int>(blockIdx.x) / crews_.blocks;
+    for (int i = crew; i < task_.count; i += crews_.crews) {
+      begin(crew, i);
+      alignLevels();
+      finish(i);
+      crew_.sync();  // the next start takes the same memory
+    }
+  }
+
+ private:
+  __device__ static bool isFirstThread() { return threadIdx.x == 0; }
+
+  __device__ void begin(int crew, int i) {
+    const KeyframeScratch& scratch = task_.scratch;
+    const std::size_t own = crew;
+    chunks_of_start_ = (scratch.space.chosen + kChunkPoints - 1) / kChunkPoints;
+    chunk_sums_ = scratch.chunk_sums + own * 2 * chunks_of_start_ * kKeyframeSums;
+    group_sums_ = scratch.group_sums + own * 2 * groupsOfStart() * kKeyframeSums;
+    if (!isFirstThread()) return;
+    LevelScene& scene = shared_.scene;
+    scene.rows = scratch.rows + own * kRowPlanes * scratch.space.cells;
+    scene.seen_cells = scratch.seen_cells + own * scratch.space.runs;
+    scene.tests = scratch.tests + own * scratch.space.shown;
+    scene.nearest = scratch.nearest + own * scratch.space.depth_cells;
+    scene.points = scratch.points + own * scratch.space.chosen;
+    shared_.start = task_.starts[i];
+    shared_.best = CudaAlignedKeyframe{};
+    shared_.best.pose = shared_.start.pose;
+    shared_.best.loss = HUGE_VAL;
+    shared_.trial_groups = 0;
+  }
+
+  /// What a coarse level found counts only where a finer one finds it better than the start, too.
+  __device__ void alignLevels() {
+    __syncthreads();
+    const CudaKeyframeStart& start = shared_.start;
+    bool from_start_too = false;
+    for (int level = start.coarsest_level; level >= task_.finest_level; --level) {
+      const int frame_level = start.frame_level + level;
+      if (frame_level < 0 || frame_level >= task_.frame_levels) continue;
+      // A far object has no points at coarse levels.
+      if (start.levels[level].point_count < kMinKeyframePoints) continue;
+      beginLevel(level, frame_level);
+      alignLevel(task_.rules[level], from_start_too);
+      from_start_too = level > task_.finest_level + 1;
+    }
+  }
+
+  __device__ void beginLevel(int level, int frame_level) {
+    __syncthreads();  // all have left the level before
+    if (isFirstThread()) {
+      shared_.scene.level = shared_.start.levels[level];
+      shared_.scene.image = task_.frame[frame_level];
+      setTrial(shared_.best.pose);
+      shared_.best.sums = {};
+      shared_.best.loss = HUGE_VAL;
+      shared_.damping = kFirstKeyframeDamping;
+      shared_.moved_px = 0;
+    }
+    __syncthreads();
+    const LevelScene& scene = shared_.scene;
+    findSeenCells(crew_, scene, shared_.transform);
+    sumRows<true>(crew_, scene, shared_.transform, row_memory_, crews_);
+    crew_.sync();
+    forOwnPoints([&](int i, int) {
+      if (i < scene.level.chosen_count) scene.points[i] = seenPoint(scene, shared_.transform, i);
+    });
+  }
+
+  __device__ void alignLevel(const KeyframeLevelRules& rules, bool from_start_too) {
+    evaluate(rules, false);
+    if (isFirstThread()) judge(rules);
+    if (from_start_too) {
+      if (isFirstThread()) setTrial(shared_.start.pose);
+      __syncthreads();
+      lookAround();
+      evaluate(rules, true);
+      if (isFirstThread()) judge(rules);
+    }
+    for (int i = 1; i < rules.max_evaluations; ++i) {
+      if (isFirstThread()) propose(rules);
+      __syncthreads();
+      if (!shared_.goes_on) break;
+      const bool looks_around = shared_.looks_around;
+      if (looks_around) lookAround();
+      evaluate(rules, looks_around);
+      if (isFirstThread()) shared_.damping = nextDamping(shared_.damping, judge(rules));
+    }
+  }
+
+  __device__ void setTrial(const CameraPose<double>& pose) {
+    shared_.trial = pose;
+    shared_.transform = singleTransform(pose, shared_.start.centre);
+  }
+
+  /// By one thread; apart, so that its numbers take no registers from those of points.
+  __device__ __noinline__ void propose(const KeyframeLevelRules& rules) {
+    const KeyframeObject object = {shared_.start.centre, shared_.start.diameter,
+                                   shared_.scene.image.K.fx};
+    KeyframeStep step;
+    shared_.goes_on = proposeKeyframeStep(shared_.best.pose, shared_.best.sums, shared_.damping,
+                                          rules, object, &step) &&
+                      !(step.rim_px < rules.convergence_px);
+    if (!shared_.goes_on) return;
+    shared_.moved_px += step.rim_px;
+    shared_.looks_around = shared_.moved_px > rules.look_around_px;
+    if (shared_.looks_around) shared_.moved_px = 0;
+    setTrial(step.pose);
+  }
+
+  __device__ void lookAround() {
+    sumRows<false>(crew_, shared_.scene, shared_.transform, row_memory_, crews_);
+    crew_.sync();
+  }
+
+  /// Calls with every point of this thread and its chunk. All lanes of a warp get the same chunks;
+  /// the last one may end with points that are none.
+  template <typename Function>
+  __device__ void forOwnPoints(const Function& function) const {
+    const int chunks = chunkCount();
+    for (int chunk = crew_.warp(); chunk < chunks; chunk += kAlignWarps * crew_.blocks) {
+      function(chunk * kChunkPoints + laneIndex(), chunk);
+    }
+  }
+
+  __device__ int chunkCount() const {
+    return (shared_.scene.level.chosen_count + kChunkPoints - 1) / kChunkPoints;
+  }
+  __device__ int groupsOfStart() const { return chunks_of_start_ * kGroupsOfChunk; }
+  __device__ float* groupSums(int which) const {
+    return group_sums_ + static_cast<std::size_t>(which) * groupsOfStart() * kKeyframeSums;
+  }
+
+  /// Sums of the trial, in shared memory behind it for the block's first warp.
+  /// @param looks whether rows were summed anew: local colours follow from them.
+  __device__ void evaluate(const KeyframeLevelRules& rules, bool looks) {
+    // Taken in turns: another block may still be reading the ones before.
+    const std::size_t turn = static_cast<std::size_t>(chunk_turn_) * chunks_of_start_;
+    float* chunk_sums = chunk_sums_ + turn * kKeyframeSums;
+    chunk_turn_ = 1 - chunk_turn_;
+    float* group_sums = groupSums(shared_.trial_groups);
+    forOwnPoints([&](int i, int chunk) {
+      PointTerms terms = {};
+      if (i < shared_.scene.level.chosen_count) addTerms(rules, i, looks, &terms);
+      float* values = reinterpret_cast<float*>(&terms);
+      sumGroup(values);
+      const int slot = laneIndex() % kGroup;
+      float4* group = reinterpret_cast<float4*>(group_sums + i / kGroup * kKeyframeSums);
+      group[slot] = make_float4(values[0], values[1], values[2], values[3]);
+      for (int k = 0; k < 4; ++k) {
+        values[k] += __shfl_xor_sync(kAllLanes, values[k], kGroup);
+        values[k] += __shfl_xor_sync(kAllLanes, values[k], 2 * kGroup);
+      }
+      float4* to = reinterpret_cast<float4*>(chunk_sums + chunk * kKeyframeSums);
+      if (laneIndex() < kGroup) {
+        to[slot] = make_float4(values[0], values[1], values[2], values[3]);
+      }
+    });
+    crew_.sync();
+    sumChunks(chunk_sums);
+  }
+
+  __device__ void addTerms(const KeyframeLevelRules& rules, int i, bool looks,
+                           PointTerms* terms) const {
+    const LevelScene& scene = shared_.scene;
+    const PointTransform<float>& transform = shared_.transform;
+    const ChosenPlace place = scene.level.places[i];
+    SeenPoint seen = scene.points[i];
+    if (looks) scene.points[i].local = seen.local = localColoursAt(scene, place.cell, 0);
+    const PointInImage point = projectPoint(scene.image, transform, place.p);
+    InterpolatedPixel<float> pixel[4];
+    interpolateAt(scene.image, point, pixel);
+    const float weight = point.inside ? pixel[3].value * seen.weight : 0.0f;
+    addPoint(pointFlow(scene.image.K, transform, place.p, point.q),
+             pointResidual(seen.rendered, pixel, seen.local, rules.observed_fraction), weight,
+             rules.robust_scale, &terms->sums);
+    terms->count = seen.weight;
+  }
+
+  /// Sums over the lanes of a group: lane k of it gets sums 4 k to 4 k + 3, as values 0 to 3. Each
+  /// time, lanes give one half of their values away and get the other half of those they keep.
+  __device__ static void sumGroup(float* values) {
+#pragma unroll
+    for (int half = kKeyframeSums / 2, away = kGroup / 2; away > 0; half /= 2, away /= 2) {
+      const bool upper = laneIndex() & away;
+#pragma unroll
+      for (int k = 0; k < half; ++k) {
+        const float given = upper ? values[k] : values[k + half];
+        const float kept = upper ? values[k + half] : values[k];
+        values[k] = kept + __shfl_xor_sync(kAllLanes, given, away);
+      }
+    }
+  }
+
+  /// In an order that does not depend on the crew.
+  __device__ void sumChunks(const float* chunk_sums) {
+    const int chunks = chunkCount(), warp = warpIndex();
+    double sum = 0;
+#pragma unroll 4
+    for (int chunk = warp; chunk < chunks; chunk += kAlignWarps) {
+      sum += chunk_sums[chunk * kKeyframeSums + laneIndex()];
+    }
+    const double total = sumOverWarps(sum);
+    if (warp != 0) return;
+    if (laneIndex() == kKeyframeSums - 1) shared_.points = static_cast<int>(total);
+    if (laneIndex() < kKeyframeSums - 1) {
+      reinterpret_cast<double*>(&shared_.sums)[laneIndex()] = total;
+    }
+    __syncwarp();
+  }
+
+  /// Sums of the lanes over all warps, for the lanes of the first one.
+  __device__ double sumOverWarps(double of_lane) {
+    const int warp = warpIndex(), lane = laneIndex();
+    shared_.warp_sums[warp][lane] = of_lane;
+    __syncthreads();
+    double total = 0;
+    if (warp == 0) {
+      for (int w = 0; w < kAlignWarps; ++w) total += shared_.warp_sums[w][lane];
+    }
+    return total;
+  }
+
+  /// By one thread. @return whether the trial is the best so far.
+  __device__ bool judge(const KeyframeLevelRules& rules) {
+    ++shared_.best.evaluations;
+    const double loss = keyframeLoss(
+        shared_.sums.cost, {shared_.points, shared_.sums.weight, 0, 0, 0.0f}, rules.robust_scale);
+    if (!(loss < shared_.best.loss)) return false;
+    shared_.best.loss = loss;
+    shared_.best.pose = shared_.trial;
+    shared_.best.sums = shared_.sums;
+    shared_.trial_groups = 1 - shared_.trial_groups;
+    return true;
+  }
+
+  /// Writes what was found; the scatter of its gradient is summed over tiles.
+  __device__ void finish(int i) {
+    __syncthreads();
+    if (crew_.rank != 0) return;
+    const double total = sumOverWarps(shared_.best.loss < HUGE_VAL ? tileScatter() : 0.0);
+    if (threadIdx.x < kScatterSums) shared_.best.scatter[threadIdx.x] = total;
+    __syncthreads();
+    static_assert(sizeof(CudaAlignedKeyframe) % sizeof(double) == 0, "");
+    constexpr int kWords = sizeof(CudaAlignedKeyframe) / sizeof(double);
+    for (int k = threadIdx.x; k < kWords; k += kAlignThreads) {
+      reinterpret_cast<double*>(&task_.found[i])[k] =
+          reinterpret_cast<const double*>(&shared_.best)[k];
+    }
+  }
+
+  /// This lane's sum over the tiles of this warp, @see TileScatter: of the products of gradients,
+  /// then of what the tiles tell, then of its square.
+  __device__ double tileScatter() const {
+    const int lane = laneIndex(), warp = warpIndex();
+    int row = 0;
+    while ((row + 1) * (row + 2) / 2 <= lane) ++row;
+    const int column = lane - row * (row + 1) / 2;
+    const float* sums = groupSums(1 - shared_.trial_groups);
+    const CudaKeyframeLevel& level = shared_.scene.level;
+    double sum = 0;
+    for (int t = warp; t < level.tile_count; t += kAlignWarps) {
+      float value = 0;  // one of the tile's sums
+      for (int g = level.tiles[t] / kGroup; g < level.tiles[t + 1] / kGroup; ++g) {
+        value += sums[g * kKeyframeSums + lane];
+      }
+      const auto of = [value](int place) {
+        return static_cast<double>(__shfl_sync(kAllLanes, value, place));
+      };
+      const double product = of(kFirstGradient + min(row, 5)) * of(kFirstGradient + column);
+      const double told =
+          of(kFirstInformation) + of(kFirstInformation + 2) + of(kFirstInformation + 5);
+      sum += lane < kProducts ? product : lane == kProducts ? told : told * told;
+    }
+    return sum;
+  }
+
+  const KeyframeAlignmentTask& task_;
+  const KeyframeCrews& crews_;
+  SharedSearch& shared_;
+  Crew crew_;
+  float4* row_memory_ = nullptr;
+  float *chunk_sums_ = nullptr, *group_sums_ = nullptr;
+  int chunks_of_start_ = 0;
+  int chunk_turn_ = 0;
+};
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,71 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "backend/common/keyframe_rules.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "backend/common/plain_pose.h"
+#include "backend/common/solver_rules.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+HypothesisState stateOf(const Pose& T_O_C, const KeyframePoints& keyframe,
+                        const PointSums<double>& sums) {
+  if (!T_O_C.isFinite()) return HypothesisState::kNotFinite;
+  if (!((T_O_C.inverse() * keyframe.centre).z() > 0)) return HypothesisState::kBehindCamera;
+  if (!(sums.weight >= kMinKeyframePoints)) return HypothesisState::kOutOfImage;
+  if (!(factorise6(sums.information, 0.0).smallest_pivot > 0)) {
+    return HypothesisState::kIllConditioned;
+  }
+  return HypothesisState::kLive;
+}
+
+// How much less the image differs than by chance, where there is anything to differ: a wall is no
+// evidence for a plain object.
+double scoreOf(const AlignedKeyframe& aligned, double robust_scale) {
+  constexpr double kLeastEvidence = 0.15;  // of what points of full contrast would give
+  const double explained = aligned.evidence.explained, chance = aligned.evidence.chance;
+  if (!(chance > 0)) return 0;
+  const double evidence = chance / (aligned.most_weight * chanceLoss(robust_scale));
+  return std::max(0.0, 1 - explained / chance) * std::min(1.0, evidence / kLeastEvidence);
+}
+
+}  // namespace
+
+KeyframeLevelRules levelRules(const KeyframeAlignmentSettings& settings, int level) {
+  const bool finest = level == settings.finest_level;
+  KeyframeLevelRules rules;
+  rules.max_evaluations = settings.max_evaluations;
+  rules.max_rotation_rad = settings.max_rotation_rad;
+  rules.max_translation = settings.max_translation;
+  rules.over_relaxation = settings.over_relaxation;
+  rules.convergence_px = finest ? settings.convergence_px : settings.coarse_convergence_px;
+  rules.look_around_px = settings.look_around_px;
+  rules.robust_scale =
+      static_cast<float>(settings.robust_scale * std::pow(settings.robust_growth, level));
+  rules.observed_fraction =
+      static_cast<float>(finest ? settings.observed_fraction : settings.coarse_observed_fraction);
+  return rules;
+}
+
+Hypothesis hypothesisOf(const AlignedKeyframe& aligned, const KeyframePoints& keyframe,
+                        const KeyframeAlignmentSettings& settings) {
+  const PointSums<double>& sums = aligned.sums;
+  Hypothesis found;
+  found.iterations = aligned.evaluations;
+  found.T_O_C = poseOf(aligned.pose);
+  found.state = stateOf(found.T_O_C, keyframe, sums);
+  found.loss = aligned.loss;
+  found.information = symmetricMatrix(sums.information);
+  found.gradient_scatter =
+      aligned.scatter.correction() * symmetricMatrix(aligned.scatter.gradients);
+  if (sums.weight > 0) found.visible_fraction = sums.robust_weight / sums.weight;
+  if (sums.robust_weight > 0) {
+    found.score = scoreOf(aligned, levelRules(settings, settings.finest_level).robust_scale);
+    found.residual_variance = sums.squared_residual / (3 * sums.robust_weight);
+  }
+  return found;
+}
+
+}  // namespace nerf_pose_refiner

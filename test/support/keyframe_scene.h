@@ -1,0 +1,80 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <memory>
+
+#include "evaluation/clutter.h"
+#include "support/analytic_scene.h"
+#include "support/cpu_processor.h"
+#include "views/keyframe.h"
+
+namespace nerf_pose_refiner {
+
+constexpr double kDegree = 3.14159265358979323846 / 180;
+const Camera kCamera = {320, 240, 400, 400, 159.5, 119.5};
+
+/// What tests of alignment to keyframes look at: the analytic scene before clutter.
+class KeyframeScene {
+ protected:
+  const FieldMetadata& object() const { return scene_->field().metadata; }
+
+  KeyframePoints keyframeAt(const Pose& T_O_C, const KeyframeSettings& settings = {}) const {
+    return renderKeyframe(*scene_, {kCamera, T_O_C}, settings);
+  }
+
+  /// The scene before clutter, its colours times a gain, plus an offset.
+  Image imageOf(const Pose& T_O_C, const Eigen::Array3f& gain = Eigen::Array3f::Ones(),
+                float offset = 0) const {
+    const Observation scene = observeScene(*scene_, kCamera, T_O_C);
+    Image image = clutter(kCamera.width, kCamera.height, 7);
+    for (std::size_t i = 0; i < image.pixels(); ++i) {
+      const float alpha = scene.alpha.values[i];
+      for (std::size_t c = 0; c < 3; ++c) {
+        const float colour = gain[static_cast<Eigen::Index>(c)] * scene.image.values[3 * i + c];
+        float& value = image.values[3 * i + c];
+        value = colour + alpha * offset + (1 - alpha) * value;
+      }
+    }
+    return image;
+  }
+
+  /// Turned by up to `deg` and moved by up to as many hundredths of the diameter.
+  Pose offBy(const Pose& T_O_C, const Eigen::Vector3d& direction, double deg) const {
+    const Eigen::Matrix3d turn = expSO3(Eigen::Vector3d(deg * kDegree * direction));
+    const Eigen::Vector3d shift = 0.01 * deg * object().diameter *
+                                  Eigen::Vector3d(direction.z(), -direction.x(), direction.y());
+    return {turn * T_O_C.R, object().centre + shift + turn * (T_O_C.t - object().centre)};
+  }
+
+  static Observation observed(const Image& image) {
+    Observation observation;
+    observation.image = image;
+    observation.camera = kCamera;
+    return observation;
+  }
+
+  /// The middle of the object behind strong colours.
+  static Image covered(Image image) {
+    for (int y = 90; y < 150; ++y) {
+      for (int x = 100; x < 140; ++x) {
+        for (int c = 0; c < 3; ++c) image.at(x, y, c) = (x / 5 + y / 5 + c) % 2 ? 0.9f : 0.1f;
+      }
+    }
+    return image;
+  }
+
+  /// The same pixels without weight.
+  static Observation withoutCovered(const Image& image) {
+    Observation observation = observed(image);
+    observation.weight = Image(kCamera.width, kCamera.height, 1, 1.0f);
+    for (int y = 90; y < 150; ++y) {
+      for (int x = 100; x < 140; ++x) observation.weight.at(x, y, 0) = 0;
+    }
+    return observation;
+  }
+
+  std::shared_ptr<const LoadedField> scene_ = makeAnalyticScene(1, cpuProcessor(2));
+  Pose truth_ = cameraAround(*scene_, 0.6, 0.5);
+};
+
+}  // namespace nerf_pose_refiner
