@@ -14,6 +14,7 @@
 #include <cstdio>
 #include <exception>
 #include <memory>
+#include <random>
 #include <string>
 #include <thread>
 #include <vector>
@@ -38,6 +39,7 @@ struct Options {
   std::vector<std::string> recordings;
   BackendChoice backend;
   int every = 1;
+  int first_poses = 0;  // of a frame; 0: the recording is tracked
   bool reset = true, paced = false, predict = true, verbose = false;
   double start_deg = 5, start_fraction = 0.05;
   std::string initial_preset, track_preset;
@@ -99,6 +101,24 @@ class RecordedTracking {
         frame_(ObjectFrame::inMetres(field_->metadata)),
         tracker_(backend_, field_, settingsOf(options)) {}
 
+  /// First poses alone, each from another start as far off as a hint may be.
+  Tally findFirstPoses() {
+    Tally tally;
+    std::mt19937_64 random(1);
+    for (std::size_t i = 0; i < sequence_.frames.size(); i += options_.every) {
+      const Image8 image = readImage(sequence_.frames[i].file);
+      for (int k = 0; k < options_.first_poses; ++k) {
+        std::uniform_real_distribution<double> uniform(-1, 1);
+        Eigen::Vector3d turn, shift;
+        for (int a = 0; a < 3; ++a) turn[a] = options_.start_deg * kDegree * uniform(random);
+        for (int a = 0; a < 3; ++a) shift[a] = options_.start_fraction * uniform(random);
+        offer(i, turn, shift);
+        judge(i, time(i, image, &tally), &tally);
+      }
+    }
+    return tally;
+  }
+
   Tally run() {
     Tally tally;
     const auto begin = std::chrono::steady_clock::now();
@@ -110,18 +130,23 @@ class RecordedTracking {
       if (options_.paced) {
         std::this_thread::sleep_until(begin + std::chrono::nanoseconds(frame.stamp_ns - first_ns));
       }
-      const double wall = milliseconds(CLOCK_MONOTONIC);
-      const double process = milliseconds(CLOCK_PROCESS_CPUTIME_ID);
-      const TrackOutcome outcome = tracker_.track(
-          {{"camera", frame.stamp_ns}, [&](bool) { return observe(image, sequence_.camera); }});
-      tally.wall_ms.push_back(milliseconds(CLOCK_MONOTONIC) - wall);
-      tally.process_ms.push_back(milliseconds(CLOCK_PROCESS_CPUTIME_ID) - process);
-      judge(i, outcome, &tally);
+      judge(i, time(i, image, &tally), &tally);
     }
     return tally;
   }
 
  private:
+  TrackOutcome time(std::size_t i, const Image8& image, Tally* tally) {
+    const double wall = milliseconds(CLOCK_MONOTONIC);
+    const double process = milliseconds(CLOCK_PROCESS_CPUTIME_ID);
+    const TrackOutcome outcome =
+        tracker_.track({{"camera", sequence_.frames[i].stamp_ns},
+                        [&](bool) { return observe(image, sequence_.camera); }});
+    tally->wall_ms.push_back(milliseconds(CLOCK_MONOTONIC) - wall);
+    tally->process_ms.push_back(milliseconds(CLOCK_PROCESS_CPUTIME_ID) - process);
+    return outcome;
+  }
+
   static std::shared_ptr<const Field> fieldWithScale(const std::string& model) {
     auto field = std::make_shared<Field>(loadField(model));
     if (!(field->metadata.metres_per_unit > 0)) field->metadata.metres_per_unit = 1;
@@ -143,18 +168,24 @@ class RecordedTracking {
 
   /// Tells the tracker the true pose of a frame. @param off as far off as the options say.
   void tellPose(std::size_t i, bool off) {
-    Pose T_C_O = sequence_.frames[i].T_C_O;
-    if (off) {
-      const double turn = options_.start_deg * kDegree / std::sqrt(3.0);
-      const double shift = options_.start_fraction * diameter_m() / std::sqrt(3.0);
-      const Eigen::Vector3d centre =
-          T_C_O * (field_->metadata.metres_per_unit * field_->metadata.centre);
-      const Eigen::Matrix3d R = expSO3(Eigen::Vector3d(turn, -turn, turn));
-      T_C_O = {R * T_C_O.R,
-               centre + Eigen::Vector3d(-shift, shift, shift) + R * (T_C_O.t - centre)};
-    }
+    const double turn = off ? options_.start_deg * kDegree / std::sqrt(3.0) : 0;
+    const double shift = off ? options_.start_fraction / std::sqrt(3.0) : 0;
+    offer(i, {turn, -turn, turn}, {-shift, shift, shift});
+  }
+
+  /// @param turn about the object's centre, in the axes of the camera [rad]. @param shift alike
+  /// [diameters].
+  void offer(std::size_t i, const Eigen::Vector3d& turn, const Eigen::Vector3d& shift) {
+    const Pose& T_C_O = sequence_.frames[i].T_C_O;
+    const Eigen::Vector3d centre =
+        T_C_O * (field_->metadata.metres_per_unit * field_->metadata.centre);
+    const Eigen::Matrix3d R = expSO3(turn);
     tracker_.reset();
-    tracker_.offer({T_C_O, "camera", 0, false, {}});
+    tracker_.offer({{R * T_C_O.R, centre + diameter_m() * shift + R * (T_C_O.t - centre)},
+                    "camera",
+                    0,
+                    false,
+                    {}});
   }
 
   double diameter_m() const { return field_->metadata.metres_per_unit * field_->metadata.diameter; }
@@ -190,12 +221,12 @@ class RecordedTracking {
           "%3zu: %.3f deg %.3f %%, score %.3f (raw %.3f) visible %.2f %s%s\n", i, deg,
           100 * fraction, outcome.score,
           outcome.refinement.hypotheses.empty() ? 0.0 : outcome.refinement.hypotheses.front().score,
-          outcome.refinement.visible_fraction, outcome.trusted ? "trusted " : outcome.message.c_str(),
-          is_right ? "" : "WRONG");
+          outcome.refinement.visible_fraction,
+          outcome.trusted ? "trusted " : outcome.message.c_str(), is_right ? "" : "WRONG");
     }
     if (is_right) return;
     ++tally->lost;
-    if (options_.reset) tellPose(i, false);
+    if (options_.reset && options_.first_poses == 0) tellPose(i, false);
   }
 
   const Options& options_;
@@ -214,6 +245,9 @@ void addOptions(CLI::App* app, Options* options) {
   app->add_option("--threads", options->backend.threads, "of the CPU; 0: all cores");
   app->add_option("--every", options->every, "uses every so many-th frame")
       ->check(CLI::Range(1, 1000));
+  app->add_option("--first-poses", options->first_poses,
+                  "so many first poses of each frame, from starts up to --start-deg and "
+                  "--start-fraction off per axis, instead of tracking");
   app->add_option("--start-deg", options->start_deg, "error of the first pose");
   app->add_option("--start-fraction", options->start_fraction, "the same, of the diameter");
   app->add_option("--initial-preset", options->initial_preset, "default: the node's");
@@ -232,7 +266,8 @@ int run(int argc, char** argv) {
   try {
     Tally all;
     for (const std::string& folder : options.recordings) {
-      const Tally tally = RecordedTracking(options, folder).run();
+      RecordedTracking tracking(options, folder);
+      const Tally tally = options.first_poses > 0 ? tracking.findFirstPoses() : tracking.run();
       tally.print(folder.substr(folder.find_last_of('/') + 1));
       all.add(tally);
     }

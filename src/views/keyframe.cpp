@@ -132,18 +132,17 @@ KeyframePoints makeKeyframe(const Rendering& rendering, const Camera& camera, co
     std::swap(layers, half);
   }
   layers = cropped(layers, 1 << (settings.levels - 1));
-  const Eigen::Vector3d forward = T_O_C.R.col(2);
   KeyframeView view;
   view.right = T_O_C.R.col(0).cast<float>();
   view.down = T_O_C.R.col(1).cast<float>();
-  view.forward = forward.cast<float>();
-  view.centre_depth = static_cast<float>(forward.dot(object.centre - T_O_C.t));
+  view.forward = T_O_C.R.col(2).cast<float>();
+  view.centre = (T_O_C.inverse() * object.centre).cast<float>();
   for (int level = 0; level < settings.levels; ++level) {
     if (level > 0) {
       halveImage(layers, &half);
       std::swap(layers, half);
     }
-    view.focal_px = static_cast<float>(camera.fx / (1 << level));
+    view.focal_px = Eigen::Vector2d(camera.fx, camera.fy).cast<float>() / (1 << level);
     keyframe.levels.push_back(makeLevel(layers, view, windowOf(settings, level), settings));
   }
   return keyframe;

@@ -57,7 +57,7 @@ class LevelMaker {
     const float* pixel = layers_.pixel(x, y);
     const Eigen::Vector3f point =
         Eigen::Map<const Eigen::Vector3f>(pixel + kKeyframePoint) / pixel[kKeyframeAlpha];
-    return view_.forward.dot(point) + view_.centre_depth;
+    return view_.forward.dot(point) + view_.centre.z();
   }
 
   bool isOpaque(int x, int y) const {
@@ -68,7 +68,7 @@ class LevelMaker {
   // The kernel of the blur reaches one pixel to each side.
   bool isAtDepthJump(int x, int y) const {
     const float depth = depthAt(x, y);
-    const float step = settings_.max_depth_step * depth / view_.focal_px;
+    const float step = settings_.max_depth_step * depth / view_.focal_px.x();
     for (int v = std::max(0, y - 1); v <= std::min(height_ - 1, y + 1); ++v) {
       for (int u = std::max(0, x - 1); u <= std::min(width_ - 1, x + 1); ++u) {
         if (std::abs(depthAt(u, v) - depth) > step) return true;
@@ -268,10 +268,10 @@ class LevelMaker {
     }
   }
 
-  // Where the inside says enough, the outline counts little: the model's may be off by a fraction of
-  // a pixel, and what is behind may look like the object.
+  // Where the inside says enough, the outline counts little: the model's may be off by a fraction
+  // of a pixel, and what is behind may look like the object.
   float outlineWeight() const {
-    constexpr float kLeast = 0.4f, kMost = 4, kEnough = 60;
+    constexpr float kLeast = 0.2f, kMost = 4, kEnough = 60;
     float information = 0;
     for (const ChosenSurface& surface : level_.surface) {
       for (const Eigen::Vector2f& gradient : surface.gradient)

@@ -15,11 +15,11 @@ constexpr int kKeyframeChannels = 7;
 constexpr int kKeyframeAlpha = 3;
 constexpr int kKeyframePoint = 4;
 
-/// What depths of points in O are measured by.
+/// The camera that a level was rendered for.
 struct KeyframeView {
-  Eigen::Vector3f right, down, forward;  ///< the camera's axes x, y, z, in O
-  float centre_depth = 0;                ///< of the object's centre [model units]
-  float focal_px = 0;                    ///< at the level
+  Eigen::Vector3f right, down, forward;  ///< its axes x, y, z, in O
+  Eigen::Vector3f centre;                ///< of the object, in the camera's frame [model units]
+  Eigen::Vector2f focal_px;              ///< at the level, along x and y
 };
 
 /// Makes a level of a keyframe.

@@ -43,6 +43,20 @@ class OutlineFinder {
     return (1 - fv) * upper + fv * lower;
   }
 
+  // The mean of what is seen at a place, in the camera's frame.
+  Eigen::Vector3f pointAt(const Eigen::Vector2f& place) const {
+    Eigen::Vector3f point;
+    for (int c = 0; c < 3; ++c) point[c] = sample(place, kKeyframePoint + c);
+    point /= sample(place, kKeyframeAlpha);
+    return view_.centre +
+           Eigen::Vector3f(view_.right.dot(point), view_.down.dot(point), view_.forward.dot(point));
+  }
+
+  Eigen::Vector3f inObject(const Eigen::Vector3f& direction_C) const {
+    return direction_C.x() * view_.right + direction_C.y() * view_.down +
+           direction_C.z() * view_.forward;
+  }
+
   // Beyond the border of the layers nothing is seen.
   float opacityAt(const Eigen::Vector2f& place) const {
     const bool inside = place.x() >= -0.5f && place.y() >= -0.5f &&
@@ -69,10 +83,15 @@ class OutlineFinder {
     for (int i = 0; i < kOutlineOpacities; ++i) {
       found.opacity[i] = opacityAt(place + static_cast<float>(i - kOutlineCompared) * outside);
     }
-    const float alpha = sample(place, kKeyframeAlpha);
-    for (int c = 0; c < 3; ++c) found.point[c] = sample(place, kKeyframePoint + c) / alpha;
-    const float depth = view_.forward.dot(found.point) + view_.centre_depth;
-    found.normal = depth / view_.focal_px * (outside.x() * view_.right + outside.y() * view_.down);
+    // What a pixel on the rim shows lies on its inner side: of that mean the depth alone is taken.
+    const float depth = pointAt(place).z();
+    const auto inwards = static_cast<float>(kOutlineReach);
+    const Eigen::Vector3f inside = pointAt(place - inwards * outside);
+    const Eigen::Vector2f per_px = outside.cwiseQuotient(view_.focal_px);
+    const Eigen::Vector2f slope = inside.head<2>() / inside.z() + inwards * per_px;
+    found.point =
+        inObject(Eigen::Vector3f(depth * slope.x(), depth * slope.y(), depth) - view_.centre);
+    found.normal = inObject({depth * per_px.x(), depth * per_px.y(), 0});
     return found;
   }
 

@@ -1,0 +1,182 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "refinement/keyframe_refiner.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+
+#include <stdexcept>
+#include <vector>
+
+#include "backend/make_backend.h"
+#include "evaluation/clutter.h"
+#include "evaluation/pose_error.h"
+#include "support/analytic_scene.h"
+#include "support/cpu_processor.h"
+#include "support/gated_field.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+constexpr double kDegree = 3.14159265358979323846 / 180;
+constexpr std::int64_t kFrame_ns = 33000000;
+const Camera kCamera = {320, 240, 400, 400, 159.5, 119.5};
+
+class KeyframeRefinerTest : public testing::Test {
+ protected:
+  const FieldMetadata& object() const { return field_->field().metadata; }
+
+  // The camera goes around the object.
+  Pose truthAt(int frame) const { return cameraAround(*field_, 0.5 + 0.03 * frame, 0.4); }
+
+  Observation imageAt(const Pose& T_O_C) const {
+    const Observation scene = observeScene(*scene_, kCamera, T_O_C);
+    Observation observation;
+    observation.camera = kCamera;
+    observation.image = clutter(kCamera.width, kCamera.height, 7);
+    for (std::size_t i = 0; i < scene.alpha.values.size(); ++i) {
+      for (std::size_t c = 0; c < 3; ++c) {
+        float& value = observation.image.values[3 * i + c];
+        value = scene.image.values[3 * i + c] + (1 - scene.alpha.values[i]) * value;
+      }
+    }
+    return observation;
+  }
+
+  Prior priorAt(const Pose& T_O_C, double deg, double fraction) const {
+    Prior prior;
+    prior.T_O_C = T_O_C;
+    prior.rotation_rad = deg * kDegree;
+    prior.translation = fraction;
+    return prior;
+  }
+
+  Pose offBy(const Pose& T_O_C, double deg, double fraction) const {
+    const Eigen::Vector3d direction = Eigen::Vector3d(0.6, -0.5, 0.6);
+    const Eigen::Matrix3d turn = expSO3(Eigen::Vector3d(deg * kDegree * direction));
+    const Eigen::Vector3d shift = fraction * object().diameter * direction;
+    return {turn * T_O_C.R, object().centre + shift + turn * (T_O_C.t - object().centre)};
+  }
+
+  void expectFound(const Refinement& found, const Pose& truth, double deg) const {
+    ASSERT_EQ(found.outcome, Outcome::kRefined);
+    const PoseError error = poseError(found.T_O_C, truth, object().centre, kCamera);
+    EXPECT_LT(error.rotation_rad / kDegree, deg);
+    EXPECT_LT(error.object_offset / object().diameter, 0.01 * deg);
+  }
+
+  // The poses of a tracked sequence.
+  std::vector<Pose> track(KeyframeRefiner* refiner, int frames) const {
+    std::vector<Pose> poses;
+    Pose last = truthAt(0);
+    for (int i = 0; i < frames; ++i) {
+      const Observation observation = imageAt(truthAt(i));
+      const Refinement found =
+          refiner->follow({observation, i * kFrame_ns}, priorAt(last, 5, 0.05));
+      last = found.T_O_C;
+      poses.push_back(last);
+    }
+    return poses;
+  }
+
+  KeyframeSearchSettings fromFile() const {
+    KeyframeSearchSettings settings;
+    settings.real_time = false;
+    return settings;
+  }
+
+  std::shared_ptr<const LoadedField> scene_ = makeAnalyticScene(1, cpuProcessor(2));
+  std::shared_ptr<GatedField> field_ = std::make_shared<GatedField>(scene_);
+  std::unique_ptr<Backend> backend_ = makeCpuBackend(2);
+};
+
+TEST_F(KeyframeRefinerTest, FollowsACameraAroundTheObject) {
+  KeyframeRefiner refiner(backend_.get(), field_, fromFile());
+  const std::vector<Pose> poses = track(&refiner, 20);
+  for (int i = 0; i < 20; ++i) {
+    SCOPED_TRACE(i);
+    const PoseError error = poseError(poses[i], truthAt(i), object().centre, kCamera);
+    EXPECT_LT(error.rotation_rad / kDegree, 0.3);
+    EXPECT_LT(error.object_offset / object().diameter, 0.005);
+  }
+  EXPECT_GT(field_->arrived(), 2);   // renewed on the way
+  EXPECT_LT(field_->arrived(), 10);  // but not for every image
+}
+
+TEST_F(KeyframeRefinerTest, SameImagesSamePoses) {
+  KeyframeRefiner one(backend_.get(), field_, fromFile());
+  KeyframeRefiner other(backend_.get(), field_, fromFile());
+  const std::vector<Pose> a = track(&one, 12), b = track(&other, 12);
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    EXPECT_EQ(a[i].R, b[i].R);
+    EXPECT_EQ(a[i].t, b[i].t);
+  }
+}
+
+TEST_F(KeyframeRefinerTest, NoImageWaitsForAKeyframeThatIsLate) {
+  KeyframeRefiner refiner(backend_.get(), field_, KeyframeSearchSettings());
+  const Observation first = imageAt(truthAt(0));
+  refiner.follow({first, 0}, priorAt(truthAt(0), 5, 0.05));
+  const int rendered = field_->arrived();
+  field_->close();
+  Pose last = truthAt(0);
+  for (int i = 1; i < 12; ++i) {  // far enough to ask for a keyframe, which never comes
+    const Observation observation = imageAt(truthAt(i));
+    const Refinement found = refiner.follow({observation, i * kFrame_ns}, priorAt(last, 5, 0.05));
+    expectFound(found, truthAt(i), 0.6);
+    last = found.T_O_C;
+  }
+  EXPECT_EQ(field_->arrived(), rendered + 1);
+  field_->open();
+}
+
+TEST_F(KeyframeRefinerTest, FindsAnObjectInAWidePrior) {
+  KeyframeRefiner refiner(backend_.get(), field_, fromFile());
+  const Pose truth = truthAt(0);
+  const Observation observation = imageAt(truth);
+  const Refinement found =
+      refiner.find({observation, 0}, priorAt(offBy(truth, 15, 0.12), 15, 0.15));
+  expectFound(found, truth, 0.3);
+  EXPECT_GT(found.score, 0.5);
+}
+
+TEST_F(KeyframeRefinerTest, SearchesMoreWidelyWhereAPoseIsDoubtful) {
+  KeyframeSearchSettings narrow = fromFile(), wide = fromFile();
+  narrow.wide_starts = 0;
+  KeyframeRefiner with(backend_.get(), field_, wide), without(backend_.get(), field_, narrow);
+  const Observation observation = imageAt(truthAt(0));
+  const Prior jerk = priorAt(offBy(truthAt(0), 20, 0.15), 7, 0.07);
+  expectFound(with.follow({observation, 0}, jerk), truthAt(0), 0.3);
+  EXPECT_LT(without.follow({observation, 0}, jerk).score, 0.5);
+}
+
+TEST_F(KeyframeRefinerTest, SaysThatTheObjectIsNotThere) {
+  KeyframeRefiner refiner(backend_.get(), field_, fromFile());
+  Observation empty = imageAt(truthAt(0));
+  empty.image = clutter(kCamera.width, kCamera.height, 7);
+  const Refinement found = refiner.follow({empty, 0}, priorAt(truthAt(0), 5, 0.05));
+  EXPECT_LT(found.score, 0.2);
+  Pose beside = truthAt(0);
+  beside.t += 5 * beside.R.col(0);
+  EXPECT_EQ(refiner.follow({empty, 1}, priorAt(beside, 5, 0.05)).outcome, Outcome::kNoOverlap);
+}
+
+TEST_F(KeyframeRefinerTest, CanBeCancelled) {
+  KeyframeRefiner refiner(backend_.get(), field_, fromFile());
+  const Observation observation = imageAt(truthAt(0));
+  CancellationToken cancellation;
+  cancellation.requestCancel();
+  const Prior prior = priorAt(truthAt(0), 5, 0.05);
+  EXPECT_EQ(refiner.follow({observation, 0}, prior, cancellation).outcome, Outcome::kCancelled);
+  EXPECT_EQ(refiner.find({observation, 0}, prior, cancellation).outcome, Outcome::kCancelled);
+  expectFound(refiner.follow({observation, 1}, prior), truthAt(0), 0.3);
+}
+
+TEST_F(KeyframeRefinerTest, RefusesSettingsOutOfRange) {
+  KeyframeSearchSettings settings;
+  settings.max_keyframes = 0;
+  EXPECT_THROW(KeyframeRefiner(backend_.get(), field_, settings), std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace nerf_pose_refiner

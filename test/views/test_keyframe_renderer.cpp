@@ -1,0 +1,68 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "views/keyframe_renderer.h"
+
+#include <gtest/gtest.h>
+
+#include <stdexcept>
+
+#include "support/analytic_scene.h"
+#include "support/cpu_processor.h"
+#include "support/gated_field.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+const Camera kCamera = {320, 240, 400, 400, 159.5, 119.5};
+
+class KeyframeRendererTest : public testing::Test {
+ protected:
+  std::shared_ptr<GatedField> field_ =
+      std::make_shared<GatedField>(makeAnalyticScene(1, cpuProcessor(1)));
+  View view_ = {kCamera, cameraAround(*field_, 0.6, 0.5)};
+  KeyframeRenderer renderer_{field_, KeyframeSettings()};
+};
+
+TEST_F(KeyframeRendererTest, RendersBesideItsCaller) {
+  EXPECT_FALSE(renderer_.busy());
+  EXPECT_EQ(renderer_.take(), nullptr);
+  field_->close();
+  renderer_.request(view_);
+  field_->waitForArrivals(1);
+  EXPECT_TRUE(renderer_.busy());
+  EXPECT_EQ(renderer_.take(), nullptr);  // not done, and nobody waits
+  field_->open();
+  const auto keyframe = renderer_.wait({});
+  ASSERT_NE(keyframe, nullptr);
+  EXPECT_EQ(keyframe->T_O_C.t, view_.T_O_C.t);
+  EXPECT_FALSE(renderer_.busy());
+}
+
+TEST_F(KeyframeRendererTest, AWaitCanBeCancelled) {
+  field_->close();
+  renderer_.request(view_);
+  CancellationToken cancellation;
+  cancellation.requestCancel();
+  EXPECT_THROW(renderer_.wait(cancellation), Cancelled);
+  EXPECT_TRUE(renderer_.busy());  // the rendering goes on
+  field_->open();
+  EXPECT_NE(renderer_.wait({}), nullptr);
+}
+
+TEST_F(KeyframeRendererTest, HandsOverErrors) {
+  View behind = view_;
+  behind.T_O_C.t += 10 * view_.T_O_C.R.col(2);
+  renderer_.request(behind);
+  EXPECT_THROW(renderer_.wait({}), std::invalid_argument);
+  EXPECT_FALSE(renderer_.busy());
+  renderer_.request(view_);
+  EXPECT_NE(renderer_.wait({}), nullptr);
+}
+
+TEST_F(KeyframeRendererTest, EndsWhileItRenders) {
+  field_->close();
+  renderer_.request(view_);
+  field_->waitForArrivals(1);  // the destructor cancels
+}
+
+}  // namespace
+}  // namespace nerf_pose_refiner
