@@ -92,7 +92,7 @@ class Bench {
       prior.T_O_C.R = expSO3(Eigen::Vector3d(0.02, -0.02, 0.02)) * prior.T_O_C.R;
       prior.T_O_C.t.x() += 0.02 * field_->metadata.diameter;
       const Clock::time_point start = Clock::now();
-      search.search(observations_[v], prior, /*tracked=*/true, CancellationToken());
+      search.search({observations_[v], prior, /*tracked=*/true}, CancellationToken());
       seconds.push_back(secondsSince(start));
     }
     return seconds;
