@@ -106,7 +106,7 @@ __device__ RegionPixel regionAt(const CudaAlignmentTarget& target, int pixel) {
 
 /// A block per chunk (x) and search (y).
 __global__ void sumAlignmentKernel(CudaAlignmentTarget target, CudaSearches searches,
-                                   const float4* images, Vec3<double> centre) {
+                                   Vec3<double> centre) {
   const int v = static_cast<int>(blockIdx.y);
   if (!searches.active[v]) return;
   __shared__ AlignmentView view;
@@ -117,7 +117,7 @@ __global__ void sumAlignmentKernel(CudaAlignmentTarget target, CudaSearches sear
                                         ? GainBias<float>()
                                         : searches.searches[v].trial_gain_bias;
   const int width = target.camera.width, height = target.camera.height, pixels = width * height;
-  const float4* image = images + 2 * static_cast<std::size_t>(v) * pixels;
+  const float4* image = searches.images + 2 * static_cast<std::size_t>(v) * pixels;
   AlignmentSumsOf<float> sums;
   const int tiles = (width + kTileSide - 1) / kTileSide;  // in a row
   const int left = static_cast<int>(blockIdx.x) % tiles * kTileSide;
@@ -207,13 +207,12 @@ __global__ void __launch_bounds__(kAdvanceThreads)
 }
 
 /// A block per chunk (x) and search (y).
-__global__ void sumGainBiasKernel(CudaAlignmentTarget target, CudaSearches searches,
-                                  const float4* images) {
+__global__ void sumGainBiasKernel(CudaAlignmentTarget target, CudaSearches searches) {
   const int v = static_cast<int>(blockIdx.y);
   if (!searches.active[v]) return;
   const GainBias<float> gain_bias = searches.searches[v].trial_gain_bias;
   const int pixels = target.camera.width * target.camera.height;
-  const float4* image = images + 2 * static_cast<std::size_t>(v) * pixels;
+  const float4* image = searches.images + 2 * static_cast<std::size_t>(v) * pixels;
   GainBiasMomentsOf<float> sums;
   for (int k = 0; k < kPixelsPerChunk; k += kThreads) {
     const int i = static_cast<int>(blockIdx.x) * kPixelsPerChunk + k + threadIdx.x;
@@ -292,21 +291,20 @@ void startSearches(const CudaSearches& searches, const CudaHypotheses& batch,
 }
 
 void fitGainBiases(const CudaAlignmentTarget& target, const CudaSearches& searches,
-                   const float4* images, cudaStream_t stream) {
+                   cudaStream_t stream) {
   const int chunks = alignmentChunks(target.camera);
   const dim3 grid(chunks, searches.view_count);
-  sumGainBiasKernel<<<grid, kThreads, 0, stream>>>(target, searches, images);
+  sumGainBiasKernel<<<grid, kThreads, 0, stream>>>(target, searches);
   NPR_CUDA_CHECK(cudaGetLastError());
   solveGainBiasKernel<<<searches.view_count, kThreads, 0, stream>>>(searches, chunks);
   NPR_CUDA_CHECK(cudaGetLastError());
 }
 
 void advanceSearches(const CudaAlignmentTarget& target, const CudaSearches& searches,
-                     const float4* images, const AlignmentRules& rules, bool only_score,
-                     cudaStream_t stream) {
+                     const AlignmentRules& rules, bool only_score, cudaStream_t stream) {
   const int chunks = alignmentChunks(target.camera);
   const dim3 grid(chunks, searches.view_count);
-  sumAlignmentKernel<<<grid, kThreads, 0, stream>>>(target, searches, images, rules.centre);
+  sumAlignmentKernel<<<grid, kThreads, 0, stream>>>(target, searches, rules.centre);
   NPR_CUDA_CHECK(cudaGetLastError());
   advanceKernel<<<searches.view_count, kAdvanceThreads, 0, stream>>>(searches, rules, chunks,
                                                                      only_score);

@@ -25,6 +25,7 @@ struct CudaSearches {
   AlignmentSearch* searches;  ///< [views]
   CameraPose<double>* poses;  ///< [views], to be rendered next
   int* active;                ///< [views], 0: done
+  const float4* images;       ///< [views][h][w][2], the poses' blurred renderings
   double* partial_sums;       ///< [views][alignmentChunks][kAlignmentSums]
   int view_count;             ///< at least as many as there are hypotheses
 };
@@ -40,13 +41,12 @@ void startSearches(const CudaSearches& searches, const CudaHypotheses& batch,
 
 /// Fits gain and bias of the trials to their blurred images, from where they are: one pass.
 void fitGainBiases(const CudaAlignmentTarget& target, const CudaSearches& searches,
-                   const float4* images, cudaStream_t stream);
+                   cudaStream_t stream);
 
 /// Sums residuals of the trials' blurred images and takes one step with every search; if
 /// `only_score`, takes the sums as they are and ends the searches.
 void advanceSearches(const CudaAlignmentTarget& target, const CudaSearches& searches,
-                     const float4* images, const AlignmentRules& rules, bool only_score,
-                     cudaStream_t stream);
+                     const AlignmentRules& rules, bool only_score, cudaStream_t stream);
 
 /// Writes what the searches found to their hypotheses. @param by_contrast how their score is taken,
 /// @see scoreOf.

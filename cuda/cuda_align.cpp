@@ -60,16 +60,14 @@ class CudaSolver::Stage {
   void fitGainBias() {
     if (!target_.fit_gain_bias) return;
     for (int pass = 0; pass < 2; ++pass) {
-      fitGainBiases(target_, searches_, space_.images.data(), stream_);
+      fitGainBiases(target_, searches_, stream_);
     }
   }
   void takeContrasts() {
     nerf_pose_refiner::takeContrasts(contrast_, stream_);
     target_.observed = space_.observed.data();
   }
-  void sum() {
-    advanceSearches(target_, searches_, space_.images.data(), rules_, only_score_, stream_);
-  }
+  void sum() { advanceSearches(target_, searches_, rules_, only_score_, stream_); }
 
  private:
   void prepareSearches(int views);
@@ -126,6 +124,7 @@ void CudaSolver::Stage::prepareSearches(int views) {
   searches_.searches = space_.searches.data();
   searches_.poses = space_.poses.data();
   searches_.active = space_.active.data();
+  searches_.images = space_.images.data();
   searches_.partial_sums = space_.partial_sums.data();
   searches_.view_count = views;
 }

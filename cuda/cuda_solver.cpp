@@ -69,8 +69,11 @@ void CudaSolver::sample(const std::vector<Pose>& priors_T_O_C, const SamplingPla
   for (const Pose& prior : priors_T_O_C) priors.push_back(plainPose(prior));
   DeviceBuffer<CameraPose<double>>& uploaded = processor_.space().priors;
   uploaded.upload(priors, processor_.stream());
-  sampleHypotheses(hypotheses_, uploaded.data(), searches_, spreadOf(plan), plan.count, plan.seed,
-                   processor_.stream());
+  CudaSamplingPlan plain;
+  plain.spread = spreadOf(plan);
+  plain.count = plan.count;
+  plain.seed = plan.seed;
+  sampleHypotheses(hypotheses_, uploaded.data(), searches_, plain, processor_.stream());
 }
 
 void CudaSolver::resample(const ResamplingPlan& plan) {

@@ -21,14 +21,14 @@ __device__ CudaHypothesis freshHypothesis(const CameraPose<double>& pose, int se
 
 /// A thread per hypothesis.
 __global__ void sampleKernel(CudaHypotheses batch, const CameraPose<double>* priors, int searches,
-                             PoseSpread spread, int count, std::uint64_t seed) {
+                             CudaSamplingPlan plan) {
   const int place = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
-  if (place == 0) *batch.count = searches * count;
-  if (place >= searches * count) return;
-  const int search = place / count, i = place % count;
+  if (place == 0) *batch.count = searches * plan.count;
+  if (place >= searches * plan.count) return;
+  const int search = place / plan.count, i = place % plan.count;
   const CameraPose<double> prior = priors[search];
   batch.items[place] =
-      freshHypothesis(i == 0 ? prior : drawnAround(prior, spread, seed, i), search);
+      freshHypothesis(i == 0 ? prior : drawnAround(prior, plan.spread, plan.seed, i), search);
 }
 
 __device__ bool isLive(const CudaHypothesis& h) { return h.state == HypothesisState::kLive; }
@@ -106,10 +106,9 @@ __global__ void resampleKernel(CudaHypotheses batch, CudaResamplingPlan plan) {
 }  // namespace
 
 void sampleHypotheses(const CudaHypotheses& batch, const CameraPose<double>* priors, int searches,
-                      const PoseSpread& spread, int count, std::uint64_t seed,
-                      cudaStream_t stream) {
-  const int blocks = (searches * count + kThreads - 1) / kThreads;
-  sampleKernel<<<blocks, kThreads, 0, stream>>>(batch, priors, searches, spread, count, seed);
+                      const CudaSamplingPlan& plan, cudaStream_t stream) {
+  const int blocks = (searches * plan.count + kThreads - 1) / kThreads;
+  sampleKernel<<<blocks, kThreads, 0, stream>>>(batch, priors, searches, plan);
   NPR_CUDA_CHECK(cudaGetLastError());
 }
 

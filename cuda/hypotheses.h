@@ -39,10 +39,16 @@ struct CudaHypotheses {
   int capacity;
 };
 
+/// Of every search. @see SamplingPlan
+struct CudaSamplingPlan {
+  PoseSpread spread;
+  int count;
+  std::uint64_t seed;
+};
 /// `count` hypotheses a search: the first is the prior, the others are drawn around it.
 /// @param priors on the device, of `searches`.
 void sampleHypotheses(const CudaHypotheses& batch, const CameraPose<double>* priors, int searches,
-                      const PoseSpread& spread, int count, std::uint64_t seed, cudaStream_t stream);
+                      const CudaSamplingPlan& plan, cudaStream_t stream);
 
 /// Of every search. @see ResamplingPlan
 struct CudaResamplingPlan {
