@@ -24,10 +24,13 @@
 
 using namespace nerf_pose_refiner;
 
+bool isWebcam(const std::string& name) {
+  return name.find_first_not_of("0123456789") == std::string::npos;
+}
+
 cv::VideoCapture openVideo(const std::string& name) {
-  const bool webcam = name.find_first_not_of("0123456789") == std::string::npos;
   cv::VideoCapture video;
-  if (!(webcam ? video.open(std::atoi(name.c_str())) : video.open(name))) {
+  if (!(isWebcam(name) ? video.open(std::atoi(name.c_str())) : video.open(name))) {
     throw std::runtime_error("cannot open the video " + name);
   }
   return video;
@@ -53,7 +56,9 @@ int main(int argc, char** argv) try {
 
   const std::shared_ptr<Backend> backend = makeBackend("auto");
   const Object object = loadObject(argv[1]);
-  Tracker tracker(backend, object);
+  TrackerOptions options;
+  options.real_time = isWebcam(argv[2]);
+  Tracker tracker(backend, object, options);
   tracker.setInitialPose(T_C_O);
   Overlay overlay(backend, object);
   cv::VideoCapture video = openVideo(argv[2]);

@@ -26,7 +26,10 @@ struct TrackerOptions {
   int max_failures = 2;    ///< so many images in a row without a trusted pose are bridged
   bool predict = true;     ///< look where the last two poses point to
   double recover_s = 5;    ///< so long after the last trusted pose it is looked for again
-  std::uint64_t seed = 1;  ///< same seed, same backend, same images: same poses
+  /// Images come from a camera: none waits for a rendering that is late. False: they may come
+  /// faster than they were taken, from a file, and the same ones give the same poses.
+  bool real_time = false;
+  std::uint64_t seed = 1;  ///< of searches
 };
 
 /// What came of an image.

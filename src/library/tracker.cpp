@@ -17,6 +17,7 @@ TrackerSettings settingsOf(const TrackerOptions& options) {
   settings.initial.rotation_deg = kDegreesPerRad * options.search_rotation_rad;
   settings.initial.translation = options.search_translation;
   settings.initial.refiner.seed = settings.tracking.refiner.seed = options.seed;
+  settings.tracking.refiner.keyframes.real_time = options.real_time;
   settings.rules.trust_score = options.trust_score;
   settings.rules.min_score = options.min_score;
   settings.rules.max_failures = options.max_failures;

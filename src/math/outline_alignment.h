@@ -14,7 +14,7 @@ namespace nerf_pose_refiner {
 
 /// Places along the normal, in pixels of the keyframe, -kOutlineReach..kOutlineReach: the two
 /// outermost on each side give the colours of that side, the others are compared.
-constexpr int kOutlineReach = 4;
+constexpr int kOutlineReach = 3;
 constexpr int kOutlinePlaces = 2 * kOutlineReach + 1;
 constexpr int kOutlineCompared = 2;  ///< places -2..2
 constexpr int kOutlineOpacities = 2 * kOutlineCompared + 1;

@@ -54,6 +54,7 @@ TrackerSettings BagEvaluationSettings::tracker() const {
   settings.initial = SearchSettings::named(preset, search_rotation_deg, search_translation);
   settings.tracking = SearchSettings::named(track_preset, track_rotation_deg, track_translation);
   settings.initial.refiner.seed = settings.tracking.refiner.seed = seed;
+  settings.tracking.refiner.keyframes.real_time = false;  // images come as fast as they are read
   settings.rules = rules;
   settings.rules.once = !track;
   settings.mask_mode = MaskMode::kEveryFrame;

@@ -47,7 +47,7 @@ enum class MaskMode {
 
 /// How an object is tracked; the defaults are the node's.
 struct TrackerSettings {
-  SearchSettings initial = SearchSettings::named("align", 15, 0.15);      ///< from an initial pose
+  SearchSettings initial = SearchSettings::named("keyframes", 15, 0.15);  ///< from an initial pose
   SearchSettings tracking = SearchSettings::named("keyframes", 5, 0.05);  ///< from the last pose
   TrackingRules rules;
   MaskMode mask_mode = MaskMode::kNone;
