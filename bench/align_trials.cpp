@@ -20,7 +20,7 @@
 #include "trial_report.h"
 
 // Trials of pose refinement: views of a dataset, each started from wrong poses. Prints a line a
-// trial, with its work and its share of the machine's floor, and a summary.
+// trial, with its work and its fraction of the machine's floor, and a summary.
 
 namespace nerf_pose_refiner {
 namespace {
@@ -35,7 +35,7 @@ struct Options {
   std::uint64_t seed = 1;
   double rotation_deg = 15, translation = -1;  // -1: the protocol's
   double search_deg = -1, search_translation = -1;
-  double unit = 1;           // of the paper [model units]; 0: a share of the object
+  double unit = 1;           // of the paper [model units]; 0: a fraction of the object
   int samples_per_step = 0;  // of the paper's mode; 0: the preset's
   int score_pixels = 0;      // likewise
   std::string loss;          ///< empty: the preset's
@@ -62,8 +62,8 @@ Protocol protocolOf(const Options& options, double diameter) {
                         : paper                         ? 1.2 * translation
                                                         : translation;
   protocol.search_translation = search * length / diameter;
-  // The paper's bound is in units of the NeRF Synthetic scenes; a robot's is the same share of an
-  // object of 2.5 such units.
+  // The paper's bound is in units of the NeRF Synthetic scenes; a robot's is the same fraction of
+  // an object of 2.5 such units.
   protocol.of_camera = paper;
   protocol.offset_bound = (paper ? 0.05 : 0.02) * length;
   return protocol;
@@ -82,7 +82,7 @@ RefinerSettings settingsOf(const Options& options, double diameter) {
   return settings;
 }
 
-/// Measured anew for every view where the memory is the host's: it moves with the machine's load.
+/// Measured again for every view where the memory is the host's: it moves with the machine's load.
 class MovingFloor {
  public:
   MovingFloor(BackendInfo backend, int threads, std::size_t table_bytes)
@@ -223,17 +223,17 @@ void declareStarts(CLI::App* app, Options* options) {
                   "centre and moved")
       ->check(CLI::IsMember({"paper", "robot"}))
       ->capture_default_str();
-  app->add_option("--views", options->views, "Evenly spread over the dataset")
+  app->add_option("--views", options->views, "Number of views, evenly spread over the dataset")
       ->capture_default_str();
   app->add_option("--first-view", options->first_view)->capture_default_str();
   app->add_option("--starts", options->starts, "Starts of each view")->capture_default_str();
-  app->add_option("--rotation-deg", options->rotation_deg, "Of the starts, half width per axis")
+  app->add_option("--rotation-deg", options->rotation_deg, "Half width of the starts per axis")
       ->capture_default_str();
   app->add_option("--translation", options->translation,
-                  "Of the starts, half width per axis; paper: units (0.25), robot: diameters "
+                  "Half width of the starts per axis; paper: units (0.25), robot: diameters "
                   "(0.15)");
   app->add_option("--search-deg", options->search_deg,
-                  "Half width of the search; default: starts'");
+                  "Half width of the search; default: that of the starts");
   app->add_option("--search-translation", options->search_translation,
                   "Half width of the search, in the unit of --translation");
 }
@@ -246,15 +246,15 @@ void declareObservation(CLI::App* app, TrialObservation* observation) {
       ->check(CLI::IsMember({"white", "alpha", "mask", "own", "photo"}))
       ->capture_default_str();
   app->add_option("--photos", observation->photos,
-                  "Pictures to put behind the object, in turn; none: drawn clutter");
+                  "Images to put behind the object, in turn; none: drawn clutter");
   app->add_option("--light", observation->gain_bias, "Gain of the object per channel: 1 +- this");
   app->add_option("--occluder", observation->occluder,
-                  "Square over this share of the object's box");
+                  "Square over this fraction of the object's box");
   app->add_option("--noise", observation->noise, "Standard deviation of added Gaussian noise");
 }
 
 void declareRefiner(CLI::App* app, Options* options) {
-  app->add_option("--preset", options->preset, "Of the refiner")
+  app->add_option("--preset", options->preset, "Preset of the refiner")
       ->check(CLI::IsMember(RefinerSettings::presetNames()))
       ->capture_default_str();
   app->add_option("--seed", options->seed)->capture_default_str();

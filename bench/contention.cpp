@@ -172,7 +172,7 @@ int main(int argc, char** argv) {
   app.add_option("photos", options.photos, "folder or transforms file to train another one from")
       ->required();
   app.add_option("--frames", options.frames, "images of each measurement");
-  app.add_option("--threads", options.threads, "of each engine; 0: all cores");
+  app.add_option("--threads", options.threads, "of each backend; 0: all cores");
   CLI11_PARSE(app, argc, argv);
   try {
     nerf_pose_refiner::Bench(options).run();

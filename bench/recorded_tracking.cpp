@@ -163,7 +163,7 @@ class RecordedTracking {
   /// hidden.
   Symmetries symmetriesAt(const RecordedFrame& frame) const {
     if (frame.label_visible) return field_->metadata.symmetries;
-    return Symmetries(SymmetryAxis{Eigen::Vector3d::Zero(), Eigen::Vector3d::UnitZ()}, {});
+    return Symmetries(SymmetryAxis{Eigen::Vector3d::UnitZ(), Eigen::Vector3d::Zero()}, {});
   }
 
   void judge(std::size_t i, const TrackOutcome& outcome, Tally* tally) {
@@ -190,7 +190,7 @@ class RecordedTracking {
           "%3zu: %.3f deg %.3f %%, score %.3f (raw %.3f) visible %.2f %s%s\n", i, deg,
           100 * fraction, outcome.score,
           outcome.refinement.hypotheses.empty() ? 0.0 : outcome.refinement.hypotheses.front().score,
-          outcome.refinement.visible_fraction, outcome.trusted ? "trusted " : "",
+          outcome.refinement.visible_fraction, outcome.trusted ? "trusted " : outcome.message.c_str(),
           is_right ? "" : "WRONG");
     }
     if (is_right) return;

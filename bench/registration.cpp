@@ -62,7 +62,7 @@ void declare(CLI::App* app, Options* options) {
   app->add_option("dataset", options->dataset, "folder or transforms file of the training views")
       ->required();
   app->add_option("--test", options->test, "transforms file of the test views");
-  app->add_option("--size", options->size, "width of the test pictures [px]; 0: as they are");
+  app->add_option("--size", options->size, "width of the test images [px]; 0: as they are");
   app->add_flag("--compare-occupancy", options->compare_occupancy,
                 "also render without the occupancy grid");
   app->add_option("--model", options->model, "write the model to this file");

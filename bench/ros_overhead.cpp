@@ -56,7 +56,7 @@ double quantile(std::vector<double> values, double fraction) {
   return values[std::min(values.size() - 1, static_cast<std::size_t>(fraction * values.size()))];
 }
 
-/// A model in a folder that ends with it, and a picture of the object.
+/// A model in a folder that ends with it, and an image of the object.
 struct Subject {
   Subject()
       : root(fs::temp_directory_path() / ("ros_overhead_" + std::to_string(getpid()))),
@@ -180,7 +180,7 @@ void load(nodelet::Loader* loader, const std::string& name, const Subject& subje
               1e3 * (ros::WallTime::now() - start).toSec());
 }
 
-/// @param own of the benchmark itself [share of a core]. @return the share of this process.
+/// @param own of the benchmark itself [fraction of a core]. @return the fraction of this process.
 double measureIdle(const char* what, double seconds, double own,
                    const std::function<void()>& tick) {
   const double before = cpuSeconds();

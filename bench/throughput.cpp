@@ -68,7 +68,7 @@ int main(int argc, char** argv) {
   app.add_option("model", model, "model file")->required();
   app.add_option("dataset", dataset, "transforms file of the views to render")->required();
   app.add_option("--threads", threads, "0: all cores");
-  app.add_option("--rounds", rounds, "repetitions, each with the floor measured anew");
+  app.add_option("--rounds", rounds, "repetitions, each with the floor measured again");
   app.add_option("--instruction-set", instruction_set, "auto, baseline or avx2");
   CLI11_PARSE(app, argc, argv);
   try {

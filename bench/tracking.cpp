@@ -82,14 +82,14 @@ TrackerSettings settingsOf(const TrackingBenchmark& plan) {
   return settings;
 }
 
-/// A tracker that is told the true pose where it has none.
+/// A tracker that gets the true pose where it has none.
 class Bench {
  public:
   Bench(const TrackerSettings& settings, const std::shared_ptr<Backend>& backend,
         const std::shared_ptr<const Field>& object)
       : frame_(ObjectFrame::inMetres(object->metadata)), tracker_(backend, object, settings) {}
 
-  /// Begins anew from a pose in the next image.
+  /// Starts again from a pose in the next image.
   void beginAt(const Pose& T_O_C) {
     tracker_.reset();
     tracker_.offer({frame_.objectInCamera(T_O_C), "camera", 0, false, {}});

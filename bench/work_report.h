@@ -10,8 +10,8 @@ namespace nerf_pose_refiner {
 struct FloorFraction {
   double gather_s = 0;
   double flop_s = 0;
-  double of_larger = 0;  ///< share of the floor if gathers and operations overlap wholly
-  double of_sum = 0;     ///< share of the floor if they do not at all
+  double of_larger = 0;  ///< fraction of the floor if gathers and operations overlap wholly
+  double of_sum = 0;     ///< fraction of the floor if they do not at all
 };
 
 /// @param seconds that the work took.

@@ -1,17 +1,17 @@
 # Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-# The CUDA engine, where a CUDA compiler is found. Its objects are part of the library, and CUDA's
-# runtime is linked statically: nobody links CUDA who links this package. Its sources are in cuda/.
+# The CUDA backend, where a CUDA compiler is found. Its objects are part of the library, and CUDA's
+# runtime is linked statically: users of this package do not link CUDA. Its sources are in cuda/.
 #
 # CMAKE_CUDA_ARCHITECTURES chooses the GPUs that it is compiled for. By default all from 7.5 to 9.0,
 # and code that later ones compile themselves.
 include(CheckLanguage)
 if(CMAKE_VERSION VERSION_LESS 3.18)
-  message(STATUS "No CUDA engine: it wants CMake 3.18, this is ${CMAKE_VERSION}")
+  message(STATUS "No CUDA backend: it needs CMake 3.18, this is ${CMAKE_VERSION}")
   return()
 endif()
 check_language(CUDA)
 if(NOT CMAKE_CUDA_COMPILER)
-  message(STATUS "No CUDA engine: there is no CUDA compiler (set CUDACXX to an nvcc)")
+  message(STATUS "No CUDA backend: there is no CUDA compiler (set CUDACXX to an nvcc)")
   return()
 endif()
 # Asked before the language is enabled, for an old compiler fails at that.
@@ -20,7 +20,7 @@ execute_process(COMMAND ${CMAKE_CUDA_COMPILER} --version
 string(REGEX MATCH "release [0-9]+\\.[0-9]+" npr_nvcc_version "${npr_nvcc_version}")
 string(REPLACE "release " "" npr_nvcc_version "${npr_nvcc_version}")
 if(npr_nvcc_version VERSION_LESS 11.8)
-  message(STATUS "No CUDA engine: it wants CUDA 11.8, ${CMAKE_CUDA_COMPILER} is of "
+  message(STATUS "No CUDA backend: it needs CUDA 11.8, ${CMAKE_CUDA_COMPILER} is of "
     "'${npr_nvcc_version}'")
   return()
 endif()
@@ -30,7 +30,7 @@ if(NOT DEFINED CMAKE_CUDA_ARCHITECTURES)
 endif()
 enable_language(CUDA)
 find_package(CUDAToolkit REQUIRED)
-message(STATUS "CUDA engine: ${CMAKE_CUDA_COMPILER_VERSION}, for ${CMAKE_CUDA_ARCHITECTURES}")
+message(STATUS "CUDA backend: ${CMAKE_CUDA_COMPILER_VERSION}, for ${CMAKE_CUDA_ARCHITECTURES}")
 
 # Language and warnings of a target with kernels.
 function(npr_set_cuda_options target)
@@ -76,6 +76,7 @@ add_library(${npr_cuda} OBJECT
   cuda/train_rays.cu
   cuda/train_update.cu)
 npr_set_cuda_options(${npr_cuda})
+npr_precompile(${npr_cuda})
 target_include_directories(${npr_cuda} PRIVATE include src)
 target_link_libraries(${npr_cuda} PRIVATE Eigen3::Eigen CUDA::cudart_static OpenMP::OpenMP_CXX)
 target_sources(${PROJECT_NAME} PRIVATE $<TARGET_OBJECTS:${npr_cuda}>)

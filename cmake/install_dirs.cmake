@@ -1,5 +1,5 @@
 # Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-# Where things are installed: as GNU does, or as catkin wants it in a catkin workspace.
+# Where things are installed: as GNU does, or as catkin does in a catkin workspace.
 include(GNUInstallDirs)
 set(NPR_INSTALL_LIB_DIR ${CMAKE_INSTALL_LIBDIR})
 set(NPR_INSTALL_TOOL_DIR ${CMAKE_INSTALL_BINDIR})

@@ -1,5 +1,5 @@
 # Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-# The ROS room, the nodelet and the nodes; what belongs to them and is installed.
+# The module `ros`, the nodelet and the nodes, and the files that are installed with them.
 set(ros_library ${PROJECT_NAME}_ros)
 add_library(${ros_library} STATIC
   src/ros/bag/bag_sequence.cpp
@@ -28,7 +28,9 @@ add_library(${ros_library} STATIC
 add_dependencies(${ros_library}
   ${PROJECT_NAME}_gencfg ${PROJECT_NAME}_generate_messages_cpp ${catkin_EXPORTED_TARGETS})
 npr_set_warnings(${ros_library})
-# Nobody outside of this package links it.
+npr_precompile(${ros_library} <ros/ros.h> <sensor_msgs/CameraInfo.h> <sensor_msgs/Image.h>)
+set_target_properties(${ros_library} PROPERTIES POSITION_INDEPENDENT_CODE ON)  # of the nodelets
+# Private to this package.
 #catkin_lint: ignore_once external_interface_path
 target_include_directories(${ros_library} SYSTEM PUBLIC ${catkin_INCLUDE_DIRS})
 target_include_directories(${ros_library} SYSTEM PRIVATE ${OpenCV_INCLUDE_DIRS})
@@ -51,15 +53,14 @@ endforeach()
 
 target_link_libraries(${PROJECT_NAME}_initial_pose_marker_node PRIVATE ${ros_library})
 
-# What reads bags knows ROS. The evaluation's script lies beside it.
+# Tools that read bags need ROS. The script of the evaluation is installed beside them.
 if(CLI11_FOUND)
-  npr_add_tool(check_trust src/tools/check_trust.cpp src/tools/tool.cpp
-    src/tools/trust_trials.cpp)
+  npr_add_tool(check_trust src/tools/check_trust.cpp src/tools/trust_trials.cpp)
   npr_add_tool(evaluate_bag src/tools/bag_evaluation.cpp src/tools/evaluate_bag.cpp
-    src/tools/evaluation_files.cpp src/tools/refine_case.cpp src/tools/tool.cpp)
+    src/tools/evaluation_files.cpp)
   foreach(tool check_trust evaluate_bag)
-    target_link_libraries(${PROJECT_NAME}_${tool} PRIVATE
-      ${ros_library} CLI11::CLI11 nlohmann_json::nlohmann_json)
+    target_link_libraries(${PROJECT_NAME}_${tool} PRIVATE ${tools} ${ros_library})
+    npr_reuse_precompiled(${PROJECT_NAME}_${tool} ${tools})
   endforeach()
 endif()
 catkin_install_python(PROGRAMS scripts/llff_to_transforms scripts/plot_evaluation
@@ -78,6 +79,6 @@ install(TARGETS ${PROJECT_NAME}_nodelets
   RUNTIME DESTINATION ${CATKIN_GLOBAL_BIN_DESTINATION})
 install(FILES nodelet_plugins.xml DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
 install(DIRECTORY config launch rviz DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
-# What demo.launch learns from, and what it follows.
+# The photos that demo.launch learns from, and the recording in which it tracks.
 install(DIRECTORY demo/data/toy_kiosk DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION}/demo/data)
 install(FILES demo/toy_kiosk.bag DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION}/demo)

@@ -112,7 +112,7 @@ __global__ void sumAlignmentKernel(CudaAlignmentTarget target, CudaSearches sear
   __shared__ AlignmentView view;
   if (threadIdx.x == 0) view = viewOf(target.camera, centre, searches.searches[v].trial);
   __syncthreads();
-  // Contrasts know no light.
+  // Contrasts do not depend on gain and bias.
   const GainBias<float> gain_bias = target.rules.kind == Comparison::kContrasts
                                         ? GainBias<float>()
                                         : searches.searches[v].trial_gain_bias;
@@ -157,8 +157,8 @@ __device__ void sumScatter(const double* partial_sums, int view, int tiles, Tile
     const NormalEquations6<double>& equations = tile[k].equations;
     if (i < kProducts) return equations.gradient[row] * equations.gradient[column];
     const double* information = equations.information;
-    const double told = information[0] + information[2] + information[5];
-    return i == kProducts ? told : told * told;
+    const double trace = information[0] + information[2] + information[5];
+    return i == kProducts ? trace : trace * trace;
   };
   __shared__ double sums[kSums];
   sumOverChunks<kSums>(tiles, term, sums);

@@ -20,7 +20,7 @@ struct CudaAlignmentTarget {
   bool fit_gain_bias;
 };
 
-/// The searches of a stage and their workspace, all on the device.
+/// The searches of a stage and their scratch memory, all on the device.
 struct CudaSearches {
   AlignmentSearch* searches;  ///< [views]
   CameraPose<double>* poses;  ///< [views], to be rendered next
@@ -34,7 +34,7 @@ constexpr int kAlignmentSums = 34;  // numbers of AlignmentSumsOf
 /// Parts of an image that are summed apart.
 int alignmentChunks(const CudaCamera& camera);
 
-/// Starts a search from every live hypothesis; flags those that cannot be followed.
+/// Starts a search from every live hypothesis; flags those that cannot be optimised.
 void startSearches(const CudaSearches& searches, const CudaHypotheses& batch,
                    const AlignmentRules& rules, cudaStream_t stream);
 

@@ -40,8 +40,8 @@ struct LaneWork {
   unsigned samples = 0, colours = 0;
 };
 
-/// Forward through the field, for all rays of a source. Rays that end make room for others, so that
-/// the tensor cores and the gathers always get 32 samples. All lanes of a warp take part.
+/// Forward through the field, for all rays of a source. Rays that end are replaced by others, so
+/// that the tensor cores and the gathers always get 32 samples. All lanes of a warp take part.
 /// @param min_weight lighter samples are left out of the sums, and only hide what is behind them.
 template <int W, typename Source>
 __device__ inline LaneWork castRays(const CudaFieldView& field, const MarchSpace& space,

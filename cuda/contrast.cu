@@ -59,25 +59,25 @@ __global__ void contrastKernel(const __grid_constant__ ContrastTask task) {
   task.images[at] = make_float4(opacity * c.x, opacity * c.y, opacity * c.z, opacity);
 }
 
-/// A thread per pixel: colours and squares of a picture.
-__global__ void squaresKernel(const float4* picture, int pixels, float4* to, float* seen) {
+/// A thread per pixel: colours and squares of an image.
+__global__ void squaresKernel(const float4* image, int pixels, float4* to, float* seen) {
   const int i = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
   if (i >= pixels) return;
-  seen[i] = picture[2 * i + 1].w > 0 ? 1.0f : 0.0f;
-  const float4 c = picture[2 * i];
+  seen[i] = image[2 * i + 1].w > 0 ? 1.0f : 0.0f;
+  const float4 c = image[2 * i];
   to[2 * i] = make_float4(c.x, c.y, c.z, 0);
   to[2 * i + 1] = make_float4(c.x * c.x, c.y * c.y, c.z * c.z, 1);
 }
 
-/// A thread per pixel: a picture with contrasts for colours.
-__global__ void observedContrastKernel(const float4* picture, const float4* statistics, int pixels,
+/// A thread per pixel: an image with contrasts for colours.
+__global__ void observedContrastKernel(const float4* image, const float4* statistics, int pixels,
                                        float4* contrasts) {
   const int i = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
   if (i >= pixels) return;
-  const float4 colour = picture[2 * i];
+  const float4 colour = image[2 * i];
   const float4 c = contrastOf(colour, statistics[2 * i], statistics[2 * i + 1]);
   contrasts[2 * i] = make_float4(c.x, c.y, c.z, colour.w);
-  contrasts[2 * i + 1] = picture[2 * i + 1];
+  contrasts[2 * i + 1] = image[2 * i + 1];
 }
 
 /// Means over those pixels of the window that have weight.

@@ -11,6 +11,6 @@ void checkCuda(cudaError_t error, const char* call, const char* file, int line);
 
 }  // namespace nerf_pose_refiner
 
-/// Every call of CUDA stands in this; behind a kernel's launch stands
+/// Wrap every CUDA call in this; after a kernel's launch write
 /// NPR_CUDA_CHECK(cudaGetLastError()).
 #define NPR_CUDA_CHECK(call) ::nerf_pose_refiner::checkCuda((call), #call, __FILE__, __LINE__)

@@ -49,7 +49,7 @@ std::vector<float> padWeights(const FieldConfig& config, const std::vector<float
 void compactWeights(const FieldConfig& config, const std::vector<float>& padded,
                     std::vector<float>* density_weights, std::vector<float>* colour_weights);
 
-/// Weights as the tensor cores want them: forward tiles, then the transposed ones.
+/// Weights as the tensor cores take them: forward tiles, then the transposed ones.
 std::vector<WeightPair> packWeights(const FieldConfig& config,
                                     const std::vector<float>& density_weights,
                                     const std::vector<float>& colour_weights);

@@ -13,8 +13,8 @@ namespace nerf_pose_refiner {
 namespace {
 
 constexpr int kStepsPerGraph = 4;
-constexpr unsigned kPointsPerSample = 4;  // room: the first step only guesses at its samples
-constexpr int kGraphsAhead = 2;           // of the device: so soon a stop is heard
+constexpr unsigned kPointsPerSample = 4;  // capacity: the first step only guesses its samples
+constexpr int kGraphsAhead = 2;           // of the device: cancellation waits for no more
 
 }  // namespace
 

@@ -15,9 +15,9 @@ namespace {
 
 constexpr int kStepsPerWait = 16;
 constexpr int kMaxRays = 1 << 17;
-constexpr unsigned kRoomPerSample = 4;  // samples that are looked at for one that is learned from
+constexpr unsigned kRoomPerSample = 4;  // samples that are evaluated for one that is learned from
 constexpr float kFirstLossScale = 128;
-constexpr int kCellsPerRound = 1 << 18;  // the cancellation token is looked at in between
+constexpr int kCellsPerRound = 1 << 18;  // cancellation is checked in between
 
 TrainingCamera plainView(const TrainingView& view, const Box& box, const CudaFieldView& field,
                          std::size_t first_pixel) {
@@ -79,7 +79,7 @@ CudaTrainer::CudaTrainer(const FieldConfig& config, const Box& box, std::vector<
   learned_.reserve(room);
   gradients_.reserve(room);
   task_.rays = rays_.data();
-  // Places that a ray had no room for are looked at all the same.
+  // Places that a ray left unused are evaluated all the same.
   points_.clear(room, stream_);
   point_rays_.reserve(room);
   NPR_CUDA_CHECK(cudaMemsetAsync(point_rays_.data(), 0xff, room * sizeof(unsigned), stream_));
@@ -221,7 +221,7 @@ void CudaTrainer::takeSums() {
 }
 
 /// A way back costs as much as the way there for what goes in, and again for the weights; samples
-/// that go back are evaluated anew.
+/// that go back are evaluated again.
 void CudaTrainer::addWork(double rays, double samples, double learned) {
   const double evaluations = samples + learned;
   const bool coloured = rays > 0;

@@ -56,7 +56,7 @@ class CudaTrainer final : public FieldTrainer {
   std::shared_ptr<CudaProcessor> processor_;
   CudaFieldView view_;
   CudaCosts costs_;
-  TrainingOccupancy cells_;  ///< which cells are looked at, and what is occupied at first
+  TrainingOccupancy cells_;  ///< which cells are evaluated, and what is occupied at first
   TrainingTask task_ = {};
   OccupancyTask occupancy_ = {};
   int steps_ = 0;

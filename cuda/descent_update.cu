@@ -76,13 +76,13 @@ __device__ void updatePose(const OptimisationTask& task, double decay, CudaHypot
   if (!finite) hypothesis->state = HypothesisState::kNotFinite;
 }
 
-/// Follows the samples that a ray takes on average, slowly after the first step.
+/// Tracks the samples that a ray takes on average, slowly after the first step.
 __device__ void followSamples(const OptimisationTask& task) {
   const DescentClock& clock = *task.clock;
   const double rays = static_cast<double>(clock.rays) * clock.live;
   const double measured = static_cast<double>(clock.samples) / rays;
-  double* followed = task.samples_per_ray;
-  *followed = updatedSamplesPerRay(*followed, measured);
+  double* tracked = task.samples_per_ray;
+  *tracked = updatedSamplesPerRay(*tracked, measured);
 }
 
 __device__ Vec3<double> vectorOf(const long long (&sums)[3]) {
@@ -116,7 +116,7 @@ __global__ void __launch_bounds__(kSumThreads) updateKernel(OptimisationTask tas
   updatePose(task, task.schedule.rateFactor(step / task.steps_per_update), hypothesis);
 }
 
-/// Infinite where no pixel tells anything: the worst there is.
+/// Infinite where no pixel has a weight: the worst there is.
 __device__ double meanLoss(double loss, double weight) {
   return weight > 0 ? loss / weight : HUGE_VAL;
 }

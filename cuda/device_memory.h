@@ -26,7 +26,7 @@ class DeviceBuffer {
     return *this;
   }
 
-  /// Room for n items; what was in it is lost if it grows. Out of memory: throws, and nothing has
+  /// Memory for n items; what was in it is lost if it grows. Out of memory: throws, and nothing has
   /// changed.
   void reserve(std::size_t n) {
     if (n <= capacity_) return;

@@ -7,7 +7,8 @@
 namespace nerf_pose_refiner {
 namespace {
 
-// One block fills a multiprocessor: its warps share the weights, and leave more room for the cache.
+// One block fills a multiprocessor: its warps share the weights, and leave more memory to the
+// cache.
 constexpr int kThreads = 512;
 constexpr int kBackwardThreads = 384;
 

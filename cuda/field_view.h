@@ -24,7 +24,7 @@ struct CudaGridLevel {
   std::uint32_t hashed;
 };
 
-/// Shape of the two networks, padded for the tensor cores. Inputs of the colour network stand in
+/// Shape of the two networks, padded for the tensor cores. Inputs of the colour network are in
 /// another order than in Field: the outputs of the density network (the first has weight 0), then
 /// the spherical harmonics, 16 each.
 struct CudaNetworkShape {
@@ -58,7 +58,7 @@ struct CudaFieldView {
   float box_min[3], box_max[3];
   float step, cone_angle;
   float origin[3], side;              ///< of the cube [model units]: p_N = (p_O - origin) / side
-  double box_O_min[3], box_O_max[3];  ///< of the matter [model units]
+  double box_O_min[3], box_O_max[3];  ///< of the occupied volume [model units]
   double centre[3];                   ///< of the object [model units]
   double diameter;                    ///< of the object [model units]
 };

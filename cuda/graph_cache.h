@@ -10,7 +10,7 @@
 
 namespace nerf_pose_refiner {
 
-/// What tells one recorded graph from another: the bytes of all that is baked into it.
+/// The key of a recorded graph: the bytes of all that is baked into it.
 class GraphKey {
  public:
   /// @param value without references to what may change: pointers are to memory of the device.
@@ -31,7 +31,7 @@ class GraphKey {
   std::string bytes_;
 };
 
-/// Graphs that were recorded, the last ones used: who asks for the same again gets the old one.
+/// The graphs that were used last: a request for the same work reuses its graph.
 class GraphCache {
  public:
   /// The graph of a key. @param enqueue what it records, to the stream, if it is not known.
@@ -42,7 +42,7 @@ class GraphCache {
       entries_.splice(entries_.begin(), entries_, entry);
       return entry->graph;
     }
-    if (entries_.size() == kMost) {
+    if (entries_.size() == kMaxGraphs) {
       NPR_CUDA_CHECK(cudaStreamSynchronize(stream));  // the oldest one may still run
       entries_.pop_back();
     }
@@ -58,7 +58,7 @@ class GraphCache {
   }
 
  private:
-  static constexpr std::size_t kMost = 8;
+  static constexpr std::size_t kMaxGraphs = 8;
   struct Entry {
     GraphKey key;
     CudaGraph graph;

@@ -10,7 +10,7 @@
 namespace nerf_pose_refiner {
 
 /// How entries of F halves are read. Gathers are what limits a field's evaluation, and a gather of
-/// 4 bytes costs as much as one of 16. Two neighbours along x stand in one aligned pair of entries
+/// 4 bytes costs as much as one of 16. Two neighbours along x are in one aligned pair of entries
 /// whenever the lower one's x (hashed: its index) is even: then one gather brings both.
 template <int F>
 struct GridEntry;

@@ -27,7 +27,7 @@ __device__ inline void addAtomically(float* to, const float v[N]) {
 #endif
 }
 
-/// Gives the corners of a position's cell at one level their shares of a feature gradient.
+/// Adds a feature gradient to the corners of a position's cell at one level, by their weights.
 /// @param table gradient of the whole table, [entry][F].
 template <int F>
 __device__ inline void scatterLevel(const CudaGridLevel& level, const float p[3],

@@ -40,7 +40,7 @@ __device__ bool isBefore(const CudaHypothesis& a, int i, const CudaHypothesis& b
 }
 
 /// The next hypotheses of the search in items[first..last), by all threads of a block: written to
-/// scratch from `to` on, as many as there is room for. @return how many there are.
+/// scratch from `to` on, as many as fit. @return how many there are.
 __device__ int resampleSearch(const CudaHypotheses& batch, const CudaResamplingPlan& plan,
                               int first, int last, int to) {
   __shared__ int flagged, survivors;

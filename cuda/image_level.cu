@@ -79,7 +79,7 @@ __device__ inline void addScaled(float factor, const float4& v, float4* sum) {
   sum->w += factor * v.w;
 }
 
-/// A thread per pixel, blockIdx.y is the picture. Sums along rows and exchanges rows and columns,
+/// A thread per pixel, blockIdx.y is the image. Sums along rows and exchanges rows and columns,
 /// so that neighbours read what the near caches hold in both passes: the first one, of the images
 /// [h][w], weighs the pixels; the last one, of the scratch [w][h], divides by the weights' sum.
 template <bool kLast>

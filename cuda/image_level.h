@@ -31,7 +31,7 @@ void packImage(const float4* image, int pixels, float4* picture, cudaStream_t st
 struct BlurTask {
   int width, height, view_count;
   const int* active;         ///< [views], 0: left out; null: all
-  const float* weight;       ///< [h][w], of the pixels of every picture
+  const float* weight;       ///< [h][w], of the pixels of every image
   const float* half_kernel;  ///< [radius + 1], from its middle on
   int radius;
   const float4* images;  ///< [views][h][w][2]

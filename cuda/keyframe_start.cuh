@@ -278,7 +278,8 @@ class StartAlignment {
   /// By one thread. @return whether the trial is the best so far.
   __device__ bool judge(const KeyframeLevelRules& rules) {
     ++shared_.best.evaluations;
-    const double loss = keyframeLoss(shared_.sums, shared_.points, rules.robust_scale);
+    const double loss = keyframeLoss(
+        shared_.sums.cost, {shared_.points, shared_.sums.weight, 0, 0, 0.0f}, rules.robust_scale);
     if (!(loss < shared_.best.loss)) return false;
     shared_.best.loss = loss;
     shared_.best.pose = shared_.trial;

@@ -8,9 +8,9 @@
 #include "ray_hits.cuh"
 
 // Rays of the paper's mode, for all hypotheses at once. First all of them are cast, which gives the
-// loss; what they have seen is kept, sample by sample. Then the samples pull, in any order: to be
-// bound to the order along the rays is what makes kernels wait. No gradient of a parameter is
-// computed.
+// loss; what they have seen is kept, sample by sample. Then the samples' gradients are added, in
+// any order: to be bound to the order along the rays is what makes kernels wait. No gradient of a
+// parameter is computed.
 
 namespace nerf_pose_refiner {
 namespace {
@@ -77,7 +77,7 @@ __device__ void recordRay(const OptimisationTask& task, unsigned id,
   task.records[id] = r;
 }
 
-/// Threads take rays: lists those that meet matter; the others have seen all that they will.
+/// Threads take rays: lists those that meet the occupied volume; the others are complete.
 __global__ void __launch_bounds__(kFindThreads)
     findRaysKernel(const __grid_constant__ CudaFieldView field,
                    const __grid_constant__ OptimisationTask task,
@@ -263,7 +263,7 @@ __global__ void __launch_bounds__(kGradientThreads, 1)
   const WarpMemory memory = enterBlock(field, 1, true);
   WarpNetworks<W> networks(field.shape, memory);
   const unsigned kept = task.clock->kept;
-  // A step with more samples than there is room for is left out: which of them were kept is chance.
+  // A step whose samples do not fit is left out: which of them were kept is chance.
   const unsigned count = kept <= task.max_points ? kept : 0;
   unsigned first = (blockIdx.x * blockDim.x + threadIdx.x) / 32 * 32;
   for (; first < count; first += gridDim.x * blockDim.x) {

@@ -29,7 +29,7 @@ struct RayPoint {
   float front[4];  ///< sums of weight * colour and of the weights, up to this sample
 };
 
-/// Sums over a hypothesis' samples, of the pulls on them (Lin et al., eq. 2 and 3), in units of N.
+/// Sums over a hypothesis' samples of their gradients (Lin et al., eq. 2 and 3), in units of N.
 /// Integers: in any order the same.
 struct GradientSums {
   long long force[3], torque[3];
@@ -40,9 +40,9 @@ constexpr double kGradientUnit = 1.0 / (1 << 24);
 /// other, on the device.
 struct DescentClock {
   int step;                    ///< the one under way
-  int live;                    ///< hypotheses that are followed
+  int live;                    ///< hypotheses that are still optimised
   int rays;                    ///< of each of them, in this step
-  unsigned found, cast;        ///< rays that meet matter; those that were taken by warps
+  unsigned found, cast;        ///< rays that meet the occupied volume; those taken by warps
   unsigned kept;               ///< samples that were seen
   unsigned long long samples;  ///< of this step so far
 };
@@ -68,24 +68,24 @@ struct OptimisationTask {
 
   // Memory.
   CudaHypotheses batch;
-  int* live;                ///< [capacity]: places of the hypotheses that are followed
+  int* live;                ///< [capacity]: places of the hypotheses that are still optimised
   double* samples_per_ray;  ///< of the batch, as measured; < 0: not yet
   double2* scores;          ///< [capacity], of the live ones: loss and weight
   DescentClock* clock;
   RayRecord* records;  ///< [capacity of rays], hypothesis after hypothesis
   RayHit* hits;        ///< [capacity of rays]
-  int max_rays;        ///< room for rays of all hypotheses
-  RayPoint* points;    ///< [max_points], of the rays that pull; null: none are kept
+  int max_rays;        ///< capacity for rays of all hypotheses
+  RayPoint* points;    ///< [max_points], of the rays with a gradient; null: none are kept
   unsigned max_points;
   GradientSums* sums;  ///< [capacity], of the live ones
   CudaCosts costs;
   CudaWork* work;
 };
 
-/// Finds out who is followed, and starts the clock: the next step is `first_step`.
+/// Lists the live hypotheses and starts the clock: the next step is `first_step`.
 void startOptimisation(const OptimisationTask& task, int first_step, cudaStream_t stream);
 
-/// One step: rays are cast, pull, and every steps_per_update steps the poses move.
+/// One step: rays are cast, their gradients added; every steps_per_update steps the poses move.
 /// @param hypotheses at least as many as are live.
 void optimiseOnce(const CudaFieldView& field, const OptimisationTask& task, int hypotheses,
                   cudaStream_t stream);

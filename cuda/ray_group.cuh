@@ -32,7 +32,7 @@ struct RayGroup {
   float t = 0, length = 0;                         ///< this lane's sample
   float rgb[3] = {0, 0, 0}, alpha = 0, depth = 0;  ///< sums over this lane's samples
 
-  /// @param first interval to look at: there is no matter before it.
+  /// @param first interval to look at: nothing is occupied before it.
   __device__ void start(const RayLattice& along, int first) {
     lattice = along;
     next = first;
@@ -43,7 +43,7 @@ struct RayGroup {
   }
 };
 
-/// Whether a ray's samples are to be evaluated: as many as there is room for, or its last. So they
+/// Whether a ray's samples are to be evaluated: as many as fit, or its last. So they
 /// form the same groups whatever else the warp does, and sums have the same bits every time.
 __device__ inline bool hasFullGroup(const RayGroup& ray) {
   return ray.count == kRaySamples || (ray.ended && ray.count > 0);
@@ -76,7 +76,7 @@ __device__ inline int placeOfBit(unsigned bits, int n) {
 
 /// What a group sees of a ray's next intervals, one a lane.
 struct Lookout {
-  unsigned hits;     ///< lanes of the group whose intervals may hold matter, a bit each
+  unsigned hits;     ///< lanes of the group whose intervals may be occupied, a bit each
   bool ends;         ///< the ray leaves the box within them
   int behind;        ///< the interval to go on with
   float begin, end;  ///< of the lane's own interval
@@ -108,7 +108,7 @@ __device__ inline Lookout lookAhead(const OccupancyView& occupancy, const RayLat
   return seen;
 }
 
-/// Looks at the next intervals and keeps those that may hold matter. All lanes of a warp take part.
+/// Looks at the next intervals and keeps those that may be occupied. All lanes of a warp take part.
 /// @param searching whether this group does, too.
 __device__ inline void takeSamples(const OccupancyView& occupancy, bool searching, RayGroup* ray) {
   const Lookout seen = lookAhead(occupancy, ray->lattice, ray->next, searching);

@@ -6,8 +6,8 @@
 
 namespace nerf_pose_refiner {
 
-// Most rays meet nothing. They are looked for one a lane, and forgotten; those that meet matter are
-// listed, and groups of lanes walk along them.
+// Most rays meet nothing. They are looked for one a lane, and forgotten; those that meet the volume
+// are listed, and groups of lanes walk along them.
 
 /// Appends the hits of a warp's lanes to a list. All lanes take part. The order of the list may
 /// differ from run to run: what comes of a hit must not depend on it.

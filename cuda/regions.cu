@@ -9,7 +9,7 @@ constexpr int kThreads = 128;
 constexpr int kSmoothThreads = 256;
 constexpr double kCountUnit = 1099511627776.0;  // 2^40: counts are sums of integers, in any order
 
-/// How many renderings are looked at.
+/// How many renderings are used.
 __device__ int activeViews(const CudaSearches& searches) {
   int count = 0;
   for (int v = 0; v < searches.view_count; ++v) count += searches.active[v] != 0;

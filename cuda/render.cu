@@ -63,7 +63,7 @@ __device__ RayLattice rayOf(const CudaFieldView& field, const RenderTask& task,
   return RayLattice(origin, direction, space, 0);
 }
 
-/// A thread per pixel of the image, blockIdx.y is the view: lists the rays that meet matter. A
+/// A thread per pixel of the image, blockIdx.y is the view: lists the rays that hit. A
 /// warp looks at a tile of kTileWidth x kTileHeight pixels. A ray's id is its place in task.rays.
 __global__ void findRaysKernel(const __grid_constant__ CudaFieldView field,
                                const __grid_constant__ RenderTask task,

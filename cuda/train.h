@@ -29,7 +29,7 @@ struct TrainingCamera {
 struct TrainingRay {
   float direction[3];
   unsigned first;  ///< of its samples
-  unsigned count;  ///< of them; 0: it meets nothing, or there was no room for it
+  unsigned count;  ///< of them; 0: it meets nothing, or did not fit
   TrainingTarget target;
 };
 
@@ -38,7 +38,7 @@ struct TrainingClock {
   int rays;          ///< of this step
   unsigned marched;  ///< samples that were taken so far, the empty points in front included
   unsigned learned;  ///< samples that were seen, and empty points that are pushed
-  unsigned cast;     ///< rays there was room for
+  unsigned cast;     ///< rays that fitted
   double loss;       ///< sum over the step's rays
   int broken;        ///< a gradient of this step is not finite: it is left out
 
@@ -63,7 +63,7 @@ struct OccupancyTask {
   std::uint64_t seed;
   int step;
   int cells;                    ///< along the cube
-  const std::uint32_t* region;  ///< cells that are looked at
+  const std::uint32_t* region;  ///< cells that are evaluated
   int region_count;
   float* density;            ///< [region_count]: highest of late, fading
   float* seen;               ///< [region_count / kOccupancyFraction + 1], workspace
@@ -114,12 +114,12 @@ void evaluateTrainingSamples(const CudaFieldView& field, const TrainingTask& tas
 /// Gradients of weights and table from the samples that were seen.
 void learnFromSamples(const CudaFieldView& field, const TrainingTask& task, cudaStream_t stream);
 
-/// Adam, for table and weights; then the weights' tiles anew.
+/// Adam, for table and weights; then the weights' tiles again.
 void updateParameters(const TrainingTask& task, cudaStream_t stream);
 /// Ends a step: decides on the next one's rays and loss scale.
 void finishTrainingStep(const TrainingTask& task, cudaStream_t stream);
 
-/// Looks at a share of the region's cells and decides anew which are occupied.
+/// Evaluates a fraction of the region's cells and decides again which are occupied.
 void updateOccupancy(const CudaFieldView& field, const OccupancyTask& task, cudaStream_t stream);
 
 /// Cells of an occupancy grid and their densities, on the device.

@@ -14,7 +14,7 @@ namespace {
 constexpr int kForwardThreads = 128;
 constexpr int kThreads = 128;
 
-/// Warps take 32 points at a time: this update's share of the region's cells.
+/// Warps take 32 points at a time: this update's cells of the region.
 template <int W>
 __global__ void __launch_bounds__(kForwardThreads, 4)
     seeCellsKernel(const __grid_constant__ CudaFieldView field,
@@ -98,7 +98,7 @@ __global__ void distanceKernel(const std::uint8_t* from, std::uint8_t* to, int m
   to[i] = static_cast<std::uint8_t>(best);
 }
 
-/// A thread per cell of the region: its density fades, or was seen anew; then whether it counts.
+/// A thread per cell of the region: its density fades, or is seen again; then whether it counts.
 __global__ void decideCellsKernel(const __grid_constant__ OccupancyTask task, int offset,
                                   float fading, float min_density) {
   const int i = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
@@ -140,7 +140,7 @@ void updateOccupancy(const CudaFieldView& field, const OccupancyTask& task, cuda
     NPR_CUDA_CHECK(cudaGetLastError());
     std::swap(from, to);
   }
-  // After three passes the result stands in the workspace.
+  // After three passes the result is in the second buffer.
   NPR_CUDA_CHECK(cudaMemcpyAsync(task.distance, from, static_cast<std::size_t>(m) * m * m,
                                  cudaMemcpyDeviceToDevice, stream));
 }

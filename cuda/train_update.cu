@@ -76,8 +76,7 @@ __global__ void finishKernel(const __grid_constant__ TrainingTask task) {
   // Rays that see much more than they learn from must fit, too.
   const double learned = clock->learned, taken = clock->marched - kEmptyPoints;
   const double crowd = taken / (0.8 * (task.room - kEmptyPoints)) * task.samples_per_step;
-  const double fraction =
-      static_cast<double>(cast) / clock->rays;  // of the rays there was room for
+  const double fraction = static_cast<double>(cast) / clock->rays;  // of the rays that fitted
   clock->rays =
       nextRays(clock->rays, fmax(learned / fraction, crowd), task.samples_per_step, task.max_rays);
   clock->marched = kEmptyPoints;

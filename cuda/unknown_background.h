@@ -28,8 +28,8 @@ struct ContrastTask {
 /// Before the images are blurred: what the observation shows beside them, blurred alike.
 void seeBehind(const ContrastTask& task, cudaStream_t stream);
 
-/// Behind the blur, and the light's fit: the contrasts of renderings before what is behind them,
-/// times their opacity, replace their colours.
+/// Behind the blur, and the fit of gain and bias: the contrasts of renderings before what is behind
+/// them, times their opacity, replace their colours.
 void takeContrasts(const ContrastTask& task, cudaStream_t stream);
 
 /// Contrasts of an observation: replaces the colours of one image, which is blurred.

@@ -35,10 +35,10 @@ struct CudaView {
   int x, y, width, height;  ///< window [px]; empty: nothing to render
 };
 
-/// A ray that meets matter.
+/// A ray that meets the occupied volume.
 struct RayHit {
   unsigned id;
-  unsigned first;  ///< interval where the matter may begin
+  unsigned first;  ///< interval where the volume may begin
 };
 
 /// A list of them, which grows as they are found and is then dealt out to warps.
@@ -47,7 +47,7 @@ struct RayHits {
   unsigned* counts;  ///< [2]: found, taken
 };
 
-/// What backends count; @see Work.
+/// What backends count; @see CostCounters.
 struct CudaWork {
   unsigned long long rays, samples, colour_samples, gathers, flops;
 };

@@ -34,7 +34,7 @@ class MemoryFile {
   int descriptor_;
 };
 
-/// Reads a file. Errors of other kinds than callers are told of go on.
+/// Reads a file. Exceptions other than the documented ones pass through.
 template <typename Reader>
 void readOrRefuse(const Reader& read) {
   try {

@@ -88,7 +88,7 @@ def programs():
     text = read('CMakeLists.txt') + read('cmake/ros_nodes.cmake')
     names = re.findall(r'npr_add_tool\((\w+)', text) + re.findall(r'OUTPUT_NAME (\w+)', text)
     return set(names) | set(re.findall(r'\bscripts/(\w+)', text)) | {
-        name for nodes in re.findall(r'foreach\(node ([\w ]+)\)', text) for name in nodes.split()}
+        name for nodes in re.findall(r'foreach\((?:node|tool) ([\w ]+)\)', text) for name in nodes.split()}
 
 
 def figures(text):

@@ -49,7 +49,9 @@ def _material(paint):
     return material
 
 
-def _add(name, placement, vertices_mm, faces, corner_uvs, face_paints):
+def add_mesh(name, placement, vertices_mm, faces, corner_uvs, face_paints):
+    """Links a mesh to the scene. @param vertices_mm [n][3] before `placement`; @param corner_uvs of all faces' corners
+    in turn; @param face_paints one a face, a colour or a Picture"""
     mesh = bpy.data.meshes.new(name)
     vertices = [(placement @ Matrix.Translation(v)).translation * METRES_PER_MM for v in vertices_mm]
     mesh.from_pydata(vertices, [], faces)
@@ -72,7 +74,7 @@ def hexahedron(name, corners, paint, placement=place()):
     a dict of them by face name with "other" for the rest."""
     paints = [paint.get(f, paint.get("other")) if isinstance(paint, dict) else paint for f in FACES]
     uvs = [(0, 0), (1, 0), (1, 1), (0, 1)] * 6
-    return _add(name, placement, corners, FACE_CORNERS, uvs, paints)
+    return add_mesh(name, placement, corners, FACE_CORNERS, uvs, paints)
 
 
 def box(name, size, paint, placement=place()):
@@ -98,7 +100,7 @@ def turned(name, profile, paint, placement=place(), segments=64):
                           (ring + 1) * segments + j, (ring + 1) * segments + i))
             left, right = i / segments, (i + 1) / segments
             uvs += [(left, along[ring]), (right, along[ring]), (right, along[ring + 1]), (left, along[ring + 1])]
-    return _add(name, placement, vertices, faces, uvs, [paint] * len(faces))
+    return add_mesh(name, placement, vertices, faces, uvs, [paint] * len(faces))
 
 
 def arc(radius, centre_radius=0.0, centre_z=0.0, start_deg=-90.0, end_deg=90.0, steps=12):

@@ -127,7 +127,7 @@ class Collector:
         return rows
 
     def overlay_sheet(self):
-        """Some of the overlays, from first to last, as one picture; None without any."""
+        """Some of the overlays, from first to last, as one image; None without any."""
         with self.lock:
             pictures = [self.overlays[stamp] for stamp in sorted(self.overlays)]
         if not pictures:

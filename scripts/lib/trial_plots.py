@@ -1,5 +1,5 @@
 # Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-"""Trials and traces to pictures, PNG and SVG; the same input gives the same bytes."""
+"""Trials and traces to figures, PNG and SVG; the same input gives the same bytes."""
 import bisect
 import math
 import os
@@ -77,7 +77,7 @@ def draw_band(axis, rows, place, error, span, look):
 
 
 def plot_error_over_time(traces, folder, saved):
-    """A picture for each experiment, scene and condition: errors over seconds, and over field samples."""
+    """A figure for each experiment, scene and condition: errors over seconds, and over field samples."""
     chosen = [rows for first, rows in traces if family(first['experiment']) in ('table1', 'curves') and len(rows) > 1]
     parts = {}
     for rows in chosen:
@@ -102,7 +102,7 @@ def plot_error_over_time(traces, folder, saved):
 
 
 def plot_recalls(trials, folder, saved):
-    """Share of the trials with an error below the abscissa, a picture for each scene and condition."""
+    """Fraction of the trials with an error below the abscissa, a figure for each scene and condition."""
     chosen = [trial for trial in trials if family(trial['experiment']) in ('table1', 'robot')]
     for (experiment, scene, condition), part in groups(chosen, ('experiment', 'scene', 'condition')).items():
         figure, axes = pyplot.subplots(1, 3, figsize=(12, 3.8), sharey=True)
@@ -118,7 +118,7 @@ def plot_recalls(trials, folder, saved):
                 axis.axvline(bound, color='black', linestyle=':', linewidth=1)
             axis.set(xscale='log', xlabel=name, ylim=(0, 1.02))
             axis.grid(True, alpha=0.4)
-        axes[0].set_ylabel('share of the trials')
+        axes[0].set_ylabel('fraction of the trials')
         axes[0].legend(loc='lower right', fontsize='small')
         figure.suptitle('%s, %s' % (scene, condition))
         save(figure, folder, '_'.join(('recall', experiment, scene, condition)), saved)
@@ -143,14 +143,14 @@ def plot_losses(rows, name, folder, saved):
             axis.set_xticks(list(places), losses, rotation=30, ha='right')
             axis.set(title=bound, ylim=(0, 1.02))
             axis.grid(True, axis='y', alpha=0.4)
-        axes[0].set_ylabel('share of the trials')
+        axes[0].set_ylabel('fraction of the trials')
         axes[0].legend(loc='lower left', fontsize='small')
         figure.suptitle('%s, %s' % (method, condition))
         save(figure, folder, '_'.join((name, method, condition)), saved)
 
 
 def plot_noise(rows, protocol, name, folder, saved):
-    """A heat map for each scene and for their mean: joint shares, by condition and by method and loss."""
+    """A heat map for each scene and for their mean: joint fractions, by condition and by method and loss."""
     scale = SCALES.get(protocol, SCALES['paper'])[0]
     for (scene,), part in groups(rows, ('scene',)).items():
         conditions = sorted({row['condition'] for row in part}, key=lambda c: rank(CONDITIONS, c))

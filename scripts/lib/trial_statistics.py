@@ -1,5 +1,5 @@
 # Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-"""What many trials come to: shares with intervals, percentiles, times. An error may be infinite: no pose was found."""
+"""What many trials come to: fractions with intervals, percentiles, times. An error may be infinite: no pose was found."""
 import math
 
 Z95 = 1.959963984540054  # of the normal distribution, two-sided
@@ -12,7 +12,7 @@ ERRORS = ('deg', 'units', 'diameters')
 
 
 def wilson(share, count):
-    """Wilson's 95 % interval of a share of `count` trials (Wilson 1927; Brown et al., Stat. Sci. 2001)."""
+    """Wilson's 95 % interval of a fraction of `count` trials (Wilson 1927; Brown et al., Stat. Sci. 2001)."""
     if count < 1:
         raise ValueError('an interval of no trials')
     square = Z95 * Z95
@@ -49,7 +49,7 @@ def with_interval(name, share, count):
 
 
 def summary(trials):
-    """One row of a table: number of trials, shares with 95 % intervals, errors, median time and field samples."""
+    """One row of a table: number of trials, fractions with 95 % intervals, errors, median time and field samples."""
     row = {'trials': len(trials)}
     for name, bounds in SHARES:
         row.update(with_interval(name, share_of(trials, bounds), len(trials)))

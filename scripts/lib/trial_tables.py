@@ -95,7 +95,7 @@ def name_cells(row, names):
 
 
 def views_of(rows, names, protocol):
-    """Two tables of the same rows: shares; errors and cost. The other scale comes last."""
+    """Two tables of the same rows: fractions; errors and cost. The other scale comes last."""
     scale, letter = SCALES.get(protocol, SCALES['paper'])
     other, other_letter = SCALES['robot' if scale == 'units' else 'paper']
     shares = (('< 5 deg', 'deg5'), ('< 0.05 ' + letter, scale + '005'), ('jointly', 'joint_' + scale),
@@ -202,7 +202,7 @@ def best_losses(rows, scale):
 
 
 def noise_views(rows, protocol):
-    """Joint shares: a line for each scene, method and loss, a column for each condition; and the best losses."""
+    """Joint fractions: a line for each scene, method and loss, a column for each condition; and the best losses."""
     scale, letter = SCALES.get(protocol, SCALES['paper'])
     conditions = sorted({row['condition'] for row in rows}, key=lambda name: rank(CONDITIONS, name))
     names = [name for name in ('scene', 'variant', 'method', 'loss') if name != 'variant' or any(

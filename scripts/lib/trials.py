@@ -134,7 +134,7 @@ def read_traces(folders, notes):
         for row in read_rows(path, TRACE_TEXT, TRACE_NUMBERS + TRACE_ERRORS, notes):
             rows = of_file.setdefault(key_of(row, TRACE_KEY), [])
             if rows and row['seconds'] < rows[-1]['seconds']:
-                rows = of_file[key_of(row, TRACE_KEY)] = []  # begun anew after an interruption
+                rows = of_file[key_of(row, TRACE_KEY)] = []  # started again after an interruption
             rows.append(row)
         for key, rows in of_file.items():
             traces.setdefault(key, rows)

@@ -23,8 +23,8 @@ struct Hypothesis {
   /// Final normal equations J^T W J of direct alignment, order (v, w): translation [model units],
   /// rotation [rad] about the object's centre, axes of O, camera moved. Zero if there are none.
   Eigen::Matrix<double, 6, 6> information = Eigen::Matrix<double, 6, 6>::Zero();
-  /// Sum over tiles of the image of g g^T, g being a tile's share of J^T W r: what the gradient
-  /// would scatter by, were the tiles drawn anew. Same order and axes. Zero if there is none.
+  /// Sum over tiles of the image of g g^T, g being a tile's part of J^T W r: what the gradient
+  /// would vary by, were the tiles drawn again. Same order and axes. Zero if there is none.
   Eigen::Matrix<double, 6, 6> gradient_scatter = Eigen::Matrix<double, 6, 6>::Zero();
   double residual_variance = 0;  ///< of the robustly weighted residuals
 };

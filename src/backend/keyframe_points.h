@@ -46,6 +46,13 @@ struct LocalColourColumns {
   }
 };
 
+/// A place on the outline of the object.
+struct OutlinePoint {
+  Eigen::Vector3f point;   ///< relative to the object's centre, in the axes of O [model units]
+  Eigen::Vector3f normal;  ///< a pixel of the keyframe to the outside, at the point's depth, alike
+  float opacity[5];        ///< from two pixels inside to two pixels outside
+};
+
 /// One resolution of a keyframe: what alignment compares with an image.
 struct KeyframeLevel {
   /// Local colours are taken on a grid of every so many-th pixel of the keyframe, along both axes.
@@ -66,6 +73,9 @@ struct KeyframeLevel {
   std::vector<float> colour[3];        ///< of the chosen ones, locally normalised ...
   LocalColourColumns local;            ///< ... by this: the colour is (colour - mean) / deviation
   std::vector<ChosenSurface> surface;  ///< around the chosen ones
+  std::vector<OutlinePoint> outline;   ///< evenly along it, sorted by tiles
+  float outline_weight = 0;  ///< of one of them, beside a chosen point
+  std::vector<std::int32_t> outline_tiles;  ///< where each tile begins; last: their number
   std::vector<std::int32_t> tiles;  ///< where each tile begins among the chosen; last: their number
 };
 

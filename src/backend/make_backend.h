@@ -36,8 +36,8 @@ struct BackendChoice {
 std::string whyNoCuda(int device = 0);
 
 /// A backend on a CUDA device. `load`, `render` and `read` wait; `align`, `optimise` and the
-/// trainer do every few steps, so that a stop is heard; the rest only enqueues.
-/// @param choice its backend is not looked at.
+/// trainer do every few steps, so that cancellation is prompt; the rest only enqueues.
+/// @param choice its backend is ignored.
 /// @throws std::runtime_error saying what whyNoCuda says.
 std::unique_ptr<Backend> makeCudaBackend(const BackendChoice& choice = {});
 

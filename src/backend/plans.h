@@ -11,7 +11,7 @@
 
 namespace nerf_pose_refiner {
 
-/// A part of the observed image, resized: what one stage of a plan looks at.
+/// A part of the observed image, resized: what one stage of a plan compares.
 struct ImageLevel {
   Camera camera;       ///< of the level's image: cropped and resized from the observation's
   double blur_px = 1;  ///< sigma of the total blur of both images [px of this level]
@@ -69,7 +69,7 @@ struct OptimisationPlan {
   double beta1 = 0.9;
   double beta2 = 0.99;
   double epsilon = 1e-8;
-  /// L2, on the offset from the hypothesis' start. Its authors' 1e-4 stands against gradients
+  /// L2, on the offset from the hypothesis' start. Its authors' 1e-4 goes with gradients
   /// summed over three colour channels; losses here are means over them.
   double regularisation = 1e-4 / 3;
   int steps_per_update = 4;         ///< gradients are accumulated over so many steps
@@ -78,7 +78,7 @@ struct OptimisationPlan {
   bool direction_gradient = false;  ///< also through the viewing direction
   std::uint64_t seed = 1;
 
-  /// Of an update. @param decayed the learning rates' share that is left.
+  /// Of an update. @param decayed the fraction of the learning rates that is left.
   DescentRates rates(double decayed) const {
     return {update,
             {object_centre.x(), object_centre.y(), object_centre.z()},
@@ -100,7 +100,7 @@ struct StepRange {
 struct ResamplingPlan {
   int keep = 8;                      ///< best hypotheses that survive
   bool redraw = true;                ///< where flagged hypotheses leave fewer than `keep`, as many
-                                     ///< are drawn anew around the survivors
+                                     ///< are redrawn around the survivors
   int offspring = 0;                 ///< batch size after the jitter; 0: the survivors alone
   double rotation_jitter_rad = 0;    ///< half width per axis, first
   double translation_jitter = 0;     ///< half width per axis, model axes, then [model units]

@@ -24,7 +24,7 @@ struct TrainingPlan {
   int samples_per_step = 1 << 15;  ///< samples along rays in one step, about
   double learning_rate = 1e-2;
   double final_learning_rate_factor = 0.03;  ///< at the end
-  /// Cells that can hold matter at all, at the field's occupancy resolution (a dilated visual hull,
+  /// Cells that can be occupied at all, at the field's occupancy resolution (a dilated visual hull,
   /// say); empty: the whole box.
   OccupancyGrid region;
   bool random_background = true;  ///< composite each ray on a random colour (views with alpha)

@@ -31,7 +31,7 @@ struct Dataset {
   bool has_alpha = false;  ///< alpha comes from the images or from masks
   bool has_masks = false;  ///< from masks: the images show what is around the object, too
   bool has_box = false;
-  Eigen::Vector3d box_min = Eigen::Vector3d::Zero();  ///< of the matter, model units
+  Eigen::Vector3d box_min = Eigen::Vector3d::Zero();  ///< of the object, model units
   Eigen::Vector3d box_max = Eigen::Vector3d::Zero();
   double metres_per_unit = 0;  ///< 0: unknown
 };
@@ -49,7 +49,7 @@ struct DatasetLimits {
 struct DatasetOptions {
   int threads = 0;  ///< that read images; 0: all cores
   /// Refuses images and masks that are not below the folder of the transforms.json: absolute
-  /// paths, "..", links that lead out. For datasets of somebody who may not read all files.
+  /// paths, "..", links that lead out. For datasets of users who may not read all files.
   bool confined = false;
   DatasetLimits limits;
 };
@@ -61,11 +61,11 @@ struct DatasetOptions {
 /// nowhere else; principal points, which the file counts from the image's corner, lose 0.5.
 /// Distorted images (k1 k2 p1 p2 k3 to k6, OpenCV's) are undistorted.
 ///
-/// Intrinsics (fl_x fl_y cx cy w h, or camera_angle_x and _y) stand in the file, or in a frame for
+/// Intrinsics (fl_x fl_y cx cy w h, or camera_angle_x and _y) are in the file, or in a frame for
 /// that frame. Opacity comes from an alpha channel, a `mask_path` of the frame, or both multiplied.
 /// The box is `object_aabb` or `aabb`, [[min], [max]] in the units of the poses, and
 /// `metres_per_unit` their scale. Other keys are ignored.
-/// @param cancellation looked at between images.
+/// @param cancellation checked between images.
 /// @throws std::runtime_error naming the file and the frame: for an image or mask that is missing,
 /// damaged, of another size or not allowed, a matrix that is not finite or not rigid, intrinsics
 /// that are missing or make no sense, a camera that is no pinhole, alpha in some frames only, one

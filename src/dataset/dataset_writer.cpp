@@ -64,7 +64,7 @@ void DatasetWriter::add(const Image8& image, const Pose& T_O_C) {
   if (hidden_.empty()) throw std::runtime_error("'" + folder_ + "' is finished");
   if (image.width != header_.camera.width || image.height != header_.camera.height ||
       (image.channels != 3 && image.channels != 4)) {
-    throw std::invalid_argument("the picture is not the camera's");
+    throw std::invalid_argument("the image does not have the camera's size");
   }
   if (!T_O_C.isFinite() || !T_O_C.isRigid()) {
     throw std::invalid_argument("the camera's pose is not a rigid transform");

@@ -20,7 +20,7 @@ struct FrameFiles {
 /// @param folder of the transforms.json.
 /// @return one for each frame.
 /// @throws std::runtime_error naming frame, file and limit: for a file that is missing, too large,
-/// not allowed or no picture, or an image that another frame has, too. Cancelled.
+/// not allowed or no image, or an image that another frame has, too. Cancelled.
 std::vector<FrameFiles> findFrameFiles(const std::vector<TransformsFrame>& frames,
                                        const std::string& folder, const DatasetOptions& options,
                                        const CancellationToken& cancellation);

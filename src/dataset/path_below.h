@@ -5,7 +5,7 @@
 
 namespace nerf_pose_refiner {
 
-/// A path below `root`, for names that come from somebody who may not read everything.
+/// A path below `root`, for names from users who may not read everything.
 /// @throws std::invalid_argument if `root` is empty or `relative` is empty, absolute, holds "..",
 /// or leads out of `root` through a symbolic link.
 std::string pathBelow(const std::string& root, const std::string& relative);

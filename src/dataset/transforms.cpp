@@ -44,7 +44,7 @@ Camera cameraOf(const TransformsFrame& frame, int width, int height) {
   const double stated_height = frame.height.value_or(height);
   if (in_pixels && (stated_width != width || stated_height != height)) {
     throw std::runtime_error("w x h is " + sizeText(stated_width, stated_height) +
-                             ", the picture has " + sizeText(width, height));
+                             ", the image has " + sizeText(width, height));
   }
   const auto focal = [](double size, double angle) { return 0.5 * size / std::tan(0.5 * angle); };
   Camera camera;
@@ -72,7 +72,7 @@ Image8 withAlpha(const Image8& image) {
 void applyMask(const Image8& mask, const std::string& mask_path, Image8* rgba) {
   if (mask.width != rgba->width || mask.height != rgba->height) {
     throw std::runtime_error("the mask '" + mask_path + "' has " +
-                             sizeText(mask.width, mask.height) + " pixels, the picture " +
+                             sizeText(mask.width, mask.height) + " pixels, the image " +
                              sizeText(rgba->width, rgba->height));
   }
   for (std::size_t i = 0; i < mask.pixels(); ++i) {

@@ -94,7 +94,7 @@ ViewDecision ViewSelection::judge(const Pose& T_O_C, double sharpness) {
   std::vector<double> sorted(recent_.begin(), recent_.end());
   std::nth_element(sorted.begin(), sorted.begin() + sorted.size() / 2, sorted.end());
   const double median = sorted[sorted.size() / 2];
-  // The first image alone tells nothing: it may be the blurred one.
+  // The first image alone says nothing: it may be the blurred one.
   const bool enough = static_cast<int>(recent_.size()) == settings_.recent_images;
   if (settings_.min_sharpness > 0 && !(enough && sharpness >= settings_.min_sharpness * median)) {
     return ViewDecision::kBlurred;

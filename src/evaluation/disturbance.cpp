@@ -11,7 +11,7 @@
 namespace nerf_pose_refiner {
 namespace {
 
-// Streams of random numbers; per-pixel ones add the picture's number.
+// Streams of random numbers; per-pixel ones add the image's number.
 enum Stream : std::uint64_t {
   kGainBias = 77,
   kOccluder = 78,
@@ -90,27 +90,26 @@ void addPoissonNoise(const DisturbanceDraw& draw, Image* image) {
   }
 }
 
-void cutDiscs(int count, double radius_px, const DisturbanceDraw& draw,
-              PremultipliedImage* picture) {
-  const std::vector<int> edge = edgePixels(picture->alpha);
-  if (edge.empty()) return;  // a picture that the object fills
-  const int width = picture->alpha.width;
+void cutDiscs(int count, double radius_px, const DisturbanceDraw& draw, PremultipliedImage* image) {
+  const std::vector<int> edge = edgePixels(image->alpha);
+  if (edge.empty()) return;  // an image that the object fills
+  const int width = image->alpha.width;
   for (int k = 0; k < count; ++k) {
     const int centre = edge[randomIndex(draw.seed, kDiscs, draw.index * 1000 + k,
                                         static_cast<std::uint32_t>(edge.size()))];
-    for (int y = 0; y < picture->alpha.height; ++y) {
+    for (int y = 0; y < image->alpha.height; ++y) {
       for (int x = 0; x < width; ++x) {
         const double dx = x - centre % width, dy = y - centre / width;
         if (dx * dx + dy * dy > radius_px * radius_px) continue;
-        picture->alpha.at(x, y, 0) = 0;
-        for (int c = 0; c < 3; ++c) picture->colour.at(x, y, c) = 0;
+        image->alpha.at(x, y, 0) = 0;
+        for (int c = 0; c < 3; ++c) image->colour.at(x, y, c) = 0;
       }
     }
   }
 }
 
-void applyGainBias(double amount, const DisturbanceDraw& draw, PremultipliedImage* picture) {
-  const Image& alpha = picture->alpha;
+void applyGainBias(double amount, const DisturbanceDraw& draw, PremultipliedImage* image) {
+  const Image& alpha = image->alpha;
   for (int c = 0; c < 3; ++c) {
     const auto drawn = [&](int k) {
       return 2 * randomUniform(draw.seed, kGainBias, 6 * draw.index + 2 * c + k) - 1;
@@ -118,7 +117,7 @@ void applyGainBias(double amount, const DisturbanceDraw& draw, PremultipliedImag
     const float gain = 1 + static_cast<float>(amount) * drawn(0);
     const float bias = static_cast<float>(amount) / 6 * drawn(1);
     for (std::size_t i = 0; i < alpha.pixels(); ++i) {
-      float& value = picture->colour.values[3 * i + c];
+      float& value = image->colour.values[3 * i + c];
       value = std::min(std::max(gain * value + bias * alpha.values[i], 0.0f), alpha.values[i]);
     }
   }
@@ -152,7 +151,7 @@ void blurByMotion(double length_px, const DisturbanceDraw& draw, Image* image) {
   const int reach = static_cast<int>(std::ceil(0.5 * length_px)) + 1;
   cv::Mat path = cv::Mat::zeros(2 * reach + 1, 2 * reach + 1, CV_32F);
   const int steps = 8 * (2 * reach + 1);
-  for (int k = 0; k < steps; ++k) {  // each moment's share goes to the four pixels around it
+  for (int k = 0; k < steps; ++k) {  // each moment's part goes to the four pixels around it
     const double t = 2 * (k + 0.5) / steps - 1;
     const double x = reach + t * half_x, y = reach + t * half_y;
     const int left = static_cast<int>(x), top = static_cast<int>(y);

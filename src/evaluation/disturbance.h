@@ -7,7 +7,7 @@
 
 namespace nerf_pose_refiner {
 
-/// Seed and number of the picture that is disturbed: the same give the same disturbance.
+/// Seed and number of the image that is disturbed: the same give the same disturbance.
 struct DisturbanceDraw {
   std::uint64_t seed, index;
 };
@@ -18,17 +18,16 @@ struct DisturbanceDraw {
 void brighten(double amount, Image* straight);
 /// Adds Gaussian noise; clipped at 0 and 1.
 void addGaussianNoise(double deviation, const DisturbanceDraw& draw, Image* image);
-/// Draws each 8-bit value anew from a Poisson distribution around it.
+/// Redraws each 8-bit value from a Poisson distribution around it.
 void addPoissonNoise(const DisturbanceDraw& draw, Image* image);
 
 // Of images.
 
 /// Cuts discs out of the object, black and transparent, centred on pixels of its silhouette's edge.
-void cutDiscs(int count, double radius_px, const DisturbanceDraw& draw,
-              PremultipliedImage* picture);
-/// Another light on the object: gain in 1 +- amount per channel and an offset of a sixth of that.
-void applyGainBias(double amount, const DisturbanceDraw& draw, PremultipliedImage* picture);
-/// Puts a dark square over a share of the object's box.
+void cutDiscs(int count, double radius_px, const DisturbanceDraw& draw, PremultipliedImage* image);
+/// Other lighting of the object: gain in 1 +- amount per channel and an offset of a sixth of that.
+void applyGainBias(double amount, const DisturbanceDraw& draw, PremultipliedImage* image);
+/// Puts a dark square over a fraction of the object's box.
 void occlude(double fraction, const DisturbanceDraw& draw, const Image& alpha, Image* image);
 /// A straight motion of the camera during the exposure, in a direction that is drawn.
 void blurByMotion(double length_px, const DisturbanceDraw& draw, Image* image);

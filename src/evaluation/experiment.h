@@ -10,7 +10,7 @@ namespace nerf_pose_refiner {
 /// What a scene's images show.
 enum class SceneKind {
   kSynthetic,      ///< an object with known opacity (NeRF Synthetic); a unit is the dataset's,
-                   ///< unless that is said in metres: then as of kMasked
+                   ///< unless that is in metres: then as of kMasked
   kForwardFacing,  ///< a whole scene, seen from the front (LLFF); a unit is the dataset's
   kMasked,         ///< photos of an object with masks; its diameter counts as 2.5 units
 };
@@ -30,7 +30,7 @@ std::vector<Scene> findScenes(const std::string& folder);
 /// A way to search that differs from its method's preset. Negative: as the preset says.
 struct SearchVariant {
   std::string label;            ///< in tables; empty: the preset itself
-  int hypotheses = -1;          ///< of the first stage; alignment follows fewer later
+  int hypotheses = -1;          ///< of the first stage; alignment keeps fewer later
   int resampling = -1;          ///< 0: none, as many steps in one go
   double anneal_fraction = -1;  ///< of inversion, @see RateSchedule
   std::string update;           ///< of inversion, @see PoseUpdate; empty: as the preset says

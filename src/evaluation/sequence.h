@@ -55,13 +55,13 @@ struct Distribution {
 };
 Distribution distribution(const std::vector<double>& values);
 
-/// A rule by which a pose counts as right, and the share of images that fulfil it.
+/// A rule by which a pose counts as right, and the fraction of images that fulfil it.
 struct Recall {
   std::string rule;
   double fraction = 0;
 };
 
-/// What a sequence comes to. Shares are of all images: one without a pose counts as wrong.
+/// What a sequence comes to. Fractions are of all images: one without a pose counts as wrong.
 struct SequenceSummary {
   int frames = 0;
   int found = 0;             ///< there is a pose

@@ -20,7 +20,7 @@ void requireValues(const std::vector<double>& values) {
 double percentile(std::vector<double> values, double fraction) {
   requireValues(values);
   if (!(fraction >= 0 && fraction <= 1))
-    throw std::invalid_argument("a percentile's share is 0..1");
+    throw std::invalid_argument("a percentile's fraction is 0..1");
   std::sort(values.begin(), values.end());
   const double position = fraction * static_cast<double>(values.size() - 1);
   const auto below = static_cast<std::size_t>(position);

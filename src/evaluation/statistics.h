@@ -7,13 +7,13 @@ namespace nerf_pose_refiner {
 
 /// Errors and times of many trials, summed up. An error may be infinite: nothing was found.
 
-/// The value that `share` of the values lie below, between neighbours by linear interpolation (the
-/// definition of numpy's default); infinite if it lies beyond the finite ones.
-/// @param share 0..1. @throws std::invalid_argument for no values, a NaN or another share.
+/// The value that `fraction` of the values lie below, between neighbours by linear interpolation
+/// (the definition of numpy's default); infinite if it lies beyond the finite ones.
+/// @param fraction 0..1. @throws std::invalid_argument for no values, a NaN or another fraction.
 double percentile(std::vector<double> values, double fraction);
 
-/// Share of the errors that are not above a threshold, 0..1. @throws std::invalid_argument for no
-/// errors or a NaN.
+/// Fraction of the errors that are not above a threshold, 0..1. @throws std::invalid_argument for
+/// no errors or a NaN.
 double recallAt(const std::vector<double>& errors, double threshold);
 
 /// The same for many thresholds: a recall curve.

@@ -38,7 +38,7 @@ std::vector<Eigen::Vector3d> visiblePoints(const LoadedField& field,
                                            const CancellationToken& cancellation) {
   const FieldMetadata& object = field.field().metadata;
   // The image just holds a ball of the object's diameter around its centre, and half as much
-  // again: the centre of the matter need not be in the middle.
+  // again: the centre of the object need not be in the middle.
   const double focal_px = 0.5 * kSide_px * std::sqrt(kDistance * kDistance - 0.5625) / 0.75;
   const double middle_px = 0.5 * (kSide_px - 1);
   const Camera camera = {kSide_px, kSide_px, focal_px, focal_px, middle_px, middle_px};

@@ -78,18 +78,18 @@ RefinerSettings trialSettings(const std::string& method, const std::string& loss
 
 Observation trialImage(const Observation& observation, const std::string& method,
                        const SearchVariant& variant) {
-  Observation picture = observation;
+  Observation seen = observation;
   if (variant.image_scale < 1) {
-    picture.camera = observation.camera.scaled(variant.image_scale);
+    seen.camera = observation.camera.scaled(variant.image_scale);
     const auto reduce = [&](Image* image) {
-      if (!image->empty()) *image = resample(*image, observation.camera, picture.camera);
+      if (!image->empty()) *image = resample(*image, observation.camera, seen.camera);
     };
-    reduce(&picture.image);
-    reduce(&picture.alpha);
-    reduce(&picture.weight);
+    reduce(&seen.image);
+    reduce(&seen.alpha);
+    reduce(&seen.weight);
   }
-  if (method == "inerf") picture.weight = interestRegion(picture.image);
-  return picture;
+  if (method == "inerf") seen.weight = interestRegion(seen.image);
+  return seen;
 }
 
 }  // namespace nerf_pose_refiner

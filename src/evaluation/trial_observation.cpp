@@ -15,7 +15,7 @@
 namespace nerf_pose_refiner {
 namespace {
 
-// A photo that fills the picture, its middle cut out.
+// A photo that fills the image, its middle cut out.
 Image photoOfSize(const std::string& path, const Camera& camera) {
   const Image photo = toFloat(readImage(path));
   const double scale = std::max(static_cast<double>(camera.width) / photo.width,
@@ -95,13 +95,13 @@ Image disturbedColours(const TrialObservation& how, const PosedView& view,
 
 PremultipliedImage disturbedObject(const TrialObservation& how, const PosedView& view,
                                    const Image& straight, const DisturbanceDraw& draw) {
-  PremultipliedImage picture = premultiply(*view.rgba);
+  PremultipliedImage object = premultiply(*view.rgba);
   for (std::size_t i = 0; i < straight.values.size(); ++i) {
-    picture.colour.values[i] = straight.values[i] * picture.alpha.values[i / 3];
+    object.colour.values[i] = straight.values[i] * object.alpha.values[i / 3];
   }
-  if (how.gain_bias > 0) applyGainBias(how.gain_bias, draw, &picture);
-  if (how.discs > 0) cutDiscs(how.discs, how.disc_radius * view.camera.width, draw, &picture);
-  return picture;
+  if (how.gain_bias > 0) applyGainBias(how.gain_bias, draw, &object);
+  if (how.discs > 0) cutDiscs(how.discs, how.disc_radius * view.camera.width, draw, &object);
+  return object;
 }
 
 }  // namespace
@@ -129,33 +129,33 @@ std::vector<std::string> TrialObservation::conditionNames() {
 Observation TrialObservation::of(const PosedView& view, std::uint64_t index) const {
   const DisturbanceDraw draw = {seed, index};
   const Image straight = disturbedColours(*this, view, draw);
-  const PremultipliedImage picture = disturbedObject(*this, view, straight, draw);
+  const PremultipliedImage object = disturbedObject(*this, view, straight, draw);
   Observation observation;
   observation.camera = view.camera;
   if (background == "alpha") {
     observation.background = Background::kKnownAlpha;
-    observation.image = picture.colour;
-    observation.alpha = picture.alpha;
+    observation.image = object.colour;
+    observation.alpha = object.alpha;
   } else if (background == "white") {
     observation.background = Background::kKnownColour;
     observation.background_colour = Eigen::Vector3f::Ones();
-    observation.image = composite(picture, {1, 1, 1});
+    observation.image = composite(object, {1, 1, 1});
   } else if (background == "own") {
     observation.background = Background::kMask;
     observation.image = straight;
-    observation.alpha = picture.alpha;
+    observation.alpha = object.alpha;
   } else {
     const Image photo = photos.empty()
                             ? clutter(view.camera.width, view.camera.height, seed + index)
                             : photoOfSize(photos.at(index % photos.size()), view.camera);
-    observation.image = picture.colour;
+    observation.image = object.colour;
     for (std::size_t i = 0; i < photo.values.size(); ++i) {
-      observation.image.values[i] += (1 - picture.alpha.values[i / 3]) * photo.values[i];
+      observation.image.values[i] += (1 - object.alpha.values[i / 3]) * photo.values[i];
     }
     observation.background = background == "mask" ? Background::kMask : Background::kUnknown;
-    if (background == "mask") observation.alpha = picture.alpha;
+    if (background == "mask") observation.alpha = object.alpha;
   }
-  if (occluder > 0) occlude(occluder, draw, picture.alpha, &observation.image);
+  if (occluder > 0) occlude(occluder, draw, object.alpha, &observation.image);
   if (motion_blur > 0) blurByMotion(motion_blur * view.camera.width, draw, &observation.image);
   if (defocus > 0) nerf_pose_refiner::defocus(defocus * view.camera.width, &observation.image);
   if (noise > 0) addGaussianNoise(noise, draw, &observation.image);

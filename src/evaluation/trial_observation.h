@@ -10,7 +10,7 @@
 
 namespace nerf_pose_refiner {
 
-/// What a trial makes of a view of a dataset: what stands behind the object, and what goes wrong on
+/// What a trial makes of a view of a dataset: what is behind the object, and what goes wrong on
 /// the way to the robot. The same for the same seed and index.
 struct TrialObservation {
   /// white; alpha (known); mask (a photo, and a mask); photo (unknown); own (the view's own photo
@@ -27,11 +27,11 @@ struct TrialObservation {
 
   // What robots meet.
   double gain_bias = 0;    ///< half width of the object's gain per channel around 1
-  double occluder = 0;     ///< share of the object's box that a square covers
+  double occluder = 0;     ///< fraction of the object's box that a square covers
   double motion_blur = 0;  ///< length of the path, of a direction that is drawn [widths]
   double defocus = 0;      ///< sigma [widths]
   double noise = 0;        ///< standard deviation; clipped at 0 and 1, as a camera does
-  double focal_error = 0;  ///< share by which the focal length is said too great
+  double focal_error = 0;  ///< fraction by which the given focal length is too great
 
   std::uint64_t seed = 1;
 

@@ -58,7 +58,7 @@ void TrialResults::add(const TrialKey& key, const Refinement& refinement, const 
 void TrialResults::addTrace(const TrialKey& key, const Pose& initial_T_O_C,
                             const Refinement& refinement, double unit,
                             const std::function<PoseError(const Pose& T_O_C)>& error_of) {
-  // A trace whose trial is missing was cut by an interruption: it is begun anew behind that.
+  // A trace whose trial is missing was cut by an interruption: it is written again behind that.
   std::vector<std::vector<std::string>> rows;
   double seconds = 0, samples = 0;
   const auto addRow = [&](const std::string& stage, const Pose& T_O_C) {

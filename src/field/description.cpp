@@ -11,7 +11,7 @@ namespace {
 
 using Json = nlohmann::json;
 
-// Each list of names stands once and serves both ways.
+// Each list of names is written once and serves both ways.
 
 template <typename Config, typename Visitor>
 void visitConfig(Config& c, Visitor visit) {

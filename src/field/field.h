@@ -66,7 +66,7 @@ struct GridLevel {
 /// (finest / base)^(1 / (levels - 1)).
 std::vector<GridLevel> gridLevels(const FieldConfig& config);
 
-/// Which cells of the cube may hold matter, dilated by one cell; the rest is skipped. Bit i of
+/// Which cells of the cube may be occupied, dilated by one cell; the rest is skipped. Bit i of
 /// byte i/8 belongs to cell i = (z * n + y) * n + x.
 struct OccupancyGrid {
   int resolution = 0;  ///< n cells along the cube; 0: everything is occupied
@@ -92,7 +92,7 @@ struct PoseStatistics {
   int views = 0;  ///< 0: unknown
   /// Standard deviations of the error, beyond what a refinement expects by its own account.
   double lateral = 0;      ///< of the object's centre, across the line of sight [diameters]
-  double depth = 0;        ///< of it, along the line of sight [share of its distance]
+  double depth = 0;        ///< of it, along the line of sight [fraction of its distance]
   double tilt_rad = 0;     ///< about axes across the line of sight
   double roll_rad = 0;     ///< about the line of sight
   double right_score = 0;  ///< mean score of these poses
@@ -103,7 +103,7 @@ struct PoseStatistics {
 struct FieldMetadata {
   std::string name;
   double metres_per_unit = 0;  ///< 0: unknown
-  double diameter = 0;         ///< of the matter, model units: the extent of the opaque cells
+  double diameter = 0;         ///< of the object, model units: the extent of the opaque cells
   Eigen::Vector3d centre = Eigen::Vector3d::Zero();  ///< opacity-weighted mean, model units
   double psnr_db = 0;  ///< mean over held-out views on black; 0: none were held out
   ScoreStatistics score;
@@ -112,7 +112,7 @@ struct FieldMetadata {
   std::uint64_t seed = 0;
   std::uint64_t training_steps = 0;
 
-  // Not of the model's own file, but said of it in another one (ObjectMetadata).
+  // Not in the model's own file, but in the object's metadata (ObjectMetadata).
   Pose T_O_U;              ///< the frame U that users mean by the object's, in the model's [units]
   Symmetries symmetries;   ///< in O [model units]
   std::optional<Box> box;  ///< in U [model units]; nothing: that of the field counts
@@ -120,7 +120,7 @@ struct FieldMetadata {
 
 /// A learned object: parameters of a hash-grid radiance field, frozen.
 ///
-/// Space: `box` bounds the matter in model units (frame O); the cube N is the cube around the box
+/// Space: `box` bounds the object in model units (frame O); the cube N is the cube around the box
 /// with the same centre: x_N = (x_O - cube_centre) / cube_side + 0.5. Density outside the box is 0.
 /// Density is per unit of N, so that a scaled scene gives the same image. The colours are
 /// sRGB-encoded; a rendering is premultiplied RGB and alpha.

@@ -14,7 +14,7 @@ namespace nerf_pose_refiner {
 void saveModel(const Field& field, const std::string& path);
 
 /// Makes sure that a model of this shape can be saved there, before minutes are spent on learning
-/// it: the folder takes files, and the disk has room.
+/// it: the folder takes files, and the disk has space.
 /// @throws std::runtime_error naming the path and the system's reason.
 void requireModelWritable(const FieldConfig& config, const std::string& path);
 

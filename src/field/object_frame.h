@@ -46,7 +46,7 @@ class ObjectFrame {
 };
 
 /// Corners of the box around an object, in frame U of its users [their unit]; bit i of an index
-/// says which end of axis i it is at. Edges need not be parallel to U's axes if nobody gave a box.
+/// says which end of axis i it is at. Edges need not be parallel to U's axes if no box was given.
 std::array<Eigen::Vector3d, 8> boxCorners(const Field& field, const ObjectFrame& frame);
 
 }  // namespace nerf_pose_refiner

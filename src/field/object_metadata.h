@@ -27,10 +27,10 @@ std::string metadataPathOf(const std::string& model_path);
 /// @throws std::runtime_error naming file and line, what is wrong and what was expected.
 ObjectMetadata readObjectMetadata(const std::string& path);
 
-/// What is said of an object goes before what its model knows.
+/// An object's metadata takes precedence over what its model knows.
 void apply(const ObjectMetadata& metadata, FieldMetadata* object);
 
-/// A model with what is said of its object beside it.
+/// A model with the metadata of the file beside it.
 /// @throws std::runtime_error as loadModel and readObjectMetadata.
 Field loadField(const std::string& model_path);
 

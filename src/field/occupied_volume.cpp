@@ -35,7 +35,7 @@ OccupiedExtent measureOccupiedVolume(const Field& field, const std::vector<float
   Eigen::Vector3d weighted = Eigen::Vector3d::Zero();
   for (int z = 0; z < n; ++z) {
     for (int y = 0; y < n; ++y) {
-      int ends[2] = {-1, -1};  // of a row's matter: what lies between reaches no further
+      int ends[2] = {-1, -1};  // of a row: what lies between reaches no further
       for (int x = 0; x < n; ++x) {
         const float opacity = cell_opacity[(static_cast<std::size_t>(z) * n + y) * n + x];
         if (opacity < kOpaque) continue;

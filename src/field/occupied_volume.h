@@ -7,7 +7,7 @@
 
 namespace nerf_pose_refiner {
 
-/// Where the matter of a field is.
+/// Where a field is occupied.
 struct OccupiedExtent {
   Eigen::Vector3d centre = Eigen::Vector3d::Zero();  ///< opacity-weighted mean [model units]
   /// Widest extent of the cells, each a ball as wide as a cell, over many directions [model units].

@@ -38,7 +38,8 @@ bool isTemporaryOf(const std::string& target, const std::string& name) {
          std::all_of(name.begin() + static_cast<std::ptrdiff_t>(stem.size()), name.end(), is_digit);
 }
 
-/// Removes a temporary file that nobody writes: its writer would hold the lock, for a day at most.
+/// Removes a temporary file that is not being written: its writer would hold the lock, for a day at
+/// most.
 void removeIfStale(const std::string& path) {
   const int descriptor = open(path.c_str(), O_RDONLY | O_NONBLOCK | O_NOFOLLOW | O_CLOEXEC);
   if (descriptor < 0) return;

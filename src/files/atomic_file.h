@@ -19,7 +19,8 @@ class AtomicFile {
   AtomicFile(const AtomicFile&) = delete;
   AtomicFile& operator=(const AtomicFile&) = delete;
 
-  /// Takes room for so many bytes, where the file system can promise it; the file has them then.
+  /// Reserves space for so many bytes, where the file system can promise it; the file has them
+  /// then.
   void reserve(std::uint64_t bytes);
   void write(const void* data, std::size_t bytes);
   void commit();

@@ -6,7 +6,7 @@
 
 namespace nerf_pose_refiner {
 
-/// Parses JSON that comes from somebody else. Copies and comparisons of values recurse, so that
+/// Parses JSON from an untrusted source. Copies and comparisons of values recurse, so that
 /// values which nest deeper than 64 levels are refused.
 /// @throws std::runtime_error saying where it is wrong.
 nlohmann::json parseJson(const std::string& text);

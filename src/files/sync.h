@@ -10,7 +10,7 @@ namespace nerf_pose_refiner {
 void syncFile(const std::string& path);
 
 /// The same for what a folder lists. Its failure is no failure of the files, and some file systems
-/// cannot: nothing is said of it.
+/// cannot, which is not reported.
 void syncFolder(const std::string& path);
 
 }  // namespace nerf_pose_refiner

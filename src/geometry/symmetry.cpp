@@ -11,7 +11,7 @@ namespace {
 
 // What people type is rounded: motions that differ by less are the same.
 constexpr double kSameAngle_rad = 0.01;
-constexpr double kSameLength = 0.01;  // share of the lengths that were given
+constexpr double kSameLength = 0.01;  // fraction of the lengths that were given
 
 void require(bool holds, const char* what) {
   if (!holds) throw std::invalid_argument(what);
@@ -85,7 +85,7 @@ Symmetries::Symmetries(const std::optional<SymmetryAxis>& axis, const std::vecto
       });
       if (!known) motions_.push_back({nearestRotation(product.R), product.t});
       require(motions_.size() <= kMaxMotions,
-              "the products of the symmetries come to no end: no solid object has them");
+              "the products of the symmetries are infinitely many: no solid object has them");
     }
   }
 }

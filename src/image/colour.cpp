@@ -27,8 +27,7 @@ std::string shape(const ImageOf<T>& image) {
 PremultipliedImage premultiply(const Image8& image) {
   const int channels = image.channels;
   if (channels != 3 && channels != 4) {
-    throw std::invalid_argument("premultiply: a picture of " + shape(image) +
-                                " is not RGB or RGBA");
+    throw std::invalid_argument("premultiply: an image of " + shape(image) + " is not RGB or RGBA");
   }
   PremultipliedImage result{Image(image.width, image.height, 3),
                             Image(image.width, image.height, 1, 1.0f)};
@@ -77,8 +76,7 @@ Image toFloat(const Image8& image) {
 
 double psnr(const Image& a, const Image& b) {
   if (a.empty() || a.width != b.width || a.height != b.height || a.channels != b.channels) {
-    throw std::invalid_argument("psnr: cannot compare pictures of " + shape(a) + " and " +
-                                shape(b));
+    throw std::invalid_argument("psnr: cannot compare images of " + shape(a) + " and " + shape(b));
   }
   double sum = 0;
   for (std::size_t i = 0; i < a.values.size(); ++i) {

@@ -11,7 +11,7 @@ namespace {
 constexpr int kMaxSegments = 10000;  // of a JPEG before its size: a file of nothing else takes long
 
 [[noreturn]] void failDamaged() {
-  throw std::runtime_error("not a picture that is read (PNG or JPEG), or a damaged one");
+  throw std::runtime_error("not an image that can be read (PNG or JPEG), or a damaged one");
 }
 
 template <std::size_t n>

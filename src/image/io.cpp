@@ -22,7 +22,7 @@ constexpr std::uint64_t kMaxFileBytes = std::uint64_t{1} << 29;  // 8 a pixel of
   throw std::runtime_error(what + " '" + path + "': " + reason);
 }
 
-/// The bytes of a picture that is not larger than that.
+/// The bytes of an image that is not larger than that.
 std::vector<std::uint8_t> readBytes(const std::string& path, std::uint64_t max_pixels) {
   const InputFile file(path);
   const ImageSize size = readImageSize(file);
@@ -69,7 +69,7 @@ cv::Mat decode(const std::string& path, int flags, std::uint64_t max_pixels) {
   } catch (const std::exception& error) {
     fail("cannot read image", path, error.what());
   }
-  if (image.empty()) fail("cannot read image", path, "not a picture, or a damaged one");
+  if (image.empty()) fail("cannot read image", path, "not an image, or a damaged one");
   if (image.depth() == CV_16U) image.convertTo(image, CV_8U, 1.0 / 257);
   if (image.depth() != CV_8U) fail("cannot read image", path, "neither 8 nor 16 bits a channel");
   return image;
@@ -82,9 +82,9 @@ Image8 copyOf(const cv::Mat& mat) {
   return image;
 }
 
-void encodePng(const cv::Mat& picture, const std::string& path) {
+void encodePng(const cv::Mat& image, const std::string& path) {
   std::vector<std::uint8_t> bytes;
-  if (!cv::imencode(".png", picture, bytes)) fail("cannot write image", path, "encoding failed");
+  if (!cv::imencode(".png", image, bytes)) fail("cannot write image", path, "encoding failed");
 
   errno = 0;
   std::ofstream file(path, std::ios::binary);
@@ -134,7 +134,7 @@ Image8 readMask(const std::string& path, std::uint64_t max_pixels) {
 void writePng(const Image8& image, const std::string& path) {
   const int channels = image.channels;
   if (image.empty() || (channels != 1 && channels != 3 && channels != 4)) {
-    throw std::invalid_argument("cannot write '" + path + "': a picture of " +
+    throw std::invalid_argument("cannot write '" + path + "': an image of " +
                                 std::to_string(image.width) + " x " + std::to_string(image.height) +
                                 " pixels and " + std::to_string(channels) + " channels");
   }

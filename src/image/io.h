@@ -9,7 +9,7 @@
 
 namespace nerf_pose_refiner {
 
-/// Larger pictures are not read: they would take 4 bytes a pixel and more.
+/// Larger images are not read: they would take 4 bytes a pixel and more.
 constexpr std::uint64_t kMaxImagePixels = std::uint64_t{1} << 26;
 
 /// Size of a PNG or a JPEG: its header is read, and nothing is decoded.
@@ -19,7 +19,7 @@ ImageSize imageSizeOf(const std::string& path);
 /// Reads a PNG or JPEG as RGB, or as RGBA with straight alpha if the
 /// file has an alpha channel. Grey becomes RGB, 16 bits are rounded to 8. The image is not turned
 /// by its EXIF orientation, for neither are the intrinsics that belong to it.
-/// @param max_pixels of the picture; larger ones are refused before they are decoded.
+/// @param max_pixels of the image; larger ones are refused before they are decoded.
 /// @throws std::runtime_error naming the path and what is wrong with it (missing, cut off, damaged,
 /// too large).
 Image8 readImage(const std::string& path, std::uint64_t max_pixels = kMaxImagePixels);

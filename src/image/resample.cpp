@@ -50,7 +50,7 @@ Image resample(const Image& image, const Camera& camera, const Camera& target) {
   camera.validate();
   target.validate();
   if (image.width != camera.width || image.height != camera.height) {
-    throw std::invalid_argument("resample: the picture does not have its camera's size");
+    throw std::invalid_argument("resample: the image does not have its camera's size");
   }
   const std::vector<Taps> columns =
       tapsOf({camera.width, camera.fx, camera.cx}, {target.width, target.fx, target.cx});

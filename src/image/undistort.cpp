@@ -72,7 +72,7 @@ Undistorter::Undistorter(const Camera& camera, const Distortion& distortion)
   const double slack_px = 1 + 0.01 * std::max(camera.width, camera.height);
   if (!staysInside(xy, camera, slack_px)) {
     throw std::invalid_argument(
-        "the lens distortion folds the picture over itself: its coefficients cannot belong to a "
+        "the lens distortion folds the image over itself: its coefficients cannot belong to a "
         "camera of this size and focal length");
   }
   // As cv::remap would do it for each image: the same pixels, sooner.
@@ -85,8 +85,8 @@ Undistorter& Undistorter::operator=(Undistorter&&) noexcept = default;
 
 Image8 Undistorter::undistort(const Image8& image) const {
   if (image.width != undistorted_.width || image.height != undistorted_.height) {
-    throw std::invalid_argument("undistort: the picture has " + std::to_string(image.width) +
-                                " x " + std::to_string(image.height) + " pixels, its camera " +
+    throw std::invalid_argument("undistort: the image has " + std::to_string(image.width) + " x " +
+                                std::to_string(image.height) + " pixels, its camera " +
                                 std::to_string(undistorted_.width) + " x " +
                                 std::to_string(undistorted_.height));
   }

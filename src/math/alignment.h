@@ -113,8 +113,8 @@ NPR_HOST_DEVICE inline PixelResidual<T> unknownBackgroundResidual(
 /// How much worse a pixel is explained with the object than without: -log((1 - A) + A q / b).
 ///
 /// q is the density of the observed colour if the pixel shows the object: that of the rendered
-/// colour's neighbourhood, or, for a share of outliers, as in the background; b is the density of
-/// the observed colour in the background. Covering pixels of the right colours is rewarded,
+/// colour's neighbourhood, or, for a fraction of outliers, as in the background; b is the density
+/// of the observed colour in the background. Covering pixels of the right colours is rewarded,
 /// covering others costs, and what is outside of the image counts nothing.
 template <typename T>
 NPR_HOST_DEVICE inline T mixtureCost(T opacity, T object_density, T background_density) {

@@ -41,7 +41,7 @@ struct AlignmentSearch {
   double step_px;    ///< by which the trial moves the object's rim away from the best pose
   int evaluations;
   bool done;
-  bool judged;  ///< whether `best` was looked at
+  bool judged;  ///< whether `best` was evaluated
   HypothesisState state;
 };
 
@@ -58,17 +58,17 @@ NPR_HOST_DEVICE inline bool isFinite(const CameraPose<double>& pose) {
          isFinite(column(pose.R, 2)) && isFinite(pose.o);
 }
 
-/// Loss of a pose; infinite where no pixel tells anything: the worst there is.
+/// Loss of a pose; infinite where no pixel has a weight: the worst there is.
 NPR_HOST_DEVICE inline double lossOf(const AlignmentSumsOf<double>& sums) {
   return sums.weight > 0 ? sums.cost / sums.weight : HUGE_VAL;
 }
 
-/// Share of the rendered silhouette that agrees with the image, 0..1.
+/// Fraction of the rendered silhouette that agrees with the image, 0..1.
 NPR_HOST_DEVICE inline double visibleFractionOf(const AlignmentSumsOf<double>& sums) {
   return sums.opacity > 0 ? sums.agreeing / sums.opacity : 0;
 }
 
-/// How well a pose explains the image, 0..1: the same share, of what a known background leaves
+/// How well a pose explains the image, 0..1: the same fraction, of what a known background leaves
 /// unexplained as well; by contrasts, how much less they differ than by chance, over the
 /// silhouette.
 NPR_HOST_DEVICE inline double scoreOf(const AlignmentSumsOf<double>& sums, bool by_contrast) {
@@ -108,7 +108,7 @@ NPR_HOST_DEVICE inline bool isBehindCamera(const AlignmentRules& rules,
   return !(inCamera(pose, rules.centre).z > 0.05 * rules.diameter);
 }
 
-/// What keeps a pose with these sums from being followed.
+/// Why a pose with these sums cannot be optimised further.
 NPR_HOST_DEVICE inline HypothesisState stateOf(const AlignmentRules& rules,
                                                const CameraPose<double>& pose,
                                                const AlignmentSumsOf<double>& sums) {
@@ -120,7 +120,7 @@ NPR_HOST_DEVICE inline HypothesisState stateOf(const AlignmentRules& rules,
   return HypothesisState::kLive;
 }
 
-/// A search at its start; done at once if the pose cannot be followed.
+/// A search at its start; done at once if the pose cannot be optimised.
 NPR_HOST_DEVICE inline AlignmentSearch startSearch(const AlignmentRules& rules,
                                                    const CameraPose<double>& pose) {
   AlignmentSearch search;

@@ -9,7 +9,7 @@
 
 namespace nerf_pose_refiner {
 
-/// Sums over the pixels of an image that judge a pose and say how to better it.
+/// Sums over the pixels of an image: how well a pose fits, and how to improve it.
 template <typename T>
 struct AlignmentSumsOf {
   T weight = 0;            ///< of the pixels
@@ -31,7 +31,8 @@ struct AlignmentView {
 };
 
 /// How the image flows past pixel (x, y) when the camera moves. Where the rendering is empty, the
-/// pixel is taken to show the plane through the object's centre, so that the observation can pull.
+/// pixel is taken to show the plane through the object's centre, so that the observation attracts
+/// it.
 /// @param point opacity times the point that the pixel shows, relative to the centre.
 NPR_HOST_DEVICE inline PixelFlow<float> surfaceFlow(const AlignmentView& view,
                                                     const Vec3<float>& point, float opacity, int x,
@@ -74,7 +75,7 @@ NPR_HOST_DEVICE inline PixelJudgement judgeResidual(const PixelResidual<float>& 
 }
 
 /// Weight of a pixel in comparisons with an unknown background, by its opacity under the blur: at
-/// the rim the observation mixes the object with others, which would pull the outline inwards.
+/// the rim the observation mixes the object with others, which would move the outline inwards.
 NPR_HOST_DEVICE inline float interiorWeight(float opacity) {
   const float squared = opacity * opacity;
   return squared * squared;
@@ -156,8 +157,8 @@ NPR_HOST_DEVICE inline void addComparedPixel(const ComparisonRules& rules,
                                              const ComparedPixel& pixel, AlignmentSumsOf<T>* sums,
                                              NormalEquations6<float>* equations) {
   constexpr float kContrastScale = 2;  // contrasts differ by more than colours
-  // Wider than the colours': outlines pull from afar. Bounded: where something covers the object,
-  // the outline is not its own.
+  // Wider than the colours': outlines attract from afar. Bounded: where something covers the
+  // object, the outline is not its own.
   constexpr float kOpacityScale = 3;
   const PixelResidual<float>& r = pixel.residual;
   const float opacity = pixel.opacity;
@@ -223,7 +224,7 @@ struct GainBiasMomentsOf {
 NPR_HOST_DEVICE inline GainBias<float> solveGainBias(const GainBiasMomentsOf<double>& m) {
   GainBias<float> gain_bias;
   for (int c = 0; c < 3; ++c) {
-    // Towards gain 1 and bias 0, each with the strength of a share of the pixels.
+    // Towards gain 1 and bias 0, each with the weight of a fraction of the pixels.
     const double gain_prior = 0.02 * m.weight[c] + 1e-6;
     const double bias_prior = 0.3 * m.weight[c] + 1e-6;
     const double a = m.xx[c] + gain_prior, b = m.x[c], d = m.weight[c] + bias_prior;

@@ -13,7 +13,7 @@ namespace nerf_pose_refiner {
 
 constexpr int kColourBins = 16;
 constexpr double kColourSigma = 0.1;      ///< width to which colours are smoothed
-constexpr float kUniformFraction = 0.1f;  ///< of a density: colours that nobody has seen yet
+constexpr float kUniformFraction = 0.1f;  ///< of a density: colours that were not seen yet
 constexpr float kMinProbability = 0.05f;  ///< weight of pixels that surely show something else
 
 /// Place of a value between two bins.

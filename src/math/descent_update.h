@@ -52,7 +52,7 @@ struct RateSchedule {
   double decay = 0.33;
   int decay_updates = 256;
   double anneal_fraction = 0;  ///< 0: none, as the paper
-  int run_updates = 0;         ///< of the whole run; 0: nobody knows, and nothing is annealed
+  int run_updates = 0;         ///< of the whole run; 0: unknown, and nothing is annealed
 
   /// Of the learning rates at an update, from 0 on.
   NPR_HOST_DEVICE double rateFactor(int update) const {
@@ -65,7 +65,7 @@ struct RateSchedule {
 /// Where an inversion began and what Adam carries on; fresh in a hypothesis that was just seeded.
 /// Translations are in the length unit, all vectors in the axes of O.
 struct DescentMotion {
-  CameraPose<double> start;  ///< T_O_C: the regularisation pulls there
+  CameraPose<double> start;  ///< T_O_C: the regularisation attracts to it
   int updates;
   Vec3<AdamMoments<double>> translation, rotation;
   Twist<double> twist;  ///< from the start, of PoseUpdate::kTwist
@@ -78,7 +78,7 @@ struct DescentMotion {
 NPR_HOST_DEVICE inline bool updatePose(const DescentRates& rates, const Vec3<double>& force,
                                        const Vec3<double>& torque, DescentMotion* motion,
                                        CameraPose<double>* pose) {
-  const double unit = rates.length_unit, pull = rates.regularisation;
+  const double unit = rates.length_unit, regularisation = rates.regularisation;
   const bool twist = rates.update == PoseUpdate::kTwist;
   // What the rotation is about.
   const Vec3<double> centre = rates.update == PoseUpdate::kAboutCamera   ? pose->o
@@ -97,7 +97,7 @@ NPR_HOST_DEVICE inline bool updatePose(const DescentRates& rates, const Vec3<dou
         about_object ? centre + turned * (motion->start.o - centre) : motion->start.o;
     offset.v = (1 / unit) * (pose->o - led);
   }
-  gradient = gradient + pull * offset;
+  gradient = gradient + regularisation * offset;
   ++motion->updates;
   const Vec3<double> v = -rates.translation * adamDirection(rates.adam, gradient.v, motion->updates,
                                                             &motion->translation);

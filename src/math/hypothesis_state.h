@@ -3,7 +3,7 @@
 
 namespace nerf_pose_refiner {
 
-/// Why a hypothesis is no longer followed.
+/// Why a hypothesis is no longer optimised.
 enum class HypothesisState { kLive, kBehindCamera, kOutOfImage, kIllConditioned, kNotFinite };
 
 }  // namespace nerf_pose_refiner

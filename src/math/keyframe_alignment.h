@@ -136,6 +136,7 @@ struct PointResidual {
   T value[3];
   T du[3];  ///< [1 / px]
   T dv[3];
+  T unrelated;  ///< mean square, summed, of a residual between such colours drawn at random
 };
 
 /// What a keyframe shows at a point, locally normalised, and its gradient in the image [1 / px].
@@ -157,9 +158,11 @@ NPR_HOST_DEVICE inline PointResidual<T> pointResidual(const RenderedPoint<T>& re
                                                       S observed_fraction) {
   const S rendered_fraction = 1 - observed_fraction;
   PointResidual<T> r;
+  r.unrelated = T{};
   for (int c = 0; c < 3; ++c) {
-    r.value[c] =
-        rendered.value[c] - (observed[c].value - local.mean[c]) * local.inverse_deviation[c];
+    const T normalised = (observed[c].value - local.mean[c]) * local.inverse_deviation[c];
+    r.value[c] = rendered.value[c] - normalised;
+    r.unrelated += rendered.value[c] * rendered.value[c] + normalised * normalised;
     const T slope = observed_fraction * local.inverse_deviation[c];
     r.du[c] = rendered_fraction * rendered.du[c] + slope * observed[c].du;
     r.dv[c] = rendered_fraction * rendered.dv[c] + slope * observed[c].dv;
@@ -177,6 +180,22 @@ struct PointSums {
   T information[21];   ///< J^T W J and J^T W r, as NormalEquations6 has them
   T gradient[6];
 };
+
+/// What speaks for a pose: robust losses where there is anything to compare.
+template <typename T>
+struct EvidenceSums {
+  T explained;  ///< as they are, and ...
+  T chance;     ///< ... as they would be, had the images nothing in common
+};
+
+template <typename T>
+NPR_HOST_DEVICE inline void addEvidence(const PointResidual<T>& r, T weight, T scale,
+                                        EvidenceSums<T>* sums) {
+  T squared = r.value[0] * r.value[0];
+  for (int c = 1; c < 3; ++c) squared += r.value[c] * r.value[c];
+  sums->explained += weight * gemanMcClure(squared, scale).value;
+  sums->chance += weight * gemanMcClure(r.unrelated, scale).value;
+}
 
 /// Adds points. @param weight 0 for a point that is not seen. @param scale of the robust loss.
 template <typename T>

@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "math/alignment_sums.h"
-#include "math/keyframe_alignment.h"
+#include "math/outline_alignment.h"
 
 namespace nerf_pose_refiner {
 
@@ -52,12 +52,30 @@ NPR_HOST_DEVICE inline double chanceLoss(double robust_scale) {
   return kChanceDifference * 0.5 * robust_scale * robust_scale;
 }
 
-/// Mean loss of a level's points. One that has left the image explains no more than chance does:
-/// leaving it is no gain. @param points that are not hidden.
-NPR_HOST_DEVICE inline double keyframeLoss(const PointSums<double>& sums, int points,
+/// How much of a level a pose puts into the image.
+struct SeenPoints {
+  int points;     ///< chosen ones that are not hidden
+  double weight;  ///< of those in the image
+  int outline;    ///< points of it
+  int outline_seen;
+  float outline_weight;  ///< of one
+
+  /// Of all of them.
+  NPR_HOST_DEVICE double mostWeight() const {
+    return points + static_cast<double>(outline_weight) * outline;
+  }
+};
+
+/// Mean loss of a level. A point that has left the image explains no more than chance does: leaving
+/// it is no gain. @param cost of the points that are seen.
+NPR_HOST_DEVICE inline double keyframeLoss(double cost, const SeenPoints& seen,
                                            float robust_scale) {
-  const double missing = points - sums.weight;
-  return (sums.cost + missing * chanceLoss(robust_scale)) / (points > 1 ? points : 1);
+  const double missing = seen.points - seen.weight;
+  const double outline_missing = seen.outline_weight * (seen.outline - seen.outline_seen);
+  const double most = seen.mostWeight();
+  return (cost + missing * chanceLoss(robust_scale) +
+          outline_missing * gemanMcClure(kOutlineChance, robust_scale).value) /
+         (most > 1 ? most : 1);
 }
 
 template <typename T>

@@ -6,7 +6,7 @@
 namespace nerf_pose_refiner {
 
 /// Number of a pixel, uniform over those that have a weight: drawn until one has, or so often that
-/// hardly any do; what has none tells nothing.
+/// hardly any do; a pixel without weight says nothing.
 /// @param weight [pixels], >= 0.
 NPR_HOST_DEVICE inline std::uint32_t drawPixel(std::uint64_t seed, std::uint64_t stream,
                                                std::uint64_t counter, std::uint32_t pixels,

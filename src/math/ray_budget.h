@@ -20,7 +20,7 @@ NPR_HOST_DEVICE inline int raysWithinBudget(int samples_per_step, int hypotheses
   return rays > 1 ? rays : 1;
 }
 
-/// Follows the samples that a ray takes on average, slowly after the first step.
+/// Tracks the samples that a ray takes on average, slowly after the first step.
 NPR_HOST_DEVICE inline double updatedSamplesPerRay(double samples_per_ray, double measured) {
   return samples_per_ray < 0 ? measured : samples_per_ray + 0.1 * (measured - samples_per_ray);
 }

@@ -25,7 +25,7 @@ struct RayLattice {
   RayLattice() = default;
 
   /// @param ray_origin, ray_direction in N (unit direction).
-  /// @param space box_min[3], box_max[3] of the matter, near, step, cone_angle.
+  /// @param space box_min[3], box_max[3] of the object, near, step, cone_angle.
   /// @param jitter of the lattice, in intervals, [0, 1).
   template <typename Space>
   NPR_HOST_DEVICE RayLattice(const float ray_origin[3], const float ray_direction[3],
@@ -88,10 +88,12 @@ struct RayLattice {
   }
 };
 
-/// Empty space as rays see it: an occupancy grid, and a coarser map of the way to the matter.
+/// Empty space as rays see it: an occupancy grid, and a coarser map of the distance to occupied
+/// cells.
 struct OccupancyView {
-  const std::uint8_t* distance = nullptr;  ///< [coarse^3], to the nearest matter, in coarse cells
-  const std::uint8_t* bits = nullptr;      ///< [fine^3] bits, 1: matter; null: everywhere
+  const std::uint8_t* distance =
+      nullptr;  ///< [coarse^3], to the nearest occupied cell, in coarse cells
+  const std::uint8_t* bits = nullptr;  ///< [fine^3] bits, 1: occupied; null: everywhere
   int coarse = 0, fine = 0;
 
   /// Cell of a grid with `cells` along the cube, the nearest for a point outside.
@@ -101,8 +103,8 @@ struct OccupancyView {
     }
   }
 
-  /// Whether a ray meets matter at distance t; if it does not, a distance up to which nothing
-  /// comes.
+  /// Whether a ray is in an occupied cell at distance t; if it does not, a distance up to which
+  /// nothing comes.
   NPR_HOST_DEVICE bool occupied(const RayLattice& ray, float t, float* leave) const {
     float p[3];
     for (int a = 0; a < 3; ++a) p[a] = ray.origin[a] + t * ray.direction[a];
@@ -129,7 +131,7 @@ struct RayInterval {
   float begin, end;
 };
 
-/// Goes from interval->k on to the first whose middle lies where there is matter.
+/// Goes from interval->k on to the first whose middle lies in an occupied cell.
 /// @return false if there is none before the ray leaves the box.
 NPR_HOST_DEVICE inline bool findOccupiedVolume(const RayLattice& ray,
                                                const OccupancyView& occupancy,

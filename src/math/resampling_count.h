@@ -6,7 +6,7 @@
 namespace nerf_pose_refiner {
 
 /// How many hypotheses a search has after a resampling. @see ResamplingPlan
-/// @param kept survivors. @param flagged hypotheses that are drawn anew where that is wanted.
+/// @param kept survivors. @param flagged hypotheses that are redrawn where that is wanted.
 NPR_HOST_DEVICE inline int resampledCount(int keep, int offspring, int kept, int flagged) {
   if (kept == 0) return 0;
   const int redrawn = kept + flagged < keep ? kept + flagged : keep;

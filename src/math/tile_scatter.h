@@ -5,14 +5,14 @@
 
 namespace nerf_pose_refiner {
 
-/// Side of a tile of the scatter [px]: blur and what the model does not know bind residuals that
-/// are nearer than that.
+/// Side of a tile of the scatter [px]: blur and what the model does not know correlate residuals
+/// that are nearer than that.
 constexpr int kTileSide = 16;
 
 /// How much the gradient of an alignment owes to chance, though residuals of neighbouring pixels go
 /// together: sums over the tiles of an image.
 struct TileScatter {
-  double gradients[21] = {};  ///< g g^T, g being a tile's share: lower triangle, row by row
+  double gradients[21] = {};  ///< g g^T, g being a tile's part: lower triangle, row by row
   double information = 0;     ///< what the tiles say of the position
   double squared_information = 0;
 
@@ -29,9 +29,9 @@ struct TileScatter {
       const double g = tile.gradient[i];
       for (int j = 0; j <= i; ++j) *entry++ += g * tile.gradient[j];
     }
-    const double told = tile.information[0] + tile.information[2] + tile.information[5];
-    information += told;
-    squared_information += told * told;
+    const double trace = tile.information[0] + tile.information[2] + tile.information[5];
+    information += trace;
+    squared_information += trace * trace;
   }
 
   /// What the gradients are short of, for each was made small in part by its own tile:

@@ -14,8 +14,8 @@ namespace nerf_pose_refiner {
 
 constexpr float kTrainingMinTransmittance = 1e-3f;  ///< a ray ends when less than this is left
 constexpr int kOccupancyInterval = 16;              ///< steps between updates of the grid
-constexpr int kOccupancyStart = 64;           ///< steps until the densities are worth looking at
-constexpr int kOccupancyFraction = 8;         ///< an update looks at every eighth cell
+constexpr int kOccupancyStart = 64;                 ///< steps until the densities are meaningful
+constexpr int kOccupancyFraction = 8;               ///< an update evaluates every eighth cell
 constexpr float kOccupancyFading = 0.95f;     ///< of a density that was seen, in so many updates
 constexpr float kOccupancyThickness = 0.01f;  ///< optical thickness of a step that counts
 constexpr float kFrozenThickness = 1e-3f;     ///< the same for the grid that is kept: stricter
@@ -129,7 +129,7 @@ NPR_HOST_DEVICE inline void drawCellPoint(std::uint64_t seed, int step, std::uin
   }
 }
 
-/// Point k of the kFrozenPointsPerAxis^3 at which a cell is looked at when its grid is frozen.
+/// Point k of the kFrozenPointsPerAxis^3 at which a cell is evaluated when its grid is frozen.
 NPR_HOST_DEVICE inline void frozenCellPoint(std::uint32_t cell, int cells, int k, float p[3]) {
   const std::uint32_t n = static_cast<std::uint32_t>(cells);
   const std::uint32_t corner[3] = {cell % n, cell / n % n, cell / (n * n)};
@@ -140,7 +140,7 @@ NPR_HOST_DEVICE inline void frozenCellPoint(std::uint32_t cell, int cells, int k
   }
 }
 
-/// Learning rate of a step, as a share of the plan's: it rises over the first steps, stays, and
+/// Learning rate of a step, as a fraction of the plan's: it rises over the first steps, stays, and
 /// falls from kConstantFraction of the training on. @param progress 0..1. @param final_factor at 1.
 inline double learningRateFraction(int step, double progress, double final_factor) {
   constexpr int kWarmUpSteps = 32;

@@ -12,7 +12,7 @@
 namespace nerf_pose_refiner {
 namespace {
 
-// A loss that is higher by this share of the best one is e times less likely.
+// A loss that is higher by this fraction of the best one is e times less likely.
 constexpr double kLossTemperature = 0.05;
 
 Eigen::Matrix3d crossMatrix(const Eigen::Vector3d& a) {

@@ -49,15 +49,15 @@ Matrix6 freeAbout(const SymmetryAxis& axis, const Matrix6& of_twist, const Eigen
 /// Axes of a camera turned such that z goes through a point; columns in C.
 Eigen::Matrix3d lineOfSightAxes(const Eigen::Vector3d& point_C);
 
-/// Shares of the hypotheses in the belief, by their losses; they sum to 1. Flagged ones have 0.
+/// Weights of the hypotheses in the belief, by their losses; they sum to 1. Flagged ones have 0.
 std::vector<double> hypothesisWeights(const HypothesisTable& hypotheses);
 
 /// How far the best hypothesis may be from the truth: covariance of the twist (v, w) between them.
 ///
 /// The sandwich H^-1 G H^-1 of the final normal equations (Huber 1967): H says how residuals change
-/// with the pose, G how the gradient scatters from tile to tile of the image, so that residuals
-/// that go together, through blur or because the model does not know the light, are not taken for
-/// independent ones. What the model itself is off by (PoseStatistics) is added. What the image
+/// with the pose, G how the gradient varies from tile to tile of the image, so that residuals
+/// that go together, through blur or because the model does not know the lighting, are not taken
+/// for independent ones. What the model itself is off by (PoseStatistics) is added. What the image
 /// does not fix is as uncertain as the prior; other hypotheses add their distance, by their
 /// weights. About an axis of symmetry any angle is as good.
 /// @param hypotheses as nearestEquivalents has them.
@@ -72,8 +72,8 @@ double calibratedScore(double score, const PoseStatistics& statistics);
 /// The same of a keyframe's score (KeyframeAligner::align).
 double keyframeScore(double score, const PoseStatistics& statistics);
 
-/// The same of a score that is a share of the silhouette (colours were compared, not contrasts): 0
-/// if no more than half of it agrees.
+/// The same of a score that is a fraction of the silhouette (colours were compared, not contrasts):
+/// 0 if no more than half of it agrees.
 double scoreOfFraction(double fraction);
 
 /// The same uncertainty as that of the object's pose in the camera: position of one of its points

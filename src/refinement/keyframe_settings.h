@@ -3,6 +3,7 @@
 
 #include "backend/keyframe_aligner.h"
 #include "views/keyframe.h"
+#include "views/view_bank.h"
 
 namespace nerf_pose_refiner {
 
@@ -18,6 +19,8 @@ struct KeyframeSearchSettings {
   int max_keyframes = 40;          ///< kept; the one that was not used for longest goes first
   double doubtful_score = 0.35;    ///< a raw score that is lower makes the search wider
   int wide_starts = 24;            ///< of that search, around the prior
+  ViewBankSettings bank;           ///< where the search from an initial pose begins
+  int starts = 256;                ///< of that search
   /// Images come as fast as they are taken: no image waits for a keyframe that comes late. False:
   /// they come from a file, and each keyframe is used from the same image on, whenever it is done.
   bool real_time = true;

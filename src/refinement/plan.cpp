@@ -9,7 +9,7 @@
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr double kBallRadius = 0.65;      // about the centre, in diameters: holds all of the matter
+constexpr double kBallRadius = 0.65;      // about the centre, in diameters: holds all of the object
 constexpr double kMergePixels = 0.5;      // hypotheses whose rims are nearer are duplicates
 constexpr double kStepPixels = 0.2;       // a step that moves the rim by less ends a stage ...
 constexpr double kLastStepPixels = 0.05;  // ... and the last one
@@ -26,7 +26,7 @@ ObjectRegion wholeImage(const Camera& camera) {
           static_cast<double>(std::max(camera.width, camera.height))};
 }
 
-// How much an opacity residual tells beside the colours': probabilities from colours err often,
+// Weight of an opacity residual beside the colours': probabilities from colours err often,
 // masks at their rims.
 double opacityWeight(Background background) {
   switch (background) {
@@ -50,7 +50,7 @@ AlignStage alignStage(const RefinerSettings& settings, const AlignStageSettings&
   return align;
 }
 
-// Of one stage. After the last, nobody would look at what is drawn anew.
+// Of one stage. After the last one there is nothing to redraw for.
 ResamplingPlan resamplingPlan(const RefinerSettings& settings, std::size_t stage, double object_px,
                               const Prior& prior, const FieldMetadata& object) {
   const bool last = stage + 1 == settings.stages.size();

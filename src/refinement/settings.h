@@ -21,7 +21,7 @@ enum class Method {
 struct AlignStageSettings {
   double object_px = 32;  ///< the object's diameter spans so many pixels in this stage; 48 at least
                           ///< while contrasts are compared
-  int hypotheses = 64;    ///< followed in this stage
+  int hypotheses = 64;    ///< kept in this stage
   int iterations = 10;    ///< at most
   int rays_per_side = 1;  ///< rays_per_side^2 rays a pixel
   double blur_px = 1.0;   ///< sigma of the total blur of both images
@@ -74,9 +74,10 @@ struct RefinerSettings {
   std::vector<AlignStageSettings> stages;  ///< of alignment to the field, coarse to fine
   double robust_scale = 0.1;
   /// Before an unknown background: compare contrasts with the surroundings instead of colours.
-  /// Right for textured objects in any light; false for plain ones in the light of the photos.
+  /// Right for textured objects in any lighting; false for plain ones in the lighting of the
+  /// photos.
   bool compare_contrast = true;
-  bool fit_gain_bias = true;  ///< ignored before a known colour: the light is that of the photos
+  bool fit_gain_bias = true;  ///< ignored before a known colour: the lighting is that of the photos
 
   KeyframeSearchSettings keyframes;  ///< of Method::kKeyframes
   InversionSettings inversion;       ///< of Method::kInversion

@@ -24,7 +24,7 @@ constexpr double kMaxTranslation = 0.15;   // the same for the object's centre, 
 // and of its centre in object diameters (2 mm of 0.2 m).
 constexpr double kMeasuredRotation_rad = 0.0087;
 constexpr double kMeasuredTranslation = 0.01;
-// Residuals are alike: neighbours by blur, whole parts of the picture by what a rough model gets
+// Residuals are alike: neighbours by blur, whole parts of the image by what a rough model gets
 // wrong. So many count as one. (With 100, views of the demo's photos turned farther from the
 // truth.)
 constexpr double kAlikeResiduals = 1e5;
@@ -32,17 +32,17 @@ constexpr double kAlikeResiduals = 1e5;
 Observation observationOf(const PosedView& view, bool has_alpha) {
   Observation observation;
   observation.camera = view.camera;
-  PremultipliedImage picture = premultiply(*view.rgba);
-  observation.image = std::move(picture.colour);
+  PremultipliedImage photo = premultiply(*view.rgba);
+  observation.image = std::move(photo.colour);
   if (has_alpha) {
-    observation.alpha = std::move(picture.alpha);
+    observation.alpha = std::move(photo.alpha);
     observation.background = Background::kKnownAlpha;
   }
   return observation;
 }
 
-/// The part of a picture around the object, resized so that the object spans `object_px`, never
-/// finer than the picture itself. It may reach out of the picture.
+/// The part of an image around the object, resized so that the object spans `object_px`, never
+/// finer than the image itself. It may reach out of the image.
 ImageLevel levelAround(const Camera& camera, const Eigen::Vector3d& centre_C, double diameter,
                        double object_px) {
   const double diameter_px = diameter * std::max(camera.fx, camera.fy) / centre_C.z();
@@ -60,7 +60,7 @@ ImageLevel levelAround(const Camera& camera, const Eigen::Vector3d& centre_C, do
 using Matrix6d = Eigen::Matrix<double, 6, 6>;
 using Vector6d = Eigen::Matrix<double, 6, 1>;
 
-/// The likeliest pose of a camera by what alignment and measurement say of it: what a picture tells
+/// The likeliest pose of a camera by what alignment and measurement say of it: what an image shows
 /// little of (to move sideways and turn back, say) stays as it was measured.
 ///
 /// Changes of a pose are (v, w) as in Hypothesis::information: the camera is turned by w about the

@@ -27,8 +27,8 @@ std::vector<Pose> alignViews(const LoadedField& field, const std::vector<PosedVi
 /// measured. Alignment with a model says nothing of where and how large the whole is; the measured
 /// poses do, together. The similarity is Umeyama's (PAMI 1991).
 /// @param refined, measured T_O_C of the same views.
-/// @return the refined poses as they are where the centres tell no frame: fewer than three, or all
-/// on a line.
+/// @return the refined poses as they are where the centres define no frame: fewer than three, or
+/// all on a line.
 std::vector<Pose> inMeasuredFrame(const std::vector<Pose>& refined,
                                   const std::vector<Pose>& measured);
 

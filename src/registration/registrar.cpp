@@ -129,7 +129,7 @@ ViewError viewError(const LoadedField& field, const PosedView& view,
           std::sqrt(mean(inside_squares, inside))};
 }
 
-/// Whether a view can tell how good a model is: it shows the object, or the box that holds it.
+/// Whether a view shows how good a model is: it shows the object, or the box that holds it.
 bool isTelling(const PosedView& view, const Box& box) {
   const std::vector<std::uint8_t> telling = tellingPixels(view, box);
   for (std::size_t i = 0; i < telling.size(); ++i) {
@@ -193,7 +193,7 @@ class TrainingRun {
     return field->render({full.scaled(scale), view.T_O_C}, RenderOptions(), cancellation);
   }
 
-  /// Share of the training that is over, by steps or by time.
+  /// Fraction of the training that is done, by steps or by time.
   double done() const {
     const double by_steps = static_cast<double>(trainer_->stepsDone()) / settings_.steps;
     const double by_time =
@@ -273,7 +273,7 @@ Field finished(FieldTrainer* trainer, const Dataset& dataset,
                const CancellationToken& cancellation) {
   Field field = trainer->finish(cancellation);
   if (field.metadata.diameter > 0) return field;
-  throw std::runtime_error(dataset.folder + ": training found no opaque matter");
+  throw std::runtime_error(dataset.folder + ": training found nothing opaque");
 }
 
 /// One training, and its quality.

@@ -66,7 +66,7 @@ class Silhouette {
   std::vector<int> sums_;
 };
 
-/// What a view tells of where the object is.
+/// What a view shows of where the object is.
 struct Witness {
   Camera camera;
   Pose T_C_O;
@@ -96,7 +96,7 @@ std::vector<Witness> witnessesOf(const std::vector<PosedView>& views, double sla
 
 /// A generous first box: a cube around the point nearest to all optical axes. Half its side is the
 /// longest half diagonal of what the images show at that point's distance.
-Box boxOfPictures(const std::vector<PosedView>& views) {
+Box boxOfImages(const std::vector<PosedView>& views) {
   Eigen::Matrix3d A = 1e-9 * Eigen::Matrix3d::Identity();
   Eigen::Vector3d b = Eigen::Vector3d::Zero();
   for (const PosedView& view : views) {
@@ -235,7 +235,7 @@ Hull visualHull(const Dataset& dataset, int resolution, int threads,
   }
   const int count = threadCount(threads);
   const std::vector<Witness> views = witnessesOf(dataset.views, slack, count, cancellation);
-  Box box = dataset.has_box ? given : boxOfPictures(dataset.views);
+  Box box = dataset.has_box ? given : boxOfImages(dataset.views);
   // Twice: the second pass has finer cells, for the box is tighter.
   for (int pass = 0; pass < 2; ++pass) {
     box = tightBox(carve(views, box, kCoarseResolution, count, cancellation), box, dataset.folder);

@@ -13,7 +13,7 @@ struct Hull {
   OccupancyGrid region;  ///< of the box's cube, dilated by one cell; no resolution: the whole box
 };
 
-/// Box and region of the matter (Laurentini 1994: the visual hull, on a grid of cells).
+/// Box and region of the object (Laurentini 1994: the visual hull, on a grid of cells).
 ///
 /// A cell stays if every view that holds it shows some of the object there, and a quarter of the
 /// views hold it. An image without anything opaque on its border holds the whole object, so all

@@ -65,7 +65,7 @@ std::shared_ptr<const Field> ModelCache::find(const std::string& path, const Ide
   return nullptr;
 }
 
-/// What was read of the same model's file, whatever was said of its object.
+/// What was read of the same model's file, whatever its object's metadata.
 std::shared_ptr<const Field> ModelCache::findLooks(const std::string& path,
                                                    const Identity& identity) const {
   std::lock_guard<std::mutex> lock(mutex_);
@@ -133,7 +133,7 @@ void ModelCache::insert(const std::string& path, const Identity& identity,
   entries_.push_back({path, identity, std::move(field), bytes, ++use_counter_, false, {}});
 }
 
-/// Reads the model, or only what is said of the object if the model is known. Called with reading_
+/// Reads the model, or only the object's metadata if the model is known. Called with reading_
 /// held. @return null: files changed meanwhile, so that it is not known which were read.
 std::shared_ptr<const Field> ModelCache::read(const std::string& path, const Identity& identity) {
   std::shared_ptr<Field> field;
@@ -173,7 +173,7 @@ std::shared_ptr<const Field> ModelCache::load(const std::string& path) {
   throw std::runtime_error("cannot load the model '" + path + "': it changes all the time");
 }
 
-/// Whether a change of what is said of an object was seen a while ago, and not yet reported as
+/// Whether a change of an object's metadata was seen a while ago, and not yet reported as
 /// unusable; remembers it.
 bool ModelCache::isSettled(const std::shared_ptr<const Field>& field, const Identity& identity) {
   const auto now = std::chrono::steady_clock::now();
@@ -206,7 +206,7 @@ std::shared_ptr<const Field> ModelCache::renewed(const std::shared_ptr<const Fie
   const Identity now = identityOf(path);
   if (now.model != known.model || !isSettled(field, now)) return nullptr;
   try {
-    std::shared_ptr<const Field> renewed = find(path, now);  // somebody else has read it
+    std::shared_ptr<const Field> renewed = find(path, now);  // another caller has read it
     if (!renewed) renewed = read(path, now);
     if (renewed && field->metadata.metres_per_unit > 0 &&
         !(renewed->metadata.metres_per_unit > 0)) {

@@ -20,16 +20,15 @@ namespace nerf_pose_refiner {
 struct CachedModel {
   std::string path;
   FieldMetadata metadata;
-  std::size_t bytes = 0;  ///< of its numbers
-  bool in_use = false;    ///< by somebody beside the cache
-  bool outdated = false;  ///< the file is another one by now, or gone
-  std::string
-      metadata_error;  ///< why what is said of the object by now is not in use; empty: it is
+  std::size_t bytes = 0;       ///< of its numbers
+  bool in_use = false;         ///< outside of the cache
+  bool outdated = false;       ///< the file is another one by now, or gone
+  std::string metadata_error;  ///< why the object's present metadata is not in use; empty: it is
 };
 
-/// Models in memory with what is said of their objects (ObjectMetadata), shared by everybody who
-/// asks for the same file: each is read once. A file that was changed is read again for who asks
-/// next; whoever has the old one keeps it whole.
+/// Models in memory with their objects' metadata (ObjectMetadata), shared by all users of a file:
+/// each is read once. A file that was changed is read again for the next request; users of the old
+/// model keep it unchanged.
 ///
 /// With a budget the least recently used go first, and never one in use. (In use is what somebody
 /// beside the cache has a pointer to.) May be used from many threads at once.
@@ -45,7 +44,7 @@ class ModelCache {
   /// @throws std::runtime_error as loadField, and if it does not fit beside what is in use.
   std::shared_ptr<const Field> load(const std::string& path);
 
-  /// The same model, once other things are said of its object than when it was loaded, and the file
+  /// The same model, once its object's metadata differs from when it was loaded, and the file
   /// that says so has not changed for a moment: who edits it may be writing yet.
   /// @return null: all is as it was, or the model's own file is another one, which waits for
   /// `load`.
@@ -54,7 +53,7 @@ class ModelCache {
   std::shared_ptr<const Field> renewed(const std::shared_ptr<const Field>& field);
 
   /// Makes known what a file holds, by whom it was written.
-  /// @return it with what is said of the object. @throws std::runtime_error as readObjectMetadata,
+  /// @return it with the object's metadata. @throws std::runtime_error as readObjectMetadata,
   /// and if it does not fit beside what is in use.
   std::shared_ptr<const Field> put(const std::string& path, std::shared_ptr<const Field> field);
 
@@ -81,7 +80,7 @@ class ModelCache {
     }
   };
 
-  /// A change of what is said of an object that `renewed` has seen.
+  /// A change of an object's metadata that `renewed` has seen.
   struct Change {
     Identity identity;
     std::chrono::steady_clock::time_point seen;
@@ -94,7 +93,7 @@ class ModelCache {
     std::shared_ptr<const Field> field;
     std::size_t bytes;
     std::uint64_t used_at;    ///< of use_counter_
-    bool superseded = false;  ///< the file was read again since: nobody will ask for this one
+    bool superseded = false;  ///< the file was read again since: this one will not be requested
     std::optional<Change> change;
   };
 

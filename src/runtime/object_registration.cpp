@@ -71,7 +71,7 @@ RegisteredObject ObjectRegistration::run(const RegistrationRequest& request,
                                          const RegistrationQueue::Progress& progress,
                                          const CancellationToken& cancellation) const {
   requireObjectName(request.name);
-  // Read before the training: a mistake in it is better told now.
+  // Read before the training: a mistake in it is better reported now.
   const ObjectMetadata said = store_.metadataOf(request.name);
   requireLength("metres_per_unit", request.metres_per_unit);
   requireLength("max_seconds", request.max_seconds);
@@ -92,7 +92,7 @@ RegisteredObject ObjectRegistration::run(const RegistrationRequest& request,
   auto field =
       std::make_shared<Field>(learnField(backend.get(), dataset, settings, progress, cancellation));
   field->metadata.name = request.name;
-  cancellation.check();  // the last moment at which a stop leaves nothing behind
+  cancellation.check();  // the last moment at which cancellation leaves nothing behind
   return {store_.save(field), false};
 }
 

@@ -49,8 +49,8 @@ void requireObjectName(const std::string& name) {
 std::string ObjectStore::pathOf(const std::string& name) const {
   requireObjectName(name);
   if (root_.empty()) throw std::invalid_argument("~model_root is not set");
-  // Both may be links that stay below the root. A link's own path counts: so does what is said
-  // beside it, which may differ from what is said beside the file.
+  // Both may be links that stay below the root. A link's own path counts: so does the
+  // metadata beside it, which may differ from that beside the file.
   const std::string file = name + kExtension;
   pathBelow(root_, file);
   pathBelow(root_, metadataPathOf(file));

@@ -59,10 +59,10 @@ class ObjectStore {
   /// lack of a scale.
   std::shared_ptr<const Field> find(const std::string& name) const;
 
-  /// The same model, once other things are said of its object: as ModelCache::renewed.
+  /// The same model, once its object's metadata has changed: as ModelCache::renewed.
   std::shared_ptr<const Field> renewed(const std::shared_ptr<const Field>& field) const;
 
-  /// What is said of an object beside its model, which need not be there yet.
+  /// The metadata of an object, whose model need not be there yet.
   /// @throws std::runtime_error as readObjectMetadata.
   ObjectMetadata metadataOf(const std::string& name) const;
 
@@ -71,7 +71,7 @@ class ObjectStore {
   void requireWritable(const std::string& name, const FieldConfig& config) const;
 
   /// Writes under the name in its metadata; creates the folder.
-  /// @return it with what is said of the object.
+  /// @return it with the object's metadata.
   /// @throws std::invalid_argument for a bad name, std::runtime_error if it cannot be written: then
   /// the file that was there stays.
   std::shared_ptr<const Field> save(std::shared_ptr<const Field> field) const;
@@ -85,7 +85,7 @@ class ObjectStore {
   std::vector<StoredObject> list() const;
 
  private:
-  /// @throws std::invalid_argument also if what is said of the object lies elsewhere.
+  /// @throws std::invalid_argument also if the object's metadata is elsewhere.
   std::string pathOf(const std::string& name) const;
 
   std::string root_;

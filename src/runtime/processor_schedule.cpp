@@ -48,7 +48,7 @@ bool ProcessorSchedule::trainingIsDue(Clock::time_point now) const {
 
 void ProcessorSchedule::begin(const CancellationToken& cancellation) {
   std::unique_lock<std::mutex> lock(mutex_);
-  // Polled, for a token that is set wakes nobody.
+  // Polled, because a token cannot wake a thread.
   while (trainingIsDue(Clock::now()) && !cancellation.cancelRequested()) {
     lock.unlock();
     std::this_thread::sleep_for(std::chrono::milliseconds(1));

@@ -11,7 +11,7 @@
 namespace nerf_pose_refiner {
 
 /// Refinement before training, on one processor: while anything is refined, trainings rest at their
-/// next look at their cancellation token.
+/// next check for cancellation.
 ///
 /// So that a training comes to an end beside a camera that never rests, it gets a share: when the
 /// processor was busy with refinements for a time t, the next one waits for

@@ -57,7 +57,8 @@ std::string describe(const std::string& name, const RegistrationProgress& progre
 
 }  // namespace
 
-/// The job under way. All but `stop`, `thread` and the queue is guarded by the queue's mutex.
+/// The job under way. All but `cancellation`, `thread` and the queue is guarded by the queue's
+/// mutex.
 struct RegistrationQueue::Running {
   RegistrationQueue* queue;
   std::string name, key;
@@ -126,12 +127,12 @@ RegisteredObject RegistrationQueue::run(const Job& job, const Listener& listener
   std::unique_lock<std::mutex> lock(mutex_);
   const std::shared_ptr<Running> running = join(job, listener);
   const auto own = running->listeners.begin();
-  std::uint64_t heard = 0;
+  std::uint64_t seen = 0;
   while (!running->done && !cancellation.cancelRequested()) {
     // Not for ever, for a token that is set wakes nobody.
     running->changed.wait_for(lock, std::chrono::milliseconds(20));
-    if (running->updates == heard) continue;
-    heard = running->updates;
+    if (running->updates == seen) continue;
+    seen = running->updates;
     const RegistrationUpdate update = running->update;
     lock.unlock();
     if (listener.progress) listener.progress(update);

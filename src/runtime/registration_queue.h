@@ -21,7 +21,7 @@ struct RegisteredObject {
   bool loaded_existing = false;  ///< nothing was trained
 };
 
-/// What somebody who waits for a registration hears of it.
+/// What is reported to those who wait for a registration.
 struct RegistrationUpdate {
   RegistrationProgress progress;           ///< without its `preview`
   std::vector<std::uint8_t> preview_jpeg;  ///< the newest one; empty: none was made yet
@@ -48,7 +48,7 @@ class RegistrationQueue {
   struct Listener {
     /// Called about twice a second in the thread that waits; must not throw; may be empty.
     std::function<void(const RegistrationUpdate&)> progress;
-    /// Whether previews are looked at; called in any thread; empty: no. They are made seldom.
+    /// Whether previews are used; called in any thread; empty: no. They are made seldom.
     std::function<bool()> wants_preview;
   };
 

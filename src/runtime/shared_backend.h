@@ -13,7 +13,7 @@ namespace nerf_pose_refiner {
 
 /// One backend for many threads: they take turns call by call, in the order in which they ask, so
 /// that of two refinements at once each is done in about twice its time. A field is loaded once,
-/// whoever asks for it. A solver or a trainer still belongs to one thread.
+/// its users. A solver or a trainer still belongs to one thread.
 ///
 /// Its costs are those of all threads together.
 class SharedBackend final : public Backend {

@@ -16,7 +16,7 @@ namespace nerf_pose_refiner {
 class TrackedObject {
  public:
   /// @param tracker outlives this object; its worker must run, for `track` waits for it.
-  /// @param log told in words what is in use from now on.
+  /// @param log called with a text that says what is in use from now on.
   TrackedObject(ObjectTracker* tracker, std::function<void(const std::string&)> log)
       : tracker_(tracker), log_(std::move(log)) {}
 

@@ -65,7 +65,7 @@ class BagEvaluation {
   BagEvaluation(const BagSequence& bag, std::shared_ptr<Backend> backend,
                 std::shared_ptr<const Field> field, const BagEvaluationSettings& settings);
 
-  /// @param progress told of each image: its number and the last result; may be empty.
+  /// @param progress called for each image: its number and the last result; may be empty.
   /// @throws std::runtime_error naming topic and frame of what is damaged; Cancelled.
   BagEvaluationResult run(const std::function<void(const EvaluatedFrame&)>& progress,
                           const CancellationToken& cancellation);

@@ -30,68 +30,75 @@ struct TrustOptions {
 
 void declareRuns(CLI::App* app, TrustOptions* options) {
   TrustSettings& t = options->trials;
-  app->add_option("--runs", options->runs, "Of each recording")
+  app->add_option("--runs", options->runs, "Runs of each recording")
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
-  app->add_option("--images", t.images, "Of a run in which the object stays")
+  app->add_option("--images", t.images, "Images of a run in which the object stays")
       ->capture_default_str();
   app->add_option("--every", t.every, "Process every n-th image, as a slower computer would")
       ->capture_default_str();
-  app->add_option("--before", t.before, "Images of a run before the object goes")
+  app->add_option("--before", t.before, "Images of a run before the object disappears")
       ->capture_default_str();
-  app->add_option("--limit", t.limit, "Images within which it must be lost then")
+  app->add_option("--limit", t.limit,
+                  "Images after the disappearance within which the object must be lost")
       ->capture_default_str();
-  app->add_option("--after", t.after, "Images after that on which it is looked for, up to --limit")
+  app->add_option(
+         "--after", t.after,
+         "Images after the disappearance in which the object is searched for, up to --limit")
       ->capture_default_str();
   app->add_option("--start-rotation", t.start_rotation_deg,
-                  "Initial poses are off by up to so much about each axis [degrees]")
+                  "Largest error of an initial pose about each axis [degrees]")
       ->capture_default_str();
   app->add_option("--start-translation", t.start_translation,
-                  "... and along each axis [object diameters]")
+                  "Largest error of an initial pose along each axis [object diameters]")
       ->capture_default_str();
-  app->add_option("--seed", t.seed, "Of runs: same seed, same numbers")->capture_default_str();
+  app->add_option("--seed", t.seed, "Seed of the runs: same seed, same numbers")
+      ->capture_default_str();
   app->add_option("--published-right", options->published_right,
-                  "Share of the published poses that must be right: within 5 degrees and 5 % of "
+                  "Fraction of the published poses that must be right: within 5 degrees and 5 % of "
                   "the diameter")
       ->capture_default_str();
   app->add_option("--right-published", options->right_published,
-                  "Share of the right poses that must be published")
+                  "Fraction of the right poses that must be published")
       ->capture_default_str();
 }
 
 void declare(CLI::App* app, TrustOptions* options) {
   const std::string name = app->get_name();
   app->description(
-      "Measures how far the node's published poses can be believed.\n\n"
+      "Measures how far the poses that the node publishes can be trusted.\n\n"
       "The node's tracker tracks the object through recordings, image after image, from initial\n"
-      "poses that are off: are published poses right, and right ones published? And when the\n"
-      "object goes (recordings of the same camera's motion without it, covered, or with another\n"
-      "in its place) from one image to the next: is it lost soon?");
-  app->footer("Example:\n  " + name + " kiosk.safetensors kiosk.bag dim.bag --gone absent.bag\n\n" +
-              "Exit code: 0 all that is asked holds, 1 it does not or failed, 2 wrong usage.");
-  app->add_option("model", options->model, "Model file, with a scale")
+      "poses with an error: are published poses right, and right ones published? And when the\n"
+      "object disappears from one image to the next (recordings with the same camera motion,\n"
+      "without the object, with it covered, or with another in its place): is it lost soon?");
+  app->footer(
+      "Example:\n  " + name + " kiosk.safetensors kiosk.bag dim.bag --gone absent.bag\n\n" +
+      "Exit code: 0 all requirements are met, 1 some are not or the run failed, 2 wrong usage.");
+  app->add_option("model", options->model, "Model file with metric scale")
       ->required()
       ->check(CLI::ExistingFile);
-  app->add_option("bags", options->bags, "Recordings of the object, with its true pose")
+  app->add_option("bags", options->bags, "Recordings of the object with its true pose")
       ->required()
       ->check(CLI::ExistingFile);
   app->add_option("--gone", options->gone,
-                  "Recordings without it, with stamps of the first bag, which they continue")
+                  "Recordings without the object that continue the first bag, with its stamps")
       ->check(CLI::ExistingFile);
   app->add_option("--image", options->topics.image,
                   "Topic of images, raw or compressed; default: the only one of the bag");
   auto* truth = app->add_option("--truth", options->topics.truth, "Topic of true poses");
-  app->add_option("--truth-frame", options->topics.truth_frame, "Instead: TF frame of the object")
+  app->add_option("--truth-frame", options->topics.truth_frame,
+                  "TF frame of the object, instead of --truth")
       ->excludes(truth);
   app->add_flag("--rectified", options->node.image_is_rectified,
-                "The images are rectified: P counts, not K and D");
+                "The images are rectified: P applies, not K and D");
   app->add_option("--preset", options->node.tracker.initial.preset, "The node's ~refiner/preset")
       ->check(CLI::IsMember(RefinerSettings::presetNames()))
       ->capture_default_str();
   app->add_option("--trust-score", options->node.tracker.rules.trust_score,
-                  "The node's ~tracker/...")
+                  "The node's ~tracker/trust_score")
       ->capture_default_str();
-  app->add_option("--min-score", options->node.tracker.rules.min_score, "Likewise")
+  app->add_option("--min-score", options->node.tracker.rules.min_score,
+                  "The node's ~tracker/min_score")
       ->capture_default_str();
   declareRuns(app, options);
   options->backend.addTo(app);
@@ -113,7 +120,7 @@ struct Report {
   }
 };
 
-void tell(const std::string& name, const PublishedPoses& poses, Report* report) {
+void print(const std::string& name, const PublishedPoses& poses, Report* report) {
   const double right = fraction(poses.published_right, poses.published);
   const double published = fraction(poses.published_right, poses.right);
   report->json["stays"][name] = {{"images", poses.images},
@@ -128,8 +135,8 @@ void tell(const std::string& name, const PublishedPoses& poses, Report* report) 
   report->say(name + line);
 }
 
-void tell(const std::string& name, const std::vector<Disappearance>& runs, int limit,
-          Report* report) {
+void print(const std::string& name, const std::vector<Disappearance>& runs, int limit,
+           Report* report) {
   int tracked = 0, soon = 0, last = 0, published = 0;
   for (const Disappearance& run : runs) {
     tracked += run.tracked;
@@ -167,11 +174,11 @@ Recording trackAll(const TrustOptions& options, TrustTrials* trials,
       poses += trials->track(recording, run);
     }
     line.end();
-    tell(fileName(path), poses, report);
+    print(fileName(path), poses, report);
     all += poses;
     if (first.images.empty()) first = std::move(recording);
   }
-  if (options.bags.size() > 1) tell("all", all, report);
+  if (options.bags.size() > 1) print("all", all, report);
   report->holds = report->holds && all.published > 0 &&
                   fraction(all.published_right, all.published) >= options.published_right &&
                   fraction(all.published_right, all.right) >= options.right_published;
@@ -196,7 +203,7 @@ void check(const TrustOptions& options, const CancellationToken& cancellation) {
       runs.push_back(trials.lose(first, gone, run));
     }
     line.end();
-    tell(fileName(path), runs, options.trials.limit, &report);
+    print(fileName(path), runs, options.trials.limit, &report);
   }
   if (options.json) {
     report.json["holds"] = report.holds;

@@ -40,8 +40,9 @@ struct EvaluateOptions {
 void declare(CLI::App* app, EvaluateOptions* options) {
   app->description(
       "Runs trials of pose refinement: views of the scenes below a folder, each started from\n"
-      "wrong poses, as a plan says (config/experiments.json). Writes a line a trial; what is\n"
-      "there is not run again. scripts/tabulate_trials makes tables and plots of it.");
+      "wrong poses, as a plan says (config/experiments.json). Writes one line per trial; trials\n"
+      "that are there already are not run again. scripts/tabulate_trials makes tables and plots of "
+      "it.");
   app->footer("Example:\n  " + app->get_name() +
               " scenes --models models --experiments config/experiments.json -o results --backend "
               "auto\n\n" +
@@ -64,18 +65,17 @@ void declare(CLI::App* app, EvaluateOptions* options) {
   app->add_option("--only", options->only, "Names of experiments; default: all of the plan");
   app->add_option("--scene", options->scenes, "Names of scenes; default: all below the folder");
   app->add_option("--photo", options->photos,
-                  "Pictures to put behind the object, in turn; default: drawn clutter")
+                  "Images to put behind the object, in turn; default: drawn clutter")
       ->check(CLI::ExistingFile);
   app->add_option("--shard", options->shard, "i/n: one of n parts of the trials, i from 0")
       ->capture_default_str();
   app->add_option("--pictures", options->images,
-                  "Draw start and result over the picture: first start of so many views of each "
+                  "Draw start and result over the image: first start of so many views of each "
                   "scene, condition and method")
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
   app->add_flag("--check-plan", options->check_plan,
-                "Look whether the plan and the names of scenes and experiments make sense, and run "
-                "nothing");
+                "Check the plan and the names of scenes and experiments, and run nothing");
   options->backend.addTo(app);
 }
 

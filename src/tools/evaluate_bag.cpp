@@ -40,26 +40,27 @@ struct EvaluateOptions {
 
 void declareBag(CLI::App* app, EvaluateOptions* options) {
   BagTopics& topics = options->topics;
-  app->add_option("model", options->model, "Model file, with a scale")
+  app->add_option("model", options->model, "Model file with metric scale")
       ->required()
       ->check(CLI::ExistingFile);
-  app->add_option("bag", options->bag, "Recorded images and the truth")
+  app->add_option("bag", options->bag, "Recording of images and true poses")
       ->required()
       ->check(CLI::ExistingFile);
-  app->add_option("-o,--output", options->out, "Folder for the results; is made")->required();
+  app->add_option("-o,--output", options->out, "Folder for the results; it is created")->required();
   app->add_option("--image", topics.image,
                   "Topic of images, raw or compressed; default: the only one of the bag");
-  app->add_option("--camera-info", topics.camera_info, "Default: the sibling of the images");
+  app->add_option("--camera-info", topics.camera_info,
+                  "Topic of camera_info; default: the one beside the images");
   app->add_flag("--rectified", options->settings.image_is_rectified,
-                "The images are rectified: P counts, not K and D");
+                "The images are rectified: P applies, not K and D");
   app->add_option("--mask", topics.mask, "Topic of masks, not zero on the object, paired by stamp");
   auto* truth = app->add_option("--truth", topics.truth,
                                 "Topic of true poses: PoseStamped, PoseWithCovarianceStamped or "
                                 "TransformStamped");
-  app->add_option("--truth-frame", topics.truth_frame, "Instead: TF frame of the object")
+  app->add_option("--truth-frame", topics.truth_frame, "TF frame of the object, instead of --truth")
       ->excludes(truth);
   app->add_option("--truth-gap", topics.truth_gap_s,
-                  "Longest gap of the topic that is bridged by interpolation [s]")
+                  "Longest gap between true poses that is bridged by interpolation [s]")
       ->capture_default_str();
   app->add_option("--initial-pose", topics.initial_pose,
                   "Topic of initial poses, for --start recorded");
@@ -70,45 +71,49 @@ void declareBag(CLI::App* app, EvaluateOptions* options) {
 void declareTrials(CLI::App* app, EvaluateOptions* options) {
   BagEvaluationSettings& s = options->settings;
   app->add_option("--every", s.every, "Refine every n-th image")->capture_default_str();
-  app->add_option("--first", s.first, "Image to begin with")->capture_default_str();
-  app->add_option("--frames", s.most, "Images at most; 0: all")->capture_default_str();
+  app->add_option("--first", s.first, "Number of the first image")->capture_default_str();
+  app->add_option("--frames", s.most, "Largest number of images; 0: all")->capture_default_str();
   app->add_flag("--track", s.track,
                 "Track as the node does: from --start only where it has no pose to start from");
-  app->add_option("--start", options->start, "perturbed: from the truth, made wrong; recorded")
+  app->add_option("--start", options->start,
+                  "Initial poses: perturbed (the truth with an error) or recorded")
       ->check(CLI::IsMember({"perturbed", "recorded"}))
       ->capture_default_str();
   app->add_option("--start-rotation", s.start_rotation_deg,
-                  "Perturbed by up to so much about each axis [degrees]")
+                  "Largest error of a perturbed pose about each axis [degrees]")
       ->capture_default_str();
   app->add_option("--start-translation", s.start_translation,
-                  "Perturbed by up to so much along each axis [object diameters]")
+                  "Largest error of a perturbed pose along each axis [object diameters]")
       ->capture_default_str();
-  app->add_option("--start-max-age", s.start_max_age_s, "Oldest recorded initial pose [s]")
+  app->add_option("--start-max-age", s.start_max_age_s,
+                  "Largest age of a recorded initial pose [s]")
       ->capture_default_str();
-  app->add_option("--preset", s.preset, "Search from a start")
+  app->add_option("--preset", s.preset, "Preset of the search from an initial pose")
       ->check(CLI::IsMember(RefinerSettings::presetNames()))
       ->capture_default_str();
-  app->add_option("--search-rotation", s.search_rotation_deg, "Half width of it [degrees]")
+  app->add_option("--search-rotation", s.search_rotation_deg, "Half width of that search [degrees]")
       ->capture_default_str();
   app->add_option("--search-translation", s.search_translation,
-                  "Half width of it [object diameters]")
+                  "Half width of that search [object diameters]")
       ->capture_default_str();
-  app->add_option("--track-preset", s.track_preset, "Search from the last pose")
+  app->add_option("--track-preset", s.track_preset, "Preset of the search from the last pose")
       ->check(CLI::IsMember(RefinerSettings::presetNames()))
       ->capture_default_str();
   app->add_option("--trust-score", s.rules.trust_score,
-                  "From a start, a pose with a lower score is not trusted")
+                  "Lowest score of a trusted pose after a search from an initial pose")
       ->capture_default_str();
-  app->add_option("--min-score", s.rules.min_score, "The same from the last pose, with --track")
+  app->add_option("--min-score", s.rules.min_score,
+                  "Lowest score of a trusted pose after a search from the last pose, with --track")
       ->capture_default_str();
   app->add_option("--max-failures", s.rules.max_failures,
                   "Untrusted images in a row that --track bridges")
       ->capture_default_str();
   app->add_flag("!--no-prediction", s.rules.predict,
-                "With --track: look around the last pose, not where the last two point to");
+                "With --track: search around the last pose instead of the predicted one");
   app->add_option("--points", s.points, "Points of the surface, for ADD, ADD-S and reprojection")
       ->capture_default_str();
-  app->add_option("--seed", s.seed, "Of starts, searches and points: same seed, same numbers")
+  app->add_option("--seed", s.seed,
+                  "Seed of initial poses, searches and points: same seed, same numbers")
       ->capture_default_str();
 }
 
@@ -116,9 +121,9 @@ void declare(CLI::App* app, EvaluateOptions* options) {
   const std::string name = app->get_name();
   app->description(
       "Refines the images of a bag one by one and compares the poses with the truth.\n\n"
-      "The bag is read from its file, without a ROS graph: no image is dropped, and no clock has "
-      "a\n"
-      "say in the poses. Writes frames.csv, summary.json, plots and index.html, which shows them.");
+      "The bag is read from its file, without a ROS graph: no image is dropped, and poses do not\n"
+      "depend on a clock. Writes frames.csv, summary.json, plots and index.html, which shows "
+      "them.");
   app->footer("Examples:\n  " + name +
               " kiosk.safetensors kiosk.bag --truth /ground_truth/object_pose -o out\n  " + name +
               " mug.safetensors mug.bag --truth-frame mug_true --track --every 3 -o out\n\n" +

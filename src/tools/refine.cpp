@@ -65,26 +65,26 @@ void declareInput(CLI::App* app, RefineOptions* options) {
   app->add_option("--view", options->view, "File name of the view; default: the first")
       ->needs(transforms);
   app->add_option("--start-rotation", options->start_rotation_deg,
-                  "Start of a view: wrong by up to so much about each axis [degrees]")
+                  "Largest error of a view's initial pose about each axis [degrees]")
       ->capture_default_str();
   app->add_option("--start-translation", options->start_translation,
-                  "Start of a view: wrong by up to so much along each axis [object diameters]")
+                  "Largest error of a view's initial pose along each axis [object diameters]")
       ->capture_default_str();
 }
 
 void declare(CLI::App* app, RefineOptions* options) {
   const std::string name = app->get_name();
   app->description(
-      "Refines a rough pose of an object until its rendering matches a picture.\n\n"
-      "What is behind the object may be known: from --mask, from --background, or because the\n"
-      "picture has alpha. Otherwise nothing is assumed of it.\n\n"
-      "Poses are of the frame that the file <model>.yaml gives the object, if there is one.");
+      "Refines a rough pose of an object until its rendering matches an image.\n\n"
+      "The background may be known: from --mask, from --background, or because the\n"
+      "image has alpha. Otherwise nothing is assumed about it.\n\n"
+      "Poses are those of the object frame in <model>.yaml, if there is that file.");
   app->footer("Examples:\n  " + name +
               " mug.safetensors photo.jpg --intrinsics 500 500 319.5 239.5"
               " --pose 0.02 0 0.6 1 0 0 0 --json\n  " +
               name +
               " mug.safetensors --transforms photos/mug/transforms_test.json --view view_003\n\n" +
-              kExitCodes + "\nA pose that was not found is a failure.");
+              kExitCodes + "\nIt is a failure if no pose is found.");
   declareInput(app, options);
   app->add_option("--preset", options->preset,
                   "How to search: align (coarse to fine), track (from a near pose), paper, "
@@ -100,8 +100,7 @@ void declare(CLI::App* app, RefineOptions* options) {
   auto* background = app->add_option("--background", options->background,
                                      "Red, green, blue behind the object [0..1]");
   background->expected(3)->check(CLI::Range(0.0, 1.0));
-  app->add_option("--mask", options->mask,
-                  "Picture of the same size, black where the object is not")
+  app->add_option("--mask", options->mask, "Image of the same size, black where the object is not")
       ->check(CLI::ExistingFile)
       ->excludes(background);
   app->add_option("--seed", options->seed, "Same seed, same answer")->capture_default_str();

@@ -7,20 +7,20 @@
 namespace nerf_pose_refiner {
 namespace {
 
-bool hasTransparency(const Image8& picture) {
-  if (picture.channels != 4) return false;
-  for (std::size_t i = 3; i < picture.values.size(); i += 4) {
-    if (picture.values[i] != 255) return true;
+bool hasTransparency(const Image8& image) {
+  if (image.channels != 4) return false;
+  for (std::size_t i = 3; i < image.values.size(); i += 4) {
+    if (image.values[i] != 255) return true;
   }
   return false;
 }
 
 /// The colours as the camera saw them, whatever the alpha, [h][w][3].
-Image straightColour(const Image8& picture) {
-  Image colour(picture.width, picture.height, 3);
-  for (std::size_t i = 0; i < picture.pixels(); ++i) {
+Image straightColour(const Image8& image) {
+  Image colour(image.width, image.height, 3);
+  for (std::size_t i = 0; i < image.pixels(); ++i) {
     for (int c = 0; c < 3; ++c) {
-      const std::uint8_t value = picture.values[picture.channels * i + c];
+      const std::uint8_t value = image.values[image.channels * i + c];
       colour.values[3 * i + c] = static_cast<float>(value) / 255.0f;
     }
   }
@@ -52,7 +52,7 @@ RefineCase caseOfView(const PosedView& view, const Image8& mask) {
 }
 
 Observation observationOf(const RefineCase& input, const std::vector<float>& background) {
-  const PremultipliedImage picture = premultiply(input.image);
+  const PremultipliedImage premultiplied = premultiply(input.image);
   Observation observation;
   observation.camera = input.camera;
   if (!input.mask.empty()) {
@@ -60,18 +60,18 @@ Observation observationOf(const RefineCase& input, const std::vector<float>& bac
     observation.image = straightColour(input.image);
     observation.alpha = toFloat(input.mask);
     for (std::size_t i = 0; i < observation.alpha.values.size(); ++i) {
-      observation.alpha.values[i] *= picture.alpha.values[i];
+      observation.alpha.values[i] *= premultiplied.alpha.values[i];
     }
   } else if (!background.empty()) {
     observation.background = Background::kKnownColour;
     observation.background_colour = {background[0], background[1], background[2]};
-    observation.image = composite(picture, {background[0], background[1], background[2]});
+    observation.image = composite(premultiplied, {background[0], background[1], background[2]});
   } else if (hasTransparency(input.image)) {
     observation.background = Background::kKnownAlpha;
-    observation.image = picture.colour;
-    observation.alpha = picture.alpha;
+    observation.image = premultiplied.colour;
+    observation.alpha = premultiplied.alpha;
   } else {
-    observation.image = picture.colour;
+    observation.image = premultiplied.colour;
   }
   return observation;
 }

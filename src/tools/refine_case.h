@@ -29,7 +29,7 @@ RefineCase caseOfPhoto(const Image8& photo, const Image8& mask, const Camera& ca
 /// @param mask empty: none. @throws std::invalid_argument if its size is not the photo's.
 RefineCase caseOfView(const PosedView& view, const Image8& mask);
 
-/// What the case tells of the background: a mask (and the image's own alpha, if it has one), or
+/// What the case says about the background: a mask (and the image's own alpha, if it has one), or
 /// else one colour (three numbers, 0..1; empty: none), or else transparency of the image, or else
 /// nothing.
 Observation observationOf(const RefineCase& input, const std::vector<float>& background);

@@ -41,7 +41,7 @@ void declare(CLI::App* app, RenderToolOptions* options) {
   const std::string name = app->get_name();
   app->description(
       "Renders a model: all views of a transforms.json, or one pose.\n\n"
-      "Pictures are PNG with straight alpha unless a background is given.");
+      "Images are PNG with straight alpha unless a background is given.");
   app->footer("Examples:\n  " + name +
               " mug.safetensors --transforms photos/mug/transforms_test.json --psnr\n  " + name +
               " mug.safetensors --pose 0 0 0.6 1 0 0 0 --intrinsics 500 500 319.5 239.5"
@@ -58,10 +58,10 @@ void declare(CLI::App* app, RenderToolOptions* options) {
       ->expected(7)
       ->excludes(transforms);
   app->add_option("--intrinsics", options->intrinsics,
-                  "Of --pose: fx fy cx cy [px; the centre of the first pixel is 0, 0]")
+                  "With --pose: fx fy cx cy [px; the centre of the first pixel is 0, 0]")
       ->expected(4);
-  app->add_option("--size", options->size, "Of --pose: width and height [px]")->expected(2);
-  app->add_option("--max-size", options->max_size, "Renders and compares at most so large [px]")
+  app->add_option("--size", options->size, "With --pose: width and height [px]")->expected(2);
+  app->add_option("--max-size", options->max_size, "Largest width or height of the renderings [px]")
       ->check(CLI::PositiveNumber);
   app->add_option("--background", options->background, "Red, green, blue behind the object [0..1]")
       ->expected(3)

@@ -76,10 +76,11 @@ void BackendOptions::addTo(CLI::App* app) {
   app->add_option("--device", device, "Number of the GPU, for cuda")
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();
-  app->add_option("--threads", threads, "Threads to work with; 0: all cores")
+  app->add_option("--threads", threads, "Number of threads; 0: all cores")
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();
-  app->add_option("--instruction-set", instruction_set, "Of the CPU engine: auto, baseline, avx2")
+  app->add_option("--instruction-set", instruction_set,
+                  "Instruction set of the CPU backend: auto, baseline, avx2")
       ->check(CLI::IsMember({"auto", "baseline", "avx2"}))
       ->capture_default_str();
 }

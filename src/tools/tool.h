@@ -56,7 +56,7 @@ struct BackendOptions {
   DatasetOptions datasetOptions() const;
 };
 
-/// A line on stderr that is drawn over again, and only where somebody sees it: on a terminal.
+/// A line on stderr that is redrawn in place, and only on a terminal.
 class ProgressLine {
  public:
   ProgressLine();

@@ -54,7 +54,7 @@ void declare(CLI::App* app, TrainOptions* options) {
       ->required()
       ->check(CLI::ExistingPath);
   app->add_option("-o,--output", options->model, "Model file to write (.safetensors)")->required();
-  app->add_option("--name", options->name, "Of the object; default: the model file's");
+  app->add_option("--name", options->name, "Name of the object; default: the model file's");
   addSettings(app, &options->settings);
   app->add_option("--box", options->box,
                   "Bounds of the object: min x y z, max x y z [dataset units]; default: the file's")

@@ -16,7 +16,7 @@ void RefinerSearch::use(std::shared_ptr<const Field> field) {
     processor_ = find_processor_();
     configure(initial_settings_, tracking_settings_);
   }
-  follower_.reset();
+  keyframes_.reset();
   field_ = processor_.backend->load(std::move(field));
 }
 
@@ -24,21 +24,24 @@ void RefinerSearch::configure(const RefinerSettings& initial, const RefinerSetti
   initial_settings_ = initial;
   tracking_settings_ = tracking;
   if (!processor_.backend) return;
-  follower_.reset();
+  keyframes_.reset();
   initial_.emplace(processor_.backend, initial_settings_);
   tracking_.emplace(processor_.backend, tracking_settings_);
 }
 
 Refinement RefinerSearch::search(const SearchRequest& request,
                                  const CancellationToken& cancellation) {
-  if (request.tracked && tracking_settings_.method == Method::kKeyframes) {
-    if (!follower_) {
-      follower_.emplace(processor_.backend.get(), field_, tracking_settings_.keyframes);
+  const RefinerSettings& settings = request.tracked ? tracking_settings_ : initial_settings_;
+  if (settings.method == Method::kKeyframes) {
+    if (!keyframes_) {
+      keyframes_.emplace(processor_.backend.get(), field_, tracking_settings_.keyframes);
     }
-    return follower_->follow({request.observation, request.stamp_ns}, request.prior, cancellation);
+    const TimedObservation image = {request.observation, request.stamp_ns};
+    return request.tracked ? keyframes_->follow(image, request.prior, cancellation)
+                           : keyframes_->find(image, request.prior, cancellation);
   }
   // Whoever shares the processor takes turns with renderings; nobody else does.
-  if (follower_) follower_->waitForRenderings(cancellation);
+  if (keyframes_) keyframes_->waitForRenderings(cancellation);
   std::unique_ptr<ProcessorTurn> turn;
   if (processor_.take_turn) turn = processor_.take_turn(cancellation);
   FieldRefiner& refiner = request.tracked ? *tracking_ : *initial_;

@@ -7,7 +7,7 @@
 #include <optional>
 
 #include "refinement/field_refiner.h"
-#include "refinement/keyframe_follower.h"
+#include "refinement/keyframe_refiner.h"
 
 namespace nerf_pose_refiner {
 
@@ -72,7 +72,7 @@ class RefinerSearch : public ObjectSearch {
   std::optional<FieldRefiner> initial_;
   std::optional<FieldRefiner> tracking_;
   std::shared_ptr<const LoadedField> field_;
-  std::optional<KeyframeFollower> follower_;  ///< of the field; nothing: not asked for yet
+  std::optional<KeyframeRefiner> keyframes_;  ///< of the field; nothing: not asked for yet
 };
 
 }  // namespace nerf_pose_refiner

@@ -20,7 +20,7 @@ constexpr double kStartRotation_rad = 0.03;                      // a little off
 constexpr double kStartTranslation = 0.02;                       // [diameters]
 constexpr std::uint64_t kWrongDraws = 8, kDrawStride = 1 << 20;  // beyond any view's number
 
-/// Blocks of random colours, a tenth of the picture across.
+/// Blocks of random colours, a tenth of the image across.
 Image clutter(const Camera& camera, std::uint64_t index) {
   Image image(camera.width, camera.height, 3);
   const int side = std::max(2, std::min(camera.width, camera.height) / 10);
@@ -37,13 +37,13 @@ Image clutter(const Camera& camera, std::uint64_t index) {
 
 /// A view as a camera would see it: with something unknown behind the object.
 Observation observed(const PosedView& view, std::uint64_t index) {
-  const PremultipliedImage picture = premultiply(*view.rgba);
+  const PremultipliedImage photo = premultiply(*view.rgba);
   const Image behind = clutter(view.camera, index);
   Observation observation;
   observation.camera = view.camera;
-  observation.image = picture.colour;
+  observation.image = photo.colour;
   for (std::size_t i = 0; i < behind.values.size(); ++i) {
-    observation.image.values[i] += (1 - picture.alpha.values[i / 3]) * behind.values[i];
+    observation.image.values[i] += (1 - photo.alpha.values[i / 3]) * behind.values[i];
   }
   return observation;
 }

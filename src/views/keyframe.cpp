@@ -45,10 +45,11 @@ Image cropped(const Image& layers, int step) {
       bottom = std::max(bottom, y + 1);
     }
   }
-  left = std::min(left, right) / step * step;
-  top = std::min(top, bottom) / step * step;
-  const int width = std::min((right - left + step - 1) / step * step, layers.width - left);
-  const int height = std::min((bottom - top + step - 1) / step * step, layers.height - top);
+  // With a coarsest pixel around it: the outline is compared with what is outside of it.
+  left = std::max(0, std::min(left, right) / step * step - step);
+  top = std::max(0, std::min(top, bottom) / step * step - step);
+  const int width = std::min((right - left + step - 1) / step * step + step, layers.width - left);
+  const int height = std::min((bottom - top + step - 1) / step * step + step, layers.height - top);
   Image part(width, height, layers.channels);
   for (int y = 0; y < height; ++y) {
     const float* row = layers.pixel(left, top + y);
@@ -75,6 +76,7 @@ void KeyframeSettings::validate() const {
   require(finest_window_px >= 1, "finest_window_px", finest_window_px);
   require(coarsest_window_px >= 1, "coarsest_window_px", coarsest_window_px);
   require(max_points >= 6, "max_points", max_points);
+  require(max_outline >= 0, "max_outline", max_outline);
   require(max_shown >= 100, "max_shown", max_shown);
   require(min_alpha > 0 && min_alpha < 1, "min_alpha", min_alpha);
   require(max_depth_step > 0, "max_depth_step", max_depth_step);
@@ -132,6 +134,8 @@ KeyframePoints makeKeyframe(const Rendering& rendering, const Camera& camera, co
   layers = cropped(layers, 1 << (settings.levels - 1));
   const Eigen::Vector3d forward = T_O_C.R.col(2);
   KeyframeView view;
+  view.right = T_O_C.R.col(0).cast<float>();
+  view.down = T_O_C.R.col(1).cast<float>();
   view.forward = forward.cast<float>();
   view.centre_depth = static_cast<float>(forward.dot(object.centre - T_O_C.t));
   for (int level = 0; level < settings.levels; ++level) {

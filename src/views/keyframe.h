@@ -15,6 +15,7 @@ struct KeyframeSettings {
   int finest_window_px = 10;   ///< half width of the neighbourhood of local colours, finest level
   int coarsest_window_px = 3;  ///< the same, coarsest level; linear between
   int max_points = 2000;       ///< that a level may choose
+  int max_outline = 240;       ///< places on the outline, at a level
   int max_shown = 4000;        ///< pixels that local colours are taken of
   float min_alpha = 0.97f;     ///< less: the pixel does not show the object for certain
   float max_depth_step = 4;    ///< between neighbours, in pixels as wide as their depth makes them

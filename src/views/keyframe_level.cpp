@@ -8,6 +8,7 @@
 #include "backend/common/image_levels.h"
 #include "math/keyframe_alignment.h"
 #include "math/tile_scatter.h"
+#include "views/outline.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -37,6 +38,7 @@ class LevelMaker {
     normaliseColours();
     fillShown();
     fillChosen(choose());
+    fillOutline();
     return std::move(level_);
   }
 
@@ -135,7 +137,8 @@ class LevelMaker {
     local_.resize(cells);
     for (int pixel = 0; pixel < width_ * height_; ++pixel) {
       const std::size_t cell = cellOfPixel(pixel);
-      if (!shown_[pixel] || inverse_count[cell] == 0) continue;
+      if (inverse_count[cell] == 0) shown_[pixel] = 0;  // nothing to compare it with
+      if (!shown_[pixel]) continue;
       LocalColours<float>& local = local_[cell];
       local = localColours(sums.data() + kBoxChannels * cell, inverse_count[cell]);
       const Eigen::Vector3f colour = colourAt(pixel);
@@ -263,6 +266,34 @@ class LevelMaker {
         level_.tiles.push_back(level_.chosen.size());
       }
     }
+  }
+
+  // Where the inside says enough, the outline counts little: the model's may be off by a fraction of
+  // a pixel, and what is behind may look like the object.
+  float outlineWeight() const {
+    constexpr float kLeast = 0.4f, kMost = 4, kEnough = 60;
+    float information = 0;
+    for (const ChosenSurface& surface : level_.surface) {
+      for (const Eigen::Vector2f& gradient : surface.gradient)
+        information += gradient.squaredNorm();
+    }
+    const float missing = std::min(1.0f, kEnough / std::max(information, 1.0f));
+    return kLeast + (kMost - kLeast) * missing * missing;
+  }
+
+  void fillOutline() {
+    level_.outline_weight = outlineWeight();
+    level_.outline_tiles = {0};
+    int tile = -1;
+    for (const OutlinePlace& place : outlineOf(smooth_, view_, settings_.max_outline)) {
+      const int of_place = tileOf(place.pixel);
+      if (tile >= 0 && of_place != tile) {
+        level_.outline_tiles.push_back(static_cast<std::int32_t>(level_.outline.size()));
+      }
+      tile = of_place;
+      level_.outline.push_back(place.point);
+    }
+    level_.outline_tiles.push_back(static_cast<std::int32_t>(level_.outline.size()));
   }
 
   const Image& layers_;

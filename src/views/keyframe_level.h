@@ -17,9 +17,9 @@ constexpr int kKeyframePoint = 4;
 
 /// What depths of points in O are measured by.
 struct KeyframeView {
-  Eigen::Vector3f forward;  ///< the line of sight of the camera, in O
-  float centre_depth = 0;   ///< of the object's centre [model units]
-  float focal_px = 0;       ///< at the level
+  Eigen::Vector3f right, down, forward;  ///< the camera's axes x, y, z, in O
+  float centre_depth = 0;                ///< of the object's centre [model units]
+  float focal_px = 0;                    ///< at the level
 };
 
 /// Makes a level of a keyframe.

@@ -106,7 +106,7 @@ TEST(Align, beforeAKnownColour) {
 // Colours tell object and background apart only so well: to 0.15 px.
 constexpr double kUnknownSlack = 3;
 
-// The background has other colours than the object, and a pattern that could pull.
+// The background has other colours than the object, and a pattern that could mislead.
 Observation beforePattern(const Observation& observation) {
   Observation seen = observation;
   seen.background = Background::kUnknown;

@@ -239,7 +239,7 @@ TEST(CpuField, GradientsOfRaysWithManySamplesAreTakenInSmallerGroups) {
   }
 }
 
-// The paper's mode descends on what is scored: the same samples count for both.
+// The paper's mode optimises what is scored: the same samples count for both.
 TEST(CpuField, GradientSeesWhatIsRendered) {
   Field field = randomField(smallConfig(), 3);
   field.config.step = 0.002f;  // most samples are faint

@@ -8,7 +8,8 @@
 #include "backend/cpu/cpu_kernels.h"
 #include "math/random.h"
 
-// The kernel that finds where rays meet matter, against the marcher that walks each of them.
+// The kernel that finds where rays meet occupied cells, against the marcher that walks each of
+// them.
 
 namespace nerf_pose_refiner {
 namespace {
@@ -19,7 +20,7 @@ float uniform(std::uint64_t stream, std::uint64_t i, float low, float high) {
   return low + (high - low) * randomUniform(7, stream, i);
 }
 
-// Matter in about one of 60 cells.
+// About one of 60 cells is occupied.
 OccupancyMask sparseMask(std::uint64_t seed) {
   OccupancyGrid grid{kCells, std::vector<std::uint8_t>(kCells * kCells * kCells / 8, 0)};
   for (std::uint64_t i = 0; i < kCells * kCells * kCells; ++i) {
@@ -39,8 +40,8 @@ Rays randomRays(int n, std::uint64_t seed) {
     for (int a = 0; a < 3; ++a) {
       const std::uint64_t i = static_cast<std::uint64_t>(3 * r + a);
       // Every fourth ray starts inside of the box; every fifth leaves an axis out.
-      const float room = r % 4 == 0 ? 0.0f : 1.5f;
-      rays.origin[a].push_back(uniform(2 * seed, i, -room, 1 + room));
+      const float margin = r % 4 == 0 ? 0.0f : 1.5f;
+      rays.origin[a].push_back(uniform(2 * seed, i, -margin, 1 + margin));
       d[a] =
           r % 5 == 0 && a == r / 5 % 3 ? 0.0f : uniform(2 * seed + 1, i, 0, 1) - rays.origin[a][r];
       length += d[a] * d[a];

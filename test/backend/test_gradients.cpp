@@ -73,7 +73,7 @@ Eigen::Vector3d onBackground(const RayColour& colour, const Case& c) {
   return colour.rgb + (1 - colour.alpha) * c.background;
 }
 
-// The losses written anew, their denominators those of `frozen`.
+// The losses written again, their denominators those of `frozen`.
 double frozenLoss(Loss kind, double p, double target, double frozen) {
   const double e = std::abs(p - target);
   switch (kind) {
@@ -157,9 +157,9 @@ Vector6d referenceGradient(const ReferenceField& field, const Case& c, Loss kind
   const auto samples = field.samples(ray);
   const Eigen::Vector3d p = onBackground(field.render(ray, samples, nullptr), c);
   const Eigen::Vector4d g = lossGradient<double>(kind, p, c);
-  const auto pull = field.gradient(ray, samples, {g.head<3>(), g[3]}, turns_view);
+  const auto gradient = field.gradient(ray, samples, {g.head<3>(), g[3]}, turns_view);
   Vector6d both;
-  both << pull.force, pull.torque;
+  both << gradient.force, gradient.torque;
   return both;
 }
 
@@ -202,9 +202,9 @@ void expectReferenceMatchesDifferences(bool turns_view) {
     const Loss kind = static_cast<Loss>(k);
     int failures = 0;
     for (int i = 0; i < kCases; ++i) {
-      const Vector6d pull = referenceGradient(field, drawn.cases[i], kind, turns_view);
+      const Vector6d gradient = referenceGradient(field, drawn.cases[i], kind, turns_view);
       const Vector6d expected = centralDifferences(drawn.cases[i], drawn.renderings[i], kind);
-      if (!agree(pull, expected, 1e-3)) ++failures;
+      if (!agree(gradient, expected, 1e-3)) ++failures;
     }
     EXPECT_LE(failures, kCases / 100) << lossName(kind);
   }

@@ -59,7 +59,7 @@ double meanSquare(const Image& a, const Image& b) {
 
 double decibel(double mean_square) { return -10 * std::log10(mean_square); }
 
-// Both are compared on the part of the picture that the plan looks at.
+// Both are compared on the part of the image that the plan compares.
 TEST(LevelQuality, everyLevelIsWithinADecibelOfTheFullSize) {
   const auto processor = cpuProcessor(2);
   CpuBackend backend(processor);
@@ -75,7 +75,7 @@ TEST(LevelQuality, everyLevelIsWithinADecibelOfTheFullSize) {
   prior.T_O_C = view.T_O_C;
   prior.rotation_rad = prior.translation = 0;
   RefinerSettings settings = RefinerSettings::named("align");
-  settings.stages.push_back(settings.stages.back());  // as large as the picture, for comparison
+  settings.stages.push_back(settings.stages.back());  // as large as the image, for comparison
   settings.stages.back().object_px = 4096;
   const AlignmentPlan plan = *planAlignment(settings, observation, prior, field.field().metadata);
   const CpuObservation observed = observe(observation, plan.levels, 2);

@@ -60,7 +60,7 @@ TEST(TakeContrast, ofAStep) {
   EXPECT_NEAR(image.at(2, 32, 0), 0, 1e-3);
 }
 
-// Twice the light and an offset: the same contrasts, but for what is taken for noise.
+// Gain 2 and a bias: the same contrasts, but for what is taken for noise.
 TEST(TakeContrast, knowsNoGainAndBias) {
   Image dark = noise(24, 2), bright = dark;
   for (std::size_t i = 0; i < dark.values.size(); ++i) {

@@ -19,7 +19,7 @@ const Camera kCamera = {320, 240, 440, 440, 159.5, 119.5};
 
 class EveryLevel : public ::testing::TestWithParam<int> {};
 
-// At the true pose a level of the observation is the picture that is rendered for it.
+// At the true pose a level of the observation is the image that is rendered for it.
 TEST_P(EveryLevel, rendersWhatIsObserved) {
   const auto scene = makeAnalyticScene();
   const Pose truth = cameraAround(*scene, -0.5, 0.3);
@@ -29,14 +29,14 @@ TEST_P(EveryLevel, rendersWhatIsObserved) {
   const CpuObservation observed = observe(observation, {{level, kBlurPx}}, 1);
 
   constexpr int kRays = 6;
-  Image picture, scratch;
-  renderImages(*scene, {{level, truth, kRays, &picture}}, RenderOptions(), CancellationToken());
-  blurImage(gaussianKernel(renderingBlur(kBlurPx, kRays)), &picture, &scratch);
+  Image image, scratch;
+  renderImages(*scene, {{level, truth, kRays, &image}}, RenderOptions(), CancellationToken());
+  blurImage(gaussianKernel(renderingBlur(kBlurPx, kRays)), &image, &scratch);
   double squares = 0;
   for (int y = 0; y < level.height; ++y) {
     for (int x = 0; x < level.width; ++x) {
       for (int c = 0; c < 4; ++c) {
-        const double r = picture.at(x, y, c) - observed.level(0).blurred.at(x, y, c);
+        const double r = image.at(x, y, c) - observed.level(0).blurred.at(x, y, c);
         squares += r * r;
       }
     }

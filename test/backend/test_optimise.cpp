@@ -263,7 +263,7 @@ TEST(Optimise, stopsOnRequest) {
   EXPECT_THROW(one.solver->optimise(0, one.plan, {0, 1}, cancellation), Cancelled);
 }
 
-// L1 of a black rendering (an empty scene) against a picture of one grey: the grey.
+// L1 of a black rendering (an empty scene) against an image of one grey: the grey.
 TEST(Evaluate, isTheMeanOfTheChannelsOverThePixels) {
   Observation grey;
   grey.camera = smallCamera();

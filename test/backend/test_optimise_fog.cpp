@@ -26,7 +26,7 @@ OptimisationPlan aboutTheCamera() {
   return plan;
 }
 
-/// A picture of the fog, and hypotheses near the camera that took it.
+/// An image of the fog, and hypotheses near the camera that took it.
 class FogTrial {
  public:
   explicit FogTrial(int threads = 2) : scene(1, cpuProcessor(threads)) {
@@ -64,7 +64,7 @@ class FogTrial {
 };
 
 // Eq. 2 and 3 have the right sign: one update moves and turns the camera towards the truth. Moved
-// along the picture and turned about the view, each on its own.
+// along the image and turned about the view, each on its own.
 TEST(Optimise, oneUpdateGoesTowardsTheTruth) {
   FogTrial trial;
   trial.plan.samples_per_step = 1 << 15;

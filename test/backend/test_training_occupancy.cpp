@@ -187,7 +187,7 @@ TEST_F(Occupancy, ThreadsDoNotMatter) {
   EXPECT_EQ(dense(alone, CancellationToken(), 1).bits, dense(shared, CancellationToken(), 3).bits);
 }
 
-// At most one round of 2^16 points is evaluated after a stop: some 10 ms.
+// At most one round of 2^16 points is evaluated after the cancellation: some 10 ms.
 TEST_F(Occupancy, TheDenseGridCanBeStoppedOnTheWay) {
   const CancellationToken cancellation;
   std::uint64_t evaluated = 0, asked_at = 10000;

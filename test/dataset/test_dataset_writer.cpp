@@ -154,7 +154,8 @@ TEST(DatasetWriter, RefusesWhatMakesNoSense) {
                                   "there already");
   DatasetWriter writer(folder.file("mug"), header());
   expectError<std::runtime_error>([&] { writer.finish(); }, "no views");
-  expectError<std::invalid_argument>([&] { writer.add(Image8(8, 5, 3), somePose(0)); }, "picture");
+  expectError<std::invalid_argument>([&] { writer.add(Image8(8, 5, 3), somePose(0)); },
+                                     "camera's size");
   Pose skew = somePose(0);
   skew.R *= 2;
   expectError<std::invalid_argument>([&] { writer.add(Image8(8, 6, 3), skew); }, "rigid");

@@ -142,7 +142,7 @@ TEST(ImageIo, BadFilesAreNamed) {
   expectBad(folder.file("missing.png"), "No such file");
   expectBad(folder.path(), "");
   expectBad(folder.write("empty.png", ""), "empty");
-  expectBad(folder.write("text.png", "this is no picture"), "not a picture");
+  expectBad(folder.write("text.png", "this is no image"), "not an image");
 
   const std::string whole = folder.file("whole.png");
   writePng(pattern(64, 64, 3), whole);
@@ -177,7 +177,7 @@ TEST(ImageIo, JpegsThatWereCutOffAreRefused) {
 }
 
 // A PNG of 16000 x 16000 equal pixels has a few hundred kB, and decoded 1 GB.
-TEST(ImageIo, LargePicturesAreRefusedBeforeTheyAreDecoded) {
+TEST(ImageIo, LargeImagesAreRefusedBeforeTheyAreDecoded) {
   const TemporaryFolder folder;
   const std::string path = folder.file("huge.png");
   cv::Mat_<std::uint8_t> huge(16000, 16000, std::uint8_t{0});

@@ -14,7 +14,7 @@ namespace {
 
 const Camera kCamera = {160, 120, 150, 145, 78, 61};
 
-/// Pixel of a direction in the distorted picture, written out from OpenCV's documentation.
+/// Pixel of a direction in the distorted image, written out from OpenCV's documentation.
 Eigen::Vector2d distort(const Distortion& distortion, const Eigen::Vector3d& direction) {
   std::vector<double> k = distortion.coefficients;
   k.resize(8, 0.0);
@@ -27,7 +27,7 @@ Eigen::Vector2d distort(const Distortion& distortion, const Eigen::Vector3d& dir
   return {kCamera.fx * u + kCamera.cx, kCamera.fy * v + kCamera.cy};
 }
 
-/// The distorted picture of a scene whose colours depend smoothly on the pixel they land on.
+/// The distorted image of a scene whose colours depend smoothly on the pixel they land on.
 Image8 distortedImage() {
   Image8 image(kCamera.width, kCamera.height, 3);
   for (int y = 0; y < image.height; ++y) {

@@ -86,7 +86,7 @@ TEST(KeyframeAlignment, GradientOfTheRobustCostAgainstCentralDifferences) {
 
 TEST(KeyframeAlignment, InformationIsOfTheWeightedJacobian) {
   const PixelFlow<double> flow = {{1, 2, 0, 0, 0, 3}, {0, 1, 0, 0, 0, -1}};
-  const PointResidual<double> r = {{0.5, 0, 0}, {2, 0, 1}, {0, 1, 0}};
+  const PointResidual<double> r = {{0.5, 0, 0}, {2, 0, 1}, {0, 1, 0}, 1};
   PointSums<double> sums = {};
   addPoint(flow, r, 1.0, 0.5, &sums);
   // r^2 = 0.25 = scale^2: the weight is 1 / (1 + 1)^2, the cost 0.25 / 2 / 2.

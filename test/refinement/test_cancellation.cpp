@@ -12,9 +12,9 @@
 #include "support/fog_scene.h"
 #include "support/stopping_scene.h"
 
-// A stop is heeded within 100 ms on the CPU. Counted instead of timed: once it is asked for, each
-// other thread may cast the rays of one call that it was about to make, and a call is at most so
-// large that a processor with a tenth of the usual 500,000 rays a second is done in time.
+// Cancellation takes effect within 100 ms on the CPU. Counted instead of timed: once requested,
+// each other thread may cast the rays of one call that it was about to make, and a call is at most
+// so large that a processor with a tenth of the usual 500,000 rays a second is done in time.
 
 namespace nerf_pose_refiner {
 namespace {

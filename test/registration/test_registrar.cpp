@@ -255,7 +255,7 @@ TEST(RegisterObject, RefusesWhatHasNoMatter) {
   ScriptedBackend backend;
   backend.diameter = 0;
   expectError<std::runtime_error>([&] { registerWith(&backend, greyDataset(10), fewSteps(1)); },
-                                  "grey: training found no opaque matter");
+                                  "grey: training found nothing opaque");
 }
 
 // --- the CPU backend
@@ -273,12 +273,12 @@ TEST(RegisterObject, OnTheCpu) {
   EXPECT_NEAR(field.metadata.diameter, 1.09, 0.1);
 }
 
-// Nothing more is evaluated once a stop is asked for. (How far apart the backend's own looks at the
-// token are is a matter of its tests.)
+// Nothing more is evaluated once cancellation is requested. (How far apart the backend's own looks
+// at the token are is a matter of its tests.)
 TEST(RegisterObject, StopsAtOnceOnTheCpu) {
   for (const std::string stage : {"training", "occupancy", "quality"}) {
     const auto backend = makeCpuBackend(1);
-    RegistrationSettings settings = fewSteps(80);  // enough for some matter
+    RegistrationSettings settings = fewSteps(80);  // enough for something opaque
     settings.samples_per_step = 4096;
     const CancellationToken cancellation;
     std::uint64_t samples = 0;

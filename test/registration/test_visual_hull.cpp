@@ -134,7 +134,7 @@ TEST(VisualHull, HoldsTheObjectTightly) {
   expectRegionAround(hull, ball, slackOf(kWide, 8));
 }
 
-TEST(VisualHull, PicturesThatTheObjectFills) {
+TEST(VisualHull, ImagesThatTheObjectFills) {
   Ball ball;
   ball.radius = 0.6;  // of 0.64; what lies beside the images is no object either
   const Hull hull = hullOf(datasetOf(ball, kNarrow));
@@ -142,7 +142,7 @@ TEST(VisualHull, PicturesThatTheObjectFills) {
   expectRegionAround(hull, ball, slackOf(kNarrow, 10));
 }
 
-TEST(VisualHull, PicturesThatCutTheObjectOffDoNotDenyTheRest) {
+TEST(VisualHull, ImagesThatCutTheObjectOffDoNotDenyTheRest) {
   Ball ball;
   ball.centre += Eigen::Vector3d(0.3, 0, 0);  // cut off in the images from the sides
   const Hull hull = hullOf(datasetOf(ball, kNarrow));

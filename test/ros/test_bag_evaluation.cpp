@@ -27,8 +27,8 @@ class SamePosesTest : public testing::Test {
   /// A model that is made in seconds: it need not be a good one.
   static void SetUpTestSuite() {
     RegistrationSettings settings;
-    settings.steps = 60;
-    settings.accept_poor_data = true;
+    settings.steps = 300;
+    settings.samples_per_step = 4096;
     backend_ = makeCpuBackend();
     field_ = std::make_shared<const Field>(
         learnField(backend_.get(), loadTransforms(NPR_SOURCE_DIR "/demo/data/toy_kiosk"), settings,

@@ -299,7 +299,7 @@ TEST(CameraInput, TakesTheDistortionOutOfRawImagesOnly) {
   sensor_msgs::CameraInfo info = someInfo();
   info.D = {-0.2, 0, 0, 0, 0};
   const Observation raw = CameraInput(false).observe(someImage("rgb8"), info);
-  EXPECT_NE(raw.camera.fx, 10) << "the undistorted picture is a part of the distorted one";
+  EXPECT_NE(raw.camera.fx, 10) << "the undistorted image is a part of the distorted one";
   const Observation rectified = CameraInput(true).observe(someImage("rgb8"), info);
   EXPECT_EQ(rectified.camera.fx, 20);
 }

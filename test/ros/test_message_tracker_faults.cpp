@@ -15,14 +15,14 @@ namespace {
 
 using Status = RefinementStatus;
 
-TEST_F(MessageTrackerTest, OutlivesAnEngineThatThrows) {
+TEST_F(MessageTrackerTest, OutlivesABackendThatThrows) {
   useModel();
   offer();
   search_->throws = true;
   const auto result = tracker_->process(frameAt(0));
   ASSERT_TRUE(result);
   EXPECT_EQ(int{result->status.state}, int{Status::STATE_ERROR});
-  EXPECT_EQ(result->status.message, "the engine broke");
+  EXPECT_EQ(result->status.message, "the backend broke");
   EXPECT_EQ(result->track.observation->image.width, 4);
   search_->throws = false;
   offer();

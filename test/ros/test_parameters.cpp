@@ -131,7 +131,7 @@ TEST(Parameters, ThreadsAreThoseOfARegistrationToo) {
   EXPECT_EQ(readParameters(reader).registration.threads, 3);
 }
 
-TEST(Parameters, ChooseTheEngine) {
+TEST(Parameters, ChooseTheBackend) {
   for (const std::string backend : {"auto", "cpu", "cuda"}) {
     XmlRpc::XmlRpcValue values;
     values["backend"] = backend;

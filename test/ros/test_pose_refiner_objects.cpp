@@ -124,7 +124,7 @@ TEST_F(ObjectsTest, AModelFileIsSwappedUnderIt) {
   ASSERT_TRUE(world->poses.wait()) << "the one in use stays whole";
   EXPECT_EQ(ask<ListObjects>("list_objects").files_read, read);
   ASSERT_TRUE(setObject("spare").success);
-  EXPECT_EQ(ask<ListObjects>("list_objects").files_read, read + 1) << "read anew";
+  EXPECT_EQ(ask<ListObjects>("list_objects").files_read, read + 1) << "read again";
   world->poses.clear();
   EXPECT_TRUE(track());
   fs::resize_file(modelFile("spare"), 1000);

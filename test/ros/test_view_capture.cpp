@@ -183,7 +183,7 @@ TEST_F(Capture, AbortLeavesNothing) {
     look(&capture, cameraOverBoard(0, 0));
     capture.abort();
     EXPECT_TRUE(fs::is_empty(folder.path()));
-    capture.start(info);  // and it can begin anew
+    capture.start(info);  // and it can start again
     look(&capture, cameraOverBoard(0, 0));
   }
   EXPECT_TRUE(fs::is_empty(folder.path()));

@@ -130,7 +130,7 @@ TEST_F(ObjectStoreTest, KnowsWhatIsSaidOfAnObjectBesideItsModel) {
   store().save(smallField("mug", 0));
   temporary_.write("models/mug.yaml", "metres_per_unit: 0.03\n");
   EXPECT_EQ(store().load("mug")->metadata.metres_per_unit, 0.03);
-  EXPECT_EQ(store().save(smallField("mug", 5))->metadata.metres_per_unit, 0.03) << "learned anew";
+  EXPECT_EQ(store().save(smallField("mug", 5))->metadata.metres_per_unit, 0.03) << "learned again";
   temporary_.write("models/mug.yaml", "metres: 1\n");
   EXPECT_EQ(reasonFor("mug"), Reason::kUnreadable);
   expectError<std::runtime_error>([&] { store().metadataOf("mug"); }, "mug.yaml", "'metres'");

@@ -32,7 +32,7 @@ class FakeSearch : public ObjectSearch {
     priors.push_back(request.prior);
     was_tracked.push_back(request.tracked);
     width = request.observation.image.width;
-    if (throws) throw std::runtime_error("the engine broke");
+    if (throws) throw std::runtime_error("the backend broke");
     while (waits_to_be_stopped && !cancellation.cancelRequested()) {
       searching = true;
       std::this_thread::yield();

@@ -14,8 +14,8 @@
 
 namespace nerf_pose_refiner {
 
-/// Another scene whose rays are counted; asks for a stop when so many have been cast. What is done
-/// after that is counted apart: a measure of how soon a stop is heeded that no load disturbs.
+/// Another scene whose rays are counted; requests cancellation when so many have been cast. What is
+/// done after that is counted apart: a measure of the delay that no load disturbs.
 class StoppingScene final : public RayRenderer {
  public:
   /// @param threads that work on it.

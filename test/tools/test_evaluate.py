@@ -59,7 +59,7 @@ class Evaluate(unittest.TestCase):
         with open(path('plan.json'), 'w', encoding='utf-8') as file:
             json.dump(PLAN, file)
         result = run(TRAIN, os.path.join(SCENES, 'toy_kiosk'), '-o', path('models/toy_kiosk.safetensors'),
-                     '--steps', '60', '--accept-poor-data')
+                     '--steps', '300', '--samples-per-step', '4096')
         assert result.returncode == 0, result
 
     def test_shards_make_what_one_run_makes_and_nothing_is_run_twice(self):

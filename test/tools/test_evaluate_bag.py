@@ -19,7 +19,8 @@ PHOTOS = os.path.join(TOP, 'demo', 'data', 'toy_kiosk')
 BAG = os.path.join(TOP, 'demo', 'toy_kiosk.bag')
 TRUTH = ('--truth', '/ground_truth/object_pose')
 IMAGE = '/camera/image/compressed'
-STEPS = 60  # of training: enough to find a pose again, in seconds; scores mean nothing then
+# Enough to find a pose again, in seconds.
+SHORT = ('--steps', '300', '--samples-per-step', '4096')
 # A narrow search from a start that is a little wrong: quick.
 QUICK = ('--preset', 'track', '--search-rotation', '3', '--search-translation', '0.02',
          '--start-rotation', '3', '--start-translation', '0.02', '--points', '200')
@@ -54,7 +55,7 @@ MODEL = path('toy_kiosk.safetensors')
 
 def setUpModule():
     os.makedirs(FOLDER, exist_ok=True)
-    trained = run(TRAIN, PHOTOS, '-o', MODEL, '--steps', str(STEPS), '--accept-poor-data')
+    trained = run(TRAIN, PHOTOS, '-o', MODEL, *SHORT)
     if trained.returncode != 0:
         raise RuntimeError(trained.stderr)
 

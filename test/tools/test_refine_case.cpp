@@ -87,7 +87,7 @@ TEST(RefineCase, WithAMaskTheImageIsAsTheCameraSawIt) {
   EXPECT_EQ(seen.background, Background::kMask);
   EXPECT_FLOAT_EQ(seen.image.values[0], 1);  // not premultiplied
   EXPECT_FLOAT_EQ(seen.image.values[1], 0.4f);
-  EXPECT_FLOAT_EQ(seen.alpha.values[0], 0.2f);  // what the picture's alpha leaves of the mask
+  EXPECT_FLOAT_EQ(seen.alpha.values[0], 0.2f);  // what the image's alpha leaves of the mask
   EXPECT_FLOAT_EQ(observationOf(onePixel(51, 0), {}).alpha.values[0], 0);
 }
 

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-"""Runs the command-line tools as a user does: photos to a model, pictures, a refined pose.
+"""Runs the command-line tools as a user does: photos to a model, renderings, a refined pose.
 
     test_tools.py FOLDER_FOR_FILES TRAIN RENDER REFINE [unittest arguments]
 """
@@ -20,7 +20,8 @@ FOLDER, TRAIN, RENDER, REFINE = sys.argv[1:5]
 TOP = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 PHOTOS = os.path.join(TOP, 'demo', 'data', 'toy_kiosk')
 TEST_VIEWS = os.path.join(PHOTOS, 'transforms_test.json')
-STEPS = 60  # of training: enough to find a pose again, in seconds
+STEPS = 300  # of training: enough to find a pose again, in seconds
+SHORT = ('--steps', str(STEPS), '--samples-per-step', '4096', '--accept-poor-data')
 
 
 def run(*arguments):
@@ -139,7 +140,7 @@ class Examples(unittest.TestCase):
                     os.path.join(cls.folder, 'photo.jpg'))  # what it is the bytes tell
 
     def run_example(self, tool, arguments):
-        short = ('--steps', str(STEPS), '--accept-poor-data') if tool == TRAIN else ()
+        short = SHORT if tool == TRAIN else ()
         result = subprocess.run([tool, *arguments, *short], stdout=subprocess.PIPE,
                                 stderr=subprocess.PIPE, universal_newlines=True, timeout=300,
                                 cwd=self.folder)
@@ -168,7 +169,7 @@ class WholePath(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         cls.model = path('kiosk.safetensors')
-        result = run(TRAIN, PHOTOS, '-o', cls.model, '--steps', str(STEPS), '--accept-poor-data', '--json')
+        result = run(TRAIN, PHOTOS, '-o', cls.model, *SHORT, '--json')
         assert result.returncode == 0, result.stderr
         cls.trained = json.loads(result.stdout)
 

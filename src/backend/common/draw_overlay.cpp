@@ -25,7 +25,7 @@ std::uint8_t toByte(float value) {
 
 Image8 drawOverlay(const Image& observed, const Rendering& rendering, double opacity) {
   if (rendering.colour.width != observed.width || rendering.colour.height != observed.height) {
-    throw std::invalid_argument("the rendering and the picture differ in size");
+    throw std::invalid_argument("the rendering and the image differ in size");
   }
   constexpr std::array<std::uint8_t, 3> kGreen = {0, 255, 0};
   const float shown = static_cast<float>(opacity);

@@ -9,8 +9,8 @@ namespace nerf_pose_refiner {
 /// the one order that holds for all of them.
 ///
 /// Regions of colours are learned once, from the renderings of a stage's first trials before they
-/// are blurred: all trials are judged by the same ones. The light is fitted to blurred colours,
-/// before contrasts take their place.
+/// are blurred: all trials are judged by the same ones. Gain and bias are fitted to blurred
+/// colours, before contrasts take their place.
 /// @param needs_regions whether they are still to be learned; false afterwards.
 /// @param steps has the steps as methods.
 template <typename Steps>

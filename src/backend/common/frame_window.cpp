@@ -22,6 +22,10 @@ FrameWindow frameWindowFor(const KeyframePoints& keyframe, const Camera& camera,
   const int finest = frameLevelFor(keyframe, camera, T_O_C);
   window.finest = std::max(0, finest);
   window.levels = std::max(1, window.levels + std::min(0, finest));
+  while (window.levels > 1 &&
+         std::min(camera.width, camera.height) >> (window.finest + window.levels) < 1) {
+    --window.levels;  // two pixels of the coarsest level at least
+  }
   window.pixels = {0, 0, camera.width, camera.height};
   const Eigen::Vector3d centre_C = T_O_C.inverse() * keyframe.centre;
   const double reach = (0.5 + margin) * keyframe.diameter;

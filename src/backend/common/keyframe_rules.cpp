@@ -21,6 +21,16 @@ HypothesisState stateOf(const Pose& T_O_C, const KeyframePoints& keyframe,
   return HypothesisState::kLive;
 }
 
+// How much less the image differs than by chance, where there is anything to differ: a wall is no
+// evidence for a plain object.
+double scoreOf(const AlignedKeyframe& aligned, double robust_scale) {
+  constexpr double kLeastEvidence = 0.15;  // of what points of full contrast would give
+  const double explained = aligned.evidence.explained, chance = aligned.evidence.chance;
+  if (!(chance > 0)) return 0;
+  const double evidence = chance / (aligned.most_weight * chanceLoss(robust_scale));
+  return std::max(0.0, 1 - explained / chance) * std::min(1.0, evidence / kLeastEvidence);
+}
+
 }  // namespace
 
 KeyframeLevelRules levelRules(const KeyframeAlignmentSettings& settings, int level) {
@@ -52,7 +62,7 @@ Hypothesis hypothesisOf(const AlignedKeyframe& aligned, const KeyframePoints& ke
       aligned.scatter.correction() * symmetricMatrix(aligned.scatter.gradients);
   if (sums.weight > 0) found.visible_fraction = sums.robust_weight / sums.weight;
   if (sums.robust_weight > 0) {
-    found.score = std::max(0.0, 1 - aligned.loss / chanceLoss(settings.robust_scale));
+    found.score = scoreOf(aligned, levelRules(settings, settings.finest_level).robust_scale);
     found.residual_variance = sums.squared_residual / (3 * sums.robust_weight);
   }
   return found;

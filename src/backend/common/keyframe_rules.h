@@ -12,7 +12,9 @@ struct AlignedKeyframe {
   CameraPose<double> pose;
   PointSums<double> sums = {};  ///< of the pose, at the finest level
   TileScatter scatter;
-  double loss = 0;  ///< mean over the points of the finest level
+  double loss = 0;                    ///< mean over the points of the finest level
+  double most_weight = 0;             ///< of these points, were all of them seen
+  EvidenceSums<float> evidence = {};  ///< of the pose
   int evaluations = 0;
 };
 

@@ -27,7 +27,7 @@ class OccupancyMask {
     return {distance_.data(), fine_.bits.data(), coarse_, fine_.resolution};
   }
 
-  /// Coarse cells from this one to the nearest that holds matter, along the farthest axis
+  /// Coarse cells from this one to the nearest occupied one, along the farthest axis
   /// (Chebyshev); 0: this one does.
   int distance(int x, int y, int z) const {
     return distance_[(static_cast<std::size_t>(z) * coarse_ + y) * coarse_ + x];
@@ -43,7 +43,7 @@ class OccupancyMask {
 
 /// What rays march through, in units of N.
 struct MarchSpace {
-  float box_min[3], box_max[3];  ///< of the matter
+  float box_min[3], box_max[3];  ///< of the occupied volume
   float near;
   float step, cone_angle;
   const OccupancyMask* mask;  ///< may be null: nothing is skipped
@@ -55,7 +55,7 @@ struct RaySample {
   float length;
 };
 
-/// Walks along a ray through the field's box and gives the samples that may hold matter: middles of
+/// Walks along a ray through the field's box and gives the samples that may be occupied: middles of
 /// the lattice's intervals (math/ray_lattice.h). The lattice does not depend on the occupancy
 /// grid, which only leaves samples out.
 class RayMarcher {

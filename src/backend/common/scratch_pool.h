@@ -9,13 +9,14 @@
 
 namespace nerf_pose_refiner {
 
-/// Workspaces that threads borrow for the time of a call; as many as were ever in use at once.
+/// Scratch memories that threads borrow for the time of a call; as many as were ever in use at
+/// once.
 template <typename T>
 class ScratchPool {
  public:
   explicit ScratchPool(std::function<std::unique_ptr<T>()> make) : make_(std::move(make)) {}
 
-  /// A borrowed workspace; given back by the destructor.
+  /// A borrowed scratch memory; given back by the destructor.
   class Lease {
    public:
     Lease(ScratchPool* owner, std::unique_ptr<T> item) : owner_(owner), item_(std::move(item)) {}

@@ -31,7 +31,7 @@ void requireCapacity(const ResamplingPlan& plan, int capacity, int searches);
 PoseSpread spreadOf(const SamplingPlan& plan);
 PoseSpread spreadOf(const ResamplingPlan& plan);
 
-/// What stands behind the object in a level's images: 0 if there is an alpha or nothing is known.
+/// What is behind the object in a level's images: 0 if there is an alpha or nothing is known.
 Eigen::Vector3f backgroundColour(const Observation& observation);
 
 /// Best first; equal ones stay in their order.

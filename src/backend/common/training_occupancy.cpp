@@ -100,7 +100,7 @@ bool TrainingOccupancy::occupied(const float p_N[3]) const {
 void TrainingOccupancy::update(const FieldView& field, int step, int threads, CostCounters* work) {
   const int n = config_.occupancy_resolution;
   const std::size_t offset = randomIndex(seed_, static_cast<std::uint64_t>(step), 0,
-                                         kOccupancyFraction);  // this update's share
+                                         kOccupancyFraction);  // of this update's cells
   const int count =
       static_cast<int>((region_.size() + kOccupancyFraction - 1 - offset) / kOccupancyFraction);
   const std::vector<float> seen =

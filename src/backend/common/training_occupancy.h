@@ -15,23 +15,23 @@ namespace nerf_pose_refiner {
 /// The occupancy grid of a field in training, and the dense one it is frozen with.
 class TrainingOccupancy {
  public:
-  /// @param region cells that can hold matter; empty: all cells that touch the box.
-  /// @param box_min, box_max of the matter in N.
+  /// @param region cells that can be occupied; empty: all cells that touch the box.
+  /// @param box_min, box_max of the object in N.
   /// @throws std::invalid_argument if the region has another resolution than the field's grid.
   TrainingOccupancy(const FieldConfig& config, const OccupancyGrid& region, const float box_min[3],
                     const float box_max[3], std::uint64_t seed);
 
   const OccupancyMask& mask() const { return *mask_; }
   bool occupied(const float p_N[3]) const;
-  /// Cells that are looked at in training, and all that touch the box: (z * n + y) * n + x.
+  /// Cells that are evaluated in training, and all that touch the box: (z * n + y) * n + x.
   const std::vector<std::uint32_t>& region() const { return region_; }
   const std::vector<std::uint32_t>& boxCells() const { return box_cells_; }
 
-  /// Looks at a share of the region's cells, each at a random point; densities that were seen
-  /// before fade. Then decides anew which cells are occupied. @param work is added to.
+  /// Evaluates a fraction of the region's cells, each at a random point; densities that were seen
+  /// before fade. Then decides again which cells are occupied. @param work is added to.
   void update(const FieldView& field, int step, int threads, CostCounters* work);
 
-  /// Looks at every cell that touches the box at several points. @param cell_opacity of the way
+  /// Evaluates every cell that touches the box at several points. @param cell_opacity of the way
   /// through each cell, by its mean density. @param work is added to.
   /// @return the occupied cells, dilated by one. @throws Cancelled.
   OccupancyGrid dense(const FieldView& field, int threads, const CancellationToken& cancellation,
@@ -40,7 +40,7 @@ class TrainingOccupancy {
  private:
   FieldConfig config_;
   std::uint64_t seed_;
-  std::vector<std::uint32_t> region_;     ///< cells that are looked at
+  std::vector<std::uint32_t> region_;     ///< cells that are evaluated
   std::vector<std::uint32_t> box_cells_;  ///< cells that touch the box
   std::vector<float> density_;            ///< of the region's cells: highest of late, fading
   std::unique_ptr<OccupancyMask> mask_;

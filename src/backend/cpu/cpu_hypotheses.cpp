@@ -21,7 +21,7 @@ Pose poseAround(const Pose& pose, const PoseSpread& spread, std::uint64_t seed, 
   return poseOf(drawnAround(plainPose(pose), spread, seed, static_cast<std::uint64_t>(index)));
 }
 
-// The best, without the flagged ones and those that stand where a better one does.
+// The best, without the flagged ones and duplicates of better ones.
 std::vector<CpuHypothesis> survivorsOf(const std::vector<CpuHypothesis>& sorted,
                                        const ResamplingPlan& plan) {
   std::vector<CpuHypothesis> survivors;

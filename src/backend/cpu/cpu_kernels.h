@@ -36,7 +36,7 @@ struct KernelSpace {
 /// The kernels work on whole groups of so many columns, which are samples or rays.
 constexpr int kColumnGroup = 16;
 
-/// A matrix with a column per sample: row r of column s stands at data[r * stride + s]. `columns`
+/// A matrix with a column per sample: row r of column s is at data[r * stride + s]. `columns`
 /// is a multiple of kColumnGroup, rows are aligned to 64 bytes.
 struct KernelRows {
   float* data;

@@ -1,7 +1,7 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 //
 // The field's arithmetic, compiled once per instruction set by the cpp files that include this.
-// Everything stands in an anonymous namespace and uses neither Eigen nor templates of the standard
+// Everything is in an anonymous namespace and uses neither Eigen nor templates of the standard
 // library: a function of this file that the linker merged with another's would carry its
 // instructions to processors that lack them. The vectors are GCC's and Clang's own extension; the
 // compiler maps them to what the target has, so the code is the same for all.

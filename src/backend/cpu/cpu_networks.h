@@ -8,7 +8,7 @@
 
 namespace nerf_pose_refiner {
 
-/// A layer as the kernels want it: rows of zeros make both sizes multiples of 4.
+/// A layer as the kernels take it: rows of zeros make both sizes multiples of 4.
 struct CpuLayer {
   int inputs = 0;   ///< padded
   int outputs = 0;  ///< padded

@@ -51,7 +51,7 @@ struct RaySums {
     work += other.work;
   }
 
-  // Infinite where no pixel tells anything: the worst there is.
+  // Infinite where no pixel has a weight: the worst there is.
   double meanLoss() const {
     return weight > 0 ? loss / weight : std::numeric_limits<double>::infinity();
   }

@@ -41,7 +41,7 @@ class CpuTrainer : public FieldTrainer {
     int columns;
     std::vector<float> rows;  ///< x, y, z, then the encoding's rows; [rows][columns]
   };
-  /// What a fixed share of a step's rays produces.
+  /// What a fixed part of a step's rays produces.
   struct Slot {
     std::vector<std::vector<float>> weight_gradients;  ///< density layers, colour layers
     std::vector<Block> blocks;

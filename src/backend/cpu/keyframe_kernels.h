@@ -67,6 +67,10 @@ struct KeyframeKernels {
   /// out.
   void (*sumTile)(const KernelView& view, const KernelTile& tile, const KernelRules& rules,
                   PointSums<float>* sums);
+
+  /// Adds what the same points say for the pose.
+  void (*sumEvidence)(const KernelView& view, const KernelTile& tile, const KernelRules& rules,
+                      EvidenceSums<float>* sums);
 };
 
 /// Kernels for any processor, and for x86-64 with AVX2 and FMA (not defined where not compiled).

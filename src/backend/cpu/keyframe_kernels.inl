@@ -135,32 +135,58 @@ inline void addLanes(const PointSums<Vector>& lanes, PointSums<float>* sums) {
   for (int k = 0; k < 6; ++k) sums->gradient[k] += sumLanes(lanes.gradient[k]);
 }
 
+/// The points of a group, compared with the frame.
+struct ComparedGroup {
+  Projected place;
+  PointResidual<Vector> residual;
+  Vector weight;
+};
+
+inline ComparedGroup compareGroup(const KernelView& view, const KernelTile& tile,
+                                  float observed_fraction, int i) {
+  const KernelColours& colours = tile.colours;
+  ComparedGroup compared;
+  compared.place = projectGroup(view, tile.points, i);
+  GroupColours group;
+  interpolateGroup(view.image, compared.place, &group);
+  const InterpolatedPixel<Vector> observed[3] = {group.channel(0), group.channel(1),
+                                                 group.channel(2)};
+  const LocalColours<Vector> local = {
+      {load(colours.mean[0] + i), load(colours.mean[1] + i), load(colours.mean[2] + i)},
+      {load(colours.inverse_deviation[0] + i), load(colours.inverse_deviation[1] + i),
+       load(colours.inverse_deviation[2] + i)}};
+  RenderedPoint<Vector> rendered;
+  for (int c = 0; c < 3; ++c) {
+    rendered.value[c] = load(colours.rendered[c] + i);
+    rendered.du[c] = load(colours.rendered_du[c] + i);
+    rendered.dv[c] = load(colours.rendered_dv[c] + i);
+  }
+  compared.residual = pointResidual(rendered, observed, local, observed_fraction);
+  compared.weight = choose(compared.place.inside, load(group.weight) * load(colours.weight + i),
+                           Vector{});
+  return compared;
+}
+
 void sumTile(const KernelView& view, const KernelTile& tile, const KernelRules& rules,
              PointSums<float>* sums) {
-  const KernelColours& colours = tile.colours;
   PointSums<Vector> lanes = {};
   for (int i = tile.first; i < tile.last; i += kLanes) {
-    const Projected g = projectGroup(view, tile.points, i);
-    GroupColours group;
-    interpolateGroup(view.image, g, &group);
-    const InterpolatedPixel<Vector> observed[3] = {group.channel(0), group.channel(1),
-                                                   group.channel(2)};
-    const LocalColours<Vector> local = {
-        {load(colours.mean[0] + i), load(colours.mean[1] + i), load(colours.mean[2] + i)},
-        {load(colours.inverse_deviation[0] + i), load(colours.inverse_deviation[1] + i),
-         load(colours.inverse_deviation[2] + i)}};
-    RenderedPoint<Vector> rendered;
-    for (int c = 0; c < 3; ++c) {
-      rendered.value[c] = load(colours.rendered[c] + i);
-      rendered.du[c] = load(colours.rendered_du[c] + i);
-      rendered.dv[c] = load(colours.rendered_dv[c] + i);
-    }
-    const Vector weight = choose(g.inside, load(group.weight) * load(colours.weight + i), Vector{});
-    addPoint(pointFlow(view.image.K, view.pose, g.p, g.q),
-             pointResidual(rendered, observed, local, rules.observed_fraction), weight,
-             Vector{} + rules.robust_scale, &lanes);
+    const ComparedGroup group = compareGroup(view, tile, rules.observed_fraction, i);
+    addPoint(pointFlow(view.image.K, view.pose, group.place.p, group.place.q), group.residual,
+             group.weight, Vector{} + rules.robust_scale, &lanes);
   }
   addLanes(lanes, sums);
+}
+
+void sumEvidence(const KernelView& view, const KernelTile& tile, const KernelRules& rules,
+                 EvidenceSums<float>* sums) {
+  EvidenceSums<Vector> lanes = {};
+  for (int i = tile.first; i < tile.last; i += kLanes) {
+    const ComparedGroup group = compareGroup(view, tile, rules.observed_fraction, i);
+    addEvidence(group.residual, group.weight, Vector{} + rules.robust_scale, &lanes);
+  }
+  sums->explained += sumLanes(lanes.explained);
+  sums->chance += sumLanes(lanes.chance);
 }
 
 }  // namespace

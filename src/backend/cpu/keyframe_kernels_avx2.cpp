@@ -5,7 +5,7 @@
 namespace nerf_pose_refiner {
 
 const KeyframeKernels* avx2KeyframeKernels() {
-  static const KeyframeKernels kernels = {sampleColours, sumTile};
+  static const KeyframeKernels kernels = {sampleColours, sumTile, sumEvidence};
   return &kernels;
 }
 

@@ -4,7 +4,7 @@
 namespace nerf_pose_refiner {
 
 const KeyframeKernels* baselineKeyframeKernels() {
-  static const KeyframeKernels kernels = {sampleColours, sumTile};
+  static const KeyframeKernels kernels = {sampleColours, sumTile, sumEvidence};
   return &kernels;
 }
 

@@ -8,7 +8,7 @@
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr int kSamplesPerPass = 4;   // of a ray, before its transmittance is looked at again
+constexpr int kSamplesPerPass = 4;   // of a ray, before its transmittance is checked again
 constexpr int kPoolCapacity = 8192;  // columns: more than the longest ray has, four a sample
 
 }  // namespace
@@ -19,12 +19,12 @@ RayBatch::RayBatch(const CpuNetworks& networks, int sh_degree)
       passing_(kPoolCapacity, 0.0f) {}
 
 void RayBatch::Rays::resize(int n) {
-  const std::size_t room = static_cast<std::size_t>(roundUpToColumnGroup(n));
+  const std::size_t size = static_cast<std::size_t>(roundUpToColumnGroup(n));
   for (int a = 0; a < 3; ++a) {
-    origin[a].resize(room);
-    direction[a].resize(room);
+    origin[a].resize(size);
+    direction[a].resize(size);
   }
-  jitter.resize(room);
+  jitter.resize(size);
 }
 
 void RayBatch::findFirstSamples(const FieldView& field, const MarchSpace& space, int n) {

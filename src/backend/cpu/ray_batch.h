@@ -38,7 +38,7 @@ class RayBatch {
 
   RayBatch(const CpuNetworks& networks, int sh_degree);
 
-  /// Rays side by side, in N; room for roundUpToColumnGroup(n) of them, and the rest is ignored.
+  /// Rays side by side, in N; there are roundUpToColumnGroup(n), and those behind n are ignored.
   struct Rays {
     std::vector<float> origin[3], direction[3];
     std::vector<float> jitter;  ///< of the intervals, [0, 1)
@@ -53,7 +53,7 @@ class RayBatch {
   void begin(const FieldView& field, const MarchSpace& space, int n);
 
   /// Lets every ray that goes on take its next few samples, behind the last columns, and weighs
-  /// them. @return false if the pool has no room for them.
+  /// them. @return false if they do not fit into the pool.
   bool advance(const FieldView& field, float min_transmittance);
   bool finished() const { return active_.empty(); }
 
@@ -95,7 +95,7 @@ class RayBatch {
   int sh_degree_;
   SamplePool pool_;
   Rays given_;
-  std::vector<std::int32_t> first_;  ///< interval of each ray where matter may begin, or -1
+  std::vector<std::int32_t> first_;  ///< interval of each ray where the volume may begin, or -1
   std::vector<RayState> rays_;
   std::vector<int> active_;  ///< rays that go on
   std::vector<Column> columns_;

@@ -21,8 +21,8 @@ std::vector<float> meanOpacity(const std::vector<const Image*>& images) {
   return mean;
 }
 
-// Colours of the object: as they are rendered, in the observation's light, and as many that are
-// seen where most renderings are opaque.
+// Colours of the object: as they are rendered, with the observation's gain and bias, and as many
+// that are seen where most renderings are opaque.
 ColourHistogram objectColours(const ObservedLevel& level, const std::vector<const Image*>& images,
                               const std::vector<GainBias<float>>& gain_biases,
                               const std::vector<float>& opacity) {

@@ -87,12 +87,12 @@ class SamplePool {
   /// Colour of columns [0, count) from their colour inputs; count is a multiple of kColumnGroup.
   void evaluateColour(const FieldView& field, int count);
 
-  /// Writes a sample's colour input: the harmonics of its ray and the geometry features that stand
+  /// Writes a sample's colour input: the harmonics of its ray and the geometry features
   /// in column `from` of the density network's output.
   void setColourInput(int column, const float* harmonics, int from);
 
   /// From rgbGradient (with respect to the colours) and densityGradient, back to the encoding and
-  /// the harmonics, columns [0, count). Colours must stand in the samples' own columns.
+  /// the harmonics, columns [0, count). Colours must be in the samples' own columns.
   /// @param weight_gradients of the density layers then the colour layers, or null: frozen.
   void backward(const FieldView& field, int count,
                 std::vector<std::vector<float>>* weight_gradients);

@@ -108,7 +108,7 @@ class StageEvaluator::Steps {
     }
   }
 
-  // From here on the images hold contrasts, which know no light.
+  // From here on the images hold contrasts, which do not depend on gain and bias.
   void takeContrasts() {
     parallelFor(threads(), count_, [&](int i) {
       Evaluation& e = *evaluations_[i];

@@ -6,6 +6,7 @@
 
 #include "backend/common/box_sums.h"
 #include "backend/common/plain_pose.h"
+#include "backend/cpu/outline_sums.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -21,6 +22,10 @@ void add(const PointSums<float>& tile, PointSums<double>* sums) {
   sums->squared_residual += tile.squared_residual;
   for (int k = 0; k < 21; ++k) sums->information[k] += tile.information[k];
   for (int k = 0; k < 6; ++k) sums->gradient[k] += tile.gradient[k];
+}
+
+int countOf(const KeyframeLevel& level) {
+  return level.point_count + static_cast<int>(level.outline.size());
 }
 
 }  // namespace
@@ -137,31 +142,57 @@ void StartAligner::lookAround(const CameraPose<double>& pose) {
   takeLocalColours(&local_);
 }
 
+KernelColours StartAligner::colours() const {
+  return {{rendered_[0].data(), rendered_[1].data(), rendered_[2].data()},
+          {rendered_du_[0].data(), rendered_du_[1].data(), rendered_du_[2].data()},
+          {rendered_dv_[0].data(), rendered_dv_[1].data(), rendered_dv_[2].data()},
+          {local_.mean[0].data(), local_.mean[1].data(), local_.mean[2].data()},
+          {local_.inverse_deviation[0].data(), local_.inverse_deviation[1].data(),
+           local_.inverse_deviation[2].data()},
+          weight_.data()};
+}
+
 AlignedKeyframe StartAligner::evaluate(const CameraPose<double>& pose,
                                        const KeyframeLevelRules& rules) {
   const KeyframeLevel& points = *level_;
   const KernelView view = {image_, transformOf(pose)};
-  const KernelColours colours = {
-      {rendered_[0].data(), rendered_[1].data(), rendered_[2].data()},
-      {rendered_du_[0].data(), rendered_du_[1].data(), rendered_du_[2].data()},
-      {rendered_dv_[0].data(), rendered_dv_[1].data(), rendered_dv_[2].data()},
-      {local_.mean[0].data(), local_.mean[1].data(), local_.mean[2].data()},
-      {local_.inverse_deviation[0].data(), local_.inverse_deviation[1].data(),
-       local_.inverse_deviation[2].data()},
-      weight_.data()};
+  const KernelColours compared = colours();
   AlignedKeyframe evaluated;
   evaluated.pose = pose;
   for (std::size_t t = 0; t + 1 < points.tiles.size(); ++t) {
     PointSums<float> tile = {};
-    const KernelTile points_of_tile = {columnsOf(points.chosen), colours, points.tiles[t],
+    const KernelTile points_of_tile = {columnsOf(points.chosen), compared, points.tiles[t],
                                        points.tiles[t + 1]};
     kernels_->sumTile(view, points_of_tile, {rules.robust_scale, rules.observed_fraction}, &tile);
     add(tile, &evaluated.sums);
     evaluated.scatter.addTile(equationsOf(tile));
   }
-  evaluated.loss = keyframeLoss(evaluated.sums, point_count_, rules.robust_scale);
+  SeenPoints seen = {point_count_, evaluated.sums.weight, static_cast<int>(points.outline.size()),
+                     0, points.outline_weight};
+  for (std::size_t t = 0; t + 1 < points.outline_tiles.size(); ++t) {
+    PointSums<float> tile = {};
+    seen.outline_seen +=
+        sumOutline(view, {points, points.outline_tiles[t], points.outline_tiles[t + 1]},
+                   {rules.robust_scale, points.outline_weight}, &tile);
+    add(tile, &evaluated.sums);
+    evaluated.scatter.addTile(equationsOf(tile));
+  }
+  evaluated.loss = keyframeLoss(evaluated.sums.cost, seen, rules.robust_scale);
+  evaluated.most_weight = seen.mostWeight();
   ++evaluations_;
   return evaluated;
+}
+
+EvidenceSums<float> StartAligner::evidenceFor(const CameraPose<double>& pose,
+                                              const KeyframeLevelRules& rules) {
+  lookAround(pose);
+  const KernelView view = {image_, transformOf(pose)};
+  EvidenceSums<float> evidence = {};
+  kernels_->sumEvidence(view, {columnsOf(level_->chosen), colours(), 0, level_->chosen.size()},
+                        {rules.robust_scale, rules.observed_fraction}, &evidence);
+  sumOutlineEvidence(view, {*level_, 0, static_cast<int>(level_->outline.size())},
+                     {rules.robust_scale, level_->outline_weight}, &evidence);
+  return evidence;
 }
 
 AlignedKeyframe StartAligner::alignLevel(const std::vector<CameraPose<double>>& starts,
@@ -208,7 +239,7 @@ Hypothesis StartAligner::align(const FramePyramid& frame, const KeyframePoints& 
        --level) {
     const std::optional<KernelImage> image = frame.level(first_of_frame + level);
     // A far object has no points at coarse levels.
-    if (!image || keyframe.levels[level].point_count < kMinKeyframePoints) continue;
+    if (!image || countOf(keyframe.levels[level]) < kMinKeyframePoints) continue;
     image_ = *image;
     beginLevel(level, starts.front());
     best = alignLevel(starts, levelRules(settings, level));
@@ -216,6 +247,9 @@ Hypothesis StartAligner::align(const FramePyramid& frame, const KeyframePoints& 
     if (level > settings.finest_level + 1) starts.push_back(plainPose(start_T_O_C));
   }
   best.evaluations = evaluations_;
+  if (best.loss < HUGE_VAL) {
+    best.evidence = evidenceFor(best.pose, levelRules(settings, settings.finest_level));
+  }
   return hypothesisOf(best, keyframe, settings);
 }
 

@@ -23,6 +23,8 @@ class StartAligner {
   AlignedKeyframe evaluate(const CameraPose<double>& pose, const KeyframeLevelRules& rules);
   AlignedKeyframe alignLevel(const std::vector<CameraPose<double>>& starts,
                              const KeyframeLevelRules& rules);
+  EvidenceSums<float> evidenceFor(const CameraPose<double>& pose, const KeyframeLevelRules& rules);
+  KernelColours colours() const;
   PointTransform<float> transformOf(const CameraPose<double>& pose) const;
   void hideOccluded(const CameraPose<double>& pose);
   void compareWhatIsSeen();

@@ -19,7 +19,7 @@
 namespace nerf_pose_refiner {
 namespace {
 
-// Poses of the topic with the truth are looked up as TF is, under a name that nobody else has.
+// Poses of the topic with the truth are looked up as TF is, under a unique name.
 constexpr char kTruthFrame[] = "nerf_pose_refiner/recorded_truth";
 constexpr double kKeepAll_s = 1e8;
 

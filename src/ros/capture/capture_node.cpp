@@ -12,7 +12,7 @@
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr double kTick_s = 0.05;  // how soon an image whose TF came is looked at
+constexpr double kTick_s = 0.05;  // how soon an image is used once its TF is there
 constexpr int kQueue = 30;        // messages whose partners have not come yet
 
 CaptureParameters readParameters(const ros::NodeHandle& pnh) {

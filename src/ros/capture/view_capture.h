@@ -32,7 +32,7 @@ struct CaptureParameters {
   bool image_is_rectified = false;
   std::string image_transport = "raw";
   int min_views = 20;         ///< with fewer a dataset is not finished
-  int max_views = 0;          ///< then it is finished without being told to; 0: on ~finish alone
+  int max_views = 0;          ///< then it finishes by itself; 0: on ~finish alone
   double min_coverage = 0.5;  ///< share of the directions around the object, 0..1
   double tf_timeout_s = 0.5;  ///< ROS time that an image waits for TF
   ViewSelectionSettings selection;

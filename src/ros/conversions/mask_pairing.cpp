@@ -17,7 +17,7 @@ sensor_msgs::ImageConstPtr MaskPairing::Masks::find(const ros::Time& stamp) cons
   return found == waiting.rend() ? permanent : *found;
 }
 
-/// Older images are not looked at any more.
+/// Older images are no longer paired.
 void MaskPairing::Masks::forgetUpTo(const ros::Time& stamp) {
   const auto is_old = [&](const auto& mask) { return mask->header.stamp <= stamp; };
   waiting.erase(std::remove_if(waiting.begin(), waiting.end(), is_old), waiting.end());

@@ -30,7 +30,7 @@ Pose TfBridge::wait(const std::string& what, const Lookup& lookup,
   const auto deadline =
       steady_clock::now() + std::chrono::duration_cast<steady_clock::duration>(
                                 std::chrono::duration<double>(frames_.tf_timeout_s));
-  constexpr std::chrono::milliseconds kStopHeard(20);  // a stop is heard within so long
+  constexpr std::chrono::milliseconds kCancellationInterval(20);  // between checks for cancellation
   std::unique_lock<std::mutex> lock(changes_->mutex);
   while (true) {
     const std::uint64_t seen = changes_->count;
@@ -43,7 +43,8 @@ Pose TfBridge::wait(const std::string& what, const Lookup& lookup,
       }
     }
     lock.lock();
-    changes_->changed.wait_until(lock, std::min(deadline, steady_clock::now() + kStopHeard),
+    changes_->changed.wait_until(lock,
+                                 std::min(deadline, steady_clock::now() + kCancellationInterval),
                                  [&] { return changes_->count != seen; });
   }
 }

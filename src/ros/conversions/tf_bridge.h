@@ -41,7 +41,7 @@ class TfBridge : public Transforms {
   std::string outputFrame(const std::string& camera_frame) const;
 
  private:
-  /// Counts what the buffer was told.
+  /// Counts the transforms that the buffer received.
   struct Changes {
     std::mutex mutex;  ///< guards count
     std::condition_variable changed;

@@ -18,7 +18,7 @@ namespace nerf_pose_refiner {
 /// May be used from many threads at once.
 class CameraSubscription {
  public:
-  /// Who wants images, and what is done with them.
+  /// A consumer of images.
   struct Receiver {
     std::function<bool()> wanted;
     std::function<void(const sensor_msgs::ImageConstPtr&, const sensor_msgs::CameraInfoConstPtr&)>
@@ -45,7 +45,7 @@ class CameraSubscription {
 
   void setEnabled(bool enabled);
 
-  /// To be called when somebody began or ceased to listen to results.
+  /// To be called when the subscribers of results change.
   void update();
 
  private:
@@ -59,7 +59,7 @@ class CameraSubscription {
 
   std::mutex mutex_;  ///< guards all below
   bool enabled_ = true;
-  std::unique_ptr<const Receiver> receiver_;  ///< null: nobody
+  std::unique_ptr<const Receiver> receiver_;  ///< null: none
   image_transport::CameraSubscriber images_;
   ros::Subscriber masks_;
   ros::Subscriber ignore_masks_;

@@ -21,7 +21,7 @@ namespace nerf_pose_refiner {
 /// Rate and stamps of a topic, while messages are expected on it. Any thread.
 class TopicHealth : public diagnostic_updater::DiagnosticTask {
  public:
-  /// @param why_quiet what is said while none are expected.
+  /// @param why_quiet summary while none are expected.
   TopicHealth(const std::string& name, const std::string& why_quiet, double min_rate_hz,
               double max_age_s);
 

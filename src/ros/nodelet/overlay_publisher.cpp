@@ -21,7 +21,7 @@ OverlayPublisher::OverlayPublisher(const image_transport::CameraPublisher& publi
       thread_([this] { run(); }) {}
 
 OverlayPublisher::~OverlayPublisher() {
-  stop_.requestCancel();
+  cancellation_.requestCancel();
   jobs_.wake();
   thread_.join();
 }
@@ -36,7 +36,7 @@ void OverlayPublisher::draw(Job job) {
 }
 
 void OverlayPublisher::run() {
-  while (!stop_.cancelRequested()) {
+  while (!cancellation_.cancelRequested()) {
     const std::optional<Job> job = jobs_.take(std::chrono::seconds(1));
     if (!job) {
       loaded_.reset();  // so that a model that is no longer tracked can go
@@ -46,7 +46,7 @@ void OverlayPublisher::run() {
     try {
       drawNow(*job);
     } catch (const std::exception& e) {
-      if (!stop_.cancelRequested()) ROS_ERROR_THROTTLE(5.0, "overlay: %s", e.what());
+      if (!cancellation_.cancelRequested()) ROS_ERROR_THROTTLE(5.0, "overlay: %s", e.what());
     }
   }
 }
@@ -65,7 +65,7 @@ void OverlayPublisher::drawNow(const Job& job) {
   const Camera& full = job.observation->camera;
   const double shrink = static_cast<double>(settings.width_px) / full.width;
   const Camera camera = full.scaled(std::min(1.0, shrink));
-  const Rendering rendering = loaded_->render({camera, job.T_O_C}, RenderOptions(), stop_);
+  const Rendering rendering = loaded_->render({camera, job.T_O_C}, RenderOptions(), cancellation_);
   const Image8 overlay =
       drawOverlay(resample(job.observation->image, full, camera), rendering, settings.opacity);
 

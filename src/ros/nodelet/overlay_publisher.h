@@ -38,7 +38,7 @@ class OverlayPublisher {
   /// From the next image on. Any thread.
   void change(const OverlaySettings& settings);
 
-  /// Draws nothing while nobody listens. Any thread.
+  /// Draws nothing without a subscriber. Any thread.
   void draw(Job job);
 
  private:

@@ -53,7 +53,7 @@ class PoseRefinerNodelet : public nodelet::Nodelet {
   bool onReset(std_srvs::Trigger::Request& request, std_srvs::Trigger::Response& response);
   bool onEnable(std_srvs::SetBool::Request& request, std_srvs::SetBool::Response& response);
 
-  // Each outlives what stands below it: what works for others and what they call back comes first.
+  // Each outlives those below it: what others use or call back comes first.
   PoseRefinerParameters parameters_;
   std::shared_ptr<RefinerProcess> process_;
   std::atomic<bool> on_gpu_{false};  ///< the backend in use

@@ -16,7 +16,7 @@ namespace nerf_pose_refiner {
 /// Publishes what the tracker found: ~pose, TF, ~hypotheses and ~status.
 class ResultPublisher {
  public:
-  /// @param on_connect called when somebody begins or ends to listen.
+  /// @param on_connect called when a subscriber comes or goes.
   ResultPublisher(ros::NodeHandle pnh, const FrameSettings& frames,
                   const ros::SubscriberStatusCallback& on_connect);
 

@@ -90,7 +90,7 @@ void TrackingWorker::report(const RefinementStatus& status) {
   outputs_.diagnostics->statusIs(full);
   outputs_.results->publish(full);
   if (full.message.empty()) return;
-  // What is as it should be is no warning, and need not be said often.
+  // A normal state is no warning, and need not be logged often.
   if (full.reason == RefinementStatus::REASON_NONE ||
       full.reason == RefinementStatus::REASON_PRIOR_IGNORED) {
     ROS_INFO_THROTTLE(10.0, "%s", full.message.c_str());

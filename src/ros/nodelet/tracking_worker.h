@@ -37,7 +37,7 @@ class TrackingWorker {
 
   ObjectTracker& tracker() { return tracker_.tracker(); }
 
-  /// The tracker was told something: its status is reported soon, without an image, too.
+  /// The tracker's input changed: its status is reported soon, even without an image.
   void wake() { mailbox_.wake(); }
 
   void addImage(const sensor_msgs::ImageConstPtr& image,

@@ -11,9 +11,9 @@
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr double kRenewal_s = 0.5;  // between looks at what is said of the object
+constexpr double kRenewal_s = 0.5;  // between looks at the object's metadata
 
-/// What is said of an object beside its model.
+/// The metadata of an object, from the file beside its model.
 void describeFrame(const FieldMetadata& object, ObjectInfo* info) {
   const double unit_m = object.metres_per_unit;
   info->frame_in_model = toMessage(Pose(object.T_O_U.R, unit_m * object.T_O_U.t));

@@ -25,7 +25,7 @@ namespace nerf_pose_refiner {
 /// own: they answer while registrations and refinements run. All answer with success and message,
 /// for a service that fails loses its text on the way.
 ///
-/// Looks every now and then whether other things are said of the tracked object in the file beside
+/// Looks every now and then whether the tracked object's metadata has changed in the file beside
 /// its model, and takes them over.
 class ObjectServices {
  public:

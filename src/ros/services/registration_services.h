@@ -63,7 +63,7 @@ class RegistrationServices {
 
   ros::CallbackQueue service_queue_;  ///< its threads are held up
   ros::CallbackQueue action_queue_;   ///< its thread is not
-  ros::Publisher feedback_;           ///< the action's: tells whether anybody listens
+  ros::Publisher feedback_;           ///< the action's: shows whether anybody listens
   std::unique_ptr<Server> action_;
   ros::ServiceServer service_;
   ros::AsyncSpinner service_spinner_;

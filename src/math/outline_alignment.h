@@ -1,0 +1,114 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include "math/host_device.h"
+#include "math/keyframe_alignment.h"
+#include "math/robust.h"
+
+namespace nerf_pose_refiner {
+
+// Alignment of an object's outline with an image in which nothing is known of the colours on either
+// side. Along the outline's normal the image goes over from what it shows just inside to what it
+// shows just outside: where between the two colours a pixel lies is the object's opacity as the
+// image shows it. Light and background have no part in that, as long as the two sides differ.
+
+/// Places along the normal, in pixels of the keyframe, -kOutlineReach..kOutlineReach: the two
+/// outermost on each side give the colours of that side, the others are compared.
+constexpr int kOutlineReach = 4;
+constexpr int kOutlinePlaces = 2 * kOutlineReach + 1;
+constexpr int kOutlineCompared = 2;  ///< places -2..2
+constexpr int kOutlineOpacities = 2 * kOutlineCompared + 1;
+
+/// Colours that differ by less show no outline.
+constexpr float kOutlineContrast = 0.06f;
+/// Residuals of opacity are multiplied by it before they meet the robust loss of colours.
+constexpr float kOutlineScale = 2;
+/// Squared residual, so scaled, where the image shows no such outline.
+constexpr float kOutlineChance = 0.16f * kOutlineScale * kOutlineScale;
+
+/// What an image shows along the normal of an outline.
+struct OutlineProfile {
+  float colour[kOutlinePlaces][3];  ///< from the inside to the outside
+};
+
+/// The opacities that a profile shows, and how much they are worth.
+struct OutlineOpacities {
+  float value[kOutlineOpacities];
+  float weight;  ///< 0..1: 0 where both sides have the same colour
+};
+
+NPR_HOST_DEVICE inline OutlineOpacities outlineOpacities(const OutlineProfile& profile) {
+  float outside[3], difference[3], squared = 0;
+  for (int c = 0; c < 3; ++c) {
+    const float inside = 0.5f * (profile.colour[0][c] + profile.colour[1][c]);
+    outside[c] =
+        0.5f * (profile.colour[kOutlinePlaces - 1][c] + profile.colour[kOutlinePlaces - 2][c]);
+    difference[c] = inside - outside[c];
+    squared += difference[c] * difference[c];
+  }
+  constexpr float kFlat = kOutlineContrast * kOutlineContrast;
+  OutlineOpacities opacities;
+  opacities.weight = squared / (squared + kFlat);
+  const float factor = 1 / (squared + 0.1f * kFlat);
+  for (int i = 0; i < kOutlineOpacities; ++i) {
+    const float* colour = profile.colour[kOutlineReach - kOutlineCompared + i];
+    float along = 0;
+    for (int c = 0; c < 3; ++c) along += difference[c] * (colour[c] - outside[c]);
+    opacities.value[i] = factor * along;
+  }
+  return opacities;
+}
+
+/// How points of an outline are summed.
+struct OutlineRules {
+  float robust_scale;
+  float weight;  ///< of a point, beside one of the inside
+};
+
+/// Adds a point of the outline.
+/// @param rendered its opacities in the keyframe. @param flow of the image along the normal that
+/// points outside, for motions of the camera [px of the keyframe].
+NPR_HOST_DEVICE inline void addOutlinePoint(const float rendered[kOutlineOpacities],
+                                            const OutlineOpacities& observed, const float flow[6],
+                                            const OutlineRules& rules, PointSums<float>* sums) {
+  const float share = rules.weight / kOutlineOpacities, scale = rules.robust_scale;
+  const float chance = gemanMcClure(kOutlineChance, scale).value;
+  for (int i = 0; i < kOutlineOpacities; ++i) {
+    const float r = kOutlineScale * (rendered[i] - observed.value[i]);
+    const int before = i > 0 ? i - 1 : i, after = i + 1 < kOutlineOpacities ? i + 1 : i;
+    const float per_px = kOutlineScale / static_cast<float>(after - before);
+    // The mean of the rendering's and the observation's slope, as of colours.
+    const float slope =
+        0.5f * per_px *
+        (rendered[after] - rendered[before] + observed.value[after] - observed.value[before]);
+    const float weight = share * observed.weight;
+    const RobustTerm<float> robust = gemanMcClure(r * r, scale);
+    const float w = weight * robust.weight;
+    sums->weight += weight;
+    // Where there is no outline to be seen, leaving it is no gain.
+    sums->cost += weight * robust.value + (share - weight) * chance;
+    sums->robust_weight += w;
+    sums->squared_residual += w * r * r;
+    float* entry = sums->information;
+    for (int a = 0; a < 6; ++a) {
+      const float g = w * slope * slope * flow[a];
+      for (int b = 0; b <= a; ++b) *entry++ += g * flow[b];
+      sums->gradient[a] += w * slope * r * flow[a];
+    }
+  }
+}
+
+/// Adds what a point of the outline says for a pose.
+NPR_HOST_DEVICE inline void addOutlineEvidence(const float rendered[kOutlineOpacities],
+                                               const OutlineOpacities& observed,
+                                               const OutlineRules& rules,
+                                               EvidenceSums<float>* sums) {
+  const float weight = rules.weight / kOutlineOpacities * observed.weight;
+  for (int i = 0; i < kOutlineOpacities; ++i) {
+    const float r = kOutlineScale * (rendered[i] - observed.value[i]);
+    sums->explained += weight * gemanMcClure(r * r, rules.robust_scale).value;
+    sums->chance += weight * gemanMcClure(kOutlineChance, rules.robust_scale).value;
+  }
+}
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,157 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "refinement/keyframe_refiner.h"
+
+#include <Eigen/Geometry>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <stdexcept>
+#include <string>
+
+namespace nerf_pose_refiner {
+namespace {
+
+constexpr double kDegree = 0.017453292519943295;
+
+void require(bool is_right, const char* name, double value) {
+  if (!is_right) {
+    throw std::invalid_argument(std::string("KeyframeSearchSettings::") + name + " is " +
+                                std::to_string(value));
+  }
+}
+
+// A pose that goes on as it did.
+Pose extrapolated(const Pose& before, const Pose& now, double ratio) {
+  const Eigen::Matrix3d turn = now.R * before.R.transpose();
+  return {nearestRotation(expSO3(Eigen::Vector3d(ratio * logSO3(turn))) * now.R),
+          now.t + ratio * (now.t - before.t)};
+}
+
+}  // namespace
+
+void KeyframeSearchSettings::validate() const {
+  keyframe.validate();
+  bank.validate();
+  require(renew_rotation_deg > 0, "renew_rotation_deg", renew_rotation_deg);
+  require(renew_distance > 0, "renew_distance", renew_distance);
+  require(reach_rotation_deg >= renew_rotation_deg, "reach_rotation_deg", reach_rotation_deg);
+  require(reach_distance >= renew_distance, "reach_distance", reach_distance);
+  require(renewal_s >= 0, "renewal_s", renewal_s);
+  require(max_keyframes >= 1, "max_keyframes", max_keyframes);
+  require(wide_starts >= 0, "wide_starts", wide_starts);
+  require(starts >= 1, "starts", starts);
+}
+
+KeyframeRefiner::KeyframeRefiner(Backend* backend, std::shared_ptr<const LoadedField> field,
+                                 const KeyframeSearchSettings& settings)
+    : field_(std::move(field)),
+      settings_(settings),
+      search_(backend, field_, settings),
+      renderer_(field_, settings.keyframe) {
+  settings_.validate();
+}
+
+Refinement KeyframeRefiner::follow(const TimedObservation& image, const Prior& prior,
+                                   const CancellationToken& cancellation) {
+  const Camera& camera = image.observation.camera;
+  const Refinement result = refine(prior, [&] {
+    takeRenewal(image.stamp_ns, cancellation);
+    if (!search_.distanceOfNearest(prior.T_O_C)) makeAt({camera, prior.T_O_C}, cancellation);
+    return search_.near(image.observation, prior, cancellation);
+  });
+  if (result.outcome == Outcome::kRefined) renewFor({camera, result.T_O_C}, image.stamp_ns);
+  return result;
+}
+
+Refinement KeyframeRefiner::find(const TimedObservation& image, const Prior& prior,
+                                 const CancellationToken& cancellation) {
+  constexpr std::size_t kRendered = 2;  // of the candidates
+  const Camera& camera = image.observation.camera;
+  const Refinement result = refine(prior, [&] {
+    waitForRenderings(cancellation);
+    const HypothesisTable candidates = search_.around(image.observation, prior, cancellation);
+    for (std::size_t i = 0; i < std::min(kRendered, candidates.size()); ++i) {
+      if (isFar(candidates[i].T_O_C)) makeAt({camera, candidates[i].T_O_C}, cancellation);
+    }
+    return search_.from(image.observation, candidates, cancellation);
+  });
+  if (result.outcome == Outcome::kRefined) last_ = {image.stamp_ns, result.T_O_C};
+  return result;
+}
+
+Refinement KeyframeRefiner::refine(const Prior& prior,
+                                   const std::function<HypothesisTable()>& search) const {
+  const auto begin = std::chrono::steady_clock::now();
+  prior.validate();
+  Refinement result;
+  result.T_O_C = prior.T_O_C;
+  try {
+    result = conclude(search(), prior);
+  } catch (const Cancelled&) {
+    result.outcome = Outcome::kCancelled;
+  }
+  result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  return result;
+}
+
+void KeyframeRefiner::waitForRenderings(const CancellationToken& cancellation) {
+  if (renderer_.busy()) search_.add(renderer_.wait(cancellation));
+}
+
+void KeyframeRefiner::takeRenewal(std::int64_t stamp_ns, const CancellationToken& cancellation) {
+  if (!renderer_.busy()) return;
+  const bool began_anew = last_ && stamp_ns <= last_->first;
+  if (stamp_ns < due_ns_ && !began_anew) return;
+  const auto keyframe = settings_.real_time ? renderer_.take() : renderer_.wait(cancellation);
+  if (keyframe) search_.add(keyframe);
+}
+
+void KeyframeRefiner::makeAt(const View& view, const CancellationToken& cancellation) {
+  waitForRenderings(cancellation);
+  renderer_.request(view);
+  search_.add(renderer_.wait(cancellation));
+}
+
+/// Whether a pose wants a keyframe of its own.
+bool KeyframeRefiner::isFar(const Pose& T_O_C) {
+  const std::optional<ViewDistance> away = search_.distanceOfNearest(T_O_C);
+  return !away || away->rotation_rad > settings_.renew_rotation_deg * kDegree ||
+         away->scale > settings_.renew_distance;
+}
+
+/// Asks for a keyframe where the object will be when it is done, if there is none near.
+void KeyframeRefiner::renewFor(const View& view, std::int64_t stamp_ns) {
+  Pose ahead = view.T_O_C;
+  if (last_ && stamp_ns > last_->first) {
+    constexpr double kMost = 10;  // the motion of so many images, at most
+    const double since_s = 1e-9 * static_cast<double>(stamp_ns - last_->first);
+    ahead = extrapolated(last_->second, view.T_O_C, std::min(kMost, settings_.renewal_s / since_s));
+  }
+  last_ = {stamp_ns, view.T_O_C};
+  if (renderer_.busy() || !isFar(ahead)) return;
+  due_ns_ = stamp_ns + static_cast<std::int64_t>(1e9 * settings_.renewal_s);
+  renderer_.request({view.camera, ahead});
+}
+
+Refinement KeyframeRefiner::conclude(const HypothesisTable& found, const Prior& prior) const {
+  Refinement result;
+  result.T_O_C = prior.T_O_C;
+  result.hypotheses = found;
+  if (found.empty() || found.front().state != HypothesisState::kLive) {
+    const bool outside = !found.empty() && found.front().state == HypothesisState::kOutOfImage;
+    result.outcome = outside ? Outcome::kNoOverlap : Outcome::kDiverged;
+    return result;
+  }
+  const FieldMetadata& object = field_->field().metadata;
+  result.hypotheses = nearestEquivalents(found, prior, object);
+  const Hypothesis& best = result.hypotheses.front();
+  result.outcome = Outcome::kRefined;
+  result.T_O_C = {nearestRotation(best.T_O_C.R), best.T_O_C.t};
+  result.visible_fraction = best.visible_fraction;
+  result.score = keyframeScore(best.score, object.pose);
+  result.covariance = poseCovariance(result.hypotheses, prior, object);
+  return result;
+}
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,178 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "refinement/keyframe_search.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "math/random.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+constexpr double kDegree = 0.017453292519943295;
+constexpr std::uint64_t kSeed = 1;
+constexpr double kWindowMargin = 0.2;  // around the object [diameters]
+constexpr double kAnyScale = 3;        // small views are compared at the image's own levels
+
+bool isBetter(const Hypothesis& a, const Hypothesis& b) {
+  const bool a_lives = a.state == HypothesisState::kLive;
+  const bool b_lives = b.state == HypothesisState::kLive;
+  return a_lives != b_lives ? a_lives : a.loss < b.loss;
+}
+
+// Poses around a prior, itself first.
+std::vector<Pose> posesAround(const Prior& prior, const FieldMetadata& object, double spread,
+                              int count) {
+  std::vector<Pose> poses = {prior.T_O_C};
+  for (int i = 1; i < count; ++i) {
+    Eigen::Vector3d turn, shift;
+    for (int a = 0; a < 3; ++a) {
+      const auto drawn = [i](std::uint64_t axis) {
+        return 2.0 * randomUniform(kSeed, axis, static_cast<std::uint64_t>(i)) - 1;
+      };
+      turn[a] = spread * prior.rotation_rad * drawn(a);
+      shift[a] = spread * prior.translation * object.diameter * drawn(3 + a);
+    }
+    const Eigen::Matrix3d R = expSO3(turn);
+    poses.emplace_back(nearestRotation(R * prior.T_O_C.R),
+                       object.centre + shift + R * (prior.T_O_C.t - object.centre));
+  }
+  return poses;
+}
+
+// The best, without those that are nearly the same.
+HypothesisTable bestOf(HypothesisTable table, std::size_t count, const FieldMetadata& object) {
+  constexpr double kSameRotation = 0.03, kSameOffset = 0.03;  // [rad], [diameters]
+  std::stable_sort(table.begin(), table.end(), isBetter);
+  HypothesisTable best;
+  for (const Hypothesis& h : table) {
+    const bool is_known = std::any_of(best.begin(), best.end(), [&](const Hypothesis& other) {
+      const Vector6 away = cameraTwist(other.T_O_C, h.T_O_C, object.centre);
+      return away.tail<3>().norm() < kSameRotation &&
+             away.head<3>().norm() < kSameOffset * object.diameter;
+    });
+    if (!is_known) best.push_back(h);
+    if (best.size() == count) break;
+  }
+  return best;
+}
+
+std::vector<Pose> posesOf(const HypothesisTable& table) {
+  std::vector<Pose> poses;
+  for (const Hypothesis& h : table) poses.push_back(h.T_O_C);
+  return poses;
+}
+
+KeyframeAlignmentSettings coarse(const KeyframeAlignmentSettings& settings, int finest_level) {
+  KeyframeAlignmentSettings coarse = settings;
+  coarse.finest_level = finest_level;
+  coarse.observed_fraction = settings.coarse_observed_fraction;
+  coarse.convergence_px = settings.coarse_convergence_px;
+  return coarse;
+}
+
+}  // namespace
+
+KeyframeSearch::KeyframeSearch(Backend* backend, const std::shared_ptr<const LoadedField>& field,
+                               const KeyframeSearchSettings& settings)
+    : field_(field),
+      settings_(settings),
+      aligner_(backend->makeKeyframeAligner()),
+      kept_(aligner_.get(), settings.max_keyframes,
+            {settings.reach_rotation_deg * kDegree, settings.reach_distance}),
+      bank_(field, settings.bank),
+      small_(aligner_.get(), settings.bank.views,
+             {settings.reach_rotation_deg * kDegree, kAnyScale}),
+      is_loaded_(settings.bank.views, 0) {}
+
+std::optional<ViewDistance> KeyframeSearch::distanceOfNearest(const Pose& T_O_C) {
+  const KeyframeSet::Entry* const nearest = kept_.nearest(T_O_C);
+  if (nearest == nullptr) return std::nullopt;
+  return viewDistance(*nearest->keyframe, T_O_C);
+}
+
+std::vector<KeyframeStart> KeyframeSearch::startsOf(const std::vector<Pose>& poses,
+                                                    KeyframeSet* set) {
+  std::vector<KeyframeStart> starts;
+  for (const Pose& pose : poses) {
+    if (const KeyframeSet::Entry* nearest = set->nearest(pose)) {
+      starts.push_back({nearest->number, pose});
+    }
+  }
+  return starts;
+}
+
+HypothesisTable KeyframeSearch::near(const Observation& observation, const Prior& prior,
+                                     const CancellationToken& cancellation) {
+  const KeyframeSet::Entry* const nearest = kept_.nearest(prior.T_O_C);
+  if (nearest == nullptr) return {};
+  const KeyframePoints& keyframe = *nearest->keyframe;
+  aligner_->observe(observation,
+                    frameWindowFor(keyframe, observation.camera, prior.T_O_C, kWindowMargin));
+  HypothesisTable found =
+      aligner_->align({{nearest->number, prior.T_O_C}}, settings_.alignment, cancellation);
+  const bool doubtful = found.front().state != HypothesisState::kLive ||
+                        found.front().score < settings_.doubtful_score;
+  if (!doubtful || settings_.wide_starts == 0) return found;
+  constexpr double kWideMargin = 0.5;
+  aligner_->observe(observation,
+                    frameWindowFor(keyframe, observation.camera, prior.T_O_C, kWideMargin));
+  for (const Hypothesis& other : widely(prior, cancellation)) found.push_back(other);
+  std::stable_sort(found.begin(), found.end(), isBetter);
+  return found;
+}
+
+/// Coarse alignments from all around the prior; the best go on to the finest level.
+HypothesisTable KeyframeSearch::widely(const Prior& prior, const CancellationToken& cancellation) {
+  constexpr double kSpread = 3;  // of the prior's half widths
+  constexpr std::size_t kFinalists = 3;
+  const FieldMetadata& object = field_->field().metadata;
+  const int finest = std::min(2, settings_.keyframe.levels - 1);
+  const std::vector<Pose> poses = posesAround(prior, object, kSpread, settings_.wide_starts);
+  const HypothesisTable rough =
+      aligner_->align(startsOf(poses, &kept_), coarse(settings_.alignment, finest), cancellation);
+  const HypothesisTable best = bestOf(rough, kFinalists, object);
+  return aligner_->align(startsOf(posesOf(best), &kept_), settings_.alignment, cancellation);
+}
+
+HypothesisTable KeyframeSearch::around(const Observation& observation, const Prior& prior,
+                                       const CancellationToken& cancellation) {
+  constexpr std::size_t kMiddle = 32, kFinalists = 4;
+  const FieldMetadata& object = field_->field().metadata;
+  // A turn about each of three axes adds up to 1.7 of them.
+  for (const int number : bank_.around(prior.T_O_C, 1.4 * prior.rotation_rad)) {
+    if (is_loaded_[number]) continue;
+    small_.add(bank_.view(number, cancellation));
+    is_loaded_[number] = 1;
+  }
+  const KeyframeSet::Entry* const nearest = small_.nearest(prior.T_O_C);
+  FrameWindow window = frameWindowFor(*nearest->keyframe, observation.camera, prior.T_O_C,
+                                      kWindowMargin + prior.translation);
+  if (window.finest > 0) {  // some starts are farther away
+    --window.finest;
+    ++window.levels;
+  }
+  aligner_->observe(observation, window);
+  const std::vector<Pose> poses = posesAround(prior, object, 1, settings_.starts);
+  const HypothesisTable rough =
+      aligner_->align(startsOf(poses, &small_), coarse(settings_.alignment, 1), cancellation);
+  const HypothesisTable middle =
+      aligner_->align(startsOf(posesOf(bestOf(rough, kMiddle, object)), &small_),
+                      coarse(settings_.alignment, 0), cancellation);
+  return bestOf(middle, kFinalists, object);
+}
+
+HypothesisTable KeyframeSearch::from(const Observation& observation, const HypothesisTable& poses,
+                                     const CancellationToken& cancellation) {
+  constexpr double kMargin = 0.5;  // the poses may be apart
+  const std::vector<KeyframeStart> starts = startsOf(posesOf(poses), &kept_);
+  if (starts.empty()) return {};
+  const KeyframeSet::Entry* const nearest = kept_.nearest(starts.front().T_O_C);
+  aligner_->observe(observation, frameWindowFor(*nearest->keyframe, observation.camera,
+                                                starts.front().T_O_C, kMargin));
+  HypothesisTable found = aligner_->align(starts, settings_.alignment, cancellation);
+  std::stable_sort(found.begin(), found.end(), isBetter);
+  return found;
+}
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,51 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <memory>
+
+#include "refinement/field_refiner.h"
+#include "refinement/keyframe_set.h"
+#include "refinement/keyframe_settings.h"
+#include "views/view_bank.h"
+
+namespace nerf_pose_refiner {
+
+/// Looks for an object in an image with the keyframes that there are.
+class KeyframeSearch {
+ public:
+  KeyframeSearch(Backend* backend, const std::shared_ptr<const LoadedField>& field,
+                 const KeyframeSearchSettings& settings);
+
+  void add(std::shared_ptr<const KeyframePoints> keyframe) { kept_.add(std::move(keyframe)); }
+
+  /// How far the nearest keyframe is that can be aligned from a pose; null: there is none.
+  std::optional<ViewDistance> distanceOfNearest(const Pose& T_O_C);
+
+  /// Aligns the nearest keyframe from a prior that is nearly right; more widely if what is found is
+  /// doubtful. @return best first; empty without a keyframe.
+  HypothesisTable near(const Observation& observation, const Prior& prior,
+                       const CancellationToken& cancellation);
+
+  /// Looks everywhere in a wide prior with small views of the object. @return best first: poses
+  /// that are nearly right, if one is.
+  HypothesisTable around(const Observation& observation, const Prior& prior,
+                         const CancellationToken& cancellation);
+
+  /// Aligns the nearest keyframe from each of some poses. @return best first.
+  HypothesisTable from(const Observation& observation, const HypothesisTable& poses,
+                       const CancellationToken& cancellation);
+
+ private:
+  HypothesisTable widely(const Prior& prior, const CancellationToken& cancellation);
+  std::vector<KeyframeStart> startsOf(const std::vector<Pose>& poses, KeyframeSet* set);
+
+  std::shared_ptr<const LoadedField> field_;
+  KeyframeSearchSettings settings_;
+  std::unique_ptr<KeyframeAligner> aligner_;
+  KeyframeSet kept_;  // as large as the object is in the images
+  ViewBank bank_;
+  KeyframeSet small_;            // those of the bank that were asked for
+  std::vector<char> is_loaded_;  // of the bank's views: whether it is in `small_`
+};
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,46 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "refinement/keyframe_set.h"
+
+#include <Eigen/Geometry>
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+namespace nerf_pose_refiner {
+
+ViewDistance viewDistance(const KeyframePoints& keyframe, const Pose& T_O_C) {
+  const Eigen::Vector3d then = keyframe.T_O_C.t - keyframe.centre;
+  const Eigen::Vector3d now = T_O_C.t - keyframe.centre;
+  return {std::atan2(now.cross(then).norm(), now.dot(then)),
+          std::abs(std::log(now.norm() / then.norm()))};
+}
+
+void KeyframeSet::add(std::shared_ptr<const KeyframePoints> keyframe) {
+  if (entries_.size() >= static_cast<std::size_t>(capacity_)) {
+    const auto oldest =
+        std::min_element(entries_.begin(), entries_.end(),
+                         [](const Entry& a, const Entry& b) { return a.used < b.used; });
+    aligner_->remove(oldest->number);
+    entries_.erase(oldest);
+  }
+  const int number = aligner_->add(keyframe);
+  entries_.push_back({number, std::move(keyframe), ++uses_});
+}
+
+const KeyframeSet::Entry* KeyframeSet::nearest(const Pose& T_O_C) {
+  Entry* best = nullptr;
+  double least = 1;
+  for (Entry& entry : entries_) {
+    const ViewDistance away = viewDistance(*entry.keyframe, T_O_C);
+    const double cost =
+        std::hypot(away.rotation_rad / reach_.rotation_rad, away.scale / reach_.scale);
+    if (!(cost < least)) continue;
+    least = cost;
+    best = &entry;
+  }
+  if (best != nullptr) best->used = ++uses_;
+  return best;
+}
+
+}  // namespace nerf_pose_refiner

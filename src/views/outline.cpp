@@ -1,0 +1,111 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "views/outline.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+#include "math/outline_alignment.h"
+#include "math/tile_scatter.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+class OutlineFinder {
+ public:
+  OutlineFinder(const Image& layers, const KeyframeView& view) : layers_(layers), view_(view) {}
+
+  /// The place where the opacity crosses a half between a pixel and its neighbour, to the right or
+  /// below, whichever the outline's normal is nearer to.
+  std::optional<OutlinePoint> between(int x, int y, bool to_the_right) const {
+    const int x2 = x + (to_the_right ? 1 : 0), y2 = y + (to_the_right ? 0 : 1);
+    const float a = layers_.at(x, y, kKeyframeAlpha) - 0.5f;
+    const float b = layers_.at(x2, y2, kKeyframeAlpha) - 0.5f;
+    if (!((a > 0) != (b > 0))) return std::nullopt;
+    const float t = a / (a - b);
+    const Eigen::Vector2f place(static_cast<float>(x) + (to_the_right ? t : 0),
+                                static_cast<float>(y) + (to_the_right ? 0 : t));
+    const Eigen::Vector2f slope = slopeAt(place);
+    if ((std::abs(slope.x()) >= std::abs(slope.y())) != to_the_right) return std::nullopt;
+    return at(place, -slope.normalized());
+  }
+
+ private:
+  float sample(const Eigen::Vector2f& place, int channel) const {
+    const float u = std::clamp(place.x(), 0.0f, static_cast<float>(layers_.width - 1));
+    const float v = std::clamp(place.y(), 0.0f, static_cast<float>(layers_.height - 1));
+    const int x = std::min(static_cast<int>(u), layers_.width - 2);
+    const int y = std::min(static_cast<int>(v), layers_.height - 2);
+    const float fu = u - static_cast<float>(x), fv = v - static_cast<float>(y);
+    const float upper = (1 - fu) * layers_.at(x, y, channel) + fu * layers_.at(x + 1, y, channel);
+    const float lower =
+        (1 - fu) * layers_.at(x, y + 1, channel) + fu * layers_.at(x + 1, y + 1, channel);
+    return (1 - fv) * upper + fv * lower;
+  }
+
+  // Beyond the border of the layers nothing is seen.
+  float opacityAt(const Eigen::Vector2f& place) const {
+    const bool inside = place.x() >= -0.5f && place.y() >= -0.5f &&
+                        place.x() <= static_cast<float>(layers_.width) - 0.5f &&
+                        place.y() <= static_cast<float>(layers_.height) - 0.5f;
+    return inside ? sample(place, kKeyframeAlpha) : 0;
+  }
+
+  Eigen::Vector2f slopeAt(const Eigen::Vector2f& place) const {
+    const Eigen::Vector2f right(1, 0), down(0, 1);
+    return {opacityAt(place + right) - opacityAt(place - right),
+            opacityAt(place + down) - opacityAt(place - down)};
+  }
+
+  std::optional<OutlinePoint> at(const Eigen::Vector2f& place,
+                                 const Eigen::Vector2f& outside) const {
+    constexpr float kOpaque = 0.9f, kClear = 0.1f;
+    for (int s = kOutlineReach - 1; s <= kOutlineReach; ++s) {
+      const auto away = static_cast<float>(s);
+      if (opacityAt(place - away * outside) < kOpaque) return std::nullopt;
+      if (opacityAt(place + away * outside) > kClear) return std::nullopt;
+    }
+    OutlinePoint found;
+    for (int i = 0; i < kOutlineOpacities; ++i) {
+      found.opacity[i] = opacityAt(place + static_cast<float>(i - kOutlineCompared) * outside);
+    }
+    const float alpha = sample(place, kKeyframeAlpha);
+    for (int c = 0; c < 3; ++c) found.point[c] = sample(place, kKeyframePoint + c) / alpha;
+    const float depth = view_.forward.dot(found.point) + view_.centre_depth;
+    found.normal = depth / view_.focal_px * (outside.x() * view_.right + outside.y() * view_.down);
+    return found;
+  }
+
+  const Image& layers_;
+  const KeyframeView& view_;
+};
+
+}  // namespace
+
+std::vector<OutlinePlace> outlineOf(const Image& layers, const KeyframeView& view, int most) {
+  const OutlineFinder finder(layers, view);
+  std::vector<OutlinePlace> all;
+  if (layers.width < 2 || layers.height < 2) return all;
+  for (int y = 0; y + 1 < layers.height; ++y) {
+    for (int x = 0; x + 1 < layers.width; ++x) {
+      for (const bool to_the_right : {true, false}) {
+        if (const auto point = finder.between(x, y, to_the_right))
+          all.push_back({*point, y * layers.width + x});
+      }
+    }
+  }
+  const int width = layers.width, tiles = (width + kTileSide - 1) / kTileSide;
+  const auto tile_of = [width, tiles](const OutlinePlace& place) {
+    return place.pixel / width / kTileSide * tiles + place.pixel % width / kTileSide;
+  };
+  std::stable_sort(all.begin(), all.end(),
+                   [&tile_of](const auto& a, const auto& b) { return tile_of(a) < tile_of(b); });
+  if (all.size() <= static_cast<std::size_t>(most)) return all;
+  std::vector<OutlinePlace> some;
+  for (int i = 0; i < most; ++i) {
+    some.push_back(all[static_cast<std::size_t>(i) * all.size() / static_cast<std::size_t>(most)]);
+  }
+  return some;
+}
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,107 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "views/view_bank.h"
+
+#include <Eigen/Geometry>
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <string>
+
+namespace nerf_pose_refiner {
+namespace {
+
+void require(bool is_right, const char* name, double value) {
+  if (!is_right) {
+    throw std::invalid_argument(std::string("ViewBankSettings::") + name + " is " +
+                                std::to_string(value));
+  }
+}
+
+/// Evenly on the sphere: a spiral with the golden angle between neighbours (Gonzalez 2010).
+std::vector<Eigen::Vector3d> fibonacciDirections(int count) {
+  const double golden_angle = M_PI * (3 - std::sqrt(5.0));
+  std::vector<Eigen::Vector3d> directions;
+  for (int i = 0; i < count; ++i) {
+    const double z = 1 - (2 * i + 1.0) / count;
+    const double radius = std::sqrt(1 - z * z);
+    directions.emplace_back(radius * std::cos(golden_angle * i),
+                            radius * std::sin(golden_angle * i), z);
+  }
+  return directions;
+}
+
+std::size_t bytesOf(const PointColumns& points) {
+  return points.cell.size() * (3 * sizeof(float) + sizeof(std::int32_t));
+}
+
+}  // namespace
+
+void ViewBankSettings::validate() const {
+  require(views >= 1 && views <= 10000, "views", views);
+  require(object_px >= 16, "object_px", object_px);
+  require(distance > 1, "distance", distance);
+  keyframe.validate();
+}
+
+ViewBank::ViewBank(std::shared_ptr<const LoadedField> field, const ViewBankSettings& settings)
+    : field_(std::move(field)),
+      settings_(settings),
+      directions_(fibonacciDirections(settings.views)),
+      views_(directions_.size()) {
+  settings_.validate();
+}
+
+std::vector<int> ViewBank::around(const Pose& T_O_C, double angle_rad) const {
+  const Eigen::Vector3d sight = (T_O_C.t - field_->field().metadata.centre).normalized();
+  std::vector<int> numbers;
+  int nearest = 0;
+  for (int i = 0; i < static_cast<int>(directions_.size()); ++i) {
+    if (directions_[i].dot(sight) > directions_[nearest].dot(sight)) nearest = i;
+    if (directions_[i].dot(sight) >= std::cos(angle_rad)) numbers.push_back(i);
+  }
+  if (numbers.empty()) numbers.push_back(nearest);
+  return numbers;
+}
+
+Pose ViewBank::poseOf(int number) const {
+  const FieldMetadata& object = field_->field().metadata;
+  const Eigen::Vector3d& direction = directions_[number];
+  Pose T_O_C;
+  T_O_C.t = object.centre + settings_.distance * object.diameter * direction;
+  T_O_C.R = nearestRotation(
+      Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), -direction).toRotationMatrix());
+  return T_O_C;
+}
+
+std::shared_ptr<const KeyframePoints> ViewBank::view(int number,
+                                                     const CancellationToken& cancellation) {
+  std::shared_ptr<const KeyframePoints>& view = views_.at(number);
+  if (view) return view;
+  const double focal = settings_.object_px * settings_.distance;
+  const int side = 2 * settings_.object_px;
+  const double middle = 0.5 * (side - 1);
+  const Camera camera = {side, side, focal, focal, middle, middle};
+  view = std::make_shared<const KeyframePoints>(
+      renderKeyframe(*field_, {camera, poseOf(number)}, settings_.keyframe, cancellation));
+  return view;
+}
+
+std::size_t ViewBank::memory_bytes() const {
+  std::size_t bytes = 0;
+  for (const auto& view : views_) bytes += view ? memoryBytes(*view) : 0;
+  return bytes;
+}
+
+std::size_t memoryBytes(const KeyframePoints& keyframe) {
+  std::size_t bytes = sizeof keyframe;
+  for (const KeyframeLevel& level : keyframe.levels) {
+    const std::size_t chosen = level.chosen.cell.size();
+    bytes += bytesOf(level.shown) + 3 * sizeof(float) * level.shown.cell.size();
+    bytes += bytesOf(level.chosen) + chosen * (10 * sizeof(float) + sizeof(ChosenSurface));
+    bytes += level.tiles.size() * sizeof(std::int32_t);
+  }
+  return bytes;
+}
+
+}  // namespace nerf_pose_refiner
