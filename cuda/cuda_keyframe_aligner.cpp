@@ -53,7 +53,9 @@ T* roomFor(std::size_t n, DeviceBuffer<T>* buffer) {
 }  // namespace
 
 CudaKeyframeAligner::CudaKeyframeAligner(int device)
-    : device_(device), stream_(CudaStream::Priority::kHighest) {}
+    : device_(device), stream_(CudaStream::Priority::kHighest) {
+  limits_ = keyframeDevice();
+}
 
 CudaKeyframeAligner::~CudaKeyframeAligner() {
   cudaSetDevice(device_);  // a destructor never throws
@@ -140,7 +142,7 @@ std::vector<Hypothesis> CudaKeyframeAligner::align(const std::vector<KeyframeSta
     growSpace(keyframes_.at(starts[i].keyframe), frame, starts_.data()[i], settings.finest_level,
               &space);
   }
-  const KeyframeCrews crews = keyframeCrews(task.count, space.window);
+  const KeyframeCrews crews = keyframeCrews(limits_, task.count, space.window);
   task.scratch = scratchFor(space, crews.crews);
   task.starts = starts_.data();
   task.found = found_.data();

@@ -15,6 +15,7 @@ namespace nerf_pose_refiner {
 /// else its backend does, and its stream goes first.
 class CudaKeyframeAligner final : public KeyframeAligner {
  public:
+  /// @param device the calling thread's.
   explicit CudaKeyframeAligner(int device);
   ~CudaKeyframeAligner() override;
 
@@ -41,6 +42,7 @@ class CudaKeyframeAligner final : public KeyframeAligner {
   KeyframeScratch scratchFor(const KeyframeSpace& space, int crews);
 
   int device_;
+  KeyframeDevice limits_;
   CudaStream stream_;
   std::map<int, CudaKeyframe> keyframes_;
   int next_ = 0;

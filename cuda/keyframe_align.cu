@@ -33,22 +33,31 @@ int rowBytes(int row_cells) { return kRowPlanes * row_cells * static_cast<int>(s
 
 }  // namespace
 
-KeyframeCrews keyframeCrews(int starts, int window) {
+KeyframeDevice keyframeDevice() {
   constexpr int kMostBlocks = 8;  // of a cluster, on every device that has them
   constexpr int kClusterCapability = 9;
-  const int processors = attributeOf(cudaDevAttrMultiProcessorCount);
-  KeyframeCrews crews;
-  crews.blocks = 1;
-  if (attributeOf(cudaDevAttrComputeCapabilityMajor) >= kClusterCapability) {
-    while (crews.blocks < kMostBlocks && 2 * crews.blocks * starts <= processors) crews.blocks *= 2;
-  }
-  crews.crews = std::min(starts, processors / crews.blocks);
-  crews.row_cells = kRunCells + 2 * window;
   cudaFuncAttributes kernel;
   NPR_CUDA_CHECK(cudaFuncGetAttributes(&kernel, alignKernel));
-  const int bytes = attributeOf(cudaDevAttrMaxSharedMemoryPerBlockOptin) -
-                    static_cast<int>(kernel.sharedSizeBytes);
-  crews.row_warps = std::min(kAlignWarps, bytes / rowBytes(crews.row_cells));
+  KeyframeDevice device;
+  device.processors = attributeOf(cudaDevAttrMultiProcessorCount);
+  const bool has_clusters = attributeOf(cudaDevAttrComputeCapabilityMajor) >= kClusterCapability;
+  device.most_blocks = has_clusters ? kMostBlocks : 1;
+  device.shared_bytes = attributeOf(cudaDevAttrMaxSharedMemoryPerBlockOptin) -
+                        static_cast<int>(kernel.sharedSizeBytes);
+  NPR_CUDA_CHECK(cudaFuncSetAttribute(alignKernel, cudaFuncAttributeMaxDynamicSharedMemorySize,
+                                      device.shared_bytes));
+  return device;
+}
+
+KeyframeCrews keyframeCrews(const KeyframeDevice& device, int starts, int window) {
+  KeyframeCrews crews;
+  crews.blocks = 1;
+  while (crews.blocks < device.most_blocks && 2 * crews.blocks * starts <= device.processors) {
+    crews.blocks *= 2;
+  }
+  crews.crews = std::min(starts, device.processors / crews.blocks);
+  crews.row_cells = kRunCells + 2 * window;
+  crews.row_warps = std::min(kAlignWarps, device.shared_bytes / rowBytes(crews.row_cells));
   if (crews.row_warps < 1) {
     throw std::runtime_error("CUDA: a keyframe's neighbourhoods of local colours, " +
                              std::to_string(window) + " cells to each side, are too large");
@@ -59,8 +68,6 @@ KeyframeCrews keyframeCrews(int starts, int window) {
 void alignKeyframes(const KeyframeAlignmentTask& task, const KeyframeCrews& crews,
                     cudaStream_t stream) {
   const int bytes = crews.row_warps * rowBytes(crews.row_cells);
-  NPR_CUDA_CHECK(
-      cudaFuncSetAttribute(alignKernel, cudaFuncAttributeMaxDynamicSharedMemorySize, bytes));
   cudaLaunchAttribute cluster = {};
   cluster.id = cudaLaunchAttributeClusterDimension;
   cluster.val.clusterDim.x = crews.blocks;

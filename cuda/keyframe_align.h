@@ -137,10 +137,20 @@ struct KeyframeCrews {
   int row_cells;  ///< that they have memory for
 };
 
+/// What of a device limits them.
+struct KeyframeDevice {
+  int processors;
+  int most_blocks;   ///< of a crew
+  int shared_bytes;  ///< of a block, for rows
+};
+
+/// Of the current device.
+KeyframeDevice keyframeDevice();
+
 /// The best for a number of starts. The result does not depend on it.
 /// @param window largest half width of the neighbourhood of local colours [cells].
 /// @throws std::runtime_error for a window that is too large for this device.
-KeyframeCrews keyframeCrews(int starts, int window);
+KeyframeCrews keyframeCrews(const KeyframeDevice& device, int starts, int window);
 
 /// Enqueues it.
 void alignKeyframes(const KeyframeAlignmentTask& task, const KeyframeCrews& crews,

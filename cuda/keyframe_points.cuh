@@ -135,62 +135,78 @@ __device__ inline void findSeenCells(const Crew& crew, const LevelScene& scene,
   crew.sync();
 }
 
-/// Colours of a cell, their squares and their weight, in two planes of shared memory.
-__device__ inline void writeCell(const float colour[3], float weight, float4* first,
-                                 float4* second) {
-  const float r = weight * colour[0], g = weight * colour[1], b = weight * colour[2];
-  *first = make_float4(r, g, b, r * colour[0]);
-  *second = make_float4(g * colour[1], b * colour[2], weight, 0);
-}
+/// What is summed of a cell, @see kRowPlanes: colours, their squares and their weight.
+template <int kPlanes>
+struct CellSums {
+  float4 planes[kPlanes];
 
-/// Samples the frame where a pose puts a cell of the keyframe. @param planes apart by `stride`.
-template <bool kWithRendered>
-__device__ inline void sampleCell(const LevelScene& scene, const PointTransform<float>& pose, int x,
-                                  int y, float4* to, int stride) {
-  const CudaKeyframeLevel& level = scene.level;
-  for (int plane = 0; plane < (kWithRendered ? 4 : 2); ++plane) {
-    to[plane * stride] = make_float4(0, 0, 0, 0);
+  __device__ void set(int plane, const float colour[3], float weight) {
+    const float r = weight * colour[0], g = weight * colour[1], b = weight * colour[2];
+    planes[plane] = make_float4(r, g, b, r * colour[0]);
+    planes[plane + 1] = make_float4(g * colour[1], b * colour[2], weight, 0);
   }
-  if (x < 0 || x >= level.width) return;
-  const int r = y * runsOf(level.width) + x / kRunCells, bit = x % kRunCells;
-  if (!(scene.seen_cells[r] >> bit & 1)) return;
+};
+
+/// Samples the frame where a pose puts a cell of the keyframe. Nothing here branches, so that the
+/// memory's answers for several cells are waited for together.
+template <int kPlanes>
+__device__ inline CellSums<kPlanes> sampleCell(const LevelScene& scene,
+                                               const PointTransform<float>& pose, int x, int y) {
+  const CudaKeyframeLevel& level = scene.level;
+  const int column = min(max(x, 0), level.width - 1);
+  const int r = y * runsOf(level.width) + column / kRunCells, bit = column % kRunCells;
   const ShownRun run = level.runs[r];
-  const int i = run.first + __popc(run.cells & ((1u << bit) - 1));
+  const bool seen = (scene.seen_cells[r] >> bit & 1) && x == column;
+  const int i = min(run.first + __popc(run.cells & ((1u << bit) - 1)), level.shown_count - 1);
   const PointInImage point = projectPoint(scene.image, pose, level.shown[i]);
   InterpolatedPixel<float> pixel[4];
   interpolateAt(scene.image, point, pixel);
-  const float weight = point.inside ? pixel[3].value : 0.0f;
+  const float weight = seen && point.inside ? pixel[3].value : 0.0f;
   const float colour[3] = {pixel[0].value, pixel[1].value, pixel[2].value};
-  writeCell(colour, weight, to, to + stride);
-  if (kWithRendered) {
+  CellSums<kPlanes> sums;
+  sums.set(0, colour, weight);
+  if (kPlanes == kRowPlanes) {
     // Where a part of the object is hidden, covered or outside of the image, the keyframe's colours
     // are normalised over the rest of it, too: otherwise what is left would differ in mean and
     // spread.
     const Vec3<float> shown = level.shown_colour[i];
     const float rendered[3] = {shown.x, shown.y, shown.z};
-    writeCell(rendered, weight, to + 2 * stride, to + 3 * stride);
+    sums.set(kPlanes - 2, rendered, weight);
   }
+  return sums;
 }
 
 /// Samples the frame where a pose puts the keyframe's cells, and sums along the rows of the grid.
 /// @param memory of the warp, null: it has none; [kRowPlanes][row_cells].
-template <bool kWithRendered>
+/// @tparam kPlanes kRowPlanes, or 2: only those of the frame.
+template <int kPlanes>
 __device__ inline void sumRows(const Crew& crew, const LevelScene& scene,
                                const PointTransform<float>& pose, float4* memory,
                                const KeyframeCrews& crews) {
   if (memory == nullptr) return;
+  constexpr int kAtOnce = 2;  // cells of a lane
   const CudaKeyframeLevel& level = scene.level;
   const int half = level.window, cells = kRunCells + 2 * half, stride = crews.row_cells;
-  const int row_runs = runsOf(level.width), runs = level.height * row_runs;
+  const int row_runs = runsOf(level.width), runs = level.height * row_runs, lane = laneIndex();
   for (int r = crew.warp(); r < runs; r += crews.row_warps * crew.blocks) {
     const int y = r / row_runs, left = r % row_runs * kRunCells;
-    for (int k = laneIndex(); k < cells; k += 32) {
-      sampleCell<kWithRendered>(scene, pose, left - half + k, y, memory + k, stride);
+    for (int k = lane; k < cells; k += kAtOnce * 32) {
+      CellSums<kPlanes> sums[kAtOnce];
+#pragma unroll
+      for (int n = 0; n < kAtOnce; ++n) {
+        sums[n] = sampleCell<kPlanes>(scene, pose, left - half + k + 32 * n, y);
+      }
+#pragma unroll
+      for (int n = 0; n < kAtOnce; ++n) {
+        for (int plane = 0; plane < kPlanes && k + 32 * n < cells; ++plane) {
+          memory[plane * stride + k + 32 * n] = sums[n].planes[plane];
+        }
+      }
     }
     __syncwarp();
-    const int x = left + laneIndex();
-    for (int plane = 0; plane < (kWithRendered ? 4 : 2) && x < level.width; ++plane) {
-      const float4* from = memory + plane * stride + laneIndex();
+    const int x = left + lane;
+    for (int plane = 0; plane < kPlanes && x < level.width; ++plane) {
+      const float4* from = memory + plane * stride + lane;
       float4 sum = make_float4(0, 0, 0, 0);
       for (int k = 0; k <= 2 * half; ++k) {
         const float4 cell = from[k];
@@ -210,6 +226,7 @@ __device__ inline LocalColours<float> localColoursAt(const LevelScene& scene, in
   const float4* second = scene.rowPlane(plane + 1) + x;
   float sums[kLocalWeight + 1] = {};
   const int last = min(y + level.window, level.height - 1);
+#pragma unroll 4
   for (int v = max(y - level.window, 0); v <= last; ++v) {
     const float4 a = first[v * level.width], b = second[v * level.width];
     sums[0] += a.x;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "keyframe_points.cuh"
+#include "math/tile_scatter.h"
 
 // A start is aligned from its coarsest level to the finest by one launch: a crew of blocks shares
 // its points, and every block takes the same steps from the same sums.
@@ -10,10 +11,8 @@ namespace nerf_pose_refiner {
 
 constexpr int kGroup = 8;  // points: lanes of a warp that sum together
 constexpr int kGroupsOfChunk = kChunkPoints / kGroup;
-// Places among the sums.
-constexpr int kFirstInformation = 4, kFirstGradient = 25;
-constexpr int kProducts = 21;  // of two numbers of a gradient
-constexpr int kScatterSums = kProducts + 2;
+constexpr int kScatterSums = 23;  // numbers of a TileScatter
+static_assert(sizeof(TileScatter) == kScatterSums * sizeof(double), "");
 
 /// What a point adds.
 struct PointTerms {
@@ -71,6 +70,8 @@ class StartAlignment {
     chunks_of_start_ = (scratch.space.chosen + kChunkPoints - 1) / kChunkPoints;
     chunk_sums_ = scratch.chunk_sums + own * 2 * chunks_of_start_ * kKeyframeSums;
     group_sums_ = scratch.group_sums + own * 2 * groupsOfStart() * kKeyframeSums;
+    copyWords(task_.starts[i], &shared_.start);
+    __syncthreads();
     if (!isFirstThread()) return;
     LevelScene& scene = shared_.scene;
     scene.rows = scratch.rows + own * kRowPlanes * scratch.space.cells;
@@ -78,7 +79,6 @@ class StartAlignment {
     scene.tests = scratch.tests + own * scratch.space.shown;
     scene.nearest = scratch.nearest + own * scratch.space.depth_cells;
     scene.points = scratch.points + own * scratch.space.chosen;
-    shared_.start = task_.starts[i];
     shared_.best = CudaAlignedKeyframe{};
     shared_.best.pose = shared_.start.pose;
     shared_.best.loss = HUGE_VAL;
@@ -115,7 +115,7 @@ class StartAlignment {
     __syncthreads();
     const LevelScene& scene = shared_.scene;
     findSeenCells(crew_, scene, shared_.transform);
-    sumRows<true>(crew_, scene, shared_.transform, row_memory_, crews_);
+    sumRows<kRowPlanes>(crew_, scene, shared_.transform, row_memory_, crews_);
     crew_.sync();
     forOwnPoints([&](int i, int) {
       if (i < scene.level.chosen_count) scene.points[i] = seenPoint(scene, shared_.transform, i);
@@ -152,10 +152,9 @@ class StartAlignment {
   __device__ __noinline__ void propose(const KeyframeLevelRules& rules) {
     const KeyframeObject object = {shared_.start.centre, shared_.start.diameter,
                                    shared_.scene.image.K.fx};
-    KeyframeStep step;
-    shared_.goes_on = proposeKeyframeStep(shared_.best.pose, shared_.best.sums, shared_.damping,
-                                          rules, object, &step) &&
-                      !(step.rim_px < rules.convergence_px);
+    const KeyframeStep step =
+        proposeKeyframeStep(shared_.best.pose, shared_.best.sums, shared_.damping, rules, object);
+    shared_.goes_on = step.exists && !(step.rim_px < rules.convergence_px);
     if (!shared_.goes_on) return;
     shared_.moved_px += step.rim_px;
     shared_.looks_around = shared_.moved_px > rules.look_around_px;
@@ -164,7 +163,7 @@ class StartAlignment {
   }
 
   __device__ void lookAround() {
-    sumRows<false>(crew_, shared_.scene, shared_.transform, row_memory_, crews_);
+    sumRows<2>(crew_, shared_.scene, shared_.transform, row_memory_, crews_);
     crew_.sync();
   }
 
@@ -289,45 +288,51 @@ class StartAlignment {
     return true;
   }
 
-  /// Writes what was found; the scatter of its gradient is summed over tiles.
-  __device__ void finish(int i) {
-    __syncthreads();
-    if (crew_.rank != 0) return;
-    const double total = sumOverWarps(shared_.best.loss < HUGE_VAL ? tileScatter() : 0.0);
-    if (threadIdx.x < kScatterSums) shared_.best.scatter[threadIdx.x] = total;
-    __syncthreads();
-    static_assert(sizeof(CudaAlignedKeyframe) % sizeof(double) == 0, "");
-    constexpr int kWords = sizeof(CudaAlignedKeyframe) / sizeof(double);
-    for (int k = threadIdx.x; k < kWords; k += kAlignThreads) {
-      reinterpret_cast<double*>(&task_.found[i])[k] =
-          reinterpret_cast<const double*>(&shared_.best)[k];
+  /// Copies by all threads of the block, which wait for the host's memory together.
+  template <typename T>
+  __device__ static void copyWords(const T& from, T* to) {
+    static_assert(sizeof(T) % sizeof(double) == 0, "");
+    for (int k = threadIdx.x; k < static_cast<int>(sizeof(T) / sizeof(double));
+         k += kAlignThreads) {
+      reinterpret_cast<double*>(to)[k] = reinterpret_cast<const double*>(&from)[k];
     }
   }
 
-  /// This lane's sum over the tiles of this warp, @see TileScatter: of the products of gradients,
-  /// then of what the tiles tell, then of its square.
-  __device__ double tileScatter() const {
-    const int lane = laneIndex(), warp = warpIndex();
-    int row = 0;
-    while ((row + 1) * (row + 2) / 2 <= lane) ++row;
-    const int column = lane - row * (row + 1) / 2;
-    const float* sums = groupSums(1 - shared_.trial_groups);
-    const CudaKeyframeLevel& level = shared_.scene.level;
-    double sum = 0;
-    for (int t = warp; t < level.tile_count; t += kAlignWarps) {
-      float value = 0;  // one of the tile's sums
-      for (int g = level.tiles[t] / kGroup; g < level.tiles[t + 1] / kGroup; ++g) {
-        value += sums[g * kKeyframeSums + lane];
-      }
-      const auto of = [value](int place) {
-        return static_cast<double>(__shfl_sync(kAllLanes, value, place));
-      };
-      const double product = of(kFirstGradient + min(row, 5)) * of(kFirstGradient + column);
-      const double told =
-          of(kFirstInformation) + of(kFirstInformation + 2) + of(kFirstInformation + 5);
-      sum += lane < kProducts ? product : lane == kProducts ? told : told * told;
+  /// Writes what was found.
+  __device__ void finish(int i) {
+    __syncthreads();
+    if (crew_.rank != 0) return;
+    TileScatter scatter;
+    if (shared_.best.loss < HUGE_VAL) scatter = ownTiles();
+    double of_warp = 0;
+    const double* sums = reinterpret_cast<const double*>(&scatter);
+#pragma unroll
+    for (int k = 0; k < kScatterSums; ++k) {
+      double sum = sums[k];
+      for (int away = 16; away > 0; away /= 2) sum += __shfl_xor_sync(kAllLanes, sum, away);
+      if (laneIndex() == k) of_warp = sum;
     }
-    return sum;
+    const double total = sumOverWarps(of_warp);
+    if (threadIdx.x < kScatterSums) shared_.best.scatter[threadIdx.x] = total;
+    __syncthreads();
+    copyWords(shared_.best, &task_.found[i]);
+  }
+
+  /// What this thread's tiles add to the scatter of the best pose's gradient.
+  __device__ TileScatter ownTiles() const {
+    const float* groups = groupSums(1 - shared_.trial_groups);
+    const CudaKeyframeLevel& level = shared_.scene.level;
+    TileScatter scatter;
+    for (int t = threadIdx.x; t < level.tile_count; t += kAlignThreads) {
+      NormalEquations6<float> tile;
+      for (int g = level.tiles[t] / kGroup; g < level.tiles[t + 1] / kGroup; ++g) {
+        const auto& sums = reinterpret_cast<const PointTerms*>(groups)[g].sums;
+        for (int k = 0; k < 21; ++k) tile.information[k] += sums.information[k];
+        for (int k = 0; k < 6; ++k) tile.gradient[k] += sums.gradient[k];
+      }
+      scatter.addTile(tile);
+    }
+    return scatter;
   }
 
   const KeyframeAlignmentTask& task_;

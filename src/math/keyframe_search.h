@@ -86,29 +86,32 @@ NPR_HOST_DEVICE inline NormalEquations6<T> equationsOf(const PointSums<T>& sums)
   return equations;
 }
 
-/// The next pose to try, and how far it moves the object's rim [px of the level].
+/// The next pose to try, and how far it moves the object's rim.
 struct KeyframeStep {
+  bool exists;    ///< not where the points do not fix the pose; the rest is then undefined
+  double rim_px;  ///< of the level
   CameraPose<double> pose;
-  double rim_px;
 };
 
-/// @param sums of the pose that the step begins at. @return false where the points do not fix the
-/// pose.
-NPR_HOST_DEVICE inline bool proposeKeyframeStep(const CameraPose<double>& from,
-                                                const PointSums<double>& sums, double damping,
-                                                const KeyframeLevelRules& rules,
-                                                const KeyframeObject& object, KeyframeStep* step) {
+/// @param sums of the pose that the step begins at.
+NPR_HOST_DEVICE inline KeyframeStep proposeKeyframeStep(const CameraPose<double>& from,
+                                                        const PointSums<double>& sums,
+                                                        double damping,
+                                                        const KeyframeLevelRules& rules,
+                                                        const KeyframeObject& object) {
   constexpr double kLeastPivot = 1e-9;
   double x[6];
-  if (!solve6(equationsOf(sums), damping, kLeastPivot, x)) return false;
+  KeyframeStep step;
+  step.exists = solve6(equationsOf(sums), damping, kLeastPivot, x);
+  if (!step.exists) return step;
   const Vec3<double> v = {x[0], x[1], x[2]}, w = {x[3], x[4], x[5]};
   const double factor =
       std::min(std::min(rules.over_relaxation, rules.max_translation * object.diameter / norm(v)),
                rules.max_rotation_rad / norm(w));
   const double depth = pointTransform(from, object.centre).t.z;
-  step->rim_px = factor * (norm(v) + 0.5 * object.diameter * norm(w)) * object.focal_px / depth;
-  step->pose = moveCamera(from, object.centre, factor * v, factor * w);
-  return true;
+  step.rim_px = factor * (norm(v) + 0.5 * object.diameter * norm(w)) * object.focal_px / depth;
+  step.pose = moveCamera(from, object.centre, factor * v, factor * w);
+  return step;
 }
 
 /// Levenberg damping of a level's first step.

@@ -22,7 +22,10 @@ Field learn() {
   TrainingPlan plan;
   plan.samples_per_step = 8192;
   plan.region = hull.region;
-  const auto backend = makeCpuBackend();
+  // Few threads: where parts of the tests run side by side, as under compute-sanitizer, the waits
+  // of more threads than there are cores would take minutes.
+  constexpr int kThreads = 2;
+  const auto backend = makeCpuBackend(kThreads);
   const auto trainer = backend->makeTrainer(config, hull.box, trainingViews(photos), plan);
   for (int i = 0; i < kSteps; ++i) trainer->step(static_cast<double>(i) / kSteps);
   return trainer->finish(CancellationToken());

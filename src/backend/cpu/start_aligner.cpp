@@ -209,11 +209,8 @@ AlignedKeyframe StartAligner::alignLevel(const std::vector<CameraPose<double>>& 
   double damping = kFirstKeyframeDamping;
   double moved_px = 0;  // since the last look around
   for (int i = 1; i < rules.max_evaluations; ++i) {
-    KeyframeStep step;
-    if (!proposeKeyframeStep(best.pose, best.sums, damping, rules, object, &step) ||
-        step.rim_px < rules.convergence_px) {
-      break;
-    }
+    const KeyframeStep step = proposeKeyframeStep(best.pose, best.sums, damping, rules, object);
+    if (!step.exists || step.rim_px < rules.convergence_px) break;
     moved_px += step.rim_px;
     if (moved_px > rules.look_around_px) {
       lookAround(step.pose);
