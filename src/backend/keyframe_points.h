@@ -74,7 +74,7 @@ struct KeyframeLevel {
   LocalColourColumns local;            ///< ... by this: the colour is (colour - mean) / deviation
   std::vector<ChosenSurface> surface;  ///< around the chosen ones
   std::vector<OutlinePoint> outline;   ///< evenly along it, sorted by tiles
-  float outline_weight = 0;  ///< of one of them, beside a chosen point
+  float outline_weight = 0;            ///< of one of them, beside a chosen point
   std::vector<std::int32_t> outline_tiles;  ///< where each tile begins; last: their number
   std::vector<std::int32_t> tiles;  ///< where each tile begins among the chosen; last: their number
 };

@@ -59,7 +59,7 @@ TEST(Symmetry, RefusesWhatNoObjectHas) {
                                      "rigid");
   const Pose shift(Eigen::Matrix3d::Identity(), {0.1, 0, 0});
   expectError<std::invalid_argument>(make(std::nullopt, {shift}), "shift");
-  expectError<std::invalid_argument>(make(std::nullopt, {turnAbout(kZ, 1)}), "no end");
+  expectError<std::invalid_argument>(make(std::nullopt, {turnAbout(kZ, 1)}), "infinitely many");
   const SymmetryAxis beside = {Eigen::Vector3d::UnitZ(), {0.3, 0, 0}};
   expectError<std::invalid_argument>(make(std::nullopt, {nFold(kZ, 2), nFold(beside, 2)}), "shift");
   expectError<std::invalid_argument>(make(kZ, {nFold(kX, 4)}), "axis onto itself");

@@ -145,7 +145,7 @@ TEST_F(KeyframeRefinerTest, SearchesMoreWidelyWhereAPoseIsDoubtful) {
   narrow.wide_starts = 0;
   KeyframeRefiner with(backend_.get(), field_, wide), without(backend_.get(), field_, narrow);
   const Observation observation = imageAt(truthAt(0));
-  const Prior jerk = priorAt(offBy(truthAt(0), 22, 0.22), 8, 0.08);
+  const Prior jerk = priorAt(offBy(truthAt(0), 20, 0.19), 8, 0.08);
   expectFound(with.follow({observation, 0}, jerk), truthAt(0), 1);
   EXPECT_LT(without.follow({observation, 0}, jerk).score, 0.5);
 }

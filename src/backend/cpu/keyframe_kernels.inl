@@ -162,8 +162,8 @@ inline ComparedGroup compareGroup(const KernelView& view, const KernelTile& tile
     rendered.dv[c] = load(colours.rendered_dv[c] + i);
   }
   compared.residual = pointResidual(rendered, observed, local, observed_fraction);
-  compared.weight = choose(compared.place.inside, load(group.weight) * load(colours.weight + i),
-                           Vector{});
+  compared.weight =
+      choose(compared.place.inside, load(group.weight) * load(colours.weight + i), Vector{});
   return compared;
 }
 
