@@ -229,20 +229,26 @@ class StartAlignment {
   __device__ void addOutline(const KeyframeLevelRules& rules, int i, PointTerms* terms) const {
     const LevelScene& scene = shared_.scene;
     if (i >= scene.level.outline_count) return;
-    const CudaOutlinePoint& place = scene.level.outline[i];
-    SeenOutline seen;
-    if (!seeOutline(scene.image, shared_.transform, place, &seen)) return;
+    const CudaOutlinePoint& point = scene.level.outline[i];
+    const Pinhole<float>& K = scene.image.K;
+    OutlineInImage place;
+    OutlineProfile profile;
+    if (!placeOutline(K, shared_.transform, point.p, point.normal, &place) ||
+        !sampleProfile(scene.image, place, &profile)) {
+      return;
+    }
+    const OutlineOpacities seen = outlineOpacities(profile);
     const OutlineRules of_outline = {rules.robust_scale, scene.level.outline_weight};
     if (kOnlyEvidence) {
       EvidenceSums<float> evidence = {};
-      addOutlineEvidence(place.opacity, seen.opacities, of_outline, &evidence);
+      addOutlineEvidence(point.opacity, seen, of_outline, &evidence);
       terms->sums.weight = evidence.explained;
       terms->sums.cost = evidence.chance;
       return;
     }
     float along[6];
-    flowAlong(scene, shared_.transform, place, seen, along);
-    addOutlinePoint(place.opacity, seen.opacities, along, of_outline, &terms->sums);
+    flowAlongNormal(K, shared_.transform, point.p, place, along);
+    addOutlinePoint(point.opacity, seen, along, of_outline, &terms->sums);
     terms->count = 1;
   }
 
