@@ -5,6 +5,7 @@
 #include <string>
 
 #include "backend/make_backend.h"
+#include "cuda_keyframe_aligner.h"
 #include "cuda_loaded_field.h"
 #include "cuda_trainer.h"
 
@@ -68,7 +69,8 @@ std::shared_ptr<const LoadedField> CudaBackend::load(std::shared_ptr<const Field
 }
 
 std::unique_ptr<KeyframeAligner> CudaBackend::makeKeyframeAligner() {
-  return makeCpuKeyframeAligner();  // outlines are aligned on the host alone so far
+  processor_->enter();
+  return std::make_unique<CudaKeyframeAligner>(processor_->device());
 }
 
 std::unique_ptr<FieldTrainer> CudaBackend::makeTrainer(const FieldConfig& config, const Box& box,

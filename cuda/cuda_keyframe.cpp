@@ -1,7 +1,9 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include "cuda_keyframe.h"
 
+#include <algorithm>
 #include <cstring>
+#include <iterator>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -31,7 +33,8 @@ class Packer {
 
 /// Where the lists of a level are.
 struct LevelPlaces {
-  std::size_t runs, shown, shown_colour, places, colours, tiles;
+  std::size_t runs, shown, shown_colour, places, colours, outline, tiles;
+  int outline_count, tile_count;
 };
 
 Vec3<float> plain(const Eigen::Vector3f& v) { return {v.x(), v.y(), v.z()}; }
@@ -76,9 +79,32 @@ std::vector<ChosenColours> coloursOf(const KeyframeLevel& level) {
   return colours;
 }
 
+/// Whole groups for each tile, and where these begin.
+struct OutlineGroups {
+  std::vector<CudaOutlinePoint> points;
+  std::vector<int> tiles;
+};
+
+OutlineGroups outlineOf(const KeyframeLevel& level) {
+  OutlineGroups groups;
+  for (std::size_t t = 0; t + 1 < level.outline_tiles.size(); ++t) {
+    groups.tiles.push_back(static_cast<int>(groups.points.size()));
+    for (std::int32_t i = level.outline_tiles[t]; i < level.outline_tiles[t + 1]; ++i) {
+      const OutlinePoint& from = level.outline[i];
+      CudaOutlinePoint to = {plain(from.point), plain(from.normal), {}};
+      std::copy(std::begin(from.opacity), std::end(from.opacity), to.opacity);
+      groups.points.push_back(to);
+    }
+    while (groups.points.size() % kPointGroup != 0) groups.points.push_back({});
+  }
+  groups.tiles.push_back(static_cast<int>(groups.points.size()));
+  return groups;
+}
+
 LevelPlaces packLevel(const KeyframeLevel& level, Packer* packer) {
   const int shown_count = shownCount(level);
-  std::vector<Vec3<float>> shown(shown_count), shown_colour(shown_count);
+  // One at least: cells that are not shown look at it, too.
+  std::vector<Vec3<float>> shown(std::max(shown_count, 1)), shown_colour(shown.size());
   for (int i = 0; i < shown_count; ++i) {
     shown[i] = {level.shown.x[i], level.shown.y[i], level.shown.z[i]};
     shown_colour[i] = {level.shown_colour[0][i], level.shown_colour[1][i],
@@ -89,13 +115,21 @@ LevelPlaces packLevel(const KeyframeLevel& level, Packer* packer) {
     places[i].p = {level.chosen.x[i], level.chosen.y[i], level.chosen.z[i]};
     places[i].cell = level.chosen.cell[i];
   }
+  const OutlineGroups outline = outlineOf(level);
+  std::vector<int> tiles(level.tiles.begin(), level.tiles.end());
+  for (const int first : outline.tiles) {
+    tiles.push_back(kChunkPoints * chunksOf(level.chosen.size()) + first);
+  }
   LevelPlaces at;
   at.runs = packer->add(runsOfLevel(level, shown_count));
   at.shown = packer->add(shown);
   at.shown_colour = packer->add(shown_colour);
   at.places = packer->add(places);
   at.colours = packer->add(coloursOf(level));
-  at.tiles = packer->add(level.tiles);
+  at.outline = packer->add(outline.points);
+  at.tiles = packer->add(tiles);
+  at.outline_count = static_cast<int>(outline.points.size());
+  at.tile_count = static_cast<int>(tiles.size()) - 1;
   return at;
 }
 
@@ -108,13 +142,17 @@ CudaKeyframeLevel levelAt(const KeyframeLevel& level, const LevelPlaces& at,
   to.window = level.window;
   to.shown_count = shownCount(level);
   to.chosen_count = level.chosen.size();
-  to.tile_count = static_cast<int>(level.tiles.size()) - 1;
-  to.point_count = level.point_count;
+  to.outline_count = at.outline_count;
+  to.tile_count = at.tile_count;
+  to.outline_points = static_cast<int>(level.outline.size());
+  to.point_count = level.point_count + to.outline_points;
+  to.outline_weight = level.outline_weight;
   to.runs = reinterpret_cast<const ShownRun*>(memory + at.runs);
   to.shown = reinterpret_cast<const Vec3<float>*>(memory + at.shown);
   to.shown_colour = reinterpret_cast<const Vec3<float>*>(memory + at.shown_colour);
   to.places = reinterpret_cast<const ChosenPlace*>(memory + at.places);
   to.colours = reinterpret_cast<const ChosenColours*>(memory + at.colours);
+  to.outline = reinterpret_cast<const CudaOutlinePoint*>(memory + at.outline);
   to.tiles = reinterpret_cast<const int*>(memory + at.tiles);
   return to;
 }

@@ -27,6 +27,8 @@ void growSpace(const CudaKeyframe& keyframe, const std::vector<CudaFrameLevel>& 
     space->runs = std::max(space->runs, size.height * runsOf(size.width));
     space->shown = std::max(space->shown, size.shown_count);
     space->chosen = std::max(space->chosen, size.chosen_count);
+    space->chunks =
+        std::max(space->chunks, chunksOf(size.chosen_count) + chunksOf(size.outline_count));
     space->depth_cells = std::max(space->depth_cells, grid.columns * grid.rows);
     space->window = std::max(space->window, size.window);
   }
@@ -40,6 +42,8 @@ AlignedKeyframe alignedOf(const CudaAlignedKeyframe& from) {
   to.scatter.information = from.scatter[21];
   to.scatter.squared_information = from.scatter[22];
   to.loss = from.loss;
+  to.most_weight = from.most_weight;
+  to.evidence = {static_cast<float>(from.explained), static_cast<float>(from.chance)};
   to.evaluations = static_cast<int>(from.evaluations);
   return to;
 }
@@ -106,7 +110,7 @@ CudaKeyframeStart CudaKeyframeAligner::startOf(const KeyframeStart& start,
 
 KeyframeScratch CudaKeyframeAligner::scratchFor(const KeyframeSpace& space, int crews) {
   const std::size_t n = crews;
-  const std::size_t chunks = (space.chosen + kChunkPoints - 1) / kChunkPoints;
+  const std::size_t chunks = space.chunks;
   constexpr std::size_t kGroups = kChunkPoints / kPointGroup;
   KeyframeScratch scratch = {};
   scratch.space = space;

@@ -34,6 +34,12 @@ struct ChosenColours {
   Pixel<float> gradient[3];
 };
 
+/// A place on the outline, @see OutlinePoint. What fills groups has no normal, and is never seen.
+struct CudaOutlinePoint {
+  Vec3<float> p, normal;
+  float opacity[kOutlineOpacities];
+};
+
 /// Cells of a run: 32 neighbours in a row of the grid.
 constexpr int kRunCells = 32;
 
@@ -48,14 +54,19 @@ inline __host__ __device__ int runsOf(int width) { return (width + kRunCells - 1
 /// A level of a keyframe, @see KeyframeLevel.
 struct CudaKeyframeLevel {
   int spacing, width, height, window;
-  int shown_count, chosen_count, tile_count;
-  int point_count;
+  int shown_count, chosen_count, outline_count, tile_count;
+  int point_count;     ///< of chosen points and of the outline, without what fills groups
+  int outline_points;  ///< of it, likewise
+  float outline_weight;
   const ShownRun* runs;      ///< [height][runsOf(width)]
   const Vec3<float>* shown;  ///< [shown_count], by cells
   const Vec3<float>* shown_colour;
   const ChosenPlace* places;  ///< [chosen_count]: whole groups, sorted by tiles
   const ChosenColours* colours;
-  const int* tiles;  ///< [tile_count + 1]
+  const CudaOutlinePoint* outline;  ///< [outline_count]: whole groups, sorted by tiles
+  /// [tile_count + 1]: where each tile begins, first of chosen points, then of the outline, whose
+  /// points begin with a new chunk.
+  const int* tiles;
 };
 
 /// A pose to start from.
@@ -74,7 +85,8 @@ struct CudaAlignedKeyframe {
   PointSums<double> sums;
   /// @see TileScatter: gradients, information, squared information.
   double scatter[23];
-  double loss;
+  double loss, most_weight;
+  double explained, chance;  ///< @see EvidenceSums
   std::int64_t evaluations;
 };
 
@@ -99,9 +111,13 @@ constexpr int kKeyframeSums = 32;
 /// Points whose sums a warp takes at once.
 constexpr int kChunkPoints = 32;
 
+inline __host__ __device__ int chunksOf(int points) {
+  return (points + kChunkPoints - 1) / kChunkPoints;
+}
+
 /// Memory that the alignment of a start needs: so much for the largest level of all.
 struct KeyframeSpace {
-  int cells, runs, shown, chosen, depth_cells;
+  int cells, runs, shown, chosen, chunks, depth_cells;
   int window;  ///< largest half width of the neighbourhood of local colours [cells]
 };
 
@@ -113,8 +129,8 @@ struct KeyframeScratch {
   OcclusionTest* tests;  ///< [starts][shown]
   int* nearest;          ///< [starts][depth_cells]: depths as integers
   SeenPoint* points;     ///< [starts][chosen]
-  float* chunk_sums;     ///< [starts][2][chosen / kChunkPoints, rounded up][kKeyframeSums]
-  float* group_sums;     ///< [starts][2][chosen / kPointGroup][kKeyframeSums]
+  float* chunk_sums;     ///< [starts][2][chunks][kKeyframeSums]
+  float* group_sums;     ///< [starts][2][chunks * groups][kKeyframeSums]
 };
 
 /// Starts to be aligned with a frame.

@@ -157,7 +157,8 @@ __device__ inline CellSums<kPlanes> sampleCell(const LevelScene& scene,
   const int r = y * runsOf(level.width) + column / kRunCells, bit = column % kRunCells;
   const ShownRun run = level.runs[r];
   const bool seen = (scene.seen_cells[r] >> bit & 1) && x == column;
-  const int i = min(run.first + __popc(run.cells & ((1u << bit) - 1)), level.shown_count - 1);
+  const int last = max(level.shown_count - 1, 0);  // the list is never empty
+  const int i = min(run.first + __popc(run.cells & ((1u << bit) - 1)), last);
   const PointInImage point = projectPoint(scene.image, pose, level.shown[i]);
   InterpolatedPixel<float> pixel[4];
   interpolateAt(scene.image, point, pixel);

@@ -1,25 +1,13 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include "keyframe_points.cuh"
-#include "math/tile_scatter.h"
+#include "keyframe_outline.cuh"
+#include "keyframe_sums.cuh"
 
 // A start is aligned from its coarsest level to the finest by one launch: a crew of blocks shares
 // its points, and every block takes the same steps from the same sums.
 
 namespace nerf_pose_refiner {
-
-constexpr int kGroup = 8;  // points: lanes of a warp that sum together
-constexpr int kGroupsOfChunk = kChunkPoints / kGroup;
-constexpr int kScatterSums = 23;  // numbers of a TileScatter
-static_assert(sizeof(TileScatter) == kScatterSums * sizeof(double), "");
-
-/// What a point adds.
-struct PointTerms {
-  PointSums<float> sums;
-  float count;
-};
-static_assert(sizeof(PointTerms) == kKeyframeSums * sizeof(float), "");
 
 /// What the threads of a block share of a start.
 struct SharedSearch {
@@ -29,7 +17,7 @@ struct SharedSearch {
   CameraPose<double> trial;
   CudaAlignedKeyframe best;
   PointSums<double> sums;  ///< of the trial
-  int points;              ///< of the level, that are not hidden
+  SeenPoints seen;         ///< of the trial
   double damping;
   double moved_px;  ///< since the last look around
   bool goes_on, looks_around;
@@ -67,7 +55,7 @@ class StartAlignment {
   __device__ void begin(int crew, int i) {
     const KeyframeScratch& scratch = task_.scratch;
     const std::size_t own = crew;
-    chunks_of_start_ = (scratch.space.chosen + kChunkPoints - 1) / kChunkPoints;
+    chunks_of_start_ = scratch.space.chunks;
     chunk_sums_ = scratch.chunk_sums + own * 2 * chunks_of_start_ * kKeyframeSums;
     group_sums_ = scratch.group_sums + own * 2 * groupsOfStart() * kKeyframeSums;
     copyWords(task_.starts[i], &shared_.start);
@@ -99,6 +87,19 @@ class StartAlignment {
       alignLevel(task_.rules[level], from_start_too);
       from_start_too = level > task_.finest_level + 1;
     }
+    __syncthreads();
+    if (shared_.best.loss < HUGE_VAL) findEvidence();
+  }
+
+  /// What speaks for the best pose, by the colours around it.
+  __device__ void findEvidence() {
+    if (isFirstThread()) setTrial(shared_.best.pose);
+    __syncthreads();
+    lookAround();
+    evaluate<true>(task_.rules[task_.finest_level], true);
+    if (!isFirstThread()) return;
+    shared_.best.explained = shared_.sums.weight;
+    shared_.best.chance = shared_.sums.cost;
   }
 
   __device__ void beginLevel(int level, int frame_level) {
@@ -106,6 +107,8 @@ class StartAlignment {
     if (isFirstThread()) {
       shared_.scene.level = shared_.start.levels[level];
       shared_.scene.image = task_.frame[frame_level];
+      shared_.seen.outline = shared_.scene.level.outline_points;
+      shared_.seen.outline_weight = shared_.scene.level.outline_weight;
       setTrial(shared_.best.pose);
       shared_.best.sums = {};
       shared_.best.loss = HUGE_VAL;
@@ -177,8 +180,10 @@ class StartAlignment {
     }
   }
 
+  __device__ int chosenChunks() const { return chunksOf(shared_.scene.level.chosen_count); }
+  /// Of chosen points, then of the outline.
   __device__ int chunkCount() const {
-    return (shared_.scene.level.chosen_count + kChunkPoints - 1) / kChunkPoints;
+    return chosenChunks() + chunksOf(shared_.scene.level.outline_count);
   }
   __device__ int groupsOfStart() const { return chunks_of_start_ * kGroupsOfChunk; }
   __device__ float* groupSums(int which) const {
@@ -187,6 +192,8 @@ class StartAlignment {
 
   /// Sums of the trial, in shared memory behind it for the block's first warp.
   /// @param looks whether rows were summed anew: local colours follow from them.
+  /// @tparam kOnlyEvidence weight and cost are what explains the image and chance instead.
+  template <bool kOnlyEvidence = false>
   __device__ void evaluate(const KeyframeLevelRules& rules, bool looks) {
     // Taken in turns: another block may still be reading the ones before.
     const std::size_t turn = static_cast<std::size_t>(chunk_turn_) * chunks_of_start_;
@@ -195,7 +202,11 @@ class StartAlignment {
     float* group_sums = groupSums(shared_.trial_groups);
     forOwnPoints([&](int i, int chunk) {
       PointTerms terms = {};
-      if (i < shared_.scene.level.chosen_count) addTerms(rules, i, looks, &terms);
+      if (chunk >= chosenChunks()) {
+        addOutline<kOnlyEvidence>(rules, i - chosenChunks() * kChunkPoints, &terms);
+      } else if (i < shared_.scene.level.chosen_count) {
+        addTerms<kOnlyEvidence>(rules, i, looks, &terms);
+      }
       float* values = reinterpret_cast<float*>(&terms);
       sumGroup(values);
       const int slot = laneIndex() % kGroup;
@@ -214,6 +225,34 @@ class StartAlignment {
     sumChunks(chunk_sums);
   }
 
+  template <bool kOnlyEvidence>
+  __device__ void addOutline(const KeyframeLevelRules& rules, int i, PointTerms* terms) const {
+    const LevelScene& scene = shared_.scene;
+    if (i >= scene.level.outline_count) return;
+    const CudaOutlinePoint& point = scene.level.outline[i];
+    const Pinhole<float>& K = scene.image.K;
+    OutlineInImage place;
+    OutlineProfile profile;
+    if (!placeOutline(K, shared_.transform, point.p, point.normal, &place) ||
+        !sampleProfile(scene.image, place, &profile)) {
+      return;
+    }
+    const OutlineOpacities seen = outlineOpacities(profile);
+    const OutlineRules of_outline = {rules.robust_scale, scene.level.outline_weight};
+    if (kOnlyEvidence) {
+      EvidenceSums<float> evidence = {};
+      addOutlineEvidence(point.opacity, seen, of_outline, &evidence);
+      terms->sums.weight = evidence.explained;
+      terms->sums.cost = evidence.chance;
+      return;
+    }
+    float along[6];
+    flowAlongNormal(K, shared_.transform, point.p, place, along);
+    addOutlinePoint(point.opacity, seen, along, of_outline, &terms->sums);
+    terms->count = 1;
+  }
+
+  template <bool kOnlyEvidence>
   __device__ void addTerms(const KeyframeLevelRules& rules, int i, bool looks,
                            PointTerms* terms) const {
     const LevelScene& scene = shared_.scene;
@@ -225,42 +264,45 @@ class StartAlignment {
     InterpolatedPixel<float> pixel[4];
     interpolateAt(scene.image, point, pixel);
     const float weight = point.inside ? pixel[3].value * seen.weight : 0.0f;
-    addPoint(pointFlow(scene.image.K, transform, place.p, point.q),
-             pointResidual(seen.rendered, pixel, seen.local, rules.observed_fraction), weight,
+    const PointResidual<float> residual =
+        pointResidual(seen.rendered, pixel, seen.local, rules.observed_fraction);
+    if (kOnlyEvidence) {
+      EvidenceSums<float> evidence = {};
+      addEvidence(residual, weight, rules.robust_scale, &evidence);
+      terms->sums.weight = evidence.explained;
+      terms->sums.cost = evidence.chance;
+      return;
+    }
+    addPoint(pointFlow(scene.image.K, transform, place.p, point.q), residual, weight,
              rules.robust_scale, &terms->sums);
     terms->count = seen.weight;
   }
 
-  /// Sums over the lanes of a group: lane k of it gets sums 4 k to 4 k + 3, as values 0 to 3. Each
-  /// time, lanes give one half of their values away and get the other half of those they keep.
-  __device__ static void sumGroup(float* values) {
-#pragma unroll
-    for (int half = kKeyframeSums / 2, away = kGroup / 2; away > 0; half /= 2, away /= 2) {
-      const bool upper = laneIndex() & away;
-#pragma unroll
-      for (int k = 0; k < half; ++k) {
-        const float given = upper ? values[k] : values[k + half];
-        const float kept = upper ? values[k + half] : values[k];
-        values[k] = kept + __shfl_xor_sync(kAllLanes, given, away);
-      }
-    }
-  }
-
   /// In an order that does not depend on the crew.
   __device__ void sumChunks(const float* chunk_sums) {
-    const int chunks = chunkCount(), warp = warpIndex();
-    double sum = 0;
-#pragma unroll 4
-    for (int chunk = warp; chunk < chunks; chunk += kAlignWarps) {
-      sum += chunk_sums[chunk * kKeyframeSums + laneIndex()];
-    }
-    const double total = sumOverWarps(sum);
-    if (warp != 0) return;
-    if (laneIndex() == kKeyframeSums - 1) shared_.points = static_cast<int>(total);
-    if (laneIndex() < kKeyframeSums - 1) {
-      reinterpret_cast<double*>(&shared_.sums)[laneIndex()] = total;
+    const int chosen = chosenChunks(), all = chunkCount();
+    const double of_chosen = sumOverWarps(sumRange(chunk_sums, 0, chosen));
+    __syncthreads();
+    const double of_outline = sumOverWarps(sumRange(chunk_sums, chosen, all));
+    if (warpIndex() != 0) return;
+    if (laneIndex() == 0) shared_.seen.weight = of_chosen;
+    if (laneIndex() == kKeyframeSums - 1) {
+      shared_.seen.points = static_cast<int>(of_chosen);
+      shared_.seen.outline_seen = static_cast<int>(of_outline);
+    } else {
+      reinterpret_cast<double*>(&shared_.sums)[laneIndex()] = of_chosen + of_outline;
     }
     __syncwarp();
+  }
+
+  /// This warp's share of the chunks first <= chunk < last.
+  __device__ static double sumRange(const float* chunk_sums, int first, int last) {
+    double sum = 0;
+#pragma unroll 4
+    for (int chunk = first + warpIndex(); chunk < last; chunk += kAlignWarps) {
+      sum += chunk_sums[chunk * kKeyframeSums + laneIndex()];
+    }
+    return sum;
   }
 
   /// Sums of the lanes over all warps, for the lanes of the first one.
@@ -278,24 +320,14 @@ class StartAlignment {
   /// By one thread. @return whether the trial is the best so far.
   __device__ bool judge(const KeyframeLevelRules& rules) {
     ++shared_.best.evaluations;
-    const double loss = keyframeLoss(
-        shared_.sums.cost, {shared_.points, shared_.sums.weight, 0, 0, 0.0f}, rules.robust_scale);
+    const double loss = keyframeLoss(shared_.sums.cost, shared_.seen, rules.robust_scale);
     if (!(loss < shared_.best.loss)) return false;
+    shared_.best.most_weight = shared_.seen.mostWeight();
     shared_.best.loss = loss;
     shared_.best.pose = shared_.trial;
     shared_.best.sums = shared_.sums;
     shared_.trial_groups = 1 - shared_.trial_groups;
     return true;
-  }
-
-  /// Copies by all threads of the block, which wait for the host's memory together.
-  template <typename T>
-  __device__ static void copyWords(const T& from, T* to) {
-    static_assert(sizeof(T) % sizeof(double) == 0, "");
-    for (int k = threadIdx.x; k < static_cast<int>(sizeof(T) / sizeof(double));
-         k += kAlignThreads) {
-      reinterpret_cast<double*>(to)[k] = reinterpret_cast<const double*>(&from)[k];
-    }
   }
 
   /// Writes what was found.

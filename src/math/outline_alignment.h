@@ -23,6 +23,8 @@ constexpr int kOutlineOpacities = 2 * kOutlineCompared + 1;
 constexpr float kOutlineContrast = 0.06f;
 /// Residuals of opacity are multiplied by it before they meet the robust loss of colours.
 constexpr float kOutlineScale = 2;
+/// Places of less weight in the image show nothing.
+constexpr float kOutlineSeen = 0.99f;
 /// Squared residual, so scaled, where the image shows no such outline.
 constexpr float kOutlineChance = 0.16f * kOutlineScale * kOutlineScale;
 
@@ -57,6 +59,40 @@ NPR_HOST_DEVICE inline OutlineOpacities outlineOpacities(const OutlineProfile& p
     opacities.value[i] = factor * along;
   }
   return opacities;
+}
+
+/// Where the image shows a point of an outline.
+struct OutlineInImage {
+  Vec3<float> q;  ///< in C
+  Pixel<float> middle;
+  Pixel<float> step;  ///< along the normal that points outside, a pixel of the keyframe
+};
+
+/// @param p relative to the object's centre, in the axes of O. @param normal a pixel of the
+/// keyframe to the outside, alike.
+/// @return false: the point lies behind the camera, or its normal is seen end-on.
+NPR_HOST_DEVICE inline bool placeOutline(const Pinhole<float>& K, const PointTransform<float>& pose,
+                                         const Vec3<float>& p, const Vec3<float>& normal,
+                                         OutlineInImage* place) {
+  constexpr float kEndOn = 0.1f;  // squared length of the step [px^2]
+  place->q = inCamera(pose, p);
+  const Vec3<float> beside = inCamera(pose, p + normal);
+  if (!(place->q.z > 0 && beside.z > 0)) return false;
+  const Pixel<float> end = project(K, beside);
+  place->middle = project(K, place->q);
+  place->step = {end.u - place->middle.u, end.v - place->middle.v};
+  return place->step.u * place->step.u + place->step.v * place->step.v > kEndOn;
+}
+
+/// How the image flows along the normal when the camera moves [px of the keyframe].
+NPR_HOST_DEVICE inline void flowAlongNormal(const Pinhole<float>& K,
+                                            const PointTransform<float>& pose, const Vec3<float>& p,
+                                            const OutlineInImage& place, float along[6]) {
+  const PixelFlow<float> flow = pointFlow(K, pose, p, place.q);
+  const float squared = place.step.u * place.step.u + place.step.v * place.step.v;
+  for (int k = 0; k < 6; ++k) {
+    along[k] = (place.step.u * flow.u[k] + place.step.v * flow.v[k]) / squared;
+  }
 }
 
 /// How points of an outline are summed.

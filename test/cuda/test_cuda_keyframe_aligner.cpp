@@ -33,6 +33,21 @@ class CudaKeyframeAligner : public CudaTest, protected KeyframeScene {
     return aligner->align(starts, settings, {});
   }
 
+  // As of an object without any texture: nothing but its outline is chosen.
+  Keyframe onlyOutline(const Pose& T_O_C) const {
+    KeyframePoints points = keyframeAt(T_O_C);
+    for (KeyframeLevel& level : points.levels) {
+      level.chosen = {};
+      level.point_count = 0;
+      level.weight.clear();
+      for (auto& colour : level.colour) colour.clear();
+      level.local = {};
+      level.surface.clear();
+      level.tiles = {0};
+    }
+    return std::make_shared<const KeyframePoints>(points);
+  }
+
   // Along and about each axis, both ways.
   std::vector<Pose> startsAround(double deg) const {
     std::vector<Pose> starts;
@@ -107,6 +122,7 @@ class CudaKeyframeAligner : public CudaTest, protected KeyframeScene {
     EXPECT_EQ(a.T_O_C.R, b.T_O_C.R);
     EXPECT_EQ(a.T_O_C.t, b.T_O_C.t);
     EXPECT_EQ(a.loss, b.loss);
+    EXPECT_EQ(a.score, b.score);
     EXPECT_EQ(a.information, b.information);
     EXPECT_EQ(a.gradient_scatter, b.gradient_scatter);
     EXPECT_EQ(a.iterations, b.iterations);
@@ -139,6 +155,15 @@ TEST_F(CudaKeyframeAligner, SumsAsTheCpuWithWideNeighbourhoods) {
   settings.coarsest_window_px = 25;  // wider than a row of the grid
   settings.max_shown = 1000000;
   expectSameSums(observed(imageOf(truth_)), keyframe(truth_, settings), startsAround(4));
+}
+
+TEST_F(CudaKeyframeAligner, SumsAsTheCpuOutlinesAlone) {
+  const Keyframe outline = onlyOutline(truth_);
+  ASSERT_GE(outline->levels[0].outline.size(), 24u);  // enough for a pose
+  const Image image = imageOf(truth_);
+  expectSameSums(observed(image), outline, startsAround(1));
+  expectSameSums(withoutCovered(image), outline, startsAround(1));
+  EXPECT_GT(align(cuda.get(), observed(image), outline, {truth_}).front().score, 0.1);
 }
 
 TEST_F(CudaKeyframeAligner, EndsWhereTheCpuEnds) {
