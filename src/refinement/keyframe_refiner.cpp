@@ -9,6 +9,8 @@
 #include <stdexcept>
 #include <string>
 
+#include "refinement/plan.h"
+
 namespace nerf_pose_refiner {
 namespace {
 
@@ -55,7 +57,8 @@ KeyframeRefiner::KeyframeRefiner(Backend* backend, std::shared_ptr<const LoadedF
 Refinement KeyframeRefiner::follow(const TimedObservation& image, const Prior& prior,
                                    const CancellationToken& cancellation) {
   const Camera& camera = image.observation.camera;
-  const Refinement result = refine(prior, [&] {
+  const Refinement result = refine(prior, [&]() -> HypothesisTable {
+    if (!objectRegion(camera, prior, field_->field().metadata)) return {};
     takeRenewal(image.stamp_ns, cancellation);
     if (!search_.distanceOfNearest(prior.T_O_C)) makeAt({camera, prior.T_O_C}, cancellation);
     return search_.near(image.observation, prior, cancellation);
@@ -68,7 +71,8 @@ Refinement KeyframeRefiner::find(const TimedObservation& image, const Prior& pri
                                  const CancellationToken& cancellation) {
   constexpr std::size_t kRendered = 2;  // of the candidates
   const Camera& camera = image.observation.camera;
-  const Refinement result = refine(prior, [&] {
+  const Refinement result = refine(prior, [&]() -> HypothesisTable {
+    if (!objectRegion(camera, prior, field_->field().metadata)) return {};
     waitForRenderings(cancellation);
     const HypothesisTable candidates = search_.around(image.observation, prior, cancellation);
     for (std::size_t i = 0; i < std::min(kRendered, candidates.size()); ++i) {
@@ -139,7 +143,8 @@ Refinement KeyframeRefiner::conclude(const HypothesisTable& found, const Prior& 
   result.T_O_C = prior.T_O_C;
   result.hypotheses = found;
   if (found.empty() || found.front().state != HypothesisState::kLive) {
-    const bool outside = !found.empty() && found.front().state == HypothesisState::kOutOfImage;
+    // (Without a hypothesis the prior lies outside of the image.)
+    const bool outside = found.empty() || found.front().state == HypothesisState::kOutOfImage;
     result.outcome = outside ? Outcome::kNoOverlap : Outcome::kDiverged;
     return result;
   }
