@@ -12,7 +12,7 @@ namespace {
 constexpr double kDegree = 0.017453292519943295;
 constexpr std::uint64_t kSeed = 1;
 constexpr double kWindowMargin = 0.2;  // around the object [diameters]
-constexpr double kAnyScale = 3;        // small views are compared at the image's own levels
+constexpr double kAnyScale = 1e3;      // small views are compared at the image's own levels
 
 bool isBetter(const Hypothesis& a, const Hypothesis& b) {
   const bool a_lives = a.state == HypothesisState::kLive;
@@ -146,6 +146,7 @@ HypothesisTable KeyframeSearch::around(const Observation& observation, const Pri
     is_loaded_[number] = 1;
   }
   const KeyframeSet::Entry* const nearest = small_.nearest(prior.T_O_C);
+  if (nearest == nullptr) return {};
   FrameWindow window = frameWindowFor(*nearest->keyframe, observation.camera, prior.T_O_C,
                                       kWindowMargin + prior.translation);
   if (window.finest > 0) {  // some starts are farther away

@@ -161,6 +161,30 @@ TEST_F(KeyframeRefinerTest, SaysThatTheObjectIsNotThere) {
   EXPECT_EQ(refiner.follow({empty, 1}, priorAt(beside, 5, 0.05)).outcome, Outcome::kNoOverlap);
 }
 
+TEST_F(KeyframeRefinerTest, APriorFarOutsideOfTheImageIsSearchedWithoutHarm) {
+  KeyframeSearch search(backend_.get(), field_, fromFile());
+  const Observation observation = imageAt(truthAt(0));
+  for (const double away : {5.0, 1e2, 1e4}) {
+    Pose beside = truthAt(0);
+    beside.t += away * beside.R.col(0);
+    const HypothesisTable candidates = search.around(observation, priorAt(beside, 15, 0.15), {});
+    search.add(std::make_shared<const KeyframePoints>(renderKeyframe(*field_, {kCamera, beside})));
+    for (const Hypothesis& found : search.from(observation, candidates, {})) {
+      EXPECT_NE(found.state, HypothesisState::kLive) << away;
+    }
+  }
+}
+
+TEST_F(KeyframeRefinerTest, AnObjectTooFarOrTooNearToBeSeenIsNotFound) {
+  KeyframeRefiner refiner(backend_.get(), field_, fromFile());
+  const Observation observation = imageAt(truthAt(0));
+  for (const double distance : {0.7, 60.0, 1e3, 1e6}) {  // [diameters]
+    const Prior prior = priorAt(cameraAround(*field_, 0.5, 0.4, distance), 15, 0.15);
+    EXPECT_LT(refiner.find({observation, 0}, prior).score, 0.2) << distance;
+    EXPECT_LT(refiner.follow({observation, 0}, prior).score, 0.2) << distance;
+  }
+}
+
 TEST_F(KeyframeRefinerTest, CanBeCancelled) {
   KeyframeRefiner refiner(backend_.get(), field_, fromFile());
   const Observation observation = imageAt(truthAt(0));

@@ -21,6 +21,9 @@ FrameWindow frameWindowFor(const KeyframePoints& keyframe, const Camera& camera,
   window.levels = static_cast<int>(keyframe.levels.size());
   const int finest = frameLevelFor(keyframe, camera, T_O_C);
   window.finest = std::max(0, finest);
+  while (window.finest > 0 && std::min(camera.width, camera.height) >> (window.finest + 1) < 1) {
+    --window.finest;  // the object is so near that a pixel of the keyframe covers the image
+  }
   window.levels = std::max(1, window.levels + std::min(0, finest));
   while (window.levels > 1 &&
          std::min(camera.width, camera.height) >> (window.finest + window.levels) < 1) {
