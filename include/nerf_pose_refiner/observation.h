@@ -2,9 +2,11 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <memory>
 
 #include "nerf_pose_refiner/camera.h"
 #include "nerf_pose_refiner/image.h"
+#include "nerf_pose_refiner/undistorter.h"
 
 namespace nerf_pose_refiner {
 
@@ -18,8 +20,10 @@ enum class Background {
 
 /// One image to be explained: an undistorted camera image and what is known of its background.
 struct Observation {
-  Image image;   ///< [h][w][3] RGB, sRGB-encoded, 0..1, as the camera saw it: not premultiplied,
-                 ///< except for kKnownAlpha, where it is premultiplied by `alpha`
+  Image image;  ///< [h][w][3] RGB, sRGB-encoded, 0..1, as the camera saw it: not premultiplied,
+                ///< except for kKnownAlpha, where it is premultiplied by `alpha`
+  /// The image in a camera's bytes, instead of `image`, which is empty then.
+  std::shared_ptr<const CameraPixels> pixels;
   Image alpha;   ///< [h][w][1], 0..1, for kKnownAlpha and kMask; empty otherwise
   Image weight;  ///< [h][w][1], 0..1, weight of a pixel (0: the robot's own gripper); empty: all 1
   Camera camera;
@@ -32,10 +36,11 @@ struct Observation {
 };
 
 /// A camera image before an unknown background, or with a mask of the object.
-/// @param rgb [h][w][3], undistorted (undistorter.h). @param camera of it.
+/// @param rgb [h][w][3], undistorted (undistorter.h); move it here to save a copy.
+/// @param camera of it.
 /// @param mask [h][w][1], not zero on the object; empty: there is none.
 /// @throws std::invalid_argument if sizes or channels do not fit, or for a camera that makes no
 /// sense.
-Observation observe(const Image8& rgb, const Camera& camera, const Image8& mask = {});
+Observation observe(Image8 rgb, const Camera& camera, const Image8& mask = {});
 
 }  // namespace nerf_pose_refiner
