@@ -93,20 +93,20 @@ class PoseSolver {
   virtual void sample(const std::vector<Pose>& priors_T_O_C, const SamplingPlan& plan) = 0;
 
   /// Direct alignment of every live hypothesis on one level (@see AlignStage).
-  virtual void align(int level, const AlignStage& stage, const CancellationToken& stop) = 0;
+  virtual void align(int level, const AlignStage& stage, const CancellationToken& cancellation) = 0;
 
   /// Scores every live hypothesis on one common set of pixels of a level.
-  virtual void score(int level, const AlignStage& stage, const CancellationToken& stop) = 0;
+  virtual void score(int level, const AlignStage& stage, const CancellationToken& cancellation) = 0;
 
   /// First-order inversion (the paper's mode): gradient steps, numbered within the whole run.
   /// Moments start anew after `sample` and `resample`.
   virtual void optimise(int level, const OptimisationPlan& plan, const StepRange& steps,
-                        const CancellationToken& stop) = 0;
+                        const CancellationToken& cancellation) = 0;
 
   /// Sets the loss of every live hypothesis to its mean over `pixels` pixels of a level, the same
   /// for all, drawn from `plan.seed`: the plan's own loss, where `score` has a robust one.
   virtual void evaluate(int level, const OptimisationPlan& plan, int pixels,
-                        const CancellationToken& stop) = 0;
+                        const CancellationToken& cancellation) = 0;
 
   /// In each search: keeps the best, merges duplicates, and seeds new ones around the survivors.
   virtual void resample(const ResamplingPlan& plan) = 0;
@@ -131,7 +131,7 @@ class LoadedField {
 
   /// Waits. @throws std::invalid_argument for a camera or a pose that makes no sense, Cancelled.
   virtual Rendering render(const View& view, const RenderOptions& options,
-                           const CancellationToken& stop) const = 0;
+                           const CancellationToken& cancellation) const = 0;
 
   /// A solver for at most `capacity` hypotheses. The field must live longer.
   /// @param levels parts of the observation, resized: what stages look at.

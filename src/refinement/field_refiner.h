@@ -33,7 +33,7 @@ enum class Outcome {
   kRefined,    ///< a pose was found; `score` says how well it explains the image
   kNoOverlap,  ///< the prior lies wholly outside of the image
   kDiverged,   ///< no hypothesis survived
-  kCancelled,  ///< the stop token was set
+  kCancelled,  ///< a cancellation was requested
 };
 
 /// One line of the trace: the state after a stage.
@@ -72,7 +72,7 @@ class FieldRefiner {
 
   /// @throws std::invalid_argument for an observation or a prior that makes no sense (sizes, NaN).
   Refinement refine(const LoadedField& field, const Observation& observation, const Prior& prior,
-                    const CancellationToken& stop = {});
+                    const CancellationToken& cancellation = {});
 
   /// The same from several priors. Inversions share one solver: each has its part of the time and
   /// work, and there must be memory for as many samples a step as all of them take.
@@ -80,7 +80,7 @@ class FieldRefiner {
   /// @throws std::invalid_argument also for priors of inversions that are not equally wide.
   std::vector<Refinement> refineAll(const LoadedField& field, const Observation& observation,
                                     const std::vector<Prior>& priors,
-                                    const CancellationToken& stop = {});
+                                    const CancellationToken& cancellation = {});
 
   const RefinerSettings& settings() const { return settings_; }
 

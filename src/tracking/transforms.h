@@ -18,7 +18,7 @@ class Transforms {
   /// late.
   /// @throws InputError (kNoTransform) if it is not known.
   virtual Pose inCamera(const TimedPose& estimate, const ImageStamp& image,
-                        const CancellationToken& stop) const = 0;
+                        const CancellationToken& cancellation) const = 0;
 
   /// Time went back: what was known of times before is worthless.
   virtual void clear() {}
@@ -29,7 +29,7 @@ class Transforms {
 class CameraFrameOnly : public Transforms {
  public:
   Pose inCamera(const TimedPose& estimate, const ImageStamp& image,
-                const CancellationToken& stop) const override;
+                const CancellationToken& cancellation) const override;
 };
 
 }  // namespace nerf_pose_refiner

@@ -104,15 +104,17 @@ Camera keyframeCamera(const Camera& camera, const Pose& T_O_C, const FieldMetada
 }
 
 KeyframePoints renderKeyframe(const LoadedField& field, const View& view,
-                              const KeyframeSettings& settings, const CancellationToken& stop) {
+                              const KeyframeSettings& settings,
+                              const CancellationToken& cancellation) {
   settings.validate();
   const FieldMetadata& object = field.field().metadata;
   int reduction = 1;
   const Camera window = keyframeCamera(view.camera, view.T_O_C, object, settings, &reduction);
   const int n = settings.rays_per_side;
   const Camera finer = window.resized(n * window.width, n * window.height);
-  KeyframePoints keyframe = makeKeyframe(field.render({finer, view.T_O_C}, RenderOptions(), stop),
-                                         window, view.T_O_C, object, settings);
+  KeyframePoints keyframe =
+      makeKeyframe(field.render({finer, view.T_O_C}, RenderOptions(), cancellation), window,
+                   view.T_O_C, object, settings);
   keyframe.camera = view.camera;
   keyframe.reduction = reduction;
   return keyframe;

@@ -33,7 +33,7 @@ Camera keyframeCamera(const Camera& camera, const Pose& T_O_C, const FieldMetada
 /// @throws std::invalid_argument if the object is not before the camera.
 KeyframePoints renderKeyframe(const LoadedField& field, const View& view,
                               const KeyframeSettings& settings = {},
-                              const CancellationToken& stop = {});
+                              const CancellationToken& cancellation = {});
 
 /// A keyframe of a rendering. @param camera of the finest level, as keyframeCamera has it; the
 /// rendering has `rays_per_side` pixels along each pixel of it.
