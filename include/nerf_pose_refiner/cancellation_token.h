@@ -14,18 +14,18 @@ struct Cancelled : std::runtime_error {
   Cancelled() : std::runtime_error("cancelled on request") {}
 };
 
-/// Asks a long operation to end, or to rest for a while. Copies share their state; any thread may
-/// set it, and a signal handler may.
+/// Asks a long operation to end, or to pause. Copies share one state, which any thread and any
+/// signal handler may change.
 class CancellationToken {
  public:
   CancellationToken() : state_(std::make_shared<State>()) {}
   void requestCancel() const { state_->cancelled.store(true, std::memory_order_relaxed); }
   bool cancelRequested() const { return state_->cancelled.load(std::memory_order_relaxed); }
-  /// While paused, `check` holds up the threads of the operation.
+  /// While paused, `check` blocks the threads of the operation.
   void setPaused(bool paused) const { state_->paused.store(paused, std::memory_order_relaxed); }
-  /// Rests while the operation is paused. @throws Cancelled if a cancellation was requested.
+  /// Waits while the operation is paused. @throws Cancelled if a cancellation was requested.
   void check() const {
-    // Polled: a signal handler could wake nobody.
+    // Polled, because a signal handler cannot notify a condition variable.
     while (state_->paused.load(std::memory_order_relaxed) && !cancelRequested()) {
       std::this_thread::sleep_for(std::chrono::milliseconds(1));
     }
