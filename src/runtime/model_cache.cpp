@@ -66,8 +66,8 @@ std::shared_ptr<const Field> ModelCache::find(const std::string& path, const Ide
 }
 
 /// What was read of the same model's file, whatever its object's metadata.
-std::shared_ptr<const Field> ModelCache::findLooks(const std::string& path,
-                                                   const Identity& identity) const {
+std::shared_ptr<const Field> ModelCache::findSameModel(const std::string& path,
+                                                       const Identity& identity) const {
   std::lock_guard<std::mutex> lock(mutex_);
   for (const Entry& entry : entries_) {
     if (entry.path == path && entry.identity.model == identity.model) return entry.field;
@@ -137,10 +137,10 @@ void ModelCache::insert(const std::string& path, const Identity& identity,
 /// held. @return null: files changed meanwhile, so that it is not known which were read.
 std::shared_ptr<const Field> ModelCache::read(const std::string& path, const Identity& identity) {
   std::shared_ptr<Field> field;
-  const std::shared_ptr<const Field> looks = findLooks(path, identity);
-  if (looks) {
+  const std::shared_ptr<const Field> same_model = findSameModel(path, identity);
+  if (same_model) {
     // The budget does not count it twice: the old one goes as soon as its users have the new one.
-    field = std::make_shared<Field>(*looks);
+    field = std::make_shared<Field>(*same_model);
     field->metadata = readObject(path);
   } else {
     {
@@ -153,7 +153,7 @@ std::shared_ptr<const Field> ModelCache::read(const std::string& path, const Ide
   }
   if (!(identityOf(path) == identity)) return nullptr;
   field->metadata.name = std::filesystem::path(path).stem().string();  // it may be renamed
-  if (!looks) {
+  if (!same_model) {
     insert(path, identity, field);
     return field;
   }

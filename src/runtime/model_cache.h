@@ -102,7 +102,8 @@ class ModelCache {
   void supersede(const std::string& path);
   Entry* entryOf(const std::shared_ptr<const Field>& field);
   std::shared_ptr<const Field> find(const std::string& path, const Identity& identity);
-  std::shared_ptr<const Field> findLooks(const std::string& path, const Identity& identity) const;
+  std::shared_ptr<const Field> findSameModel(const std::string& path,
+                                             const Identity& identity) const;
   std::shared_ptr<const Field> read(const std::string& path, const Identity& identity);
   bool isSettled(const std::shared_ptr<const Field>& field, const Identity& identity);
   void makeRoom(const std::string& path, std::size_t bytes);

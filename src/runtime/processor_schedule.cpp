@@ -12,7 +12,7 @@ std::chrono::steady_clock::duration gapAfter(std::chrono::steady_clock::duration
   constexpr double kFraction = ProcessorSchedule::kTrainingFraction;
   const double gap_s = std::chrono::duration<double>(busy).count() * kFraction / (1 - kFraction);
   return std::chrono::duration_cast<std::chrono::steady_clock::duration>(
-      std::chrono::duration<double>(std::min(gap_s, ProcessorSchedule::kLongestGap_s)));
+      std::chrono::duration<double>(std::min(gap_s, ProcessorSchedule::kMaxGap_s)));
 }
 
 }  // namespace
@@ -43,7 +43,7 @@ ProcessorSchedule::Training::~Training() {
 bool ProcessorSchedule::trainingIsDue(Clock::time_point now) const {
   if (trainings_.empty()) return false;
   if (refinements_ == 0) return now < gap_end_;
-  return std::chrono::duration<double>(gapAfter(now - busy_since_)).count() >= kLongestGap_s;
+  return std::chrono::duration<double>(gapAfter(now - busy_since_)).count() >= kMaxGap_s;
 }
 
 void ProcessorSchedule::begin(const CancellationToken& cancellation) {

@@ -15,13 +15,13 @@ namespace nerf_pose_refiner {
 ///
 /// So that a training comes to an end beside a camera that never rests, it gets a share: when the
 /// processor was busy with refinements for a time t, the next one waits for
-/// t * kTrainingFraction / (1 - kTrainingFraction), at most kLongestGap_s, counted from the end of
+/// t * kTrainingFraction / (1 - kTrainingFraction), at most kMaxGap_s, counted from the end of
 /// the last. A gap between two images counts as well. May be used from many threads at once.
 class ProcessorSchedule {
  public:
   static constexpr double kTrainingFraction =
       0.2;  ///< of the time, beside refinements without a gap
-  static constexpr double kLongestGap_s = 0.2;
+  static constexpr double kMaxGap_s = 0.2;
 
   /// A refinement under way, from its construction on, which may wait for a training's share.
   class Refinement : public ProcessorTurn {

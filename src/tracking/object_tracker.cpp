@@ -42,8 +42,8 @@ ObjectTracker::ObjectTracker(std::unique_ptr<ObjectSearch> search, const Tracker
       state_(settings.rules) {}
 
 /// Called with mutex_ held.
-std::uint32_t ObjectTracker::timeIs(std::int64_t now_ns) {
-  if (state_.clockIs(now_ns)) {
+std::uint32_t ObjectTracker::updateClock(std::int64_t now_ns) {
+  if (state_.updateClock(now_ns)) {
     ++clock_jumps_;
     running_.requestCancel();
     connections_.transforms->clear();
@@ -55,7 +55,7 @@ std::uint32_t ObjectTracker::readClock() {
   // Read under the lock: a thread that is held up between reading and telling would come with a
   // time of before that of another thread.
   std::lock_guard<std::mutex> lock(mutex_);
-  return connections_.clock_ns ? timeIs(connections_.clock_ns()) : clock_jumps_;
+  return connections_.clock_ns ? updateClock(connections_.clock_ns()) : clock_jumps_;
 }
 
 void ObjectTracker::imageArrived() {
@@ -88,10 +88,11 @@ void ObjectTracker::modelFailed(TrackReason reason, const std::string& message) 
   state_.modelFailed(reason, message);
 }
 
-std::future<void> ObjectTracker::offerModel(std::shared_ptr<const Field> field, bool same_looks) {
+std::future<void> ObjectTracker::offerModel(std::shared_ptr<const Field> field,
+                                            bool same_appearance) {
   std::lock_guard<std::mutex> lock(mutex_);
-  pending_models_.push_back({std::move(field), same_looks, {}});
-  if (!same_looks) running_.requestCancel();
+  pending_models_.push_back({std::move(field), same_appearance, {}});
+  if (!same_appearance) running_.requestCancel();
   return pending_models_.back().done.get_future();
 }
 
@@ -119,7 +120,8 @@ void ObjectTracker::use(const PendingModel& model) {
   std::lock_guard<std::mutex> lock(mutex_);
   const std::shared_ptr<const Field> before = std::exchange(field_, model.field);
   const FieldMetadata& object = field_->metadata;
-  if (before && model.same_looks && before->metadata.metres_per_unit == object.metres_per_unit) {
+  if (before && model.same_appearance &&
+      before->metadata.metres_per_unit == object.metres_per_unit) {
     Pose T_U_V = before->metadata.T_O_U.inverse() * object.T_O_U;
     T_U_V.t *= object.metres_per_unit;
     state_.objectFrameMoved(T_U_V);
@@ -187,14 +189,14 @@ std::int64_t ObjectTracker::timeOfImage(std::int64_t stamp_ns) const {
 
 bool ObjectTracker::needsInitialPose(std::int64_t stamp_ns) {
   std::lock_guard<std::mutex> lock(mutex_);
-  timeIs(timeOfImage(stamp_ns));
+  updateClock(timeOfImage(stamp_ns));
   return state_.needsInitialPose(stamp_ns);
 }
 
 TrackOutcome ObjectTracker::track(TrackerImage image) {
   {
     std::lock_guard<std::mutex> lock(mutex_);
-    image.clock_jumps = timeIs(timeOfImage(image.at.stamp_ns));
+    image.clock_jumps = updateClock(timeOfImage(image.at.stamp_ns));
     state_.imageArrived();
   }
   return process(image);

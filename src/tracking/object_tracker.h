@@ -93,9 +93,9 @@ class ObjectTracker {
   void modelIsLoading();
   void modelFailed(TrackReason reason, const std::string& message);
   /// Hands over a model with metric scale. The future is ready when it is in use.
-  /// @param same_looks of the one before, with other metadata: the track goes on, unless the scale
-  /// is another one.
-  std::future<void> offerModel(std::shared_ptr<const Field> field, bool same_looks = false);
+  /// @param same_appearance of the one before, with other metadata: the track goes on, unless the
+  /// scale is another one.
+  std::future<void> offerModel(std::shared_ptr<const Field> field, bool same_appearance = false);
 
   void reset();
   void setEnabled(bool enabled);
@@ -127,11 +127,11 @@ class ObjectTracker {
  private:
   struct PendingModel {
     std::shared_ptr<const Field> field;
-    bool same_looks = false;
+    bool same_appearance = false;
     std::promise<void> done;
   };
 
-  std::uint32_t timeIs(std::int64_t now_ns);
+  std::uint32_t updateClock(std::int64_t now_ns);
   std::int64_t timeOfImage(std::int64_t stamp_ns) const;
   void use(const PendingModel& model);
   void applyChange();

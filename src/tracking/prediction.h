@@ -14,10 +14,10 @@ namespace nerf_pose_refiner {
 /// @param last around its pose in the last image: T_O_C, model units.
 /// @param T_O_C_before its pose in the image before that, seen from the camera as it is now.
 /// @param time_ratio time from the last image until now over the time between those two; more than
-/// kLongestPrediction is taken as that, for it multiplies the noise of poses; NaN or below 0 as 0.
+/// kMaxPredictionRatio is taken as that, for it multiplies the noise of poses; NaN or below 0 as 0.
 Prior predictConstantVelocity(const Prior& last, const Pose& T_O_C_before, double time_ratio,
                               const FieldMetadata& object);
 
-inline constexpr double kLongestPrediction = 3;  ///< in intervals between images
+inline constexpr double kMaxPredictionRatio = 3;  ///< in intervals between images
 
 }  // namespace nerf_pose_refiner

@@ -37,7 +37,7 @@ class TrackerState {
 
   /// Tells the time, before all else and now and then: a track without images is lost.
   /// @return true if the clock jumped back: forget what is older.
-  bool clockIs(std::int64_t now_ns);
+  bool updateClock(std::int64_t now_ns);
 
   void modelIsLoading();
   /// From now on there is a model. Poses of the model before, if there was one, are forgotten.
@@ -89,12 +89,12 @@ class TrackerState {
     TimedPose start;
   };
 
-  void become(TrackState state, TrackReason reason = TrackReason::kNone,
-              const std::string& message = "");
-  void waitBecause(TrackReason reason, const std::string& message);
+  void setCondition(TrackState state, TrackReason reason = TrackReason::kNone,
+                    const std::string& message = "");
+  void waitWithReason(TrackReason reason, const std::string& message);
   void forgetPoses();
   void lose(TrackReason reason, const std::string& message);
-  std::optional<TimedPose> startFor(std::int64_t stamp_ns, ImageDecision* decision);
+  std::optional<TimedPose> chooseStart(std::int64_t stamp_ns, ImageDecision* decision);
   void timeWentBackTo(std::int64_t stamp_ns);
   bool initialPoseIsDue(std::int64_t stamp_ns, ImageDecision* decision);
   bool recoveryIsOver(std::int64_t stamp_ns) const;
