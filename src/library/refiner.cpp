@@ -25,7 +25,7 @@ const char* textOf(TrustVerdict verdict) {
     case TrustVerdict::kTrusted:
       return "";
     case TrustVerdict::kNoOverlap:
-      return "the prior lies outside of the image";
+      return "the prior is outside the image";
     case TrustVerdict::kDiverged:
       return "no hypothesis survived";
     case TrustVerdict::kLowScore:

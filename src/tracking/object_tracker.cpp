@@ -11,7 +11,7 @@
 namespace nerf_pose_refiner {
 namespace {
 
-/// As ros::Time::toSec has it.
+/// Rounds as ros::Time::toSec does.
 double secondsOf(std::int64_t stamp_ns) {
   constexpr std::int64_t kSecond = 1000000000;
   return static_cast<double>(stamp_ns / kSecond) + 1e-9 * static_cast<double>(stamp_ns % kSecond);
@@ -52,8 +52,8 @@ std::uint32_t ObjectTracker::updateClock(std::int64_t now_ns) {
 }
 
 std::uint32_t ObjectTracker::readClock() {
-  // Read under the lock: a thread that is held up between reading and telling would come with a
-  // time of before that of another thread.
+  // Read under the lock. Otherwise a thread that is delayed after reading would report a time older
+  // than that of another thread, which looks like a jump of the clock.
   std::lock_guard<std::mutex> lock(mutex_);
   return connections_.clock_ns ? updateClock(connections_.clock_ns()) : clock_jumps_;
 }
@@ -182,7 +182,7 @@ void ObjectTracker::reportChange(const ImageStamp& at) {
   if (connections_.report) connections_.report(status);
 }
 
-/// The time when an image comes.
+/// The time at which an image arrives.
 std::int64_t ObjectTracker::timeOfImage(std::int64_t stamp_ns) const {
   return connections_.clock_ns ? connections_.clock_ns() : stamp_ns;
 }
@@ -202,11 +202,11 @@ TrackOutcome ObjectTracker::track(TrackerImage image) {
   return process(image);
 }
 
-/// Nothing: the image came before time jumped back.
+/// Empty: the image arrived before time jumped back.
 std::optional<ImageDecision> ObjectTracker::decide(const TrackerImage& image) {
   std::unique_lock<std::mutex> lock(mutex_);
-  // A model that was offered before now is in use for this image: once it is decided on, the offer
-  // of another one interrupts its refinement.
+  // Models that were offered before this point are used for this image. A model that is offered
+  // later interrupts the refinement.
   while (!pending_models_.empty()) {
     lock.unlock();
     applyModels();
@@ -245,7 +245,7 @@ TrackOutcome ObjectTracker::process(const TrackerImage& image) {
   return result;
 }
 
-/// Status after an image, with what concerns this image alone.
+/// Sets the status after an image, including what concerns this image only.
 void ObjectTracker::concludeStatus(const ImageStamp& at, const ImageDecision& decision,
                                    TrackOutcome* result) {
   TrackStatus& status = *result;
@@ -256,10 +256,11 @@ void ObjectTracker::concludeStatus(const ImageStamp& at, const ImageDecision& de
     status.message = "the object is tracked: an initial pose was ignored (~initial_pose_policy)";
   }
   std::lock_guard<std::mutex> lock(mutex_);
-  running_ = CancellationToken();  // the image's own is the caller's again
+  running_ = CancellationToken();  // the image's token belongs to the caller again
 }
 
-/// The start as the library has it; nothing: it cannot be used, and the state says why.
+/// The prior of the search. Empty if the start pose cannot be used; the state then gives the
+/// reason.
 std::optional<Prior> ObjectTracker::prepare(const TrackerImage& image,
                                             const ImageDecision& decision) {
   const TimedPose& start = *decision.start;
@@ -277,8 +278,8 @@ std::optional<Prior> ObjectTracker::prepare(const TrackerImage& image,
   }
 }
 
-/// Where the object is if it goes on as it did; where it was if nothing is known of the camera at
-/// the time of the pose before.
+/// The prior moved with constant velocity, or the prior itself if the camera's motion since the
+/// previous pose is unknown.
 Prior ObjectTracker::predict(const Prior& last, const TrackerImage& image,
                              const ImageDecision& decision) {
   const TimedPose& previous = *decision.previous;

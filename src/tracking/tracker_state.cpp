@@ -29,12 +29,12 @@ void TrackerState::forgetPoses() {
   running_.reset();
 }
 
-/// The track ends; the object is looked for where it was seen last.
+/// Ends the track. The object is searched for around its last pose.
 void TrackerState::lose(TrackReason reason, const std::string& message) {
   if (last_) {
     recovery_start_ = std::exchange(last_, std::nullopt);
-    recovery_start_->tracked =
-        false;  // as from an initial pose: a wide search, and the higher threshold
+    // A wide search and the higher threshold, as from an initial pose.
+    recovery_start_->tracked = false;
   }
   setCondition(TrackState::kLost, reason, message);
 }
@@ -44,7 +44,7 @@ void TrackerState::modelIsLoading() {
 }
 
 void TrackerState::modelIsReady() {
-  // An initial pose that came while the first model was loading is still good.
+  // An initial pose that arrived while the first model was loading is still valid.
   if (has_model_) forgetPoses();
   has_model_ = true;
   const char* message = enabled_ && !initial_pose_ ? "waiting for an initial pose" : "";
@@ -68,13 +68,13 @@ void TrackerState::offer(const TimedPose& initial_pose) {
   if (!enabled_) return;
   const bool another = initial_pose_.has_value();
   initial_pose_ = initial_pose;
-  // What is said of images that cannot be used goes on being said; so does what is wrong with one
-  // initial pose after the other.
+  // The status keeps showing that images are unusable, and why one initial pose after another was
+  // refused.
   TrackCondition& condition = before_refusal_ ? *before_refusal_ : condition_;
   if (condition.state == TrackState::kLost ||
       (condition.state == TrackState::kWaiting && !another)) {
     condition = {TrackState::kWaiting, TrackReason::kNone,
-                 "an initial pose came: waiting for an image that is not older"};
+                 "received an initial pose, waiting for an image that is not older"};
   }
 }
 
@@ -104,7 +104,7 @@ bool TrackerState::updateClock(std::int64_t now_ns) {
     last_arrival_ns_ = 0;
   } else if (last_ && rules_.image_timeout_s > 0 &&
              secondsBetween(last_arrival_ns_, clock_ns_) > rules_.image_timeout_s) {
-    lose(TrackReason::kNoImages, "no image came for ~image_timeout_s");
+    lose(TrackReason::kNoImages, "no image arrived for ~image_timeout_s");
   }
   return jumped;
 }
@@ -114,14 +114,14 @@ void TrackerState::timeWentBackTo(std::int64_t stamp_ns) {
   recovery_start_.reset();
   failures_ = 0;
   running_.reset();
-  // An initial pose that fits the new time was sent after the jump.
+  // An initial pose whose stamp fits the new time was sent after the jump.
   if (initial_pose_ && secondsBetween(stamp_ns, initial_pose_->stamp_ns) > kClockJump_s) {
     initial_pose_.reset();
   }
   waitWithReason(TrackReason::kClockJumped, "time went back: waiting for a new initial pose");
 }
 
-/// Whether the initial pose is to be used for the image; drops it if it never will be.
+/// Whether to use the initial pose for the image; discards a pose that can never be used.
 bool TrackerState::initialPoseIsDue(std::int64_t stamp_ns, ImageDecision* decision) {
   if (!initial_pose_) return false;
   const std::int64_t since_ns = initial_pose_->stamp_ns == 0 ? stamp_ns : initial_pose_->stamp_ns;
@@ -162,7 +162,7 @@ ImageDecision TrackerState::decide(const ImageStamp& image) {
   }
   last_stamp_ns_ = image.stamp_ns;
   if (!has_model_ || !enabled_) return decision;
-  // Another camera: where the object is in its frame is not known.
+  // Another camera: the object's pose in its frame is not known.
   if (last_ && last_->frame_id != image.camera_frame) {
     last_.reset();
     recovery_start_.reset();
@@ -176,10 +176,10 @@ ImageDecision TrackerState::decide(const ImageStamp& image) {
   return decision;
 }
 
-/// From where to refine an image.
+/// The start pose for an image.
 std::optional<TimedPose> TrackerState::chooseStart(std::int64_t stamp_ns, ImageDecision* decision) {
   if (initialPoseIsDue(stamp_ns, decision)) {
-    // An earlier track goes on if nothing comes of the new pose.
+    // An earlier track continues if the search from the new pose fails.
     recovery_start_.reset();
     setCondition(TrackState::kRefining);
     TimedPose start = *std::exchange(initial_pose_, std::nullopt);
@@ -187,7 +187,7 @@ std::optional<TimedPose> TrackerState::chooseStart(std::int64_t stamp_ns, ImageD
     return start;
   }
   if (last_) {
-    // After an image that was not trusted the object may be where it was seen last.
+    // After an untrusted image there is no prediction: the object may have stopped.
     if (rules_.predict && failures_ == 0) decision->previous = previous_;
     return last_;
   }
@@ -196,13 +196,13 @@ std::optional<TimedPose> TrackerState::chooseStart(std::int64_t stamp_ns, ImageD
   return recovery_start_;
 }
 
-/// The refinement that ends; nothing: it is out of date.
+/// The refinement that ends; empty: its result is obsolete.
 std::optional<TrackerState::Running> TrackerState::end(std::uint64_t ticket) {
   if (!running_ || ticket != running_->ticket) return std::nullopt;
   return std::exchange(running_, std::nullopt);
 }
 
-/// @param start that the refinement began with.
+/// @param start start pose of the refinement.
 void TrackerState::countFailure(const TimedPose& start, TrackReason reason,
                                 const std::string& message) {
   if (last_ && ++failures_ <= rules_.max_failures) {
