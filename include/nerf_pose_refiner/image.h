@@ -34,8 +34,8 @@ struct ImageOf {
   T at(int x, int y, int c) const { return pixel(x, y)[c]; }
 };
 
-using Image = ImageOf<float>;          ///< sRGB-encoded values in [0, 1] unless said otherwise
-using Image8 = ImageOf<std::uint8_t>;  ///< as files hold it: 0..255, straight alpha
+using Image = ImageOf<float>;          ///< sRGB-encoded values in [0, 1] unless stated otherwise
+using Image8 = ImageOf<std::uint8_t>;  ///< as in image files: 0..255, straight alpha
 
 /// An upright rectangle of pixels.
 struct PixelWindow {

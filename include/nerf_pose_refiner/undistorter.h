@@ -8,23 +8,23 @@
 
 namespace nerf_pose_refiner {
 
-/// Takes the lens distortion out of the images of one camera.
+/// Removes the lens distortion from the images of one camera.
 ///
-/// The undistorted camera is the widest one whose image is filled wholly by the distorted one, so
-/// no pixel is invented; its focal lengths and principal point therefore differ. Built once per
-/// camera: the maps cost more than an image. Without distortion images pass through unchanged.
-/// Const methods may be called from many threads at once.
+/// The undistorted camera has the widest view in which every pixel comes from the distorted image;
+/// its focal lengths and principal point therefore differ. Construct one per camera: the maps cost
+/// more than an image. Without distortion, images pass through unchanged. Const methods are
+/// thread-safe.
 class Undistorter {
  public:
   /// @param camera intrinsics and size of the distorted images.
-  /// @throws std::invalid_argument for another number of coefficients, or ones that are not finite
-  /// or fold the image over itself.
+  /// @throws std::invalid_argument for a wrong number of coefficients, or for coefficients that are
+  /// not finite or fold the image over itself.
   Undistorter(const Camera& camera, const Distortion& distortion);
   ~Undistorter();
   Undistorter(Undistorter&&) noexcept;
   Undistorter& operator=(Undistorter&&) noexcept;
 
-  /// The camera of the undistorted images, of the same size.
+  /// The camera of the undistorted images, which have the same size.
   const Camera& camera() const { return undistorted_; }
 
   /// @param image 1, 3 or 4 channels; the fourth is straight alpha.

@@ -11,7 +11,7 @@ namespace nerf_pose_refiner {
 
 struct Overlay::Parts {
   Object object;
-  std::shared_ptr<Backend> backend;  ///< outlives the field that it loaded
+  std::shared_ptr<Backend> backend;  ///< must outlive `field`
   std::shared_ptr<const LoadedField> field;
 };
 

@@ -13,9 +13,9 @@
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr int kCellSide = 8;  // points are chosen evenly over cells of so many pixels
+constexpr int kCellSide = 8;  // points are distributed evenly over cells of this size [px]
 
-// A pixel of a level while it is made.
+// A pixel that may be chosen as a point.
 struct Candidate {
   int pixel = 0;
   int cell = 0;
@@ -52,7 +52,7 @@ class LevelMaker {
     return Eigen::Map<const Eigen::Vector3f>(pixel + kKeyframePoint) / pixel[kKeyframeAlpha];
   }
 
-  // Depth of what the pixel shows, as it was rendered.
+  // Depth at a pixel, before smoothing.
   float depthAt(int x, int y) const {
     const float* pixel = layers_.pixel(x, y);
     const Eigen::Vector3f point =
@@ -65,7 +65,7 @@ class LevelMaker {
            settings_.min_alpha;
   }
 
-  // The kernel of the blur reaches one pixel to each side.
+  // Smoothing mixes a pixel with its direct neighbours.
   bool isAtDepthJump(int x, int y) const {
     const float depth = depthAt(x, y);
     const float step = settings_.max_depth_step * depth / view_.focal_px.x();
@@ -111,7 +111,7 @@ class LevelMaker {
     return Eigen::Map<const Eigen::Vector3f>(layers) / layers[kKeyframeAlpha];
   }
 
-  // Colours relative to what is around them, as alignment does it with the image's.
+  // Normalises colours by their surroundings, as alignment does with those of the image.
   void normaliseColours() {
     const int cells = level_.width * level_.height;
     std::vector<float> colours(static_cast<std::size_t>(kBoxChannels) * cells, 0.0f);
@@ -137,7 +137,7 @@ class LevelMaker {
     local_.resize(cells);
     for (int pixel = 0; pixel < width_ * height_; ++pixel) {
       const std::size_t cell = cellOfPixel(pixel);
-      if (inverse_count[cell] == 0) shown_[pixel] = 0;  // nothing to compare it with
+      if (inverse_count[cell] == 0) shown_[pixel] = 0;  // no neighbour to compare it with
       if (!shown_[pixel]) continue;
       LocalColours<float>& local = local_[cell];
       local = localColours(sums.data() + kBoxChannels * cell, inverse_count[cell]);
@@ -268,17 +268,17 @@ class LevelMaker {
     }
   }
 
-  // Where the inside says enough, the outline counts little: the model's may be off by a fraction
-  // of a pixel, and what is behind may look like the object.
+  // The more information the interior has, the less the outline counts: the model's outline may be
+  // wrong by a fraction of a pixel, and the background may look like the object.
   float outlineWeight() const {
-    constexpr float kLeast = 0.2f, kMost = 4, kEnough = 60;
+    constexpr float kMin = 0.2f, kMax = 4, kEnough = 60;
     float information = 0;
     for (const ChosenSurface& surface : level_.surface) {
       for (const Eigen::Vector2f& gradient : surface.gradient)
         information += gradient.squaredNorm();
     }
     const float missing = std::min(1.0f, kEnough / std::max(information, 1.0f));
-    return kLeast + (kMost - kLeast) * missing * missing;
+    return kMin + (kMax - kMin) * missing * missing;
   }
 
   void fillOutline() {

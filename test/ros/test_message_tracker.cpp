@@ -65,7 +65,7 @@ TEST_F(MessageTrackerTest, GoesOnWhenTheFrameIsMoved) {
   useModel();
   offer();
   tracker_->process(frameAt(0));
-  useModel(fieldWithFrameAt(-0.5), /*same_looks=*/true);
+  useModel(fieldWithFrameAt(-0.5), /*same_appearance=*/true);
   const auto result = tracker_->process(frameAt(0.1));
   ASSERT_TRUE(result && result->pose);
   EXPECT_TRUE(search_->was_tracked.at(1));
@@ -79,7 +79,7 @@ TEST_F(MessageTrackerTest, BeginsAnewWithAnotherScale) {
   tracker_->process(frameAt(0));
   auto field = fieldWithFrameAt(0);
   field->metadata.metres_per_unit = 0.2;
-  useModel(field, /*same_looks=*/true);
+  useModel(field, /*same_appearance=*/true);
   EXPECT_FALSE(tracker_->process(frameAt(0.1)));
   EXPECT_EQ(int{reports_.back().state}, int{Status::STATE_WAITING});
 }

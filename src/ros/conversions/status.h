@@ -25,7 +25,7 @@ ros::Time toTime(std::int64_t stamp_ns);
 ImageStamp imageStampOf(const std_msgs::Header& header);
 std_msgs::Header toHeader(const ImageStamp& image);
 
-/// What is not known to the tracker is zero: latency, age, dropped images.
+/// Fields that the tracker does not know are zero: latency, age, dropped images.
 RefinementStatus toMessage(const TrackStatus& status);
 
 }  // namespace nerf_pose_refiner
