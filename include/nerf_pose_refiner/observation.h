@@ -2,9 +2,11 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <memory>
 
 #include "nerf_pose_refiner/camera.h"
 #include "nerf_pose_refiner/image.h"
+#include "nerf_pose_refiner/undistorter.h"
 
 namespace nerf_pose_refiner {
 
@@ -18,8 +20,10 @@ enum class Background {
 
 /// An undistorted camera image, and what is known about its background.
 struct Observation {
-  Image image;   ///< [h][w][3] RGB, sRGB-encoded, 0..1; premultiplied by `alpha` for kKnownAlpha,
-                 ///< not premultiplied otherwise
+  Image image;  ///< [h][w][3] RGB, sRGB-encoded, 0..1; premultiplied by `alpha` for kKnownAlpha,
+                ///< not premultiplied otherwise
+  /// The image in the bytes of a camera, in place of `image`, which is then empty.
+  std::shared_ptr<const CameraPixels> pixels;
   Image alpha;   ///< [h][w][1], 0..1, for kKnownAlpha and kMask; empty otherwise
   Image weight;  ///< [h][w][1], 0..1, weight of each pixel (0: the robot's gripper); empty: all 1
   Camera camera;
@@ -32,9 +36,10 @@ struct Observation {
 };
 
 /// An observation of a camera image, whose background is unknown unless a mask is given.
-/// @param rgb [h][w][3], undistorted (undistorter.h). @param camera the camera of `rgb`.
-/// @param mask [h][w][1], non-zero on the object; empty: there is none.
+/// @param rgb [h][w][3], undistorted (undistorter.h); move it here to save a copy.
+/// @param camera the camera of `rgb`. @param mask [h][w][1], non-zero on the object; empty: there
+/// is none.
 /// @throws std::invalid_argument if sizes or channels do not match, or for an invalid camera.
-Observation observe(const Image8& rgb, const Camera& camera, const Image8& mask = {});
+Observation observe(Image8 rgb, const Camera& camera, const Image8& mask = {});
 
 }  // namespace nerf_pose_refiner

@@ -31,10 +31,44 @@ class Undistorter {
   /// @throws std::invalid_argument if it does not have the camera's size.
   Image8 undistort(const Image8& image) const;
 
+  /// A part of what the above returns, at the cost of this part.
+  /// @param image 1, 3 or 4 channels, which are interpolated alike.
+  /// @param window inside of the image.
+  /// @throws std::invalid_argument for an image or a window that does not fit the camera.
+  Image8 undistort(const Image8View& image, const PixelWindow& window) const;
+
  private:
   struct Maps;
   Camera undistorted_;
   std::unique_ptr<Maps> maps_;  // null without distortion
+};
+
+/// What the channels of a camera's bytes mean.
+enum class PixelFormat { kGrey, kRgb, kBgr, kRgba, kBgra };
+
+/// An image in the bytes that the camera gave. Only the part that is looked at is undistorted and
+/// converted, so a large image costs no more than the object's part of it. Immutable; any thread
+/// may read.
+class CameraPixels {
+ public:
+  /// @param bytes with as many channels as `format` has. @param owner keeps them alive.
+  /// @param undistorter of the camera; null: the bytes show no distortion.
+  /// @throws std::invalid_argument if the bytes do not fit the format or the undistorter.
+  CameraPixels(const Image8View& bytes, PixelFormat format, std::shared_ptr<const void> owner,
+               std::shared_ptr<const Undistorter> undistorter = nullptr);
+
+  int width() const { return bytes_.width; }
+  int height() const { return bytes_.height; }
+
+  /// RGB of a part, undistorted, [window.height][window.width][3]; grey has three equal channels.
+  /// @throws std::invalid_argument for a window that reaches outside of the image.
+  Image8 read(const PixelWindow& window) const;
+
+ private:
+  Image8View bytes_;
+  PixelFormat format_;
+  std::shared_ptr<const void> owner_;
+  std::shared_ptr<const Undistorter> undistorter_;
 };
 
 }  // namespace nerf_pose_refiner

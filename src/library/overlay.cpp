@@ -4,6 +4,7 @@
 #include <stdexcept>
 
 #include "backend/common/draw_overlay.h"
+#include "backend/common/observed_colours.h"
 #include "nerf_pose_refiner/backend.h"
 
 namespace nerf_pose_refiner {
@@ -26,7 +27,7 @@ Overlay& Overlay::operator=(Overlay&&) noexcept = default;
 
 Image8 Overlay::draw(const Observation& observation, const Pose& T_C_O, double opacity) {
   const View view{observation.camera, parts_->object.cameraInField(T_C_O)};
-  return drawOverlay(observation.image,
+  return drawOverlay(observedColours(observation),
                      parts_->field->render(view, RenderOptions(), CancellationToken()), opacity);
 }
 

@@ -5,7 +5,6 @@
 #include <sensor_msgs/Image.h>
 
 #include <memory>
-#include <optional>
 
 #include "nerf_pose_refiner/camera.h"
 #include "nerf_pose_refiner/observation.h"
@@ -55,15 +54,16 @@ class CameraInput {
 
   /// @throws InputError as cameraFromMessage and checkImage, and for a mask that is not mono8 or
   /// not of the image's size.
-  Observation observe(const sensor_msgs::Image& image, const sensor_msgs::CameraInfo& info,
+  /// The observation keeps the message, and reads the part of it that is looked at.
+  Observation observe(const sensor_msgs::ImageConstPtr& image, const sensor_msgs::CameraInfo& info,
                       const ImageMasks& masks = {});
 
  private:
-  const Undistorter& undistorterOf(const CameraModel& model);
+  void makeUndistorter(const CameraModel& model);
 
   bool rectified_;
   CameraModel model_;  ///< of undistorter_
-  std::optional<Undistorter> undistorter_;
+  std::shared_ptr<const Undistorter> undistorter_;
 };
 
 }  // namespace nerf_pose_refiner

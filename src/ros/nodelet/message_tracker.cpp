@@ -48,7 +48,7 @@ std::optional<FrameResult> MessageTracker::process(const CameraFrame& frame) {
     }
     ImageMasks masks = frame.masks;
     if (!use_mask) masks.object = nullptr;
-    return input_.observe(*frame.image, *frame.info, masks);
+    return input_.observe(frame.image, *frame.info, masks);
   };
   FrameResult result;
   result.track = tracker_.process(image);
