@@ -13,8 +13,8 @@
 #include "backend/hypotheses.h"
 #include "field/field.h"
 #include "nerf_pose_refiner/pose.h"
-#include "nerf_pose_refiner/track_status.h"
 #include "refinement/field_refiner.h"
+#include "tracking/status.h"
 #include "tracking/timed_pose.h"
 
 namespace nerf_pose_refiner {
