@@ -321,6 +321,28 @@ TEST_F(MessageTrackerTest, ChangesCountFromTheNextImageOn) {
   EXPECT_NEAR(search_->priors.back().rotation_rad, 7 * M_PI / 180, 1e-12);
 }
 
+TEST_F(MessageTrackerTest, SaysHowFastTheObjectMoves) {
+  useModel();
+  offer();
+  search_->covariance = 0.01 * Matrix6::Identity();
+  const auto first = tracker_->process(frameAt(0));
+  ASSERT_TRUE(first && first->pose);
+  EXPECT_FALSE(first->twist);
+  search_->T_O_C.t.z() = -1.2;  // 0.2 units are 2 cm
+  const auto second = tracker_->process(frameAt(0.1));
+  ASSERT_TRUE(second && second->twist);
+  EXPECT_NEAR(second->twist->twist.twist.linear.z, 0.2, 1e-6);
+  EXPECT_NEAR(second->twist->twist.twist.angular.z, 0, 1e-9);
+  EXPECT_NEAR(second->twist->twist.covariance[35], 2 * second->pose->pose.covariance[35] / 0.01,
+              1e-6);
+  EXPECT_EQ(second->twist->header.stamp, second->pose->header.stamp);
+  search_->score = 0.1;
+  EXPECT_FALSE(tracker_->process(frameAt(0.2))->twist) << "not without a trusted pose";
+  search_->score = 0.9;
+  useModel(fieldWithFrameAt(-0.5), /*same_appearance=*/true);
+  EXPECT_FALSE(tracker_->process(frameAt(0.3))->twist) << "the frame was moved, not the object";
+}
+
 TEST_F(MessageTrackerTest, AMaskIsUsedAsTheModeSays) {
   for (const auto& [mode, with_initial, with_tracked] :
        {std::make_tuple(MaskMode::kNone, false, false),

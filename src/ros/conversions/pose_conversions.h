@@ -6,6 +6,7 @@
 #include <geometry_msgs/PoseStamped.h>
 #include <geometry_msgs/PoseWithCovarianceStamped.h>
 #include <geometry_msgs/TransformStamped.h>
+#include <geometry_msgs/TwistWithCovariance.h>
 #include <nerf_pose_refiner/PoseHypothesisArray.h>
 
 #include <string>
@@ -16,6 +17,7 @@
 #include "refinement/field_refiner.h"
 #include "tracking/status.h"
 #include "tracking/timed_pose.h"
+#include "tracking/velocity.h"
 
 namespace nerf_pose_refiner {
 
@@ -60,6 +62,8 @@ geometry_msgs::PoseWithCovariance toMessage(const Refinement& refinement, const 
 /// @param T_W_C the camera in W [m]. Header and object's name are left to the caller.
 PoseHypothesisArray toMessage(const HypothesisTable& hypotheses, const Pose& T_W_C,
                               const FieldMetadata& object);
+
+geometry_msgs::TwistWithCovariance toMessage(const Velocity& velocity);
 
 geometry_msgs::PoseArray toPoseArray(const PoseHypothesisArray& message);
 

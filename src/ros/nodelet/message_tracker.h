@@ -2,6 +2,7 @@
 #pragma once
 
 #include <geometry_msgs/PoseWithCovarianceStamped.h>
+#include <geometry_msgs/TwistWithCovarianceStamped.h>
 #include <nerf_pose_refiner/PoseHypothesisArray.h>
 #include <nerf_pose_refiner/RefinementStatus.h>
 #include <sensor_msgs/CameraInfo.h>
@@ -16,6 +17,7 @@
 #include "ros/conversions/parameters.h"
 #include "ros/conversions/tf_bridge.h"
 #include "tracking/object_tracker.h"
+#include "tracking/velocity.h"
 
 namespace nerf_pose_refiner {
 
@@ -33,6 +35,9 @@ struct FrameResult {
   RefinementStatus status;
   /// In ~output_frame, if it is trusted.
   std::optional<geometry_msgs::PoseWithCovarianceStamped> pose;
+  /// From the last trusted pose to this one, in ~output_frame; empty if there was none shortly
+  /// before, or if it was of another model.
+  std::optional<geometry_msgs::TwistWithCovarianceStamped> twist;
   PoseHypothesisArray hypotheses;  ///< in ~output_frame; empty if TF does not know it
   TrackOutcome track;              ///< the tracker's own result
 };
@@ -61,13 +66,16 @@ class MessageTracker {
   std::optional<FrameResult> process(const CameraFrame& frame);
 
  private:
-  void place(const Pose& T_W_C, FrameResult* result) const;
+  void place(const Pose& T_W_C, FrameResult* result);
+  void estimateVelocity(FrameResult* result);
 
   const bool image_is_rectified_;
   const Clock clock_;
   const std::shared_ptr<TfBridge> tf_;
   CameraInput input_;  ///< used by the tracking thread only
   ObjectTracker tracker_;
+  VelocityEstimator velocity_;
+  std::shared_ptr<const Field> moving_;  ///< the object of velocity_
 };
 
 }  // namespace nerf_pose_refiner

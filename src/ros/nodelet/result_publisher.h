@@ -13,7 +13,7 @@
 
 namespace nerf_pose_refiner {
 
-/// Publishes the results of the tracker: ~pose, TF, ~hypotheses and ~status.
+/// Publishes the results of the tracker: ~pose, ~twist, TF, ~hypotheses and ~status.
 class ResultPublisher {
  public:
   /// @param on_connect called when a subscriber comes or goes.
@@ -32,6 +32,8 @@ class ResultPublisher {
   FrameSettings frames_;
   ros::Publisher pose_;
   ros::Publisher pose_with_covariance_;
+  ros::Publisher twist_;
+  ros::Publisher twist_with_covariance_;
   ros::Publisher status_;  ///< latched: a late subscriber gets the state
   ros::Publisher hypotheses_;
   ros::Publisher hypothesis_poses_;
