@@ -43,13 +43,13 @@ struct RegistrationSettings {
 
 /// Progress of a registration.
 struct RegistrationProgress {
-  std::string stage;        ///< "training", "occupancy", "quality"; before, if poses are
-                            ///< corrected: "rough training", "poses"
-  int step = 0;             ///< of training, so far
-  int steps = 0;            ///< of training, at most
-  double loss = 0;          ///< of the last step
-  double psnr_db = 0;       ///< 0: not measured yet
-  double seconds = 0;       ///< so far
+  std::string stage;   ///< "training", "occupancy", "quality", "pose quality"; before, if poses are
+                       ///< corrected: "rough training", "poses"
+  int step = 0;        ///< of training, so far
+  int steps = 0;       ///< of training, at most
+  double loss = 0;     ///< of the last step
+  double psnr_db = 0;  ///< 0: not measured yet
+  double seconds = 0;  ///< so far
   double seconds_left = 0;  ///< estimated
   /// Renders the present model from the viewpoint of one of the photos, at most 320 x 320 pixels.
   /// Empty except during training. Call it only within the `progress` callback; it may take a

@@ -253,7 +253,7 @@ void ObjectTracker::concludeStatus(const ImageStamp& at, const ImageDecision& de
   reported_ = status;
   if (status.reason == TrackReason::kNone && decision.initial_pose_ignored) {
     status.reason = TrackReason::kPriorIgnored;
-    status.message = "the object is tracked: an initial pose was ignored (~initial_pose_policy)";
+    status.message = "the object is tracked: an initial pose was ignored (initial_pose_policy)";
   }
   std::lock_guard<std::mutex> lock(mutex_);
   running_ = CancellationToken();  // the image's token belongs to the caller again

@@ -10,10 +10,10 @@
 #include <optional>
 #include <string>
 
-#include "nerf_pose_refiner/track_status.h"
 #include "refinement/field_refiner.h"
 #include "tracking/object_search.h"
 #include "tracking/settings.h"
+#include "tracking/status.h"
 #include "tracking/tracker_state.h"
 #include "tracking/transforms.h"
 

@@ -70,7 +70,7 @@ Judgement judge(const Refinement& refinement, bool tracked, const TrackingRules&
     case TrustVerdict::kCancelled:
       return {TrackReason::kCancelled, "the refinement was interrupted"};
     case TrustVerdict::kLowScore:
-      return {TrackReason::kLowScore, std::string("the pose explains the image badly (~tracker/") +
+      return {TrackReason::kLowScore, std::string("the pose explains the image badly (below ") +
                                           (tracked ? "min_score)" : "trust_score)")};
   }
   return {};

@@ -4,9 +4,9 @@
 #include <string>
 
 #include "field/field.h"
-#include "nerf_pose_refiner/track_status.h"
 #include "refinement/field_refiner.h"
 #include "tracking/settings.h"
+#include "tracking/status.h"
 #include "tracking/timed_pose.h"
 
 namespace nerf_pose_refiner {

@@ -104,7 +104,7 @@ bool TrackerState::updateClock(std::int64_t now_ns) {
     last_arrival_ns_ = 0;
   } else if (last_ && rules_.image_timeout_s > 0 &&
              secondsBetween(last_arrival_ns_, clock_ns_) > rules_.image_timeout_s) {
-    lose(TrackReason::kNoImages, "no image arrived for ~image_timeout_s");
+    lose(TrackReason::kNoImages, "no image arrived for image_timeout_s");
   }
   return jumped;
 }
@@ -137,7 +137,7 @@ bool TrackerState::initialPoseIsDue(std::int64_t stamp_ns, ImageDecision* decisi
     decision->initial_pose_ignored = true;
   } else if (too_old) {
     setCondition(last_ ? TrackState::kTracking : TrackState::kWaiting, TrackReason::kPriorTooOld,
-                 "the initial pose is older than the image by more than ~initial_pose_max_age_s");
+                 "the initial pose is older than the image by more than initial_pose_max_age_s");
   } else {
     return true;
   }

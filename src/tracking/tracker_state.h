@@ -6,8 +6,8 @@
 #include <string>
 
 #include "nerf_pose_refiner/pose.h"
-#include "nerf_pose_refiner/track_status.h"
 #include "tracking/settings.h"
+#include "tracking/status.h"
 #include "tracking/timed_pose.h"
 
 namespace nerf_pose_refiner {

@@ -3,7 +3,7 @@
 
 #include "nerf_pose_refiner/cancellation_token.h"
 #include "nerf_pose_refiner/pose.h"
-#include "nerf_pose_refiner/track_status.h"
+#include "tracking/status.h"
 #include "tracking/timed_pose.h"
 
 namespace nerf_pose_refiner {

@@ -11,7 +11,7 @@
 
 #include "backend/common/observed_colours.h"
 #include "concurrency/error_of.h"
-#include "nerf_pose_refiner/track_status.h"
+#include "tracking/status.h"
 
 namespace nerf_pose_refiner {
 namespace {

@@ -11,8 +11,8 @@
 #include <string>
 
 #include "image/colour.h"
-#include "nerf_pose_refiner/track_status.h"
 #include "ros/conversions/pose_conversions.h"
+#include "tracking/status.h"
 
 namespace nerf_pose_refiner {
 namespace {

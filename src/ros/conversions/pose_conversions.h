@@ -14,8 +14,8 @@
 #include "backend/hypotheses.h"
 #include "field/field.h"
 #include "nerf_pose_refiner/pose.h"
-#include "nerf_pose_refiner/track_status.h"
 #include "refinement/field_refiner.h"
+#include "tracking/status.h"
 #include "tracking/timed_pose.h"
 #include "tracking/velocity.h"
 

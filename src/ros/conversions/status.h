@@ -7,8 +7,8 @@
 
 #include <cstdint>
 
-#include "nerf_pose_refiner/track_status.h"
 #include "runtime/object_store.h"
+#include "tracking/status.h"
 
 namespace nerf_pose_refiner {
 
