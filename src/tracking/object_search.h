@@ -53,9 +53,12 @@ using ProcessorFactory = std::function<SearchProcessor()>;
 
 /// Searches with a backend: widely around an initial pose, narrowly around the last one. Tracking
 /// by keyframes takes no turn, only the rendering of a keyframe does.
+///
+/// If the processor fails for good (BackendLost), the search asks for another one and goes on with
+/// that.
 class RefinerSearch : public ObjectSearch {
  public:
-  /// @param find_processor called when the first object is set.
+  /// @param find_processor called when the first object is set, and when its processor was lost.
   RefinerSearch(ProcessorFactory find_processor, const RefinerSettings& initial,
                 const RefinerSettings& tracking);
 
@@ -64,13 +67,17 @@ class RefinerSearch : public ObjectSearch {
   Refinement search(const SearchRequest& request, const CancellationToken& cancellation) override;
 
  private:
+  Refinement searchOnce(const SearchRequest& request, const CancellationToken& cancellation);
+  void replaceProcessor(const std::shared_ptr<const Field>& field);
+
   ProcessorFactory find_processor_;
   RefinerSettings initial_settings_;
   RefinerSettings tracking_settings_;
   SearchProcessor processor_;
   std::optional<FieldRefiner> initial_;
   std::optional<FieldRefiner> tracking_;
-  std::shared_ptr<const LoadedField> field_;
+  std::shared_ptr<const Field> object_;
+  std::shared_ptr<const LoadedField> field_;  ///< of object_
   std::optional<KeyframeRefiner> keyframes_;  ///< of field_; created on first use
 };
 

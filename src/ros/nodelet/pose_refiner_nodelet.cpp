@@ -88,7 +88,12 @@ void PoseRefinerNodelet::startTracking() {
     SearchProcessor processor = find_shared();
     const BackendInfo info = processor.backend->info();
     diagnostics_->backendIs(info.description);
+    const bool was_on_gpu = on_gpu_;
     on_gpu_ = info.memory_bytes > 0;
+    if (was_on_gpu && !on_gpu_) {
+      ROS_ERROR("The GPU failed: %s. Tracking goes on with %s",
+                whyNoCuda(parameters_.device).c_str(), info.description.c_str());
+    }
     return processor;
   };
   worker_ = std::make_unique<TrackingWorker>(
