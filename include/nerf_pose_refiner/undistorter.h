@@ -11,8 +11,10 @@ namespace nerf_pose_refiner {
 /// Takes the lens distortion out of the images of one camera.
 ///
 /// The undistorted camera is the widest one whose image is filled wholly by the distorted one, so
-/// no pixel is invented; its focal lengths and principal point therefore differ. Built once per
-/// camera: the maps cost more than an image. Without distortion images pass through unchanged.
+/// no pixel is invented; its focal lengths and principal point therefore differ. Of a fisheye lens
+/// it shows 70 degrees off the optical axis at most: what is farther out would be stretched over
+/// many pixels. Built once per camera: the maps cost more than an image. Without distortion images
+/// pass through unchanged.
 /// Const methods may be called from many threads at once.
 class Undistorter {
  public:

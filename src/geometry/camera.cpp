@@ -48,7 +48,12 @@ Camera Camera::cropped(int x, int y, int new_width, int new_height) const {
 }
 
 bool Distortion::isZero() const {
-  return std::all_of(coefficients.begin(), coefficients.end(), [](double k) { return k == 0; });
+  return model == Model::kPolynomial &&
+         std::all_of(coefficients.begin(), coefficients.end(), [](double k) { return k == 0; });
+}
+
+bool operator==(const Distortion& a, const Distortion& b) {
+  return a.model == b.model && a.coefficients == b.coefficients;
 }
 
 }  // namespace nerf_pose_refiner

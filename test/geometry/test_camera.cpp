@@ -78,6 +78,8 @@ TEST(Distortion, ZeroOrNot) {
   EXPECT_TRUE(Distortion().isZero());
   EXPECT_TRUE((Distortion{{0, 0, 0, 0, 0}}.isZero()));
   EXPECT_FALSE((Distortion{{0, 0, 1e-9, 0}}.isZero()));
+  EXPECT_FALSE((Distortion{{0, 0, 0, 0}, Distortion::Model::kFisheye}.isZero()));
+  EXPECT_FALSE((Distortion{{}, Distortion::Model::kFisheye}.isZero()));
 }
 
 }  // namespace

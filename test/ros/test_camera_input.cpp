@@ -167,6 +167,19 @@ TEST(CameraFromMessage, ReadsARationalPolynomial) {
   EXPECT_EQ(cameraFromMessage(info, false).distortion.coefficients, info.D);
 }
 
+TEST(CameraFromMessage, ReadsAFisheyeLens) {
+  sensor_msgs::CameraInfo info = someInfo();
+  info.distortion_model = "equidistant";
+  info.D = {0.1, 0.2, 0.003, 0.004};
+  const CameraModel model = cameraFromMessage(info, false);
+  EXPECT_EQ(model.distortion, (Distortion{info.D, Distortion::Model::kFisheye}));
+  EXPECT_TRUE(cameraFromMessage(info, true).distortion.isZero());
+  info.D.push_back(0);
+  EXPECT_EQ(reasonFor(info, false), TrackReason::kBadCameraInfo) << "five";
+  info.D.assign(4, 0);
+  EXPECT_TRUE(cameraFromMessage(info, false).distortion.isZero()) << "as for image_proc";
+}
+
 TEST(CameraFromMessage, RefusesWhatItCannotUse) {
   sensor_msgs::CameraInfo info = someInfo();
   info.K[0] = 0;
@@ -179,7 +192,7 @@ TEST(CameraFromMessage, RefusesWhatItCannotUse) {
   info.P[3] = -2.5;
   EXPECT_EQ(reasonFor(info, true), TrackReason::kBadCameraInfo) << "a right camera";
   info = someInfo();
-  info.distortion_model = "equidistant";
+  info.distortion_model = "thin_prism";
   EXPECT_EQ(reasonFor(info, false), TrackReason::kNone) << "without distortion any model will do";
   info.D = {0.1, 0, 0, 0};
   EXPECT_EQ(reasonFor(info, false), TrackReason::kBadCameraInfo);
@@ -267,7 +280,7 @@ TEST(CheckImage, NamesWhatConverts) {
     EXPECT_NE(text_for(encoding).find("depth"), std::string::npos) << encoding;
   }
   EXPECT_NE(text_for("nonsense").find("rgb8, bgr8, rgba8, bgra8 and mono8"), std::string::npos);
-  for (const std::string model : {"equidistant", "fisheye", "thin_prism"}) {
+  for (const std::string model : {"fisheye", "thin_prism"}) {
     sensor_msgs::CameraInfo info = someInfo();
     info.distortion_model = model;
     info.D = {0.1, 0, 0, 0};
