@@ -24,7 +24,7 @@ std::string imageName(int view) {
   return name;
 }
 
-/// Camera-to-world with OpenGL axes (x right, y up, z back): what loadTransforms turns back.
+/// Camera-to-world with OpenGL axes (x right, y up, z back): what loadDataset turns back.
 Json matrixJson(const Pose& T_O_C) {
   const Eigen::Vector3d opengl_from_optical(1, -1, -1);
   const Eigen::Matrix3d R = T_O_C.R * opengl_from_optical.asDiagonal();

@@ -23,7 +23,7 @@ struct DatasetHeader {
   Eigen::Vector3d box_max = Eigen::Vector3d::Zero();
 };
 
-/// Writes posed views as a folder that loadTransforms reads: transforms.json and PNG images.
+/// Writes posed views as a folder that loadDataset reads: transforms.json and PNG images.
 ///
 /// The folder appears whole or not at all: until `finish` all is written to a hidden one beside it,
 /// which is removed if that is never reached, and by the next writer if the process was killed.

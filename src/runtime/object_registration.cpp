@@ -50,7 +50,7 @@ Dataset ObjectRegistration::readPhotos(const RegistrationRequest& request,
   confined.threads = settings_.threads;
   confined.confined = true;
   Dataset dataset =
-      loadTransforms(pathBelow(dataset_root_, request.dataset), confined, cancellation);
+      loadDataset(pathBelow(dataset_root_, request.dataset), confined, cancellation);
   applyBox(request, &dataset);
   return dataset;
 }

@@ -103,7 +103,7 @@ void report(const TrainOptions& options, const Field& field, double seconds) {
 
 void train(const TrainOptions& options, const CancellationToken& cancellation) {
   requireModelWritable(FieldConfig::named(options.settings.profile), options.model);
-  Dataset dataset = loadTransforms(options.dataset, options.backend.datasetOptions(), cancellation);
+  Dataset dataset = loadDataset(options.dataset, options.backend.datasetOptions(), cancellation);
   if (!options.box.empty()) {
     dataset.has_box = true;
     dataset.box_min = {options.box[0], options.box[1], options.box[2]};

@@ -41,7 +41,7 @@ TEST(DatasetWriter, TheLoaderReadsWhatWasWritten) {
   EXPECT_EQ(writer.views(), 2);
   writer.finish();
 
-  const Dataset dataset = loadTransforms(path);
+  const Dataset dataset = loadDataset(path);
   ASSERT_EQ(dataset.views.size(), 2u);
   EXPECT_FALSE(dataset.has_alpha);
   EXPECT_EQ(dataset.metres_per_unit, 1);
@@ -67,7 +67,7 @@ TEST(DatasetWriter, AlphaAndDistortionComeBack) {
   image.at(0, 0, 3) = 0;
   writer.add(image, somePose(0));
   writer.finish();
-  const Dataset dataset = loadTransforms(folder.file("mug"));
+  const Dataset dataset = loadDataset(folder.file("mug"));
   EXPECT_TRUE(dataset.has_alpha);
   const std::vector<double> read = dataset.views[0].distortion.coefficients;
   ASSERT_EQ(read.size(), 8u);
@@ -106,7 +106,7 @@ TEST(DatasetWriter, OneOfAFolderWorksAtATime) {
     DatasetWriter other(folder.file("cup"), header());
     first.add(Image8(8, 6, 3, 70), somePose(0.1));
     first.finish();
-    EXPECT_EQ(loadTransforms(path).views.size(), 2u);
+    EXPECT_EQ(loadDataset(path).views.size(), 2u);
   }
   EXPECT_FALSE(fs::exists(folder.path() + "/.cup.unfinished"));
   DatasetWriter(folder.file("cup"), header());  // the one before is gone
@@ -122,7 +122,7 @@ TEST(DatasetWriter, ATargetThatAppearsMeanwhileCostsNoView) {
   EXPECT_EQ(writer.finish(), path + "_3");
   EXPECT_EQ(readFile(path + "/transforms.json"), "another's");
   EXPECT_EQ(readFile(path + "_2"), "a file");
-  EXPECT_EQ(loadTransforms(path + "_3").views.size(), 1u);
+  EXPECT_EQ(loadDataset(path + "_3").views.size(), 1u);
 }
 
 TEST(DatasetWriter, AFullDiskCostsNoViewThatIsWritten) {
@@ -142,7 +142,7 @@ TEST(DatasetWriter, AFullDiskCostsNoViewThatIsWritten) {
   EXPECT_EQ(writer.views(), 1);
   writer.add(Image8(8, 6, 3, 70), somePose(0.2));
   writer.finish();
-  const Dataset dataset = loadTransforms(folder.file("mug"));
+  const Dataset dataset = loadDataset(folder.file("mug"));
   ASSERT_EQ(dataset.views.size(), 2u);
   EXPECT_EQ(dataset.views[1].rgba->values[0], 70);
 }
