@@ -44,6 +44,8 @@ struct Camera {
   }
 };
 
+bool operator==(const Camera& a, const Camera& b);
+
 /// How a lens bends what a pinhole would show.
 struct Distortion {
   /// OpenCV's models, which give the coefficients their order.

@@ -57,8 +57,8 @@ struct RegistrationProgress {
 };
 
 /// Learns an object from posed photos.
-/// @param photos a transforms.json, or a folder that holds transforms.json or
-/// transforms_train.json, with images that have alpha, masks or a box (docs/own_object.md).
+/// @param photos a folder with posed photos in any form of docs/photo_formats.md, or a
+/// transforms.json; the photos have alpha or masks, or there is a box.
 /// @param progress called from this thread, about twice a second; may be empty.
 /// @throws std::runtime_error naming the file that is missing, damaged or of no use;
 /// std::invalid_argument for settings or a box that make no sense; Cancelled.

@@ -189,6 +189,8 @@ std::optional<std::string> findPhotos(const DatasetFolder& folder, const std::st
 /// The mask of a photo, or nothing.
 std::string findMask(const DatasetFolder& folder, const std::string& photos,
                      const std::string& name) {
+  const fs::path photo = fs::path(name).lexically_normal();
+  if (photo.is_absolute() || photo.string().compare(0, 2, "..") == 0) return "";  // elsewhere
   const std::string stem = fs::path(name).replace_extension().string();
   for (const std::string& place : {joined(photos, "../masks"), joined(photos, "masks")}) {
     if (place.compare(0, 2, "..") == 0 && folder.confined()) continue;

@@ -50,13 +50,13 @@ struct Dataset {
 /// How much a dataset may ask of the machine. What goes beyond is refused before an image is
 /// decoded.
 struct DatasetLimits {
-  std::uint64_t json_bytes = std::uint64_t{1} << 24;    ///< of a JSON file
-  std::uint64_t model_bytes = std::uint64_t{1} << 31;   ///< of a file of a COLMAP model
-  std::uint64_t points = std::uint64_t{1} << 22;        ///< of the scene, which take 64 bytes each
-  std::uint64_t frames = 5000;                          ///< photos with a pose
-  std::uint64_t image_pixels = std::uint64_t{1} << 26;  ///< of an image or a mask
-  std::uint64_t pixels = std::uint64_t{1} << 30;  ///< of all images, which take 4 bytes a pixel
-  std::uint64_t image_bytes = std::uint64_t{1} << 34;  ///< of the files of all images and masks
+  std::uint64_t json_bytes = std::uint64_t{1} << 24;   ///< of a JSON file
+  std::uint64_t model_bytes = std::uint64_t{1} << 31;  ///< of a file of a COLMAP model
+  std::uint64_t points = std::uint64_t{1} << 22;       ///< of the scene, which take 64 bytes each
+  std::uint64_t frames = 5000;                         ///< photos with a pose
+  std::uint64_t image_pixels = 64000000;               ///< of an image or a mask
+  std::uint64_t pixels = 1000000000;        ///< of all images, which take 4 bytes a pixel
+  std::uint64_t image_bytes = 16000000000;  ///< of the files of all images and masks
 };
 
 /// How a dataset is read.

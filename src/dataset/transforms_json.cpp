@@ -160,6 +160,9 @@ FrameEntry readFrame(const Json& file, const Json& json, const std::string& path
   if (!frame.fl_x && !frame.camera_angle_x) {
     failAt(frame.where, "neither fl_x nor camera_angle_x is given");
   }
+  if (!frame.fl_x && frame.distortion.model == Distortion::Model::kFisheye) {
+    failAt(frame.where, "a fisheye lens needs fl_x: its angle of view does not give it");
+  }
   return frame;
 }
 

@@ -18,7 +18,8 @@ namespace nerf_pose_refiner {
 /// A model that was asked for, and where it came from.
 struct RegisteredObject {
   std::shared_ptr<const Field> field;
-  bool loaded_existing = false;  ///< nothing was trained
+  bool loaded_existing = false;    ///< nothing was trained
+  std::vector<std::string> notes;  ///< @see Dataset::notes
 };
 
 /// What is reported to those who wait for a registration.

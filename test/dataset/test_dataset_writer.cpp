@@ -74,6 +74,36 @@ TEST(DatasetWriter, AlphaAndDistortionComeBack) {
   for (std::size_t i = 0; i < 5; ++i) EXPECT_EQ(read[i], bent.distortion.coefficients[i]);
 }
 
+TEST(DatasetWriter, AFisheyeLensComesBack) {
+  const TemporaryFolder folder;
+  DatasetHeader fisheye = header();
+  fisheye.distortion = {{0.01, -0.002, 0.0003, 0.0004}, Distortion::Model::kFisheye};
+  DatasetWriter writer(folder.file("mug"), fisheye);
+  writer.add(Image8(8, 6, 3, 90), somePose(0));
+  const Camera other = {4, 5, 6, 7, 2, 2};
+  expectError<std::invalid_argument>([&] { writer.add(Image8(4, 5, 3), somePose(0), other); },
+                                     "distortion");
+  writer.finish();
+  EXPECT_EQ(loadDataset(folder.file("mug")).views[0].distortion, fisheye.distortion);
+}
+
+TEST(DatasetWriter, EachViewMayHaveItsOwnCamera) {
+  const TemporaryFolder folder;
+  DatasetHeader unscaled = header();
+  unscaled.metres_per_unit = 0;
+  DatasetWriter writer(folder.file("mug"), unscaled);
+  const Camera other = {4, 5, 6, 7, 2.5, 1.5};
+  writer.add(Image8(8, 6, 3, 90), somePose(0));
+  writer.add(Image8(4, 5, 3, 90), somePose(1), other);
+  expectError<std::invalid_argument>([&] { writer.add(Image8(8, 6, 3), somePose(0), other); },
+                                     "size");
+  writer.finish();
+  const Dataset dataset = loadDataset(folder.file("mug"));
+  EXPECT_EQ(dataset.views[1].camera, other);
+  EXPECT_NEAR(dataset.views[0].camera.cx, kCamera.cx, 1e-12);
+  EXPECT_EQ(dataset.metres_per_unit, 0);
+}
+
 TEST(DatasetWriter, NothingAppearsBeforeTheEnd) {
   const TemporaryFolder folder;
   const std::string path = folder.file("mug");

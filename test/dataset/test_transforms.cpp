@@ -309,11 +309,13 @@ TEST_F(Transforms, BadIntrinsics) {
 TEST_F(Transforms, OtherLensesAreNotTakenForPinholes) {
   scene["camera_model"] = "OPENCV";
   EXPECT_NO_THROW(load());
+  scene["camera_model"] = "EQUIRECTANGULAR";
+  expectRefused("frame 0", "EQUIRECTANGULAR");
   scene["camera_model"] = "OPENCV_FISHEYE";
-  expectRefused("frame 0", "OPENCV_FISHEYE");
+  expectRefused("frame 0", "fl_x");
   scene.erase("camera_model");
   scene["is_fisheye"] = true;
-  expectRefused("frame 0", "fisheye");
+  expectRefused("frame 0", "fl_x");
 }
 
 TEST_F(Transforms, BrokenJson) {

@@ -7,7 +7,6 @@
 #include <sensor_msgs/image_encodings.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <string>
 
@@ -25,15 +24,7 @@ std::string sizeText(std::size_t width, std::size_t height) {
 }
 
 bool sameModel(const CameraModel& a, const CameraModel& b) {
-  const auto values = [](const CameraModel& m) {
-    return std::array<double, 6>{double(m.camera.width),
-                                 double(m.camera.height),
-                                 m.camera.fx,
-                                 m.camera.fy,
-                                 m.camera.cx,
-                                 m.camera.cy};
-  };
-  return values(a) == values(b) && a.distortion == b.distortion;
+  return a.camera == b.camera && a.distortion == b.distortion;
 }
 
 /// What to do with an encoding that is not read here.
