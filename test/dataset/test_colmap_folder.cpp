@@ -234,7 +234,7 @@ TEST_F(ColmapFolder, AConfinedProjectReadsNothingElsewhere) {
   writePhotos("project/images");
   writeModel("project/sparse/0");
   EXPECT_EQ(loadDataset(project, options).views.size(), 2u);
-  for (const std::string name : {std::string("../../secret.png"), folder.file("secret.png")}) {
+  for (const std::string& name : {std::string("../../secret.png"), folder.file("secret.png")}) {
     images[1].name = name;
     writeModel("project/sparse/0");
     EXPECT_NO_THROW(loadDataset(project)) << "a tool may read anywhere";

@@ -94,7 +94,7 @@ TEST_F(Nerfstudio, TransformsThatMakeNoSense) {
   scene["applied_transform"] = {{0, -2, 0, 0}, {1, 0, 0, 0}, {0, 0, 1, 0.5}};
   expectRefused("applied_transform", "not rigid");
   scene["applied_transform"] = {1, 2, 3};
-  expectRefused("applied_transform", "4 rows");
+  expectRefused("row 0 of applied_transform");
 }
 
 TEST_F(Nerfstudio, SplitLists) {
