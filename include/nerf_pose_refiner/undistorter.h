@@ -11,9 +11,10 @@ namespace nerf_pose_refiner {
 /// Removes the lens distortion from the images of one camera.
 ///
 /// The undistorted camera has the widest view in which every pixel comes from the distorted image;
-/// its focal lengths and principal point therefore differ. Construct one per camera: the maps cost
-/// more than an image. Without distortion, images pass through unchanged. Const methods are
-/// thread-safe.
+/// its focal lengths and principal point therefore differ. Of a fisheye lens it shows at most 70
+/// degrees off the optical axis: what is farther out would be stretched over many pixels. Construct
+/// one per camera: the maps cost more than an image. Without distortion, images pass through
+/// unchanged. Const methods are thread-safe.
 class Undistorter {
  public:
   /// @param camera intrinsics and size of the distorted images.

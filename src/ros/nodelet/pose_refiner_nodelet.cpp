@@ -138,7 +138,8 @@ void PoseRefinerNodelet::startObjectServices() {
       std::make_unique<ObjectServices>(getPrivateNodeHandle(), store(), tracked_.get(), p.object);
   registrations_ = std::make_unique<RegistrationServices>(
       getPrivateNodeHandle(),
-      ObjectRegistration(p.dataset_root, p.registration, store(), make_backend, find_schedule),
+      ObjectRegistration({p.dataset_root, p.dataset_limits}, p.registration, store(), make_backend,
+                         find_schedule),
       &process_->registrations, tracked_.get());
 }
 
