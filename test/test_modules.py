@@ -41,13 +41,15 @@ MODULES = {
     'backend': (('field', 'geometry', 'image', 'math', 'concurrency'), (EIGEN, SIMD, C_HEADERS)),
     'views': (('backend', 'field', 'geometry', 'image', 'math', 'concurrency'), (EIGEN,)),
     'refinement': (('views', 'backend', 'field', 'geometry', 'image', 'math', 'concurrency'), (EIGEN,)),
+    'detection': (('refinement', 'views', 'backend', 'field', 'geometry', 'image', 'math', 'concurrency', 'files'),
+                  (EIGEN, OPENCV)),
     'trust': (('refinement', 'views', 'backend', 'field', 'dataset', 'geometry', 'image', 'math', 'concurrency'),
               (EIGEN,)),
     'registration': (('trust', 'refinement', 'views', 'dataset', 'backend', 'field', 'geometry', 'image', 'math',
                       'concurrency', 'files'), (EIGEN,)),
-    'tracking': (('trust', 'refinement', 'views', 'backend', 'field', 'geometry', 'image', 'math', 'concurrency'),
-                 (EIGEN,)),
-    'runtime': (('tracking', 'registration', 'trust', 'refinement', 'views', 'dataset', 'backend', 'field', 'geometry',
+    'tracking': (('trust', 'detection', 'refinement', 'views', 'backend', 'field', 'geometry', 'image', 'math',
+                  'concurrency'), (EIGEN,)),
+    'runtime': (('tracking', 'registration', 'trust', 'detection', 'refinement', 'views', 'dataset', 'backend', 'field', 'geometry',
                  'image', 'math', 'concurrency', 'files'), (EIGEN, OPENCV, POSIX)),
 }
 # The public classes: what they hide is here.
