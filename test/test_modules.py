@@ -49,8 +49,8 @@ MODULES = {
                       'concurrency', 'files'), (EIGEN,)),
     'tracking': (('trust', 'detection', 'refinement', 'views', 'backend', 'field', 'geometry', 'image', 'math',
                   'concurrency'), (EIGEN,)),
-    'runtime': (('tracking', 'registration', 'trust', 'detection', 'refinement', 'views', 'dataset', 'backend', 'field', 'geometry',
-                 'image', 'math', 'concurrency', 'files'), (EIGEN, OPENCV, POSIX)),
+    'runtime': (('tracking', 'registration', 'trust', 'detection', 'refinement', 'views', 'dataset', 'backend', 'field',
+                 'geometry', 'image', 'math', 'concurrency', 'files'), (EIGEN, OPENCV, POSIX)),
 }
 # The public classes: what they hide is here.
 MODULES['library'] = (tuple(MODULES), (EIGEN,))
@@ -66,6 +66,7 @@ PUBLIC = {
     'backend.h': 'backend',
     'camera.h': 'geometry',
     'cancellation_token.h': 'concurrency',
+    'detector.h': 'library',
     'image.h': 'image',
     'object.h': 'views',
     'observation.h': 'backend',
