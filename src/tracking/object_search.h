@@ -5,7 +5,10 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <string>
+#include <vector>
 
+#include "detection/object_detector.h"
 #include "refinement/field_refiner.h"
 #include "refinement/keyframe_refiner.h"
 
@@ -33,6 +36,10 @@ class ObjectSearch {
 
   virtual Refinement search(const SearchRequest& request,
                             const CancellationToken& cancellation) = 0;
+
+  /// The best instance of the object in the whole image.
+  virtual Refinement detect(const Observation& observation,
+                            const CancellationToken& cancellation) = 0;
 };
 
 /// The right to use a processor that others want to use, too; it ends with this object.
@@ -52,27 +59,42 @@ struct SearchProcessor {
 /// long.
 using ProcessorFactory = std::function<SearchProcessor()>;
 
+/// How objects are detected.
+struct DetectionSetup {
+  DetectionSettings settings;
+  /// The file that keeps an object's landmarks; empty: they are made anew for each user of it.
+  std::function<std::string(const std::shared_ptr<const Field>&)> landmarks_path = {};
+};
+
 /// Searches with a backend: widely from an initial pose, narrowly from the last one. To follow by
 /// keyframes takes no turn: their renderings are turns of their own.
 class RefinerSearch : public ObjectSearch {
  public:
   /// @param find_processor called with the first object.
   RefinerSearch(ProcessorFactory find_processor, const RefinerSettings& initial,
-                const RefinerSettings& tracking);
+                const RefinerSettings& tracking, DetectionSetup detection = {});
 
   void use(std::shared_ptr<const Field> field) override;
   void configure(const RefinerSettings& initial, const RefinerSettings& tracking) override;
   Refinement search(const SearchRequest& request, const CancellationToken& cancellation) override;
+  /// The first time for an object, its landmarks may have to be made.
+  Refinement detect(const Observation& observation, const CancellationToken& cancellation) override;
 
  private:
+  std::vector<Pose> candidatesNear(const SearchRequest& request,
+                                   const CancellationToken& cancellation) const;
+
   ProcessorFactory find_processor_;
   RefinerSettings initial_settings_;
   RefinerSettings tracking_settings_;
   SearchProcessor processor_;
   std::optional<FieldRefiner> initial_;
   std::optional<FieldRefiner> tracking_;
+  std::shared_ptr<const Field> shared_;  ///< as it was handed over
   std::shared_ptr<const LoadedField> field_;
   std::optional<KeyframeRefiner> keyframes_;  ///< of the field; nothing: not asked for yet
+  DetectionSetup detection_;
+  std::unique_ptr<ObjectDetector> detector_;  ///< of the field; null: not asked for yet
 };
 
 }  // namespace nerf_pose_refiner

@@ -13,6 +13,13 @@ enum class InitialPosePolicy {
   kAlways,
 };
 
+/// What a track begins with.
+enum class TrackStart {
+  kInitialPose,  ///< a pose from outside
+  kDetect,       ///< detection in the whole image; poses from outside are ignored
+  kBoth,         ///< a pose from outside if there is one, else detection
+};
+
 /// How a refinement searches, and how far around its start.
 struct SearchSettings {
   std::string preset;       ///< that `refiner` began with, see RefinerSettings::named
@@ -25,8 +32,10 @@ struct SearchSettings {
   }
 };
 
-/// What keeps a track, and what ends it.
+/// What begins a track, what keeps it, and what ends it.
 struct TrackingRules {
+  TrackStart start = TrackStart::kInitialPose;
+  double detect_rate_hz = 1;  ///< images a second, by their stamps, that detection looks at, > 0
   double trust_score = 0.18;  ///< 0..1: a track begins with a pose that explains the image so well
   double min_score = 0.1;     ///< 0..trust_score: it does not go on with one that does so worse
   int max_failures = 2;       ///< so many untrusted images in a row are bridged, >= 0

@@ -16,6 +16,7 @@ namespace nerf_pose_refiner {
 struct ImageDecision {
   std::optional<TimedPose> start;     ///< refine from here; nothing: leave the image alone
   std::optional<TimedPose> previous;  ///< the trusted pose before `start`, to predict from
+  bool detect = false;                ///< there is no start: look for the object everywhere
   std::uint64_t ticket = 0;           ///< to be handed back with the result
   bool clock_jumped = false;          ///< time went back: transforms from before are worthless
   bool recovering = false;            ///< the start is where a lost object was seen last
@@ -61,7 +62,7 @@ class TrackerState {
   /// An image that cannot be used came.
   void imageRefused(TrackReason reason, const std::string& message);
 
-  /// Decides on an image. If there is a start, a refinement begins.
+  /// Decides on an image. If there is a start, a refinement begins; or else a detection may.
   ImageDecision decide(const ImageStamp& image);
 
   /// The start cannot be used: the reason counts against the track or the initial pose.
@@ -86,7 +87,7 @@ class TrackerState {
   struct Running {
     std::uint64_t ticket;
     ImageStamp image;
-    TimedPose start;
+    std::optional<TimedPose> start;  ///< nothing: it is looked for everywhere
   };
 
   void become(TrackState state, TrackReason reason = TrackReason::kNone,
@@ -98,6 +99,8 @@ class TrackerState {
   void timeWentBackTo(std::int64_t stamp_ns);
   bool initialPoseIsDue(std::int64_t stamp_ns, ImageDecision* decision);
   bool recoveryIsOver(std::int64_t stamp_ns) const;
+  bool detectionIsDue(std::int64_t stamp_ns) const;
+  void countMiss(TrackReason reason, const std::string& message);
   std::optional<Running> end(std::uint64_t ticket);
   void countFailure(const TimedPose& start, TrackReason reason, const std::string& message);
 
@@ -111,10 +114,11 @@ class TrackerState {
   std::optional<TimedPose> previous_;      ///< what last_ was found from, if that was tracked, too
   /// While lost: where to look for the object, the last trusted pose or an initial one of no avail.
   std::optional<TimedPose> recovery_start_;
-  int failures_ = 0;                           ///< untrusted images since the last trusted one
-  std::optional<std::int64_t> last_stamp_ns_;  ///< of the images decided on
-  std::int64_t clock_ns_ = 0;                  ///< the time, when last told
-  std::int64_t last_arrival_ns_ = 0;           ///< of an image, by that clock
+  std::optional<std::int64_t> last_detection_ns_;  ///< stamp of the image it looked at
+  int failures_ = 0;                               ///< untrusted images since the last trusted one
+  std::optional<std::int64_t> last_stamp_ns_;      ///< of the images decided on
+  std::int64_t clock_ns_ = 0;                      ///< the time, when last told
+  std::int64_t last_arrival_ns_ = 0;               ///< of an image, by that clock
   std::optional<Running> running_;
   std::uint64_t tickets_ = 0;  ///< given out so far
 };
