@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <opencv2/features2d.hpp>
 #include <stdexcept>
 
@@ -14,9 +15,8 @@ constexpr float kDegree = 0.017453293f;
 #if CV_VERSION_MAJOR > 4 || (CV_VERSION_MAJOR == 4 && CV_VERSION_MINOR >= 4)
 constexpr bool kHasSift = true;
 cv::Ptr<cv::Feature2D> makeSift(const FeatureSettings& settings) {
-  // OpenCV divides the threshold by the number of layers.
-  constexpr int kLayers = 3;
-  return cv::SIFT::create(settings.max_features, kLayers, kLayers * settings.contrast / 3);
+  constexpr int kLayers = 3;  // of an octave
+  return cv::SIFT::create(0, kLayers, settings.contrast);
 }
 #else
 constexpr bool kHasSift = false;
@@ -48,6 +48,16 @@ void normalise(FeatureKind kind, Descriptors* descriptors) {
   }
 }
 
+std::vector<int> strongestOf(const std::vector<cv::KeyPoint>& keypoints, int most) {
+  std::vector<int> order(keypoints.size());
+  std::iota(order.begin(), order.end(), 0);
+  const auto response = [&](int i) { return keypoints[static_cast<std::size_t>(i)].response; };
+  std::stable_sort(order.begin(), order.end(),
+                   [&](int a, int b) { return response(a) > response(b); });
+  if (order.size() > static_cast<std::size_t>(most)) order.resize(static_cast<std::size_t>(most));
+  return order;
+}
+
 }  // namespace
 
 FeatureKind bestFeatureKind() { return kHasSift ? FeatureKind::kSift : FeatureKind::kAkaze; }
@@ -64,16 +74,15 @@ ImageFeatures findFeatures(const Image8& grey, const Image8& where,
   const cv::Ptr<cv::Feature2D> detector = makeDetector(settings);
   const cv::Mat mask = where.empty() ? cv::Mat() : view(where);
   std::vector<cv::KeyPoint> keypoints;
-  detector->detect(view(grey), keypoints, mask);
-  cv::KeyPointsFilter::retainBest(keypoints, settings.max_features);
   cv::Mat rows;
-  if (!keypoints.empty()) detector->compute(view(grey), keypoints, rows);
+  detector->detectAndCompute(view(grey), mask, keypoints, rows);
 
+  const std::vector<int> strongest = strongestOf(keypoints, settings.max_features);
   ImageFeatures features;
-  features.descriptors.resize(rows.rows, rows.cols);
-  for (int i = 0; i < rows.rows; ++i) {
-    std::copy_n(rows.ptr<float>(i), rows.cols, features.descriptors.row(i).data());
+  features.descriptors.resize(static_cast<Eigen::Index>(strongest.size()), rows.cols);
+  for (const int i : strongest) {
     const cv::KeyPoint& point = keypoints[static_cast<std::size_t>(i)];
+    std::copy_n(rows.ptr<float>(i), rows.cols, features.descriptors.row(features.size()).data());
     features.places.push_back({point.pt.x, point.pt.y, point.size, kDegree * point.angle});
   }
   normalise(settings.kind, &features.descriptors);

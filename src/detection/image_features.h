@@ -40,7 +40,7 @@ struct ImageFeatures {
 struct FeatureSettings {
   FeatureKind kind = bestFeatureKind();
   int max_features = 1500;  ///< those of the strongest response are kept
-  double contrast = 0.02;   ///< least response of SIFT, 0..1; AKAZE has a fixed one
+  double contrast = 0.02;   ///< least contrast of SIFT, as OpenCV counts; AKAZE has a fixed one
 };
 
 /// Finds local features. @param grey [h][w][1]. @param where [h][w][1], 0 where none is wanted;
