@@ -10,8 +10,9 @@ namespace nerf_pose_refiner {
 
 std::optional<PoseVote> voteFor(const Pose& T_O_C, const Camera& camera,
                                 const FieldMetadata& object) {
+  constexpr double kNearest = 0.7;  // [diameters]: nearer ones have no keyframe
   const Eigen::Vector3d centre_C = T_O_C.inverse() * object.centre;
-  if (!(centre_C.z() > 0.5 * object.diameter)) return std::nullopt;
+  if (!(centre_C.z() > kNearest * object.diameter)) return std::nullopt;
   const Eigen::Vector2d centre = camera.project(centre_C);
   return PoseVote{centre.x(), centre.y(), object.diameter * camera.fx / centre_C.z(),
                   T_O_C.R.transpose()};

@@ -80,6 +80,7 @@ std::vector<Pose> RefinerSearch::candidatesNear(const SearchRequest& request,
 
 Refinement RefinerSearch::detect(const Observation& observation,
                                  const CancellationToken& cancellation) {
+  if (keyframes_) keyframes_->waitForRenderings(cancellation);
   if (!detector_) {
     const std::string path =
         detection_.landmarks_path ? detection_.landmarks_path(shared_) : std::string();

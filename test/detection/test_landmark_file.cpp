@@ -9,6 +9,7 @@
 #include <iterator>
 #include <string>
 
+#include "field/field.h"
 #include "support/temporary_folder.h"
 
 namespace nerf_pose_refiner {
@@ -61,12 +62,12 @@ TEST_F(LandmarkFileTest, ReadsWhatWasWritten) {
 
 TEST_F(LandmarkFileTest, DescriptorsAreKeptToAByte) {
   Landmarks landmarks = someLandmarks();
-  landmarks.descriptors.setConstant(0.25f);
+  landmarks.descriptors.setConstant(0.26f);
   landmarks.descriptors(1, 2) = -0.125f;
   landmarks.descriptors(2, 3) = 0.9f;  // beyond what a byte holds
   saveLandmarks(landmarks, 7, path_);
   const Descriptors read = loadLandmarks(path_, 7)->descriptors;
-  EXPECT_NEAR(read(0, 0), 0.25, 0.5 / 254);
+  EXPECT_NEAR(read(0, 0), 0.26, 0.5 / 254);
   EXPECT_NEAR(read(1, 2), -0.125, 0.5 / 254);
   EXPECT_FLOAT_EQ(read(2, 3), 0.5f);
 }

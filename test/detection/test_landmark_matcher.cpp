@@ -77,6 +77,7 @@ TEST(LandmarkMatcher, AnyNumberOfThreadsFindsTheSame) {
   for (int i = 0; i < 500; ++i) {
     Landmark landmark;
     landmark.point = {static_cast<float>(i), 0, 0};
+    landmark.R_O_F.setIdentity();
     landmarks.places.push_back(landmark);
   }
   ImageFeatures features;
