@@ -1,0 +1,74 @@
+# Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+"""Cameras and poses from a board in the photos, without structure from motion: intrinsics and all poses are found
+together, which for a board of known size is bundle adjustment (Zhang 2000)."""
+import collections
+
+import cv2
+import numpy as np
+
+from photos.common import count, require
+from photos.reconstruction import Camera, Reconstruction
+
+# `reconstruction` has the board's corners as points, in its frame [m]; `error_px` is the RMS; `left_out` {photo: reason}.
+BoardPoses = collections.namedtuple('BoardPoses', 'reconstruction error_px left_out')
+
+MIN_PHOTOS = 5
+OUTLIER = 3.0            # times the median photo's error
+MIN_OUTLIER_PX = 1.0
+MAX_ERROR_PX = 3.0
+FEW_PHOTOS = 12          # with fewer, a lens has one coefficient of distortion
+
+
+def calibrated(corners, points, size, fixed):
+    """One call of OpenCV's. @param corners [{number: xy}] of photos; fixed: fx, fy, cx, cy, k1, k2, p1, p2, or None.
+    @return (parameters, [(R, t)], [error of each photo])."""
+    objects = [np.array([points[number] for number in found], np.float32) for found in corners]
+    pixels = [np.array(list(found.values()), np.float32) - 0.5 for found in corners]
+    flags, K, distortion = cv2.CALIB_FIX_K3, None, None
+    if fixed is not None:
+        K, distortion = Camera(*size, np.array(fixed, dtype=float)).matrix(), np.array(fixed[4:], dtype=float)
+        flags |= (cv2.CALIB_USE_INTRINSIC_GUESS | cv2.CALIB_FIX_FOCAL_LENGTH | cv2.CALIB_FIX_PRINCIPAL_POINT |
+                  cv2.CALIB_FIX_K1 | cv2.CALIB_FIX_K2 | cv2.CALIB_FIX_TANGENT_DIST)
+    elif len(corners) < FEW_PHOTOS:
+        flags |= cv2.CALIB_FIX_K2 | cv2.CALIB_ZERO_TANGENT_DIST | cv2.CALIB_FIX_ASPECT_RATIO
+        K = np.array([[max(size), 0, size[0] / 2 - 0.5], [0, max(size), size[1] / 2 - 0.5], [0, 0, 1.0]])
+        flags |= cv2.CALIB_USE_INTRINSIC_GUESS
+    _, K, distortion, rotations, translations, _, _, errors = cv2.calibrateCameraExtended(
+        objects, pixels, size, K, distortion, flags=flags)
+    parameters = np.array([K[0, 0], K[1, 1], K[0, 2] + 0.5, K[1, 2] + 0.5, *distortion.ravel()[:4]])
+    poses = [(cv2.Rodrigues(r)[0], t.ravel()) for r, t in zip(rotations, translations)]
+    return parameters, poses, errors.ravel()
+
+
+def poses_from_board(names, corners, points, camera):
+    """Poses of all photos of one camera. @param names of photos; corners [{number: xy}], empty where the board was not
+    found; points {number: point [m]}; camera {width, height, parameters: fixed ones or None}."""
+    left_out = {name: 'the board is not seen' for name, found in zip(names, corners) if not found}
+    kept = [i for i, found in enumerate(corners) if found]
+    size = camera['width'], camera['height']
+    while True:
+        require(len(kept) >= MIN_PHOTOS, f'the board was found in {count(len(kept), "photo")}: at least {MIN_PHOTOS} are '
+                'needed. Is it the board that --board names, flat, sharp and not covered?')
+        parameters, poses, errors = calibrated([corners[i] for i in kept], points, size, camera['parameters'])
+        limit = max(MIN_OUTLIER_PX, OUTLIER * float(np.median(errors)))
+        if np.all(errors <= limit):
+            break
+        for i, error in zip(kept, errors):
+            if error > limit:
+                left_out[names[i]] = f'its corners lie {error:.1f} px beside the board'
+        kept = [i for i, error in zip(kept, errors) if error <= limit]
+    error_px = float(np.sqrt(np.mean(errors ** 2)))
+    require(error_px < MAX_ERROR_PX, f'the corners lie {error_px:.1f} px beside the board: it is not flat, or not the one '
+            'that --board names')
+    return BoardPoses(assembled([names[i] for i in kept], [corners[i] for i in kept], points,
+                                (Camera(*size, parameters), poses)), error_px, left_out)
+
+
+def assembled(names, corners, points, solution):
+    camera, poses = solution
+    numbers = sorted(points)
+    observed = [(photo, numbers.index(number), xy) for photo, found in enumerate(corners) for number, xy in found.items()]
+    photo_of, point_of, xy = zip(*observed)
+    return Reconstruction([camera], names, np.zeros(len(names), int), np.array([R for R, _ in poses]),
+                          np.array([t for _, t in poses]), np.array([points[number] for number in numbers]),
+                          np.array(photo_of), np.array(point_of), np.array(xy))
