@@ -4,12 +4,12 @@ import os
 import re
 import shutil
 import signal
-import sqlite3
 import subprocess
 import sys
 import threading
 
-from photos.common import InputError, require, whole_folder, write_text
+from photos.common import require, whole_folder, write_text
+from photos.pairs import pairs_of_database
 from photos.reconstruction import read_reconstruction
 
 PROGRAM = 'colmap'
@@ -21,6 +21,8 @@ DEFAULT_FOCAL = 0.85
 PROGRESS = (re.compile(r'Processed file \[(\d+)/(\d+)\]'), re.compile(r'Matching block \[(\d+)/(\d+)'),
             re.compile(r'Matching image \[(\d+)/(\d+)\]'), re.compile(r'Registering image #\d+ \((\d+)\)'))
 LOG_LINES = 5                  # that an error quotes
+NO_PAIRS = ('no two photos show the same thing from two places: take photos that overlap by two thirds, of something with '
+            'texture (a newspaper below the object helps)')
 
 
 class Colmap:
@@ -92,13 +94,18 @@ def find_features(colmap, database, photos, cameras):
 
 
 def match(colmap, database, is_sequence):
+    """Frames of a video with their neighbours; of photos the pairs that may show the same."""
     common = {'database_path': database, 'SiftMatching__use_gpu': 0,
               'SiftMatching__num_threads': colmap.thread_option(), 'SiftMatching__guided_matching': 1}
     if is_sequence:
         colmap.run('sequential_matcher', SequentialMatching__overlap=OVERLAP, SequentialMatching__quadratic_overlap=1,
                    **common)
-    else:
-        colmap.run('exhaustive_matcher', **common)
+        return
+    pairs = pairs_of_database(database)
+    require(pairs, NO_PAIRS)
+    listed = database + '.pairs.txt'
+    write_text(listed, ''.join(f'{first} {second}\n' for first, second in pairs))
+    colmap.run('matches_importer', match_list_path=listed, match_type='pairs', **common)
 
 
 def map_photos(colmap, database, folder, chosen):
@@ -118,30 +125,7 @@ def map_photos(colmap, database, folder, chosen):
 def largest_part(folder):
     """(reconstruction of most photos, numbers of photos of the other parts). @throws InputError if there is none."""
     parts = [read_reconstruction(os.path.join(folder, name)) for name in sorted(os.listdir(folder))]
-    if not parts:
-        raise InputError('COLMAP found no two photos that show the same thing from two places: take photos that overlap '
-                         'by two thirds, of something with texture (a newspaper below the object helps)')
+    require(parts, NO_PAIRS)
     parts.sort(key=lambda part: -len(part.names))
     return parts[0], [len(part.names) for part in parts[1:]]
 
-
-# What the database knows of each photo.
-
-def query(database, command):
-    with sqlite3.connect(f'file:{database}?mode=ro', uri=True) as connection:
-        return connection.execute(command).fetchall()
-
-
-def feature_counts(database):
-    """{photo: number of features}."""
-    return dict(query(database, 'SELECT name, rows FROM images LEFT JOIN keypoints USING (image_id)'))
-
-
-def partner_counts(database, min_matches=30):
-    """{photo: number of photos that it has so many verified matches with}."""
-    names = dict(query(database, 'SELECT image_id, name FROM images'))
-    partners = dict.fromkeys(names.values(), 0)
-    for pair, in query(database, f'SELECT pair_id FROM two_view_geometries WHERE rows >= {min_matches}'):
-        for photo in divmod(pair, 2147483647):
-            partners[names[photo]] += 1
-    return partners

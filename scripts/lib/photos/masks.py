@@ -2,6 +2,7 @@
 """What of each photo is the object: GrabCut (Rother et al. 2004), seeded by the object's points and box, made
 consistent between the photos by the volume that their masks have in common above the table."""
 import collections
+import concurrent.futures
 
 import cv2
 import numpy as np
@@ -10,8 +11,8 @@ import numpy as np
 # photos together say, before it was made to agree.
 Mask = collections.namedtuple('Mask', 'image agreement')
 
-SIDE = 640               # masks are found at this size of a photo [px]
-ITERATIONS = 4           # of GrabCut
+SIDE = 512               # masks are found at this size of a photo [px]
+ITERATIONS = 3           # of GrabCut
 ROUNDS = 2
 CELLS = 96               # of the volume, along the box's longest side
 MIN_VOTES = 0.85         # of the photos that show a cell: the cell belongs to the object
@@ -40,6 +41,11 @@ class Volume:
             seen += inside
             votes[inside] += mask[y, x] > 0
         self.occupied = (seen >= MIN_SEEN * len(views)) & (votes >= MIN_VOTES * seen)
+
+    def bounds(self):
+        """(low, high) of the occupied cells, or None."""
+        cells = self.cells[self.occupied]
+        return (cells.min(axis=0) - self.size / 2, cells.max(axis=0) + self.size / 2) if len(cells) else None
 
     def silhouette(self, view):
         """Of the occupied cells, as a photo shows them: uint8, 255 inside."""
@@ -168,18 +174,18 @@ def agreed(mask, silhouette):
 
 def find_masks(images, cameras, poses, box, object_points):
     """Masks of all photos. @param images undistorted, BGR; cameras pinholes; poses [(R, t)]; box (low, high) of the object
-    in the world; object_points of the world. @return (list of Mask, occupied share of the box's volume)."""
+    in the world, which may be larger than the object; object_points of the world.
+    @return (list of Mask, (low, high) of the volume that they have in common, or of the box if there is none)."""
     views = [View(image, camera, pose) for image, camera, pose in zip(images, cameras, poses)]
     volume = Volume(*box)
-    masks = [solid(grab_cut(view, first_trimap(view, volume, object_points))) for view in views]
-    for _ in range(ROUNDS):
+    with concurrent.futures.ThreadPoolExecutor() as threads:  # OpenCV works without Python's lock
+        masks = list(threads.map(lambda view: solid(grab_cut(view, first_trimap(view, volume, object_points))), views))
+        for _ in range(ROUNDS):
+            volume.vote(views, masks)
+            if not volume.occupied.any():
+                break
+            masks = list(threads.map(
+                lambda view: solid(grab_cut(view, band_trimap(volume.silhouette(view), BAND))), views))
         volume.vote(views, masks)
-        if not volume.occupied.any():
-            break
-        masks = [solid(grab_cut(view, band_trimap(volume.silhouette(view), BAND))) for view in views]
-    volume.vote(views, masks)
-    results = []
-    for view, mask in zip(views, masks):
-        mask, share = agreed(mask, volume.silhouette(view))
-        results.append(Mask(view.full(mask), share))
-    return results, float(np.mean(volume.occupied))
+        results = list(threads.map(lambda pair: agreed(pair[1], volume.silhouette(pair[0])), zip(views, masks)))
+    return [Mask(view.full(mask), share) for view, (mask, share) in zip(views, results)], volume.bounds() or tuple(box)

@@ -17,8 +17,9 @@ UNIT_OF_UNSCALED = 1.0  # the longest side of the box, where no scale is known
 @dataclasses.dataclass
 class Region:
     reconstruction: Reconstruction   # in the object's frame; in metres if the scale is known
-    low: np.ndarray                  # box
+    low: np.ndarray                  # box, in which the object is searched
     high: np.ndarray
+    is_given: bool                   # whether the box is the user's
     points: np.ndarray               # of the object
     metres_per_unit: float           # 1, or 0: unknown
     sigma: float = 0.0               # of the scale, as a share of it; 0: unknown
@@ -38,14 +39,15 @@ def on_found_table(reconstruction):
     plane = find_plane(reconstruction)
     box = box_of(points_above(reconstruction, plane), plane)
     moved = reconstruction.moved(1, box.R, box.t)
-    return Region(moved, box.low, box.high, box.points @ box.R.T + box.t, 0, 0, 'the table is the largest plane below')
+    points = box.points @ box.R.T + box.t
+    return Region(moved, box.low, box.high, False, points, 0, 0, 'z = 0 is the plane below the object')
 
 
 def on_board(reconstruction):
     """@param reconstruction in the board's frame. The object's frame is the board's."""
     distance = float(np.median(np.linalg.norm(reconstruction.centres() - focus(reconstruction), axis=1)))
     points = points_above(reconstruction, Plane(np.array([0, 0, 1.0]), 0.0, 0.006 * distance))
-    return Region(reconstruction, *bounds(points), points, 1.0, 0, 'scale and frame are those of the board')
+    return Region(reconstruction, *bounds(points), False, points, 1.0, 0, 'scale and frame are those of the board')
 
 
 def within_box(reconstruction, box):
@@ -53,7 +55,7 @@ def within_box(reconstruction, box):
     low, high = np.array(box[:3], dtype=float), np.array(box[3:], dtype=float)
     require(np.all(low < high), '--box is empty: give min x y z, then max x y z')
     inside = np.all((reconstruction.xyz > low) & (reconstruction.xyz < high), axis=1)
-    return Region(reconstruction, low, high, reconstruction.xyz[inside], 0, 0, 'the box was given')
+    return Region(reconstruction, low, high, True, reconstruction.xyz[inside], 0, 0, 'the box was given')
 
 
 def marks_of(job, reconstruction):

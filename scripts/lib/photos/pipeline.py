@@ -10,8 +10,8 @@ from photos.board import corner_points, parse_board
 from photos.common import read_json, require, say, whole_folder, write_json
 from photos.dataset import posed_photos, write_dataset
 from photos.job import Job
-from photos.masks import find_masks
 from photos.missing import angles
+from photos.object_masks import mask_photos
 from photos.object_region import find_region
 from photos.point_cloud import with_points
 from photos.quality import measure
@@ -56,18 +56,16 @@ def find_object(job, reconstruction, facts):
     moved = region.reconstruction
     for photo, R, t in zip(photos, moved.R, moved.t):
         photo.R, photo.t = R, t
-    found, filled = find_masks([photo.image for photo in photos], [photo.camera for photo in photos],
-                               [(photo.R, photo.t) for photo in photos], (region.low, region.high), region.points)
-    for photo, mask in zip(photos, found):
-        photo.mask = mask.image
-    write_dataset(photos, (region.low, region.high), region.metres_per_unit, job.path('dataset'))
-    azimuth, elevation = angles(moved.centres(), 0.5 * (region.low + region.high))
-    return {**facts, 'box': [region.low.tolist(), region.high.tolist()], 'metres_per_unit': region.metres_per_unit,
+    agreements, box = mask_photos(photos, region)
+    write_dataset(photos, box, region.metres_per_unit, job.path('dataset'))
+    azimuth, elevation = angles(moved.centres(), 0.5 * (box[0] + box[1]))
+    return {**facts, 'box': [corner.tolist() for corner in box], 'metres_per_unit': region.metres_per_unit,
             'scale_sigma': region.sigma, 'frame': region.origin, 'object_points': len(region.points),
-            'size': np.ptp(region.points, axis=0).tolist(), 'filled': filled,
+            'size': (box[1] - box[0]).tolist(),
             'views': [{'name': photo.name, 'source': photo.source, 'azimuth_deg': float(a), 'elevation_deg': float(e),
-                       'mask_agreement': mask.agreement, 'error_px': error}
-                      for photo, mask, a, e, error in zip(photos, found, azimuth, elevation, photo_errors(moved))]}
+                       'mask_agreement': agreement, 'error_px': error}
+                      for photo, agreement, a, e, error in zip(photos, agreements, azimuth, elevation,
+                                                               photo_errors(moved))]}
 
 
 def photo_errors(reconstruction):

@@ -109,10 +109,12 @@ def close_pairs(reconstruction):
 
 
 def usual_shares(angles, shares):
-    """What views at each angle usually share: a line through the upper quartiles of near and far pairs."""
+    """What views at each angle usually share: a line through the upper quartiles of near and far pairs. Nearer views share
+    more, whatever the near pairs here do."""
     near = angles < np.median(angles)
     points = [(np.median(angles[half]), np.quantile(shares[half], 0.75)) for half in (near, ~near) if half.any()]
-    return np.interp(angles, *zip(*points))
+    at, usual = map(np.array, zip(*points))
+    return np.interp(angles, at, np.maximum.accumulate(usual[::-1])[::-1])
 
 
 def components(n, edges):

@@ -6,7 +6,7 @@ import shutil
 import cv2
 import numpy as np
 
-from photos import colmap, missing, pose_checks
+from photos import colmap, colmap_database, missing, pose_checks
 from photos.board import corner_points, find_corners, parse_board
 from photos.board_poses import poses_from_board
 from photos.common import InputError, count, require, say
@@ -81,7 +81,7 @@ def poses_of_colmap(job):
 
 def reasons_of_missing(job, reconstruction, database):
     facts = {'sharpness': float(np.median([copy.sharpness for copy in job.copies])),
-             'features': colmap.feature_counts(database), 'partners': colmap.partner_counts(database)}
+             'features': colmap_database.feature_counts(database), 'partners': colmap_database.partner_counts(database)}
     return {copy.source: missing.reason(copy, facts) for copy in job.copies if copy.name not in reconstruction.names}
 
 

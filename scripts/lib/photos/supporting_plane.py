@@ -2,6 +2,7 @@
 """The plane that the object stands on, and the points above it, from the points of a reconstruction alone."""
 import collections
 
+import cv2
 import numpy as np
 
 from photos.common import require
@@ -21,7 +22,7 @@ NEAR = 1.0                  # of the cameras' distance: points farther from wher
 CELL = 0.035                # of the cameras' distance: points nearer than this hang together
 MIN_OBJECT_POINTS = 30
 OUTLIERS = 0.01             # of the object's points, at each end of each axis
-MARGIN = 0.12               # around the object's points, of the box's longest side
+MARGIN = 0.4                # around the object's points, of their longest side: plain parts have no points
 RELIABLE_VIEWS = 3          # that see a point
 
 
@@ -122,10 +123,17 @@ def points_above(reconstruction, plane):
 
 
 def table_axes(plane, points):
-    """R of the table's frame, z up, x along the longer side of the points."""
-    flat = points - np.outer(points @ plane.n, plane.n)
-    x = np.linalg.svd(flat - flat.mean(axis=0), full_matrices=False)[2][0]
-    x -= plane.n * (plane.n @ x)
+    """R of the table's frame, z up, x along the longer side of the smallest rectangle around the points."""
+    x = np.cross(plane.n, np.eye(3)[np.argmin(np.abs(plane.n))])
+    x /= np.linalg.norm(x)
+    y = np.cross(plane.n, x)
+    flat = np.column_stack((points @ x, points @ y))
+    low, high = np.quantile(flat, OUTLIERS, axis=0), np.quantile(flat, 1 - OUTLIERS, axis=0)
+    inside = np.all((flat >= low) & (flat <= high), axis=1)
+    corners = cv2.boxPoints(cv2.minAreaRect(flat[inside].astype(np.float32)))
+    sides = np.diff(corners[:3], axis=0)
+    longer = sides[np.argmax(np.linalg.norm(sides, axis=1))]
+    x = longer[0] * x + longer[1] * y
     x /= np.linalg.norm(x)
     return np.array([x, np.cross(plane.n, x), plane.n])
 
