@@ -19,7 +19,8 @@ Board = collections.namedtuple('Board', 'columns rows square_mm marker_mm dictio
 
 DEFAULT = 'charuco:7x10:25:18:5X5_100'
 MIN_CORNERS = 6           # of a photo that says anything
-MAX_WINDOW_PX = 5         # half the side of the window in which a corner is refined
+CLEAR = 0.7               # half the side of the window in which a corner is refined, of its distance from a marker
+MAX_WINDOW_PX = 7
 MIN_WINDOW_PX = 2
 
 
@@ -143,7 +144,7 @@ def find_corners(board, image):
         if prediction is None:
             continue
         predicted, clearance = prediction
-        half = int(np.clip(clearance / 2, MIN_WINDOW_PX, MAX_WINDOW_PX))
+        half = int(np.clip(CLEAR * clearance, MIN_WINDOW_PX, MAX_WINDOW_PX))
         if not (predicted > half + 1).all() or not (predicted < np.array(grey.shape[::-1]) - half - 2).all():
             continue
         refined = cv2.cornerSubPix(grey, predicted.astype(np.float32).reshape(1, 1, 2), (half, half), (-1, -1), criteria)
