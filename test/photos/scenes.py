@@ -8,7 +8,8 @@ import numpy as np
 
 TOP = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 sys.path.insert(0, os.path.join(TOP, 'scripts', 'lib'))
-from photos.geometry import exp_so3  # noqa: E402 (after the path)
+from photos import board_drawing  # noqa: E402 (after the path)
+from photos.geometry import exp_so3  # noqa: E402
 from photos.reconstruction import Camera, Reconstruction  # noqa: E402
 
 BOX = np.array([0.2, 0.12, 0.16])   # of the object, on z = 0 around the origin
@@ -96,6 +97,15 @@ def texture(seed, hue):
     return cv2.cvtColor(cv2.merge([np.full_like(value, hue), saturation, value]), cv2.COLOR_HSV2BGR)
 
 
+def detailed(paint, seed):
+    """The same with small dark and light spots, which structure from motion can hold on to."""
+    random = np.random.default_rng(100 + seed)
+    spotted = cv2.resize(paint, (1024, 1024), interpolation=cv2.INTER_CUBIC)
+    for x, y, radius, grey in zip(*random.integers((0, 0, 4, 0), (1024, 1024, 16, 255), (900, 4)).T):
+        cv2.circle(spotted, (int(x), int(y)), int(radius), 3 * (int(grey),), -1, cv2.LINE_AA)
+    return spotted
+
+
 def quads():
     """(corners [4][3], texture) of the table and of the sides of the box; counter-clockwise from outside."""
     s, (x, y, z) = TABLE, BOX * (0.5, 0.5, 1)
@@ -104,6 +114,14 @@ def quads():
                               ((x, y, 0), (-x, y, 0), (-x, y, z), (x, y, z)), ((-x, -y, 0), (x, -y, 0), (x, -y, z), (-x, -y, z)),
                               ((-x, -y, z), (x, -y, z), (x, y, z), (-x, y, z)))):
         yield np.array(side), texture(2 + i, 5)
+
+
+def on_board(board):
+    """The same with a printed board instead of the table, its middle below the box: [(corners, texture)]."""
+    printed = cv2.cvtColor(board_drawing.picture(board, 3), cv2.COLOR_GRAY2BGR)
+    half = 0.0005 * board.square_mm * np.array([board.columns + 1, board.rows + 1])
+    corners = np.array([(-half[0], -half[1], 0), (half[0], -half[1], 0), (half[0], half[1], 0), (-half[0], half[1], 0)])
+    return [(corners, printed)] + [(side, detailed(paint, i)) for i, (side, paint) in enumerate(quads()) if i]
 
 
 def render(pose, of=None, painted=None):

@@ -18,6 +18,7 @@ import cv2
 import numpy as np
 
 import scenes
+from photos.board import Board, text_of
 from photos.masks import agreement
 from test_pose_checks import folded
 
@@ -65,11 +66,11 @@ class Command(unittest.TestCase):
         self.poses = scenes.rounds(8)
         self.model = scenes.reconstruction(self.poses)
 
-    def take_photos(self, folder=None):
+    def take_photos(self, folder=None, camera=None, painted=None):
         folder = folder or self.photos
         os.makedirs(folder)
         for i, pose in enumerate(self.poses):
-            cv2.imwrite(os.path.join(folder, f'IMG {i:02d}.png'), scenes.render(pose))
+            cv2.imwrite(os.path.join(folder, f'IMG {i:02d}.png'), scenes.render(pose, camera, painted))
 
     def run_program(self, *words, source=None, **environment):
         prepared = os.path.join(self.top, 'prepared')
@@ -171,6 +172,24 @@ class OneObject(Command):
                       result.stderr)
         self.assertEqual(self.calls()[2:], ['mapper', 'mapper'])
         self.assertEqual(self.read('report.json')['posed'], n)
+
+    def test_a_board_gives_poses_and_scale_without_colmap(self):
+        """A camera of 640 x 480 at 0.8 m: poses within 2 mm, though the lens is not known."""
+        board = Board(12, 12, 40.0, 30.0, '4X4_100')
+        camera = scenes.Camera(640, 480, np.array([620.0, 620, 320, 240, 0, 0, 0, 0]))
+        self.poses = scenes.rounds(10, (35, 60))
+        self.take_photos(camera=camera, painted=scenes.on_board(board))
+        result = self.run_program('--no-training', '--poses', 'board', '--board', text_of(board))
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertEqual(self.calls(), [])
+        report, train = self.read('report.json'), self.read('dataset', 'transforms_train.json')
+        self.assertEqual((report['posed'], train['metres_per_unit']), (20, 1))
+        for frame in train['frames']:
+            R, t = self.poses[int(frame['source'][4:6])]
+            self.assertLess(np.linalg.norm(np.array(frame['transform_matrix'])[:3, 3] + R.T @ t), 0.002)
+        low, high = np.array(train['object_aabb'])
+        self.assertTrue(np.all(low[:2] < -scenes.BOX[:2] / 2) and np.all(high > scenes.BOX * (0.5, 0.5, 1)), (low, high))
+        np.testing.assert_allclose(high - low, scenes.BOX, atol=0.08)
 
     def test_what_cannot_be_used(self):
         self.take_photos()
