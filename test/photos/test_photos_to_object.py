@@ -206,7 +206,7 @@ class OneObject(Command):
     @unittest.skipUnless(TOOLS, 'without the folder of the tools')
     def test_learning_and_the_report(self):
         self.take_photos()
-        words = ('--tools', TOOLS, '--steps', '60', '--backend', 'cpu', '--metres-per-unit', '1', '--name', 'crate')
+        words = ('--tools', TOOLS, '--steps', '200', '--backend', 'cpu', '--metres-per-unit', '1', '--name', 'crate')
         result = self.run_program(*words)
         self.assertEqual(result.returncode, 0, result.stderr)
         self.assertTrue(os.path.isfile(os.path.join(self.output, 'crate.safetensors')))

@@ -16,28 +16,40 @@ MIN_PHOTOS = 5
 OUTLIER = 3.0            # times the median photo's error
 MIN_OUTLIER_PX = 1.0
 MAX_ERROR_PX = 3.0
-FEW_PHOTOS = 12          # with fewer, a lens has one coefficient of distortion
+# Lenses, each with more that is free than the one before; the richer one must lower the error by MIN_GAIN, for what is
+# free and not needed makes poses worse.
+SIMPLE = cv2.CALIB_FIX_ASPECT_RATIO | cv2.CALIB_FIX_PRINCIPAL_POINT | cv2.CALIB_ZERO_TANGENT_DIST | cv2.CALIB_FIX_K3
+LENSES = (SIMPLE | cv2.CALIB_FIX_K2, SIMPLE, SIMPLE & ~cv2.CALIB_FIX_PRINCIPAL_POINT, cv2.CALIB_FIX_K3)
+GIVEN = (cv2.CALIB_FIX_FOCAL_LENGTH | cv2.CALIB_FIX_PRINCIPAL_POINT | cv2.CALIB_FIX_K1 | cv2.CALIB_FIX_K2 |
+         cv2.CALIB_FIX_K3 | cv2.CALIB_FIX_TANGENT_DIST)
+MIN_GAIN = 0.03
 
 
-def calibrated(corners, points, size, fixed):
-    """One call of OpenCV's. @param corners [{number: xy}] of photos; fixed: fx, fy, cx, cy, k1, k2, p1, p2, or None.
-    @return (parameters, [(R, t)], [error of each photo])."""
+def calibrated(corners, points, camera, flags):
+    """One call of OpenCV's. @param corners [{number: xy}] of photos; camera, where it begins, and what `flags` fix.
+    @return (RMS [px], parameters, [(R, t)], [error of each photo])."""
     objects = [np.array([points[number] for number in found], np.float32) for found in corners]
     pixels = [np.array(list(found.values()), np.float32) - 0.5 for found in corners]
-    flags, K, distortion = cv2.CALIB_FIX_K3, None, None
-    if fixed is not None:
-        K, distortion = Camera(*size, np.array(fixed, dtype=float)).matrix(), np.array(fixed[4:], dtype=float)
-        flags |= (cv2.CALIB_USE_INTRINSIC_GUESS | cv2.CALIB_FIX_FOCAL_LENGTH | cv2.CALIB_FIX_PRINCIPAL_POINT |
-                  cv2.CALIB_FIX_K1 | cv2.CALIB_FIX_K2 | cv2.CALIB_FIX_TANGENT_DIST)
-    elif len(corners) < FEW_PHOTOS:
-        flags |= cv2.CALIB_FIX_K2 | cv2.CALIB_ZERO_TANGENT_DIST | cv2.CALIB_FIX_ASPECT_RATIO
-        K = np.array([[max(size), 0, size[0] / 2 - 0.5], [0, max(size), size[1] / 2 - 0.5], [0, 0, 1.0]])
-        flags |= cv2.CALIB_USE_INTRINSIC_GUESS
-    _, K, distortion, rotations, translations, _, _, errors = cv2.calibrateCameraExtended(
-        objects, pixels, size, K, distortion, flags=flags)
+    rms, K, distortion, rotations, translations, _, _, errors = cv2.calibrateCameraExtended(
+        objects, pixels, (camera.width, camera.height), camera.matrix(), np.append(camera.parameters[4:], 0),
+        flags=flags | cv2.CALIB_USE_INTRINSIC_GUESS)
     parameters = np.array([K[0, 0], K[1, 1], K[0, 2] + 0.5, K[1, 2] + 0.5, *distortion.ravel()[:4]])
-    poses = [(cv2.Rodrigues(r)[0], t.ravel()) for r, t in zip(rotations, translations)]
-    return parameters, poses, errors.ravel()
+    return rms, parameters, [(cv2.Rodrigues(r)[0], t.ravel()) for r, t in zip(rotations, translations)], errors.ravel()
+
+
+def best_lens(corners, points, camera):
+    """The same with the lens that the photos need. @param camera {width, height, parameters: given ones or None}."""
+    width, height = camera['width'], camera['height']
+    if camera['parameters'] is not None:
+        return calibrated(corners, points, Camera(width, height, np.array(camera['parameters'], dtype=float)), GIVEN)
+    focal = float(max(width, height))
+    start = Camera(width, height, np.array([focal, focal, width / 2, height / 2, 0, 0, 0, 0]))
+    best = calibrated(corners, points, start, LENSES[0])
+    for flags in LENSES[1:]:
+        richer = calibrated(corners, points, start, flags)
+        if richer[0] < (1 - MIN_GAIN) * best[0]:
+            best = richer
+    return best
 
 
 def poses_from_board(names, corners, points, camera):
@@ -45,11 +57,10 @@ def poses_from_board(names, corners, points, camera):
     found; points {number: point [m]}; camera {width, height, parameters: fixed ones or None}."""
     left_out = {name: 'the board is not seen' for name, found in zip(names, corners) if not found}
     kept = [i for i, found in enumerate(corners) if found]
-    size = camera['width'], camera['height']
     while True:
         require(len(kept) >= MIN_PHOTOS, f'the board was found in {count(len(kept), "photo")}: at least {MIN_PHOTOS} are '
                 'needed. Is it the board that --board names, flat, sharp and not covered?')
-        parameters, poses, errors = calibrated([corners[i] for i in kept], points, size, camera['parameters'])
+        error_px, parameters, poses, errors = best_lens([corners[i] for i in kept], points, camera)
         limit = max(MIN_OUTLIER_PX, OUTLIER * float(np.median(errors)))
         if np.all(errors <= limit):
             break
@@ -57,11 +68,11 @@ def poses_from_board(names, corners, points, camera):
             if error > limit:
                 left_out[names[i]] = f'its corners lie {error:.1f} px beside the board'
         kept = [i for i, error in zip(kept, errors) if error <= limit]
-    error_px = float(np.sqrt(np.mean(errors ** 2)))
     require(error_px < MAX_ERROR_PX, f'the corners lie {error_px:.1f} px beside the board: it is not flat, or not the one '
             'that --board names')
     return BoardPoses(assembled([names[i] for i in kept], [corners[i] for i in kept], points,
-                                (Camera(*size, parameters), poses)), error_px, left_out)
+                                (Camera(camera['width'], camera['height'], parameters), poses)), float(error_px),
+                      left_out)
 
 
 def assembled(names, corners, points, solution):

@@ -23,6 +23,9 @@ CELL = 0.035                # of the cameras' distance: points nearer than this 
 MIN_OBJECT_POINTS = 30
 OUTLIERS = 0.01             # of the object's points, at each end of each axis
 MARGIN = 0.4                # around the object's points, of their longest side: plain parts have no points
+MAX_POINTS = 5000           # of the object, that are used
+NEIGHBOURS = 8
+STRAY = 2.5                 # times the median distance of a point's eighth neighbour: it does not belong to the object
 RELIABLE_VIEWS = 3          # that see a point
 
 
@@ -105,6 +108,15 @@ def clusters(points, cell):
     return label[inverse.ravel()]
 
 
+def without_strays(points):
+    """Points that have others around them: wrong matches lie alone."""
+    chosen = points[np.random.default_rng(SEED).permutation(len(points))[:MAX_POINTS]]
+    distances = np.sqrt(np.maximum(0, (chosen ** 2).sum(axis=1)[:, None] + (chosen ** 2).sum(axis=1) -
+                                   2 * chosen @ chosen.T))
+    around = np.partition(distances, min(NEIGHBOURS, len(chosen) - 1), axis=1)[:, min(NEIGHBOURS, len(chosen) - 1)]
+    return chosen[around < STRAY * np.median(around)]
+
+
 def points_above(reconstruction, plane):
     """Points of the object: the cluster above the plane with most points, where those count less that are far from
     where the cameras look."""
@@ -117,7 +129,7 @@ def points_above(reconstruction, plane):
     weights = np.exp(-0.5 * (np.linalg.norm(above - middle, axis=1) / (0.2 * distance)) ** 2)
     numbers, inverse = np.unique(labels, return_inverse=True)
     best = np.argmax(np.bincount(inverse, weights))
-    chosen = above[inverse == best]
+    chosen = without_strays(above[inverse == best])
     require(len(chosen) >= MIN_OBJECT_POINTS, f'the object has only {len(chosen)} points: give --box')
     return chosen
 
