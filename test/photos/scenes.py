@@ -1,5 +1,6 @@
 # Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 """A box on a table, photographed from all around: as tracks of points with known poses, and as images."""
+import dataclasses
 import os
 import sys
 
@@ -85,6 +86,23 @@ def turned(reconstruction_, photo, degrees):
     return R, t
 
 
+def folded(n=24, shared=0.3, seed=3):
+    """A model in which the cameras of the far side were put onto the near side: the far ones see points of their own,
+    and `shared` of those of the near ones (the same artwork on both sides)."""
+    random = np.random.default_rng(seed)
+    azimuths = np.linspace(-80, 80, n // 2)
+    near = reconstruction([around(a, e) for a in azimuths for e in (25,)], seed=seed)
+    far = reconstruction([around(a + 2, e) for a in azimuths for e in (25,)], seed=seed)
+    own = random.uniform(size=len(far.xyz)) > shared
+    number = np.where(own, len(near.xyz) + np.arange(len(far.xyz)), np.arange(len(far.xyz)))
+    both = dataclasses.replace(
+        near, names=[f'{i}.jpg' for i in range(2 * len(near.names))], camera_of=np.zeros(2 * len(near.names), int),
+        R=np.concatenate((near.R, far.R)), t=np.concatenate((near.t, far.t)), xyz=np.concatenate((near.xyz, far.xyz)),
+        photo_of=np.concatenate((near.photo_of, far.photo_of + len(near.names))),
+        point_of=np.concatenate((near.point_of, number[far.point_of])), xy=np.concatenate((near.xy, far.xy)))
+    return both, len(near.names)
+
+
 # Images
 
 def texture(seed, hue):
@@ -98,11 +116,12 @@ def texture(seed, hue):
 
 
 def detailed(paint, seed):
-    """The same with small dark and light spots, which structure from motion can hold on to."""
+    """The same with small spots of its hue, dark and light, which structure from motion can hold on to."""
     random = np.random.default_rng(100 + seed)
     spotted = cv2.resize(paint, (1024, 1024), interpolation=cv2.INTER_CUBIC)
-    for x, y, radius, grey in zip(*random.integers((0, 0, 4, 0), (1024, 1024, 16, 255), (900, 4)).T):
-        cv2.circle(spotted, (int(x), int(y)), int(radius), 3 * (int(grey),), -1, cv2.LINE_AA)
+    hue = paint.reshape(-1, 3).mean(axis=0) / paint.max()
+    for x, y, radius, value in random.integers((0, 0, 4, 60), (1024, 1024, 16, 300), (900, 4)).tolist():
+        cv2.circle(spotted, (x, y), radius, (value * hue).tolist(), -1, cv2.LINE_AA)
     return spotted
 
 

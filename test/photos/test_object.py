@@ -44,6 +44,17 @@ class Table(unittest.TestCase):
         points = supporting_plane.points_above(model, supporting_plane.find_plane(model))
         self.assertLess(np.abs(points[:, :2]).max(), 0.2)
 
+    def test_a_plane_of_the_object_itself_is_not_the_table(self):
+        model = scenes.reconstruction(noise_px=0)
+        self.assertEqual(on_found_table(model).low[2], 0)
+        on_box = np.all(np.abs(model.xyz[:, :2]) <= scenes.BOX[:2] / 2 + 1e-9, axis=1)
+        bottom = np.random.default_rng(1).uniform(-0.5, 0.5, (60, 3)) * scenes.BOX * (1, 1, 0)
+        on_table = np.flatnonzero(~on_box)
+        model.xyz[on_table[:60]] = bottom + (0, 0, 0.01)  # of a plain table nothing is known but the object's lower edge
+        region = on_found_table(model.of_points(on_box | np.isin(np.arange(len(on_box)), on_table[:60])))
+        self.assertAlmostEqual(region.low[2], -0.3 * 0.2, delta=0.01)
+        self.assertIn('too little texture', region.origin)
+
     def test_no_table(self):
         model = scenes.reconstruction()
         model.xyz[:] = np.random.default_rng(1).normal(0, 0.1, model.xyz.shape)

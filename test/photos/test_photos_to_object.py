@@ -20,7 +20,6 @@ import numpy as np
 import scenes
 from photos.board import Board, text_of
 from photos.masks import agreement
-from test_pose_checks import folded
 
 PROGRAM = os.path.join(scenes.TOP, 'scripts', 'photos_to_object')
 HERE = os.path.dirname(os.path.abspath(__file__))
@@ -162,7 +161,7 @@ class OneObject(Command):
         self.assertEqual(self.read('report.json')['posed'], 16)
 
     def test_a_folded_model_is_solved_again_with_its_larger_part(self):
-        both, n = folded(shared=0.0)
+        both, n = scenes.folded(shared=0.0)
         self.model = both.of_photos(list(range(2 * n - 2)))
         self.model.names = [f'camera_0/view_{i:04d}.jpg' for i in range(2 * n - 2)]
         self.poses = list(zip(self.model.R, self.model.t))

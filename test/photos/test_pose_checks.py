@@ -11,23 +11,6 @@ from photos import pose_checks
 from photos.geometry import angle_deg
 
 
-def folded(n=24, shared=0.3, seed=3):
-    """A model in which the cameras of the far side were put onto the near side: the far ones see points of their own,
-    and `shared` of those of the near ones (the same artwork on both sides)."""
-    random = np.random.default_rng(seed)
-    azimuths = np.linspace(-80, 80, n // 2)
-    near = scenes.reconstruction([scenes.around(a, e) for a in azimuths for e in (25,)], seed=seed)
-    far = scenes.reconstruction([scenes.around(a + 2, e) for a in azimuths for e in (25,)], seed=seed)
-    own = random.uniform(size=len(far.xyz)) > shared
-    number = np.where(own, len(near.xyz) + np.arange(len(far.xyz)), np.arange(len(far.xyz)))
-    both = dataclasses.replace(
-        near, names=[f'{i}.jpg' for i in range(2 * len(near.names))], camera_of=np.zeros(2 * len(near.names), int),
-        R=np.concatenate((near.R, far.R)), t=np.concatenate((near.t, far.t)), xyz=np.concatenate((near.xyz, far.xyz)),
-        photo_of=np.concatenate((near.photo_of, far.photo_of + len(near.names))),
-        point_of=np.concatenate((near.point_of, number[far.point_of])), xy=np.concatenate((near.xy, far.xy)))
-    return both, len(near.names)
-
-
 class GoodModels(unittest.TestCase):
     def test_no_false_alarm(self):
         kinds = {'two rounds': scenes.rounds(14), 'one round': scenes.rounds(30, (30,)),
@@ -109,7 +92,7 @@ class FocalLengths(unittest.TestCase):
 class Folds(unittest.TestCase):
     def test_both_sides_are_found(self):
         for shared in (0.0, 0.15):
-            model, n = folded(shared=shared)
+            model, n = scenes.folded(shared=shared)
             groups = pose_checks.check(model).groups
             self.assertEqual([sorted(group) for group in sorted(groups)], [list(range(n)), list(range(n, 2 * n))], shared)
 

@@ -11,7 +11,7 @@ MARGIN = 0.03    # of the object's longest side, around the final box
 
 
 def touched(box, bounds):
-    """Which sides of the box the bounds reach: ([3], [3]) of bool, low and high. The table is no side."""
+    """Which sides of the box the bounds reach: ([3], [3]) of bool, low and high. The bottom is the table, or low enough."""
     cell = (box[1] - box[0]).max() / CELLS
     low = bounds[0] < box[0] + cell
     low[2] = False

@@ -9,8 +9,9 @@ from photos.geometry import focus
 from photos.intake import pixel_of_copy
 from photos.reconstruction import Reconstruction
 from photos.scale import scale_from_board, scale_from_length
-from photos.supporting_plane import Plane, bounds, box_of, find_plane, points_above
+from photos.supporting_plane import Plane, bounds, box_of, find_plane, is_supported, points_above
 
+DEPTH = 0.3             # below a plane that may not be the table, of the object's size: the object may reach so far
 UNIT_OF_UNSCALED = 1.0  # the longest side of the box, where no scale is known
 
 
@@ -40,7 +41,11 @@ def on_found_table(reconstruction):
     box = box_of(points_above(reconstruction, plane), plane)
     moved = reconstruction.moved(1, box.R, box.t)
     points = box.points @ box.R.T + box.t
-    return Region(moved, box.low, box.high, False, points, 0, 0, 'z = 0 is the plane below the object')
+    if is_supported(reconstruction, plane, box):
+        return Region(moved, box.low, box.high, False, points, 0, 0, 'z = 0 is the table, found by its texture')
+    low = box.low - (0, 0, DEPTH * np.ptp(points, axis=0).max())
+    return Region(moved, low, box.high, False, points, 0, 0, 'z is up; the table has too little texture to be found: the '
+                  'masks alone say where the object ends')
 
 
 def on_board(reconstruction):

@@ -21,6 +21,7 @@ MIN_ON_PLANE = 30
 NEAR = 1.0                  # of the cameras' distance: points farther from where they look do not count
 CELL = 0.035                # of the cameras' distance: points nearer than this hang together
 MIN_OBJECT_POINTS = 30
+BESIDE = 1.15               # times the object's half width and length: a point farther out is beside it
 OUTLIERS = 0.01             # of the object's points, at each end of each axis
 MARGIN = 0.4                # around the object's points, of their longest side: plain parts have no points
 MAX_POINTS = 5000           # of the object, that are used
@@ -148,6 +149,17 @@ def table_axes(plane, points):
     x = longer[0] * x + longer[1] * y
     x /= np.linalg.norm(x)
     return np.array([x, np.cross(plane.n, x), plane.n])
+
+
+def is_supported(reconstruction, plane, box):
+    """Whether points beside the object lie on the plane, on three sides of it at least. Otherwise the plane may be one of
+    the object's own: of a plain table there are no points."""
+    points, _, _ = near_points(reconstruction)
+    points = points[np.abs(points @ plane.n - plane.d) < plane.thickness] @ box.R.T + box.t
+    half = np.max(np.abs(box.points @ box.R.T + box.t)[:, :2], axis=0)
+    beside = points[np.any(np.abs(points[:, :2]) > BESIDE * half, axis=1), :2]
+    sides = np.unique(np.sign(beside / half @ [[1, 1], [1, -1]]), axis=0)
+    return len(beside) >= MIN_ON_PLANE and len(sides) >= 3
 
 
 def box_of(points, plane):
