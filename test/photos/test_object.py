@@ -11,12 +11,14 @@ import numpy as np
 
 import scenes
 from photos import dataset, masks, object_masks, supporting_plane
+from photos.board import Board
 from photos.common import InputError
 from photos.geometry import exp_so3
 from photos.object_region import Region, on_found_table, scaled
+from photos.table_pixels import Table
 
 
-class Table(unittest.TestCase):
+class SupportingPlane(unittest.TestCase):
     def test_plane_and_box_of_a_box_on_a_table(self):
         model = scenes.reconstruction(noise_px=0)
         plane = supporting_plane.find_plane(model)
@@ -143,6 +145,35 @@ class Masks(unittest.TestCase):
         # From above the hull of silhouettes is higher than the box by little: cameras stand at 25 and 50 degrees.
         self.assertTrue(0.155 < high[2] < 0.2, high)
         self.assertLess(volume.cells[volume.occupied][:, 2].min(), volume.size)
+
+
+class TableInPhotos(unittest.TestCase):
+    """The object has the colours of the board below it."""
+
+    def test_what_surely_shows_the_table(self):
+        board = Board(12, 12, 40.0, 30.0, '4X4_100')
+        painted = scenes.on_board(board)
+        painted = painted[:1] + [(corners, painted[0][1]) for corners, _ in painted[1:]]
+        camera = scenes.Camera(480, 360, np.array([460.0, 460, 240, 180, 0, 0, 0, 0]))
+        poses = scenes.rounds(6, (35, 60))
+        views = [masks.View(scenes.render(pose, camera, painted), camera, pose) for pose in poses]
+        points, _ = scenes.scene_points(np.random.default_rng(1))
+        table = Table(views, (np.array([-0.15, -0.1, 0]), np.array([0.15, 0.1, 0.2])), points[points[:, 2] > 1e-6])
+        for view, pose in zip(views, poses):
+            shown, truth = table.pixels(view) > 0, scenes.true_mask(pose, camera) > 0
+            self.assertLess(np.mean(shown[truth]), 0.03)
+            ring = cv2.dilate(np.uint8(truth), np.ones((31, 31), np.uint8)) > 0
+            self.assertGreater(np.mean(shown[ring & ~truth]), 0.08)  # edges of the squares
+
+    def test_a_plain_table_says_nothing(self):
+        painted = [(corners, np.full((64, 64, 3), 200 if i == 0 else 60, np.uint8))
+                   for i, (corners, _) in enumerate(scenes.quads())]
+        poses = scenes.rounds(4)
+        views = [masks.View(scenes.render(pose, None, painted), scenes.camera(), pose) for pose in poses]
+        points, _ = scenes.scene_points(np.random.default_rng(1))
+        table = Table(views, (np.array([-0.15, -0.1, 0]), np.array([0.15, 0.1, 0.2])), points[points[:, 2] > 1e-6])
+        for view, pose in zip(views, poses):
+            self.assertLess(np.mean(table.pixels(view)[scenes.true_mask(pose) > 0] > 0), 0.01)
 
 
 class Dataset(unittest.TestCase):

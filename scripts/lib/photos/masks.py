@@ -7,6 +7,8 @@ import concurrent.futures
 import cv2
 import numpy as np
 
+from photos.table_pixels import Table
+
 # A mask of uint8, 255 on the object, of the photo's size; `agreement` is its intersection over union with what all
 # photos together say, before it was made to agree.
 Mask = collections.namedtuple('Mask', 'image agreement')
@@ -73,6 +75,7 @@ class View:
         self.K = np.diag((size[0] / image.shape[1], size[1] / image.shape[0], 1)) @ np.array(
             [[camera.parameters[0], 0, camera.parameters[2]], [0, camera.parameters[1], camera.parameters[3]], [0, 0, 1]])
         self.focal = self.K[0, 0]
+        self.table = np.zeros(self.shape, np.uint8)  # 255 where the table is surely seen
 
     def pixels_of(self, points):
         """(which points are in the image [n] of bool, their columns, their rows)."""
@@ -112,6 +115,7 @@ def solid(mask):
 
 def grab_cut(view, trimap):
     """@param trimap GC_BGD, GC_FGD, GC_PR_BGD, GC_PR_FGD. Only what surrounds the open part is looked at."""
+    trimap = np.where((view.table > 0) & (trimap != cv2.GC_FGD), cv2.GC_BGD, trimap).astype(np.uint8)
     rows, columns = np.flatnonzero((trimap != cv2.GC_BGD).any(axis=1)), np.flatnonzero((trimap != cv2.GC_BGD).any(axis=0))
     result = np.zeros(view.shape, np.uint8)
     if len(rows) < 4 or len(columns) < 4:
@@ -172,11 +176,15 @@ def agreed(mask, silhouette):
     return solid(cv2.bitwise_or(within, cv2.erode(silhouette, disc(width)))), share
 
 
-def find_masks(images, cameras, poses, box, object_points):
-    """Masks of all photos. @param images undistorted, BGR; cameras pinholes; poses [(R, t)]; box (low, high) of the object
-    in the world, which may be larger than the object; object_points of the world.
+def find_masks(photos, box, object_points, table_is_known):
+    """Masks of all photos. @param photos undistorted; box (low, high) of the object in the world, which may be larger than
+    the object; object_points of the world; table_is_known: it is the plane z = 0.
     @return (list of Mask, (low, high) of the volume that they have in common, or of the box if there is none)."""
-    views = [View(image, camera, pose) for image, camera, pose in zip(images, cameras, poses)]
+    views = [View(photo.image, photo.camera, (photo.R, photo.t)) for photo in photos]
+    if table_is_known:
+        table = Table(views, box, object_points)
+        for view in views:
+            view.table = table.pixels(view)
     volume = Volume(*box)
     with concurrent.futures.ThreadPoolExecutor() as threads:  # OpenCV works without Python's lock
         masks = list(threads.map(lambda view: solid(grab_cut(view, first_trimap(view, volume, object_points))), views))

@@ -23,8 +23,7 @@ def mask_photos(photos, region):
     have in common with a margin)."""
     box = region.low.copy(), region.high.copy()
     for _ in range(1 if region.is_given else MAX_ROUNDS):
-        masks, bounds = find_masks([photo.image for photo in photos], [photo.camera for photo in photos],
-                                   [(photo.R, photo.t) for photo in photos], box, region.points)
+        masks, bounds = find_masks(photos, box, region.points, region.low[2] == 0)
         low, high = touched(box, bounds)
         if not (low.any() or high.any()):
             break
