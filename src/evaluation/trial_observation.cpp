@@ -8,6 +8,7 @@
 
 #include "evaluation/clutter.h"
 #include "evaluation/disturbance.h"
+#include "evaluation/placement.h"
 #include "image/colour.h"
 #include "image/io.h"
 #include "image/resample.h"
@@ -76,6 +77,24 @@ const std::vector<Condition>& conditions() {
          o->background = "photo";
          o->focal_error = 0.01;
        }},
+      {"placed",
+       [](TrialObservation* o) {
+         o->background = "photo";
+         o->is_placed = true;
+       }},
+      {"placed_robot",
+       [](TrialObservation* o) {
+         o->background = "photo";
+         o->is_placed = true;
+         o->occluder = 0.25;
+         o->gain_bias = 0.3;
+         o->noise = 0.03;
+       }},
+      {"absent",
+       [](TrialObservation* o) {
+         o->background = "photo";
+         o->is_placed = o->is_absent = true;
+       }},
   };
   return all;
 }
@@ -98,6 +117,10 @@ PremultipliedImage disturbedObject(const TrialObservation& how, const PosedView&
   PremultipliedImage object = premultiply(*view.rgba);
   for (std::size_t i = 0; i < straight.values.size(); ++i) {
     object.colour.values[i] = straight.values[i] * object.alpha.values[i / 3];
+  }
+  if (how.is_absent) {
+    std::fill(object.colour.values.begin(), object.colour.values.end(), 0.0f);
+    std::fill(object.alpha.values.begin(), object.alpha.values.end(), 0.0f);
   }
   if (how.gain_bias > 0) applyGainBias(how.gain_bias, draw, &object);
   if (how.discs > 0) cutDiscs(how.discs, how.disc_radius * view.camera.width, draw, &object);
@@ -124,6 +147,10 @@ std::vector<std::string> TrialObservation::conditionNames() {
   std::vector<std::string> names;
   for (const auto& condition : conditions()) names.push_back(condition.first);
   return names;
+}
+
+PosedView TrialObservation::viewOf(const PosedView& view, std::uint64_t index) const {
+  return is_placed ? placed(view, Placement(), {seed, index}) : view;
 }
 
 Observation TrialObservation::of(const PosedView& view, std::uint64_t index) const {

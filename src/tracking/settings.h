@@ -13,6 +13,13 @@ enum class InitialPosePolicy {
   kAlways,
 };
 
+/// What a track begins with.
+enum class TrackStart {
+  kInitialPose,  ///< a pose from outside
+  kDetect,       ///< detection in the whole image; poses from outside are ignored
+  kBoth,         ///< a pose from outside if there is one, else detection
+};
+
 /// How a refinement searches, and how far from its start pose.
 struct SearchSettings {
   std::string preset;       ///< name of the preset of `refiner`, see RefinerSettings::named
@@ -27,6 +34,8 @@ struct SearchSettings {
 
 /// When a track begins, continues and ends.
 struct TrackingRules {
+  TrackStart start = TrackStart::kInitialPose;
+  double detect_rate_hz = 1;  ///< > 0: images per second, by their stamps, that detection looks at
   double trust_score = 0.18;  ///< 0..1: score at which a track begins
   double min_score = 0.1;     ///< 0..trust_score: while tracking, a lower score is not trusted
   int max_failures = 2;       ///< number of untrusted images in a row that are bridged, >= 0

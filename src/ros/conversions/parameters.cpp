@@ -192,6 +192,7 @@ void PoseRefinerParameters::validate() const {
   requireNotNegative("~tf_timeout_s", frames.tf_timeout_s);
   requirePositive("~tf_cache_s", frames.tf_cache_s);
   requirePositive("~initial_pose_max_age_s", rules.initial_pose_max_age_s);
+  requirePositive("~detect_rate_hz", rules.detect_rate_hz);
   requireNotNegative("~image_timeout_s", rules.image_timeout_s);
   requireFraction("~tracker/trust_score", rules.trust_score);
   requireFraction("~tracker/min_score", rules.min_score);
@@ -236,6 +237,12 @@ PoseRefinerParameters readParameters(ParamReader& reader, const PoseRefinerParam
                                {{"when_not_tracking", InitialPosePolicy::kWhenNotTracking},
                                 {"always", InitialPosePolicy::kAlways}},
                                p.tracker.rules.initial_pose_policy);
+  getChoice<TrackStart>(reader, "start",
+                       {{"initial_pose", TrackStart::kInitialPose},
+                        {"detect", TrackStart::kDetect},
+                        {"both", TrackStart::kBoth}},
+                       p.tracker.rules.start);
+  reader.get("detect_rate_hz", p.tracker.rules.detect_rate_hz);
   reader.get("initial_pose_max_age_s", p.tracker.rules.initial_pose_max_age_s);
   reader.get("image_timeout_s", p.tracker.rules.image_timeout_s);
   reader.get("recover_s", p.tracker.rules.recover_s);

@@ -10,6 +10,7 @@
 #include "backend/gpu_memory.h"
 #include "backend/make_backend.h"
 #include "concurrency/error_of.h"
+#include "detection/landmark_file.h"
 #include "ros/conversions/pose_conversions.h"
 #include "ros/conversions/topics.h"
 
@@ -99,7 +100,7 @@ void PoseRefinerNodelet::startTracking() {
   worker_ = std::make_unique<TrackingWorker>(
       parameters_,
       std::make_unique<RefinerSearch>(find_processor, tracker.initial.refiner,
-                                      tracker.tracking.refiner),
+                                      tracker.tracking.refiner, detectionSetup()),
       transforms_.get(),
       TrackingWorker::Outputs{results_.get(), overlay_.get(), diagnostics_.get()});
   CameraSubscription::Receiver receiver;
@@ -156,6 +157,16 @@ ProcessorFactory PoseRefinerNodelet::sharedProcessor() const {
   return [process = process_, choice = parameters_.backendChoice()] {
     return process->backends.searchProcessor(choice);
   };
+}
+
+DetectionSetup PoseRefinerNodelet::detectionSetup() const {
+  DetectionSetup setup;
+  setup.settings.least_score = parameters_.tracker.rules.trust_score;
+  setup.landmarks_path = [process = process_](const std::shared_ptr<const Field>& field) {
+    const std::string model = process->models.pathOf(field);
+    return model.empty() ? model : landmarkPathOf(model);
+  };
+  return setup;
 }
 
 ObjectStore PoseRefinerNodelet::store() const {
