@@ -152,8 +152,7 @@ class Evaluation {
   void runScene(const Scene& scene) {
     LoadedScene loaded;
     loaded.name = scene.name;
-    loaded.dataset =
-        loadDataset(scene.test_path, options_.backend.datasetOptions(), cancellation_);
+    loaded.dataset = loadDataset(scene.test_path, options_.backend.datasetOptions(), cancellation_);
     loaded.kind = kindOf(loaded.dataset);
     loadSceneField("", &loaded);
     for (const Experiment& experiment : plan_.experiments) {
