@@ -3,6 +3,8 @@
 
 #include <utility>
 
+#include "backend/backend_lost.h"
+
 namespace nerf_pose_refiner {
 
 RefinerSearch::RefinerSearch(ProcessorFactory find_processor, const RefinerSettings& initial,
@@ -17,7 +19,12 @@ void RefinerSearch::use(std::shared_ptr<const Field> field) {
     configure(initial_settings_, tracking_settings_);
   }
   keyframes_.reset();
-  field_ = processor_.backend->load(std::move(field));
+  try {
+    field_ = processor_.backend->load(field);
+  } catch (const BackendLost&) {
+    replaceProcessor(field);
+  }
+  object_ = std::move(field);
 }
 
 void RefinerSearch::configure(const RefinerSettings& initial, const RefinerSettings& tracking) {
@@ -31,6 +38,25 @@ void RefinerSearch::configure(const RefinerSettings& initial, const RefinerSetti
 
 Refinement RefinerSearch::search(const SearchRequest& request,
                                  const CancellationToken& cancellation) {
+  try {
+    return searchOnce(request, cancellation);
+  } catch (const BackendLost&) {
+    replaceProcessor(object_);
+    return searchOnce(request, cancellation);
+  }
+}
+
+void RefinerSearch::replaceProcessor(const std::shared_ptr<const Field>& field) {
+  SearchProcessor another = find_processor_();  // before anything is given up: it may find none
+  std::shared_ptr<const LoadedField> loaded = another.backend->load(field);
+  keyframes_.reset();
+  field_ = std::move(loaded);
+  processor_ = std::move(another);
+  configure(initial_settings_, tracking_settings_);
+}
+
+Refinement RefinerSearch::searchOnce(const SearchRequest& request,
+                                     const CancellationToken& cancellation) {
   const RefinerSettings& settings = request.tracked ? tracking_settings_ : initial_settings_;
   if (settings.method == Method::kKeyframes) {
     if (!keyframes_) {
@@ -40,7 +66,7 @@ Refinement RefinerSearch::search(const SearchRequest& request,
     return request.tracked ? keyframes_->follow(image, request.prior, cancellation)
                            : keyframes_->find(image, request.prior, cancellation);
   }
-  // Whoever shares the processor takes turns with renderings; nobody else does.
+  // A processor that is not shared has no turns, so a rendering must end before the search begins.
   if (keyframes_) keyframes_->waitForRenderings(cancellation);
   std::unique_ptr<ProcessorTurn> turn;
   if (processor_.take_turn) turn = processor_.take_turn(cancellation);

@@ -7,6 +7,7 @@
 #include <stdexcept>
 #include <vector>
 
+#include "dataset/dataset_limits.h"
 #include "registration/registration_settings.h"
 #include "ros/conversions/pose_conversions.h"
 
@@ -135,6 +136,13 @@ void readRegistration(ParamReader& read, RegistrationSettings& registration) {
   read.rejectUnknown();
 }
 
+void readLimits(ParamReader& read, DatasetLimits& limits) {
+  visitLimits(&limits, [&read](const char* name, std::uint64_t& value, const char*) {
+    read.get(name, value);
+  });
+  read.rejectUnknown();
+}
+
 void readFrames(ParamReader& read, FrameSettings& frames) {
   read.get("object_frame", frames.object_frame);
   read.get("output_frame", frames.output_frame);
@@ -253,6 +261,9 @@ PoseRefinerParameters readParameters(ParamReader& reader, const PoseRefinerParam
   ParamReader registration = reader.group("register");
   readRegistration(registration, p.registration);
   p.registration.threads = p.threads;
+
+  ParamReader dataset = reader.group("dataset");
+  readLimits(dataset, p.dataset_limits);
   p.validate();
   return p;
 }
