@@ -13,6 +13,7 @@
 #include <string>
 #include <vector>
 
+#include "backend/common/observed_colours.h"
 #include "backend/make_backend.h"
 #include "dataset/dataset.h"
 #include "detection/template_search.h"
@@ -69,7 +70,7 @@ class Benchmark {
     const TemplateSearch search(bank, object_, options_.search);
     const bool is_dataset = options_.data.find(".json") != std::string::npos;
     if (is_dataset) {
-      const Dataset dataset = loadTransforms(options_.data, {});
+      const Dataset dataset = loadDataset(options_.data);
       for (std::size_t i = options_.first; i < dataset.views.size(); i += options_.every) {
         const PosedView& view = dataset.views[i];
         look(search, {i, options_.observation.of(view, i), view.T_O_C});
@@ -119,7 +120,8 @@ class Benchmark {
     const DistanceRange range = {std::max(0.8, whole / options_.largest),
                                  whole / options_.smallest};
     const auto begin = std::chrono::steady_clock::now();
-    const TemplateFindings found = search.find(trial.observation.image, camera, range, {});
+    const TemplateFindings found =
+        search.find(observedColours(trial.observation), camera, range, {});
     seconds_.push_back(secondsSince(begin));
     ranks_.push_back(rankOf(found.candidates, trial));
     const double distance = (trial.T_O_C.t - object_.centre).norm() / object_.diameter;
