@@ -37,6 +37,11 @@ using Condition = std::pair<const char*, void (*)(TrialObservation*)>;
 constexpr double kBrightness = 0.2, kGaussian = 0.01, kDiscRadius = 50.0 / 800;
 constexpr int kDiscs = 5;
 
+void setPlaced(TrialObservation* observation) {
+  observation->background = "photo";
+  observation->is_placed = true;
+}
+
 const std::vector<Condition>& conditions() {
   static const std::vector<Condition> all = {
       {"clean", [](TrialObservation*) {}},
@@ -77,23 +82,18 @@ const std::vector<Condition>& conditions() {
          o->background = "photo";
          o->focal_error = 0.01;
        }},
-      {"placed",
-       [](TrialObservation* o) {
-         o->background = "photo";
-         o->is_placed = true;
-       }},
+      {"placed", [](TrialObservation* o) { setPlaced(o); }},
       {"placed_robot",
        [](TrialObservation* o) {
-         o->background = "photo";
-         o->is_placed = true;
+         setPlaced(o);
          o->occluder = 0.25;
          o->gain_bias = 0.3;
          o->noise = 0.03;
        }},
       {"absent",
        [](TrialObservation* o) {
-         o->background = "photo";
-         o->is_placed = o->is_absent = true;
+         setPlaced(o);
+         o->is_absent = true;
        }},
   };
   return all;

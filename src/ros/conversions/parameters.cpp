@@ -159,6 +159,16 @@ void readDiagnostics(ParamReader& read, DiagnosticSettings& diagnostics) {
   read.rejectUnknown();
 }
 
+/// What a track begins with.
+void readStart(ParamReader& read, TrackingRules& rules) {
+  getChoice<TrackStart>(read, "start",
+                        {{"initial_pose", TrackStart::kInitialPose},
+                         {"detect", TrackStart::kDetect},
+                         {"both", TrackStart::kBoth}},
+                        rules.start);
+  read.get("detect_rate_hz", rules.detect_rate_hz);
+}
+
 void requireFraction(const std::string& name, double value) {
   if (!(value >= 0 && value <= 1)) throwRange(name, value, "in 0..1");
 }
@@ -229,12 +239,7 @@ PoseRefinerParameters readParameters(ParamReader& reader, const PoseRefinerParam
                                {{"when_not_tracking", InitialPosePolicy::kWhenNotTracking},
                                 {"always", InitialPosePolicy::kAlways}},
                                p.tracker.rules.initial_pose_policy);
-  getChoice<TrackStart>(reader, "start",
-                       {{"initial_pose", TrackStart::kInitialPose},
-                        {"detect", TrackStart::kDetect},
-                        {"both", TrackStart::kBoth}},
-                       p.tracker.rules.start);
-  reader.get("detect_rate_hz", p.tracker.rules.detect_rate_hz);
+  readStart(reader, p.tracker.rules);
   reader.get("initial_pose_max_age_s", p.tracker.rules.initial_pose_max_age_s);
   reader.get("image_timeout_s", p.tracker.rules.image_timeout_s);
   reader.get("recover_s", p.tracker.rules.recover_s);
