@@ -6,6 +6,7 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "backend/common/observed_colours.h"
 #include "field/field.h"
 #include "image/resample.h"
 
@@ -60,9 +61,9 @@ ImageCandidates ObjectDetector::candidates(const Observation& observation, const
       part->width == observation.camera.width && part->height == observation.camera.height;
   FeatureSettings settings = settings_.features;
   settings.kind = landmarks_->kind;
+  const Image colours = observedColours(observation);
   const ImageFeatures features =
-      findFeatures(luminance(is_whole ? observation.image
-                                      : resample(observation.image, observation.camera, *part)),
+      findFeatures(luminance(is_whole ? colours : resample(colours, observation.camera, *part)),
                    allowedPixels(observation, *part), settings);
   cancellation.check();
   const MatchedImage image = {*part, features.places, *landmarks_, matcher_.match(features)};

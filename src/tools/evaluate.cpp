@@ -153,7 +153,7 @@ class Evaluation {
     LoadedScene loaded;
     loaded.name = scene.name;
     loaded.dataset =
-        loadTransforms(scene.test_path, options_.backend.datasetOptions(), cancellation_);
+        loadDataset(scene.test_path, options_.backend.datasetOptions(), cancellation_);
     loaded.kind = kindOf(loaded.dataset);
     loadSceneField("", &loaded);
     for (const Experiment& experiment : plan_.experiments) {

@@ -3,6 +3,7 @@
 
 #include <utility>
 
+#include "backend/backend_lost.h"
 #include "detection/landmark_file.h"
 
 namespace nerf_pose_refiner {
@@ -31,8 +32,12 @@ void RefinerSearch::use(std::shared_ptr<const Field> field) {
   }
   keyframes_.reset();
   detector_.reset();
-  shared_ = field;
-  field_ = processor_.backend->load(std::move(field));
+  try {
+    field_ = processor_.backend->load(field);
+  } catch (const BackendLost&) {
+    replaceProcessor(field);
+  }
+  object_ = std::move(field);
 }
 
 void RefinerSearch::configure(const RefinerSettings& initial, const RefinerSettings& tracking) {
@@ -46,6 +51,26 @@ void RefinerSearch::configure(const RefinerSettings& initial, const RefinerSetti
 
 Refinement RefinerSearch::search(const SearchRequest& request,
                                  const CancellationToken& cancellation) {
+  try {
+    return searchOnce(request, cancellation);
+  } catch (const BackendLost&) {
+    replaceProcessor(object_);
+    return searchOnce(request, cancellation);
+  }
+}
+
+void RefinerSearch::replaceProcessor(const std::shared_ptr<const Field>& field) {
+  SearchProcessor another = find_processor_();  // before anything is given up: it may find none
+  std::shared_ptr<const LoadedField> loaded = another.backend->load(field);
+  keyframes_.reset();
+  detector_.reset();
+  field_ = std::move(loaded);
+  processor_ = std::move(another);
+  configure(initial_settings_, tracking_settings_);
+}
+
+Refinement RefinerSearch::searchOnce(const SearchRequest& request,
+                                     const CancellationToken& cancellation) {
   const RefinerSettings& settings = request.tracked ? tracking_settings_ : initial_settings_;
   if (settings.method == Method::kKeyframes) {
     if (!keyframes_) {
@@ -56,7 +81,7 @@ Refinement RefinerSearch::search(const SearchRequest& request,
     return keyframes_->find(image, request.prior, cancellation,
                             candidatesNear(request, cancellation));
   }
-  // Whoever shares the processor takes turns with renderings; nobody else does.
+  // A processor that is not shared has no turns, so a rendering must end before the search begins.
   if (keyframes_) keyframes_->waitForRenderings(cancellation);
   std::unique_ptr<ProcessorTurn> turn;
   if (processor_.take_turn) turn = processor_.take_turn(cancellation);
@@ -83,7 +108,7 @@ Refinement RefinerSearch::detect(const Observation& observation,
   if (keyframes_) keyframes_->waitForRenderings(cancellation);
   if (!detector_) {
     const std::string path =
-        detection_.landmarks_path ? detection_.landmarks_path(shared_) : std::string();
+        detection_.landmarks_path ? detection_.landmarks_path(object_) : std::string();
     detector_ = std::make_unique<ObjectDetector>(
         processor_.backend.get(), field_,
         landmarksFor(*field_, detection_.settings.landmarks, path, cancellation),

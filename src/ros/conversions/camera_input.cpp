@@ -1,19 +1,17 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include "ros/conversions/camera_input.h"
 
-#include <cv_bridge/cv_bridge.h>
 #include <image_geometry/pinhole_camera_model.h>
 #include <sensor_msgs/distortion_models.h>
 #include <sensor_msgs/image_encodings.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <string>
 
 #include "image/colour.h"
-#include "nerf_pose_refiner/track_status.h"
 #include "ros/conversions/pose_conversions.h"
+#include "tracking/status.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -25,15 +23,7 @@ std::string sizeText(std::size_t width, std::size_t height) {
 }
 
 bool sameModel(const CameraModel& a, const CameraModel& b) {
-  const auto values = [](const CameraModel& m) {
-    return std::array<double, 6>{double(m.camera.width),
-                                 double(m.camera.height),
-                                 m.camera.fx,
-                                 m.camera.fy,
-                                 m.camera.cx,
-                                 m.camera.cy};
-  };
-  return values(a) == values(b) && a.distortion.coefficients == b.distortion.coefficients;
+  return a.camera == b.camera && a.distortion == b.distortion;
 }
 
 /// What to do with an encoding that is not read here.
@@ -63,11 +53,27 @@ void requireData(const char* what, const sensor_msgs::Image& image, TrackReason 
   }
 }
 
-void requireKnownDistortion(const sensor_msgs::CameraInfo& info) {
+PixelFormat formatOf(const std::string& encoding) {
+  if (encoding == encodings::MONO8) return PixelFormat::kGrey;
+  if (encoding == encodings::BGR8) return PixelFormat::kBgr;
+  if (encoding == encodings::RGBA8) return PixelFormat::kRgba;
+  if (encoding == encodings::BGRA8) return PixelFormat::kBgra;
+  return PixelFormat::kRgb;
+}
+
+Image8View bytesOf(const sensor_msgs::Image& image) {
+  return {image.data.data(), static_cast<int>(image.width), static_cast<int>(image.height),
+          encodings::numChannels(image.encoding), image.step};
+}
+
+/// The distortion of a raw image. If D is zero there is none, whatever the model, as for
+/// image_proc.
+Distortion readDistortion(const sensor_msgs::CameraInfo& info) {
   namespace models = sensor_msgs::distortion_models;
   const auto is_zero = [](double d) { return d == 0; };
-  if (std::all_of(info.D.begin(), info.D.end(), is_zero)) return;
-  if (info.distortion_model != models::PLUMB_BOB &&
+  if (std::all_of(info.D.begin(), info.D.end(), is_zero)) return {};
+  const bool fisheye = info.distortion_model == "equidistant";  // first releases lack the constant
+  if (!fisheye && info.distortion_model != models::PLUMB_BOB &&
       info.distortion_model != models::RATIONAL_POLYNOMIAL) {
     throw InputError(TrackReason::kBadCameraInfo,
                      "the distortion model '" + info.distortion_model +
@@ -75,12 +81,14 @@ void requireKnownDistortion(const sensor_msgs::CameraInfo& info) {
                          "listen to its image_rect_color and set ~image_is_rectified");
   }
   const std::size_t n = info.D.size();
+  const bool right_count = fisheye ? n == 4 : n == 4 || n == 5 || n == 8;
   const auto is_finite = [](double d) { return std::isfinite(d); };
-  if ((n != 4 && n != 5 && n != 8) || !std::all_of(info.D.begin(), info.D.end(), is_finite)) {
+  if (!right_count || !std::all_of(info.D.begin(), info.D.end(), is_finite)) {
     throw InputError(TrackReason::kBadCameraInfo,
-                     "D of camera_info must hold 4, 5 or 8 finite numbers, and has " +
-                         std::to_string(n) + " numbers");
+                     std::string("D of camera_info must hold ") + (fisheye ? "4" : "4, 5 or 8") +
+                         " finite numbers, and has " + std::to_string(n) + " numbers");
   }
+  return {info.D, fisheye ? Distortion::Model::kFisheye : Distortion::Model::kPolynomial};
 }
 
 /// Binning and region of interest (REP-104) are image_geometry's work.
@@ -95,8 +103,7 @@ CameraModel readGeometry(const sensor_msgs::CameraInfo& info, bool rectified) {
   } else {
     const cv::Matx33d& K = geometry.intrinsicMatrix();
     model.camera = {size.width, size.height, K(0, 0), K(1, 1), K(0, 2), K(1, 2)};
-    model.distortion.coefficients = info.D;
-    if (model.distortion.isZero()) model.distortion.coefficients.clear();
+    model.distortion = readDistortion(info);
   }
   model.camera.validate();
   return model;
@@ -114,9 +121,10 @@ CameraModel cameraFromMessage(const sensor_msgs::CameraInfo& info, bool rectifie
     throw InputError(TrackReason::kBadCameraInfo,
                      "the right camera of a stereo pair is not supported: use the left one");
   }
-  if (!rectified) requireKnownDistortion(info);
   try {
     return readGeometry(info, rectified);
+  } catch (const InputError&) {
+    throw;
   } catch (const std::exception& e) {  // also of OpenCV, which image_geometry lets through
     throw InputError(TrackReason::kBadCameraInfo, std::string("camera_info: ") + e.what());
   }
@@ -142,13 +150,8 @@ void checkImage(const sensor_msgs::Image& image, const Camera& camera) {
 }
 
 Image8 rgbPixels(const sensor_msgs::Image& image) {
-  // The caller keeps the message alive while its pixels are shared.
-  const cv_bridge::CvImageConstPtr rgb = cv_bridge::toCvShare(image, nullptr, encodings::RGB8);
-  Image8 bytes(rgb->image.cols, rgb->image.rows, 3);
-  for (int y = 0; y < bytes.height; ++y) {
-    std::copy_n(rgb->image.ptr<std::uint8_t>(y), 3 * bytes.width, bytes.pixel(0, y));
-  }
-  return bytes;
+  const CameraPixels pixels(bytesOf(image), formatOf(image.encoding), nullptr);
+  return pixels.read({0, 0, pixels.width(), pixels.height()});
 }
 
 Image8 maskPixels(const char* what, const sensor_msgs::Image& mask, const Camera& camera) {
@@ -184,26 +187,27 @@ sensor_msgs::CameraInfo toMessage(const Camera& camera) {
   return info;
 }
 
-const Undistorter& CameraInput::undistorterOf(const CameraModel& model) {
-  if (!undistorter_ || !sameModel(model, model_)) {
-    undistorter_.reset();
-    try {
-      undistorter_.emplace(model.camera, model.distortion);
-    } catch (const std::exception& e) {
-      throw InputError(TrackReason::kBadCameraInfo, std::string("camera_info: ") + e.what());
-    }
-    model_ = model;
+void CameraInput::makeUndistorter(const CameraModel& model) {
+  if (undistorter_ != nullptr && sameModel(model, model_)) return;
+  undistorter_.reset();
+  try {
+    undistorter_ = std::make_shared<const Undistorter>(model.camera, model.distortion);
+  } catch (const std::exception& e) {
+    throw InputError(TrackReason::kBadCameraInfo, std::string("camera_info: ") + e.what());
   }
-  return *undistorter_;
+  model_ = model;
 }
 
-Observation CameraInput::observe(const sensor_msgs::Image& image,
+Observation CameraInput::observe(const sensor_msgs::ImageConstPtr& image,
                                  const sensor_msgs::CameraInfo& info, const ImageMasks& masks) {
   const CameraModel model = cameraFromMessage(info, rectified_);
-  checkImage(image, model.camera);
-  const Undistorter& undistorter = undistorterOf(model);
+  checkImage(*image, model.camera);
+  makeUndistorter(model);
+  const Undistorter& undistorter = *undistorter_;
   Observation observation;
-  observation.image = toFloat(undistorter.undistort(rgbPixels(image)));
+  observation.pixels = std::make_shared<CameraPixels>(
+      bytesOf(*image), formatOf(image->encoding),
+      std::shared_ptr<const void>(image.get(), [image](const void*) {}), undistorter_);
   observation.camera = undistorter.camera();
   if (masks.object) {
     observation.background = Background::kMask;

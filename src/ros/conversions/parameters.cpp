@@ -7,6 +7,7 @@
 #include <stdexcept>
 #include <vector>
 
+#include "dataset/dataset_limits.h"
 #include "registration/registration_settings.h"
 #include "ros/conversions/pose_conversions.h"
 
@@ -135,6 +136,13 @@ void readRegistration(ParamReader& read, RegistrationSettings& registration) {
   read.rejectUnknown();
 }
 
+void readLimits(ParamReader& read, DatasetLimits& limits) {
+  visitLimits(&limits, [&read](const char* name, std::uint64_t& value, const char*) {
+    read.get(name, value);
+  });
+  read.rejectUnknown();
+}
+
 void readFrames(ParamReader& read, FrameSettings& frames) {
   read.get("object_frame", frames.object_frame);
   read.get("output_frame", frames.output_frame);
@@ -159,16 +167,6 @@ void readDiagnostics(ParamReader& read, DiagnosticSettings& diagnostics) {
   read.rejectUnknown();
 }
 
-/// What a track begins with.
-void readStart(ParamReader& read, TrackingRules& rules) {
-  getChoice<TrackStart>(read, "start",
-                        {{"initial_pose", TrackStart::kInitialPose},
-                         {"detect", TrackStart::kDetect},
-                         {"both", TrackStart::kBoth}},
-                        rules.start);
-  read.get("detect_rate_hz", rules.detect_rate_hz);
-}
-
 void requireFraction(const std::string& name, double value) {
   if (!(value >= 0 && value <= 1)) throwRange(name, value, "in 0..1");
 }
@@ -177,6 +175,23 @@ void validateSearch(const std::string& group, const SearchSettings& search) {
   requireWidth("~" + group + "/rotation_deg", search.rotation_deg, 180);
   requireWidth("~" + group + "/translation", search.translation, 100);  // object diameters
   search.refiner.validate();
+}
+
+void readRules(ParamReader& reader, TrackingRules& rules) {
+  getChoice<bool>(reader, "mode", {{"track", false}, {"once", true}}, rules.once);
+  getChoice<InitialPosePolicy>(reader, "initial_pose_policy",
+                               {{"when_not_tracking", InitialPosePolicy::kWhenNotTracking},
+                                {"always", InitialPosePolicy::kAlways}},
+                               rules.initial_pose_policy);
+  getChoice<TrackStart>(reader, "start",
+                        {{"initial_pose", TrackStart::kInitialPose},
+                         {"detect", TrackStart::kDetect},
+                         {"both", TrackStart::kBoth}},
+                        rules.start);
+  reader.get("detect_rate_hz", rules.detect_rate_hz);
+  reader.get("initial_pose_max_age_s", rules.initial_pose_max_age_s);
+  reader.get("image_timeout_s", rules.image_timeout_s);
+  reader.get("recover_s", rules.recover_s);
 }
 
 }  // namespace
@@ -234,15 +249,7 @@ PoseRefinerParameters readParameters(ParamReader& reader, const PoseRefinerParam
                          {{"auto", "auto"}, {"avx2", "avx2"}, {"baseline", "baseline"}},
                          p.instruction_set);
   readFrames(reader, p.frames);
-  getChoice<bool>(reader, "mode", {{"track", false}, {"once", true}}, p.tracker.rules.once);
-  getChoice<InitialPosePolicy>(reader, "initial_pose_policy",
-                               {{"when_not_tracking", InitialPosePolicy::kWhenNotTracking},
-                                {"always", InitialPosePolicy::kAlways}},
-                               p.tracker.rules.initial_pose_policy);
-  readStart(reader, p.tracker.rules);
-  reader.get("initial_pose_max_age_s", p.tracker.rules.initial_pose_max_age_s);
-  reader.get("image_timeout_s", p.tracker.rules.image_timeout_s);
-  reader.get("recover_s", p.tracker.rules.recover_s);
+  readRules(reader, p.tracker.rules);
 
   ParamReader refiner = reader.group("refiner");
   readSearch(refiner, p.tracker.initial);
@@ -265,6 +272,9 @@ PoseRefinerParameters readParameters(ParamReader& reader, const PoseRefinerParam
   ParamReader registration = reader.group("register");
   readRegistration(registration, p.registration);
   p.registration.threads = p.threads;
+
+  ParamReader dataset = reader.group("dataset");
+  readLimits(dataset, p.dataset_limits);
   p.validate();
   return p;
 }

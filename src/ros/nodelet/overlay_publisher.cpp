@@ -8,7 +8,9 @@
 #include <chrono>
 #include <utility>
 
+#include "backend/backend_lost.h"
 #include "backend/common/draw_overlay.h"
+#include "backend/common/observed_colours.h"
 #include "image/resample.h"
 #include "ros/conversions/camera_input.h"
 
@@ -45,6 +47,11 @@ void OverlayPublisher::run() {
     }
     try {
       drawNow(*job);
+    } catch (const BackendLost& e) {
+      ROS_ERROR("overlay: %s", e.what());
+      loaded_.reset();
+      field_.reset();
+      backend_.reset();  // the next image is drawn with another one
     } catch (const std::exception& e) {
       if (!cancellation_.cancelRequested()) ROS_ERROR_THROTTLE(5.0, "overlay: %s", e.what());
     }
@@ -66,8 +73,8 @@ void OverlayPublisher::drawNow(const Job& job) {
   const double shrink = static_cast<double>(settings.width_px) / full.width;
   const Camera camera = full.scaled(std::min(1.0, shrink));
   const Rendering rendering = loaded_->render({camera, job.T_O_C}, RenderOptions(), cancellation_);
-  const Image8 overlay =
-      drawOverlay(resample(job.observation->image, full, camera), rendering, settings.opacity);
+  const Image seen = resample(observedColours(*job.observation), full, camera);
+  const Image8 overlay = drawOverlay(seen, rendering, settings.opacity);
 
   sensor_msgs::Image image;
   image.header = job.header;

@@ -20,7 +20,7 @@ void PoseRefinerNodelet::onInit() {
   try {
     start();
   } catch (const std::exception& e) {
-    NODELET_FATAL("%s", e.what());  // the loader keeps the text to itself
+    NODELET_FATAL("%s", e.what());  // the nodelet loader does not log the message
     throw;
   }
 }
@@ -44,8 +44,7 @@ void PoseRefinerNodelet::start() {
   initial_pose_with_covariance_ = pnh.subscribe<geometry_msgs::PoseWithCovarianceStamped>(
       topics::kInitialPoseWithCovariance, 5,
       &PoseRefinerNodelet::onInitialPose<geometry_msgs::PoseWithCovarianceStamped>, this);
-  // A call to the master for every topic and service: more of them than the loading should wait
-  // for.
+  // Advertising takes a call to the master for each service, for which loading should not wait.
   advertised_ = std::async(std::launch::async, [this] {
     const std::optional<std::string> error = errorOf([this] {
       startObjectServices();
@@ -90,7 +89,12 @@ void PoseRefinerNodelet::startTracking() {
     SearchProcessor processor = find_shared();
     const BackendInfo info = processor.backend->info();
     diagnostics_->backendIs(info.description);
+    const bool was_on_gpu = on_gpu_;
     on_gpu_ = info.memory_bytes > 0;
+    if (was_on_gpu && !on_gpu_) {
+      ROS_ERROR("The GPU failed: %s. Tracking goes on with %s",
+                whyNoCuda(parameters_.device).c_str(), info.description.c_str());
+    }
     return processor;
   };
   worker_ = std::make_unique<TrackingWorker>(
@@ -124,7 +128,7 @@ void PoseRefinerNodelet::startTracking() {
 
 void PoseRefinerNodelet::startObjectServices() {
   const PoseRefinerParameters& p = parameters_;
-  // A training holds its backend for long, so it gets one of its own.
+  // A training uses its backend for a long time, so it gets one of its own.
   const auto make_backend = [choice = p.backendChoice()] {
     return std::shared_ptr<Backend>(makeBackend(choice));
   };
@@ -135,7 +139,8 @@ void PoseRefinerNodelet::startObjectServices() {
       std::make_unique<ObjectServices>(getPrivateNodeHandle(), store(), tracked_.get(), p.object);
   registrations_ = std::make_unique<RegistrationServices>(
       getPrivateNodeHandle(),
-      ObjectRegistration(p.dataset_root, p.registration, store(), make_backend, find_schedule),
+      ObjectRegistration({p.dataset_root, p.dataset_limits}, p.registration, store(), make_backend,
+                         find_schedule),
       &process_->registrations, tracked_.get());
 }
 
@@ -168,7 +173,7 @@ ObjectStore PoseRefinerNodelet::store() const {
   return ObjectStore(parameters_.model_root, &process_->models);
 }
 
-/// A GPU that is not in use is left asleep.
+/// Does not query a GPU that is not in use, which would wake it up.
 Diagnostics::Facts PoseRefinerNodelet::memoryFacts() const {
   Diagnostics::Facts facts;
   const auto gpu = on_gpu_ ? gpuMemory(parameters_.device) : std::nullopt;
