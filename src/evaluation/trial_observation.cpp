@@ -31,7 +31,7 @@ Image photoOfSize(const std::string& path, const Camera& camera) {
   return resample(photo, from, to);
 }
 
-using Condition = std::pair<const char*, void (*)(TrialObservation*)>;
+using Condition = std::pair<const char*, std::function<void(TrialObservation*)>>;
 
 /// Of the paper's authors: value + 0.2, noise of 0.01, 5 discs of 50 px in images of 800.
 constexpr double kBrightness = 0.2, kGaussian = 0.01, kDiscRadius = 50.0 / 800;
