@@ -7,7 +7,7 @@ import numpy as np
 
 from photos import poses
 from photos.board import corner_points, parse_board
-from photos.common import read_json, require, say, whole_folder, write_json
+from photos.common import require, whole_folder
 from photos.dataset import posed_photos, write_dataset
 from photos.job import Job
 from photos.missing import angles
