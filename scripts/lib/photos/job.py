@@ -52,7 +52,6 @@ class Job:
 
     def __init__(self, options):
         self.options = options
-        os.makedirs(options.output, exist_ok=True)
         self.steps = Steps(self.path('steps.json'))
         self.copies, self.cameras, self.is_sequence = [], [], False
 
