@@ -44,7 +44,7 @@ MODULES = {
     'views': (('backend', 'field', 'geometry', 'image', 'math', 'concurrency'), (EIGEN,)),
     'refinement': (('views', 'backend', 'field', 'geometry', 'image', 'math', 'concurrency'), (EIGEN,)),
     'detection': (('refinement', 'views', 'backend', 'field', 'geometry', 'image', 'math', 'concurrency', 'files'),
-                  (EIGEN, OPENCV)),
+                  (EIGEN, OPENCV, C_HEADERS)),
     'trust': (('refinement', 'views', 'backend', 'field', 'dataset', 'geometry', 'image', 'math', 'concurrency'),
               (EIGEN,)),
     'registration': (('trust', 'refinement', 'views', 'dataset', 'backend', 'field', 'geometry', 'image', 'math',

@@ -11,6 +11,7 @@
 #include "dataset/dataset.h"
 #include "dataset/dataset_formats.h"
 #include "dataset/frame_files.h"
+#include "dataset/mask_check.h"
 #include "dataset/points_box.h"
 #include "image/io.h"
 #include "image/orientation.h"
@@ -152,6 +153,16 @@ std::vector<LoadedView> loadViews(const std::vector<FrameFiles>& files,
   return views;
 }
 
+/// @throws std::runtime_error naming the first mask.
+void requireMasksFit(const FrameList& list, const std::vector<PosedView>& views) {
+  try {
+    requireMasksNotMirrored(views);
+  } catch (const std::exception& error) {
+    throw std::runtime_error(list.frames[0].where + ": " + error.what() + " ('" +
+                             list.frames[0].mask + "' and the others)");
+  }
+}
+
 }  // namespace
 
 Dataset loadDataset(const std::string& path, const DatasetOptions& options,
@@ -179,6 +190,7 @@ Dataset loadDataset(const std::string& path, const DatasetOptions& options,
     dataset.has_masks = dataset.has_masks || !list.frames[i].mask.empty();
     dataset.views.push_back(views[i].view);
   }
+  if (dataset.has_masks) requireMasksFit(list, dataset.views);
   if (!dataset.has_alpha && !dataset.has_box && !dataset.points.empty()) useBoxOfPoints(&dataset);
   return dataset;
 }

@@ -138,7 +138,7 @@ Pose poseFromMatch(const Camera& camera, const FeaturePlace& feature, const Land
 
 Landmarks landmarksOf(const Rendering& rendering, const View& view,
                       const LandmarkSettings& settings) {
-  constexpr double kReach = 3;  // of a descriptor, in sizes: the sigma of its weights
+  constexpr double kMiddle = 3;  // [sizes]: side of the middle of a descriptor, half of its own
   const ImageFeatures features =
       findFeatures(luminance(beforeMeanColour(rendering)), {}, settings.features);
   const AlphaSums alpha(rendering.alpha);
@@ -147,7 +147,7 @@ Landmarks landmarksOf(const Rendering& rendering, const View& view,
   std::vector<int> kept;
   for (int i = 0; i < features.size(); ++i) {
     const FeaturePlace& place = features.places[static_cast<std::size_t>(i)];
-    const double half = 0.5 * kReach * place.size_px;
+    const double half = 0.5 * kMiddle * place.size_px;
     if (alpha.meanAround(place.x, place.y, half) < settings.least_support) continue;
     Landmark landmark;
     if (!surfacePoint(rendering, view, place, &landmark.point)) continue;

@@ -31,11 +31,18 @@ Image photoOfSize(const std::string& path, const Camera& camera) {
   return resample(photo, from, to);
 }
 
-using Condition = std::pair<const char*, void (*)(TrialObservation*)>;
+using Condition = std::pair<const char*, std::function<void(TrialObservation*)>>;
 
 /// Of the paper's authors: value + 0.2, noise of 0.01, 5 discs of 50 px in images of 800.
 constexpr double kBrightness = 0.2, kGaussian = 0.01, kDiscRadius = 50.0 / 800;
 constexpr int kDiscs = 5;
+
+Condition beforePhoto(const char* name, void (*disturb)(TrialObservation*)) {
+  return {name, [disturb](TrialObservation* o) {
+            o->background = "photo";
+            disturb(o);
+          }};
+}
 
 const std::vector<Condition>& conditions() {
   static const std::vector<Condition> all = {
@@ -52,49 +59,20 @@ const std::vector<Condition>& conditions() {
          o->discs = kDiscs;
        }},
       {"photo", [](TrialObservation* o) { o->background = "photo"; }},
-      {"occluder",
-       [](TrialObservation* o) {
-         o->background = "photo";
-         o->occluder = 0.15;
-       }},
-      {"light",
-       [](TrialObservation* o) {
-         o->background = "photo";
-         o->gain_bias = 0.3;
-       }},
-      {"motion_blur",
-       [](TrialObservation* o) {
-         o->background = "photo";
-         o->motion_blur = 10.0 / 800;
-       }},
-      {"defocus",
-       [](TrialObservation* o) {
-         o->background = "photo";
-         o->defocus = 2.0 / 800;
-       }},
-      {"focal",
-       [](TrialObservation* o) {
-         o->background = "photo";
-         o->focal_error = 0.01;
-       }},
-      {"placed",
-       [](TrialObservation* o) {
-         o->background = "photo";
-         o->is_placed = true;
-       }},
-      {"placed_robot",
-       [](TrialObservation* o) {
-         o->background = "photo";
-         o->is_placed = true;
-         o->occluder = 0.25;
-         o->gain_bias = 0.3;
-         o->noise = 0.03;
-       }},
-      {"absent",
-       [](TrialObservation* o) {
-         o->background = "photo";
-         o->is_placed = o->is_absent = true;
-       }},
+      beforePhoto("occluder", [](TrialObservation* o) { o->occluder = 0.15; }),
+      beforePhoto("light", [](TrialObservation* o) { o->gain_bias = 0.3; }),
+      beforePhoto("motion_blur", [](TrialObservation* o) { o->motion_blur = 10.0 / 800; }),
+      beforePhoto("defocus", [](TrialObservation* o) { o->defocus = 2.0 / 800; }),
+      beforePhoto("focal", [](TrialObservation* o) { o->focal_error = 0.01; }),
+      beforePhoto("placed", [](TrialObservation* o) { o->is_placed = true; }),
+      beforePhoto("placed_robot",
+                  [](TrialObservation* o) {
+                    o->is_placed = true;
+                    o->occluder = 0.25;
+                    o->gain_bias = 0.3;
+                    o->noise = 0.03;
+                  }),
+      beforePhoto("absent", [](TrialObservation* o) { o->is_placed = o->is_absent = true; }),
   };
   return all;
 }

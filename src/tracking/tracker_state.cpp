@@ -233,7 +233,7 @@ void TrackerState::countFailure(const TimedPose& start, TrackReason reason,
 /// Detection found nothing.
 void TrackerState::countMiss(TrackReason reason, const std::string& message) {
   const bool lost = recovery_start_ || condition_.state == TrackState::kLost;
-  become(lost ? TrackState::kLost : TrackState::kWaiting, reason, message);
+  setCondition(lost ? TrackState::kLost : TrackState::kWaiting, reason, message);
 }
 
 void TrackerState::startRefused(std::uint64_t ticket, TrackReason reason,

@@ -3,11 +3,14 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/LU>
+
 #include <cmath>
 #include <stdexcept>
 
 #include "support/analytic_scene.h"
 #include "support/cpu_processor.h"
+#include "support/textured_scene.h"
 #include "views/sphere_directions.h"
 
 namespace nerf_pose_refiner {
@@ -115,7 +118,7 @@ TEST(Landmarks, AMatchTellsThePose) {
 }
 
 TEST(Landmarks, LieOnTheSurfaceTheyShow) {
-  const auto scene = makeAnalyticScene(1, cpuProcessor(2));
+  const auto scene = std::make_shared<TexturedScene>(cpuProcessor(2));
   const View view = {kCamera, cameraAround(*scene, 0.6, 0.5)};
   const Rendering rendering = scene->render(view, {}, {});
   const Landmarks seen = landmarksOf(rendering, view, {});
@@ -134,8 +137,8 @@ TEST(Landmarks, LieOnTheSurfaceTheyShow) {
   }
 }
 
-TEST(Landmarks, MostAreSeenAgainFromBeside) {
-  const auto scene = makeAnalyticScene(1, cpuProcessor(2));
+TEST(Landmarks, ManyAreSeenAgainFromBeside) {
+  const auto scene = std::make_shared<TexturedScene>(cpuProcessor(2));
   LandmarkSettings settings;
   settings.views = 30;
   settings.object_px = 160;

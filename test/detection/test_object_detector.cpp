@@ -10,6 +10,7 @@
 #include "backend/make_backend.h"
 #include "evaluation/pose_error.h"
 #include "support/keyframe_scene.h"
+#include "support/textured_scene.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -21,12 +22,17 @@ LandmarkSettings fewViews() {
   return settings;
 }
 
-/// The analytic scene and its landmarks, which are made once.
+std::shared_ptr<const LoadedField> texturedScene() {
+  return std::make_shared<TexturedScene>(cpuProcessor(2));
+}
+
+/// A textured scene and its landmarks, which are made once.
 class ObjectDetectorTest : public testing::Test, protected KeyframeScene {
  protected:
+  ObjectDetectorTest() { scene_ = texturedScene(); }
+
   static void SetUpTestSuite() {
-    landmarks_ =
-        new Landmarks(makeLandmarks(*makeAnalyticScene(1, cpuProcessor(2)), fewViews(), {}));
+    landmarks_ = new Landmarks(makeLandmarks(*texturedScene(), fewViews(), {}));
   }
   static void TearDownTestSuite() {
     delete landmarks_;
@@ -54,7 +60,7 @@ class ObjectDetectorTest : public testing::Test, protected KeyframeScene {
 
   static Landmarks* landmarks_;
   std::unique_ptr<Backend> backend_ = makeCpuBackend(2);
-  ObjectDetector detector_ = detectorWith({});
+  ObjectDetector detector_{backend_.get(), texturedScene(), *landmarks_, DetectionSettings()};
 };
 
 Landmarks* ObjectDetectorTest::landmarks_ = nullptr;

@@ -177,6 +177,23 @@ void validateSearch(const std::string& group, const SearchSettings& search) {
   search.refiner.validate();
 }
 
+void readRules(ParamReader& reader, TrackingRules& rules) {
+  getChoice<bool>(reader, "mode", {{"track", false}, {"once", true}}, rules.once);
+  getChoice<InitialPosePolicy>(reader, "initial_pose_policy",
+                               {{"when_not_tracking", InitialPosePolicy::kWhenNotTracking},
+                                {"always", InitialPosePolicy::kAlways}},
+                               rules.initial_pose_policy);
+  getChoice<TrackStart>(reader, "start",
+                        {{"initial_pose", TrackStart::kInitialPose},
+                         {"detect", TrackStart::kDetect},
+                         {"both", TrackStart::kBoth}},
+                        rules.start);
+  reader.get("detect_rate_hz", rules.detect_rate_hz);
+  reader.get("initial_pose_max_age_s", rules.initial_pose_max_age_s);
+  reader.get("image_timeout_s", rules.image_timeout_s);
+  reader.get("recover_s", rules.recover_s);
+}
+
 }  // namespace
 
 BackendChoice PoseRefinerParameters::backendChoice() const {
@@ -232,20 +249,7 @@ PoseRefinerParameters readParameters(ParamReader& reader, const PoseRefinerParam
                          {{"auto", "auto"}, {"avx2", "avx2"}, {"baseline", "baseline"}},
                          p.instruction_set);
   readFrames(reader, p.frames);
-  getChoice<bool>(reader, "mode", {{"track", false}, {"once", true}}, p.tracker.rules.once);
-  getChoice<InitialPosePolicy>(reader, "initial_pose_policy",
-                               {{"when_not_tracking", InitialPosePolicy::kWhenNotTracking},
-                                {"always", InitialPosePolicy::kAlways}},
-                               p.tracker.rules.initial_pose_policy);
-  getChoice<TrackStart>(reader, "start",
-                       {{"initial_pose", TrackStart::kInitialPose},
-                        {"detect", TrackStart::kDetect},
-                        {"both", TrackStart::kBoth}},
-                       p.tracker.rules.start);
-  reader.get("detect_rate_hz", p.tracker.rules.detect_rate_hz);
-  reader.get("initial_pose_max_age_s", p.tracker.rules.initial_pose_max_age_s);
-  reader.get("image_timeout_s", p.tracker.rules.image_timeout_s);
-  reader.get("recover_s", p.tracker.rules.recover_s);
+  readRules(reader, p.tracker.rules);
 
   ParamReader refiner = reader.group("refiner");
   readSearch(refiner, p.tracker.initial);
