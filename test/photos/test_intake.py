@@ -3,6 +3,8 @@
 """Tests of what takes photos and videos in: headers, sizes, cameras, sharp frames, and input that is of no use."""
 import os
 import struct
+import subprocess
+import sys
 import tempfile
 import unittest
 
@@ -11,7 +13,7 @@ import numpy as np
 
 import scenes  # noqa: F401 (the path)
 from photos import intake, job, missing, steps, video
-from photos.common import InputError, whole_folder
+from photos.common import InputError, locked, whole_folder
 from photos.image_header import read_header
 
 
@@ -200,6 +202,30 @@ class Missing(unittest.TestCase):
         self.assertIn('180 degrees', advice[1])
         around = np.arange(0, 360, 20)
         self.assertEqual(missing.direction_advice(np.tile(around, 2), np.repeat([20, 50], len(around))), [])
+
+
+class WholeFolders(InFolder):
+    def test_all_or_nothing(self):
+        path = self.path('result')
+        for content in ('one', 'two'):
+            with whole_folder(path) as folder, open(os.path.join(folder, 'file'), 'w', encoding='utf-8') as file:
+                file.write(content)
+                self.assertEqual(os.path.exists(path), content == 'two')
+        with self.assertRaises(InputError), whole_folder(path) as folder:
+            with open(os.path.join(folder, 'other'), 'w', encoding='utf-8'):
+                raise InputError('it failed')
+        with open(os.path.join(path, 'file'), encoding='utf-8') as file:
+            self.assertEqual(file.read(), 'two')
+        os.mkdir(self.path('.result.part'))  # of a process that was killed
+        with whole_folder(path):
+            pass
+        self.assertEqual((os.listdir(self.folder), os.listdir(path)), (['result'], []))
+
+    def test_a_folder_is_one_process_at_a_time(self):
+        with locked(self.path('a')):
+            code = f'import fcntl; fcntl.flock(open({self.path("a/.lock")!r}), fcntl.LOCK_EX | fcntl.LOCK_NB)'
+            self.assertNotEqual(subprocess.run([sys.executable, '-c', code], stderr=subprocess.DEVNULL).returncode, 0)
+        self.assertEqual(subprocess.run([sys.executable, '-c', code]).returncode, 0)
 
 
 class StepsAgain(InFolder):

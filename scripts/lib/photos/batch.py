@@ -1,7 +1,6 @@
 # Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 """Many objects: a folder of folders (or videos), in parts for job arrays, and one report over all that are there."""
 import dataclasses
-import fcntl
 import html
 import os
 import re
@@ -35,20 +34,18 @@ def part_of(names, part):
 
 
 def make_one(options):
-    """One object, alone: another process that makes it is waited for, and finds it done.
-    @return whether it succeeded; why not is in its error.txt."""
-    os.makedirs(options.output, exist_ok=True)
+    """One object. @return whether it succeeded; why not is in its error.txt."""
     failure = os.path.join(options.output, 'error.txt')
-    with open(os.path.join(options.output, '.lock'), 'w', encoding='utf-8') as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)  # the system frees it however the process ends
-        try:
-            say(summary_of(make_object(options), options.output))
-        except InputError as error:
-            say(f'{options.name}: {error}')
-            write_text(failure, f'{error}\n')
-            return False
-        if os.path.exists(failure):
-            os.unlink(failure)
+    try:
+        say(summary_of(make_object(options), options.output))
+    except Exception as error:  # whatever it is: the other objects are made
+        text = str(error) if isinstance(error, (InputError, OSError)) else f'{type(error).__name__}: {error}'
+        say(f'{options.name}: {text}')
+        os.makedirs(options.output, exist_ok=True)
+        write_text(failure, text + '\n')
+        return False
+    if os.path.exists(failure):
+        os.unlink(failure)
     return True
 
 

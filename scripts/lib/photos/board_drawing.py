@@ -103,7 +103,7 @@ def write_png(board, pixels_per_mm, path):
     try:
         with os.fdopen(handle, 'wb') as file:
             file.write(data.tobytes())
-        os.chmod(temporary, readable_mode(False))
+        os.chmod(temporary, readable_mode())
         os.replace(temporary, path)
     except BaseException:
         os.unlink(temporary)

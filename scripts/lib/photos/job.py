@@ -4,7 +4,7 @@ import dataclasses
 import os
 
 from photos.common import require, whole_folder
-from photos.intake import Copy, copy_photos, list_photos
+from photos.intake import ENDINGS as PHOTO_ENDINGS, Copy, copy_photos, list_photos
 from photos.steps import Steps, file_states
 from photos.video import extract_frames, is_video
 
@@ -28,6 +28,10 @@ class Options:
     train: list = dataclasses.field(default_factory=list)  # options for train
 
 
+def has_photos(names):
+    return any(name.lower().endswith(PHOTO_ENDINGS) for name in names)
+
+
 def find_sources(source):
     """Paths of the photos, or of the one video."""
     if os.path.isfile(source):
@@ -36,10 +40,11 @@ def find_sources(source):
     require(os.path.isdir(source), f"there is no folder or video '{source}'")
     names = sorted(os.listdir(source))
     videos = [name for name in names if is_video(name)]
-    if videos and not any(name.lower().endswith(('.jpg', '.jpeg', '.png')) for name in names):
+    if videos and not has_photos(names):
         require(len(videos) == 1, f"'{source}' holds {len(videos)} videos: name one of them")
         return [os.path.join(source, videos[0])]
-    return list_photos(source)
+    inside = os.path.join(source, 'images')  # a project of COLMAP or nerfstudio
+    return list_photos(inside if not has_photos(names) and os.path.isdir(inside) else source)
 
 
 class Job:
@@ -47,7 +52,6 @@ class Job:
 
     def __init__(self, options):
         self.options = options
-        os.makedirs(options.output, exist_ok=True)
         self.steps = Steps(self.path('steps.json'))
         self.copies, self.cameras, self.is_sequence = [], [], False
 

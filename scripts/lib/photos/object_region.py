@@ -11,7 +11,7 @@ from photos.reconstruction import Reconstruction
 from photos.scale import scale_from_board, scale_from_length
 from photos.supporting_plane import Plane, bounds, box_of, find_plane, is_supported, points_above
 
-DEPTH = 0.3             # below a plane that may not be the table, of the object's size: the object may reach so far
+DEPTH = 0.12            # below a plane that may not be the table, of the object's size: the object may reach so far
 UNIT_OF_UNSCALED = 1.0  # the longest side of the box, where no scale is known
 
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from photos import poses
 from photos.board import corner_points, parse_board
-from photos.common import read_json, require, say, whole_folder, write_json
+from photos.common import locked, require, whole_folder
 from photos.dataset import posed_photos, write_dataset
 from photos.job import Job
 from photos.missing import angles
@@ -22,8 +22,13 @@ RENDERED_SIDE = 480  # of renderings beside photos [px]
 
 
 def make_object(options):
-    """All of it. @return the facts of the report."""
-    job = Job(options)
+    """All of it; another process that makes the same object is waited for. @return the facts of the report."""
+    with locked(options.output):
+        return run_steps(Job(options))
+
+
+def run_steps(job):
+    options = job.options
     if options.learn:
         find_tool('train', options.tools)  # before hours of work
     job.take_photos()

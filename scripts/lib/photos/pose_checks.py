@@ -168,6 +168,16 @@ def check(reconstruction, is_sequence=False):
     return findings
 
 
+def sentences(findings, names):
+    """What is wrong, in words; none if all is well."""
+    if findings.focal_spread > MAX_FOCAL_SPREAD:
+        yield f'focal lengths of one camera differ by {100 * findings.focal_spread:.0f} %'
+    for group in findings.groups[1:]:
+        yield f'it is folded: {count(len(group), "photo")} ({names[group[0]]} ..) show another side that looks the same'
+    for photo, why in findings.wrong.items():
+        yield f'{names[photo]}: {why}'
+
+
 # Repair
 
 def pose_again(reconstruction, photo, trusted):

@@ -10,6 +10,7 @@ from photos import colmap, colmap_database, missing, pose_checks
 from photos.board import corner_points, find_corners, parse_board
 from photos.board_poses import poses_from_board
 from photos.common import InputError, count, require, say
+from photos.reconstruction import read_reconstruction
 
 MIN_POSED = 8
 MAX_FOLDS = 2  # so often a folded model is solved again with its largest group
@@ -17,7 +18,9 @@ MAX_FOLDS = 2  # so often a folded model is solved again with its largest group
 
 def find_poses(job):
     """@return (reconstruction, facts): what is missing, wrong, left out, by the users' names of photos."""
+    given = faults_of_given_model(job.options.source)
     reconstruction, facts = poses_of_board(job) if job.options.poses == 'board' else poses_of_colmap(job)
+    facts['given_model'] = given
     for text in messages(facts, len(job.copies)):
         say('  ' + text)
     require(len(reconstruction.names) >= MIN_POSED,
@@ -29,8 +32,23 @@ def find_poses(job):
     return reconstruction, facts
 
 
+def faults_of_given_model(source):
+    """What is wrong with a model of COLMAP that lies beside the photos: sentences. It is not used, for solving the photos
+    again with one camera is safer than mending it."""
+    folder = os.path.join(source, 'sparse', '0')
+    if not os.path.isdir(folder):
+        return []
+    try:
+        model = read_reconstruction(folder)
+    except InputError as error:
+        return [str(error)]
+    return list(pose_checks.sentences(pose_checks.check(model), model.names))
+
+
 def messages(facts, total):
     """Sentences on what was found."""
+    if facts['given_model']:
+        yield f"the model in sparse/0 is not used: {'; '.join(facts['given_model'])}. The photos are solved again"
     text = missing.summary(facts['missing'], total)
     if text:
         yield text
