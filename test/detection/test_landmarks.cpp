@@ -140,7 +140,7 @@ TEST(Landmarks, LieOnTheSurfaceTheyShow) {
 TEST(Landmarks, ManyAreSeenAgainFromBeside) {
   const auto scene = std::make_shared<TexturedScene>(cpuProcessor(2));
   LandmarkSettings settings;
-  settings.views = 30;
+  settings.views = 120;
   settings.object_px = 160;
   const Landmarks landmarks = makeLandmarks(*scene, settings, {});
   EXPECT_GT(landmarks.size(), 100);

@@ -163,7 +163,7 @@ class TableInPhotos(unittest.TestCase):
             shown, truth = table.pixels(view) > 0, scenes.true_mask(pose, camera) > 0
             self.assertLess(np.mean(shown[truth]), 0.03)
             ring = cv2.dilate(np.uint8(truth), np.ones((31, 31), np.uint8)) > 0
-            self.assertGreater(np.mean(shown[ring & ~truth]), 0.08)  # edges of the squares
+            self.assertGreater(np.mean(shown[ring & ~truth]), 0.04)  # edges of the squares
 
     def test_a_plain_table_says_nothing(self):
         painted = [(corners, np.full((64, 64, 3), 200 if i == 0 else 60, np.uint8))

@@ -223,7 +223,7 @@ TEST_F(Registration, AStopAtTheLastMomentWritesNothing) {
 
 TEST_F(Registration, LimitsOfTheDataset) {
   limits.frames = 1;
-  expectRefused("at most 1");
+  expectRefused<std::runtime_error>("at most 1");
 }
 
 TEST_F(Registration, JobsAreTheSameIfAllThatCountsIs) {

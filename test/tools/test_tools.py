@@ -106,7 +106,7 @@ class CommandLine(unittest.TestCase):
         process.send_signal(signal.SIGINT)
         output += read_until(terminal, None)
         self.assertEqual(process.wait(timeout=30), 1, output)
-        self.assertIn(b'stopped', output)
+        self.assertIn(b'cancelled', output)
         self.assertFalse(os.path.exists(model))
 
 

@@ -42,7 +42,7 @@ TEST_F(DetectingStateTest, WhatIsFoundIsTracked) {
   const ImageDecision decision = image(0);
   ASSERT_TRUE(state_.trusted(decision.ticket, {}));
   expect(TrackState::kTracking, TrackReason::kNone);
-  const ImageDecision next = image(10);
+  const ImageDecision next = image(1);
   EXPECT_FALSE(next.detect);
   ASSERT_TRUE(next.start);
   EXPECT_TRUE(next.start->tracked);

@@ -88,7 +88,7 @@ void MessageTracker::place(const Pose& T_W_C, FrameResult* result) {
 }
 
 void MessageTracker::estimateVelocity(FrameResult* result) {
-  if (moving_ != result->track.field) {  // its frame may be another one
+  if (moving_.lock() != result->track.field) {  // its frame may be another one
     velocity_.reset();
     moving_ = result->track.field;
   }

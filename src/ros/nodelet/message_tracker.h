@@ -75,7 +75,7 @@ class MessageTracker {
   CameraInput input_;  ///< used by the tracking thread only
   ObjectTracker tracker_;
   VelocityEstimator velocity_;
-  std::shared_ptr<const Field> moving_;  ///< the object of velocity_
+  std::weak_ptr<const Field> moving_;  ///< the object of velocity_
 };
 
 }  // namespace nerf_pose_refiner
