@@ -238,15 +238,10 @@ Landmarks LandmarkMerger::best() const {
 Landmarks makeLandmarks(const LoadedField& field, const LandmarkSettings& settings,
                         const CancellationToken& cancellation) {
   settings.validate();
-  constexpr double kMargin = 1.5;  // nearer parts look larger, and the centre is not the middle
   const FieldMetadata& object = field.field().metadata;
-  const int side = static_cast<int>(std::lround(kMargin * settings.object_px));
-  const double focal = settings.object_px * settings.distance, middle = 0.5 * (side - 1);
-  const Camera camera = {side, side, focal, focal, middle, middle};
   LandmarkMerger merger(settings, object.diameter);
-  for (const Eigen::Vector3d& direction : sphereDirections(settings.views)) {
-    const View view = {camera,
-                       lookingAt(object.centre, direction, settings.distance * object.diameter)};
+  for (const View& view :
+       viewsAround(object, settings.views, settings.object_px, settings.distance)) {
     merger.add(landmarksOf(field.render(view, {}, cancellation), view, settings));
   }
   return merger.best();

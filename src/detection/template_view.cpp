@@ -179,15 +179,10 @@ std::size_t TemplateBank::memory_bytes() const {
 TemplateBank makeTemplateBank(const LoadedField& field, const TemplateBankSettings& settings,
                               const CancellationToken& cancellation) {
   settings.validate();
-  constexpr double kMargin = 1.5;  // nearer parts look larger, and the centre is not the middle
   const FieldMetadata& object = field.field().metadata;
-  const int side = static_cast<int>(std::lround(kMargin * settings.object_px));
-  const double focal = settings.object_px * settings.distance, middle = 0.5 * (side - 1);
-  const Camera camera = {side, side, focal, focal, middle, middle};
   TemplateBank bank;
-  for (const Eigen::Vector3d& direction : sphereDirections(settings.views)) {
-    const View view = {camera,
-                       lookingAt(object.centre, direction, settings.distance * object.diameter)};
+  for (const View& view :
+       viewsAround(object, settings.views, settings.object_px, settings.distance)) {
     bank.views.push_back(
         makeTemplateView(field.render(view, {}, cancellation), view, object, settings.edges));
   }

@@ -27,4 +27,17 @@ Pose lookingAt(const Eigen::Vector3d& point, const Eigen::Vector3d& direction, d
   return T_O_C;
 }
 
+std::vector<View> viewsAround(const FieldMetadata& object, int count, int object_px,
+                              double distance) {
+  constexpr double kMargin = 1.5;
+  const int side = static_cast<int>(std::lround(kMargin * object_px));
+  const double focal = object_px * distance, middle = 0.5 * (side - 1);
+  const Camera camera = {side, side, focal, focal, middle, middle};
+  std::vector<View> views;
+  for (const Eigen::Vector3d& direction : sphereDirections(count)) {
+    views.push_back({camera, lookingAt(object.centre, direction, distance * object.diameter)});
+  }
+  return views;
+}
+
 }  // namespace nerf_pose_refiner

@@ -4,6 +4,8 @@
 #include <Eigen/Core>
 #include <vector>
 
+#include "field/field.h"
+#include "nerf_pose_refiner/backend.h"
 #include "nerf_pose_refiner/pose.h"
 
 namespace nerf_pose_refiner {
@@ -15,5 +17,11 @@ std::vector<Eigen::Vector3d> sphereDirections(int count);
 /// The pose of a camera that looks at a point. @param direction from the point to the camera, of
 /// length 1. @param distance between them.
 Pose lookingAt(const Eigen::Vector3d& point, const Eigen::Vector3d& direction, double distance);
+
+/// Square views of an object from all around, wide enough for its nearer parts and for a centre
+/// that is not the middle. @param object_px that its diameter spans.
+/// @param distance of the camera from its centre [diameters of the object].
+std::vector<View> viewsAround(const FieldMetadata& object, int count, int object_px,
+                              double distance);
 
 }  // namespace nerf_pose_refiner
