@@ -10,6 +10,7 @@
 #include "refinement/covariance.h"
 #include "refinement/field_refiner.h"
 #include "trust/check_trust.h"
+#include "trust/mask_agreement.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -30,6 +31,8 @@ const char* textOf(TrustVerdict verdict) {
       return "no hypothesis survived";
     case TrustVerdict::kLowScore:
       return "the best pose explains the image badly";
+    case TrustVerdict::kBadMask:
+      return "the mask does not show the object where the image does";
     case TrustVerdict::kCancelled:
       break;
   }
@@ -68,8 +71,11 @@ RefineResult Refiner::refine(const Observation& observation, const PosePrior& pr
   search.T_O_C = object.cameraInField(prior.T_C_O);
   search.rotation_rad = prior.rotation_rad;
   search.translation = prior.translation;
-  const Refinement refined =
-      parts_->refiner.refine(*parts_->field, observation, search, cancellation);
+  Refinement refined = parts_->refiner.refine(*parts_->field, observation, search, cancellation);
+  if (observation.background == Background::kMask && refined.outcome == Outcome::kRefined) {
+    refined.mask_agreement =
+        maskAgreement(*parts_->field, observation, refined.T_O_C, cancellation);
+  }
   cancellation.check();
 
   RefineResult result;

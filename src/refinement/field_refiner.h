@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -54,6 +55,7 @@ struct Refinement {
   /// 0..1, higher is better: Hypothesis::score on the scale of calibratedScore or scoreOfFraction.
   double score = 0;
   double visible_fraction = 0;           ///< 0..1
+  std::optional<double> mask_agreement;  ///< @see maskAgreement; nothing: there was no mask
   Matrix6 covariance = Matrix6::Zero();  ///< of the best pose; @see poseCovariance
   HypothesisTable hypotheses;            ///< all that were followed to the last stage, best first;
                                          ///< @see nearestEquivalents

@@ -9,6 +9,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "refinement/grey_image.h"
 #include "refinement/plan.h"
 
 namespace nerf_pose_refiner {
@@ -47,21 +48,34 @@ void KeyframeSearchSettings::validate() const {
 
 KeyframeRefiner::KeyframeRefiner(Backend* backend, std::shared_ptr<const LoadedField> field,
                                  const KeyframeSearchSettings& settings)
-    : field_(std::move(field)),
-      settings_(settings),
-      search_(backend, field_, settings),
-      renderer_(field_, settings.keyframe) {
+    : backend_(backend), field_(std::move(field)), settings_(settings) {
   settings_.validate();
+  begin();
+}
+
+/// Without keyframes.
+void KeyframeRefiner::begin() {
+  renderer_.reset();
+  search_.emplace(backend_, field_, settings_);
+  renderer_.emplace(field_, settings_.keyframe);
+}
+
+void KeyframeRefiner::adaptTo(const Image& image) {
+  const std::optional<bool> grey = isGrey(image);
+  if (!grey || *grey == settings_.keyframe.grey) return;
+  settings_.keyframe.grey = settings_.bank.keyframe.grey = *grey;
+  begin();
 }
 
 Refinement KeyframeRefiner::follow(const TimedObservation& image, const Prior& prior,
                                    const CancellationToken& cancellation) {
   const Camera& camera = image.observation.camera;
+  adaptTo(image.observation.image);
   const Refinement result = refine(prior, [&]() -> HypothesisTable {
     if (!objectRegion(camera, prior, field_->field().metadata)) return {};
     takeRenewal(image.stamp_ns, cancellation);
-    if (!search_.distanceOfNearest(prior.T_O_C)) makeAt({camera, prior.T_O_C}, cancellation);
-    return search_.near(image.observation, prior, cancellation);
+    if (!search_->distanceOfNearest(prior.T_O_C)) makeAt({camera, prior.T_O_C}, cancellation);
+    return search_->near(image.observation, prior, cancellation);
   });
   if (result.outcome == Outcome::kRefined) renewFor({camera, result.T_O_C}, image.stamp_ns);
   return result;
@@ -71,14 +85,15 @@ Refinement KeyframeRefiner::find(const TimedObservation& image, const Prior& pri
                                  const CancellationToken& cancellation) {
   constexpr std::size_t kRendered = 2;  // of the candidates
   const Camera& camera = image.observation.camera;
+  adaptTo(image.observation.image);
   const Refinement result = refine(prior, [&]() -> HypothesisTable {
     if (!objectRegion(camera, prior, field_->field().metadata)) return {};
     waitForRenderings(cancellation);
-    const HypothesisTable candidates = search_.around(image.observation, prior, cancellation);
+    const HypothesisTable candidates = search_->around(image.observation, prior, cancellation);
     for (std::size_t i = 0; i < std::min(kRendered, candidates.size()); ++i) {
       if (isFar(candidates[i].T_O_C)) makeAt({camera, candidates[i].T_O_C}, cancellation);
     }
-    return search_.from(image.observation, candidates, cancellation);
+    return search_->from(image.observation, candidates, cancellation);
   });
   if (result.outcome == Outcome::kRefined) last_ = {image.stamp_ns, result.T_O_C};
   return result;
@@ -100,26 +115,26 @@ Refinement KeyframeRefiner::refine(const Prior& prior,
 }
 
 void KeyframeRefiner::waitForRenderings(const CancellationToken& cancellation) {
-  if (renderer_.busy()) search_.add(renderer_.wait(cancellation));
+  if (renderer_->busy()) search_->add(renderer_->wait(cancellation));
 }
 
 void KeyframeRefiner::takeRenewal(std::int64_t stamp_ns, const CancellationToken& cancellation) {
-  if (!renderer_.busy()) return;
+  if (!renderer_->busy()) return;
   const bool began_anew = last_ && stamp_ns <= last_->first;
   if (stamp_ns < due_ns_ && !began_anew) return;
-  const auto keyframe = settings_.real_time ? renderer_.take() : renderer_.wait(cancellation);
-  if (keyframe) search_.add(keyframe);
+  const auto keyframe = settings_.real_time ? renderer_->take() : renderer_->wait(cancellation);
+  if (keyframe) search_->add(keyframe);
 }
 
 void KeyframeRefiner::makeAt(const View& view, const CancellationToken& cancellation) {
   waitForRenderings(cancellation);
-  renderer_.request(view);
-  search_.add(renderer_.wait(cancellation));
+  renderer_->request(view);
+  search_->add(renderer_->wait(cancellation));
 }
 
 /// Whether a pose wants a keyframe of its own.
 bool KeyframeRefiner::isFar(const Pose& T_O_C) {
-  const std::optional<ViewDistance> away = search_.distanceOfNearest(T_O_C);
+  const std::optional<ViewDistance> away = search_->distanceOfNearest(T_O_C);
   return !away || away->rotation_rad > settings_.renew_rotation_deg * kDegree ||
          away->scale > settings_.renew_distance;
 }
@@ -133,9 +148,9 @@ void KeyframeRefiner::renewFor(const View& view, std::int64_t stamp_ns) {
     ahead = extrapolated(last_->second, view.T_O_C, std::min(kMost, settings_.renewal_s / since_s));
   }
   last_ = {stamp_ns, view.T_O_C};
-  if (renderer_.busy() || !isFar(ahead)) return;
+  if (renderer_->busy() || !isFar(ahead)) return;
   due_ns_ = stamp_ns + static_cast<std::int64_t>(1e9 * settings_.renewal_s);
-  renderer_.request({view.camera, ahead});
+  renderer_->request({view.camera, ahead});
 }
 
 Refinement KeyframeRefiner::conclude(const HypothesisTable& found, const Prior& prior) const {

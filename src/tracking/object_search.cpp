@@ -3,6 +3,8 @@
 
 #include <utility>
 
+#include "trust/mask_agreement.h"
+
 namespace nerf_pose_refiner {
 
 RefinerSearch::RefinerSearch(ProcessorFactory find_processor, const RefinerSettings& initial,
@@ -31,6 +33,22 @@ void RefinerSearch::configure(const RefinerSettings& initial, const RefinerSetti
 
 Refinement RefinerSearch::search(const SearchRequest& request,
                                  const CancellationToken& cancellation) {
+  Refinement result = find(request, cancellation);
+  if (request.observation.background != Background::kMask || result.outcome != Outcome::kRefined) {
+    return result;
+  }
+  try {
+    if (keyframes_) keyframes_->waitForRenderings(cancellation);
+    result.mask_agreement =
+        maskAgreement(*field_, request.observation, result.T_O_C, cancellation);
+  } catch (const Cancelled&) {
+    result.outcome = Outcome::kCancelled;
+  }
+  return result;
+}
+
+Refinement RefinerSearch::find(const SearchRequest& request,
+                               const CancellationToken& cancellation) {
   const RefinerSettings& settings = request.tracked ? tracking_settings_ : initial_settings_;
   if (settings.method == Method::kKeyframes) {
     if (!keyframes_) {

@@ -65,6 +65,8 @@ class RefinerSearch : public ObjectSearch {
   Refinement search(const SearchRequest& request, const CancellationToken& cancellation) override;
 
  private:
+  Refinement find(const SearchRequest& request, const CancellationToken& cancellation);
+
   ProcessorFactory find_processor_;
   RefinerSettings initial_settings_;
   RefinerSettings tracking_settings_;

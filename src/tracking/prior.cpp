@@ -68,6 +68,8 @@ Judgement judge(const Refinement& refinement, bool tracked, const TrackingRules&
       return {TrackReason::kDiverged, "no hypothesis survived"};
     case TrustVerdict::kCancelled:
       return {TrackReason::kCancelled, "the refinement was interrupted"};
+    case TrustVerdict::kBadMask:
+      return {TrackReason::kBadMask, "the mask does not show the object where the image does"};
     case TrustVerdict::kLowScore:
       return {TrackReason::kLowScore, std::string("the pose explains the image badly (~tracker/") +
                                           (tracked ? "min_score)" : "trust_score)")};

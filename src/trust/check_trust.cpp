@@ -1,6 +1,8 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include "trust/check_trust.h"
 
+#include "trust/mask_agreement.h"
+
 namespace nerf_pose_refiner {
 
 TrustVerdict checkTrust(const Refinement& refinement, double least_score) {
@@ -14,7 +16,10 @@ TrustVerdict checkTrust(const Refinement& refinement, double least_score) {
     case Outcome::kRefined:
       break;
   }
-  return refinement.score >= least_score ? TrustVerdict::kTrusted : TrustVerdict::kLowScore;
+  if (!(refinement.score >= least_score)) return TrustVerdict::kLowScore;
+  const std::optional<double>& agreement = refinement.mask_agreement;
+  return agreement && *agreement < kLeastMaskAgreement ? TrustVerdict::kBadMask
+                                                       : TrustVerdict::kTrusted;
 }
 
 }  // namespace nerf_pose_refiner

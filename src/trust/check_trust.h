@@ -11,6 +11,7 @@ enum class TrustVerdict {
   kNoOverlap,  ///< the start pose lies outside of the image
   kDiverged,   ///< no hypothesis survived
   kLowScore,   ///< the pose explains the image badly
+  kBadMask,    ///< the mask shows something else
   kCancelled,  ///< the refinement was interrupted
 };
 

@@ -19,6 +19,7 @@ struct KeyframeSettings {
   int max_shown = 4000;        ///< pixels that local colours are taken of
   float min_alpha = 0.97f;     ///< less: the pixel does not show the object for certain
   float max_depth_step = 4;    ///< between neighbours, in pixels as wide as their depth makes them
+  bool grey = false;           ///< for grey images: all channels have the colours' brightness
 
   /// @throws std::invalid_argument naming the value that is out of range.
   void validate() const;
