@@ -14,7 +14,7 @@
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr int kEvaluationsAhead = 2;  // of the device: so soon a stop is heard
+constexpr int kEvaluationsAhead = 2;  // of the device: so soon a cancellation is noticed
 
 }  // namespace
 
@@ -198,9 +198,9 @@ void CudaSolver::Stage::prepareRegions() {
   needs_regions_ = true;
 }
 
-// The device is kept at most kEvaluationsAhead evaluations behind: a stop is heard, and nothing is
-// enqueued once all searches are done.
-void CudaSolver::align(int level, const AlignStage& stage, const CancellationToken& stop) {
+// The device is kept at most kEvaluationsAhead evaluations behind: a cancellation is noticed, and
+// nothing is enqueued once all searches are done.
+void CudaSolver::align(int level, const AlignStage& stage, const CancellationToken& cancellation) {
   processor_.enter();
   requireLevel(level, level_count_);
   if (bound_ == 0) return;
@@ -212,7 +212,7 @@ void CudaSolver::align(int level, const AlignStage& stage, const CancellationTok
     const int slot = evaluation % kEvaluationsAhead;
     int* active = space.pinned_active.data() + static_cast<std::size_t>(slot) * views;
     space.evaluated[slot].wait();
-    stop.check();
+    cancellation.check();
     if (evaluation >= kEvaluationsAhead &&
         std::all_of(active, active + views, [](int a) { return a == 0; })) {
       break;
@@ -224,9 +224,9 @@ void CudaSolver::align(int level, const AlignStage& stage, const CancellationTok
   ready.finish();
 }
 
-void CudaSolver::score(int level, const AlignStage& stage, const CancellationToken& stop) {
+void CudaSolver::score(int level, const AlignStage& stage, const CancellationToken& cancellation) {
   processor_.enter();
-  stop.check();
+  cancellation.check();
   requireLevel(level, level_count_);
   if (bound_ == 0) return;
   Stage ready(*this, level, stage);

@@ -2,6 +2,7 @@
 #include "cuda_frame.h"
 
 #include <algorithm>
+#include <cstring>
 #include <stdexcept>
 #include <string>
 
@@ -11,12 +12,16 @@ namespace nerf_pose_refiner {
 namespace {
 
 // Rows of an image's window, one behind the other.
-void copyWindow(const Image& image, const PixelWindow& window, float* to) {
-  const auto row = static_cast<std::ptrdiff_t>(window.width) * image.channels;
+void copyWindow(const Image& image, const PixelWindow& window, std::uint8_t* to) {
+  const std::size_t row = sizeof(float) * window.width * image.channels;
   for (int y = 0; y < window.height; ++y, to += row) {
-    const float* from = image.pixel(window.x, window.y + y);
-    std::copy(from, from + row, to);
+    std::memcpy(to, image.pixel(window.x, window.y + y), row);
   }
+}
+
+// Where numbers may begin behind so many bytes.
+std::size_t alignUp(std::size_t bytes) {
+  return (bytes + sizeof(float) - 1) / sizeof(float) * sizeof(float);
 }
 
 // Windows change their size from image to image: memory must not be asked for each time.
@@ -34,8 +39,10 @@ void CudaFrame::prepare(const Observation& observation, const FrameWindow& windo
   const PixelWindow& pixels = levels.window();
   const bool all_seen = observation.weight.empty();
   const std::size_t n = static_cast<std::size_t>(pixels.width) * pixels.height;
-  const std::size_t values = (all_seen ? 3 : 4) * n;
-  if (values > window_.capacity()) window_.reserve(withSpare(values));
+  const std::size_t pixel_bytes = (observation.pixels ? 3 : 3 * sizeof(float));
+  const std::size_t image_bytes = alignUp(pixel_bytes * n);
+  const std::size_t bytes = image_bytes + (all_seen ? 0 : n * sizeof(float));
+  if (bytes > window_.capacity()) window_.reserve(withSpare(bytes));
   staged_.reserve(window_.capacity());
   const std::size_t pyramid =
       pyramidPixels(pixels.width, pixels.height, levels.finest() + levels.count());
@@ -44,18 +51,27 @@ void CudaFrame::prepare(const Observation& observation, const FrameWindow& windo
   levels_ = levels;
 
   uploaded_.wait();  // what was staged before
-  copyWindow(observation.image, pixels, staged_.data());
-  if (!all_seen) copyWindow(observation.weight, pixels, staged_.data() + 3 * n);
-  NPR_CUDA_CHECK(cudaMemcpyAsync(window_.data(), staged_.data(), values * sizeof(float),
-                                 cudaMemcpyHostToDevice, stream));
+  if (observation.pixels != nullptr) {
+    const Image8 part = observation.pixels->read(pixels);
+    std::copy(part.values.begin(), part.values.end(), staged_.data());
+  } else {
+    copyWindow(observation.image, pixels, staged_.data());
+  }
+  if (!all_seen) copyWindow(observation.weight, pixels, staged_.data() + image_bytes);
+  NPR_CUDA_CHECK(
+      cudaMemcpyAsync(window_.data(), staged_.data(), bytes, cudaMemcpyHostToDevice, stream));
   uploaded_.record(stream);
   ImagePyramidTask task = {};
   task.width = pixels.width;
   task.height = pixels.height;
   task.finest = levels.finest();
   task.coarsest = levels.finest() + levels.count() - 1;
-  task.image = window_.data();
-  task.weight = all_seen ? nullptr : window_.data() + 3 * n;
+  if (observation.pixels != nullptr) {
+    task.bytes = window_.data();
+  } else {
+    task.image = reinterpret_cast<const float*>(window_.data());
+  }
+  if (!all_seen) task.weight = reinterpret_cast<const float*>(window_.data() + image_bytes);
   task.plain = plain_.data();
   task.smooth = smooth_.data();
   makeImagePyramid(task, stream);

@@ -1,6 +1,8 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cstdint>
+
 #include "backend/common/frame_levels.h"
 #include "device_memory.h"
 #include "keyframe_align.h"
@@ -20,9 +22,10 @@ class CudaFrame {
 
  private:
   FrameLevels levels_;
-  PinnedBuffer<float> staged_;  ///< of the window: the image, then the weight if there is one
+  /// Of the window: the image as bytes or floats, then the weight if there is one.
+  PinnedBuffer<std::uint8_t> staged_;
   CudaEvent uploaded_;
-  DeviceBuffer<float> window_;
+  DeviceBuffer<std::uint8_t> window_;
   DeviceBuffer<float4> plain_, smooth_;
 };
 

@@ -18,10 +18,10 @@ CudaLoadedField::~CudaLoadedField() {
 }
 
 Rendering CudaLoadedField::render(const View& view, const RenderOptions& options,
-                                  const CancellationToken& stop) const {
+                                  const CancellationToken& cancellation) const {
   processor_->enter();
   requireView(view);
-  stop.check();
+  cancellation.check();
   const Camera& camera = view.camera;
   CudaWorkspace& space = processor_->space();
   RenderTask task = processor_->renderTask(*memory_, plainCamera(camera), 1, 1);

@@ -19,7 +19,7 @@ class CudaLoadedField final : public LoadedField {
 
   const Field& field() const override { return memory_->field(); }
   Rendering render(const View& view, const RenderOptions& options,
-                   const CancellationToken& stop) const override;
+                   const CancellationToken& cancellation) const override;
   std::unique_ptr<PoseSolver> makeSolver(const Observation& observation,
                                          const std::vector<ImageLevel>& levels,
                                          int capacity) const override;

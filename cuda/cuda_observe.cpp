@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "backend/common/blur_rules.h"
+#include "backend/common/observed_colours.h"
 #include "backend/common/solver_rules.h"
 #include "concurrency/parallel.h"
 #include "cuda_solver.h"
@@ -59,7 +60,12 @@ CudaObservedImage uploadObservation(CudaProcessor* processor, const Observation&
   const Crop crop = cropFor(observation.camera, levels);
   CudaObservedImage uploaded = {};
   space.uploaded.wait();  // what was staged for the last one may still be on its way
-  uploadCrop(observation.image, crop, &space.image, stream);
+  if (observation.pixels == nullptr) {
+    uploadCrop(observation.image, crop, &space.image, stream);
+  } else {
+    const Image part = observedColours(observation, {crop.x, crop.y, crop.width, crop.height});
+    uploadCrop(part, {0, 0, crop.width, crop.height}, &space.image, stream);
+  }
   uploaded.image = space.image.image.data();
   if (!observation.alpha.empty()) {
     uploadCrop(observation.alpha, crop, &space.alpha, stream);

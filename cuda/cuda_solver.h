@@ -11,7 +11,7 @@
 namespace nerf_pose_refiner {
 
 /// Searches for the pose of a field on a CUDA device. Calls enqueue; those that take long keep at
-/// most two evaluations or graphs ahead of the device, so that a stop is heard.
+/// most two evaluations or graphs ahead of the device, so that a cancellation is noticed.
 class CudaSolver final : public PoseSolver {
  public:
   /// Enqueues the upload of a valid observation. @param field must live longer.
@@ -19,12 +19,12 @@ class CudaSolver final : public PoseSolver {
              const std::vector<ImageLevel>& levels, int capacity);
 
   void sample(const std::vector<Pose>& priors_T_O_C, const SamplingPlan& plan) override;
-  void align(int level, const AlignStage& stage, const CancellationToken& stop) override;
-  void score(int level, const AlignStage& stage, const CancellationToken& stop) override;
+  void align(int level, const AlignStage& stage, const CancellationToken& cancellation) override;
+  void score(int level, const AlignStage& stage, const CancellationToken& cancellation) override;
   void optimise(int level, const OptimisationPlan& plan, const StepRange& steps,
-                const CancellationToken& stop) override;
+                const CancellationToken& cancellation) override;
   void evaluate(int level, const OptimisationPlan& plan, int pixels,
-                const CancellationToken& stop) override;
+                const CancellationToken& cancellation) override;
   void resample(const ResamplingPlan& plan) override;
   void snapshot() override;
   std::vector<SolverSnapshot> read() override;
@@ -35,7 +35,7 @@ class CudaSolver final : public PoseSolver {
   void observe(const Observation& observation, const std::vector<ImageLevel>& levels);
   void clearHypotheses(int capacity);
   const CudaLevel& level(int index) const;
-  void launch(const CudaGraph& graph, int times, const CancellationToken& stop);
+  void launch(const CudaGraph& graph, int times, const CancellationToken& cancellation);
   OptimisationTask optimisationTask(int level, const OptimisationPlan& plan, int max_rays);
 
   const CudaField& field_;

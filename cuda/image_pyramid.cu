@@ -27,7 +27,11 @@ __global__ void packKernel(const __grid_constant__ ImagePyramidTask task) {
   const int i = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
   if (i >= task.width * task.height) return;
   const float w = task.weight == nullptr ? 1.0f : task.weight[i];
-  const float* rgb = task.image + 3 * static_cast<std::size_t>(i);
+  const std::size_t first = 3 * static_cast<std::size_t>(i);
+  float rgb[3];
+  for (int c = 0; c < 3; ++c) {
+    rgb[c] = task.bytes == nullptr ? task.image[first + c] : task.bytes[first + c] / 255.0f;
+  }
   task.plain[i] = make_float4(w * rgb[0], w * rgb[1], w * rgb[2], w);
 }
 

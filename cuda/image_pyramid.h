@@ -4,6 +4,7 @@
 #include <cuda_runtime_api.h>
 
 #include <cstddef>
+#include <cstdint>
 
 namespace nerf_pose_refiner {
 
@@ -18,12 +19,13 @@ inline std::size_t pyramidPixels(int width, int height, int levels) {
 /// The levels of an image that alignment to keyframes compares: RGB and weight, 0 or 1 where only a
 /// part of the image has weight.
 struct ImagePyramidTask {
-  int width, height;     ///< whole pixels of the coarsest level
-  int finest, coarsest;  ///< levels that are wanted; 0 is the image itself
-  const float* image;    ///< [height][width][3]
-  const float* weight;   ///< [height][width], or null: all 1
-  float4* plain;         ///< [pyramidPixels]: colour times weight, and weight
-  float4* smooth;        ///< [pyramidPixels]: the wanted levels, blurred a little
+  int width, height;          ///< whole pixels of the coarsest level
+  int finest, coarsest;       ///< levels that are wanted; 0 is the image itself
+  const float* image;         ///< [height][width][3], or null: there are bytes
+  const std::uint8_t* bytes;  ///< [height][width][3], 0..255, or null
+  const float* weight;        ///< [height][width], or null: all 1
+  float4* plain;              ///< [pyramidPixels]: colour times weight, and weight
+  float4* smooth;             ///< [pyramidPixels]: the wanted levels, blurred a little
 };
 
 /// Enqueues it.

@@ -1,9 +1,9 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include "render.h"
 
+#include "backend/common/box_window.h"
 #include "cast_rays.cuh"
 #include "launch.cuh"
-#include "math/pixel_window.h"
 #include "ray_hits.cuh"
 
 namespace nerf_pose_refiner {

@@ -7,6 +7,7 @@
 
 #include "field_view.h"
 #include "math/training.h"
+#include "nerf_pose_refiner/image.h"
 #include "network_layers.h"
 
 namespace nerf_pose_refiner {

@@ -9,9 +9,8 @@ namespace nerf_pose_refiner {
 
 /// A pinhole camera in the ROS optical frame C: x right, y down, z forward (REP-103).
 ///
-/// Pixel centres are integers (OpenCV, ROS): the image covers [-0.5, width - 0.5] in x. Lens
-/// distortion is not part of it: images are undistorted once, where they come in
-/// (image/undistort.h), and everything behind works on pinhole cameras.
+/// Pixel centres are integers (OpenCV, ROS): the image covers [-0.5, width - 0.5] in x. There is no
+/// lens distortion: images are undistorted once, on arrival (undistorter.h).
 struct Camera {
   int width = 0;   ///< [px]
   int height = 0;  ///< [px]
@@ -20,17 +19,17 @@ struct Camera {
   double cx = 0;  ///< principal point [px], integer pixel centres
   double cy = 0;
 
-  /// @throws std::invalid_argument naming the value that is not positive or not finite.
+  /// @throws std::invalid_argument naming a value that is not positive or not finite.
   void validate() const;
 
   /// The camera of the image resized by `s` in both directions: f' = s f, c' = (c + 0.5) s - 0.5,
-  /// and the size rounded. The principal point follows the exact factor of each axis.
+  /// with the size rounded. The principal point uses the exact factor of each axis.
   Camera scaled(double s) const;
 
   /// The camera of the image resized to exactly width x height.
   Camera resized(int new_width, int new_height) const;
 
-  /// The camera of the part that starts at pixel (x, y); may reach outside of the image.
+  /// The camera of the part whose first pixel is (x, y); it may extend beyond the image.
   Camera cropped(int x, int y, int new_width, int new_height) const;
 
   /// Direction of the ray through pixel (u, v) in C, not normalised (z = 1).
@@ -38,13 +37,13 @@ struct Camera {
     return {(u - cx) / fx, (v - cy) / fy, 1.0};
   }
 
-  /// Pixel of a point in C. The caller makes sure that p_C.z() > 0.
+  /// Pixel of a point in C. Requires p_C.z() > 0.
   Eigen::Vector2d project(const Eigen::Vector3d& p_C) const {
     return {fx * p_C.x() / p_C.z() + cx, fy * p_C.y() / p_C.z() + cy};
   }
 };
 
-/// Lens distortion in OpenCV's order.
+/// Lens distortion, as OpenCV defines it.
 struct Distortion {
   /// k1 k2 p1 p2 [k3 [k4 k5 k6]]: empty, 4, 5 (plumb_bob) or 8 (rational_polynomial) numbers.
   std::vector<double> coefficients;

@@ -9,23 +9,23 @@
 
 namespace nerf_pose_refiner {
 
-/// Thrown by a long operation whose stop token was set.
+/// Thrown by a long operation whose token asked for a cancellation.
 struct Cancelled : std::runtime_error {
-  Cancelled() : std::runtime_error("stopped on request") {}
+  Cancelled() : std::runtime_error("cancelled on request") {}
 };
 
-/// Asks a long operation to end, or to rest for a while. Copies share their state; any thread may
-/// set it, and a signal handler may.
+/// Asks a long operation to end, or to pause. Copies share one state, which any thread and any
+/// signal handler may change.
 class CancellationToken {
  public:
   CancellationToken() : state_(std::make_shared<State>()) {}
-  void requestCancel() const { state_->stop.store(true, std::memory_order_relaxed); }
-  bool cancelRequested() const { return state_->stop.load(std::memory_order_relaxed); }
-  /// While paused, `check` holds up the threads of the operation.
+  void requestCancel() const { state_->cancelled.store(true, std::memory_order_relaxed); }
+  bool cancelRequested() const { return state_->cancelled.load(std::memory_order_relaxed); }
+  /// While paused, `check` blocks the threads of the operation.
   void setPaused(bool paused) const { state_->paused.store(paused, std::memory_order_relaxed); }
-  /// Rests while the operation is paused. @throws Cancelled if a cancellation was requested.
+  /// Waits while the operation is paused. @throws Cancelled if a cancellation was requested.
   void check() const {
-    // Polled: a signal handler could wake nobody.
+    // Polled, because a signal handler cannot notify a condition variable.
     while (state_->paused.load(std::memory_order_relaxed) && !cancelRequested()) {
       std::this_thread::sleep_for(std::chrono::milliseconds(1));
     }
@@ -34,7 +34,7 @@ class CancellationToken {
 
  private:
   struct State {
-    std::atomic<bool> stop{false};
+    std::atomic<bool> cancelled{false};
     std::atomic<bool> paused{false};
   };
   std::shared_ptr<State> state_;

@@ -34,7 +34,29 @@ struct ImageOf {
   T at(int x, int y, int c) const { return pixel(x, y)[c]; }
 };
 
-using Image = ImageOf<float>;          ///< sRGB-encoded values in [0, 1] unless said otherwise
-using Image8 = ImageOf<std::uint8_t>;  ///< as files hold it: 0..255, straight alpha
+using Image = ImageOf<float>;          ///< sRGB-encoded values in [0, 1] unless stated otherwise
+using Image8 = ImageOf<std::uint8_t>;  ///< as in image files: 0..255, straight alpha
+
+/// An upright rectangle of pixels.
+struct PixelWindow {
+  int x = 0, y = 0;  ///< the first column and row
+  int width = 0, height = 0;
+  constexpr bool empty() const { return width <= 0 || height <= 0; }
+};
+
+/// Bytes of an image in somebody else's memory, [height][width][channels].
+struct Image8View {
+  const std::uint8_t* data = nullptr;
+  int width = 0;
+  int height = 0;
+  int channels = 0;
+  std::size_t row_bytes = 0;  ///< from the beginning of a row to that of the next
+};
+
+/// All of an image; valid as long as the image is.
+inline Image8View viewOf(const Image8& image) {
+  return {image.values.data(), image.width, image.height, image.channels,
+          static_cast<std::size_t>(image.width) * image.channels};
+}
 
 }  // namespace nerf_pose_refiner

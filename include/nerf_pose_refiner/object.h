@@ -13,34 +13,35 @@ namespace nerf_pose_refiner {
 
 struct Field;
 
-/// A learned object: its radiance field and what is known of it. Immutable; copies share it, and
-/// any thread may use them.
+/// A learned object: its radiance field and metadata. Immutable; copies share the data, and any
+/// thread may use them.
 ///
-/// Frame O is the object's own frame: the one that `frame_in_model` of its YAML file names, or else
-/// the frame of the photos. Lengths are metres if the object knows its scale, model units if not.
+/// O is the object's own frame: `frame_in_model` of its YAML file, or without that the frame of the
+/// photos. Lengths are in metres if the object has a scale, in model units otherwise.
 class Object {
  public:
-  /// @param field not null. The functions below make objects; this is for the library itself.
+  /// For the library itself; users call `loadObject` or `registerObject`. @param field not null.
   explicit Object(std::shared_ptr<const Field> field);
 
   const std::string& name() const;
-  /// Whether lengths are metres.
+  /// Whether the length of the model unit in metres is known.
   bool hasScale() const;
   /// Extent of the occupied volume.
   double diameter() const;
   /// Centre of the occupied volume, in O.
   Eigen::Vector3d centre() const;
-  /// Corners of the bounding box, in O; bit i of an index says at which end of axis i it lies.
+  /// Corners of the bounding box, in O. Bit i of an index: 0 for the minimum of axis i, 1 for the
+  /// maximum.
   std::array<Eigen::Vector3d, 8> boxCorners() const;
   /// Motions after which the object looks the same, in O.
   Symmetries symmetries() const;
-  /// Mean PSNR over the photos that training did not see [dB]; 0: none were held out.
+  /// Mean PSNR over the held-out photos [dB]; 0: none were held out.
   double psnr_dB() const;
 
-  /// The field itself, for the library.
+  /// For the library itself, as is all that follows.
   const std::shared_ptr<const Field>& field() const { return field_; }
-  /// Between this frame O and the field's frame: camera in the field's frame (model units) of the
-  /// object in the camera, and back.
+  /// Converts the pose of O in the camera to the pose of the camera in the field's frame [model
+  /// units], and back.
   Pose cameraInField(const Pose& T_C_O) const;
   Pose objectInCamera(const Pose& T_field_C) const;
 
@@ -53,7 +54,8 @@ class Object {
 /// @throws std::runtime_error naming the file and what is wrong with it.
 Object loadObject(const std::string& path);
 
-/// Writes the model file; whoever reads it meanwhile sees the old file or the whole new one.
+/// Writes the model file (.safetensors). A concurrent reader sees the old file or the complete new
+/// one.
 /// @throws std::runtime_error naming the file and the system's reason.
 void saveObject(const Object& object, const std::string& path);
 

@@ -20,10 +20,10 @@ class Overlay {
   Overlay(Overlay&&) noexcept;
   Overlay& operator=(Overlay&&) noexcept;
 
-  /// The image in grey, the object at a pose in colour over it, its outline in green.
-  /// @param T_C_O the object in the camera's optical frame [m].
-  /// @param opacity of the rendering, 0..1; at 0 the outline alone is drawn.
-  /// @return RGB, of the observation's size.
+  /// Draws the image in grey, over it the object in colour at a pose, and its outline in green.
+  /// @param T_C_O the object in the camera's optical frame [m; model units if it has no scale].
+  /// @param opacity of the rendering, 0..1; 0 draws only the outline.
+  /// @return RGB image of the observation's size.
   Image8 draw(const Observation& observation, const Pose& T_C_O, double opacity = 1);
 
  private:

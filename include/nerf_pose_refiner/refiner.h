@@ -16,42 +16,44 @@ namespace nerf_pose_refiner {
 
 class Backend;
 
-/// Where an object is thought to be in an image, and how far off that may be.
+/// A rough pose, and how far it may be from the true one.
 struct PosePrior {
-  Pose T_C_O;  ///< the object in the camera's optical frame [m]
+  Pose T_C_O;  ///< the object in the camera's optical frame [m; model units if it has no scale]
   /// Half width of the search about each axis through the object's centre [rad].
   double rotation_rad = 0.26;
   /// Half width of the search along each axis [diameters of the object].
   double translation = 0.15;
 };
 
-/// A pose that the search found, and how much of the belief it holds.
+/// One of the poses that a search found, with its probability.
 struct WeightedPose {
   Pose T_C_O;         ///< [m]
-  double weight = 0;  ///< 0..1; those of one image sum to 1
+  double weight = 0;  ///< 0..1; the weights of one image sum to 1
 };
 
-/// What came of a search.
+/// The result of a search.
 struct RefineResult {
-  bool trusted = false;  ///< the pose explains the image well enough to act on it
+  bool trusted = false;  ///< the pose explains the image well enough to be used
   std::string message;   ///< why it is not trusted; empty if it is
   Pose T_C_O;            ///< the best pose: object in the camera's optical frame [m]
-  /// Of the position of O's origin and of the rotation about the axes of C, in the order x, y, z,
-  /// about x, about y, about z [m^2, rad^2] (REP-103).
+  /// Covariance of T_C_O: position of O's origin, then rotation, both along and about the axes of
+  /// C, in the order x, y, z, about x, about y, about z [m^2, rad^2] (as geometry_msgs has it).
   Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
-  double score = 0;  ///< 0: as badly as wrong poses of this object; 1: as well as right ones
+  double score = 0;  ///< 0: fits as badly as wrong poses of this object; 1: as well as right ones
   double visible_fraction = 0;  ///< of the object's silhouette that agrees with the image, 0..1
-  double seconds = 0;
-  std::vector<WeightedPose> hypotheses;  ///< all that were refined to the end, best first
+  double seconds = 0;           ///< that the search took
+  std::vector<WeightedPose> hypotheses;  ///< those of the last stage, best first
 };
 
-/// How the search is done.
+/// Settings of a search.
 struct RefinerOptions {
-  /// "align": direct alignment, coarse to fine. "track": the same, from a pose that is nearly
+  /// "keyframes": aligns renderings from around the object with the image, the fastest on a CPU.
+  /// They are kept for the next images. Ignores masks. "align": renders the field for each step,
+  /// coarse to fine; uses masks. "track": the same with fewer stages, for a prior that is nearly
   /// right. "paper", "paper_single": parallel inversion (Lin et al., ICRA 2023).
-  std::string preset = "align";
+  std::string preset = "keyframes";
   double trust_score = 0.18;  ///< a pose with a lower score is not trusted, 0..1
-  std::uint64_t seed = 1;     ///< same seed, same backend: same answer
+  std::uint64_t seed = 1;     ///< the same seed, backend and calls give the same results
 };
 
 /// Finds the pose of an object in one image, near a prior.
@@ -59,16 +61,15 @@ struct RefinerOptions {
 /// Not thread-safe; refiners of several threads may share a backend.
 class Refiner {
  public:
-  /// @throws std::invalid_argument for an unknown preset, std::runtime_error where the backend has
-  /// no memory for the object.
+  /// @throws std::invalid_argument for an unknown preset, std::runtime_error if the backend has too
+  /// little memory.
   Refiner(std::shared_ptr<Backend> backend, const Object& object,
           const RefinerOptions& options = {});
   ~Refiner();
   Refiner(Refiner&&) noexcept;
   Refiner& operator=(Refiner&&) noexcept;
 
-  /// @throws std::invalid_argument for an image or a prior that makes no sense (sizes, NaN),
-  /// Cancelled.
+  /// @throws std::invalid_argument for an invalid image or prior (sizes, NaN), Cancelled.
   RefineResult refine(const Observation& observation, const PosePrior& prior,
                       const CancellationToken& cancellation = {});
 

@@ -12,56 +12,57 @@
 
 namespace nerf_pose_refiner {
 
-/// How an object is learned from its photos.
+/// Settings of the registration of an object.
 struct RegistrationSettings {
-  std::string profile = "cpu";  ///< shape of the field, see FieldConfig::named
+  std::string profile = "cpu";  ///< shape of the field: "cpu" (small, fast), "gpu" or "paper"
   int steps = 4000;             ///< of training, at most
   double max_seconds = 0;       ///< of training; 0: no limit
-  double target_psnr_db = 0;    ///< stop when the held-out views reach it; 0: never
-  int held_out = 4;             ///< views kept apart to measure the quality, at most a tenth
-  double metres_per_unit = 0;   ///< 0: as the dataset says, or unknown
-  /// The photos' poses are not exact (a robot's kinematics): corrects them before the training, by
-  /// two short ones whose models the photos are aligned with. Takes half as long again, at least;
-  /// of `max_seconds` a half is left to the training itself.
+  double target_psnr_db = 0;    ///< training ends when the held-out photos reach it; 0: never
+  int held_out = 4;             ///< photos that only measure the quality; at most a tenth of all
+  double metres_per_unit = 0;   ///< 0: as the photos' file says, or unknown
+  /// Corrects the photos' poses before training, for poses that are inexact (a robot's kinematics):
+  /// two rough models are trained, with which the photos are aligned. Takes at least half as long
+  /// again; half of `max_seconds` is left for the training itself.
   bool refine_poses = false;
-  /// Accepts photos and models that are refused otherwise because the object could not be tracked:
+  /// Accepts photos and models that are otherwise refused because the object could not be tracked:
   /// fewer than three different photos or poses, or a model that does not look like its photos.
   bool accept_poor_data = false;
-  /// In O [model units], if they are known: what is measured of poses is modulo these. Does not
-  /// change the model.
+  /// Symmetries of the object, in the frame of the photos [model units]. Pose statistics of the
+  /// model are taken modulo these; the field does not depend on them.
   Symmetries symmetries;
-  int samples_per_step = 1 << 15;  ///< samples along rays in a training step, about; >= 1024
-  double learning_rate = 1e-2;     ///< of Adam, at the start
-  double final_learning_rate_factor = 0.03;  ///< learning rate at the end over that at the start
+  int samples_per_step = 1 << 15;  ///< approximate number of samples per training step, >= 1024
+  double learning_rate = 1e-2;     ///< of the first step (Adam)
+  double final_learning_rate_factor = 0.03;  ///< last learning rate / first learning rate
   std::uint64_t seed = 1;
-  int threads =
-      0;  ///< for what is not the backend's work; 0: all cores. Does not change the result
+  /// For reading and checking photos; 0: one for each core. Does not change the result.
+  int threads = 0;
 
-  /// @throws std::invalid_argument naming the setting and the value that is out of range.
+  /// @throws std::invalid_argument naming the setting and its value.
   void validate() const;
 };
 
-/// How far a registration is.
+/// Progress of a registration.
 struct RegistrationProgress {
-  std::string stage;  ///< "training", "occupancy", "quality"; before: "rough training", "poses"
-  int step = 0;
-  int steps = 0;
-  double loss = 0;
+  std::string stage;   ///< "training", "occupancy", "quality", "pose quality"; before, if poses are
+                       ///< corrected: "rough training", "poses"
+  int step = 0;        ///< of training, so far
+  int steps = 0;       ///< of training, at most
+  double loss = 0;     ///< of the last step
   double psnr_db = 0;  ///< 0: not measured yet
-  double seconds = 0;
+  double seconds = 0;  ///< so far
   double seconds_left = 0;  ///< estimated
-  /// Renders the model so far as one of the photos shows it, on at most 320 x 320 pixels. Only
-  /// while `progress` is called, in its thread, and while training; empty otherwise. May take a
+  /// Renders the present model from the viewpoint of one of the photos, at most 320 x 320 pixels.
+  /// Empty except during training. Call it only within the `progress` callback; it may take a
   /// second.
   std::function<Rendering()> preview;
 };
 
 /// Learns an object from posed photos.
-/// @param photos a transforms.json, or a folder that holds transforms.json or
-/// transforms_train.json, with images that have alpha, masks or a box (docs/own_object.md).
-/// @param progress called from this thread, about twice a second; may be empty.
-/// @throws std::runtime_error naming the file that is missing, damaged or of no use;
-/// std::invalid_argument for settings or a box that make no sense; Cancelled.
+/// @param photos a transforms.json, or a folder with transforms.json or transforms_train.json; the
+/// photos have an alpha channel or masks, or the file gives a box (docs/own_object.md).
+/// @param progress called in this thread, about twice a second; may be empty.
+/// @throws std::runtime_error naming the file that is missing, damaged or unusable;
+/// std::invalid_argument for invalid settings or an invalid box; Cancelled.
 Object registerObject(Backend& backend, const std::string& photos,
                       const RegistrationSettings& settings = {},
                       const std::function<void(const RegistrationProgress&)>& progress = {},

@@ -16,57 +16,60 @@ namespace nerf_pose_refiner {
 
 class Backend;
 
-/// How an object is tracked. The defaults are those of the ROS node.
+/// Settings of a tracker. The defaults are those of the ROS node.
 struct TrackerOptions {
-  double search_rotation_rad =
-      0.26179938779914941;           ///< around an initial pose, half width per axis
-  double search_translation = 0.15;  ///< around an initial pose, half width per axis [diameters]
-  double trust_score = 0.18;         ///< a track begins with a pose that scores so well, 0..1
-  double min_score = 0.1;  ///< and does not go on with one that scores worse, 0..trust_score
-  int max_failures = 2;    ///< so many images in a row without a trusted pose are bridged
-  bool predict = true;     ///< look where the last two poses point to
-  double recover_s = 5;    ///< so long after the last trusted pose it is looked for again
-  /// Images come from a camera: none waits for a rendering that is late. False: they may come
-  /// faster than they were taken, from a file, and the same ones give the same poses.
+  /// Half width of the search around an initial pose, per axis [rad].
+  double search_rotation_rad = 0.26179938779914941;
+  /// Half width of the search around an initial pose, per axis [object diameters].
+  double search_translation = 0.15;
+  double trust_score = 0.18;  ///< score at which tracking begins, 0..1
+  double min_score = 0.1;     ///< while tracking, a lower score is not trusted, 0..trust_score
+  int max_failures = 2;       ///< number of untrusted images in a row that are bridged
+  bool predict = true;        ///< predict each pose with constant velocity
+  double recover_s = 5;       ///< a lost object is searched for during this time
+  /// True for a live camera: no image waits for a keyframe that is rendered late. False for a file,
+  /// whose images may be passed faster than they were taken: the same images give the same poses.
   bool real_time = false;
-  std::uint64_t seed = 1;  ///< of searches
+  std::uint64_t seed = 1;  ///< the same seed and backend give the same poses
 };
 
-/// What came of an image.
+/// The result for one image.
 struct TrackResult {
   TrackState state = TrackState::kWaiting;
   TrackReason reason = TrackReason::kNone;
   std::string message;   ///< the reason in words; empty if there is none
-  bool trusted = false;  ///< the pose explains the image well enough to act on it
+  bool trusted = false;  ///< the pose explains the image well enough to be used
   Pose T_C_O;            ///< the object in the camera's optical frame [m]
-  /// Of the position of O's origin and of the rotation about the axes of C, in the order x, y, z,
-  /// about x, about y, about z [m^2, rad^2] (REP-103).
+  /// Covariance of T_C_O: position of O's origin, then rotation, both along and about the axes of
+  /// C, in the order x, y, z, about x, about y, about z [m^2, rad^2] (as geometry_msgs has it).
   Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
-  double score = 0;  ///< 0: as badly as wrong poses of this object; 1: as well as right ones
+  double score = 0;  ///< 0: fits as badly as wrong poses of this object; 1: as well as right ones
   double visible_fraction = 0;  ///< of the object's silhouette that agrees with the image, 0..1
-  double seconds = 0;           ///< spent on the image
+  double seconds = 0;           ///< that the search in this image took
 };
 
-/// Tracks one object through the images of one camera: predicts where it is, finds it there, judges
-/// the pose, bridges bad images, and looks for an object that was lost.
+/// Tracks one object through the images of one camera: predicts its pose, refines it, decides
+/// whether to trust it, bridges images without a trusted pose, and searches for a lost object.
 ///
 /// Not thread-safe; trackers of several threads may share a backend.
 class Tracker {
  public:
-  /// @param object one that knows its scale. @throws std::invalid_argument if it does not, or for
-  /// options out of their range; std::runtime_error where the backend has no memory for it.
+  /// @param object must have a scale (Object::hasScale).
+  /// @throws std::invalid_argument if it has none, or for options out of range; std::runtime_error
+  /// if the backend has too little memory.
   Tracker(std::shared_ptr<Backend> backend, const Object& object,
           const TrackerOptions& options = {});
   ~Tracker();
   Tracker(Tracker&&) noexcept;
   Tracker& operator=(Tracker&&) noexcept;
 
-  /// Where the object is thought to be in the next image [m]. Replaces a track.
+  /// Sets the approximate pose in the next image [m]. A present track ends.
   void setInitialPose(const Pose& T_C_O);
 
-  /// @param stamp_ns when the image was taken, by any clock. Stamps increase; one that goes back by
-  /// more than half a second ends the track.
-  /// @throws std::invalid_argument for an image that makes no sense.
+  /// Processes the next image.
+  /// @param stamp_ns time of the image on any clock, increasing. An image that is older than the
+  /// last one is ignored; one that is older by more than 0.5 s ends the track.
+  /// @throws std::invalid_argument for an invalid image, Cancelled.
   TrackResult track(const Observation& observation, std::int64_t stamp_ns,
                     const CancellationToken& cancellation = {});
 

@@ -8,33 +8,67 @@
 
 namespace nerf_pose_refiner {
 
-/// Takes the lens distortion out of the images of one camera.
+/// Removes the lens distortion from the images of one camera.
 ///
-/// The undistorted camera is the widest one whose image is filled wholly by the distorted one, so
-/// no pixel is invented; its focal lengths and principal point therefore differ. Built once per
-/// camera: the maps cost more than an image. Without distortion images pass through unchanged.
-/// Const methods may be called from many threads at once.
+/// The undistorted camera has the widest view in which every pixel comes from the distorted image;
+/// its focal lengths and principal point therefore differ. Construct one per camera: the maps cost
+/// more than an image. Without distortion, images pass through unchanged. Const methods are
+/// thread-safe.
 class Undistorter {
  public:
   /// @param camera intrinsics and size of the distorted images.
-  /// @throws std::invalid_argument for another number of coefficients, or ones that are not finite
-  /// or fold the image over itself.
+  /// @throws std::invalid_argument for a wrong number of coefficients, or for coefficients that are
+  /// not finite or fold the image over itself.
   Undistorter(const Camera& camera, const Distortion& distortion);
   ~Undistorter();
   Undistorter(Undistorter&&) noexcept;
   Undistorter& operator=(Undistorter&&) noexcept;
 
-  /// The camera of the undistorted images, of the same size.
+  /// The camera of the undistorted images, which have the same size.
   const Camera& camera() const { return undistorted_; }
 
   /// @param image 1, 3 or 4 channels; the fourth is straight alpha.
   /// @throws std::invalid_argument if it does not have the camera's size.
   Image8 undistort(const Image8& image) const;
 
+  /// A part of what the above returns, at the cost of this part.
+  /// @param image 1, 3 or 4 channels, which are interpolated alike.
+  /// @param window inside of the image.
+  /// @throws std::invalid_argument for an image or a window that does not fit the camera.
+  Image8 undistort(const Image8View& image, const PixelWindow& window) const;
+
  private:
   struct Maps;
   Camera undistorted_;
   std::unique_ptr<Maps> maps_;  // null without distortion
+};
+
+/// What the channels of a camera's bytes mean.
+enum class PixelFormat { kGrey, kRgb, kBgr, kRgba, kBgra };
+
+/// An image in the bytes that the camera gave. Only the part that is looked at is undistorted and
+/// converted, so a large image costs no more than the object's part of it. Immutable; any thread
+/// may read.
+class CameraPixels {
+ public:
+  /// @param bytes with as many channels as `format` has. @param owner keeps them alive.
+  /// @param undistorter of the camera; null: the bytes show no distortion.
+  /// @throws std::invalid_argument if the bytes do not fit the format or the undistorter.
+  CameraPixels(const Image8View& bytes, PixelFormat format, std::shared_ptr<const void> owner,
+               std::shared_ptr<const Undistorter> undistorter = nullptr);
+
+  int width() const { return bytes_.width; }
+  int height() const { return bytes_.height; }
+
+  /// RGB of a part, undistorted, [window.height][window.width][3]; grey has three equal channels.
+  /// @throws std::invalid_argument for a window that reaches outside of the image.
+  Image8 read(const PixelWindow& window) const;
+
+ private:
+  Image8View bytes_;
+  PixelFormat format_;
+  std::shared_ptr<const void> owner_;
+  std::shared_ptr<const Undistorter> undistorter_;
 };
 
 }  // namespace nerf_pose_refiner

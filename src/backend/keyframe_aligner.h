@@ -6,7 +6,6 @@
 
 #include "backend/hypotheses.h"
 #include "backend/keyframe_points.h"
-#include "math/pixel_window.h"
 #include "nerf_pose_refiner/cancellation_token.h"
 #include "nerf_pose_refiner/observation.h"
 

@@ -28,6 +28,17 @@ void check(const Distortion& distortion) {
   }
 }
 
+void requireSize(int width, int height, const Camera& camera) {
+  if (width == camera.width && height == camera.height) return;
+  throw std::invalid_argument("undistort: the image has " + std::to_string(width) + " x " +
+                              std::to_string(height) + " pixels, its camera " +
+                              std::to_string(camera.width) + " x " + std::to_string(camera.height));
+}
+
+cv::Mat matrixOf(Image* image) {
+  return cv::Mat(image->height, image->width, CV_32FC(image->channels), image->values.data());
+}
+
 /// True if every pixel comes from inside of the distorted image, to `slack_px`.
 bool staysInside(const cv::Mat& map_xy, const Camera& camera, double slack_px) {
   for (int y = 0; y < map_xy.rows; ++y) {
@@ -47,6 +58,11 @@ struct Undistorter::Maps {
   Camera distorted;
   cv::Mat xy;        // [h][w] place in the distorted image, whole pixels
   cv::Mat fraction;  // [h][w] and the rest, in the steps that OpenCV interpolates in
+
+  void remap(const cv::Mat& source, const PixelWindow& window, cv::Mat target) const {
+    const cv::Rect part(window.x, window.y, window.width, window.height);
+    cv::remap(source, target, xy(part), fraction(part), cv::INTER_LINEAR, cv::BORDER_REPLICATE);
+  }
 };
 
 Undistorter::Undistorter(const Camera& camera, const Distortion& distortion)
@@ -84,32 +100,36 @@ Undistorter::Undistorter(Undistorter&&) noexcept = default;
 Undistorter& Undistorter::operator=(Undistorter&&) noexcept = default;
 
 Image8 Undistorter::undistort(const Image8& image) const {
-  if (image.width != undistorted_.width || image.height != undistorted_.height) {
-    throw std::invalid_argument("undistort: the image has " + std::to_string(image.width) + " x " +
-                                std::to_string(image.height) + " pixels, its camera " +
-                                std::to_string(undistorted_.width) + " x " +
-                                std::to_string(undistorted_.height));
-  }
+  requireSize(image.width, image.height, undistorted_);
   if (!maps_) return image;
-  const auto remap = [this](const auto& from, auto* to, int depth) {
-    using Value = typename std::decay_t<decltype(from.values)>::value_type;
-    const int type = CV_MAKETYPE(depth, from.channels);
-    // OpenCV only reads from the first.
-    const cv::Mat source(from.height, from.width, type, const_cast<Value*>(from.values.data()));
-    cv::Mat target(to->height, to->width, type, to->values.data());
-    cv::remap(source, target, maps_->xy, maps_->fraction, cv::INTER_LINEAR, cv::BORDER_REPLICATE);
-  };
-  if (image.channels != 4) {
-    Image8 result(image.width, image.height, image.channels);
-    remap(image, &result, CV_8U);
-    return result;
-  }
+  const PixelWindow all = {0, 0, image.width, image.height};
+  if (image.channels != 4) return undistort(viewOf(image), all);
   // Colour is interpolated premultiplied: what is transparent has no colour to mix in.
   PremultipliedImage parts = premultiply(image);
   PremultipliedImage result = parts;
-  remap(parts.colour, &result.colour, CV_32F);
-  remap(parts.alpha, &result.alpha, CV_32F);
+  maps_->remap(matrixOf(&parts.colour), all, matrixOf(&result.colour));
+  maps_->remap(matrixOf(&parts.alpha), all, matrixOf(&result.alpha));
   return straightBytes(result);
+}
+
+Image8 Undistorter::undistort(const Image8View& image, const PixelWindow& window) const {
+  requireSize(image.width, image.height, undistorted_);
+  if (window.empty() || (cv::Rect(window.x, window.y, window.width, window.height) &
+                         cv::Rect(0, 0, image.width, image.height))
+                                .area() != window.width * window.height) {
+    throw std::invalid_argument("undistort: the window reaches outside of the image");
+  }
+  // OpenCV only reads from it.
+  const cv::Mat source(image.height, image.width, CV_8UC(image.channels),
+                       const_cast<std::uint8_t*>(image.data), image.row_bytes);
+  Image8 result(window.width, window.height, image.channels);
+  cv::Mat target(result.height, result.width, source.type(), result.values.data());
+  if (maps_) {
+    maps_->remap(source, window, target);
+  } else {
+    source(cv::Rect(window.x, window.y, window.width, window.height)).copyTo(target);
+  }
+  return result;
 }
 
 }  // namespace nerf_pose_refiner

@@ -1,19 +1,21 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include "nerf_pose_refiner/observation.h"
 
+#include <memory>
 #include <stdexcept>
-
-#include "image/colour.h"
+#include <string>
+#include <utility>
 
 namespace nerf_pose_refiner {
 
-Observation observe(const Image8& rgb, const Camera& camera, const Image8& mask) {
+Observation observe(Image8 rgb, const Camera& camera, const Image8& mask) {
   if (rgb.channels != 3) {
     throw std::invalid_argument("observe: the image has " + std::to_string(rgb.channels) +
                                 " channels, must have 3 (RGB)");
   }
   Observation observation;
-  observation.image = toFloat(rgb);
+  const auto kept = std::make_shared<const Image8>(std::move(rgb));
+  observation.pixels = std::make_shared<CameraPixels>(viewOf(*kept), PixelFormat::kRgb, kept);
   observation.camera = camera;
   if (!mask.empty()) {
     if (mask.channels != 1) throw std::invalid_argument("observe: a mask has one channel");

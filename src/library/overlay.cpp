@@ -4,13 +4,14 @@
 #include <stdexcept>
 
 #include "backend/common/draw_overlay.h"
+#include "backend/common/observed_colours.h"
 #include "nerf_pose_refiner/backend.h"
 
 namespace nerf_pose_refiner {
 
 struct Overlay::Parts {
   Object object;
-  std::shared_ptr<Backend> backend;  ///< outlives the field that it loaded
+  std::shared_ptr<Backend> backend;  ///< must outlive `field`
   std::shared_ptr<const LoadedField> field;
 };
 
@@ -26,7 +27,7 @@ Overlay& Overlay::operator=(Overlay&&) noexcept = default;
 
 Image8 Overlay::draw(const Observation& observation, const Pose& T_C_O, double opacity) {
   const View view{observation.camera, parts_->object.cameraInField(T_C_O)};
-  return drawOverlay(observation.image,
+  return drawOverlay(observedColours(observation),
                      parts_->field->render(view, RenderOptions(), CancellationToken()), opacity);
 }
 

@@ -8,9 +8,8 @@
 #include "field/object_frame.h"
 #include "nerf_pose_refiner/backend.h"
 #include "refinement/covariance.h"
-#include "refinement/field_refiner.h"
+#include "tracking/object_search.h"
 #include "trust/check_trust.h"
-#include "trust/mask_agreement.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -26,7 +25,7 @@ const char* textOf(TrustVerdict verdict) {
     case TrustVerdict::kTrusted:
       return "";
     case TrustVerdict::kNoOverlap:
-      return "the prior lies outside of the image";
+      return "the prior is outside the image";
     case TrustVerdict::kDiverged:
       return "no hypothesis survived";
     case TrustVerdict::kLowScore:
@@ -45,13 +44,14 @@ struct Refiner::Parts {
   Parts(std::shared_ptr<Backend> backend, const Object& known, const RefinerOptions& options)
       : object(known),
         trust_score(options.trust_score),
-        field(backend->load(known.field())),
-        refiner(backend, settingsOf(options)) {}
+        search([backend = std::move(backend)] { return SearchProcessor{backend}; },
+               settingsOf(options), settingsOf(options)) {
+    search.use(object.field());
+  }
 
   Object object;
   double trust_score;
-  std::shared_ptr<const LoadedField> field;
-  FieldRefiner refiner;
+  RefinerSearch search;
 };
 
 Refiner::Refiner(std::shared_ptr<Backend> backend, const Object& object,
@@ -66,16 +66,13 @@ Refiner& Refiner::operator=(Refiner&&) noexcept = default;
 
 RefineResult Refiner::refine(const Observation& observation, const PosePrior& prior,
                              const CancellationToken& cancellation) {
+  observation.validate();
   const Object& object = parts_->object;
-  Prior search;
-  search.T_O_C = object.cameraInField(prior.T_C_O);
-  search.rotation_rad = prior.rotation_rad;
-  search.translation = prior.translation;
-  Refinement refined = parts_->refiner.refine(*parts_->field, observation, search, cancellation);
-  if (observation.background == Background::kMask && refined.outcome == Outcome::kRefined) {
-    refined.mask_agreement =
-        maskAgreement(*parts_->field, observation, refined.T_O_C, cancellation);
-  }
+  SearchRequest request{observation, {}};
+  request.prior.T_O_C = object.cameraInField(prior.T_C_O);
+  request.prior.rotation_rad = prior.rotation_rad;
+  request.prior.translation = prior.translation;
+  const Refinement refined = parts_->search.search(request, cancellation);
   cancellation.check();
 
   RefineResult result;

@@ -10,7 +10,7 @@ namespace nerf_pose_refiner {
 namespace {
 
 constexpr double kDegreesPerRad = 57.295779513082320877;
-const char kCameraFrame[] = "camera";  // there is one
+const char kCameraFrame[] = "camera";  // the only frame
 
 TrackerSettings settingsOf(const TrackerOptions& options) {
   TrackerSettings settings;

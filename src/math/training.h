@@ -5,7 +5,6 @@
 #include <cmath>
 #include <cstdint>
 
-#include "math/pixel_window.h"
 #include "math/random.h"
 
 namespace nerf_pose_refiner {
@@ -48,8 +47,10 @@ NPR_HOST_DEVICE inline int drawView(std::uint64_t step_seed, std::uint64_t ray, 
   return static_cast<int>(
       randomIndex(step_seed, kStreamRay, ray * 8, static_cast<std::uint32_t>(views)));
 }
+/// @param window its x, y, width and height [px].
+template <typename Window>
 NPR_HOST_DEVICE inline DrawnPixel drawPixel(std::uint64_t step_seed, std::uint64_t ray,
-                                            const PixelWindow& window) {
+                                            const Window& window) {
   const std::uint64_t counter = ray * 8;
   return {window.x + static_cast<int>(randomIndex(step_seed, kStreamRay, counter + 1,
                                                   static_cast<std::uint32_t>(window.width))),

@@ -5,9 +5,9 @@
 namespace nerf_pose_refiner {
 namespace {
 
-/// Enqueues all stages, with a snapshot behind each.
+/// Enqueues all stages, with a snapshot after each.
 void runStages(const RefinementRun& run, const AlignmentPlan& plan, PoseSolver* solver) {
-  // Otherwise what alignment compares is the same for all hypotheses already.
+  // Otherwise alignment already compares all hypotheses by the same measure.
   const bool ranked_by_regions =
       run.observation.background == Background::kUnknown && !run.settings.compare_contrast;
   int hypotheses = plan.sampling.count;

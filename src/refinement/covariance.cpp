@@ -12,7 +12,7 @@
 namespace nerf_pose_refiner {
 namespace {
 
-// A loss that is higher by this fraction of the best one is e times less likely.
+// A loss that is higher than the best one by this fraction of it is e times less likely.
 constexpr double kLossTemperature = 0.05;
 
 Eigen::Matrix3d crossMatrix(const Eigen::Vector3d& a) {
@@ -21,14 +21,14 @@ Eigen::Matrix3d crossMatrix(const Eigen::Vector3d& a) {
   return m;
 }
 
-// What a turn by 1 rad about an axis does: motion of a point, rotation.
+// The twist of a rotation by 1 rad about an axis: motion of a point, rotation.
 Vector6 turnOf(const SymmetryAxis& axis, const Eigen::Vector3d& point) {
   return (Vector6() << axis.direction.cross(point - axis.point), axis.direction).finished();
 }
 
-// Of a prior that is uniform within its half widths.
+// Variance of a uniform prior within its half widths.
 Vector6 priorVariance(const Prior& prior, const FieldMetadata& object) {
-  constexpr double kMin = 1e-3;  // a prior of no width says that nothing was sought
+  constexpr double kMin = 1e-3;  // a prior of zero width carries no information
   const double translation = std::max(prior.translation, kMin) * object.diameter;
   const double rotation = std::max(prior.rotation_rad, kMin);
   Vector6 variance;
@@ -37,7 +37,7 @@ Vector6 priorVariance(const Prior& prior, const FieldMetadata& object) {
   return variance;
 }
 
-// What the model is off by, as a twist about the object's centre in the axes of O.
+// Covariance of the model's error, as a twist about the object's centre along the axes of O.
 Matrix6 modelCovariance(const Pose& T_O_C, const FieldMetadata& object) {
   const PoseStatistics& s = object.pose;
   const double lateral = s.lateral * object.diameter;
@@ -58,7 +58,7 @@ Eigen::Matrix3d lineOfSightAxes(const Eigen::Vector3d& point_C) {
 
 double calibratedScore(double score, const PoseStatistics& statistics) {
   if (statistics.views == 0) return score;
-  constexpr double kMinRange = 0.1;  // an object that looks alike from all sides
+  constexpr double kMinRange = 0.1;  // for objects that look the same from all sides
   const double range = std::max(kMinRange, statistics.right_score - statistics.wrong_score);
   return std::clamp(1 - (statistics.right_score - score) / range, 0.0, 1.0);
 }
@@ -80,7 +80,7 @@ Vector6 cameraTwist(const Pose& from_T_O_C, const Pose& to_T_O_C, const Eigen::V
 
 Hypothesis moved(const Hypothesis& hypothesis, const Pose& motion, const Eigen::Vector3d& centre) {
   // The motion takes the centre c to c*; a twist about c* with rotation w moves c by w x (c - c*).
-  Matrix6 twist = Matrix6::Zero();  // of before, as one of after
+  Matrix6 twist = Matrix6::Zero();  // converts a twist before the motion to one after it
   twist.topLeftCorner<3, 3>() = twist.bottomRightCorner<3, 3>() = motion.R;
   twist.topRightCorner<3, 3>() = -crossMatrix(centre - motion * centre) * motion.R;
   const Matrix6 back = twist.inverse();
@@ -113,7 +113,7 @@ Matrix6 atPoint(const Matrix6& covariance, const Eigen::Vector3d& offset) {
 
 Matrix6 withoutTurns(const SymmetryAxis& axis, const Matrix6& covariance,
                      const Eigen::Vector3d& point) {
-  Matrix6 without = Matrix6::Identity();  // takes the angle about the axis out of a motion
+  Matrix6 without = Matrix6::Identity();  // removes the rotation about the axis from a motion
   without.rightCols<3>() -= turnOf(axis, point) * axis.direction.transpose();
   return without * covariance * without.transpose();
 }

@@ -90,14 +90,14 @@ FieldRefiner::FieldRefiner(std::shared_ptr<Backend> backend, const RefinerSettin
 }
 
 Refinement FieldRefiner::refine(const LoadedField& field, const Observation& observation,
-                                const Prior& prior, const CancellationToken& stop) {
-  return refineAll(field, observation, {prior}, stop).front();
+                                const Prior& prior, const CancellationToken& cancellation) {
+  return refineAll(field, observation, {prior}, cancellation).front();
 }
 
 std::vector<Refinement> FieldRefiner::refineAll(const LoadedField& field,
                                                 const Observation& observation,
                                                 const std::vector<Prior>& priors,
-                                                const CancellationToken& stop) {
+                                                const CancellationToken& cancellation) {
   if (!(field.field().metadata.diameter > 0)) {
     throw std::invalid_argument("Refiner: the diameter of the object '" +
                                 field.field().metadata.name + "' is not known");
@@ -118,7 +118,7 @@ std::vector<Refinement> FieldRefiner::refineAll(const LoadedField& field,
   std::vector<RefinementRun> runs;
   for (std::size_t i = 0; i < priors.size(); ++i) {
     results[i].T_O_C = priors[i].T_O_C;
-    runs.push_back({field, observation, priors[i], settings_, stop, &results[i]});
+    runs.push_back({field, observation, priors[i], settings_, cancellation, &results[i]});
     if (together && i + 1 < priors.size()) continue;
     carryOut(&runs);
     runs.clear();

@@ -4,15 +4,35 @@
 #include <algorithm>
 #include <cmath>
 
-namespace nerf_pose_refiner {
+#include "image/colour.h"
+#include "nerf_pose_refiner/undistorter.h"
 
-std::optional<bool> isGrey(const Image& image) {
-  constexpr int kSamples = 32;  // along each side
+namespace nerf_pose_refiner {
+namespace {
+
+constexpr int kSamples = 32;  // along each side
+
+/// A row of the image, [1][width][3].
+Image rowOf(const Observation& observation, int y) {
+  if (observation.pixels) {
+    return toFloat(observation.pixels->read({0, y, observation.pixels->width(), 1}));
+  }
+  const Image& image = observation.image;
+  Image row(image.width, 1, 3);
+  std::copy_n(image.pixel(0, y), row.values.size(), row.values.begin());
+  return row;
+}
+
+}  // namespace
+
+std::optional<bool> isGrey(const Observation& observation) {
   constexpr float kSameColour = 0.5f / 255, kLeastContrast = 0.05f;
+  const Camera& camera = observation.camera;
   float darkest = 1, brightest = 0;
   for (int j = 0; j < kSamples; ++j) {
+    const Image row = rowOf(observation, j * camera.height / kSamples);
     for (int i = 0; i < kSamples; ++i) {
-      const float* rgb = image.pixel(i * image.width / kSamples, j * image.height / kSamples);
+      const float* rgb = row.pixel(i * row.width / kSamples, 0);
       if (std::abs(rgb[0] - rgb[1]) > kSameColour || std::abs(rgb[1] - rgb[2]) > kSameColour) {
         return false;
       }

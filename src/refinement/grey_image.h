@@ -3,12 +3,12 @@
 
 #include <optional>
 
-#include "nerf_pose_refiner/image.h"
+#include "nerf_pose_refiner/observation.h"
 
 namespace nerf_pose_refiner {
 
 /// Whether an image has no colours at all: a grey camera's, as RGB. Judged by some of its pixels.
-/// @param image [h][w][3]. @return nothing: all pixels are nearly alike, as with the lens covered.
-std::optional<bool> isGrey(const Image& image);
+/// @return nothing: all pixels are nearly alike, as with the lens covered.
+std::optional<bool> isGrey(const Observation& observation);
 
 }  // namespace nerf_pose_refiner

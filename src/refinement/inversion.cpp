@@ -13,12 +13,12 @@
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr int kSearchLevel = 0;  // the observed image as it is
-constexpr int kJudgeLevel = 1;   // on: images of the object, to say how well winners agree
+constexpr int kSearchLevel = 0;  // the whole image
+constexpr int kJudgeLevel = 1;   // and above: the object's region, to judge the winners
 constexpr double kJudgedObjectPx = 128;
-constexpr std::size_t kMaxSamples = 1 << 28;  // of a step: backends count four times as many
+constexpr std::size_t kMaxSamples = 1 << 28;  // per step: backends count four times as many
 
-// Seeds of the parts of a run, all from the one of the settings; rounds add to the last.
+// Seeds of the parts of a run are derived from that of the settings; rounds add to the last one.
 enum SeedOf : std::uint64_t { kPixelSeed, kSamplingSeed, kResamplingSeed };
 
 std::uint64_t seedOf(const RefinerSettings& settings, std::uint64_t part) {
@@ -54,8 +54,7 @@ ResamplingPlan resamplingPlan(const RefinerSettings& settings, double unit, int 
   return plan;
 }
 
-/// The mean of the hypotheses that are near the best and about as good: each has a noise of its
-/// own.
+/// The mean of the hypotheses that are near the best and about as good, whose noise averages out.
 Pose meanOfBest(const HypothesisTable& table, const InversionSettings& s, double unit) {
   constexpr double kAboutAsGood = 1.1;  // of the best one's loss
   const Hypothesis& best = table.front();
@@ -74,11 +73,11 @@ Pose meanOfBest(const HypothesisTable& table, const InversionSettings& s, double
   return {expSO3(Eigen::Vector3d(turn / count)) * best.T_O_C.R, best.T_O_C.t + offset / count};
 }
 
-/// Searches of one image, a prior each, with one solver: steps are of all their hypotheses.
+/// Searches in one image, each from its own prior, with one solver for all their hypotheses.
 class Inversion {
  public:
   /// @param runs one or more; their `field`, `observation`, `settings` are the same.
-  /// @param judged a level for each of them, @see judge.
+  /// @param judged one level for each run, @see judge.
   Inversion(std::vector<RefinementRun*> runs, const std::vector<ImageLevel>& judged)
       : runs_(std::move(runs)),
         first_(*runs_.front()),
@@ -136,8 +135,8 @@ class Inversion {
     return plan;
   }
 
-  /// In slices, the last of them as long as losses are gathered over: they end where all steps at
-  /// once would.
+  /// In slices, the last of which covers the steps over which losses are averaged. The result is
+  /// the same as that of all steps in one call.
   void optimise(const std::string& stage, const StepRange& steps) {
     const OptimisationPlan plan = optimisationPlan();
     for (int left = steps.count; left > 0;) {
@@ -155,7 +154,7 @@ class Inversion {
                       first_.cancellation);
   }
 
-  /// All snapshots since the last wait, the last being of now.
+  /// All snapshots since the last wait, the last one of the present state.
   std::vector<SolverSnapshot> readWithNow() {
     solver_->snapshot();
     return solver_->read();
@@ -168,7 +167,7 @@ class Inversion {
     return tables;
   }
 
-  /// Moves winners to the mean of the best where their loss is lower there.
+  /// Moves each winner to the mean of the best hypotheses if its loss is lower there.
   void improve(std::vector<HypothesisTable>* tables) {
     std::vector<Pose> means;
     for (std::size_t i = 0; i < tables->size(); ++i) {
@@ -187,7 +186,7 @@ class Inversion {
     }
   }
 
-  /// Says how well a search's winner agrees with the image, and how firmly the image holds it.
+  /// Computes the score and the normal equations of a search's winner.
   void judge(int search, Hypothesis* winner) {
     startAt({winner->T_O_C});
     solver_->score(kJudgeLevel + search,
@@ -201,7 +200,7 @@ class Inversion {
     winner->residual_variance = judged.residual_variance;
   }
 
-  /// One hypothesis at each pose.
+  /// Makes one hypothesis of each pose.
   void startAt(const std::vector<Pose>& poses) {
     SamplingPlan alone;
     alone.count = 1;
@@ -211,7 +210,7 @@ class Inversion {
   /// Writes traces and results. @param chosen the final hypotheses of every search.
   void report(const std::vector<SolverSnapshot>& snapshots,
               const std::vector<HypothesisTable>& chosen) {
-    std::vector<std::vector<SolverSnapshot>> own(runs_.size(), snapshots);  // of each search alone
+    std::vector<std::vector<SolverSnapshot>> own(runs_.size(), snapshots);  // for each search
     for (std::size_t k = 0; k < snapshots.size(); ++k) {
       const bool last = k + 1 == snapshots.size();
       const auto tables = last ? chosen : bySearch(snapshots[k].hypotheses);
@@ -229,7 +228,7 @@ class Inversion {
   const FieldMetadata& object_;
   const double unit_;  ///< [model units]
   std::unique_ptr<PoseSolver> solver_;
-  std::vector<std::string> stages_;  ///< behind which snapshots were taken
+  std::vector<std::string> stages_;  ///< stages after which snapshots were taken
 };
 
 }  // namespace

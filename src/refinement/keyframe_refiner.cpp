@@ -60,8 +60,8 @@ void KeyframeRefiner::begin() {
   renderer_.emplace(field_, settings_.keyframe);
 }
 
-void KeyframeRefiner::adaptTo(const Image& image) {
-  const std::optional<bool> grey = isGrey(image);
+void KeyframeRefiner::adaptTo(const Observation& observation) {
+  const std::optional<bool> grey = isGrey(observation);
   if (!grey || *grey == settings_.keyframe.grey) return;
   settings_.keyframe.grey = settings_.bank.keyframe.grey = *grey;
   begin();
@@ -70,7 +70,7 @@ void KeyframeRefiner::adaptTo(const Image& image) {
 Refinement KeyframeRefiner::follow(const TimedObservation& image, const Prior& prior,
                                    const CancellationToken& cancellation) {
   const Camera& camera = image.observation.camera;
-  adaptTo(image.observation.image);
+  adaptTo(image.observation);
   const Refinement result = refine(prior, [&]() -> HypothesisTable {
     if (!objectRegion(camera, prior, field_->field().metadata)) return {};
     takeRenewal(image.stamp_ns, cancellation);
@@ -85,7 +85,7 @@ Refinement KeyframeRefiner::find(const TimedObservation& image, const Prior& pri
                                  const CancellationToken& cancellation) {
   constexpr std::size_t kRendered = 2;  // of the candidates
   const Camera& camera = image.observation.camera;
-  adaptTo(image.observation.image);
+  adaptTo(image.observation);
   const Refinement result = refine(prior, [&]() -> HypothesisTable {
     if (!objectRegion(camera, prior, field_->field().metadata)) return {};
     waitForRenderings(cancellation);

@@ -47,7 +47,7 @@ class KeyframeRefiner {
  private:
   Refinement refine(const Prior& prior, const std::function<HypothesisTable()>& search) const;
   void begin();
-  void adaptTo(const Image& image);
+  void adaptTo(const Observation& observation);
   void takeRenewal(std::int64_t stamp_ns, const CancellationToken& cancellation);
   void makeAt(const View& view, const CancellationToken& cancellation);
   bool isFar(const Pose& T_O_C);

@@ -9,13 +9,14 @@
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr double kBallRadius = 0.65;      // about the centre, in diameters: holds all of the object
-constexpr double kMergePixels = 0.5;      // hypotheses whose rims are nearer are duplicates
-constexpr double kStepPixels = 0.2;       // a step that moves the rim by less ends a stage ...
+constexpr double kBallRadius = 0.65;  // around the centre [diameters]: contains the whole object
+constexpr double kMergePixels = 0.5;  // hypotheses whose outlines are closer are duplicates
+constexpr double kStepPixels = 0.2;   // a step that moves the outline by less ends a stage ...
 constexpr double kLastStepPixels = 0.05;  // ... and the last one
 constexpr double kSurroundings =
-    0.2;  // around the object where the background is learned, diameters
-constexpr double kMinContrastPixels = 48;  // across the object: fewer show too little to compare
+    0.2;  // around the object, where the background's colours are learned [diameters]
+constexpr double kMinContrastPixels =
+    48;  // across the object; with fewer there is too little to compare
 
 bool learnsBackground(const Observation& observation) {
   return observation.background == Background::kUnknown;
@@ -26,8 +27,8 @@ ObjectRegion wholeImage(const Camera& camera) {
           static_cast<double>(std::max(camera.width, camera.height))};
 }
 
-// Weight of an opacity residual beside the colours': probabilities from colours err often,
-// masks at their rims.
+// Weight of an opacity residual relative to those of colours: probabilities from colours are often
+// wrong, masks at their edges.
 double opacityWeight(Background background) {
   switch (background) {
     case Background::kUnknown:
@@ -45,12 +46,12 @@ AlignStage alignStage(const RefinerSettings& settings, const AlignStageSettings&
   align.rays_per_side = stage.rays_per_side;
   align.max_iterations = stage.iterations;
   align.step_scale = static_cast<float>(stage.step_scale);
-  if (last) align.observed_fraction = 0;  // nothing is far off any more, and noise should not count
+  if (last) align.observed_fraction = 0;  // all hypotheses are close now, and noise must not count
   align.convergence_px = last ? kLastStepPixels : kStepPixels;
   return align;
 }
 
-// Of one stage. After the last one there is nothing to redraw for.
+// For one stage. After the last one there is no resampling.
 ResamplingPlan resamplingPlan(const RefinerSettings& settings, std::size_t stage, double object_px,
                               const Prior& prior, const FieldMetadata& object) {
   const bool last = stage + 1 == settings.stages.size();
@@ -67,11 +68,11 @@ ResamplingPlan resamplingPlan(const RefinerSettings& settings, std::size_t stage
   return resample;
 }
 
-// Nothing is sought beyond twice the spread, whose corners are at 1.7 times its half width. A prior
-// that is thought to be exact may still be polished.
+// The search is limited to twice the spread, whose corners are at 1.7 times its half width. Even an
+// exact prior may be refined a little.
 void setLimits(const Prior& prior, const FieldMetadata& object, SamplingPlan* sampling) {
   constexpr double kReach = 2, kMinRotation = 0.02, kMinTranslation = 0.02;
-  double sweep = 0;  // of the object's centre, when the camera turns about itself
+  double sweep = 0;  // motion of the object's centre when the camera rotates about itself
   if (!prior.rotate_about_object) {
     sweep = prior.rotation_rad * (prior.T_O_C.inverse() * object.centre).norm();
   }
@@ -101,8 +102,8 @@ std::optional<ObjectRegion> objectRegion(const Camera& camera, const Prior& prio
   if (centre_C.norm() < radius) return whole;
   if (centre_C.z() <= 0) return std::nullopt;
 
-  // The ball's outline, seen from the nearest place that the spread allows; a rotation about the
-  // camera sweeps it sideways.
+  // The ball's outline from the nearest position within the spread. A rotation about the camera
+  // moves it sideways.
   const double nearest = std::max(centre_C.z() - spread, 0.5 * centre_C.z());
   const double sweep =
       prior.rotate_about_object ? 0.0 : std::tan(std::min(prior.rotation_rad, 1.0));
@@ -121,7 +122,7 @@ std::optional<ObjectRegion> objectRegion(const Camera& camera, const Prior& prio
 
 Camera levelCamera(const Camera& camera, const ObjectRegion& region, double object_px) {
   const double scale = std::min(1.0, object_px / region.diameter_px);
-  // Whole pixels of the image, so that a level at its scale is a plain crop.
+  // Whole pixels of the image, so that a level of the same scale is a plain crop.
   const double x = std::floor(region.x_min + 0.5), y = std::floor(region.y_min + 0.5);
   Camera level;
   level.width = std::max(1, static_cast<int>(std::ceil((region.x_max + 0.5 - x) * scale)));

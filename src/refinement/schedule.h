@@ -8,7 +8,7 @@
 
 namespace nerf_pose_refiner {
 
-/// One refinement under way: what a schedule works with, and where it writes its result.
+/// One running refinement: the inputs of its schedule, and its result.
 struct RefinementRun {
   const LoadedField& field;
   const Observation& observation;
@@ -16,21 +16,22 @@ struct RefinementRun {
   const RefinerSettings& settings;
   const CancellationToken& cancellation;
   Refinement* result;
-  int together = 1;  ///< runs that share the backend's time and work; 0: this one takes none
+  int together =
+      1;  ///< number of runs that share the backend's time and work; 0: this run has no part
 
-  /// Appends a line to the trace for each stage, with its fraction of the time and work since the
-  /// one before. @param names of the stages behind which the snapshots were taken.
+  /// Appends a line to the trace for each stage, with its time and work.
+  /// @param names of the stages after which the snapshots were taken.
   void trace(const std::vector<std::string>& names, const std::vector<SolverSnapshot>& snapshots);
 
-  /// Takes the outcome, pose and agreement from the final table, best first.
+  /// Sets outcome, pose and score from the final table, best first.
   void finish(const HypothesisTable& table);
 };
 
 /// Direct alignment, Method::kAlign.
 void runAlignment(RefinementRun* run);
 
-/// The paper's parallel inversion, Method::kInversion: of one image from several priors at once,
-/// whose widths are the same.
+/// The paper's parallel inversion, Method::kInversion, in one image from several priors of the same
+/// width at once.
 void runInversions(std::vector<RefinementRun>* runs);
 
 }  // namespace nerf_pose_refiner

@@ -29,9 +29,9 @@ void validateStage(const AlignStageSettings& stage, std::size_t index) {
           "0.25..16");
 }
 
-/// Yen-Chen et al. (iNeRF, IROS 2021): one hypothesis, a twist of se(3) through the exponential
-/// map, L2, the learning rate of their code (0.01, by 0.8 every 100 steps) and as many steps as Lin
-/// et al. gave it.
+/// iNeRF (Yen-Chen et al., IROS 2021): one hypothesis, a twist of se(3) through the exponential
+/// map, L2, the learning rate of their code (0.01, times 0.8 every 100 steps) and the number of
+/// steps of Lin et al.
 InversionSettings inerf() {
   InversionSettings s;
   s.hypotheses = 1;
@@ -45,7 +45,7 @@ InversionSettings inerf() {
   s.descent.beta2 = 0.999;
   s.descent.regularisation = 0;
   s.descent.steps_per_update = 1;
-  s.descent.samples_per_step = 1 << 16;  // of about their 2048 rays
+  s.descent.samples_per_step = 1 << 16;  // about their 2048 rays
   return s;
 }
 
@@ -64,8 +64,7 @@ RefinerSettings RefinerSettings::named(const std::string& preset) {
     settings.stages = {{64, 4, 2, 1, 1.5, 4}, {96, 2, 2, 1, 0.7, 2}, {128, 1, 3, 1, 0.7, 1}};
   } else if (preset == "paper") {
     settings.method = Method::kInversion;
-    // One of the paper's losses; its Table I has L2, which ends farther off where the model is
-    // wrong.
+    // One of the paper's losses. Table I uses L2, which is less accurate where the model is wrong.
     settings.inversion.descent.loss = Loss::kLogL1;
     settings.inversion.descent.schedule.anneal_fraction = 0.1;
   } else if (preset == "paper_single") {
@@ -89,7 +88,7 @@ std::vector<std::string> RefinerSettings::presetNames() {
 
 void RefinerSettings::validate() const {
   if (method != Method::kInversion && stages.empty()) {
-    throw std::invalid_argument("RefinerSettings::stages is empty, must hold a stage at least");
+    throw std::invalid_argument("RefinerSettings::stages is empty, must have at least one stage");
   }
   for (std::size_t i = 0; i < stages.size(); ++i) {
     validateStage(stages[i], i);

@@ -10,29 +10,29 @@
 
 namespace nerf_pose_refiner {
 
-/// How the pose is searched.
+/// The method of the search.
 enum class Method {
   kAlign,      ///< direct alignment: coarse to fine, Gauss-Newton on rendered images
-  kKeyframes,  ///< keyframes through the images of a sequence; one image alone: as kAlign
+  kKeyframes,  ///< keyframes, for the images of a sequence; as kAlign for a single image
   kInversion,  ///< the paper's parallel inversion: Adam on SO(3) x T(3) with resampling
 };
 
-/// One stage of direct alignment as a user writes it: sizes relative to the object.
+/// One stage of direct alignment in the settings: sizes are relative to the object.
 struct AlignStageSettings {
-  double object_px = 32;  ///< the object's diameter spans so many pixels in this stage; 48 at least
-                          ///< while contrasts are compared
-  int hypotheses = 64;    ///< kept in this stage
+  double object_px = 32;  ///< object diameter in this stage's image [px]; at least 48 while
+                          ///< contrast is compared
+  int hypotheses = 64;    ///< number in this stage
   int iterations = 10;    ///< at most
-  int rays_per_side = 1;  ///< rays_per_side^2 rays a pixel
+  int rays_per_side = 1;  ///< rays_per_side^2 rays per pixel
   double blur_px = 1.0;   ///< sigma of the total blur of both images
-  double step_scale = 1;  ///< of the field's sample intervals along a ray: larger is coarser
+  double step_scale = 1;  ///< multiplies the field's sample intervals: larger is coarser
 };
 
-/// Schedule of the paper's parallel inversion (Lin et al., section IV-B); the defaults are the
-/// paper's and its authors'.
+/// Schedule of the paper's parallel inversion (Lin et al., section IV-B). The defaults are those of
+/// the paper and its authors' code.
 ///
-/// Lengths are in units of the NeRF Synthetic scenes, where an object spans two to three. `unit`
-/// says how long one is.
+/// Lengths are in units of the NeRF Synthetic scenes, where an object has a diameter of two to
+/// three. `unit` is the length of one such unit.
 struct InversionSettings {
   double unit = 0;  ///< [model units]; 0: kInversionUnitsPerDiameter to the object's diameter
 
@@ -47,46 +47,44 @@ struct InversionSettings {
 
   double keep_fraction = 0.25;  ///< round k = 1.. keeps hypotheses * keep_fraction * keep_decay^k
   double keep_decay = 0.5;      ///< ... so 8, 4, 4, 4 of 64 ...
-  int keep_at_least = 4;        ///< ... but at least so many
+  int keep_at_least = 4;        ///< ... but at least this number
   double jitter_rotation_rad = 0.052359877559829887;  ///< half width per axis, about the camera
-  double jitter_translation = 0.1;                    ///< half width per axis, axes of O, then
+  double jitter_translation = 0.1;                    ///< half width per axis, axes of O
 
-  int score_pixels = 16384;  ///< on which all are compared at the end, to choose the winner
+  int score_pixels = 16384;  ///< on which the winner is chosen at the end
 
-  OptimisationPlan
-      descent;  ///< its `length_unit` is in units here; its seed comes from the refiner
+  OptimisationPlan descent;  ///< its `length_unit` is in these units; its seed is not used
 
   /// Length of a unit for an object of this diameter [model units].
   double unitFor(double object_diameter) const;
 
-  /// Hypotheses that survive the resampling before round k = 1.. .
+  /// Number of hypotheses that survive the resampling before round k = 1, 2, ...
   int survivors(int round) const;
 
   /// @throws std::invalid_argument naming the setting and the value that is out of range.
   void validate() const;
 };
 
-/// Objects of the NeRF Synthetic scenes measure about so many units across.
+/// Approximate diameter of the objects of the NeRF Synthetic scenes [units].
 constexpr double kInversionUnitsPerDiameter = 2.5;
 
 struct RefinerSettings {
   Method method = Method::kAlign;
-  std::vector<AlignStageSettings> stages;  ///< of alignment to the field, coarse to fine
+  std::vector<AlignStageSettings> stages;  ///< of kAlign, coarse to fine
   double robust_scale = 0.1;
-  /// Before an unknown background: compare contrasts with the surroundings instead of colours.
-  /// Right for textured objects in any lighting; false for plain ones in the lighting of the
-  /// photos.
+  /// If the background is unknown: compare local contrast instead of colours. Suits textured
+  /// objects in any lighting; false suits plain ones in the lighting of the photos.
   bool compare_contrast = true;
-  bool fit_gain_bias = true;  ///< ignored before a known colour: the lighting is that of the photos
+  bool fit_gain_bias =
+      true;  ///< not if the background's colour is known: the lighting is then that of the photos
 
   KeyframeSearchSettings keyframes;  ///< of Method::kKeyframes
   InversionSettings inversion;       ///< of Method::kInversion
 
   std::uint64_t seed = 1;
 
-  /// Presets: "align" (a wide search), "track" (from the last pose),
-  /// "keyframes" (the same by keyframes), "paper", "paper_single",
-  /// "inerf" (of one hypothesis, to compare with).
+  /// Presets: "align" (a wide search), "track" (from the last pose), "keyframes" (both with
+  /// keyframes), "paper", "paper_single", "inerf" (one hypothesis, for comparison).
   /// @throws std::invalid_argument listing the names that exist.
   static RefinerSettings named(const std::string& preset);
   static std::vector<std::string> presetNames();

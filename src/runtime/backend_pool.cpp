@@ -6,7 +6,7 @@
 namespace nerf_pose_refiner {
 namespace {
 
-/// Two choices with one name mean the same processor.
+/// Two choices with the same name use the same processor.
 std::string processorOf(const BackendChoice& choice) {
   const bool on_gpu =
       choice.backend == "cuda" || (choice.backend == "auto" && whyNoCuda(choice.device).empty());

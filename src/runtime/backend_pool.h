@@ -13,25 +13,26 @@
 
 namespace nerf_pose_refiner {
 
-/// Makes a backend for a thread: backends are not shared between threads.
+/// Creates a backend for the calling thread alone.
 using BackendFactory = std::function<std::shared_ptr<Backend>()>;
 
-/// Finds who may use a backend's processor, by the thread that works: to look for a GPU takes long.
+/// Finds the schedule of a backend's processor. Called by the thread that trains, because looking
+/// for a GPU takes time.
 using ScheduleFactory = std::function<std::shared_ptr<ProcessorSchedule>()>;
 
-/// Backends and schedules of a process. May be used from many threads at once.
+/// The backends and schedules of a process. Thread-safe.
 class BackendPool {
  public:
-  /// The backend with which all refinements of this choice are made (@see SharedBackend); made with
-  /// the first call, which takes long for a GPU, and gone with the last of its users.
+  /// The backend that all refinements with this choice share (@see SharedBackend). The first call
+  /// creates it, which takes time for a GPU; it is destroyed with the last of its users.
   /// @throws as makeBackend.
   std::shared_ptr<Backend> shared(const BackendChoice& choice);
 
-  /// Who may use the processor of this choice: the cores of this computer, or one GPU. The first
-  /// look for a GPU takes long.
+  /// The schedule of the chosen processor: the cores of this computer, or one GPU. The first search
+  /// for a GPU takes time.
   std::shared_ptr<ProcessorSchedule> scheduleOf(const BackendChoice& choice);
 
-  /// The shared backend, with trainings at rest while it is used. @throws as makeBackend.
+  /// The shared backend; trainings are paused while it is used. @throws as makeBackend.
   SearchProcessor searchProcessor(const BackendChoice& choice);
 
  private:

@@ -15,8 +15,9 @@
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr int kAttempts = 5;                        // to read a file that changes while it is read
-constexpr std::chrono::milliseconds kSettled(300);  // so long unchanged, a file is whole
+constexpr int kAttempts = 5;  // at reading a file that changes meanwhile
+constexpr std::chrono::milliseconds kSettled(
+    300);  // a file that has not changed for this time is complete
 
 std::string megabytes(std::size_t bytes) { return std::to_string((bytes + 999999) / 1000000); }
 
@@ -65,9 +66,9 @@ std::shared_ptr<const Field> ModelCache::find(const std::string& path, const Ide
   return nullptr;
 }
 
-/// What was read of the same model's file, whatever its object's metadata.
-std::shared_ptr<const Field> ModelCache::findLooks(const std::string& path,
-                                                   const Identity& identity) const {
+/// The field that was read from the same model file, possibly with other metadata.
+std::shared_ptr<const Field> ModelCache::findSameModel(const std::string& path,
+                                                       const Identity& identity) const {
   std::lock_guard<std::mutex> lock(mutex_);
   for (const Entry& entry : entries_) {
     if (entry.path == path && entry.identity.model == identity.model) return entry.field;
@@ -75,7 +76,7 @@ std::shared_ptr<const Field> ModelCache::findLooks(const std::string& path,
   return nullptr;
 }
 
-/// Null: unknown, or gone. Called with mutex_ held.
+/// Null if the cache does not hold it. Called with mutex_ held.
 ModelCache::Entry* ModelCache::entryOf(const std::shared_ptr<const Field>& field) {
   for (Entry& entry : entries_) {
     if (entry.field == field) return &entry;
@@ -83,7 +84,7 @@ ModelCache::Entry* ModelCache::entryOf(const std::shared_ptr<const Field>& field
   return nullptr;
 }
 
-/// Frees what was kept for its users alone, and has none any more. Called with mutex_ held.
+/// Frees superseded models that have no users any more. Called with mutex_ held.
 void ModelCache::forgetSuperseded() const {
   entries_.erase(std::remove_if(entries_.begin(), entries_.end(),
                                 [](const Entry& entry) {
@@ -92,7 +93,7 @@ void ModelCache::forgetSuperseded() const {
                  entries_.end());
 }
 
-/// Another model takes the place of what was read of a file. Called with mutex_ held.
+/// Marks the models that were read from a file before as superseded. Called with mutex_ held.
 void ModelCache::supersede(const std::string& path) {
   for (Entry& entry : entries_) {
     if (entry.path == path) entry.superseded = true;
@@ -101,8 +102,8 @@ void ModelCache::supersede(const std::string& path) {
   forgetSuperseded();
 }
 
-/// Forgets models until another one, which takes the place of what was read of its file, fits.
-/// Called with mutex_ held.
+/// Frees models until a new one fits, which supersedes those of the same file. Called with mutex_
+/// held.
 void ModelCache::makeRoom(const std::string& path, std::size_t bytes) {
   supersede(path);
   if (budget_bytes_ == 0) return;
@@ -133,18 +134,18 @@ void ModelCache::insert(const std::string& path, const Identity& identity,
   entries_.push_back({path, identity, std::move(field), bytes, ++use_counter_, false, {}});
 }
 
-/// Reads the model, or only the object's metadata if the model is known. Called with reading_
-/// held. @return null: files changed meanwhile, so that it is not known which were read.
+/// Reads the model, or only the object's metadata if the model is in memory. Called with reading_
+/// held. @return null if the files changed meanwhile: try again.
 std::shared_ptr<const Field> ModelCache::read(const std::string& path, const Identity& identity) {
   std::shared_ptr<Field> field;
-  const std::shared_ptr<const Field> looks = findLooks(path, identity);
-  if (looks) {
-    // The budget does not count it twice: the old one goes as soon as its users have the new one.
-    field = std::make_shared<Field>(*looks);
+  const std::shared_ptr<const Field> same_model = findSameModel(path, identity);
+  if (same_model) {
+    // Not counted against the budget: the old one is freed as soon as its users have the new one.
+    field = std::make_shared<Field>(*same_model);
     field->metadata = readObject(path);
   } else {
     {
-      // Before it is read, by the file's size: the budget counts while two are in memory, too.
+      // Before it is read, by the file's size: the budget also holds while both are in memory.
       std::lock_guard<std::mutex> lock(mutex_);
       makeRoom(path, std::get<2>(identity.model));
       ++files_read_;
@@ -152,8 +153,9 @@ std::shared_ptr<const Field> ModelCache::read(const std::string& path, const Ide
     field = std::make_shared<Field>(loadField(path));
   }
   if (!(identityOf(path) == identity)) return nullptr;
-  field->metadata.name = std::filesystem::path(path).stem().string();  // it may be renamed
-  if (!looks) {
+  field->metadata.name =
+      std::filesystem::path(path).stem().string();  // the file may have been renamed
+  if (!same_model) {
     insert(path, identity, field);
     return field;
   }
@@ -170,11 +172,12 @@ std::shared_ptr<const Field> ModelCache::load(const std::string& path) {
     if (std::shared_ptr<const Field> known = find(path, identity)) return known;
     if (std::shared_ptr<const Field> field = read(path, identity)) return field;
   }
-  throw std::runtime_error("cannot load the model '" + path + "': it changes all the time");
+  throw std::runtime_error("cannot load the model '" + path +
+                           "': it changed during each attempt to read it");
 }
 
-/// Whether a change of an object's metadata was seen a while ago, and not yet reported as
-/// unusable; remembers it.
+/// Whether an object's metadata changed, has been stable for kSettled, and was not reported as
+/// unusable yet. Records the change.
 bool ModelCache::isSettled(const std::shared_ptr<const Field>& field, const Identity& identity) {
   const auto now = std::chrono::steady_clock::now();
   std::lock_guard<std::mutex> lock(mutex_);
@@ -211,8 +214,7 @@ std::shared_ptr<const Field> ModelCache::renewed(const std::shared_ptr<const Fie
     if (renewed && field->metadata.metres_per_unit > 0 &&
         !(renewed->metadata.metres_per_unit > 0)) {
       throw std::runtime_error("neither the model '" + path +
-                               "' nor what is said of its object "
-                               "has metres_per_unit any more");
+                               "' nor the YAML file beside it has metres_per_unit any more");
     }
     return renewed;
   } catch (const std::exception& e) {
@@ -257,7 +259,7 @@ std::vector<CachedModel> ModelCache::list() const {
     bool outdated = true;
     try {
       outdated = identityOf(entry.path).model != entry.identity.model;
-    } catch (const std::runtime_error&) {  // it is gone
+    } catch (const std::runtime_error&) {  // the file has been removed
     }
     models.push_back({entry.path, entry.field->metadata, entry.bytes, in_use, outdated,
                       entry.change ? entry.change->error : std::string()});

@@ -20,60 +20,59 @@ namespace nerf_pose_refiner {
 struct CachedModel {
   std::string path;
   FieldMetadata metadata;
-  std::size_t bytes = 0;       ///< of its numbers
-  bool in_use = false;         ///< outside of the cache
-  bool outdated = false;       ///< the file is another one by now, or gone
-  std::string metadata_error;  ///< why the object's present metadata is not in use; empty: it is
+  std::size_t bytes = 0;       ///< of its parameters
+  bool in_use = false;         ///< by somebody other than the cache
+  bool outdated = false;       ///< the file has changed or been removed
+  std::string metadata_error;  ///< why the present metadata cannot be used; empty: they are in use
 };
 
-/// Models in memory with their objects' metadata (ObjectMetadata), shared by all users of a file:
-/// each is read once. A file that was changed is read again for the next request; users of the old
-/// model keep it unchanged.
+/// The models in memory, with the metadata of their objects (ObjectMetadata). All users of a file
+/// share one model, which is read once. After a change of the file, the next request reads it
+/// again; users of the old model keep it unchanged.
 ///
-/// With a budget the least recently used go first, and never one in use. (In use is what somebody
-/// beside the cache has a pointer to.) May be used from many threads at once.
+/// Under a memory budget, the least recently used models are freed first, but none that is in use
+/// (to which somebody other than the cache holds a pointer). Thread-safe.
 class ModelCache {
  public:
-  /// The most memory that models may take. The first who sets it decides.
-  /// @param bytes 0: leaves it as it is, at the beginning without a limit.
-  /// @param owner who sets it, for the error. @throws std::invalid_argument naming both, if another
-  /// budget was set.
+  /// Limits the memory of models. The first caller who sets a limit decides.
+  /// @param bytes 0: leaves the limit as it is; at first there is none.
+  /// @param owner of the limit, for error messages. @throws std::invalid_argument naming both
+  /// owners, if another limit was set before.
   void setBudget(std::size_t bytes, const std::string& owner);
 
-  /// The model in a file, called as the file is. Files are read one after the other.
-  /// @throws std::runtime_error as loadField, and if it does not fit beside what is in use.
+  /// The model in a file, named after the file. Files are read one after another.
+  /// @throws std::runtime_error as loadField, and if it does not fit beside the models in use.
   std::shared_ptr<const Field> load(const std::string& path);
 
-  /// The same model, once its object's metadata differs from when it was loaded, and the file
-  /// that says so has not changed for a moment: who edits it may be writing yet.
-  /// @return null: all is as it was, or the model's own file is another one, which waits for
-  /// `load`.
-  /// @throws std::runtime_error naming what is wrong with the file, or that the model lost its
-  /// scale thereby; once, until it changes again.
+  /// The same model with new metadata, if its YAML file has changed since it was loaded and has
+  /// been stable for a moment (an editor may still be writing).
+  /// @return null if nothing has changed, or if the model file itself has: `load` reads that.
+  /// @throws std::runtime_error naming what is wrong with the file, or if the model would lose its
+  /// scale; once for each change.
   std::shared_ptr<const Field> renewed(const std::shared_ptr<const Field>& field);
 
-  /// Makes known what a file holds, by whom it was written.
-  /// @return it with the object's metadata. @throws std::runtime_error as readObjectMetadata,
-  /// and if it does not fit beside what is in use.
+  /// Adds a model that the caller has just written to a file.
+  /// @return the model with the metadata of its YAML file. @throws std::runtime_error as
+  /// readObjectMetadata, and if it does not fit beside the models in use.
   std::shared_ptr<const Field> put(const std::string& path, std::shared_ptr<const Field> field);
 
-  /// Forgets what was read of a file. @return whether anything was.
+  /// Frees the model of a file. @return whether there was one.
   /// @throws std::runtime_error if it is in use.
   bool unload(const std::string& path);
 
   /// All models in memory, in no special order.
   std::vector<CachedModel> list() const;
 
-  /// How often a file was read.
+  /// Number of model files read so far.
   std::uint64_t filesRead() const;
 
  private:
-  /// Device, inode, size and time of the last change: what another content differs in.
+  /// Device, inode, size and modification time: they tell different contents apart.
   using FileIdentity = std::tuple<std::uint64_t, std::uint64_t, std::uint64_t, std::int64_t>;
 
   struct Identity {
     FileIdentity model;
-    std::optional<FileIdentity> metadata;  ///< nothing: there is no such file
+    std::optional<FileIdentity> metadata;  ///< empty: there is no such file
 
     bool operator==(const Identity& other) const {
       return model == other.model && metadata == other.metadata;
@@ -92,8 +91,8 @@ class ModelCache {
     Identity identity;
     std::shared_ptr<const Field> field;
     std::size_t bytes;
-    std::uint64_t used_at;    ///< of use_counter_
-    bool superseded = false;  ///< the file was read again since: this one will not be requested
+    std::uint64_t used_at;    ///< value of use_counter_ at the last use
+    bool superseded = false;  ///< the file was read again since then
     std::optional<Change> change;
   };
 
@@ -102,7 +101,8 @@ class ModelCache {
   void supersede(const std::string& path);
   Entry* entryOf(const std::shared_ptr<const Field>& field);
   std::shared_ptr<const Field> find(const std::string& path, const Identity& identity);
-  std::shared_ptr<const Field> findLooks(const std::string& path, const Identity& identity) const;
+  std::shared_ptr<const Field> findSameModel(const std::string& path,
+                                             const Identity& identity) const;
   std::shared_ptr<const Field> read(const std::string& path, const Identity& identity);
   bool isSettled(const std::shared_ptr<const Field>& field, const Identity& identity);
   void makeRoom(const std::string& path, std::size_t bytes);
@@ -118,7 +118,7 @@ class ModelCache {
   std::string budget_owner_;
 };
 
-/// Memory that a field's numbers take [bytes].
+/// Memory of a field's parameters [bytes].
 std::size_t memoryBytes(const Field& field);
 
 }  // namespace nerf_pose_refiner

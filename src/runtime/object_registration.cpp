@@ -45,7 +45,7 @@ ObjectRegistration::ObjectRegistration(const std::string& dataset_root,
 Dataset ObjectRegistration::readPhotos(const RegistrationRequest& request,
                                        const CancellationToken& cancellation) const {
   if (dataset_root_.empty()) throw std::invalid_argument("~dataset_root is not set");
-  // The request comes over the network: nothing outside of the folder is read for it.
+  // The request came over the network: it must not cause reads outside the folder.
   DatasetOptions confined;
   confined.threads = settings_.threads;
   confined.confined = true;
@@ -71,7 +71,7 @@ RegisteredObject ObjectRegistration::run(const RegistrationRequest& request,
                                          const RegistrationQueue::Progress& progress,
                                          const CancellationToken& cancellation) const {
   requireObjectName(request.name);
-  // Read before the training: a mistake in it is better reported now.
+  // Read before training, so that a mistake in the file is reported at once.
   const ObjectMetadata said = store_.metadataOf(request.name);
   requireLength("metres_per_unit", request.metres_per_unit);
   requireLength("max_seconds", request.max_seconds);
@@ -92,7 +92,7 @@ RegisteredObject ObjectRegistration::run(const RegistrationRequest& request,
   auto field =
       std::make_shared<Field>(learnField(backend.get(), dataset, settings, progress, cancellation));
   field->metadata.name = request.name;
-  cancellation.check();  // the last moment at which cancellation leaves nothing behind
+  cancellation.check();  // from here on the model is saved
   return {store_.save(field), false};
 }
 

@@ -13,36 +13,36 @@
 
 namespace nerf_pose_refiner {
 
-/// An object that is to be learned from photos.
+/// A request to learn an object from photos.
 struct RegistrationRequest {
   std::string name;            ///< of the object and of its model
-  std::string dataset;         ///< folder or transforms file of the photos, below the dataset root
+  std::string dataset;         ///< folder or transforms.json, below the dataset root
   double metres_per_unit = 0;  ///< of the dataset; 0: as the dataset says
   Eigen::Vector3d box_min = Eigen::Vector3d::Zero();  ///< of the object [units of the dataset] ...
   Eigen::Vector3d box_max = Eigen::Vector3d::Zero();  ///< ... both zero: as the dataset says
   double max_seconds = 0;                             ///< of training; 0: as the settings say
-  bool force_retrain = false;  ///< even if the model that is there was made of the same
+  bool force_retrain = false;  ///< even if a model of the same photos and settings exists
 };
 
-/// Learns objects on request, one call after the other or through a RegistrationQueue.
+/// Learns objects on request, in direct calls or through a RegistrationQueue.
 class ObjectRegistration {
  public:
-  /// @param make_backend called for each training: it must not share a backend with refinements.
-  /// @param find_schedule of that backend's processor: refinements go before.
+  /// @param make_backend called for each training, which must not share a backend with refinements.
+  /// @param find_schedule schedule of that backend's processor; refinements have priority there.
   ObjectRegistration(const std::string& dataset_root, const RegistrationSettings& settings,
                      const ObjectStore& store, BackendFactory make_backend,
                      ScheduleFactory find_schedule);
 
-  /// Trains and saves a model, or loads the one that is there if it was made of the same photos and
-  /// settings. A call takes minutes.
-  /// @throws std::invalid_argument for a request that makes no sense, std::runtime_error,
-  /// Cancelled: then the model that was there, in the file and in memory, stays.
+  /// Trains and saves a model, or loads the existing one if it was made from the same photos and
+  /// settings. Training takes minutes.
+  /// @throws std::invalid_argument for an invalid request, std::runtime_error, Cancelled. The
+  /// existing model, in the file and in memory, is then unchanged.
   RegisteredObject run(const RegistrationRequest& request,
                        const RegistrationQueue::Progress& progress,
                        const CancellationToken& cancellation) const;
 
-  /// The same for the queue; it holds a copy of this object. Its key tells apart what may give
-  /// another model or writes another file.
+  /// The same as a job for the queue, which holds a copy of this object. Jobs with the same key
+  /// give the same model in the same file.
   RegistrationQueue::Job jobOf(const RegistrationRequest& request) const;
 
  private:

@@ -49,8 +49,8 @@ void requireObjectName(const std::string& name) {
 std::string ObjectStore::pathOf(const std::string& name) const {
   requireObjectName(name);
   if (root_.empty()) throw std::invalid_argument("~model_root is not set");
-  // Both may be links that stay below the root. A link's own path counts: so does the
-  // metadata beside it, which may differ from that beside the file.
+  // Both files may be links, if these stay below the root. The metadata is the file beside the
+  // link, not the one beside its target.
   const std::string file = name + kExtension;
   pathBelow(root_, file);
   pathBelow(root_, metadataPathOf(file));
@@ -76,8 +76,8 @@ std::shared_ptr<const Field> ObjectStore::load(const std::string& name) const {
   if (!(field->metadata.metres_per_unit > 0)) {
     throw ModelError(ModelError::Reason::kNoScale,
                      "the model '" + name +
-                         "' does not know how long its unit is: register it with metres_per_unit, "
-                         "or say so in " +
+                         "' has no scale: register it with metres_per_unit, or set metres_per_unit "
+                         "in " +
                          name + ".yaml beside it");
   }
   return field;
@@ -116,11 +116,11 @@ std::vector<StoredObject> ObjectStore::list() const {
   std::set<std::string> known;
   for (const CachedModel& model : cache_->list()) {
     const fs::path path(model.path);
-    if (path.parent_path() != root) continue;  // of a refiner with another folder
+    if (path.parent_path() != root) continue;  // from the folder of another refiner
     StoredObject object{path.stem().string(), true, model.in_use, model.bytes, model.metadata, ""};
     if (model.outdated) object.message = "the file has changed since it was read";
     if (!model.metadata_error.empty()) {
-      object.message = "what was said of it before is in use: " + model.metadata_error;
+      object.message = "its earlier metadata is in use: " + model.metadata_error;
     }
     if (!model.outdated) known.insert(model.path);
     objects.push_back(object);

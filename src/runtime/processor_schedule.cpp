@@ -7,12 +7,12 @@
 namespace nerf_pose_refiner {
 namespace {
 
-/// The time that trainings get for a time of refinements.
+/// The time for training after refinements have used the processor for some time.
 std::chrono::steady_clock::duration gapAfter(std::chrono::steady_clock::duration busy) {
   constexpr double kFraction = ProcessorSchedule::kTrainingFraction;
   const double gap_s = std::chrono::duration<double>(busy).count() * kFraction / (1 - kFraction);
   return std::chrono::duration_cast<std::chrono::steady_clock::duration>(
-      std::chrono::duration<double>(std::min(gap_s, ProcessorSchedule::kLongestGap_s)));
+      std::chrono::duration<double>(std::min(gap_s, ProcessorSchedule::kMaxGap_s)));
 }
 
 }  // namespace
@@ -38,12 +38,12 @@ ProcessorSchedule::Training::~Training() {
   schedule_->trainings_.erase(token_);
 }
 
-/// Whether a refinement that wants to begin must wait. Where many overlap, nobody may begin any
-/// more when the share that they owe has become the longest.
+/// Whether a refinement must wait before it begins. While refinements overlap, no other one may
+/// begin once the time that they owe to training has reached its maximum.
 bool ProcessorSchedule::trainingIsDue(Clock::time_point now) const {
   if (trainings_.empty()) return false;
   if (refinements_ == 0) return now < gap_end_;
-  return std::chrono::duration<double>(gapAfter(now - busy_since_)).count() >= kLongestGap_s;
+  return std::chrono::duration<double>(gapAfter(now - busy_since_)).count() >= kMaxGap_s;
 }
 
 void ProcessorSchedule::begin(const CancellationToken& cancellation) {

@@ -10,20 +10,20 @@
 
 namespace nerf_pose_refiner {
 
-/// Refinement before training, on one processor: while anything is refined, trainings rest at their
-/// next check for cancellation.
+/// Gives refinement priority over training on one processor: while a refinement runs, trainings
+/// pause at their next check for cancellation.
 ///
-/// So that a training comes to an end beside a camera that never rests, it gets a share: when the
-/// processor was busy with refinements for a time t, the next one waits for
-/// t * kTrainingFraction / (1 - kTrainingFraction), at most kLongestGap_s, counted from the end of
-/// the last. A gap between two images counts as well. May be used from many threads at once.
+/// A training gets a minimum share of the time, so that it ends even beside a camera that never
+/// pauses: after refinements have used the processor for a time t, the next one waits until
+/// t * kTrainingFraction / (1 - kTrainingFraction), at most kMaxGap_s, has passed since the end of
+/// the last. A gap between two images counts towards this time. Thread-safe.
 class ProcessorSchedule {
  public:
-  static constexpr double kTrainingFraction =
-      0.2;  ///< of the time, beside refinements without a gap
-  static constexpr double kLongestGap_s = 0.2;
+  /// Fraction of the time for training, beside refinements without a gap.
+  static constexpr double kTrainingFraction = 0.2;
+  static constexpr double kMaxGap_s = 0.2;
 
-  /// A refinement under way, from its construction on, which may wait for a training's share.
+  /// A running refinement. Its construction may wait until training has had its share.
   class Refinement : public ProcessorTurn {
    public:
     /// @param cancellation ends the waiting.
@@ -36,7 +36,7 @@ class ProcessorSchedule {
     ProcessorSchedule* schedule_;
   };
 
-  /// A training under way: its token is paused and resumed.
+  /// A running training, which is paused and resumed through its token.
   class Training {
    public:
     Training(ProcessorSchedule* schedule, const CancellationToken& token);
@@ -57,10 +57,10 @@ class ProcessorSchedule {
   bool trainingIsDue(Clock::time_point now) const;
 
   std::mutex mutex_;                        ///< guards all below
-  std::list<CancellationToken> trainings_;  ///< under way, or at rest
-  int refinements_ = 0;                     ///< under way
+  std::list<CancellationToken> trainings_;  ///< running or paused
+  int refinements_ = 0;                     ///< number of running ones
   Clock::time_point busy_since_;            ///< when `refinements_` became 1
-  Clock::time_point gap_end_;               ///< until then the trainings have the processor
+  Clock::time_point gap_end_;               ///< until then the processor is for training
 };
 
 }  // namespace nerf_pose_refiner

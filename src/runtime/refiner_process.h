@@ -9,14 +9,14 @@
 
 namespace nerf_pose_refiner {
 
-/// What all refiners of one process share, the nodelets in one manager say.
+/// What all refiners of one process share, such as the nodelets of one manager.
 struct RefinerProcess {
   ModelCache models;
   BackendPool backends;
   RegistrationQueue registrations;
 
-  /// The one of this process. It ends with the last refiner that has it: the library may then be
-  /// unloaded.
+  /// The instance of this process. It is destroyed with the last refiner that holds it, so that the
+  /// library can be unloaded.
   static std::shared_ptr<RefinerProcess> ofThisProcess();
 };
 

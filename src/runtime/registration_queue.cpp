@@ -16,7 +16,7 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 constexpr double kPreviewInterval_s = 5;
-constexpr double kPreviewFraction = 0.05;  // of the time of a training, at most
+constexpr double kPreviewFraction = 0.05;  // of the training time, at most
 
 double secondsSince(Clock::time_point start) {
   return std::chrono::duration<double>(Clock::now() - start).count();
@@ -31,7 +31,7 @@ std::vector<std::uint8_t> toJpeg(const Rendering& rendering) {
   return jpeg;
 }
 
-/// Decides when a preview is made.
+/// Makes previews, and limits how often.
 class PreviewRhythm {
  public:
   bool isDue() const { return secondsSince(start_) >= next_s_; }
@@ -57,14 +57,13 @@ std::string describe(const std::string& name, const RegistrationProgress& progre
 
 }  // namespace
 
-/// The job under way. All but `cancellation`, `thread` and the queue is guarded by the queue's
-/// mutex.
+/// The running job. The queue's mutex guards all but `queue`, `cancellation` and `thread`.
 struct RegistrationQueue::Running {
   RegistrationQueue* queue;
   std::string name, key;
   CancellationToken cancellation;
   std::condition_variable changed;
-  std::list<Listener> listeners;  ///< one for each who waits
+  std::list<Listener> listeners;  ///< one for each caller that waits
   std::uint64_t updates = 0;
   RegistrationUpdate update;
   bool done = false;
@@ -86,7 +85,7 @@ void RegistrationQueue::work(Running* running, const Job& job) {
     if (now.preview && rhythm.isDue() && previewIsWanted(running)) jpeg = rhythm.make(now);
     std::lock_guard<std::mutex> lock(running->queue->mutex_);
     running->update.progress = now;
-    running->update.progress.preview = nullptr;  // it is good for this call alone
+    running->update.progress.preview = nullptr;  // valid only during this call
     if (!jpeg.empty()) running->update.preview_jpeg = std::move(jpeg);
     ++running->updates;
     running->changed.notify_all();
@@ -105,7 +104,7 @@ void RegistrationQueue::work(Running* running, const Job& job) {
   running->changed.notify_all();
 }
 
-/// The job under way, with one more listener. Called with mutex_ held.
+/// The running job, with one more listener. Called with mutex_ held.
 std::shared_ptr<RegistrationQueue::Running> RegistrationQueue::join(const Job& job,
                                                                     const Listener& listener) {
   if (running_ && (running_->key != job.key || running_->cancellation.cancelRequested())) {
@@ -129,7 +128,7 @@ RegisteredObject RegistrationQueue::run(const Job& job, const Listener& listener
   const auto own = running->listeners.begin();
   std::uint64_t seen = 0;
   while (!running->done && !cancellation.cancelRequested()) {
-    // Not for ever, for a token that is set wakes nobody.
+    // Polled, because a token does not notify anybody.
     running->changed.wait_for(lock, std::chrono::milliseconds(20));
     if (running->updates == seen) continue;
     seen = running->updates;
@@ -139,7 +138,8 @@ RegisteredObject RegistrationQueue::run(const Job& job, const Listener& listener
     lock.lock();
   }
   running->listeners.erase(own);
-  if (running->listeners.empty()) {  // the last one ends it; until then nobody can begin another
+  if (running->listeners
+          .empty()) {  // the last caller cancels the job; no other can begin before it has ended
     running->cancellation.requestCancel();
     running->changed.wait(lock, [&] { return running->done; });
     running_.reset();

@@ -15,45 +15,46 @@
 
 namespace nerf_pose_refiner {
 
-/// A model that was asked for, and where it came from.
+/// The model of a registration, and whether it was trained.
 struct RegisteredObject {
   std::shared_ptr<const Field> field;
   bool loaded_existing = false;  ///< nothing was trained
 };
 
-/// What is reported to those who wait for a registration.
+/// A progress report to the callers that wait for a registration.
 struct RegistrationUpdate {
   RegistrationProgress progress;           ///< without its `preview`
-  std::vector<std::uint8_t> preview_jpeg;  ///< the newest one; empty: none was made yet
+  std::vector<std::uint8_t> preview_jpeg;  ///< the newest preview; empty: none yet
 };
 
-/// Another registration is under way; the text says which, and how far it is.
+/// Another registration is running; the message names it and its progress.
 struct RegistrationBusy : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-/// The registrations of a process: one at a time, on a thread of its own. Who asks for the one that
-/// is under way joins it. It is stopped when nobody waits for it any more.
+/// Runs the registrations of a process, one at a time, on a thread of their own. A request that is
+/// identical to the running one joins it. A job is cancelled when no caller waits for it any more.
 class RegistrationQueue {
  public:
   using Progress = std::function<void(const RegistrationProgress&)>;
 
   struct Job {
-    std::string name;  ///< of the object, for who is turned away
-    std::string key;   ///< two jobs with one key are the same
-    /// Does it, and owns all that it needs: who asked first may leave while others wait.
+    std::string name;  ///< of the object, for messages to callers that are refused
+    std::string key;   ///< jobs with the same key are identical
+    /// Does the job. It owns all that it needs: the first caller may leave while others wait.
     std::function<RegisteredObject(const Progress&, const CancellationToken&)> work;
   };
 
   struct Listener {
-    /// Called about twice a second in the thread that waits; must not throw; may be empty.
+    /// Called about twice a second in the waiting thread; must not throw; may be empty.
     std::function<void(const RegistrationUpdate&)> progress;
-    /// Whether previews are used; called in any thread; empty: no. They are made seldom.
+    /// Whether somebody looks at previews; called in any thread; empty: no.
     std::function<bool()> wants_preview;
   };
 
-  /// Does a job, or joins it, and waits for its end.
-  /// @param cancellation leaves. The last who leaves stops the job and waits until it has ended.
+  /// Runs a job, or joins the identical one that is running, and waits for its end.
+  /// @param cancellation makes this call leave. The last caller to leave cancels the job and waits
+  /// until it has ended.
   /// @throws RegistrationBusy, Cancelled, and what the job throws.
   RegisteredObject run(const Job& job, const Listener& listener,
                        const CancellationToken& cancellation);

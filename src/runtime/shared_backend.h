@@ -11,11 +11,10 @@
 
 namespace nerf_pose_refiner {
 
-/// One backend for many threads: they take turns call by call, in the order in which they ask, so
-/// that of two refinements at once each is done in about twice its time. A field is loaded once,
-/// its users. A solver or a trainer still belongs to one thread.
-///
-/// Its costs are those of all threads together.
+/// One backend for many threads. Their calls run one after another, in the order in which they were
+/// made, so that two concurrent refinements each take about twice their time. A field is loaded
+/// once for all its users. A solver or a trainer still belongs to one thread. Costs are those of
+/// all threads together.
 class SharedBackend final : public Backend {
  public:
   explicit SharedBackend(std::unique_ptr<Backend> backend);
@@ -23,20 +22,20 @@ class SharedBackend final : public Backend {
 
   BackendInfo info() const override;
   std::shared_ptr<const LoadedField> load(std::shared_ptr<const Field> field) override;
-  /// Aligners take no turns.
+  /// Aligners are not serialised.
   std::unique_ptr<KeyframeAligner> makeKeyframeAligner() override;
-  /// A step of the trainer is a turn.
+  /// Each step of the trainer is serialised on its own.
   std::unique_ptr<FieldTrainer> makeTrainer(const FieldConfig& config, const Box& box,
                                             std::vector<TrainingView> views,
                                             const TrainingPlan& plan) override;
   CostCounters costs() const override;
 
-  class Turns;
+  class TicketLock;
 
  private:
-  std::shared_ptr<Turns> turns_;  ///< shared with what was made
+  std::shared_ptr<TicketLock> lock_;  ///< shared with all that the backend created
   std::unique_ptr<Backend> backend_;
-  std::map<const Field*, std::weak_ptr<const LoadedField>> loaded_;  ///< used in a turn only
+  std::map<const Field*, std::weak_ptr<const LoadedField>> loaded_;  ///< guarded by lock_
 };
 
 }  // namespace nerf_pose_refiner

@@ -27,7 +27,7 @@ void TrackedObject::renew(const std::shared_ptr<const Field>& before,
                           std::shared_ptr<const Field> field) {
   std::lock_guard<std::mutex> changing(changing_);
   if (this->field() != before) return;
-  tracker_->offerModel(field, /*same_looks=*/true).get();
+  tracker_->offerModel(field, /*same_appearance=*/true).get();
   log_("new metadata in use: " + describe(field->metadata));
   std::lock_guard<std::mutex> lock(mutex_);
   field_ = std::move(field);

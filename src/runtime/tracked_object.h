@@ -11,27 +11,25 @@
 
 namespace nerf_pose_refiner {
 
-/// The object that a refiner tracks, as its services see and change it. May be used from many
-/// threads at once.
+/// The object that a refiner tracks, as services read and change it. Thread-safe.
 class TrackedObject {
  public:
-  /// @param tracker outlives this object; its worker must run, for `track` waits for it.
-  /// @param log called with a text that says what is in use from now on.
+  /// @param tracker must outlive this object. `track` and `renew` wait for its tracking thread.
+  /// @param log called with a message when a model comes into use.
   TrackedObject(ObjectTracker* tracker, std::function<void(const std::string&)> log)
       : tracker_(tracker), log_(std::move(log)) {}
 
-  /// Puts a model with metric scale in the place of the one before, and waits until it is in use.
-  /// @return what is in use now, in words. @throws what the tracker's search throws.
+  /// Replaces the model by one with metric scale, and waits until it is in use.
+  /// @return a message that describes the model. @throws what the tracker's search throws.
   std::string track(std::shared_ptr<const Field> field);
 
-  /// Puts the same model with other metadata in its place, if it is still in use. The track goes
-  /// on.
+  /// Replaces the metadata of a model that is still in use. The track continues.
   void renew(const std::shared_ptr<const Field>& before, std::shared_ptr<const Field> field);
 
-  /// Null: none was chosen yet.
+  /// The model in use; null: none was chosen yet.
   std::shared_ptr<const Field> field() const;
 
-  /// What ~status says while the first model is read, and when it could not be.
+  /// Set the state while the first model is read, and if that fails.
   void isLoading() { tracker_->modelIsLoading(); }
   void failed(TrackReason reason, const std::string& message) {
     tracker_->modelFailed(reason, message);
@@ -40,7 +38,7 @@ class TrackedObject {
  private:
   ObjectTracker* tracker_;
   std::function<void(const std::string&)> log_;
-  std::mutex changing_;       ///< held while the tracker takes over a model
+  std::mutex changing_;       ///< held while the tracker changes its model
   mutable std::mutex mutex_;  ///< guards field_
   std::shared_ptr<const Field> field_;
 };

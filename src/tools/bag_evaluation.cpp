@@ -157,7 +157,7 @@ std::optional<Pose> BagEvaluation::startOf(const BagFrame& frame, const Pose& tr
 
 Observation BagEvaluation::observe(const BagFrame& frame) {
   try {
-    return input_.observe(*frame.image, *frame.info, {frame.mask, nullptr});
+    return input_.observe(frame.image, *frame.info, {frame.mask, nullptr});
   } catch (const std::exception& e) {
     throw std::runtime_error(bag_.topics().image + ", frame " + std::to_string(frame.index) + ": " +
                              e.what());

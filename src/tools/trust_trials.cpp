@@ -88,7 +88,7 @@ class TrustTrials::Run {
       throw std::runtime_error("frame " + std::to_string(frame.index) + ": " + e.what());
     }
     const auto observe = [&](bool use_mask) {
-      return input_.observe(*frame.image, *frame.info, {use_mask ? frame.mask : nullptr, nullptr});
+      return input_.observe(frame.image, *frame.info, {use_mask ? frame.mask : nullptr, nullptr});
     };
     return tracker_.track({imageStampOf(frame.image->header), observe});
   }

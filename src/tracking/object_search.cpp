@@ -58,7 +58,7 @@ Refinement RefinerSearch::find(const SearchRequest& request,
     return request.tracked ? keyframes_->follow(image, request.prior, cancellation)
                            : keyframes_->find(image, request.prior, cancellation);
   }
-  // Whoever shares the processor takes turns with renderings; nobody else does.
+  // A processor that is not shared has no turns, so a rendering must end before the search begins.
   if (keyframes_) keyframes_->waitForRenderings(cancellation);
   std::unique_ptr<ProcessorTurn> turn;
   if (processor_.take_turn) turn = processor_.take_turn(cancellation);

@@ -11,52 +11,51 @@
 
 namespace nerf_pose_refiner {
 
-/// Where to look for the object.
+/// An image, and the pose around which to search for the object.
 struct SearchRequest {
   const Observation& observation;
   Prior prior;
-  bool tracked = false;       ///< the prior is the pose of the image before
-  std::int64_t stamp_ns = 0;  ///< when the image was taken
+  bool tracked = false;       ///< the prior is the pose in the image before
+  std::int64_t stamp_ns = 0;  ///< time of the image
 };
 
-/// What tracking asks of the library: find the object in an image. (Tests put another one in its
-/// place.) One thread at a time.
+/// Finds the object in an image. An interface, so that tests can replace it. Not thread-safe.
 class ObjectSearch {
  public:
   virtual ~ObjectSearch() = default;
 
-  /// The object to look for from now on.
+  /// Sets the object to search for.
   virtual void use(std::shared_ptr<const Field> field) = 0;
 
-  /// Searches in another way from now on.
+  /// Replaces the settings.
   virtual void configure(const RefinerSettings& initial, const RefinerSettings& tracking) = 0;
 
   virtual Refinement search(const SearchRequest& request,
                             const CancellationToken& cancellation) = 0;
 };
 
-/// The right to use a processor that others want to use, too; it ends with this object.
+/// The right to use a processor that several users share. Destruction gives it up.
 class ProcessorTurn {
  public:
   virtual ~ProcessorTurn() = default;
 };
 
-/// A processor to search with.
+/// The processor to search with.
 struct SearchProcessor {
   std::shared_ptr<Backend> backend;
-  /// Waits for a turn, until the token is cancelled; empty: nobody else uses the processor.
+  /// Waits for a turn, or until the token is cancelled; empty: the processor has no other users.
   std::function<std::unique_ptr<ProcessorTurn>(const CancellationToken&)> take_turn = {};
 };
 
-/// Finds or makes a processor: called by the thread that searches, for to look for a GPU takes
-/// long.
+/// Finds or creates a processor. Called by the thread that searches, because looking for a GPU
+/// takes time.
 using ProcessorFactory = std::function<SearchProcessor()>;
 
-/// Searches with a backend: widely from an initial pose, narrowly from the last one. To follow by
-/// keyframes takes no turn: their renderings are turns of their own.
+/// Searches with a backend: widely around an initial pose, narrowly around the last one. Tracking
+/// by keyframes takes no turn, only the rendering of a keyframe does.
 class RefinerSearch : public ObjectSearch {
  public:
-  /// @param find_processor called with the first object.
+  /// @param find_processor called when the first object is set.
   RefinerSearch(ProcessorFactory find_processor, const RefinerSettings& initial,
                 const RefinerSettings& tracking);
 
@@ -74,7 +73,7 @@ class RefinerSearch : public ObjectSearch {
   std::optional<FieldRefiner> initial_;
   std::optional<FieldRefiner> tracking_;
   std::shared_ptr<const LoadedField> field_;
-  std::optional<KeyframeRefiner> keyframes_;  ///< of the field; nothing: not asked for yet
+  std::optional<KeyframeRefiner> keyframes_;  ///< of field_; created on first use
 };
 
 }  // namespace nerf_pose_refiner

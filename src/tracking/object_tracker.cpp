@@ -11,7 +11,7 @@
 namespace nerf_pose_refiner {
 namespace {
 
-/// As ros::Time::toSec has it.
+/// Rounds as ros::Time::toSec does.
 double secondsOf(std::int64_t stamp_ns) {
   constexpr std::int64_t kSecond = 1000000000;
   return static_cast<double>(stamp_ns / kSecond) + 1e-9 * static_cast<double>(stamp_ns % kSecond);
@@ -42,8 +42,8 @@ ObjectTracker::ObjectTracker(std::unique_ptr<ObjectSearch> search, const Tracker
       state_(settings.rules) {}
 
 /// Called with mutex_ held.
-std::uint32_t ObjectTracker::timeIs(std::int64_t now_ns) {
-  if (state_.clockIs(now_ns)) {
+std::uint32_t ObjectTracker::updateClock(std::int64_t now_ns) {
+  if (state_.updateClock(now_ns)) {
     ++clock_jumps_;
     running_.requestCancel();
     connections_.transforms->clear();
@@ -52,10 +52,10 @@ std::uint32_t ObjectTracker::timeIs(std::int64_t now_ns) {
 }
 
 std::uint32_t ObjectTracker::readClock() {
-  // Read under the lock: a thread that is held up between reading and telling would come with a
-  // time of before that of another thread.
+  // Read under the lock. Otherwise a thread that is delayed after reading would report a time older
+  // than that of another thread, which looks like a jump of the clock.
   std::lock_guard<std::mutex> lock(mutex_);
-  return connections_.clock_ns ? timeIs(connections_.clock_ns()) : clock_jumps_;
+  return connections_.clock_ns ? updateClock(connections_.clock_ns()) : clock_jumps_;
 }
 
 void ObjectTracker::imageArrived() {
@@ -88,10 +88,11 @@ void ObjectTracker::modelFailed(TrackReason reason, const std::string& message) 
   state_.modelFailed(reason, message);
 }
 
-std::future<void> ObjectTracker::offerModel(std::shared_ptr<const Field> field, bool same_looks) {
+std::future<void> ObjectTracker::offerModel(std::shared_ptr<const Field> field,
+                                            bool same_appearance) {
   std::lock_guard<std::mutex> lock(mutex_);
-  pending_models_.push_back({std::move(field), same_looks, {}});
-  if (!same_looks) running_.requestCancel();
+  pending_models_.push_back({std::move(field), same_appearance, {}});
+  if (!same_appearance) running_.requestCancel();
   return pending_models_.back().done.get_future();
 }
 
@@ -119,7 +120,8 @@ void ObjectTracker::use(const PendingModel& model) {
   std::lock_guard<std::mutex> lock(mutex_);
   const std::shared_ptr<const Field> before = std::exchange(field_, model.field);
   const FieldMetadata& object = field_->metadata;
-  if (before && model.same_looks && before->metadata.metres_per_unit == object.metres_per_unit) {
+  if (before && model.same_appearance &&
+      before->metadata.metres_per_unit == object.metres_per_unit) {
     Pose T_U_V = before->metadata.T_O_U.inverse() * object.T_O_U;
     T_U_V.t *= object.metres_per_unit;
     state_.objectFrameMoved(T_U_V);
@@ -180,31 +182,31 @@ void ObjectTracker::reportChange(const ImageStamp& at) {
   if (connections_.report) connections_.report(status);
 }
 
-/// The time when an image comes.
+/// The time at which an image arrives.
 std::int64_t ObjectTracker::timeOfImage(std::int64_t stamp_ns) const {
   return connections_.clock_ns ? connections_.clock_ns() : stamp_ns;
 }
 
 bool ObjectTracker::needsInitialPose(std::int64_t stamp_ns) {
   std::lock_guard<std::mutex> lock(mutex_);
-  timeIs(timeOfImage(stamp_ns));
+  updateClock(timeOfImage(stamp_ns));
   return state_.needsInitialPose(stamp_ns);
 }
 
 TrackOutcome ObjectTracker::track(TrackerImage image) {
   {
     std::lock_guard<std::mutex> lock(mutex_);
-    image.clock_jumps = timeIs(timeOfImage(image.at.stamp_ns));
+    image.clock_jumps = updateClock(timeOfImage(image.at.stamp_ns));
     state_.imageArrived();
   }
   return process(image);
 }
 
-/// Nothing: the image came before time jumped back.
+/// Empty: the image arrived before time jumped back.
 std::optional<ImageDecision> ObjectTracker::decide(const TrackerImage& image) {
   std::unique_lock<std::mutex> lock(mutex_);
-  // A model that was offered before now is in use for this image: once it is decided on, the offer
-  // of another one interrupts its refinement.
+  // Models that were offered before this point are used for this image. A model that is offered
+  // later interrupts the refinement.
   while (!pending_models_.empty()) {
     lock.unlock();
     applyModels();
@@ -243,7 +245,7 @@ TrackOutcome ObjectTracker::process(const TrackerImage& image) {
   return result;
 }
 
-/// Status after an image, with what concerns this image alone.
+/// Sets the status after an image, including what concerns this image only.
 void ObjectTracker::concludeStatus(const ImageStamp& at, const ImageDecision& decision,
                                    TrackOutcome* result) {
   TrackStatus& status = *result;
@@ -251,13 +253,14 @@ void ObjectTracker::concludeStatus(const ImageStamp& at, const ImageDecision& de
   reported_ = status;
   if (status.reason == TrackReason::kNone && decision.initial_pose_ignored) {
     status.reason = TrackReason::kPriorIgnored;
-    status.message = "the object is tracked: an initial pose was ignored (~initial_pose_policy)";
+    status.message = "the object is tracked: an initial pose was ignored (initial_pose_policy)";
   }
   std::lock_guard<std::mutex> lock(mutex_);
-  running_ = CancellationToken();  // the image's own is the caller's again
+  running_ = CancellationToken();  // the image's token belongs to the caller again
 }
 
-/// The start as the library has it; nothing: it cannot be used, and the state says why.
+/// The prior of the search. Empty if the start pose cannot be used; the state then gives the
+/// reason.
 std::optional<Prior> ObjectTracker::prepare(const TrackerImage& image,
                                             const ImageDecision& decision) {
   const TimedPose& start = *decision.start;
@@ -275,8 +278,8 @@ std::optional<Prior> ObjectTracker::prepare(const TrackerImage& image,
   }
 }
 
-/// Where the object is if it goes on as it did; where it was if nothing is known of the camera at
-/// the time of the pose before.
+/// The prior moved with constant velocity, or the prior itself if the camera's motion since the
+/// previous pose is unknown.
 Prior ObjectTracker::predict(const Prior& last, const TrackerImage& image,
                              const ImageDecision& decision) {
   const TimedPose& previous = *decision.previous;

@@ -10,49 +10,49 @@
 #include <optional>
 #include <string>
 
-#include "nerf_pose_refiner/track_status.h"
 #include "refinement/field_refiner.h"
 #include "tracking/object_search.h"
 #include "tracking/settings.h"
+#include "tracking/status.h"
 #include "tracking/tracker_state.h"
 #include "tracking/transforms.h"
 
 namespace nerf_pose_refiner {
 
-/// An image that may be refined.
+/// An image to be tracked in.
 struct TrackerImage {
   ImageStamp at;
-  /// Makes what the refiner looks at; called only if the image is refined, by the thread that
-  /// tracks. @param use_mask the object's mask counts, if there is one.
+  /// Prepares the observation. Called by the tracking thread, only if the image is refined.
+  /// @param use_mask whether to use a mask of the object, if there is one.
   /// @throws InputError if the image cannot be used.
   std::function<Observation(bool use_mask)> observe;
   CancellationToken cancel = {};  ///< interrupts the refinement of this image
-  std::uint32_t clock_jumps = 0;  ///< for `process`: as readClock said when the image came
+  std::uint32_t clock_jumps = 0;  ///< for `process`: readClock at the image's arrival
 };
 
-/// What came of an image.
+/// The result for one image.
 struct TrackOutcome : TrackStatus {
-  bool refined = false;  ///< there was a pose to start from; false: the image was left alone
+  bool refined = false;  ///< there was a start pose; false: the image was skipped
   bool found = false;    ///< there is a pose, trusted or not
-  bool trusted = false;  ///< there is a pose to believe in
-  Pose T_C_O_m;          ///< the object's own frame, as its users mean it, in the camera [m]
-  /// Of T_C_O_m as REP-103 has it, about the camera's axes [m^2, rad^2].
+  bool trusted = false;  ///< there is a pose, and it is trusted
+  Pose T_C_O_m;          ///< the object's own frame U in the camera [m]
+  /// Covariance of T_C_O_m: position, then rotation about the camera's axes [m^2, rad^2].
   Matrix6 covariance = Matrix6::Zero();
   double score = 0;            ///< 0..1, how well the pose explains the image
-  bool from_last = false;      ///< the search began with the pose of the image before
-  std::optional<Prior> prior;  ///< where it began, model units
-  std::shared_ptr<const Observation> observation;  ///< what was looked at; null: nothing
-  std::shared_ptr<const Field> field;              ///< what was looked for
-  Refinement refinement;                           ///< in model units, with all hypotheses
+  bool from_last = false;      ///< the search started from the pose in the image before
+  std::optional<Prior> prior;  ///< of the search [model units]
+  std::shared_ptr<const Observation> observation;  ///< that was searched; null: none
+  std::shared_ptr<const Field> field;              ///< of the object that was searched for
+  Refinement refinement;  ///< result of the search [model units], all hypotheses
 };
 
-/// What a tracker is connected to. The defaults are right for a program that calls `track` with
+/// A tracker's connections to its surroundings. The defaults suit a program that calls `track` with
 /// the images of one camera.
 struct TrackerConnections {
   std::shared_ptr<Transforms> transforms = std::make_shared<CameraFrameOnly>();
-  /// The time, on the clock of the stamps; empty: it is that of the newest image.
+  /// The present time on the clock of the stamps; empty: the stamp of the newest image.
   std::function<std::int64_t()> clock_ns = {};
-  /// Called by the thread that tracks with each change that does not end a refinement.
+  /// Called by the tracking thread for each change of state that is not the result of a refinement.
   std::function<void(const TrackStatus&)> report = {};
 };
 
@@ -63,12 +63,12 @@ struct TrackerConnections {
 ///     const TrackOutcome result = tracker.track({{"camera", stamp_ns}, observe});
 ///     if (result.trusted) use(result.T_C_O_m, result.covariance);
 ///
-/// One thread, the one that tracks, calls `track` and the methods below it; all others may be
-/// called from any thread and return at once.
+/// Only one thread, the tracking thread, may call the methods of its group below. Any thread may
+/// call the others, which return at once.
 class ObjectTracker {
  public:
-  /// @param object with metric scale. @throws std::invalid_argument if it has none, and what the
-  /// backend throws when it loads the object.
+  /// @param object must have a metric scale. @throws std::invalid_argument if it has none, and what
+  /// the backend throws when it loads the object.
   ObjectTracker(std::shared_ptr<Backend> backend, std::shared_ptr<const Field> object,
                 const TrackerSettings& settings);
 
@@ -76,62 +76,62 @@ class ObjectTracker {
   ObjectTracker(std::unique_ptr<ObjectSearch> search, const TrackerSettings& settings,
                 TrackerConnections connections = {});
 
-  /// Reads the clock, if there is one: to be called with each message, before it is used, and now
-  /// and then.
-  /// @return how often the clock has jumped back so far. An image of before a jump is worthless.
+  /// Reads the clock, if there is one. Call it for each message, before the message is used, and
+  /// regularly in between.
+  /// @return how often the clock has jumped back. Images from before a jump are not used.
   std::uint32_t readClock();
 
-  /// A usable image came, to be processed soon.
+  /// Reports a usable image, which will be processed soon.
   void imageArrived();
-  /// An image that cannot be used came: the status says so until a better one comes.
+  /// Reports an image that cannot be used. The status shows it until the next usable image.
   void imageRefused(TrackReason reason, const std::string& message);
 
-  /// Keeps an initial pose for the first image that is not older.
+  /// Keeps an initial pose for the first image that is not older than it.
   void offer(const TimedPose& initial_pose);
   void refuseInitialPose(TrackReason reason, const std::string& message);
 
   void modelIsLoading();
   void modelFailed(TrackReason reason, const std::string& message);
-  /// Hands over a model with metric scale. The future is ready when it is in use.
-  /// @param same_looks of the one before, with other metadata: the track goes on, unless the scale
-  /// is another one.
-  std::future<void> offerModel(std::shared_ptr<const Field> field, bool same_looks = false);
+  /// Hands over a model with metric scale. The future becomes ready when the model is in use.
+  /// @param same_appearance only the metadata differs from those of the present model: the track
+  /// continues, unless the scale has changed.
+  std::future<void> offerModel(std::shared_ptr<const Field> field, bool same_appearance = false);
 
   void reset();
   void setEnabled(bool enabled);
-  /// Takes over other settings from the next image on.
+  /// Replaces the settings from the next image on.
   void change(const TrackerSettings& settings);
-  /// Interrupts a refinement under way, for good: before the thread that tracks is joined.
+  /// Interrupts the running refinement and all later ones. Call it before the tracking thread is
+  /// joined.
   void stop();
 
-  /// @name By the thread that tracks.
+  /// @name For the tracking thread
   /// @{
 
-  /// Whether `track` would leave an image of this time alone for lack of a pose to start from.
+  /// Whether `track` would skip an image of this time because there is no start pose.
   bool needsInitialPose(std::int64_t stamp_ns);
 
-  /// An image that has just come: readClock, imageArrived and process in one.
+  /// Processes an image that has just arrived: readClock, imageArrived and process in one call.
   TrackOutcome track(TrackerImage image);
 
-  /// Refines an image that came before, if there is a pose to start from and time did not jump back
-  /// since.
+  /// Processes an image that arrived earlier, unless time has jumped back since then.
   TrackOutcome process(const TrackerImage& image);
 
-  /// Takes over the models that were offered.
+  /// Puts the offered models into use.
   void applyModels();
 
-  /// Reports the state if it changed since the last report. @param at the time of the change.
+  /// Reports the state if it has changed since the last report. @param at time of the change.
   void reportChange(const ImageStamp& at);
   /// @}
 
  private:
   struct PendingModel {
     std::shared_ptr<const Field> field;
-    bool same_looks = false;
+    bool same_appearance = false;
     std::promise<void> done;
   };
 
-  std::uint32_t timeIs(std::int64_t now_ns);
+  std::uint32_t updateClock(std::int64_t now_ns);
   std::int64_t timeOfImage(std::int64_t stamp_ns) const;
   void use(const PendingModel& model);
   void applyChange();
@@ -145,18 +145,18 @@ class ObjectTracker {
 
   TrackerConnections connections_;
 
-  // Of the thread that tracks.
+  // Used by the tracking thread only.
   std::unique_ptr<ObjectSearch> search_;
   TrackerSettings settings_;
   std::optional<TrackCondition> reported_;
   std::uint32_t processed_ = 0;
 
-  mutable std::mutex mutex_;  ///< guards all below; field_ is written by the thread that tracks
+  mutable std::mutex mutex_;  ///< guards all below; only the tracking thread writes field_
   TrackerState state_;
   std::uint32_t clock_jumps_ = 0;
-  CancellationToken running_;  ///< of the refinement under way
+  CancellationToken running_;  ///< of the running refinement
   bool stopping_ = false;
-  std::optional<TrackerSettings> changed_;  ///< since the last image
+  std::optional<TrackerSettings> changed_;  ///< settings for the next image
   std::shared_ptr<const Field> field_;      ///< in use
   std::deque<PendingModel> pending_models_;
 };

@@ -9,8 +9,8 @@ namespace nerf_pose_refiner {
 
 Prior predictConstantVelocity(const Prior& last, const Pose& T_O_C_before, double time_ratio,
                               const FieldMetadata& object) {
-  // Not a number: stamps so near to each other that their distance is lost in rounding.
-  const double ratio = time_ratio > 0 ? std::min(time_ratio, kLongestPrediction) : 0;
+  // The ratio is NaN if the stamps are so close that their difference is lost in rounding.
+  const double ratio = time_ratio > 0 ? std::min(time_ratio, kMaxPredictionRatio) : 0;
   const Pose T_C_O_before =
       nearestEquivalent(T_O_C_before, last.T_O_C, object.symmetries).inverse();
   Pose T_C_O = last.T_O_C.inverse();

@@ -6,18 +6,19 @@
 
 namespace nerf_pose_refiner {
 
-/// Constant-velocity prediction: where to look for an object that goes on as it did between two
-/// images, its centre with the same velocity, turning about it at the same rate.
+/// Constant-velocity prediction: the object's centre keeps its velocity, and the object keeps its
+/// rate of rotation about the centre.
 ///
-/// It goes on by the search's half width at most, so that an object that stops is still found.
-/// Turns that do not show, about an axis of symmetry, are none.
-/// @param last around its pose in the last image: T_O_C, model units.
-/// @param T_O_C_before its pose in the image before that, seen from the camera as it is now.
-/// @param time_ratio time from the last image until now over the time between those two; more than
-/// kLongestPrediction is taken as that, for it multiplies the noise of poses; NaN or below 0 as 0.
+/// The predicted motion is at most the half width of the search, so that an object that stops is
+/// still found. Rotations about an axis of symmetry, which are not visible, are not continued.
+/// @param last prior around the pose in the last image [model units].
+/// @param T_O_C_before pose in the image before the last, for the camera at its present place.
+/// @param time_ratio (time since the last image) / (time between those two images). It multiplies
+/// the noise of the poses, so it is limited to kMaxPredictionRatio; NaN and negative values count
+/// as 0.
 Prior predictConstantVelocity(const Prior& last, const Pose& T_O_C_before, double time_ratio,
                               const FieldMetadata& object);
 
-inline constexpr double kLongestPrediction = 3;  ///< in intervals between images
+inline constexpr double kMaxPredictionRatio = 3;  ///< in intervals between images
 
 }  // namespace nerf_pose_refiner

@@ -11,7 +11,7 @@
 namespace nerf_pose_refiner {
 namespace {
 
-/// Two standard deviations in the worst direction of a 3 x 3 block on the diagonal.
+/// Two standard deviations along the largest axis of a 3 x 3 block on the diagonal.
 double searchWidth(const Matrix6& covariance, int block) {
   const Eigen::Matrix3d part = covariance.block<3, 3>(3 * block, 3 * block);
   const Eigen::Matrix3d symmetric = 0.5 * (part + part.transpose());
@@ -20,7 +20,7 @@ double searchWidth(const Matrix6& covariance, int block) {
   return 2 * std::sqrt(std::max(0.0, variance));
 }
 
-/// The covariance of the object's centre and orientation, in the axes that the start's has.
+/// The covariance of the object's centre and orientation, along the same axes as the start's.
 Matrix6 covarianceOfCentre(const TimedPose& start, const FieldMetadata& object) {
   const ObjectFrame frame = ObjectFrame::inMetres(object);
   const Eigen::Matrix3d& R_P_U = start.T_P_U.R;
@@ -52,8 +52,9 @@ Prior priorFrom(const TimedPose& start, const Pose& T_C_U, const FieldMetadata& 
   try {
     prior.validate();
   } catch (const std::invalid_argument& e) {
-    throw InputError(TrackReason::kPriorBadCovariance,
-                     std::string("the covariance asks for too wide a search: ") + e.what());
+    throw InputError(
+        TrackReason::kPriorBadCovariance,
+        std::string("the covariance of the initial pose is too large for a search: ") + e.what());
   }
   return prior;
 }
@@ -63,7 +64,7 @@ Judgement judge(const Refinement& refinement, bool tracked, const TrackingRules&
     case TrustVerdict::kTrusted:
       break;
     case TrustVerdict::kNoOverlap:
-      return {TrackReason::kNoOverlap, "the start pose lies outside of the image"};
+      return {TrackReason::kNoOverlap, "the start pose is outside the image"};
     case TrustVerdict::kDiverged:
       return {TrackReason::kDiverged, "no hypothesis survived"};
     case TrustVerdict::kCancelled:
@@ -71,7 +72,7 @@ Judgement judge(const Refinement& refinement, bool tracked, const TrackingRules&
     case TrustVerdict::kBadMask:
       return {TrackReason::kBadMask, "the mask does not show the object where the image does"};
     case TrustVerdict::kLowScore:
-      return {TrackReason::kLowScore, std::string("the pose explains the image badly (~tracker/") +
+      return {TrackReason::kLowScore, std::string("the pose explains the image badly (below ") +
                                           (tracked ? "min_score)" : "trust_score)")};
   }
   return {};

@@ -4,24 +4,24 @@
 #include <string>
 
 #include "field/field.h"
-#include "nerf_pose_refiner/track_status.h"
 #include "refinement/field_refiner.h"
 #include "tracking/settings.h"
+#include "tracking/status.h"
 #include "tracking/timed_pose.h"
 
 namespace nerf_pose_refiner {
 
-/// A start pose as the refiner has it.
+/// Converts a start pose to the prior of a refinement.
 ///
-/// Two standard deviations of the worst direction in the start's covariance give the width of the
-/// search: carried over to the object's centre, about which it turns, and without turns that change
-/// nothing. Where they are zero, the settings say how wide.
-/// @param T_C_U where it is for the camera, at the image's time [m].
-/// @throws InputError (kPriorBadCovariance) for a width that asks for the impossible.
+/// The half width of the search is two standard deviations along the largest axis of the start's
+/// covariance, which is first transferred to the object's centre and reduced by rotations about an
+/// axis of symmetry. Where it is zero, the width of the settings applies.
+/// @param T_C_U the start pose in the camera, at the image's time [m].
+/// @throws InputError (kPriorBadCovariance) if the width is too large.
 Prior priorFrom(const TimedPose& start, const Pose& T_C_U, const FieldMetadata& object,
                 const SearchSettings& settings);
 
-/// Why a refined pose is not trusted.
+/// Whether a refined pose is trusted, and why not.
 struct Judgement {
   TrackReason reason = TrackReason::kNone;  ///< kNone: it is trusted
   std::string message;
@@ -29,8 +29,9 @@ struct Judgement {
   bool trusted() const { return reason == TrackReason::kNone; }
 };
 
-/// @param tracked the refinement began with the pose of the image before: the lower threshold
-/// holds.
+/// Decides whether a refined pose is trusted.
+/// @param tracked the refinement started from the pose in the image before: the lower threshold
+/// applies.
 Judgement judge(const Refinement& refinement, bool tracked, const TrackingRules& rules);
 
 }  // namespace nerf_pose_refiner

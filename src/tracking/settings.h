@@ -7,15 +7,15 @@
 
 namespace nerf_pose_refiner {
 
-/// When an initial pose is taken.
+/// When an initial pose is used.
 enum class InitialPosePolicy {
   kWhenNotTracking,  ///< ignored while the object is tracked
   kAlways,
 };
 
-/// How a refinement searches, and how far around its start.
+/// How a refinement searches, and how far from its start pose.
 struct SearchSettings {
-  std::string preset;       ///< that `refiner` began with, see RefinerSettings::named
+  std::string preset;       ///< name of the preset of `refiner`, see RefinerSettings::named
   double rotation_deg = 0;  ///< half width of the search per axis, about the object's centre, > 0
   double translation = 0;   ///< half width of the search per axis [object diameters], > 0
   RefinerSettings refiner;
@@ -25,23 +25,23 @@ struct SearchSettings {
   }
 };
 
-/// What keeps a track, and what ends it.
+/// When a track begins, continues and ends.
 struct TrackingRules {
-  double trust_score = 0.18;  ///< 0..1: a track begins with a pose that explains the image so well
-  double min_score = 0.1;     ///< 0..trust_score: it does not go on with one that does so worse
-  int max_failures = 2;       ///< so many untrusted images in a row are bridged, >= 0
-  bool predict = true;        ///< look where the last two poses point to, not around the last
-  double recover_s = 5;  ///< so long after the last trusted pose it is tried again [s]; 0: never
-  bool once = false;     ///< back to waiting after one trusted pose
+  double trust_score = 0.18;  ///< 0..1: score at which a track begins
+  double min_score = 0.1;     ///< 0..trust_score: while tracking, a lower score is not trusted
+  int max_failures = 2;       ///< number of untrusted images in a row that are bridged, >= 0
+  bool predict = true;        ///< predict from the last two poses, see predictConstantVelocity
+  double recover_s = 5;       ///< a lost object is searched for during this time [s]; 0: never
+  bool once = false;          ///< after one trusted pose, wait for the next initial pose
   InitialPosePolicy initial_pose_policy = InitialPosePolicy::kWhenNotTracking;
-  double initial_pose_max_age_s = 10;  ///< of an initial pose when it is used [s], > 0
-  double image_timeout_s = 2;          ///< without an image for so long: lost [s]; 0: never
+  double initial_pose_max_age_s = 10;  ///< of an initial pose, when it is used [s], > 0
+  double image_timeout_s = 2;  ///< without an image for this time, the object is lost [s]; 0: never
 };
 
-/// Which refinements make use of a mask of the object.
+/// Which refinements use a mask of the object.
 enum class MaskMode {
   kNone,
-  kInitial,     ///< those from an initial pose
+  kInitial,     ///< only those that start from an initial pose
   kEveryFrame,  ///< all
 };
 
@@ -53,8 +53,7 @@ struct TrackerSettings {
   MaskMode mask_mode = MaskMode::kNone;
 
   const SearchSettings& search(bool tracked) const { return tracked ? tracking : initial; }
-  /// Whether a refinement makes use of the object's mask. @param tracked it starts from the last
-  /// pose.
+  /// Whether a refinement uses the object's mask. @param tracked it starts from the last pose.
   bool usesMask(bool tracked) const {
     return mask_mode == MaskMode::kEveryFrame || (mask_mode == MaskMode::kInitial && !tracked);
   }

@@ -10,14 +10,14 @@
 
 namespace nerf_pose_refiner {
 
-/// Where the object was at some time: an initial pose from outside, or the result of a refinement.
+/// The pose of the object at some time: an initial pose, or the result of a refinement.
 struct TimedPose {
-  Pose T_P_U;                 ///< the object's frame U, as its users mean it, in frame P [m]
+  Pose T_P_U;                 ///< the object's own frame U in frame P [m]
   std::string frame_id;       ///< P
-  std::int64_t stamp_ns = 0;  ///< 0: the time of the image it is used for
-  bool tracked = false;       ///< from the last refinement, not from outside
-  /// Of it as REP-103 has it, in the axes of P [m^2, rad^2]: how wide to search. Nothing: as the
-  /// settings say.
+  std::int64_t stamp_ns = 0;  ///< 0: the time of the image in which it is used
+  bool tracked = false;       ///< result of the last refinement, not an initial pose
+  /// Covariance along the axes of P [m^2, rad^2], which sets the width of the search. Empty: the
+  /// settings do.
   std::optional<Matrix6> covariance;
 };
 

@@ -12,13 +12,13 @@ double secondsBetween(std::int64_t from_ns, std::int64_t to_ns) {
 
 }  // namespace
 
-void TrackerState::become(TrackState state, TrackReason reason, const std::string& message) {
+void TrackerState::setCondition(TrackState state, TrackReason reason, const std::string& message) {
   condition_ = {state, reason, message};
   before_refusal_.reset();
 }
 
-void TrackerState::waitBecause(TrackReason reason, const std::string& message) {
-  if (has_model_) become(TrackState::kWaiting, reason, message);
+void TrackerState::waitWithReason(TrackReason reason, const std::string& message) {
+  if (has_model_) setCondition(TrackState::kWaiting, reason, message);
 }
 
 void TrackerState::forgetPoses() {
@@ -29,26 +29,26 @@ void TrackerState::forgetPoses() {
   running_.reset();
 }
 
-/// The track ends; the object is looked for where it was seen last.
+/// Ends the track. The object is searched for around its last pose.
 void TrackerState::lose(TrackReason reason, const std::string& message) {
   if (last_) {
     recovery_start_ = std::exchange(last_, std::nullopt);
-    recovery_start_->tracked =
-        false;  // as from an initial pose: a wide search, and the higher threshold
+    // A wide search and the higher threshold, as from an initial pose.
+    recovery_start_->tracked = false;
   }
-  become(TrackState::kLost, reason, message);
+  setCondition(TrackState::kLost, reason, message);
 }
 
 void TrackerState::modelIsLoading() {
-  if (!has_model_) become(TrackState::kLoading);
+  if (!has_model_) setCondition(TrackState::kLoading);
 }
 
 void TrackerState::modelIsReady() {
-  // An initial pose that came while the first model was loading is still good.
+  // An initial pose that arrived while the first model was loading is still valid.
   if (has_model_) forgetPoses();
   has_model_ = true;
   const char* message = enabled_ && !initial_pose_ ? "waiting for an initial pose" : "";
-  waitBecause(enabled_ ? TrackReason::kNone : TrackReason::kDisabled, message);
+  waitWithReason(enabled_ ? TrackReason::kNone : TrackReason::kDisabled, message);
 }
 
 void TrackerState::objectFrameMoved(const Pose& T_U_V) {
@@ -61,25 +61,25 @@ void TrackerState::objectFrameMoved(const Pose& T_U_V) {
 }
 
 void TrackerState::modelFailed(TrackReason reason, const std::string& message) {
-  if (!has_model_) become(TrackState::kError, reason, message);
+  if (!has_model_) setCondition(TrackState::kError, reason, message);
 }
 
 void TrackerState::offer(const TimedPose& initial_pose) {
   if (!enabled_) return;
   const bool another = initial_pose_.has_value();
   initial_pose_ = initial_pose;
-  // What is said of images that cannot be used goes on being said; so does what is wrong with one
-  // initial pose after the other.
+  // The status keeps showing that images are unusable, and why one initial pose after another was
+  // refused.
   TrackCondition& condition = before_refusal_ ? *before_refusal_ : condition_;
   if (condition.state == TrackState::kLost ||
       (condition.state == TrackState::kWaiting && !another)) {
     condition = {TrackState::kWaiting, TrackReason::kNone,
-                 "an initial pose came: waiting for an image that is not older"};
+                 "received an initial pose, waiting for an image that is not older"};
   }
 }
 
 void TrackerState::refuseInitialPose(TrackReason reason, const std::string& message) {
-  become(condition_.state, reason, message);
+  setCondition(condition_.state, reason, message);
 }
 
 void TrackerState::imageArrived() {
@@ -91,11 +91,11 @@ void TrackerState::imageArrived() {
 
 void TrackerState::imageRefused(TrackReason reason, const std::string& message) {
   const TrackCondition before = before_refusal_.value_or(condition_);
-  become(condition_.state, reason, message);
+  setCondition(condition_.state, reason, message);
   before_refusal_ = before;
 }
 
-bool TrackerState::clockIs(std::int64_t now_ns) {
+bool TrackerState::updateClock(std::int64_t now_ns) {
   const bool jumped = secondsBetween(now_ns, clock_ns_) > kClockJump_s;
   clock_ns_ = now_ns;
   if (jumped) {
@@ -104,7 +104,7 @@ bool TrackerState::clockIs(std::int64_t now_ns) {
     last_arrival_ns_ = 0;
   } else if (last_ && rules_.image_timeout_s > 0 &&
              secondsBetween(last_arrival_ns_, clock_ns_) > rules_.image_timeout_s) {
-    lose(TrackReason::kNoImages, "no image came for ~image_timeout_s");
+    lose(TrackReason::kNoImages, "no image arrived for image_timeout_s");
   }
   return jumped;
 }
@@ -114,21 +114,21 @@ void TrackerState::timeWentBackTo(std::int64_t stamp_ns) {
   recovery_start_.reset();
   failures_ = 0;
   running_.reset();
-  // An initial pose that fits the new time was sent after the jump.
+  // An initial pose whose stamp fits the new time was sent after the jump.
   if (initial_pose_ && secondsBetween(stamp_ns, initial_pose_->stamp_ns) > kClockJump_s) {
     initial_pose_.reset();
   }
-  waitBecause(TrackReason::kClockJumped, "time went back: waiting for a new initial pose");
+  waitWithReason(TrackReason::kClockJumped, "time went back: waiting for a new initial pose");
 }
 
-/// Whether the initial pose is to be used for the image; drops it if it never will be.
+/// Whether to use the initial pose for the image; discards a pose that can never be used.
 bool TrackerState::initialPoseIsDue(std::int64_t stamp_ns, ImageDecision* decision) {
   if (!initial_pose_) return false;
   const std::int64_t since_ns = initial_pose_->stamp_ns == 0 ? stamp_ns : initial_pose_->stamp_ns;
   if (since_ns > stamp_ns) {
     if (!last_) {
-      waitBecause(TrackReason::kPriorInFuture,
-                  "the initial pose is newer than the images (do all use the same clock?)");
+      waitWithReason(TrackReason::kPriorInFuture,
+                     "the initial pose is newer than the images (do all use the same clock?)");
     }
     return false;
   }
@@ -136,8 +136,8 @@ bool TrackerState::initialPoseIsDue(std::int64_t stamp_ns, ImageDecision* decisi
   if (last_ && rules_.initial_pose_policy == InitialPosePolicy::kWhenNotTracking) {
     decision->initial_pose_ignored = true;
   } else if (too_old) {
-    become(last_ ? TrackState::kTracking : TrackState::kWaiting, TrackReason::kPriorTooOld,
-           "the initial pose is older than the image by more than ~initial_pose_max_age_s");
+    setCondition(last_ ? TrackState::kTracking : TrackState::kWaiting, TrackReason::kPriorTooOld,
+                 "the initial pose is older than the image by more than initial_pose_max_age_s");
   } else {
     return true;
   }
@@ -162,31 +162,32 @@ ImageDecision TrackerState::decide(const ImageStamp& image) {
   }
   last_stamp_ns_ = image.stamp_ns;
   if (!has_model_ || !enabled_) return decision;
-  // Another camera: where the object is in its frame is not known.
+  // Another camera: the object's pose in its frame is not known.
   if (last_ && last_->frame_id != image.camera_frame) {
     last_.reset();
     recovery_start_.reset();
-    waitBecause(TrackReason::kReset, "the camera's frame changed to '" + image.camera_frame + "'");
+    waitWithReason(TrackReason::kReset,
+                   "the camera's frame changed to '" + image.camera_frame + "'");
   }
-  decision.start = startFor(image.stamp_ns, &decision);
+  decision.start = chooseStart(image.stamp_ns, &decision);
   if (!decision.start) return decision;
   decision.ticket = ++tickets_;
   running_ = {decision.ticket, image, *decision.start};
   return decision;
 }
 
-/// From where to refine an image.
-std::optional<TimedPose> TrackerState::startFor(std::int64_t stamp_ns, ImageDecision* decision) {
+/// The start pose for an image.
+std::optional<TimedPose> TrackerState::chooseStart(std::int64_t stamp_ns, ImageDecision* decision) {
   if (initialPoseIsDue(stamp_ns, decision)) {
-    // An earlier track goes on if nothing comes of the new pose.
+    // An earlier track continues if the search from the new pose fails.
     recovery_start_.reset();
-    become(TrackState::kRefining);
+    setCondition(TrackState::kRefining);
     TimedPose start = *std::exchange(initial_pose_, std::nullopt);
     if (start.stamp_ns == 0) start.stamp_ns = stamp_ns;
     return start;
   }
   if (last_) {
-    // After an image that was not trusted the object may be where it was seen last.
+    // After an untrusted image there is no prediction: the object may have stopped.
     if (rules_.predict && failures_ == 0) decision->previous = previous_;
     return last_;
   }
@@ -195,17 +196,17 @@ std::optional<TimedPose> TrackerState::startFor(std::int64_t stamp_ns, ImageDeci
   return recovery_start_;
 }
 
-/// The refinement that ends; nothing: it is out of date.
+/// The refinement that ends; empty: its result is obsolete.
 std::optional<TrackerState::Running> TrackerState::end(std::uint64_t ticket) {
   if (!running_ || ticket != running_->ticket) return std::nullopt;
   return std::exchange(running_, std::nullopt);
 }
 
-/// @param start that the refinement began with.
+/// @param start start pose of the refinement.
 void TrackerState::countFailure(const TimedPose& start, TrackReason reason,
                                 const std::string& message) {
   if (last_ && ++failures_ <= rules_.max_failures) {
-    become(TrackState::kTracking, reason, message);
+    setCondition(TrackState::kTracking, reason, message);
     return;
   }
   if (!last_ && !rules_.once) recovery_start_ = start;
@@ -219,9 +220,9 @@ void TrackerState::startRefused(std::uint64_t ticket, TrackReason reason,
   if (ended->start.tracked) {
     countFailure(ended->start, reason, message);
   } else if (recovery_start_) {
-    become(TrackState::kLost, reason, message);
+    setCondition(TrackState::kLost, reason, message);
   } else {
-    become(last_ ? TrackState::kTracking : TrackState::kWaiting, reason, message);
+    setCondition(last_ ? TrackState::kTracking : TrackState::kWaiting, reason, message);
   }
 }
 
@@ -232,13 +233,13 @@ bool TrackerState::trusted(std::uint64_t ticket, const Pose& T_C_U) {
   recovery_start_.reset();
   if (rules_.once) {
     last_.reset();
-    become(TrackState::kWaiting);
+    setCondition(TrackState::kWaiting);
     return true;
   }
   previous_ = ended->start.tracked ? last_ : std::nullopt;
   last_ = TimedPose{T_C_U, ended->image.camera_frame, ended->image.stamp_ns,
                     /*tracked=*/true, std::nullopt};
-  become(TrackState::kTracking);
+  setCondition(TrackState::kTracking);
   return true;
 }
 
@@ -256,7 +257,7 @@ void TrackerState::failed(std::uint64_t ticket, const std::string& message) {
 
 void TrackerState::reset() {
   forgetPoses();
-  waitBecause(TrackReason::kReset, "reset on request: waiting for an initial pose");
+  waitWithReason(TrackReason::kReset, "reset on request: waiting for an initial pose");
 }
 
 void TrackerState::setEnabled(bool enabled) {
@@ -264,9 +265,9 @@ void TrackerState::setEnabled(bool enabled) {
   enabled_ = enabled;
   forgetPoses();
   if (enabled) {
-    waitBecause(TrackReason::kNone, "");
+    waitWithReason(TrackReason::kNone, "");
   } else {
-    waitBecause(TrackReason::kDisabled, "disabled on request");
+    waitWithReason(TrackReason::kDisabled, "disabled on request");
   }
 }
 

@@ -6,70 +6,71 @@
 #include <string>
 
 #include "nerf_pose_refiner/pose.h"
-#include "nerf_pose_refiner/track_status.h"
 #include "tracking/settings.h"
+#include "tracking/status.h"
 #include "tracking/timed_pose.h"
 
 namespace nerf_pose_refiner {
 
-/// What to do with an image.
+/// How to process an image.
 struct ImageDecision {
-  std::optional<TimedPose> start;     ///< refine from here; nothing: leave the image alone
+  std::optional<TimedPose> start;     ///< start pose of the refinement; empty: skip the image
   std::optional<TimedPose> previous;  ///< the trusted pose before `start`, to predict from
-  std::uint64_t ticket = 0;           ///< to be handed back with the result
-  bool clock_jumped = false;          ///< time went back: transforms from before are worthless
-  bool recovering = false;            ///< the start is where a lost object was seen last
-  bool initial_pose_ignored = false;  ///< one came while the object is tracked
+  std::uint64_t ticket = 0;           ///< to be returned with the result
+  bool clock_jumped = false;          ///< time went back: earlier transforms are invalid
+  bool recovering = false;            ///< the start is the last pose of a lost object
+  bool initial_pose_ignored = false;  ///< because the object is tracked
 };
 
-/// The rules of tracking, without threads or images: which images are refined from where, and what
-/// the outcome makes of the state. Not thread-safe.
+/// The state machine of tracking, without threads or images: from which pose each image is refined,
+/// and how the result changes the state. Not thread-safe.
 class TrackerState {
  public:
-  /// An image that is older than the one before by more than this means that time jumped back; one
-  /// that is older by less came late, and is left alone.
+  /// If an image is older than the one before by more than this, time has jumped back. If it is
+  /// older by less, it is late, and is skipped.
   static constexpr double kClockJump_s = 0.5;
 
   explicit TrackerState(const TrackingRules& rules) : rules_(rules) {}
 
-  /// Other rules, from now on.
+  /// Replaces the rules.
   void setRules(const TrackingRules& rules) { rules_ = rules; }
 
-  /// Tells the time, before all else and now and then: a track without images is lost.
-  /// @return true if the clock jumped back: forget what is older.
-  bool clockIs(std::int64_t now_ns);
+  /// Sets the present time. Call it before all other calls, and regularly: without images the
+  /// object is lost.
+  /// @return true if the clock has jumped back: whatever is older must be forgotten.
+  bool updateClock(std::int64_t now_ns);
 
   void modelIsLoading();
-  /// From now on there is a model. Poses of the model before, if there was one, are forgotten.
+  /// A model is in use. Poses of the model before it are forgotten.
   void modelIsReady();
-  /// What users mean by the object's frame is V instead of U from now on: poses that are kept move
-  /// with it. (An initial pose that was not used yet is of the new one.)
+  /// The object's own frame has changed from U to V: stored poses are converted. (An initial pose
+  /// that has not been used yet refers to V.)
   /// @param T_U_V [m]
   void objectFrameMoved(const Pose& T_U_V);
-  /// The model could not be had; one that is there already stays in use.
+  /// The model could not be loaded; the present one stays in use.
   void modelFailed(TrackReason reason, const std::string& message);
 
-  /// Keeps an initial pose for the first image that is not older; the newest pose counts.
+  /// Keeps an initial pose for the first image that is not older; it replaces an earlier one.
   void offer(const TimedPose& initial_pose);
-  /// Reports an initial pose that makes no sense.
+  /// Reports an invalid initial pose.
   void refuseInitialPose(TrackReason reason, const std::string& message);
-  /// Whether an image of this time would be left alone for lack of a pose to start from.
+  /// Whether an image of this time would be skipped because there is no start pose.
   bool needsInitialPose(std::int64_t stamp_ns) const;
 
-  /// A usable image came.
+  /// A usable image has arrived.
   void imageArrived();
-  /// An image that cannot be used came.
+  /// An image has arrived that cannot be used.
   void imageRefused(TrackReason reason, const std::string& message);
 
-  /// Decides on an image. If there is a start, a refinement begins.
+  /// Decides how to process an image. If the decision has a start, a refinement begins.
   ImageDecision decide(const ImageStamp& image);
 
-  /// The start cannot be used: the reason counts against the track or the initial pose.
+  /// The start pose cannot be used: a failure of the track or of the initial pose.
   void startRefused(std::uint64_t ticket, TrackReason reason, const std::string& message);
-  /// A refinement ended well. @param T_C_U [m]
-  /// @return false if it is out of date, after a reset say: drop the result.
+  /// A refinement ended with a trusted pose. @param T_C_U [m]
+  /// @return false if the result is obsolete, for instance after a reset: discard it.
   bool trusted(std::uint64_t ticket, const Pose& T_C_U);
-  /// A refinement ended without a pose to believe in. @return false if it is out of date.
+  /// A refinement ended without a trusted pose. @return false if the result is obsolete.
   bool notTrusted(std::uint64_t ticket, TrackReason reason, const std::string& message);
   /// A refinement ended with an exception.
   void failed(std::uint64_t ticket, const std::string& message);
@@ -82,19 +83,19 @@ class TrackerState {
   const TrackCondition& condition() const { return condition_; }
 
  private:
-  /// A refinement under way.
+  /// The running refinement.
   struct Running {
     std::uint64_t ticket;
     ImageStamp image;
     TimedPose start;
   };
 
-  void become(TrackState state, TrackReason reason = TrackReason::kNone,
-              const std::string& message = "");
-  void waitBecause(TrackReason reason, const std::string& message);
+  void setCondition(TrackState state, TrackReason reason = TrackReason::kNone,
+                    const std::string& message = "");
+  void waitWithReason(TrackReason reason, const std::string& message);
   void forgetPoses();
   void lose(TrackReason reason, const std::string& message);
-  std::optional<TimedPose> startFor(std::int64_t stamp_ns, ImageDecision* decision);
+  std::optional<TimedPose> chooseStart(std::int64_t stamp_ns, ImageDecision* decision);
   void timeWentBackTo(std::int64_t stamp_ns);
   bool initialPoseIsDue(std::int64_t stamp_ns, ImageDecision* decision);
   bool recoveryIsOver(std::int64_t stamp_ns) const;
@@ -106,17 +107,17 @@ class TrackerState {
   std::optional<TrackCondition> before_refusal_;  ///< restored by the next usable image
   bool has_model_ = false;
   bool enabled_ = true;
-  std::optional<TimedPose> initial_pose_;  ///< from outside, not yet used
+  std::optional<TimedPose> initial_pose_;  ///< not used yet
   std::optional<TimedPose> last_;          ///< the last trusted pose, while the object is tracked
-  std::optional<TimedPose> previous_;      ///< what last_ was found from, if that was tracked, too
-  /// While lost: where to look for the object, the last trusted pose or an initial one of no avail.
+  std::optional<TimedPose> previous_;      ///< the pose before last_, if that was tracked, too
+  /// While lost: the pose to search around, the last trusted one or an initial one that failed.
   std::optional<TimedPose> recovery_start_;
   int failures_ = 0;                           ///< untrusted images since the last trusted one
-  std::optional<std::int64_t> last_stamp_ns_;  ///< of the images decided on
-  std::int64_t clock_ns_ = 0;                  ///< the time, when last told
-  std::int64_t last_arrival_ns_ = 0;           ///< of an image, by that clock
+  std::optional<std::int64_t> last_stamp_ns_;  ///< of the last image that was decided on
+  std::int64_t clock_ns_ = 0;                  ///< the time of the last updateClock
+  std::int64_t last_arrival_ns_ = 0;           ///< of the last image, on that clock
   std::optional<Running> running_;
-  std::uint64_t tickets_ = 0;  ///< given out so far
+  std::uint64_t tickets_ = 0;  ///< number of tickets so far
 };
 
 }  // namespace nerf_pose_refiner

@@ -3,33 +3,32 @@
 
 #include "nerf_pose_refiner/cancellation_token.h"
 #include "nerf_pose_refiner/pose.h"
-#include "nerf_pose_refiner/track_status.h"
+#include "tracking/status.h"
 #include "tracking/timed_pose.h"
 
 namespace nerf_pose_refiner {
 
-/// Says where poses of one frame and time are for a camera at another time. Called by the thread
-/// that tracks, but for `clear`, which any thread may call.
+/// Transforms poses from one frame and time to a camera at another time. Any thread may call
+/// `clear`; only the tracking thread calls the rest.
 class Transforms {
  public:
   virtual ~Transforms() = default;
 
-  /// The object in the camera's frame C at an image's time (T_C_U [m]). May wait for what is known
-  /// late.
-  /// @throws InputError (kNoTransform) if it is not known.
+  /// The object in the camera's frame C at an image's time (T_C_U [m]). May wait for a late
+  /// transform.
+  /// @throws InputError (kNoTransform) if the transform is not known.
   virtual Pose inCamera(const TimedPose& estimate, const ImageStamp& image,
-                        const CancellationToken& stop) const = 0;
+                        const CancellationToken& cancellation) const = 0;
 
-  /// Time went back: what was known of times before is worthless.
+  /// Forgets all transforms, because time went back.
   virtual void clear() {}
 };
 
-/// Knows no frame but the camera's own: right for a camera that stands still and an object that
-/// moves, or where nothing is known of the camera's motion.
+/// Knows only the camera's own frame. For a camera that stands still, or whose motion is not known.
 class CameraFrameOnly : public Transforms {
  public:
   Pose inCamera(const TimedPose& estimate, const ImageStamp& image,
-                const CancellationToken& stop) const override;
+                const CancellationToken& cancellation) const override;
 };
 
 }  // namespace nerf_pose_refiner

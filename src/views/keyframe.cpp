@@ -26,7 +26,7 @@ void makeGrey(Image* layers) {
   }
 }
 
-// Premultiplied colour, alpha and point relative to the object's centre, in one image.
+// Premultiplied colour, alpha, and alpha times the point relative to the object's centre.
 Image layersOf(const Rendering& rendering, const Eigen::Vector3f& centre) {
   Image layers(rendering.alpha.width, rendering.alpha.height, kKeyframeChannels);
   for (std::size_t i = 0; i < layers.pixels(); ++i) {
@@ -41,7 +41,7 @@ Image layersOf(const Rendering& rendering, const Eigen::Vector3f& centre) {
   return layers;
 }
 
-// The part that shows the object, in whole pixels of the coarsest level.
+// The part that shows the object, aligned to whole pixels of the coarsest level.
 Image cropped(const Image& layers, int step) {
   int left = layers.width, right = 0, top = layers.height, bottom = 0;
   for (int y = 0; y < layers.height; ++y) {
@@ -53,7 +53,7 @@ Image cropped(const Image& layers, int step) {
       bottom = std::max(bottom, y + 1);
     }
   }
-  // With a coarsest pixel around it: the outline is compared with what is outside of it.
+  // Plus one coarsest pixel on each side, because the outline is compared with its outside.
   left = std::max(0, std::min(left, right) / step * step - step);
   top = std::max(0, std::min(top, bottom) / step * step - step);
   const int width = std::min((right - left + step - 1) / step * step + step, layers.width - left);
@@ -92,16 +92,16 @@ void KeyframeSettings::validate() const {
 
 Camera keyframeCamera(const Camera& camera, const Pose& T_O_C, const FieldMetadata& object,
                       const KeyframeSettings& settings, int* reduction) {
-  constexpr double kReach = 0.6;  // of the diameter: the centre is not the middle
+  constexpr double kReach = 0.6;  // of the diameter, as the centre need not be in the middle
   const Eigen::Vector3d centre_C = T_O_C.inverse() * object.centre;
   if (!(centre_C.z() > kReach * object.diameter)) {
-    throw std::invalid_argument("keyframe: the object is not before the camera");
+    throw std::invalid_argument("keyframe: the object is not in front of the camera");
   }
   const double focal = std::max(camera.fx, camera.fy);
   const double reach_px = kReach * object.diameter * focal / centre_C.z();
   *reduction = 1;
   while (2 * reach_px > *reduction * settings.max_side_px) *reduction *= 2;
-  // Whole pixels of the coarsest level, wherever in the image they are.
+  // Whole pixels of the coarsest level; the window may extend beyond the image.
   const int step = *reduction << (settings.levels - 1);
   const Eigen::Vector2d middle = camera.project(centre_C);
   const int steps = static_cast<int>(std::ceil(2 * reach_px / step)) + 1;
@@ -112,15 +112,17 @@ Camera keyframeCamera(const Camera& camera, const Pose& T_O_C, const FieldMetada
 }
 
 KeyframePoints renderKeyframe(const LoadedField& field, const View& view,
-                              const KeyframeSettings& settings, const CancellationToken& stop) {
+                              const KeyframeSettings& settings,
+                              const CancellationToken& cancellation) {
   settings.validate();
   const FieldMetadata& object = field.field().metadata;
   int reduction = 1;
   const Camera window = keyframeCamera(view.camera, view.T_O_C, object, settings, &reduction);
   const int n = settings.rays_per_side;
   const Camera finer = window.resized(n * window.width, n * window.height);
-  KeyframePoints keyframe = makeKeyframe(field.render({finer, view.T_O_C}, RenderOptions(), stop),
-                                         window, view.T_O_C, object, settings);
+  KeyframePoints keyframe =
+      makeKeyframe(field.render({finer, view.T_O_C}, RenderOptions(), cancellation), window,
+                   view.T_O_C, object, settings);
   keyframe.camera = view.camera;
   keyframe.reduction = reduction;
   return keyframe;

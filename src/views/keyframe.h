@@ -7,37 +7,40 @@
 
 namespace nerf_pose_refiner {
 
-/// What a keyframe is made of.
+/// Settings of a keyframe.
 struct KeyframeSettings {
-  int levels = 4;              ///< each half as fine as the one before, >= 1
-  int max_side_px = 400;       ///< of the finest level; larger images are reduced to it
-  int rays_per_side = 1;       ///< rays along a pixel of the finest level: 1, 2 or 4
-  int finest_window_px = 10;   ///< half width of the neighbourhood of local colours, finest level
-  int coarsest_window_px = 3;  ///< the same, coarsest level; linear between
-  int max_points = 2000;       ///< that a level may choose
-  int max_outline = 240;       ///< places on the outline, at a level
-  int max_shown = 4000;        ///< pixels that local colours are taken of
-  float min_alpha = 0.97f;     ///< less: the pixel does not show the object for certain
-  float max_depth_step = 4;    ///< between neighbours, in pixels as wide as their depth makes them
-  bool grey = false;           ///< for grey images: all channels have the colours' brightness
+  int levels = 4;              ///< each with half the resolution of the one before, 1..8
+  int max_side_px = 400;       ///< of the finest level; larger windows are reduced
+  int rays_per_side = 1;       ///< rays per pixel side of the finest level: 1, 2 or 4
+  int finest_window_px = 10;   ///< half width of the window of local colours, finest level
+  int coarsest_window_px = 3;  ///< the same for the coarsest level; linear in between
+  int max_points = 2000;       ///< chosen points per level
+  int max_outline = 240;       ///< outline points per level
+  int max_shown = 4000;        ///< pixels per level from which local colours are computed
+  float min_alpha = 0.97f;     ///< below this, a pixel may show the background, too
+  float max_depth_step = 4;    ///< between neighbouring pixels, in widths of a pixel at that depth
+  bool grey = false;           ///< for grey images: all channels hold the brightness
 
   /// @throws std::invalid_argument naming the value that is out of range.
   void validate() const;
 };
 
-/// The camera of a keyframe: the object's window of an image of `camera`, reduced to a size that is
-/// worth its cost. @param reduction pixels of the image along a pixel of it.
+/// The camera of a keyframe: the window of `camera` that contains the object, reduced by a power of
+/// two until it is at most `max_side_px` wide, about.
+/// @param reduction set to the number of image pixels along a pixel of the keyframe.
+/// @throws std::invalid_argument if the object is not in front of the camera.
 Camera keyframeCamera(const Camera& camera, const Pose& T_O_C, const FieldMetadata& object,
                       const KeyframeSettings& settings, int* reduction);
 
 /// Renders a keyframe of the object for images of a camera.
-/// @throws std::invalid_argument if the object is not before the camera.
+/// @throws std::invalid_argument if the object is not in front of the camera.
 KeyframePoints renderKeyframe(const LoadedField& field, const View& view,
                               const KeyframeSettings& settings = {},
-                              const CancellationToken& stop = {});
+                              const CancellationToken& cancellation = {});
 
-/// A keyframe of a rendering. @param camera of the finest level, as keyframeCamera has it; the
-/// rendering has `rays_per_side` pixels along each pixel of it.
+/// Makes a keyframe from a rendering.
+/// @param rendering has `rays_per_side` pixels along each pixel of `camera`.
+/// @param camera of the finest level, @see keyframeCamera.
 KeyframePoints makeKeyframe(const Rendering& rendering, const Camera& camera, const Pose& T_O_C,
                             const FieldMetadata& object, const KeyframeSettings& settings);
 

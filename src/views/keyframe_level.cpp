@@ -13,15 +13,17 @@
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr int kCellSide = 8;  // points are chosen evenly over cells of so many pixels
+constexpr int kCellSide = 8;  // points are distributed evenly over cells of this size [px]
 
-// A pixel of a level while it is made.
+// A pixel that may be chosen as a point.
 struct Candidate {
   int pixel = 0;
-  int cell = 0;
   float information = 0;
-  int rank = 0;  // among the candidates of its cell
 };
+
+bool isBetter(const Candidate& a, const Candidate& b) {
+  return a.information != b.information ? a.information > b.information : a.pixel < b.pixel;
+}
 
 class LevelMaker {
  public:
@@ -52,12 +54,16 @@ class LevelMaker {
     return Eigen::Map<const Eigen::Vector3f>(pixel + kKeyframePoint) / pixel[kKeyframeAlpha];
   }
 
-  // Depth of what the pixel shows, as it was rendered.
-  float depthAt(int x, int y) const {
-    const float* pixel = layers_.pixel(x, y);
-    const Eigen::Vector3f point =
-        Eigen::Map<const Eigen::Vector3f>(pixel + kKeyframePoint) / pixel[kKeyframeAlpha];
-    return view_.forward.dot(point) + view_.centre.z();
+  // Depths before smoothing; not finite where there is nothing.
+  std::vector<float> depths() const {
+    std::vector<float> depths(layers_.pixels());
+    for (std::size_t i = 0; i < depths.size(); ++i) {
+      const float* pixel = layers_.values.data() + kKeyframeChannels * i;
+      const Eigen::Vector3f point =
+          Eigen::Map<const Eigen::Vector3f>(pixel + kKeyframePoint) / pixel[kKeyframeAlpha];
+      depths[i] = view_.forward.dot(point) + view_.centre.z();
+    }
+    return depths;
   }
 
   bool isOpaque(int x, int y) const {
@@ -65,13 +71,13 @@ class LevelMaker {
            settings_.min_alpha;
   }
 
-  // The kernel of the blur reaches one pixel to each side.
-  bool isAtDepthJump(int x, int y) const {
-    const float depth = depthAt(x, y);
+  // Smoothing mixes a pixel with its direct neighbours.
+  bool isAtDepthJump(const std::vector<float>& depths, int x, int y) const {
+    const float depth = depths[y * width_ + x];
     const float step = settings_.max_depth_step * depth / view_.focal_px.x();
     for (int v = std::max(0, y - 1); v <= std::min(height_ - 1, y + 1); ++v) {
       for (int u = std::max(0, x - 1); u <= std::min(width_ - 1, x + 1); ++u) {
-        if (std::abs(depthAt(u, v) - depth) > step) return true;
+        if (std::abs(depths[v * width_ + u] - depth) > step) return true;
       }
     }
     return false;
@@ -79,9 +85,10 @@ class LevelMaker {
 
   void findShown() {
     shown_.assign(smooth_.pixels(), 0);
+    const std::vector<float> depth = depths();
     for (int y = 0; y < height_; ++y) {
       for (int x = 0; x < width_; ++x) {
-        shown_[y * width_ + x] = isOpaque(x, y) && !isAtDepthJump(x, y);
+        shown_[y * width_ + x] = isOpaque(x, y) && !isAtDepthJump(depth, x, y);
       }
     }
   }
@@ -111,7 +118,7 @@ class LevelMaker {
     return Eigen::Map<const Eigen::Vector3f>(layers) / layers[kKeyframeAlpha];
   }
 
-  // Colours relative to what is around them, as alignment does it with the image's.
+  // Normalises colours by their surroundings, as alignment does with those of the image.
   void normaliseColours() {
     const int cells = level_.width * level_.height;
     std::vector<float> colours(static_cast<std::size_t>(kBoxChannels) * cells, 0.0f);
@@ -133,14 +140,18 @@ class LevelMaker {
       if (count > 0) inverse_count[cell] = 1 / count;
     }
     boxSums(colours, level_.width, level_.height, level_.window, &sums);
-    normalised_ = Image(width_, height_, 3);
     local_.resize(cells);
+    for (std::size_t cell = 0; cell < inverse_count.size(); ++cell) {
+      if (inverse_count[cell] == 0) continue;
+      local_[cell] = localColours(sums.data() + kBoxChannels * cell, inverse_count[cell]);
+    }
+    normalised_ = Image(width_, height_, 3);
     for (int pixel = 0; pixel < width_ * height_; ++pixel) {
-      const std::size_t cell = cellOfPixel(pixel);
-      if (inverse_count[cell] == 0) shown_[pixel] = 0;  // nothing to compare it with
       if (!shown_[pixel]) continue;
-      LocalColours<float>& local = local_[cell];
-      local = localColours(sums.data() + kBoxChannels * cell, inverse_count[cell]);
+      const std::size_t cell = cellOfPixel(pixel);
+      if (inverse_count[cell] == 0) shown_[pixel] = 0;  // no neighbour to compare it with
+      if (!shown_[pixel]) continue;
+      const LocalColours<float>& local = local_[cell];
       const Eigen::Vector3f colour = colourAt(pixel);
       for (int c = 0; c < 3; ++c) {
         normalised_.values[3 * static_cast<std::size_t>(pixel) + c] =
@@ -191,33 +202,39 @@ class LevelMaker {
     return sum;
   }
 
+  // The pixels of a cell that say something, the best first.
+  std::vector<Candidate> candidatesOf(int cell_x, int cell_y) const {
+    std::vector<Candidate> candidates;
+    for (int y = cell_y; y < std::min(cell_y + kCellSide, height_); ++y) {
+      for (int x = cell_x; x < std::min(cell_x + kCellSide, width_); ++x) {
+        const float information = informationAt(x, y);
+        if (information > 0) candidates.push_back({y * width_ + x, information});
+      }
+    }
+    std::sort(candidates.begin(), candidates.end(), isBetter);
+    return candidates;
+  }
+
   // The best of every cell first, then the second best, until there are enough.
   std::vector<Candidate> choose() const {
-    std::vector<Candidate> candidates;
-    const int cells = (width_ + kCellSide - 1) / kCellSide;
-    for (int y = 0; y < height_; ++y) {
-      for (int x = 0; x < width_; ++x) {
-        const float information = informationAt(x, y);
-        if (!(information > 0)) continue;
-        candidates.push_back(
-            {y * width_ + x, y / kCellSide * cells + x / kCellSide, information, 0});
+    std::vector<std::vector<Candidate>> by_rank(kCellSide * kCellSide);
+    for (int y = 0; y < height_; y += kCellSide) {
+      for (int x = 0; x < width_; x += kCellSide) {
+        const std::vector<Candidate> candidates = candidatesOf(x, y);
+        for (std::size_t rank = 0; rank < candidates.size(); ++rank) {
+          by_rank[rank].push_back(candidates[rank]);
+        }
       }
     }
-    std::sort(candidates.begin(), candidates.end(), [](const Candidate& a, const Candidate& b) {
-      if (a.cell != b.cell) return a.cell < b.cell;
-      return a.information != b.information ? a.information > b.information : a.pixel < b.pixel;
-    });
-    for (std::size_t i = 1; i < candidates.size(); ++i) {
-      if (candidates[i].cell == candidates[i - 1].cell) {
-        candidates[i].rank = candidates[i - 1].rank + 1;
-      }
+    const auto enough = static_cast<std::size_t>(settings_.max_points);
+    std::vector<Candidate> chosen;
+    for (std::vector<Candidate>& of_rank : by_rank) {
+      std::sort(of_rank.begin(), of_rank.end(), isBetter);
+      of_rank.resize(std::min(of_rank.size(), enough - chosen.size()));
+      chosen.insert(chosen.end(), of_rank.begin(), of_rank.end());
+      if (chosen.size() == enough) break;
     }
-    std::sort(candidates.begin(), candidates.end(), [](const Candidate& a, const Candidate& b) {
-      if (a.rank != b.rank) return a.rank < b.rank;
-      return a.information != b.information ? a.information > b.information : a.pixel < b.pixel;
-    });
-    candidates.resize(std::min(candidates.size(), static_cast<std::size_t>(settings_.max_points)));
-    return candidates;
+    return chosen;
   }
 
   int tileOf(int pixel) const {
@@ -268,17 +285,17 @@ class LevelMaker {
     }
   }
 
-  // Where the inside says enough, the outline counts little: the model's may be off by a fraction
-  // of a pixel, and what is behind may look like the object.
+  // The more information the interior has, the less the outline counts: the model's outline may be
+  // wrong by a fraction of a pixel, and the background may look like the object.
   float outlineWeight() const {
-    constexpr float kLeast = 0.2f, kMost = 4, kEnough = 60;
+    constexpr float kMin = 0.2f, kMax = 4, kEnough = 60;
     float information = 0;
     for (const ChosenSurface& surface : level_.surface) {
       for (const Eigen::Vector2f& gradient : surface.gradient)
         information += gradient.squaredNorm();
     }
     const float missing = std::min(1.0f, kEnough / std::max(information, 1.0f));
-    return kLeast + (kMost - kLeast) * missing * missing;
+    return kMin + (kMax - kMin) * missing * missing;
   }
 
   void fillOutline() {

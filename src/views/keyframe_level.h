@@ -9,21 +9,21 @@
 
 namespace nerf_pose_refiner {
 
-/// Channels of the image that a level is made of: premultiplied colour, alpha, alpha times the
-/// point relative to the object's centre.
+/// Channels of the image from which a level is made: premultiplied colour, alpha, and alpha times
+/// the point relative to the object's centre.
 constexpr int kKeyframeChannels = 7;
 constexpr int kKeyframeAlpha = 3;
 constexpr int kKeyframePoint = 4;
 
-/// The camera that a level was rendered for.
+/// The camera for which a level was rendered.
 struct KeyframeView {
-  Eigen::Vector3f right, down, forward;  ///< its axes x, y, z, in O
+  Eigen::Vector3f right, down, forward;  ///< the camera's axes x, y, z, in O
   Eigen::Vector3f centre;                ///< of the object, in the camera's frame [model units]
-  Eigen::Vector2f focal_px;              ///< at the level, along x and y
+  Eigen::Vector2f focal_px;              ///< at this level, along x and y
 };
 
-/// Makes a level of a keyframe.
-/// @param layers [h][w][kKeyframeChannels], before smoothing. @param window half width [px].
+/// Makes one level of a keyframe.
+/// @param layers [h][w][kKeyframeChannels], not smoothed. @param window half width [px].
 KeyframeLevel makeLevel(const Image& layers, const KeyframeView& view, int window,
                         const KeyframeSettings& settings);
 

@@ -46,7 +46,7 @@ std::shared_ptr<const KeyframePoints> KeyframeRenderer::take() {
 
 std::shared_ptr<const KeyframePoints> KeyframeRenderer::wait(
     const CancellationToken& cancellation) {
-  constexpr std::chrono::milliseconds kTick(5);  // a token wakes nobody
+  constexpr std::chrono::milliseconds kTick(5);  // polled: a token does not notify anybody
   {
     std::unique_lock<std::mutex> lock(mutex_);
     while (busy_ && !done_ && !error_) {

@@ -16,24 +16,24 @@
 
 namespace nerf_pose_refiner {
 
-/// Renders keyframes of one object in a thread of its own, so that nobody waits for a rendering.
-/// It serves one other thread.
+/// Renders keyframes of one object in a thread of its own, so that tracking does not wait for it.
+/// One thread may call it.
 class KeyframeRenderer {
  public:
   KeyframeRenderer(std::shared_ptr<const LoadedField> field, const KeyframeSettings& settings);
-  /// Cancels the rendering under way.
+  /// Cancels a running rendering.
   ~KeyframeRenderer();
 
   const LoadedField& field() const { return *field_; }
 
-  /// Asks for a keyframe. One at a time: none is under way or waits to be taken.
+  /// Requests a keyframe. Requires `!busy()`.
   void request(const View& view);
-  /// Whether a request was made whose keyframe was not taken yet.
+  /// Whether there is a request whose keyframe has not been taken yet.
   bool busy() const;
-  /// The keyframe, if it is done; null if it is not, or none was asked for.
-  /// @throws what rendering threw; then nothing is under way any more.
+  /// Takes the keyframe if it is complete; null if it is not, or if there was no request.
+  /// @throws what the rendering threw; the request is then over.
   std::shared_ptr<const KeyframePoints> take();
-  /// Waits for the keyframe that was asked for. @throws Cancelled, and as `take`.
+  /// Waits for the requested keyframe and takes it. @throws Cancelled, and as `take`.
   std::shared_ptr<const KeyframePoints> wait(const CancellationToken& cancellation);
 
  private:

@@ -15,8 +15,8 @@ class OutlineFinder {
  public:
   OutlineFinder(const Image& layers, const KeyframeView& view) : layers_(layers), view_(view) {}
 
-  /// The place where the opacity crosses a half between a pixel and its neighbour, to the right or
-  /// below, whichever the outline's normal is nearer to.
+  /// The place between a pixel and its neighbour, to the right or below, where the opacity crosses
+  /// 0.5. Only if the outline's normal is closer to that direction than to the other one.
   std::optional<OutlinePoint> between(int x, int y, bool to_the_right) const {
     const int x2 = x + (to_the_right ? 1 : 0), y2 = y + (to_the_right ? 0 : 1);
     const float a = layers_.at(x, y, kKeyframeAlpha) - 0.5f;
@@ -43,7 +43,7 @@ class OutlineFinder {
     return (1 - fv) * upper + fv * lower;
   }
 
-  // The mean of what is seen at a place, in the camera's frame.
+  // The expected point at a place, in the camera's frame.
   Eigen::Vector3f pointAt(const Eigen::Vector2f& place) const {
     Eigen::Vector3f point;
     for (int c = 0; c < 3; ++c) point[c] = sample(place, kKeyframePoint + c);
@@ -57,7 +57,7 @@ class OutlineFinder {
            direction_C.z() * view_.forward;
   }
 
-  // Beyond the border of the layers nothing is seen.
+  // Zero outside the layers.
   float opacityAt(const Eigen::Vector2f& place) const {
     const bool inside = place.x() >= -0.5f && place.y() >= -0.5f &&
                         place.x() <= static_cast<float>(layers_.width) - 0.5f &&
@@ -83,7 +83,7 @@ class OutlineFinder {
     for (int i = 0; i < kOutlineOpacities; ++i) {
       found.opacity[i] = opacityAt(place + static_cast<float>(i - kOutlineCompared) * outside);
     }
-    // What a pixel on the rim shows lies on its inner side: of that mean the depth alone is taken.
+    // The expected point of an outline pixel is on its inner side, so only its depth is used.
     const float depth = pointAt(place).z();
     const auto inwards = static_cast<float>(kOutlineReach);
     const Eigen::Vector3f inside = pointAt(place - inwards * outside);
@@ -101,7 +101,7 @@ class OutlineFinder {
 
 }  // namespace
 
-std::vector<OutlinePlace> outlineOf(const Image& layers, const KeyframeView& view, int most) {
+std::vector<OutlinePlace> outlineOf(const Image& layers, const KeyframeView& view, int max_count) {
   const OutlineFinder finder(layers, view);
   std::vector<OutlinePlace> all;
   if (layers.width < 2 || layers.height < 2) return all;
@@ -119,10 +119,11 @@ std::vector<OutlinePlace> outlineOf(const Image& layers, const KeyframeView& vie
   };
   std::stable_sort(all.begin(), all.end(),
                    [&tile_of](const auto& a, const auto& b) { return tile_of(a) < tile_of(b); });
-  if (all.size() <= static_cast<std::size_t>(most)) return all;
+  if (all.size() <= static_cast<std::size_t>(max_count)) return all;
   std::vector<OutlinePlace> some;
-  for (int i = 0; i < most; ++i) {
-    some.push_back(all[static_cast<std::size_t>(i) * all.size() / static_cast<std::size_t>(most)]);
+  for (int i = 0; i < max_count; ++i) {
+    some.push_back(
+        all[static_cast<std::size_t>(i) * all.size() / static_cast<std::size_t>(max_count)]);
   }
   return some;
 }

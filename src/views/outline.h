@@ -9,16 +9,15 @@
 
 namespace nerf_pose_refiner {
 
-/// A place on the outline, and the pixel that it is in.
+/// A point on the outline, and its pixel.
 struct OutlinePlace {
   OutlinePoint point;
   int pixel;  ///< y * width + x
 };
 
-/// Places along the outline of what is shown, evenly, sorted by tiles: where the opacity falls
-/// through a half, if the object is opaque within a few pixels on one side and nothing is seen on
-/// the other.
-/// @param layers [h][w][kKeyframeChannels]. @param most how many.
-std::vector<OutlinePlace> outlineOf(const Image& layers, const KeyframeView& view, int most);
+/// Points evenly distributed along the outline, sorted by tiles: where the opacity crosses 0.5, if
+/// within a few pixels the image is opaque on one side and empty on the other.
+/// @param layers [h][w][kKeyframeChannels]. @param max_count number of points, at most.
+std::vector<OutlinePlace> outlineOf(const Image& layers, const KeyframeView& view, int max_count);
 
 }  // namespace nerf_pose_refiner

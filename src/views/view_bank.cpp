@@ -18,7 +18,8 @@ void require(bool is_right, const char* name, double value) {
   }
 }
 
-/// Evenly on the sphere: a spiral with the golden angle between neighbours (Gonzalez 2010).
+/// Directions evenly distributed on the sphere: a spiral in steps of the golden angle (Gonzalez
+/// 2010).
 std::vector<Eigen::Vector3d> fibonacciDirections(int count) {
   const double golden_angle = M_PI * (3 - std::sqrt(5.0));
   std::vector<Eigen::Vector3d> directions;

@@ -12,30 +12,31 @@
 
 namespace nerf_pose_refiner {
 
+/// Settings of a view bank.
 struct ViewBankSettings {
-  int views = 162;      ///< from all around: some 16 degrees apart
-  int object_px = 100;  ///< that the object's diameter spans
-  double distance = 4;  ///< of the camera from the object's centre [diameters]
+  int views = 162;      ///< number of viewpoints; 162 are about 16 degrees apart
+  int object_px = 100;  ///< object diameter in the views [px]
+  double distance = 4;  ///< of the camera from the object's centre [object diameters]
   KeyframeSettings keyframe = {3, 128, 1, 8, 3, 700, 120, 2500, 0.97f, 4};
 
   /// @throws std::invalid_argument naming the value that is out of range.
   void validate() const;
 };
 
-/// Small keyframes of an object from all around, each made when it is first asked for: where the
-/// search for an object begins. One thread at a time.
+/// Small keyframes of an object from all sides, with which a search begins. Each is rendered on
+/// first use. Not thread-safe.
 class ViewBank {
  public:
   ViewBank(std::shared_ptr<const LoadedField> field, const ViewBankSettings& settings);
 
-  /// Numbers of the views that see the object from at most so far beside a pose, by the angle
-  /// between the lines of sight to its centre; the nearest one at least.
+  /// Indices of the views whose line of sight to the object's centre differs from that of a pose by
+  /// at most an angle; at least the nearest one.
   std::vector<int> around(const Pose& T_O_C, double angle_rad) const;
 
-  /// A view; rendered if this was not yet done. @throws Cancelled.
+  /// A view, which is rendered on first use. @throws Cancelled.
   std::shared_ptr<const KeyframePoints> view(int number, const CancellationToken& cancellation);
 
-  /// Of the views made so far.
+  /// Memory of the views rendered so far.
   std::size_t memory_bytes() const;
 
  private:
@@ -44,10 +45,10 @@ class ViewBank {
   std::shared_ptr<const LoadedField> field_;
   ViewBankSettings settings_;
   std::vector<Eigen::Vector3d> directions_;  // from the object's centre to the camera, in O
-  std::vector<std::shared_ptr<const KeyframePoints>> views_;  // null: not made yet
+  std::vector<std::shared_ptr<const KeyframePoints>> views_;  // null: not rendered yet
 };
 
-/// What a keyframe takes.
+/// Memory of a keyframe [bytes].
 std::size_t memoryBytes(const KeyframePoints& keyframe);
 
 }  // namespace nerf_pose_refiner

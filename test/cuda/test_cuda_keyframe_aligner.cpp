@@ -7,6 +7,7 @@
 #include "backend/gpu_memory.h"
 #include "backend/keyframe_aligner.h"
 #include "cuda_test.h"
+#include "image/colour.h"
 #include "support/keyframe_scene.h"
 
 // Alignment of keyframes on the GPU against the CPU's, of the same keyframes with the same images.
@@ -164,6 +165,13 @@ TEST_F(CudaKeyframeAligner, SumsAsTheCpuOutlinesAlone) {
   expectSameSums(observed(image), outline, startsAround(1));
   expectSameSums(withoutCovered(image), outline, startsAround(1));
   EXPECT_GT(align(cuda.get(), observed(image), outline, {truth_}).front().score, 0.1);
+}
+
+TEST_F(CudaKeyframeAligner, SumsAsTheCpuOfBytes) {
+  Observation observation = observe(toBytes(imageOf(truth_)), kCamera);
+  expectSameSums(observation, keyframe(truth_), startsAround(4));
+  observation.weight = withoutCovered(imageOf(truth_)).weight;
+  expectSameSums(observation, keyframe(truth_), startsAround(4));
 }
 
 TEST_F(CudaKeyframeAligner, EndsWhereTheCpuEnds) {

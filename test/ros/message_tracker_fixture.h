@@ -38,8 +38,8 @@ class MessageTrackerTest : public testing::Test {
 
   void useModel(const std::string& name = "mug") { useModel(fieldCalled(name)); }
 
-  void useModel(std::shared_ptr<const Field> field, bool same_looks = false) {
-    std::future<void> done = tracker_->tracker().offerModel(std::move(field), same_looks);
+  void useModel(std::shared_ptr<const Field> field, bool same_appearance = false) {
+    std::future<void> done = tracker_->tracker().offerModel(std::move(field), same_appearance);
     tracker_->tracker().applyModels();
     done.get();
   }

@@ -9,8 +9,9 @@
 #include <string>
 #include <vector>
 
+#include "backend/common/observed_colours.h"
 #include "concurrency/error_of.h"
-#include "nerf_pose_refiner/track_status.h"
+#include "tracking/status.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -277,18 +278,23 @@ TEST(CheckImage, NamesWhatConverts) {
   }
 }
 
+sensor_msgs::ImageConstPtr sharedImage(const char* encoding) {
+  return boost::make_shared<const sensor_msgs::Image>(someImage(encoding));
+}
+
 class EncodingTest : public testing::TestWithParam<const char*> {};
 
 TEST_P(EncodingTest, BecomesRgb) {
   CameraInput input(false);
-  const Observation observation = input.observe(someImage(GetParam()), someInfo());
+  const Observation observation = input.observe(sharedImage(GetParam()), someInfo());
   observation.validate();
   EXPECT_EQ(observation.background, Background::kUnknown);
   EXPECT_EQ(observation.camera.fx, 10);
+  const Image colours = observedColours(observation);
   const bool grey = std::string(GetParam()) == "mono8";
   for (int c = 0; c < 3; ++c) {
-    EXPECT_EQ(observation.image.at(1, 5, c), grey || c == 0 ? 1.0f : 0.0f) << c;
-    EXPECT_EQ(observation.image.at(7, 0, c), !grey && c == 2 ? 1.0f : 0.0f) << c;
+    EXPECT_EQ(colours.at(1, 5, c), grey || c == 0 ? 1.0f : 0.0f) << c;
+    EXPECT_EQ(colours.at(7, 0, c), !grey && c == 2 ? 1.0f : 0.0f) << c;
   }
 }
 
@@ -298,29 +304,27 @@ INSTANTIATE_TEST_SUITE_P(CameraInput, EncodingTest,
 TEST(CameraInput, TakesTheDistortionOutOfRawImagesOnly) {
   sensor_msgs::CameraInfo info = someInfo();
   info.D = {-0.2, 0, 0, 0, 0};
-  const Observation raw = CameraInput(false).observe(someImage("rgb8"), info);
+  const Observation raw = CameraInput(false).observe(sharedImage("rgb8"), info);
   EXPECT_NE(raw.camera.fx, 10) << "the undistorted image is a part of the distorted one";
-  const Observation rectified = CameraInput(true).observe(someImage("rgb8"), info);
+  const Observation rectified = CameraInput(true).observe(sharedImage("rgb8"), info);
   EXPECT_EQ(rectified.camera.fx, 20);
 }
 
 TEST(CameraInput, AMaskSaysWhereTheObjectIs) {
-  CameraInput input(false);
   const Observation observation =
-      input.observe(someImage("rgb8"), someInfo(), {someMask(2, 4), nullptr});
+      CameraInput(false).observe(sharedImage("rgb8"), someInfo(), {someMask(2, 4), nullptr});
   observation.validate();
   EXPECT_EQ(observation.background, Background::kMask);
   EXPECT_TRUE(observation.weight.empty());
-  EXPECT_EQ(observation.image.at(1, 5, 0), 1.0f) << "colours are as the camera saw them";
+  EXPECT_EQ(observedColours(observation).at(1, 5, 0), 1.0f) << "colours are as the camera saw them";
   for (int x = 0; x < 8; ++x) {
     EXPECT_EQ(observation.alpha.at(x, 3, 0), x >= 2 && x <= 4 ? 1.0f : 0.0f) << x;
   }
 }
 
 TEST(CameraInput, IgnoredPixelsHaveNoWeight) {
-  CameraInput input(false);
   const Observation observation =
-      input.observe(someImage("rgb8"), someInfo(), {nullptr, someMask(5, 7)});
+      CameraInput(false).observe(sharedImage("rgb8"), someInfo(), {nullptr, someMask(5, 7)});
   observation.validate();
   EXPECT_EQ(observation.background, Background::kUnknown);
   EXPECT_TRUE(observation.alpha.empty());
@@ -335,12 +339,13 @@ TEST(CameraInput, MasksAreUndistortedWithTheirImage) {
   info.D = {-0.4, 0, 0, 0, 0};
   info.K = {4, 0, 2, 0, 4, 2, 0, 0, 1};
   const Observation observation =
-      CameraInput(false).observe(someImage("rgb8"), info, {someMask(0, 3), someMask(4, 7)});
+      CameraInput(false).observe(sharedImage("rgb8"), info, {someMask(0, 3), someMask(4, 7)});
   observation.validate();
+  const Image colours = observedColours(observation);
   bool fraction = false;
   for (int y = 0; y < 6; ++y) {
     for (int x = 0; x < 8; ++x) {
-      const float red = observation.image.at(x, y, 0), alpha = observation.alpha.at(x, y, 0);
+      const float red = colours.at(x, y, 0), alpha = observation.alpha.at(x, y, 0);
       fraction = fraction || (alpha > 0 && alpha < 1);
       EXPECT_NEAR(alpha, red, 0.005) << x << ", " << y;
       EXPECT_EQ(observation.weight.at(x, y, 0), alpha == 1 ? 1.0f : 0.0f) << x << ", " << y;
@@ -355,7 +360,7 @@ TEST(CameraInput, RefusesMasksOfAnotherKindOrSize) {
     change(mask.get());
     CameraInput input(false);
     const auto with = [&](const ImageMasks& masks) {
-      return reasonOf([&] { input.observe(someImage("rgb8"), someInfo(), masks); });
+      return reasonOf([&] { input.observe(sharedImage("rgb8"), someInfo(), masks); });
     };
     EXPECT_EQ(with({mask, nullptr}), with({nullptr, mask}));
     return with({mask, nullptr});
@@ -373,13 +378,13 @@ TEST(CameraInput, RefusesMasksOfAnotherKindOrSize) {
 TEST(CameraInput, FollowsACameraThatChanges) {
   CameraInput input(false);
   sensor_msgs::CameraInfo info = someInfo();
-  EXPECT_EQ(input.observe(someImage("rgb8"), info).camera.fx, 10);
+  EXPECT_EQ(input.observe(sharedImage("rgb8"), info).camera.fx, 10);
   info.K[0] = 15;
-  EXPECT_EQ(input.observe(someImage("rgb8"), info).camera.fx, 15);
-  sensor_msgs::Image small = someImage("rgb8");
-  small.height = info.height = 3;
-  small.data.resize(small.data.size() / 2);
-  EXPECT_EQ(input.observe(small, info).image.height, 3);
+  EXPECT_EQ(input.observe(sharedImage("rgb8"), info).camera.fx, 15);
+  const auto small = boost::make_shared<sensor_msgs::Image>(someImage("rgb8"));
+  small->height = info.height = 3;
+  small->data.resize(small->data.size() / 2);
+  EXPECT_EQ(input.observe(small, info).pixels->height(), 3);
 }
 
 TEST(CameraToMessage, DescribesAPinholeCamera) {

@@ -23,7 +23,7 @@ TEST_F(MessageTrackerTest, OutlivesABackendThatThrows) {
   ASSERT_TRUE(result);
   EXPECT_EQ(int{result->status.state}, int{Status::STATE_ERROR});
   EXPECT_EQ(result->status.message, "the backend broke");
-  EXPECT_EQ(result->track.observation->image.width, 4);
+  EXPECT_EQ(result->track.observation->camera.width, 4);
   search_->throws = false;
   offer();
   EXPECT_TRUE(tracker_->process(frameAt(0.1))->pose);

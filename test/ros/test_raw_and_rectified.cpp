@@ -5,6 +5,7 @@
 #include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/Image.h>
 
+#include <boost/make_shared.hpp>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/imgproc.hpp>
 #include <string>
@@ -109,7 +110,8 @@ cv::Mat rectifiedImage(const WideView& view, const sensor_msgs::CameraInfo& info
 Pose refined(const WideView& view, bool rectified, const cv::Mat& rgb,
              const sensor_msgs::CameraInfo& info) {
   CameraInput input(rectified);
-  const Observation observation = input.observe(messageOf(rgb), info);
+  const Observation observation =
+      input.observe(boost::make_shared<const sensor_msgs::Image>(messageOf(rgb)), info);
   Prior prior;
   const Eigen::Vector3d centre = view.scene->field().metadata.centre;
   const Eigen::Matrix3d turn = expSO3({0.03, -0.04, 0.02});

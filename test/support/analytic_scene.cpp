@@ -5,11 +5,9 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <stdexcept>
 
-#include "backend/cpu/ray_renderer.h"
-#include "field/field.h"
 #include "image/resample.h"
+#include "support/opaque_scene.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -62,33 +60,18 @@ Hit hitBall(const Eigen::Vector3f& origin, const Eigen::Vector3f& d) {
   return hit;
 }
 
-class AnalyticScene final : public RayRenderer {
+class AnalyticScene final : public OpaqueScene {
  public:
   AnalyticScene(float scale, std::shared_ptr<CpuProcessor> processor)
-      : RayRenderer(std::move(processor)), scale_(scale) {
+      : OpaqueScene(std::move(processor)), scale_(scale) {
     field_.metadata.diameter = scale;
     field_.metadata.centre = scale * Eigen::Vector3d(0.05, -0.02, 0.03);
     field_.box.min = Eigen::Vector3d::Constant(-0.6 * scale);
     field_.box.max = Eigen::Vector3d::Constant(0.6 * scale);
   }
 
-  const Field& field() const override { return field_; }
-
-  CostCounters renderRays(RaySpan rays, const RenderOptions& options,
-                          RayResult* results) const override {
-    for (int i = 0; i < rays.size; ++i) results[i] = trace(rays[i], options);
-    CostCounters cost;
-    cost.rays = cost.samples = static_cast<std::uint64_t>(rays.size);
-    return cost;
-  }
-
-  CostCounters rayGradients(RaySpan, const RenderOptions&, bool, const RayLoss&,
-                            RayGradient*) const override {
-    throw std::logic_error("the analytic scene is made for alignment, which needs no gradients");
-  }
-
  private:
-  RayResult trace(const Ray& ray, const RenderOptions& options) const {
+  RayResult trace(const Ray& ray, const RenderOptions& options) const override {
     const Eigen::Vector3f origin = Eigen::Map<const Eigen::Vector3f>(ray.origin) / scale_;
     const Eigen::Vector3f d = Eigen::Map<const Eigen::Vector3f>(ray.direction);
     const Hit box = hitBox(origin, d), ball = hitBall(origin, d);
@@ -104,7 +87,6 @@ class AnalyticScene final : public RayRenderer {
   }
 
   float scale_;
-  Field field_;
 };
 
 }  // namespace

@@ -31,7 +31,7 @@ class FakeSearch : public ObjectSearch {
   Refinement search(const SearchRequest& request, const CancellationToken& cancellation) override {
     priors.push_back(request.prior);
     was_tracked.push_back(request.tracked);
-    width = request.observation.image.width;
+    width = request.observation.camera.width;
     if (throws) throw std::runtime_error("the backend broke");
     while (waits_to_be_stopped && !cancellation.cancelRequested()) {
       searching = true;

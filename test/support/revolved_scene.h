@@ -3,18 +3,15 @@
 
 #include <algorithm>
 #include <cmath>
-#include <functional>
 #include <limits>
-#include <stdexcept>
 
-#include "backend/cpu/ray_renderer.h"
-#include "field/field.h"
+#include "support/opaque_scene.h"
 
 namespace nerf_pose_refiner {
 
 /// An object whose image does not tell how far it is turned about its z axis, 1 unit long, in the
 /// place of a learned field: a banded bottle, or a banded cylinder that may stand on its head, too.
-class RevolvedScene final : public RayRenderer {
+class RevolvedScene final : public OpaqueScene {
  public:
   enum class Shape { kBottle, kCylinder };
 
@@ -27,21 +24,6 @@ class RevolvedScene final : public RayRenderer {
     object.symmetries = shape == Shape::kBottle
                             ? Symmetries(SymmetryAxis(), {})
                             : Symmetries(SymmetryAxis(), {turnAbout(x, 3.14159265358979)});
-  }
-
-  const Field& field() const override { return field_; }
-
-  CostCounters renderRays(RaySpan rays, const RenderOptions& options,
-                          RayResult* results) const override {
-    for (int i = 0; i < rays.size; ++i) results[i] = trace(rays[i], options);
-    CostCounters cost;
-    cost.rays = cost.samples = static_cast<std::uint64_t>(rays.size);
-    return cost;
-  }
-
-  CostCounters rayGradients(RaySpan, const RenderOptions&, bool, const RayLoss&,
-                            RayGradient*) const override {
-    throw std::logic_error("this scene is made for alignment, which needs no gradients");
   }
 
  private:
@@ -59,7 +41,7 @@ class RevolvedScene final : public RayRenderer {
     return enter > 0 && enter < leave ? enter : kNowhere;
   }
 
-  RayResult trace(const Ray& ray, const RenderOptions& options) const {
+  RayResult trace(const Ray& ray, const RenderOptions& options) const override {
     const Eigen::Vector3f o = Eigen::Map<const Eigen::Vector3f>(ray.origin);
     const Eigen::Vector3f d = Eigen::Map<const Eigen::Vector3f>(ray.direction);
     const bool bottle = shape_ == Shape::kBottle;
@@ -79,7 +61,6 @@ class RevolvedScene final : public RayRenderer {
   }
 
   Shape shape_;
-  Field field_;
 };
 
 }  // namespace nerf_pose_refiner

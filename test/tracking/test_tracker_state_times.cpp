@@ -42,12 +42,12 @@ TEST_F(TrackerStateTest, ForgetsAllWhenTheClockGoesBack) {
   state_.offer(poseAt(at(10)));
   track(10);
   const ImageDecision running = image(10.1);
-  EXPECT_FALSE(state_.clockIs(at(9.8))) << "a clock that is put right by a little";
-  EXPECT_TRUE(state_.clockIs(at(0)));
+  EXPECT_FALSE(state_.updateClock(at(9.8))) << "a clock that is put right by a little";
+  EXPECT_TRUE(state_.updateClock(at(0)));
   expect(TrackState::kWaiting, TrackReason::kClockJumped);
   EXPECT_FALSE(state_.trusted(running.ticket, Pose()));
   expect(TrackState::kWaiting, TrackReason::kClockJumped);
-  EXPECT_FALSE(state_.clockIs(at(0.1)));
+  EXPECT_FALSE(state_.updateClock(at(0.1)));
 }
 
 TEST_F(TrackerStateTest, KeepsAnInitialPoseFromAfterTheJump) {
@@ -63,7 +63,7 @@ TEST_F(TrackerStateTest, KeepsAnInitialPoseFromAfterTheJump) {
 TEST_F(TrackerStateTest, DropsAnInitialPoseFromBeforeTheJump) {
   image(10);
   state_.offer(poseAt(at(11)));
-  EXPECT_TRUE(state_.clockIs(at(0)));
+  EXPECT_TRUE(state_.updateClock(at(0)));
   EXPECT_FALSE(image(0.1).start);
   EXPECT_FALSE(image(11).start);
 }
@@ -71,9 +71,9 @@ TEST_F(TrackerStateTest, DropsAnInitialPoseFromBeforeTheJump) {
 TEST_F(TrackerStateTest, IsLostWithoutImages) {
   state_.offer(poseAt(at(0)));
   track(0);
-  state_.clockIs(at(1.9));
+  state_.updateClock(at(1.9));
   expect(TrackState::kTracking, TrackReason::kNone);
-  state_.clockIs(at(2.1));
+  state_.updateClock(at(2.1));
   expect(TrackState::kLost, TrackReason::kNoImages);
   EXPECT_FALSE(image(2.2).start);
 }
@@ -83,7 +83,7 @@ TEST_F(TrackerStateTest, NeverLosesATrackForLackOfImagesIfAsked) {
   restart();
   state_.offer(poseAt(at(0)));
   track(0);
-  state_.clockIs(at(1000));
+  state_.updateClock(at(1000));
   expect(TrackState::kTracking, TrackReason::kNone);
 }
 

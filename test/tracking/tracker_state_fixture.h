@@ -39,7 +39,7 @@ class TrackerStateTest : public testing::Test {
   }
 
   ImageDecision image(double seconds) {
-    state_.clockIs(at(seconds));
+    state_.updateClock(at(seconds));
     state_.imageArrived();
     return state_.decide({kCamera, at(seconds)});
   }

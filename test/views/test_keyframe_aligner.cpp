@@ -11,6 +11,7 @@
 
 #include "backend/make_backend.h"
 #include "evaluation/pose_error.h"
+#include "image/colour.h"
 #include "support/keyframe_scene.h"
 
 namespace nerf_pose_refiner {
@@ -173,6 +174,22 @@ TEST_F(KeyframeAlignerOnScene, LeavesOutWhatHasNoWeight) {
   const Hypothesis found = aligner->align({{number, start}}, {}, {}).front();
   expectFound(found, 0.1, 0.002);
   EXPECT_GT(found.visible_fraction, 0.9);
+}
+
+TEST_F(KeyframeAlignerOnScene, BytesAreAsTheirValues) {
+  const Image8 bytes = toBytes(imageOf(truth_));
+  const auto found_in = [&](const Observation& observation) {
+    const auto keyframe = std::make_shared<const KeyframePoints>(keyframeAt(truth_));
+    const auto aligner = makeCpuKeyframeAligner(1);
+    aligner->observe(observation, frameWindowFor(*keyframe, kCamera, truth_));
+    const int number = aligner->add(keyframe);
+    return aligner->align({{number, offBy(truth_, {0.5, -0.5, 0.5}, 3)}}, {}, {}).front();
+  };
+  const Hypothesis of_bytes = found_in(observe(bytes, kCamera));
+  const Hypothesis of_values = found_in(observed(toFloat(bytes)));
+  EXPECT_EQ(of_bytes.T_O_C.t, of_values.T_O_C.t);
+  EXPECT_EQ(of_bytes.T_O_C.R, of_values.T_O_C.R);
+  EXPECT_EQ(of_bytes.loss, of_values.loss);
 }
 
 TEST_F(KeyframeAlignerOnScene, ManyStartsAreAsOneByOne) {

@@ -22,13 +22,12 @@ std::pair<int, int> wholeSteps(int first, int count, int size, int step) {
 
 FrameLevels::FrameLevels(const Observation& observation, const FrameWindow& window)
     : camera_(observation.camera), finest_(window.finest), count_(window.levels) {
-  const Image& image = observation.image;
   const int step = 1 << (finest_ + count_ - 1);
-  if (image.channels != 3 || std::min(image.width, image.height) < kLeastPixels * step) {
-    throw std::invalid_argument("alignment to a keyframe needs a larger image, in RGB");
+  if (std::min(camera_.width, camera_.height) < kLeastPixels * step) {
+    throw std::invalid_argument("alignment to a keyframe needs a larger image");
   }
-  const auto [x, width] = wholeSteps(window.pixels.x, window.pixels.width, image.width, step);
-  const auto [y, height] = wholeSteps(window.pixels.y, window.pixels.height, image.height, step);
+  const auto [x, width] = wholeSteps(window.pixels.x, window.pixels.width, camera_.width, step);
+  const auto [y, height] = wholeSteps(window.pixels.y, window.pixels.height, camera_.height, step);
   window_ = {x, y, width, height};
 }
 

@@ -2,6 +2,7 @@
 #include "nerf_pose_refiner/observation.h"
 
 #include <algorithm>
+#include <array>
 #include <stdexcept>
 #include <string>
 
@@ -11,17 +12,26 @@ namespace {
 constexpr float kTolerance = 1e-4f;  // rounding of a blend or a resampling
 constexpr float kMin = -kTolerance, kMax = 1 + kTolerance;
 
-void requireImage(const char* name, const Image& image, const Camera& camera, int channels) {
-  const auto size = [](int width, int height, int depth) {
-    return std::to_string(width) + " x " + std::to_string(height) + " x " + std::to_string(depth);
+// Width, height, channels.
+using Size = std::array<int, 3>;
+
+void requireSize(const char* name, const Size& size, const Size& wanted) {
+  if (size == wanted) return;
+  const auto text = [](const Size& of) {
+    return std::to_string(of[0]) + " x " + std::to_string(of[1]) + " x " + std::to_string(of[2]);
   };
+  throw std::invalid_argument(std::string("Observation::") + name + " is " + text(size) +
+                              ", the camera and its meaning ask for " + text(wanted));
+}
+
+void requireImage(const char* name, const Image& image, const Camera& camera, int channels) {
+  requireSize(name, {image.width, image.height, image.channels},
+              {camera.width, camera.height, channels});
   const std::size_t values = image.pixels() * static_cast<std::size_t>(image.channels);
-  if (image.width != camera.width || image.height != camera.height || image.channels != channels ||
-      image.values.size() != values) {
-    throw std::invalid_argument(std::string("Observation::") + name + " is " +
-                                size(image.width, image.height, image.channels) +
-                                ", the camera and its meaning ask for " +
-                                size(camera.width, camera.height, channels));
+  if (image.values.size() != values) {
+    throw std::invalid_argument(std::string("Observation::") + name + " holds " +
+                                std::to_string(image.values.size()) + " values, must hold " +
+                                std::to_string(values));
   }
   // Counted, without a way out of the loop: so many are compared at a time.
   std::size_t inside = 0;
@@ -44,7 +54,13 @@ void requireImage(const char* name, const Image& image, const Camera& camera, in
 
 void Observation::validate() const {
   camera.validate();
-  requireImage("image", image, camera, 3);
+  if (pixels == nullptr) {
+    requireImage("image", image, camera, 3);
+  } else if (!image.empty()) {
+    throw std::invalid_argument("Observation has an image and pixels: one of them must be empty");
+  } else {
+    requireSize("pixels", {pixels->width(), pixels->height(), 3}, {camera.width, camera.height, 3});
+  }
   const bool needs_alpha = background == Background::kKnownAlpha || background == Background::kMask;
   if (needs_alpha || !alpha.empty()) requireImage("alpha", alpha, camera, 1);
   if (!weight.empty()) requireImage("weight", weight, camera, 1);

@@ -1,8 +1,8 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "backend/common/box_window.h"
 #include "field/field.h"
-#include "math/pixel_window.h"
 #include "nerf_pose_refiner/camera.h"
 #include "nerf_pose_refiner/pose.h"
 

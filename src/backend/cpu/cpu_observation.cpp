@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "backend/common/blur_rules.h"
+#include "backend/common/observed_colours.h"
 #include "backend/common/solver_rules.h"
 #include "backend/cpu/rendered_image.h"
 #include "concurrency/parallel.h"
@@ -16,13 +17,14 @@ namespace {
 // The observation as [h][w][5]: weighted RGB, premultiplied by a mask; weighted opacity; weight.
 Image packed(const Observation& observation) {
   const bool is_mask = observation.background == Background::kMask;
-  Image result(observation.image.width, observation.image.height, 5);
+  const Image colours = observedColours(observation);
+  Image result(colours.width, colours.height, 5);
   for (std::size_t i = 0; i < result.pixels(); ++i) {
     const float weight = observation.weight.empty() ? 1.0f : observation.weight.values[i];
     const float alpha = observation.alpha.empty() ? 0.0f : observation.alpha.values[i];
     float* to = result.values.data() + 5 * i;
     for (int c = 0; c < 3; ++c) {
-      to[c] = weight * (is_mask ? alpha : 1.0f) * observation.image.values[3 * i + c];
+      to[c] = weight * (is_mask ? alpha : 1.0f) * colours.values[3 * i + c];
     }
     to[3] = weight * alpha;
     to[4] = weight;

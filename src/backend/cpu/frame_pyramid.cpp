@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "backend/common/image_levels.h"
+#include "backend/common/observed_colours.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -24,9 +25,10 @@ void divideByWeight(Image* image) {
 
 // Colours times their weight, and the weight: what is covered does not blur into the rest.
 Image windowOf(const Observation& observation, const PixelWindow& window) {
+  const Image colours = observedColours(observation, window);
   Image part(window.width, window.height, kChannels);
   for (int y = 0; y < window.height; ++y) {
-    const float* from = observation.image.pixel(window.x, window.y + y);
+    const float* from = colours.pixel(0, y);
     const float* weight =
         observation.weight.empty() ? nullptr : observation.weight.pixel(window.x, window.y + y);
     float* to = part.pixel(0, y);

@@ -18,16 +18,16 @@
 
 namespace nerf_pose_refiner {
 
-/// What of a bag belongs to a sequence. Topics are absolute, as the bag has them.
+/// The topics of a bag that make a sequence. Names are absolute, as in the bag.
 struct BagTopics {
   std::string image;         ///< Image or CompressedImage; empty: the only one of the bag
   std::string camera_info;   ///< empty: the image's sibling, as image_transport has it
   std::string mask;          ///< Image or CompressedImage, paired by exact stamp; empty: none
   std::string initial_pose;  ///< PoseStamped or PoseWithCovarianceStamped; empty: none
-  std::string truth;         ///< these or TransformStamped: the object's true pose in any TF frame
+  std::string truth;         ///< the same or TransformStamped: the true pose in any TF frame
   std::string truth_frame;   ///< TF frame of the object; alternative to `truth`
-  std::string fixed_frame;   ///< in which the object stands still between the times of an initial
-                             ///< pose and of the image; empty: the frame of the pose
+  std::string fixed_frame;   ///< where the object stands still between an initial pose and its
+                             ///< image; empty: the frame of the pose
   double truth_gap_s = 0.2;  ///< longest gap of `truth` that is bridged by interpolation
 };
 
@@ -39,8 +39,8 @@ struct BagFrame {
   sensor_msgs::ImagePtr mask;  ///< null: none with this stamp
 };
 
-/// A recorded sequence of images, read from the file itself: no image is dropped, none is late, and
-/// TF is known as a whole. One thread at a time.
+/// A recorded sequence of images, read from the bag file: no image is dropped or late, and the TF
+/// of the whole bag is known. Not thread-safe.
 class BagSequence {
  public:
   /// Reads all but the images. @throws std::runtime_error naming the file and the topic that is
@@ -48,18 +48,19 @@ class BagSequence {
   BagSequence(const std::string& path, const BagTopics& topics);
 
   int size() const { return static_cast<int>(images_.size()); }
-  const BagTopics& topics() const { return topics_; }  ///< completed
+  const BagTopics& topics() const { return topics_; }  ///< with the names that were found
 
   /// @throws std::runtime_error naming topic and frame: an image or mask that cannot be decoded, or
-  /// no camera_info of the image's stamp. (One camera_info in the whole bag is all images'.)
+  /// no camera_info with the image's stamp. (A single camera_info in the bag applies to all
+  /// images.)
   BagFrame frame(int index) const;
 
   /// The object's true pose T_C_U [m]. @throws std::runtime_error naming what is missing.
   Pose truth(const std::string& camera_frame, const ros::Time& stamp) const;
 
   /// The newest recorded initial pose T_C_U [m] that is not newer than a time, nor older by more
-  /// than `max_age_s`; nothing: there is none.
-  /// @throws std::runtime_error if TF does not lead to it.
+  /// than `max_age_s`; empty: there is none.
+  /// @throws std::runtime_error if TF cannot transform it.
   std::optional<Pose> initialPose(const std::string& camera_frame, const ros::Time& stamp,
                                   double max_age_s) const;
 

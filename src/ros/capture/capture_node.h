@@ -17,11 +17,11 @@
 
 namespace nerf_pose_refiner {
 
-/// The ROS graph around ViewCapture: topics, services, progress, and the call that registers what
-/// was captured. All but that call and TF's listener run on the node's one thread.
+/// The ROS interface of ViewCapture: topics, services, progress, and the call that registers the
+/// captured object. That call and the TF listener have threads of their own.
 class CaptureNode {
  public:
-  /// @throws std::invalid_argument for parameters that are missing or make no sense.
+  /// @throws std::invalid_argument for missing or invalid parameters.
   CaptureNode(ros::NodeHandle nh, ros::NodeHandle pnh);
 
  private:
@@ -53,9 +53,9 @@ class CaptureNode {
   TransformInput transform_input_;
   ViewCapture capture_;
   CaptureStatus reported_;
-  bool finish_failed_ = false;  ///< then ~finish is waited for
+  bool finish_failed_ = false;  ///< the capture waits for ~finish
   ros::Publisher status_;
-  std::future<std::string> registration_;  ///< empty text: the object is registered
+  std::future<std::string> registration_;  ///< error message; empty: registered
   sensor_msgs::CameraInfoConstPtr info_;   ///< the last one
 
   image_transport::ImageTransport transport_;

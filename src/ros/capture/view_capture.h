@@ -22,21 +22,21 @@ namespace nerf_pose_refiner {
 /// Parameters of the node capture_views. Meanings and advice: config/capture_views.yaml.
 struct CaptureParameters {
   std::string name;                    ///< of the object, and of its dataset
-  std::string dataset_root;            ///< the folder <name> is made below it
+  std::string dataset_root;            ///< the folder <name> is created below it
   std::string object_reference_frame;  ///< TF frame that is rigid to the object
-  bool use_masks = false;              ///< of the topic `mask`
+  bool use_masks = false;              ///< from the topic `mask`
   bool has_box = false;                ///< of the object, in object_reference_frame [m]
   Eigen::Vector3d box_min = Eigen::Vector3d::Zero();
   Eigen::Vector3d box_max = Eigen::Vector3d::Zero();
   std::optional<Eigen::Vector3d> object_centre;  ///< default: the box's, or the frame's origin
   bool image_is_rectified = false;
   std::string image_transport = "raw";
-  int min_views = 20;         ///< with fewer a dataset is not finished
-  int max_views = 0;          ///< then it finishes by itself; 0: on ~finish alone
-  double min_coverage = 0.5;  ///< share of the directions around the object, 0..1
+  int min_views = 20;         ///< a dataset is not finished with fewer
+  int max_views = 0;          ///< the capture then ends by itself; 0: only on ~finish
+  double min_coverage = 0.5;  ///< fraction of the directions around the object, 0..1
   double tf_timeout_s = 0.5;  ///< ROS time that an image waits for TF
   ViewSelectionSettings selection;
-  std::string register_service;  ///< empty: the dataset is written, and that is all
+  std::string register_service;  ///< empty: the dataset is only written
 
   static CaptureParameters read(ParamReader* reader);
 
@@ -52,25 +52,24 @@ struct CapturedImage {
   sensor_msgs::ImageConstPtr mask;  ///< null: none is used
 };
 
-/// Chooses images of a moving camera, or of a moved object, and writes them as a dataset with poses
-/// from TF: metric, without structure from motion. The ROS graph around it is the node's. One
-/// thread.
+/// Chooses images of a moving camera, or of a moved object, and writes them as a metric dataset
+/// with poses from TF. CaptureNode is its ROS interface. Not thread-safe.
 class ViewCapture {
  public:
   /// @param transforms outlives this object.
   ViewCapture(const CaptureParameters& parameters, const tf2::BufferCore& transforms);
 
   /// Begins a dataset. @param info of the camera, which must not change.
-  /// @throws std::exception why it cannot work: already under way, a camera that is not supported,
-  /// the folder is there, TF does not lead from ~object_reference_frame to the camera.
+  /// @throws std::exception if a capture is running, the camera is not supported, the folder
+  /// exists, or TF does not connect ~object_reference_frame and the camera.
   void start(const sensor_msgs::CameraInfo& info);
 
-  /// Takes an image in; it waits for TF until `process`. The oldest is dropped if too many wait.
+  /// Queues an image for `process`. If the queue is full, the oldest image is dropped.
   void add(const CapturedImage& image);
 
-  /// Judges the images whose poses are known by now. One that cannot be used or written is counted
-  /// as refused, with the reason; those before it are kept. @param now by the clock of the images.
-  /// @return whether ~max_views were reached, and the dataset can be finished.
+  /// Processes the queued images whose poses are known. An image that cannot be used or written is
+  /// counted as refused, with the reason. @param now on the clock of the images.
+  /// @return whether there are ~max_views views and the dataset can be finished.
   bool process(const ros::Time& now);
 
   /// Writes the dataset; `status().dataset` is its name, with a number at its end if the wanted one

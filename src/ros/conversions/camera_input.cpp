@@ -1,7 +1,6 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include "ros/conversions/camera_input.h"
 
-#include <cv_bridge/cv_bridge.h>
 #include <image_geometry/pinhole_camera_model.h>
 #include <sensor_msgs/distortion_models.h>
 #include <sensor_msgs/image_encodings.h>
@@ -12,8 +11,8 @@
 #include <string>
 
 #include "image/colour.h"
-#include "nerf_pose_refiner/track_status.h"
 #include "ros/conversions/pose_conversions.h"
+#include "tracking/status.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -61,6 +60,19 @@ void requireData(const char* what, const sensor_msgs::Image& image, TrackReason 
     throw InputError(reason,
                      std::string("the size of the ") + what + " and of its data do not match");
   }
+}
+
+PixelFormat formatOf(const std::string& encoding) {
+  if (encoding == encodings::MONO8) return PixelFormat::kGrey;
+  if (encoding == encodings::BGR8) return PixelFormat::kBgr;
+  if (encoding == encodings::RGBA8) return PixelFormat::kRgba;
+  if (encoding == encodings::BGRA8) return PixelFormat::kBgra;
+  return PixelFormat::kRgb;
+}
+
+Image8View bytesOf(const sensor_msgs::Image& image) {
+  return {image.data.data(), static_cast<int>(image.width), static_cast<int>(image.height),
+          encodings::numChannels(image.encoding), image.step};
 }
 
 void requireKnownDistortion(const sensor_msgs::CameraInfo& info) {
@@ -142,13 +154,8 @@ void checkImage(const sensor_msgs::Image& image, const Camera& camera) {
 }
 
 Image8 rgbPixels(const sensor_msgs::Image& image) {
-  // The caller keeps the message alive while its pixels are shared.
-  const cv_bridge::CvImageConstPtr rgb = cv_bridge::toCvShare(image, nullptr, encodings::RGB8);
-  Image8 bytes(rgb->image.cols, rgb->image.rows, 3);
-  for (int y = 0; y < bytes.height; ++y) {
-    std::copy_n(rgb->image.ptr<std::uint8_t>(y), 3 * bytes.width, bytes.pixel(0, y));
-  }
-  return bytes;
+  const CameraPixels pixels(bytesOf(image), formatOf(image.encoding), nullptr);
+  return pixels.read({0, 0, pixels.width(), pixels.height()});
 }
 
 Image8 maskPixels(const char* what, const sensor_msgs::Image& mask, const Camera& camera) {
@@ -184,26 +191,27 @@ sensor_msgs::CameraInfo toMessage(const Camera& camera) {
   return info;
 }
 
-const Undistorter& CameraInput::undistorterOf(const CameraModel& model) {
-  if (!undistorter_ || !sameModel(model, model_)) {
-    undistorter_.reset();
-    try {
-      undistorter_.emplace(model.camera, model.distortion);
-    } catch (const std::exception& e) {
-      throw InputError(TrackReason::kBadCameraInfo, std::string("camera_info: ") + e.what());
-    }
-    model_ = model;
+void CameraInput::makeUndistorter(const CameraModel& model) {
+  if (undistorter_ != nullptr && sameModel(model, model_)) return;
+  undistorter_.reset();
+  try {
+    undistorter_ = std::make_shared<const Undistorter>(model.camera, model.distortion);
+  } catch (const std::exception& e) {
+    throw InputError(TrackReason::kBadCameraInfo, std::string("camera_info: ") + e.what());
   }
-  return *undistorter_;
+  model_ = model;
 }
 
-Observation CameraInput::observe(const sensor_msgs::Image& image,
+Observation CameraInput::observe(const sensor_msgs::ImageConstPtr& image,
                                  const sensor_msgs::CameraInfo& info, const ImageMasks& masks) {
   const CameraModel model = cameraFromMessage(info, rectified_);
-  checkImage(image, model.camera);
-  const Undistorter& undistorter = undistorterOf(model);
+  checkImage(*image, model.camera);
+  makeUndistorter(model);
+  const Undistorter& undistorter = *undistorter_;
   Observation observation;
-  observation.image = toFloat(undistorter.undistort(rgbPixels(image)));
+  observation.pixels = std::make_shared<CameraPixels>(
+      bytesOf(*image), formatOf(image->encoding),
+      std::shared_ptr<const void>(image.get(), [image](const void*) {}), undistorter_);
   observation.camera = undistorter.camera();
   if (masks.object) {
     observation.background = Background::kMask;

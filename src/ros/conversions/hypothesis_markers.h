@@ -12,11 +12,11 @@ namespace nerf_pose_refiner {
 /// As boxCorners has them [m].
 using BoxCorners = std::array<Eigen::Vector3d, 8>;
 
-/// Hypotheses for RViz: the object's box at each pose, as opaque as its weight is of the greatest
-/// one, and of the best its axes, too (red, green, blue: x, y, z), in its own namespace "best".
+/// Hypotheses for RViz: the object's box at each pose, with an opacity proportional to its weight.
+/// The best one also has axes (red, green, blue: x, y, z) and a namespace of its own, "best".
 ///
-/// Each array is whole: it deletes what is not in it. Numbers are stable, and all is gone some
-/// seconds after the last array.
+/// Each array is complete: it deletes the markers of earlier ones. Marker ids are stable, and all
+/// markers disappear some seconds after the last array.
 visualization_msgs::MarkerArray hypothesisMarkers(const PoseHypothesisArray& hypotheses,
                                                   const BoxCorners& corners);
 

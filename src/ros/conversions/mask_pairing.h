@@ -13,47 +13,46 @@
 
 namespace nerf_pose_refiner {
 
-/// Brings images together with their masks, which come later, by exact stamp. The newest image that
-/// is complete is handed on, and the older ones are dropped.
+/// Pairs images with their masks, which arrive later, by exact stamp. The newest complete image is
+/// passed on; older ones are dropped.
 ///
-/// A kind of mask is waited for as long as it is expected: the object's, if ~mask_mode asks for it,
-/// until none came for ~mask_timeout_s; that of ignored pixels, from the first one on until none
-/// came for so long. Then images go on at once, as if there were none. A mask of ignored pixels
-/// whose stamp is zero holds for every image that has none of its own.
+/// Images wait for a kind of mask only while it is expected. Masks of the object are expected if
+/// ~mask_mode asks for them, until none has arrived for ~mask_timeout_s. Masks of ignored pixels
+/// are expected from the first one on, until none has arrived for as long. A mask of ignored pixels
+/// with stamp zero applies to every image that has none of its own.
 ///
-/// All methods may be called from any thread. Images are handed on under a lock, in order.
+/// Thread-safe. Images are passed on in order, under a lock.
 class MaskPairing {
  public:
-  /// Images that wait, and masks of each kind: so many at most.
+  /// Largest number of waiting images, and of masks of each kind.
   static constexpr std::size_t kMax = 100;
 
   using Emit = std::function<void(CameraFrame)>;
 
-  /// @param timeout_s without a mask for so long none is waited for [s].
+  /// @param timeout_s without a mask for this time, images do not wait [s].
   MaskPairing(MaskMode mode, double timeout_s, Emit emit)
       : mode_(mode), timeout_s_(timeout_s), emit_(std::move(emit)) {}
 
-  /// An image, without masks. @param now by the wall clock, here and below.
+  /// Adds an image without masks. @param now on the wall clock, here and below.
   void add(const CameraFrame& frame, const ros::WallTime& now);
   void addMask(const sensor_msgs::ImageConstPtr& mask, const ros::WallTime& now);
   void addIgnoreMask(const sensor_msgs::ImageConstPtr& mask, const ros::WallTime& now);
 
-  /// Hands on an image that has waited for long enough. To be called now and then.
+  /// Passes on an image that has waited long enough. Call it regularly.
   void tick(const ros::WallTime& now);
 
-  /// Whether masks of the object are of use at the moment; in MaskMode::kInitial they are not while
-  /// the object is tracked.
+  /// Tells whether the object is tracked: in MaskMode::kInitial, images then need no masks.
   void setTracking(bool tracking);
 
-  /// Images that were dropped for a newer one.
+  /// Number of images that were dropped for a newer one.
   std::uint32_t dropped() const;
 
  private:
   /// Masks of one kind, oldest first.
   struct Masks {
     std::deque<sensor_msgs::ImageConstPtr> waiting;
-    sensor_msgs::ImageConstPtr permanent;  ///< without a stamp
-    ros::WallTime last;                    ///< when one came; zero: none is expected yet
+    sensor_msgs::ImageConstPtr permanent;  ///< the one with stamp zero
+    ros::WallTime last;                    ///< arrival of the last one; zero: none is expected
 
     void add(const sensor_msgs::ImageConstPtr& mask, const ros::WallTime& now);
     sensor_msgs::ImageConstPtr find(const ros::Time& stamp) const;
@@ -69,7 +68,7 @@ class MaskPairing {
   const Emit emit_;
 
   mutable std::mutex mutex_;        ///< guards all below
-  std::deque<CameraFrame> frames_;  ///< that wait, oldest first
+  std::deque<CameraFrame> frames_;  ///< waiting, oldest first
   Masks object_;
   Masks ignored_;
   bool tracking_ = false;

@@ -66,6 +66,21 @@ geometry_msgs::TransformStamped toTransform(const geometry_msgs::PoseStamped& po
   return transform;
 }
 
+geometry_msgs::TwistWithCovariance toMessage(const Velocity& velocity) {
+  const auto toVector3 = [](const Eigen::Vector3d& v) {
+    geometry_msgs::Vector3 vector;
+    vector.x = v.x();
+    vector.y = v.y();
+    vector.z = v.z();
+    return vector;
+  };
+  geometry_msgs::TwistWithCovariance twist;
+  twist.twist.linear = toVector3(velocity.linear);
+  twist.twist.angular = toVector3(velocity.angular);
+  std::copy_n(velocity.covariance.data(), twist.covariance.size(), twist.covariance.begin());
+  return twist;
+}
+
 TimedPose initialPoseFrom(const geometry_msgs::PoseStamped& message) {
   TimedPose start;
   start.T_P_U = fromMessage(message.pose);

@@ -6,6 +6,7 @@
 #include <geometry_msgs/PoseStamped.h>
 #include <geometry_msgs/PoseWithCovarianceStamped.h>
 #include <geometry_msgs/TransformStamped.h>
+#include <geometry_msgs/TwistWithCovariance.h>
 #include <nerf_pose_refiner/PoseHypothesisArray.h>
 
 #include <string>
@@ -13,9 +14,10 @@
 #include "backend/hypotheses.h"
 #include "field/field.h"
 #include "nerf_pose_refiner/pose.h"
-#include "nerf_pose_refiner/track_status.h"
 #include "refinement/field_refiner.h"
+#include "tracking/status.h"
 #include "tracking/timed_pose.h"
+#include "tracking/velocity.h"
 
 namespace nerf_pose_refiner {
 
@@ -34,23 +36,23 @@ Pose fromMessage(const geometry_msgs::Transform& message);
 geometry_msgs::TransformStamped toTransform(const geometry_msgs::PoseStamped& pose,
                                             const std::string& child_frame);
 
-/// An initial pose. @throws InputError if it makes no sense or names no frame.
+/// An initial pose. @throws InputError if it is invalid or names no frame.
 TimedPose initialPoseFrom(const geometry_msgs::PoseStamped& message);
 
-/// The same with its covariance. One of all zeros says nothing: it is left out.
+/// The same with its covariance, unless that is all zeros.
 /// @throws InputError also for a covariance that is not finite or has a negative variance.
 TimedPose initialPoseFrom(const geometry_msgs::PoseWithCovarianceStamped& message);
 
-/// The covariance of a pose as REP-103 has it: position of the origin of the object's frame U [m^2]
-/// and rotation about the fixed axes of W [rad^2], row-major, order (x, y, z, about x, about y,
-/// about z).
+/// The covariance of a pose as REP-103 defines it: position of the origin of the object's frame U
+/// [m^2] and rotation about the fixed axes of W [rad^2], row-major, order (x, y, z, about x, about
+/// y, about z).
 /// @param of_twist as Refinement::covariance. @param T_O_C in model units.
-/// @param R_W_C turns axes of the camera into those of W.
+/// @param R_W_C rotation from the camera to W.
 geometry_msgs::PoseWithCovariance::_covariance_type covarianceToMessage(
     const Matrix6& of_twist, const Pose& T_O_C, const FieldMetadata& object,
     const Eigen::Matrix3d& R_W_C);
 
-/// A refined pose as ROS has it: that of the object's frame U in W.
+/// A refined pose for ROS: the object's frame U in W.
 /// @param T_W_C the camera in W [m].
 geometry_msgs::PoseWithCovariance toMessage(const Refinement& refinement, const Pose& T_W_C,
                                             const FieldMetadata& object);
@@ -60,6 +62,8 @@ geometry_msgs::PoseWithCovariance toMessage(const Refinement& refinement, const 
 /// @param T_W_C the camera in W [m]. Header and object's name are left to the caller.
 PoseHypothesisArray toMessage(const HypothesisTable& hypotheses, const Pose& T_W_C,
                               const FieldMetadata& object);
+
+geometry_msgs::TwistWithCovariance toMessage(const Velocity& velocity);
 
 geometry_msgs::PoseArray toPoseArray(const PoseHypothesisArray& message);
 

@@ -7,8 +7,8 @@
 
 #include <cstdint>
 
-#include "nerf_pose_refiner/track_status.h"
 #include "runtime/object_store.h"
+#include "tracking/status.h"
 
 namespace nerf_pose_refiner {
 
@@ -25,7 +25,7 @@ ros::Time toTime(std::int64_t stamp_ns);
 ImageStamp imageStampOf(const std_msgs::Header& header);
 std_msgs::Header toHeader(const ImageStamp& image);
 
-/// What is not known to the tracker is zero: latency, age, dropped images.
+/// Fields that the tracker does not know are zero: latency, age, dropped images.
 RefinementStatus toMessage(const TrackStatus& status);
 
 }  // namespace nerf_pose_refiner

@@ -18,26 +18,26 @@
 
 namespace nerf_pose_refiner {
 
-/// Where the camera was, and where a pose in another frame is for the camera. Waits for transforms
-/// that are late, for ~tf_timeout_s of wall time: never call it from a callback.
+/// Transforms between TF frames, the camera and the object. Waits up to ~tf_timeout_s of wall time
+/// for late transforms: never call it from a callback.
 class TfBridge : public Transforms {
  public:
-  /// @param buffer outlives this object and is filled by another thread.
+  /// @param buffer filled by another thread; must outlive this object.
   TfBridge(tf2::BufferCore& buffer, const FrameSettings& frames);
 
   /// The camera in ~output_frame (T_W_C, metres) at an image's time.
   /// @throws InputError if TF does not say it in time.
   Pose cameraInOutput(const ImageStamp& image, const CancellationToken& cancellation) const;
 
-  /// Between the time of the estimate and the image's, the object stands still in ~fixed_frame; if
-  /// that is not set, in the frame that the pose is given in.
-  /// @throws InputError if TF does not say it in time.
+  /// Between the times of the estimate and the image, the object stands still in ~fixed_frame, or
+  /// in the frame of the pose if that is not set.
+  /// @throws InputError if TF does not know the transform in time.
   Pose inCamera(const TimedPose& estimate, const ImageStamp& image,
                 const CancellationToken& cancellation) const override;
 
   void clear() override { buffer_.clear(); }
 
-  /// Frame in which poses of this camera are published.
+  /// The frame in which poses of this camera are published.
   std::string outputFrame(const std::string& camera_frame) const;
 
  private:
@@ -54,7 +54,7 @@ class TfBridge : public Transforms {
 
   tf2::BufferCore& buffer_;
   FrameSettings frames_;
-  std::shared_ptr<Changes> changes_;  ///< shared with a call back that may be under way
+  std::shared_ptr<Changes> changes_;  ///< shared with callbacks that may be running
   boost::signals2::scoped_connection listening_;
 };
 

@@ -17,6 +17,8 @@ constexpr char kInitialPoseWithCovariance[] = "initial_pose_with_covariance";
 // published
 constexpr char kPose[] = "pose";
 constexpr char kPoseWithCovariance[] = "pose_with_covariance";
+constexpr char kTwist[] = "twist";
+constexpr char kTwistWithCovariance[] = "twist_with_covariance";
 constexpr char kStatus[] = "status";
 constexpr char kHypotheses[] = "hypotheses";
 constexpr char kHypothesisPoses[] = "hypotheses/poses";

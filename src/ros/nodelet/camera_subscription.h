@@ -14,8 +14,7 @@
 
 namespace nerf_pose_refiner {
 
-/// Listens to a camera and to masks of its images while anybody makes use of what comes of them.
-/// May be used from many threads at once.
+/// Subscribes to a camera and to masks of its images, while anybody uses the results. Thread-safe.
 class CameraSubscription {
  public:
   /// A consumer of images.
@@ -23,11 +22,11 @@ class CameraSubscription {
     std::function<bool()> wanted;
     std::function<void(const sensor_msgs::ImageConstPtr&, const sensor_msgs::CameraInfoConstPtr&)>
         image;
-    std::function<void(const sensor_msgs::ImageConstPtr&)> mask;  ///< empty: none is of use
+    std::function<void(const sensor_msgs::ImageConstPtr&)> mask;  ///< empty: masks are not used
     std::function<void(const sensor_msgs::ImageConstPtr&)> ignore_mask;
   };
 
-  /// Hands images to a receiver for as long as it lives; afterwards none is under way.
+  /// Passes images to a receiver. After destruction no call of it is running.
   class Connection {
    public:
     Connection(CameraSubscription* camera, Receiver receiver);
@@ -39,13 +38,13 @@ class CameraSubscription {
     CameraSubscription* camera_;
   };
 
-  /// @param transport that image_transport is asked for. @param diagnostics outlives this object.
+  /// @param transport name for image_transport. @param diagnostics must outlive this object.
   CameraSubscription(const NodeHandles& nodes, const std::string& transport,
                      Diagnostics* diagnostics);
 
   void setEnabled(bool enabled);
 
-  /// To be called when the subscribers of results change.
+  /// Call it when the subscribers of results change.
   void update();
 
  private:

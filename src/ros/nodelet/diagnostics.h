@@ -18,10 +18,10 @@
 
 namespace nerf_pose_refiner {
 
-/// Rate and stamps of a topic, while messages are expected on it. Any thread.
+/// Monitors the rate and the stamps of a topic while messages are expected. Thread-safe.
 class TopicHealth : public diagnostic_updater::DiagnosticTask {
  public:
-  /// @param why_quiet summary while none are expected.
+  /// @param why_quiet summary while no messages are expected.
   TopicHealth(const std::string& name, const std::string& why_quiet, double min_rate_hz,
               double max_age_s);
 
@@ -39,29 +39,29 @@ class TopicHealth : public diagnostic_updater::DiagnosticTask {
   diagnostic_updater::TimeStampStatus stamps_;
 };
 
-/// Reports on /diagnostics, by the wall clock, in four parts: images that come in, poses that go
-/// out, tracking (state, score, latency, age, drops), and the backend with its models.
+/// Reports on /diagnostics, on the wall clock, in four parts: received images, published poses,
+/// tracking (state, score, latency, age, drops), and the backend with its models.
 class Diagnostics {
  public:
-  /// What else is known, in the order in which it is shown.
+  /// Further keys and values, in the order in which they are shown.
   using Facts = std::vector<std::pair<std::string, std::string>>;
 
   Diagnostics(const NodeHandles& nodes, const std::string& name,
               const DiagnosticSettings& settings = {});
 
-  /// What the tracker reported last. Any thread.
+  /// The last report of the tracker. Any thread.
   void statusIs(const RefinementStatus& status);
-  /// A usable image came, or a trusted pose went out. Any thread.
+  /// A usable image has arrived, or a trusted pose was published. Any thread.
   void imageArrived(const ros::Time& stamp) { images_.tick(stamp); }
   void posePublished(const ros::Time& stamp) { poses_.tick(stamp); }
-  /// Whether images are listened to. Any thread.
+  /// Whether images are subscribed to. Any thread.
   void expectImages(bool expected) { images_.expect(expected); }
-  /// The backend in use, in words. Any thread.
+  /// A description of the backend in use. Any thread.
   void backendIs(const std::string& description);
-  /// Asked with each report for what is to be shown of the memory: the GPU's, models in it.
+  /// Called for each report: facts about the memory of the GPU and of the models.
   void showMemory(std::function<Facts()> memory);
-  /// Runs what a callback or the worker does: whatever it throws is reported, and ends nothing. Any
-  /// thread. @param name of it, for the log.
+  /// Runs the body of a callback or of the worker; reports an exception instead of passing it on.
+  /// Any thread. @param name of the body, for the log.
   void guard(const char* name, const std::function<void()>& callback);
 
  private:
@@ -73,13 +73,13 @@ class Diagnostics {
 
   std::mutex mutex_;  ///< guards all down to since_
   RefinementStatus status_;
-  RefinementStatus refined_;  ///< the last with a refinement
+  RefinementStatus refined_;  ///< the last one after a refinement
   std::uint32_t processed_before_ = 0;
   std::uint32_t failures_ = 0;  ///< of callbacks
-  std::string failure_;         ///< the last one's, since the last report
+  std::string failure_;         ///< message of the last one since the last report
   std::string backend_;
   std::function<Facts()> memory_;
-  ros::WallTime since_;  ///< refined images are counted from then on
+  ros::WallTime since_;  ///< refined images are counted from this time on
 
   diagnostic_updater::Updater updater_;
   ros::WallTimer timer_;

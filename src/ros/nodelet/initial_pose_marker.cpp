@@ -94,7 +94,7 @@ InitialPoseMarker::InitialPoseMarker(ros::NodeHandle nh, ros::NodeHandle pnh)
   menu_.insert("go to the last pose", [this](const Feedback&) {
     if (!last_.header.frame_id.empty()) putAt(last_);
   });
-  menu_.insert("go before the camera", [this](const Feedback&) { putBeforeCamera(); });
+  menu_.insert("move in front of the camera", [this](const Feedback&) { putBeforeCamera(); });
   initial_pose_ = nh.advertise<geometry_msgs::PoseStamped>("initial_pose", 1);
   pose_ = nh.subscribe("pose", 1, &InitialPoseMarker::onPose, this);
   camera_ = nh.subscribe("camera_info", 1, &InitialPoseMarker::onCamera, this);

@@ -13,16 +13,15 @@
 
 namespace nerf_pose_refiner {
 
-/// A box with handles in RViz that a person puts where the object is: when it is let go, or by its
-/// menu, its pose goes out as an initial pose, in the marker's frame and with the time of that.
+/// A box with handles in RViz that a person drags to the object. On release, or from its menu, its
+/// pose is published as an initial pose, with the frame and time of the marker.
 ///
-/// It begins before the camera, and goes along with the poses that are found (in their frame) but
-/// for the time from when it is taken until a pose of a later image comes. All callbacks on one
-/// thread.
+/// The marker starts in front of the camera and follows the published poses, except from when it is
+/// grabbed until the pose of a later image arrives. All callbacks run on one thread.
 class InitialPoseMarker {
  public:
   /// Reads ~size_m, ~distance_m and ~send_on_release.
-  /// @throws std::invalid_argument naming a parameter that makes no sense.
+  /// @throws std::invalid_argument naming an invalid parameter.
   InitialPoseMarker(ros::NodeHandle nh, ros::NodeHandle pnh);
 
  private:
@@ -35,15 +34,15 @@ class InitialPoseMarker {
   void putAt(const geometry_msgs::PoseStamped& pose);
   void send(const std_msgs::Header& header, const geometry_msgs::Pose& pose);
 
-  double size_m_ = 0.1;          ///< of the box
-  double distance_m_ = 0.5;      ///< from the camera, at the beginning
-  bool send_on_release_ = true;  ///< false: by the menu alone
+  double size_m_ = 0.1;          ///< edge length of the box
+  double distance_m_ = 0.5;      ///< from the camera, at the start
+  bool send_on_release_ = true;  ///< false: only from the menu
 
-  std::string camera_frame_;  ///< empty: no camera_info came yet
+  std::string camera_frame_;  ///< empty: no camera_info has arrived yet
   bool shown_ = false;
-  bool held_ = false;                ///< by a person
-  ros::Time released_;               ///< poses of images before do not move the marker
-  geometry_msgs::PoseStamped last_;  ///< found; without a frame: none yet
+  bool held_ = false;                ///< a person is dragging it
+  ros::Time released_;               ///< poses of earlier images do not move the marker
+  geometry_msgs::PoseStamped last_;  ///< last published pose; without a frame: none yet
 
   interactive_markers::InteractiveMarkerServer server_;
   interactive_markers::MenuHandler menu_;

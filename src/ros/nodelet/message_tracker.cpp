@@ -48,7 +48,7 @@ std::optional<FrameResult> MessageTracker::process(const CameraFrame& frame) {
     }
     ImageMasks masks = frame.masks;
     if (!use_mask) masks.object = nullptr;
-    return input_.observe(*frame.image, *frame.info, masks);
+    return input_.observe(frame.image, *frame.info, masks);
   };
   FrameResult result;
   result.track = tracker_.process(image);
@@ -72,7 +72,7 @@ std::optional<FrameResult> MessageTracker::process(const CameraFrame& frame) {
 }
 
 /// @param T_W_C the camera in ~output_frame [m].
-void MessageTracker::place(const Pose& T_W_C, FrameResult* result) const {
+void MessageTracker::place(const Pose& T_W_C, FrameResult* result) {
   const TrackOutcome& track = result->track;
   const FieldMetadata& object = track.field->metadata;
   std_msgs::Header header = toHeader(track.image);
@@ -84,6 +84,23 @@ void MessageTracker::place(const Pose& T_W_C, FrameResult* result) const {
   result->pose.emplace();
   result->pose->header = header;
   result->pose->pose = toMessage(track.refinement, T_W_C, object);
+  estimateVelocity(result);
+}
+
+void MessageTracker::estimateVelocity(FrameResult* result) {
+  if (moving_ != result->track.field) {  // its frame may be another one
+    velocity_.reset();
+    moving_ = result->track.field;
+  }
+  using Covariance = Eigen::Matrix<double, 6, 6, Eigen::RowMajor>;
+  const geometry_msgs::PoseWithCovariance& pose = result->pose->pose;
+  const std::optional<Velocity> velocity =
+      velocity_.add(result->track.image.stamp_ns, fromMessage(pose.pose),
+                    Eigen::Map<const Covariance>(pose.covariance.data()));
+  if (!velocity) return;
+  result->twist.emplace();
+  result->twist->header = result->pose->header;
+  result->twist->twist = toMessage(*velocity);
 }
 
 }  // namespace nerf_pose_refiner

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <geometry_msgs/PoseWithCovarianceStamped.h>
+#include <geometry_msgs/TwistWithCovarianceStamped.h>
 #include <nerf_pose_refiner/PoseHypothesisArray.h>
 #include <nerf_pose_refiner/RefinementStatus.h>
 #include <sensor_msgs/CameraInfo.h>
@@ -16,58 +17,65 @@
 #include "ros/conversions/parameters.h"
 #include "ros/conversions/tf_bridge.h"
 #include "tracking/object_tracker.h"
+#include "tracking/velocity.h"
 
 namespace nerf_pose_refiner {
 
-/// An image as it came.
+/// An image as it arrived.
 struct CameraFrame {
   sensor_msgs::ImageConstPtr image;
   sensor_msgs::CameraInfoConstPtr info;
   ros::WallTime arrival;
-  std::uint32_t clock_jumps = 0;  ///< as ObjectTracker::readClock said when it came
-  ImageMasks masks = {};          ///< of the same stamp
+  std::uint32_t clock_jumps = 0;  ///< ObjectTracker::readClock at its arrival
+  ImageMasks masks = {};          ///< with the same stamp
 };
 
-/// What came of one refined image.
+/// The result for one refined image.
 struct FrameResult {
   RefinementStatus status;
   /// In ~output_frame, if it is trusted.
   std::optional<geometry_msgs::PoseWithCovarianceStamped> pose;
-  PoseHypothesisArray hypotheses;  ///< in ~output_frame; empty if that could not be reached
-  TrackOutcome track;              ///< the same as the tracker has it
+  /// From the last trusted pose to this one, in ~output_frame; empty if there was none shortly
+  /// before, or if it was of another model.
+  std::optional<geometry_msgs::TwistWithCovarianceStamped> twist;
+  PoseHypothesisArray hypotheses;  ///< in ~output_frame; empty if TF does not know it
+  TrackOutcome track;              ///< the tracker's own result
 };
 
-/// A tracker behind messages: images in, status and poses out.
+/// A tracker with messages as its input (images) and output (status, poses).
 class MessageTracker {
  public:
-  /// Called by the thread that tracks with each change that does not end a refinement.
+  /// Called by the tracking thread for each change of state that is not the result of a refinement.
   using Report = std::function<void(const RefinementStatus&)>;
   using Clock = std::function<ros::Time()>;
 
-  /// @param transforms filled by another thread; outlives this object.
+  /// @param transforms filled by another thread; must outlive this object.
   /// @param clock the ROS clock.
   MessageTracker(const PoseRefinerParameters& parameters, std::unique_ptr<ObjectSearch> search,
                  tf2::BufferCore* transforms, Report report, Clock clock = ros::Time::now);
 
   ObjectTracker& tracker() { return tracker_; }
 
-  /// Tells the tracker that an image came. Any thread.
-  /// @return nothing if it may be processed, else the reason in words, which ~status will say, too.
+  /// Checks an image and reports its arrival to the tracker. Any thread.
+  /// @return empty if it may be processed, else the reason, which ~status shows, too.
   std::optional<std::string> refusal(const sensor_msgs::Image& image,
                                      const sensor_msgs::CameraInfo& info);
 
-  /// Refines an image, as ObjectTracker::process does. By the thread that tracks.
-  /// @return nothing: it was left alone.
+  /// Refines an image, as ObjectTracker::process does. Only the tracking thread may call it.
+  /// @return empty if the image was skipped.
   std::optional<FrameResult> process(const CameraFrame& frame);
 
  private:
-  void place(const Pose& T_W_C, FrameResult* result) const;
+  void place(const Pose& T_W_C, FrameResult* result);
+  void estimateVelocity(FrameResult* result);
 
   const bool image_is_rectified_;
   const Clock clock_;
   const std::shared_ptr<TfBridge> tf_;
-  CameraInput input_;  ///< of the thread that tracks
+  CameraInput input_;  ///< used by the tracking thread only
   ObjectTracker tracker_;
+  VelocityEstimator velocity_;
+  std::shared_ptr<const Field> moving_;  ///< the object of velocity_
 };
 
 }  // namespace nerf_pose_refiner

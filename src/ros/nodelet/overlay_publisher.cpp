@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "backend/common/draw_overlay.h"
+#include "backend/common/observed_colours.h"
 #include "image/resample.h"
 #include "ros/conversions/camera_input.h"
 
@@ -66,8 +67,8 @@ void OverlayPublisher::drawNow(const Job& job) {
   const double shrink = static_cast<double>(settings.width_px) / full.width;
   const Camera camera = full.scaled(std::min(1.0, shrink));
   const Rendering rendering = loaded_->render({camera, job.T_O_C}, RenderOptions(), cancellation_);
-  const Image8 overlay =
-      drawOverlay(resample(job.observation->image, full, camera), rendering, settings.opacity);
+  const Image seen = resample(observedColours(*job.observation), full, camera);
+  const Image8 overlay = drawOverlay(seen, rendering, settings.opacity);
 
   sensor_msgs::Image image;
   image.header = job.header;

@@ -16,8 +16,8 @@
 
 namespace nerf_pose_refiner {
 
-/// Draws images of what was found on a thread and a backend of its own, so that poses never wait
-/// for them: an image that comes while another is drawn replaces the one that waits.
+/// Draws and publishes overlays, with a thread and a backend of its own, so that poses never wait
+/// for them. An image that arrives during drawing replaces the waiting one.
 class OverlayPublisher {
  public:
   struct Job {
@@ -32,13 +32,13 @@ class OverlayPublisher {
                    const OverlaySettings& settings = {});
   ~OverlayPublisher();
 
-  /// Whether anybody looks.
+  /// Whether the overlay has a subscriber.
   bool wanted() const { return publisher_.getNumSubscribers() > 0; }
 
-  /// From the next image on. Any thread.
+  /// Replaces the settings from the next image on. Any thread.
   void change(const OverlaySettings& settings);
 
-  /// Draws nothing without a subscriber. Any thread.
+  /// Draws an overlay, if there is a subscriber. Returns at once. Any thread.
   void draw(Job job);
 
  private:
@@ -51,7 +51,7 @@ class OverlayPublisher {
   std::mutex settings_mutex_;  ///< guards settings_
   OverlaySettings settings_;
   CancellationToken cancellation_;
-  // The drawing thread's own.
+  // Used by the drawing thread only.
   std::shared_ptr<Backend> backend_;
   std::shared_ptr<const Field> field_;
   std::shared_ptr<const LoadedField> loaded_;

@@ -19,7 +19,7 @@ void PoseRefinerNodelet::onInit() {
   try {
     start();
   } catch (const std::exception& e) {
-    NODELET_FATAL("%s", e.what());  // the loader keeps the text to itself
+    NODELET_FATAL("%s", e.what());  // the nodelet loader does not log the message
     throw;
   }
 }
@@ -43,8 +43,7 @@ void PoseRefinerNodelet::start() {
   initial_pose_with_covariance_ = pnh.subscribe<geometry_msgs::PoseWithCovarianceStamped>(
       topics::kInitialPoseWithCovariance, 5,
       &PoseRefinerNodelet::onInitialPose<geometry_msgs::PoseWithCovarianceStamped>, this);
-  // A call to the master for every topic and service: more of them than the loading should wait
-  // for.
+  // Advertising takes a call to the master for each service, for which loading should not wait.
   advertised_ = std::async(std::launch::async, [this] {
     const std::optional<std::string> error = errorOf([this] {
       startObjectServices();
@@ -123,7 +122,7 @@ void PoseRefinerNodelet::startTracking() {
 
 void PoseRefinerNodelet::startObjectServices() {
   const PoseRefinerParameters& p = parameters_;
-  // A training holds its backend for long, so it gets one of its own.
+  // A training uses its backend for a long time, so it gets one of its own.
   const auto make_backend = [choice = p.backendChoice()] {
     return std::shared_ptr<Backend>(makeBackend(choice));
   };
@@ -157,7 +156,7 @@ ObjectStore PoseRefinerNodelet::store() const {
   return ObjectStore(parameters_.model_root, &process_->models);
 }
 
-/// A GPU that is not in use is left asleep.
+/// Does not query a GPU that is not in use, which would wake it up.
 Diagnostics::Facts PoseRefinerNodelet::memoryFacts() const {
   Diagnostics::Facts facts;
   const auto gpu = on_gpu_ ? gpuMemory(parameters_.device) : std::nullopt;

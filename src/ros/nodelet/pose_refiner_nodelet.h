@@ -27,12 +27,12 @@
 
 namespace nerf_pose_refiner {
 
-/// Tracks an object from image to image: the ROS graph around ObjectTracker.
+/// Tracks an object from image to image: the ROS interface of ObjectTracker.
 ///
-/// Threads: callbacks on the nodelet's queue, none of which waits; TrackingWorker's, which refines
-/// the newest image; one that advertises, at the start, what the loading need not wait for; those
-/// of the services, OverlayPublisher and TransformInput. Models, backends and the queue of
-/// registrations are shared with all other refiners of the process.
+/// Threads: the nodelet's queue, whose callbacks never wait; TrackingWorker, which refines the
+/// newest image; one that advertises services after loading; those of the services,
+/// OverlayPublisher and TransformInput. All refiners of a process share models, backends and the
+/// queue of registrations.
 class PoseRefinerNodelet : public nodelet::Nodelet {
  private:
   void onInit() override;
@@ -53,7 +53,7 @@ class PoseRefinerNodelet : public nodelet::Nodelet {
   bool onReset(std_srvs::Trigger::Request& request, std_srvs::Trigger::Response& response);
   bool onEnable(std_srvs::SetBool::Request& request, std_srvs::SetBool::Response& response);
 
-  // Each outlives those below it: what others use or call back comes first.
+  // Destroyed from the last to the first: each may use those above it.
   PoseRefinerParameters parameters_;
   std::shared_ptr<RefinerProcess> process_;
   std::atomic<bool> on_gpu_{false};  ///< the backend in use

@@ -1,6 +1,8 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include "ros/nodelet/result_publisher.h"
 
+#include <geometry_msgs/TwistStamped.h>
+
 #include "field/object_frame.h"
 #include "ros/conversions/hypothesis_markers.h"
 #include "ros/conversions/pose_conversions.h"
@@ -14,6 +16,9 @@ ResultPublisher::ResultPublisher(ros::NodeHandle pnh, const FrameSettings& frame
   pose_ = pnh.advertise<geometry_msgs::PoseStamped>(topics::kPose, 10, on_connect, on_connect);
   pose_with_covariance_ = pnh.advertise<geometry_msgs::PoseWithCovarianceStamped>(
       topics::kPoseWithCovariance, 10, on_connect, on_connect);
+  twist_ = pnh.advertise<geometry_msgs::TwistStamped>(topics::kTwist, 10, on_connect, on_connect);
+  twist_with_covariance_ = pnh.advertise<geometry_msgs::TwistWithCovarianceStamped>(
+      topics::kTwistWithCovariance, 10, on_connect, on_connect);
   hypotheses_ = pnh.advertise<PoseHypothesisArray>(topics::kHypotheses, 2, on_connect, on_connect);
   hypothesis_poses_ =
       pnh.advertise<geometry_msgs::PoseArray>(topics::kHypothesisPoses, 2, on_connect, on_connect);
@@ -25,7 +30,8 @@ ResultPublisher::ResultPublisher(ros::NodeHandle pnh, const FrameSettings& frame
 
 bool ResultPublisher::wanted() const {
   return frames_.publish_tf || pose_.getNumSubscribers() > 0 ||
-         pose_with_covariance_.getNumSubscribers() > 0 || status_.getNumSubscribers() > 0 ||
+         pose_with_covariance_.getNumSubscribers() > 0 || twist_.getNumSubscribers() > 0 ||
+         twist_with_covariance_.getNumSubscribers() > 0 || status_.getNumSubscribers() > 0 ||
          hypotheses_.getNumSubscribers() > 0 || hypothesis_poses_.getNumSubscribers() > 0 ||
          hypothesis_markers_.getNumSubscribers() > 0;
 }
@@ -42,6 +48,13 @@ void ResultPublisher::publish(const FrameResult& result) {
           frames_.object_frame.empty() ? result.status.object : frames_.object_frame;
       transforms_.sendTransform(toTransform(pose, frame));
     }
+  }
+  if (result.twist) {
+    geometry_msgs::TwistStamped twist;
+    twist.header = result.twist->header;
+    twist.twist = result.twist->twist.twist;
+    twist_.publish(twist);
+    twist_with_covariance_.publish(*result.twist);
   }
   if (result.hypotheses.hypotheses.empty()) return;
   hypotheses_.publish(result.hypotheses);

@@ -13,7 +13,7 @@
 
 namespace nerf_pose_refiner {
 
-/// Publishes what the tracker found: ~pose, TF, ~hypotheses and ~status.
+/// Publishes the results of the tracker: ~pose, ~twist, TF, ~hypotheses and ~status.
 class ResultPublisher {
  public:
   /// @param on_connect called when a subscriber comes or goes.
@@ -22,17 +22,19 @@ class ResultPublisher {
 
   void publish(const RefinementStatus& status) { status_.publish(status); }
 
-  /// The pose, once for an image and only if it is trusted, and the hypotheses.
+  /// Publishes the hypotheses, and the pose if it is trusted.
   void publish(const FrameResult& result);
 
-  /// Whether anybody makes use of poses.
+  /// Whether anybody uses the poses.
   bool wanted() const;
 
  private:
   FrameSettings frames_;
   ros::Publisher pose_;
   ros::Publisher pose_with_covariance_;
-  ros::Publisher status_;  ///< latched: a late listener learns the state
+  ros::Publisher twist_;
+  ros::Publisher twist_with_covariance_;
+  ros::Publisher status_;  ///< latched: a late subscriber gets the state
   ros::Publisher hypotheses_;
   ros::Publisher hypothesis_poses_;
   ros::Publisher hypothesis_markers_;

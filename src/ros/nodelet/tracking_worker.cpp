@@ -13,8 +13,8 @@
 namespace nerf_pose_refiner {
 namespace {
 
-/// Without an image the worker looks so often for what else there is to do: a model that was
-/// loaded, a clock that went on.
+/// Without images, the worker looks for other work at this interval: a model that was loaded, a
+/// clock that has advanced.
 constexpr std::chrono::milliseconds kTick(100);
 
 }  // namespace
@@ -90,7 +90,7 @@ void TrackingWorker::report(const RefinementStatus& status) {
   outputs_.diagnostics->statusIs(full);
   outputs_.results->publish(full);
   if (full.message.empty()) return;
-  // A normal state is no warning, and need not be logged often.
+  // A normal state is not a warning and is logged rarely.
   if (full.reason == RefinementStatus::REASON_NONE ||
       full.reason == RefinementStatus::REASON_PRIOR_IGNORED) {
     ROS_INFO_THROTTLE(10.0, "%s", full.message.c_str());

@@ -18,26 +18,27 @@
 
 namespace nerf_pose_refiner {
 
-/// The thread that tracks: brings images and masks together, refines the newest image and publishes
-/// what comes of it. All methods may be called from any thread and return at once.
+/// The tracking thread: pairs images with masks, refines the newest image and publishes the result.
+/// All methods may be called from any thread and return at once.
 class TrackingWorker {
  public:
-  /// Where results go. All outlive the worker.
+  /// The receivers of results. All must outlive the worker.
   struct Outputs {
     ResultPublisher* results;
     OverlayPublisher* overlay;
     Diagnostics* diagnostics;
   };
 
-  /// @param transforms filled by another thread; outlives this object.
+  /// @param transforms filled by another thread; must outlive this object.
   TrackingWorker(const PoseRefinerParameters& parameters, std::unique_ptr<ObjectSearch> search,
                  tf2::BufferCore* transforms, const Outputs& outputs);
-  /// Interrupts a refinement under way.
+  /// Interrupts a running refinement.
   ~TrackingWorker();
 
   ObjectTracker& tracker() { return tracker_.tracker(); }
 
-  /// The tracker's input changed: its status is reported soon, even without an image.
+  /// Makes the thread report the status soon, even without an image. Call it after a change of the
+  /// tracker's input.
   void wake() { mailbox_.wake(); }
 
   void addImage(const sensor_msgs::ImageConstPtr& image,
@@ -54,7 +55,7 @@ class TrackingWorker {
   const Outputs outputs_;
   MessageTracker tracker_;
   FrameMailbox<CameraFrame> mailbox_;
-  MaskPairing pairing_;  ///< before mailbox_ on an image's way
+  MaskPairing pairing_;  ///< its images go to mailbox_
   std::atomic<bool> stopping_{false};
   std::thread thread_;  ///< last: it uses all above
 };

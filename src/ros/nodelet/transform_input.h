@@ -9,7 +9,7 @@
 
 namespace nerf_pose_refiner {
 
-/// Fills a buffer with what /tf and /tf_static say, on a thread of its own.
+/// Fills a buffer from /tf and /tf_static, on a thread of its own.
 ///
 /// The thread that tf2_ros would start looks for messages a hundred times a second: half a percent
 /// of a core where nothing happens.

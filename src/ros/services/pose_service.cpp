@@ -131,7 +131,7 @@ void PoseService::refine(const RefinePose::Request& request, const ros::Time& ca
   if (!request.mask.data.empty()) {
     masks.object = boost::make_shared<const sensor_msgs::Image>(request.mask);
   }
-  Observation observation = input_.observe(*image.image, *image.info, masks);
+  Observation observation = input_.observe(image.image, *image.info, masks);
   const Pose T_W_C = tf_.cameraInOutput(at, cancellation);
   ObjectTracker tracker(make_search_(settings), settings);
   std::future<void> in_use = tracker.offerModel(field);

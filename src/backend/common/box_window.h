@@ -5,14 +5,9 @@
 #include <cmath>
 
 #include "math/projection.h"
+#include "nerf_pose_refiner/image.h"
 
 namespace nerf_pose_refiner {
-
-/// An upright rectangle of pixels.
-struct PixelWindow {
-  int x = 0, y = 0, width = 0, height = 0;
-  NPR_HOST_DEVICE bool empty() const { return width <= 0 || height <= 0; }
-};
 
 /// The pixels of an image whose areas can show something of a box in O: all of the image if some
 /// corners of the box lie behind the camera, none if all do or the box is outside of the image.

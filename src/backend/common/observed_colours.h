@@ -1,0 +1,14 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include "nerf_pose_refiner/observation.h"
+
+namespace nerf_pose_refiner {
+
+/// The colours of an observation, [h][w][3], whichever form it has them in.
+Image observedColours(const Observation& observation);
+
+/// A part of them, at the cost of this part. @param window inside of the image.
+Image observedColours(const Observation& observation, const PixelWindow& window);
+
+}  // namespace nerf_pose_refiner

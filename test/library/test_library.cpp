@@ -1,0 +1,160 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+// The public classes, on a scene that is known exactly.
+#include <gtest/gtest.h>
+
+#include <limits>
+#include <stdexcept>
+
+#include "backend/make_backend.h"
+#include "backend/training.h"
+#include "field/field.h"
+#include "nerf_pose_refiner/overlay.h"
+#include "nerf_pose_refiner/refiner.h"
+#include "nerf_pose_refiner/tracker.h"
+#include "support/expect_error.h"
+#include "support/keyframe_scene.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+constexpr double kMetresPerUnit = 0.2;
+constexpr std::int64_t kFrame_ns = 33000000;
+
+/// Has one field, whatever is loaded.
+class SceneBackend final : public Backend {
+ public:
+  explicit SceneBackend(std::shared_ptr<const LoadedField> scene) : scene_(std::move(scene)) {}
+
+  BackendInfo info() const override { return {}; }
+  std::shared_ptr<const LoadedField> load(std::shared_ptr<const Field>) override { return scene_; }
+  std::unique_ptr<KeyframeAligner> makeKeyframeAligner() override {
+    return makeCpuKeyframeAligner(2);
+  }
+  std::unique_ptr<FieldTrainer> makeTrainer(const FieldConfig&, const Box&,
+                                            std::vector<TrainingView>,
+                                            const TrainingPlan&) override {
+    throw std::logic_error("a scene is not trained");
+  }
+  CostCounters costs() const override { return {}; }
+
+ private:
+  std::shared_ptr<const LoadedField> scene_;
+};
+
+class LibraryTest : public testing::Test, protected KeyframeScene {
+ protected:
+  /// The scene as an object in metres, with a frame U of its own.
+  Object objectWith(double metres_per_unit) const {
+    auto field = std::make_shared<Field>(scene_->field());
+    field->metadata.name = "scene";
+    field->metadata.metres_per_unit = metres_per_unit;
+    field->metadata.T_O_U = T_O_U_;
+    return Object(field);
+  }
+
+  /// The pose that users get for a camera pose [m].
+  Pose inCamera(const Pose& T_O_C) const {
+    Pose T_C_U = T_O_C.inverse() * T_O_U_;
+    T_C_U.t *= kMetresPerUnit;
+    return T_C_U;
+  }
+
+  void expectNear(const Pose& T_C_U, const Pose& truth_T_O_C) const {
+    const Pose truth = inCamera(truth_T_O_C);
+    EXPECT_LT(rotationDistance(T_C_U.R, truth.R), 0.5 * kDegree);
+    EXPECT_LT((T_C_U.t - truth.t).norm(), 0.01 * kMetresPerUnit * object().diameter);
+  }
+
+  Pose around(int frame) const { return cameraAround(*scene_, 0.6 + 0.02 * frame, 0.5); }
+
+  const Pose T_O_U_ = {expSO3({0, 0, 90 * kDegree}), {0.1, 0.2, 0.3}};
+  const Object object_ = objectWith(kMetresPerUnit);
+  const std::shared_ptr<Backend> backend_ = std::make_shared<SceneBackend>(scene_);
+  const Pose not_finite_ = {Eigen::Matrix3d::Identity(),
+                            Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN())};
+};
+
+TEST_F(LibraryTest, RefinerFindsAPoseInMetres) {
+  Refiner refiner(backend_, object_);
+  const PosePrior prior = {inCamera(offBy(truth_, {0.6, -0.5, 0.6}, 6)), 10 * kDegree, 0.1};
+  const RefineResult found = refiner.refine(observed(imageOf(truth_)), prior);
+  ASSERT_TRUE(found.trusted) << found.message;
+  expectNear(found.T_C_O, truth_);
+  const double deviation_m = std::sqrt(found.covariance(0, 0));
+  EXPECT_GT(deviation_m, 0);
+  EXPECT_LT(deviation_m, 0.01 * kMetresPerUnit);
+  double weights = 0;
+  for (const WeightedPose& hypothesis : found.hypotheses) weights += hypothesis.weight;
+  EXPECT_NEAR(weights, 1, 1e-9);
+}
+
+TEST_F(LibraryTest, RefinerSaysWhyThereIsNoPose) {
+  Refiner refiner(backend_, object_);
+  Pose behind = inCamera(truth_);
+  behind.t.z() *= -1;
+  const RefineResult found = refiner.refine(observed(imageOf(truth_)), {behind, 0.1, 0.1});
+  EXPECT_FALSE(found.trusted);
+  EXPECT_EQ(found.message, "the prior is outside the image");
+}
+
+TEST_F(LibraryTest, RefinerRefusesWhatIsInvalid) {
+  RefinerOptions unknown;
+  unknown.preset = "none";
+  expectError<std::invalid_argument>([&] { Refiner(backend_, object_, unknown); }, "none");
+  expectError<std::invalid_argument>([&] { Refiner(nullptr, object_); }, "null");
+  Refiner refiner(backend_, object_);
+  EXPECT_THROW(refiner.refine(Observation(), {inCamera(truth_), 0.1, 0.1}), std::invalid_argument);
+  EXPECT_THROW(refiner.refine(observed(imageOf(truth_)), {not_finite_, 0.1, 0.1}),
+               std::invalid_argument);
+  const CancellationToken cancelled;
+  cancelled.requestCancel();
+  EXPECT_THROW(refiner.refine(observed(imageOf(truth_)), {inCamera(truth_), 0.1, 0.1}, cancelled),
+               Cancelled);
+}
+
+TEST_F(LibraryTest, TrackerFollowsTheObject) {
+  Tracker tracker(backend_, object_);
+  const TrackResult before = tracker.track(observed(imageOf(around(0))), kFrame_ns);
+  EXPECT_EQ(before.state, TrackState::kWaiting);
+  EXPECT_FALSE(before.trusted);
+  tracker.setInitialPose(inCamera(offBy(around(1), {0.6, -0.5, 0.6}, 6)));
+  for (int i = 1; i < 8; ++i) {
+    SCOPED_TRACE(i);
+    const TrackResult found = tracker.track(observed(imageOf(around(i))), (1 + i) * kFrame_ns);
+    ASSERT_TRUE(found.trusted) << found.message;
+    EXPECT_EQ(found.state, TrackState::kTracking);
+    expectNear(found.T_C_O, around(i));
+  }
+  tracker.reset();
+  EXPECT_FALSE(tracker.track(observed(imageOf(around(8))), 9 * kFrame_ns).trusted);
+}
+
+TEST_F(LibraryTest, TrackerRefusesWhatIsInvalid) {
+  expectError<std::invalid_argument>([&] { Tracker(nullptr, object_); }, "null");
+  expectError<std::invalid_argument>([&] { Tracker(backend_, objectWith(0)); }, "scale");
+  Tracker tracker(backend_, object_);
+  EXPECT_THROW(tracker.setInitialPose(not_finite_), std::invalid_argument);
+  EXPECT_THROW(tracker.track(Observation(), kFrame_ns), std::invalid_argument);
+}
+
+TEST_F(LibraryTest, OverlayHasTheSizeOfTheImage) {
+  expectError<std::invalid_argument>([&] { Overlay(nullptr, object_); }, "null");
+  Overlay overlay(backend_, object_);
+  const Image8 drawn = overlay.draw(observed(imageOf(truth_)), inCamera(truth_));
+  EXPECT_EQ(drawn.width, kCamera.width);
+  EXPECT_EQ(drawn.height, kCamera.height);
+  EXPECT_EQ(drawn.channels, 3);
+}
+
+TEST(Observe, RefusesOtherChannelsAndSizes) {
+  const Image8 rgb(kCamera.width, kCamera.height, 3);
+  EXPECT_EQ(observe(rgb, kCamera).background, Background::kUnknown);
+  EXPECT_EQ(observe(rgb, kCamera, Image8(kCamera.width, kCamera.height, 1)).background,
+            Background::kMask);
+  EXPECT_THROW(observe(Image8(kCamera.width, kCamera.height, 4), kCamera), std::invalid_argument);
+  EXPECT_THROW(observe(Image8(kCamera.width, 2, 3), kCamera), std::invalid_argument);
+  EXPECT_THROW(observe(rgb, kCamera, Image8(3, 3, 1)), std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace nerf_pose_refiner
