@@ -227,8 +227,7 @@ std::vector<TrustRow> trackedRows() {
 std::vector<TrustRow> maskRows() {
   using Scene = TrustScene;
   return {
-      {"the true mask", false, 1,
-       [](const Scene& s) { return masked(s, [](Image*) {}); }},
+      {"the true mask", false, 1, [](const Scene& s) { return masked(s, [](Image*) {}); }},
       {"an empty mask", false, 1,
        [](const Scene& s) {
          return masked(s, [](Image* m) { std::fill(m->values.begin(), m->values.end(), 0.0f); });
@@ -253,15 +252,13 @@ std::vector<TrustRow> searchedRows() {
       {"the object as it is", false, 1, [](const Scene& s) { return std::vector{clear(s)}; }},
       {"the same, grey", false, 1,
        [](const Scene& s) { return std::vector{imageOf(s, greyOf(photoOf(s)))}; }},
-      {"starts twice as far off", false, 2,
-       [](const Scene& s) { return std::vector{clear(s)}; }},
+      {"starts twice as far off", false, 2, [](const Scene& s) { return std::vector{clear(s)}; }},
       {"a quarter of its box covered", false, 1, [](const Scene& s) { return covered(s, 0.25); }},
       {"half of its box covered", false, 1, [](const Scene& s) { return covered(s, 0.5); }},
       {"other light", false, 1, inOtherLight},
       {"motion blur, 1 % of the width", false, 1,
        [](const Scene& s) {
-         return disturbed(
-             s, [&](Image* i) { blurByMotion(0.01 * s.camera.width, s.draw, i); });
+         return disturbed(s, [&](Image* i) { blurByMotion(0.01 * s.camera.width, s.draw, i); });
        }},
       {"noise of 0.05", false, 1,
        [](const Scene& s) {

@@ -43,8 +43,7 @@ TrustTable::TrustTable(std::shared_ptr<Backend> backend, std::shared_ptr<const F
 void TrustTable::offerStart(const TrustScene& scene, double rotation_rad, double translation) {
   const FieldMetadata& object = object_->metadata;
   const StartSpread spread = {rotation_rad, translation * object.diameter, true};
-  const Pose start =
-      perturbedStart(scene.T_O_C, spread, object.centre, scene.draw.seed, starts_++);
+  const Pose start = perturbedStart(scene.T_O_C, spread, object.centre, scene.draw.seed, starts_++);
   tracker_.reset();
   tracker_.offer({ObjectFrame::inMetres(object).objectInCamera(start), "camera", 0, false, {}});
 }
@@ -56,13 +55,14 @@ TrustSample TrustTable::judged(const TrustImage& image, const TrustScene& scene,
   const Pose& T_O_C = outcome.refinement.T_O_C;
   const PoseError error =
       poseError(T_O_C, scene.T_O_C, object.centre, scene.camera, object.symmetries);
-  TrustSample sample = {image, 0, outcome, error.rotation_rad / kDegree,
-                        error.object_offset / object.diameter, 0, false};
+  TrustSample sample = {
+      image, 0,    outcome, error.rotation_rad / kDegree, error.object_offset / object.diameter,
+      0,     false};
   sample.right = outcome.found && image.shows_object && sample.rotation_deg <= kMostDegrees &&
                  sample.offset <= kMostOffset;
   if (sample.right) {
-    const Vector6 away = cameraTwist(
-        T_O_C, nearestEquivalent(scene.T_O_C, T_O_C, object.symmetries), object.centre);
+    const Vector6 away =
+        cameraTwist(T_O_C, nearestEquivalent(scene.T_O_C, T_O_C, object.symmetries), object.centre);
     sample.squared_error = away.dot(outcome.refinement.covariance.ldlt().solve(away)) / 6;
   }
   return sample;

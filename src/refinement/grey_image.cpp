@@ -27,10 +27,12 @@ Image rowOf(const Observation& observation, int y) {
 
 std::optional<bool> isGrey(const Observation& observation) {
   constexpr float kSameColour = 0.5f / 255, kLeastContrast = 0.05f;
-  const Camera& camera = observation.camera;
+  const bool in_bytes = observation.pixels != nullptr;
+  if (!in_bytes && (observation.image.empty() || observation.image.channels != 3)) return {};
+  const int height = in_bytes ? observation.pixels->height() : observation.image.height;
   float darkest = 1, brightest = 0;
   for (int j = 0; j < kSamples; ++j) {
-    const Image row = rowOf(observation, j * camera.height / kSamples);
+    const Image row = rowOf(observation, j * height / kSamples);
     for (int i = 0; i < kSamples; ++i) {
       const float* rgb = row.pixel(i * row.width / kSamples, 0);
       if (std::abs(rgb[0] - rgb[1]) > kSameColour || std::abs(rgb[1] - rgb[2]) > kSameColour) {

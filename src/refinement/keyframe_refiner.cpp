@@ -11,6 +11,7 @@
 
 #include "refinement/grey_image.h"
 #include "refinement/plan.h"
+#include "refinement/pose_probability.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -48,7 +49,10 @@ void KeyframeSearchSettings::validate() const {
 
 KeyframeRefiner::KeyframeRefiner(Backend* backend, std::shared_ptr<const LoadedField> field,
                                  const KeyframeSearchSettings& settings)
-    : backend_(backend), field_(std::move(field)), settings_(settings) {
+    : backend_(backend),
+      field_(std::move(field)),
+      settings_(settings),
+      scores_(field_->field().metadata.pose.keyframes) {
   settings_.validate();
   begin();
 }
@@ -71,12 +75,15 @@ Refinement KeyframeRefiner::follow(const TimedObservation& image, const Prior& p
                                    const CancellationToken& cancellation) {
   const Camera& camera = image.observation.camera;
   adaptTo(image.observation);
-  const Refinement result = refine(prior, [&]() -> HypothesisTable {
-    if (!objectRegion(camera, prior, field_->field().metadata)) return {};
-    takeRenewal(image.stamp_ns, cancellation);
-    if (!search_->distanceOfNearest(prior.T_O_C)) makeAt({camera, prior.T_O_C}, cancellation);
-    return search_->near(image.observation, prior, cancellation);
-  });
+  const Refinement result = refine(
+      prior,
+      [&]() -> HypothesisTable {
+        if (!objectRegion(camera, prior, field_->field().metadata)) return {};
+        takeRenewal(image.stamp_ns, cancellation);
+        if (!search_->distanceOfNearest(prior.T_O_C)) makeAt({camera, prior.T_O_C}, cancellation);
+        return search_->near(image.observation, prior, cancellation);
+      },
+      cancellation);
   if (result.outcome == Outcome::kRefined) renewFor({camera, result.T_O_C}, image.stamp_ns);
   return result;
 }
@@ -86,27 +93,32 @@ Refinement KeyframeRefiner::find(const TimedObservation& image, const Prior& pri
   constexpr std::size_t kRendered = 2;  // of the candidates
   const Camera& camera = image.observation.camera;
   adaptTo(image.observation);
-  const Refinement result = refine(prior, [&]() -> HypothesisTable {
-    if (!objectRegion(camera, prior, field_->field().metadata)) return {};
-    waitForRenderings(cancellation);
-    const HypothesisTable candidates = search_->around(image.observation, prior, cancellation);
-    for (std::size_t i = 0; i < std::min(kRendered, candidates.size()); ++i) {
-      if (isFar(candidates[i].T_O_C)) makeAt({camera, candidates[i].T_O_C}, cancellation);
-    }
-    return search_->from(image.observation, candidates, cancellation);
-  });
+  const Refinement result = refine(
+      prior,
+      [&]() -> HypothesisTable {
+        if (!objectRegion(camera, prior, field_->field().metadata)) return {};
+        waitForRenderings(cancellation);
+        const HypothesisTable candidates = search_->around(image.observation, prior, cancellation);
+        for (std::size_t i = 0; i < std::min(kRendered, candidates.size()); ++i) {
+          if (isFar(candidates[i].T_O_C)) makeAt({camera, candidates[i].T_O_C}, cancellation);
+        }
+        return search_->from(image.observation, candidates, cancellation);
+      },
+      cancellation);
   if (result.outcome == Outcome::kRefined) last_ = {image.stamp_ns, result.T_O_C};
   return result;
 }
 
 Refinement KeyframeRefiner::refine(const Prior& prior,
-                                   const std::function<HypothesisTable()>& search) const {
+                                   const std::function<HypothesisTable()>& search,
+                                   const CancellationToken& cancellation) {
   const auto begin = std::chrono::steady_clock::now();
   prior.validate();
   Refinement result;
   result.T_O_C = prior.T_O_C;
   try {
     result = conclude(search(), prior);
+    if (result.outcome == Outcome::kRefined) judge(prior, cancellation, &result);
   } catch (const Cancelled&) {
     result.outcome = Outcome::kCancelled;
   }
@@ -153,6 +165,22 @@ void KeyframeRefiner::renewFor(const View& view, std::int64_t stamp_ns) {
   renderer_->request({view.camera, ahead});
 }
 
+/// Says how likely the best hypothesis is right, and how far off it may be.
+void KeyframeRefiner::judge(const Prior& prior, const CancellationToken& cancellation,
+                            Refinement* found) {
+  const FieldMetadata& object = field_->field().metadata;
+  const Hypothesis& best = found->hypotheses.front();
+  if (const auto other = search_->secondOpinion(best, cancellation)) {
+    found->covariance +=
+        disagreement(cameraTwist(best.T_O_C, other->T_O_C, object.centre), other->beside_rad);
+  }
+  const double by_image = scoreProbability(best.score, scores_);
+  const double odds = priorOdds(found->T_O_C, prior, object);
+  const double by_both = by_image * odds / (by_image * odds + 1 - by_image);
+  found->found_probability = by_both;
+  found->score = by_both * withinProbability(found->covariance, object);
+}
+
 Refinement KeyframeRefiner::conclude(const HypothesisTable& found, const Prior& prior) const {
   Refinement result;
   result.T_O_C = prior.T_O_C;
@@ -169,7 +197,6 @@ Refinement KeyframeRefiner::conclude(const HypothesisTable& found, const Prior& 
   result.outcome = Outcome::kRefined;
   result.T_O_C = {nearestRotation(best.T_O_C.R), best.T_O_C.t};
   result.visible_fraction = best.visible_fraction;
-  result.score = keyframeScore(best.score, object.pose);
   result.covariance = poseCovariance(result.hypotheses, prior, object);
   return result;
 }

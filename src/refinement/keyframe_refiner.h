@@ -41,11 +41,15 @@ class KeyframeRefiner {
   Refinement find(const TimedObservation& image, const Prior& prior,
                   const CancellationToken& cancellation = {});
 
+  /// Judges poses by these scores, in place of the object's own.
+  void use(const KeyframeScores& scores) { scores_ = scores; }
+
   /// Waits until nothing is rendered any more, so that the field is free for others.
   void waitForRenderings(const CancellationToken& cancellation);
 
  private:
-  Refinement refine(const Prior& prior, const std::function<HypothesisTable()>& search) const;
+  Refinement refine(const Prior& prior, const std::function<HypothesisTable()>& search,
+                    const CancellationToken& cancellation);
   void begin();
   void adaptTo(const Observation& observation);
   void takeRenewal(std::int64_t stamp_ns, const CancellationToken& cancellation);
@@ -53,10 +57,12 @@ class KeyframeRefiner {
   bool isFar(const Pose& T_O_C);
   void renewFor(const View& view, std::int64_t stamp_ns);
   Refinement conclude(const HypothesisTable& found, const Prior& prior) const;
+  void judge(const Prior& prior, const CancellationToken& cancellation, Refinement* found);
 
   Backend* backend_;
   std::shared_ptr<const LoadedField> field_;
   KeyframeSearchSettings settings_;
+  KeyframeScores scores_;
   std::optional<KeyframeSearch> search_;
   std::optional<KeyframeRenderer> renderer_;
   std::int64_t due_ns_ = 0;  // stamp from which on the keyframe under way is used

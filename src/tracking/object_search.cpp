@@ -3,6 +3,7 @@
 
 #include <utility>
 
+#include "trust/keyframe_scores.h"
 #include "trust/mask_agreement.h"
 
 namespace nerf_pose_refiner {
@@ -19,6 +20,7 @@ void RefinerSearch::use(std::shared_ptr<const Field> field) {
     configure(initial_settings_, tracking_settings_);
   }
   keyframes_.reset();
+  scores_.reset();
   field_ = processor_.backend->load(std::move(field));
 }
 
@@ -33,27 +35,41 @@ void RefinerSearch::configure(const RefinerSettings& initial, const RefinerSetti
 
 Refinement RefinerSearch::search(const SearchRequest& request,
                                  const CancellationToken& cancellation) {
-  Refinement result = find(request, cancellation);
-  if (request.observation.background != Background::kMask || result.outcome != Outcome::kRefined) {
-    return result;
-  }
+  Refinement result;
   try {
-    if (keyframes_) keyframes_->waitForRenderings(cancellation);
-    result.mask_agreement =
-        maskAgreement(*field_, request.observation, result.T_O_C, cancellation);
+    result = find(request, cancellation);
+    const bool has_mask = request.observation.background == Background::kMask;
+    if (has_mask && result.outcome == Outcome::kRefined) {
+      if (keyframes_) keyframes_->waitForRenderings(cancellation);
+      result.mask_agreement =
+          maskAgreement(*field_, request.observation, result.T_O_C, cancellation);
+    }
   } catch (const Cancelled&) {
     result.outcome = Outcome::kCancelled;
+    result.T_O_C = request.prior.T_O_C;
   }
   return result;
+}
+
+void RefinerSearch::beginKeyframes(const CancellationToken& cancellation) {
+  Backend* const backend = processor_.backend.get();
+  if (!scores_) {
+    scores_ = field_->field().metadata.pose.keyframes;
+    // A model of before: what registration measures nowadays is measured here.
+    if (scores_->poses == 0) scores_ = measureKeyframeScores(backend, *field_, cancellation);
+  }
+  if (getenv("NPR_DUMP"))
+    fprintf(stderr, "SCORES %d %.3f %.3f %.3f\n", scores_->poses, scores_->wrong_mean,
+            scores_->wrong_deviation, scores_->right_low);
+  keyframes_.emplace(backend, field_, tracking_settings_.keyframes);
+  keyframes_->use(*scores_);
 }
 
 Refinement RefinerSearch::find(const SearchRequest& request,
                                const CancellationToken& cancellation) {
   const RefinerSettings& settings = request.tracked ? tracking_settings_ : initial_settings_;
   if (settings.method == Method::kKeyframes) {
-    if (!keyframes_) {
-      keyframes_.emplace(processor_.backend.get(), field_, tracking_settings_.keyframes);
-    }
+    if (!keyframes_) beginKeyframes(cancellation);
     const TimedObservation image = {request.observation, request.stamp_ns};
     return request.tracked ? keyframes_->follow(image, request.prior, cancellation)
                            : keyframes_->find(image, request.prior, cancellation);

@@ -65,6 +65,7 @@ class RefinerSearch : public ObjectSearch {
 
  private:
   Refinement find(const SearchRequest& request, const CancellationToken& cancellation);
+  void beginKeyframes(const CancellationToken& cancellation);
 
   ProcessorFactory find_processor_;
   RefinerSettings initial_settings_;
@@ -73,6 +74,7 @@ class RefinerSearch : public ObjectSearch {
   std::optional<FieldRefiner> initial_;
   std::optional<FieldRefiner> tracking_;
   std::shared_ptr<const LoadedField> field_;
+  std::optional<KeyframeScores> scores_;      ///< of the field; nothing: not asked for yet
   std::optional<KeyframeRefiner> keyframes_;  ///< of field_; created on first use
 };
 

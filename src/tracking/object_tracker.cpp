@@ -307,6 +307,13 @@ void ObjectTracker::refine(const TrackerImage& image, const ImageDecision& decis
   conclude(decision, result);
 }
 
+/// Called with mutex_ held. @return false: the result is obsolete.
+bool ObjectTracker::tell(const Judgement& judgement, std::uint64_t ticket, const Pose& T_C_U) {
+  if (judgement.trusted()) return state_.trusted(ticket, T_C_U);
+  return judgement.goes_on ? state_.goesOn(ticket, T_C_U, judgement.reason, judgement.message)
+                           : state_.notTrusted(ticket, judgement.reason, judgement.message);
+}
+
 void ObjectTracker::conclude(const ImageDecision& decision, TrackOutcome* result) {
   const Refinement& refinement = result->refinement;
   const FieldMetadata& object = field_->metadata;
@@ -316,9 +323,7 @@ void ObjectTracker::conclude(const ImageDecision& decision, TrackOutcome* result
   bool up_to_date = false;
   {
     std::lock_guard<std::mutex> lock(mutex_);
-    up_to_date = judgement.trusted()
-                     ? state_.trusted(decision.ticket, T_C_U)
-                     : state_.notTrusted(decision.ticket, judgement.reason, judgement.message);
+    up_to_date = tell(judgement, decision.ticket, T_C_U);
   }
   result->score = refinement.score;
   result->found = up_to_date && refinement.outcome == Outcome::kRefined;

@@ -69,6 +69,8 @@ Judgement judge(const Refinement& refinement, bool tracked, const TrackingRules&
       return {TrackReason::kDiverged, "no hypothesis survived"};
     case TrustVerdict::kCancelled:
       return {TrackReason::kCancelled, "the refinement was interrupted"};
+    case TrustVerdict::kUncertain:
+      return {TrackReason::kLowScore, "the image does not fix the pose well enough", true};
     case TrustVerdict::kBadMask:
       return {TrackReason::kBadMask, "the mask does not show the object where the image does"};
     case TrustVerdict::kLowScore:

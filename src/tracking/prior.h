@@ -25,6 +25,7 @@ Prior priorFrom(const TimedPose& start, const Pose& T_C_U, const FieldMetadata& 
 struct Judgement {
   TrackReason reason = TrackReason::kNone;  ///< kNone: it is trusted
   std::string message;
+  bool goes_on = false;  ///< not trusted, but good enough to go on from
 
   bool trusted() const { return reason == TrackReason::kNone; }
 };

@@ -27,12 +27,12 @@ struct SearchSettings {
 
 /// When a track begins, continues and ends.
 struct TrackingRules {
-  double trust_score = 0.18;  ///< 0..1: score at which a track begins
-  double min_score = 0.1;     ///< 0..trust_score: while tracking, a lower score is not trusted
-  int max_failures = 2;       ///< number of untrusted images in a row that are bridged, >= 0
-  bool predict = true;        ///< predict from the last two poses, see predictConstantVelocity
-  double recover_s = 5;       ///< a lost object is searched for during this time [s]; 0: never
-  bool once = false;          ///< after one trusted pose, wait for the next initial pose
+  double trust_score = 0.9;  ///< 0..1: score at which a track begins
+  double min_score = 0.5;    ///< 0..trust_score: while tracking, a lower score is not trusted
+  int max_failures = 2;      ///< number of untrusted images in a row that are bridged, >= 0
+  bool predict = true;       ///< predict from the last two poses, see predictConstantVelocity
+  double recover_s = 5;      ///< a lost object is searched for during this time [s]; 0: never
+  bool once = false;         ///< after one trusted pose, wait for the next initial pose
   InitialPosePolicy initial_pose_policy = InitialPosePolicy::kWhenNotTracking;
   double initial_pose_max_age_s = 10;  ///< of an initial pose, when it is used [s], > 0
   double image_timeout_s = 2;  ///< without an image for this time, the object is lost [s]; 0: never

@@ -243,6 +243,16 @@ bool TrackerState::trusted(std::uint64_t ticket, const Pose& T_C_U) {
   return true;
 }
 
+bool TrackerState::goesOn(std::uint64_t ticket, const Pose& T_C_U, TrackReason reason,
+                          const std::string& message) {
+  if (!running_ || !running_->start.tracked || rules_.once) {
+    return notTrusted(ticket, reason, message);
+  }
+  if (!trusted(ticket, T_C_U)) return false;
+  setCondition(TrackState::kTracking, reason, message);
+  return true;
+}
+
 bool TrackerState::notTrusted(std::uint64_t ticket, TrackReason reason,
                               const std::string& message) {
   const std::optional<Running> ended = end(ticket);

@@ -70,6 +70,10 @@ class TrackerState {
   /// A refinement ended with a trusted pose. @param T_C_U [m]
   /// @return false if the result is obsolete, for instance after a reset: discard it.
   bool trusted(std::uint64_t ticket, const Pose& T_C_U);
+  /// A refinement of a track ended with a pose that is not to be published, but to go on from.
+  /// @return false if it is out of date, as `trusted`.
+  bool goesOn(std::uint64_t ticket, const Pose& T_C_U, TrackReason reason,
+              const std::string& message);
   /// A refinement ended without a trusted pose. @return false if the result is obsolete.
   bool notTrusted(std::uint64_t ticket, TrackReason reason, const std::string& message);
   /// A refinement ended with an exception.

@@ -16,10 +16,11 @@ TrustVerdict checkTrust(const Refinement& refinement, double least_score) {
     case Outcome::kRefined:
       break;
   }
-  if (!(refinement.score >= least_score)) return TrustVerdict::kLowScore;
   const std::optional<double>& agreement = refinement.mask_agreement;
-  return agreement && *agreement < kLeastMaskAgreement ? TrustVerdict::kBadMask
-                                                       : TrustVerdict::kTrusted;
+  const double found = refinement.found_probability.value_or(refinement.score);
+  if (!(found >= least_score)) return TrustVerdict::kLowScore;
+  if (agreement && *agreement < kLeastMaskAgreement) return TrustVerdict::kBadMask;
+  return refinement.score >= least_score ? TrustVerdict::kTrusted : TrustVerdict::kUncertain;
 }
 
 }  // namespace nerf_pose_refiner

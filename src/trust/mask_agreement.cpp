@@ -35,8 +35,7 @@ float maskAt(const Image& mask, const Camera& reduced, int x, int y) {
 double maskAgreement(const LoadedField& field, const Observation& observation, const Pose& T_O_C,
                      const CancellationToken& cancellation) {
   const Camera camera = reducedCamera(observation.camera, T_O_C, field.field().metadata);
-  const Image silhouette =
-      field.render({camera, T_O_C}, RenderOptions(), cancellation).alpha;
+  const Image silhouette = field.render({camera, T_O_C}, RenderOptions(), cancellation).alpha;
   double both = 0, either = 0;
   for (int y = 0; y < camera.height; ++y) {
     for (int x = 0; x < camera.width; ++x) {

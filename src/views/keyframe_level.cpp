@@ -238,8 +238,7 @@ class LevelMaker {
   }
 
   int tileOf(int pixel) const {
-    const int tiles = (width_ + kTileSide - 1) / kTileSide;
-    return pixel / width_ / kTileSide * tiles + pixel % width_ / kTileSide;
+    return tileOfPixel(pixel, width_);
   }
 
   ChosenSurface surfaceAt(int x, int y) const {

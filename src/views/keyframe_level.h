@@ -3,7 +3,11 @@
 
 #include <Eigen/Core>
 
+#include <algorithm>
+#include <cstdlib>
+
 #include "backend/keyframe_points.h"
+#include "math/tile_scatter.h"
 #include "nerf_pose_refiner/image.h"
 #include "views/keyframe.h"
 
@@ -14,6 +18,15 @@ namespace nerf_pose_refiner {
 constexpr int kKeyframeChannels = 7;
 constexpr int kKeyframeAlpha = 3;
 constexpr int kKeyframePoint = 4;
+
+/// The tile of a pixel y * width + x: an eighth of the level's width, but at least kTileSide.
+/// Residuals go together over parts of the object, by its shading and by what the model is off.
+inline int tileOfPixel(int pixel, int width) {
+  static const int n = getenv("NPR_TILES") ? atoi(getenv("NPR_TILES")) : 8;
+  const int side = std::max(kTileSide, width / n);
+  const int tiles = (width + side - 1) / side;
+  return pixel / width / side * tiles + pixel % width / side;
+}
 
 /// The camera for which a level was rendered.
 struct KeyframeView {

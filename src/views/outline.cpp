@@ -113,9 +113,8 @@ std::vector<OutlinePlace> outlineOf(const Image& layers, const KeyframeView& vie
       }
     }
   }
-  const int width = layers.width, tiles = (width + kTileSide - 1) / kTileSide;
-  const auto tile_of = [width, tiles](const OutlinePlace& place) {
-    return place.pixel / width / kTileSide * tiles + place.pixel % width / kTileSide;
+  const auto tile_of = [&layers](const OutlinePlace& place) {
+    return tileOfPixel(place.pixel, layers.width);
   };
   std::stable_sort(all.begin(), all.end(),
                    [&tile_of](const auto& a, const auto& b) { return tile_of(a) < tile_of(b); });

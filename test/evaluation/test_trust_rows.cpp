@@ -93,7 +93,7 @@ TEST(TrustRows, BoxesAreInTheObjectsPlace) {
   const std::vector<TrustImage> images = imagesOf("boxes and ellipses in its place");
   ASSERT_EQ(images.size(), 10u);
   for (const TrustImage& shown : images) EXPECT_FALSE(shown.shows_object);
-  EXPECT_EQ(images[0].observation.image.at(41, 41, 0), 0);     // a box: black to its corners
+  EXPECT_EQ(images[0].observation.image.at(41, 41, 0), 0);           // a box: black to its corners
   EXPECT_NEAR(images[1].observation.image.at(41, 41, 0), 1, 1e-5f);  // an ellipse: red there
   EXPECT_EQ(images[1].observation.image.at(80, 80, 0), 0);
 }

@@ -72,6 +72,28 @@ TEST_F(TrackerStateTest, KnowsHowTheObjectMovesOnceItIsTracked) {
   EXPECT_FALSE(image(0.9).previous);
 }
 
+TEST_F(TrackerStateTest, GoesOnFromAnUncertainPoseOfATrack) {
+  state_.offer(poseAt(at(0)));
+  track(0, 0.1);
+  Pose uncertain;
+  uncertain.t.x() = 0.2;
+  for (int i = 1; i <= 5; ++i) {  // more often than failures are bridged
+    const ImageDecision decision = image(0.1 * i);
+    EXPECT_TRUE(state_.goesOn(decision.ticket, uncertain, TrackReason::kLowScore, "vague"));
+    expect(TrackState::kTracking, TrackReason::kLowScore);
+    EXPECT_EQ(state_.condition().message, "vague");
+  }
+  EXPECT_EQ(image(0.7).start->T_P_U.t.x(), 0.2);
+  EXPECT_FALSE(state_.goesOn(0, uncertain, TrackReason::kLowScore, "")) << "obsolete";
+}
+
+TEST_F(TrackerStateTest, DoesNotBeginWithAnUncertainPose) {
+  state_.offer(poseAt(at(0)));
+  const ImageDecision decision = image(0);
+  EXPECT_TRUE(state_.goesOn(decision.ticket, {}, TrackReason::kLowScore, ""));
+  expect(TrackState::kLost, TrackReason::kLowScore);
+}
+
 TEST_F(TrackerStateTest, BeginsWithoutAModel) {
   state_ = TrackerState(rules_);
   expect(TrackState::kNoModel, TrackReason::kNone);

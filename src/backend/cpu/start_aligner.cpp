@@ -198,9 +198,9 @@ void StartAligner::findEvidence(const KeyframeLevelRules& rules, AlignedKeyframe
   };
   for (std::size_t t = 0; t + 1 < level.tiles.size(); ++t) {
     EvidenceSums<float> tile = {};
-    kernels_->sumEvidence(
-        view, {columnsOf(level.chosen), compared, level.tiles[t], level.tiles[t + 1]},
-        {rules.robust_scale, rules.observed_fraction}, &tile);
+    kernels_->sumEvidence(view,
+                          {columnsOf(level.chosen), compared, level.tiles[t], level.tiles[t + 1]},
+                          {rules.robust_scale, rules.observed_fraction}, &tile);
     add(tile);
   }
   for (std::size_t t = 0; t + 1 < level.outline_tiles.size(); ++t) {
