@@ -170,6 +170,7 @@ void KeyframeRefiner::judge(const Prior& prior, const CancellationToken& cancell
                             Refinement* found) {
   const FieldMetadata& object = field_->field().metadata;
   const Hypothesis& best = found->hypotheses.front();
+  found->covariance += systematicCovariance(found->covariance, found->T_O_C, object);
   if (const auto other = search_->secondOpinion(best, cancellation)) {
     found->covariance +=
         disagreement(cameraTwist(best.T_O_C, other->T_O_C, object.centre), other->beside_rad);

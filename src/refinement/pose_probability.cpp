@@ -61,6 +61,16 @@ double withinProbability(const Matrix6& of_twist, const FieldMetadata& object) {
          smallerThan(kOffset * object.diameter, covariance.topLeftCorner<3, 3>());
 }
 
+Matrix6 systematicCovariance(const Matrix6& of_twist, const Pose& T_O_C,
+                             const FieldMetadata& object) {
+  constexpr double kOverNoise = 1.5;  // of variances
+  const Eigen::Matrix3d sight = T_O_C.R * lineOfSightAxes(T_O_C.inverse() * object.centre);
+  Matrix6 axes = Matrix6::Zero();
+  axes.topLeftCorner<3, 3>() = axes.bottomRightCorner<3, 3>() = sight;
+  const Vector6 variances = (axes.transpose() * of_twist * axes).diagonal();
+  return kOverNoise * axes * variances.asDiagonal() * axes.transpose();
+}
+
 Matrix6 disagreement(const Vector6& away, double beside_rad) {
   constexpr double kLeastHeld = 0.1;
   const double taken_along = beside_rad > 0 ? away.tail<3>().norm() / beside_rad : 0;

@@ -20,6 +20,12 @@ double priorOdds(const Pose& T_O_C, const Prior& prior, const FieldMetadata& obj
 /// @param of_twist @see poseCovariance.
 double withinProbability(const Matrix6& of_twist, const FieldMetadata& object);
 
+/// What errors of the model and of its shading add to a covariance: they do not keep to the
+/// correlations that noise has, and are larger than it.
+/// @param of_twist by noise alone. @param T_O_C its pose.
+Matrix6 systematicCovariance(const Matrix6& of_twist, const Pose& T_O_C,
+                             const FieldMetadata& object);
+
 /// The covariance that two keyframes show by ending apart, as a twist of the pose. If the second
 /// one turns the object by as much as it was rendered beside it, the image does not fix that turn.
 /// @param away from the pose to where the second keyframe is aligned, @see cameraTwist.

@@ -58,9 +58,6 @@ void RefinerSearch::beginKeyframes(const CancellationToken& cancellation) {
     // A model of before: what registration measures nowadays is measured here.
     if (scores_->poses == 0) scores_ = measureKeyframeScores(backend, *field_, cancellation);
   }
-  if (getenv("NPR_DUMP"))
-    fprintf(stderr, "SCORES %d %.3f %.3f %.3f\n", scores_->poses, scores_->wrong_mean,
-            scores_->wrong_deviation, scores_->right_low);
   keyframes_.emplace(backend, field_, tracking_settings_.keyframes);
   keyframes_->use(*scores_);
 }

@@ -310,8 +310,8 @@ void ObjectTracker::refine(const TrackerImage& image, const ImageDecision& decis
 /// Called with mutex_ held. @return false: the result is obsolete.
 bool ObjectTracker::tell(const Judgement& judgement, std::uint64_t ticket, const Pose& T_C_U) {
   if (judgement.trusted()) return state_.trusted(ticket, T_C_U);
-  return judgement.goes_on ? state_.goesOn(ticket, T_C_U, judgement.reason, judgement.message)
-                           : state_.notTrusted(ticket, judgement.reason, judgement.message);
+  if (!judgement.goes_on) return state_.notTrusted(ticket, judgement.reason, judgement.message);
+  return state_.goesOn(ticket, T_C_U, judgement.reason, judgement.message, judgement.doubtful);
 }
 
 void ObjectTracker::conclude(const ImageDecision& decision, TrackOutcome* result) {

@@ -59,6 +59,9 @@ Prior priorFrom(const TimedPose& start, const Pose& T_C_U, const FieldMetadata& 
   return prior;
 }
 
+/// A tracked pose that is right with less probability is as good as lost.
+constexpr double kWorthFollowing = 0.05;
+
 Judgement judge(const Refinement& refinement, bool tracked, const TrackingRules& rules) {
   switch (checkTrust(refinement, tracked ? rules.min_score : rules.trust_score)) {
     case TrustVerdict::kTrusted:
@@ -74,8 +77,10 @@ Judgement judge(const Refinement& refinement, bool tracked, const TrackingRules&
     case TrustVerdict::kBadMask:
       return {TrackReason::kBadMask, "the mask does not show the object where the image does"};
     case TrustVerdict::kLowScore:
-      return {TrackReason::kLowScore, std::string("the pose explains the image badly (below ") +
-                                          (tracked ? "min_score)" : "trust_score)")};
+      return {TrackReason::kLowScore,
+              std::string("the pose explains the image badly (below ") +
+                  (tracked ? "min_score)" : "trust_score)"),
+              refinement.found_probability.value_or(0) >= kWorthFollowing, true};
   }
   return {};
 }

@@ -25,7 +25,8 @@ Prior priorFrom(const TimedPose& start, const Pose& T_C_U, const FieldMetadata& 
 struct Judgement {
   TrackReason reason = TrackReason::kNone;  ///< kNone: it is trusted
   std::string message;
-  bool goes_on = false;  ///< not trusted, but good enough to go on from
+  bool goes_on = false;   ///< not trusted, but good enough to go on from
+  bool doubtful = false;  ///< of these: for a while, because it may be the wrong place
 
   bool trusted() const { return reason == TrackReason::kNone; }
 };

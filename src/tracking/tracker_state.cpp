@@ -230,6 +230,7 @@ bool TrackerState::trusted(std::uint64_t ticket, const Pose& T_C_U) {
   const std::optional<Running> ended = end(ticket);
   if (!ended) return false;
   failures_ = 0;
+  doubts_ = 0;
   recovery_start_.reset();
   if (rules_.once) {
     last_.reset();
@@ -244,11 +245,15 @@ bool TrackerState::trusted(std::uint64_t ticket, const Pose& T_C_U) {
 }
 
 bool TrackerState::goesOn(std::uint64_t ticket, const Pose& T_C_U, TrackReason reason,
-                          const std::string& message) {
-  if (!running_ || !running_->start.tracked || rules_.once) {
+                          const std::string& message, bool doubtful) {
+  constexpr int kDoubtsOfFailure = 10;  // of images that failures would bridge
+  const int doubts = doubtful ? doubts_ + 1 : 0;
+  const bool is_over = doubts > kDoubtsOfFailure * (rules_.max_failures + 1);
+  if (!running_ || !running_->start.tracked || rules_.once || is_over) {
     return notTrusted(ticket, reason, message);
   }
   if (!trusted(ticket, T_C_U)) return false;
+  doubts_ = doubts;
   setCondition(TrackState::kTracking, reason, message);
   return true;
 }

@@ -72,8 +72,9 @@ class TrackerState {
   bool trusted(std::uint64_t ticket, const Pose& T_C_U);
   /// A refinement of a track ended with a pose that is not to be published, but to go on from.
   /// @return false if it is out of date, as `trusted`.
+  /// @param doubtful only so many in a row, then it counts as a failure.
   bool goesOn(std::uint64_t ticket, const Pose& T_C_U, TrackReason reason,
-              const std::string& message);
+              const std::string& message, bool doubtful);
   /// A refinement ended without a trusted pose. @return false if the result is obsolete.
   bool notTrusted(std::uint64_t ticket, TrackReason reason, const std::string& message);
   /// A refinement ended with an exception.
@@ -116,6 +117,7 @@ class TrackerState {
   std::optional<TimedPose> previous_;      ///< the pose before last_, if that was tracked, too
   /// While lost: the pose to search around, the last trusted one or an initial one that failed.
   std::optional<TimedPose> recovery_start_;
+  int doubts_ = 0;                             ///< doubtful images since the last other one
   int failures_ = 0;                           ///< untrusted images since the last trusted one
   std::optional<std::int64_t> last_stamp_ns_;  ///< of the last image that was decided on
   std::int64_t clock_ns_ = 0;                  ///< the time of the last updateClock

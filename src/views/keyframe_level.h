@@ -4,7 +4,6 @@
 #include <Eigen/Core>
 
 #include <algorithm>
-#include <cstdlib>
 
 #include "backend/keyframe_points.h"
 #include "math/tile_scatter.h"
@@ -19,11 +18,10 @@ constexpr int kKeyframeChannels = 7;
 constexpr int kKeyframeAlpha = 3;
 constexpr int kKeyframePoint = 4;
 
-/// The tile of a pixel y * width + x: an eighth of the level's width, but at least kTileSide.
-/// Residuals go together over parts of the object, by its shading and by what the model is off.
+/// The tile of a pixel y * width + x: tiles are as wide as an eighth of the level, but at least
+/// kTileSide, because shading and the model's errors correlate residuals over parts of the object.
 inline int tileOfPixel(int pixel, int width) {
-  static const int n = getenv("NPR_TILES") ? atoi(getenv("NPR_TILES")) : 8;
-  const int side = std::max(kTileSide, width / n);
+  const int side = std::max(kTileSide, width / 8);
   const int tiles = (width + side - 1) / side;
   return pixel / width / side * tiles + pixel % width / side;
 }
