@@ -319,7 +319,7 @@ void ObjectTracker::conclude(const ImageDecision& decision, TrackOutcome* result
   const FieldMetadata& object = field_->metadata;
   const ObjectFrame frame = ObjectFrame::inMetres(object);
   const Pose T_C_U = frame.objectInCamera(refinement.T_O_C);
-  const Judgement judgement = judge(refinement, decision.start->tracked, settings_.rules);
+  const Judgement judgement = judge(refinement, decision.confirmed, settings_.rules);
   bool up_to_date = false;
   {
     std::lock_guard<std::mutex> lock(mutex_);

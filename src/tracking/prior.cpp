@@ -62,8 +62,8 @@ Prior priorFrom(const TimedPose& start, const Pose& T_C_U, const FieldMetadata& 
 /// A tracked pose that is right with less probability is as good as lost.
 constexpr double kWorthFollowing = 0.05;
 
-Judgement judge(const Refinement& refinement, bool tracked, const TrackingRules& rules) {
-  switch (checkTrust(refinement, tracked ? rules.min_score : rules.trust_score)) {
+Judgement judge(const Refinement& refinement, bool confirmed, const TrackingRules& rules) {
+  switch (checkTrust(refinement, confirmed ? rules.min_score : rules.trust_score)) {
     case TrustVerdict::kTrusted:
       break;
     case TrustVerdict::kNoOverlap:
@@ -79,7 +79,7 @@ Judgement judge(const Refinement& refinement, bool tracked, const TrackingRules&
     case TrustVerdict::kLowScore:
       return {TrackReason::kLowScore,
               std::string("the pose explains the image badly (below ") +
-                  (tracked ? "min_score)" : "trust_score)"),
+                  (confirmed ? "min_score)" : "trust_score)"),
               refinement.found_probability.value_or(0) >= kWorthFollowing, true};
   }
   return {};

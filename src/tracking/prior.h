@@ -32,8 +32,7 @@ struct Judgement {
 };
 
 /// Decides whether a refined pose is trusted.
-/// @param tracked the refinement started from the pose in the image before: the lower threshold
-/// applies.
-Judgement judge(const Refinement& refinement, bool tracked, const TrackingRules& rules);
+/// @param confirmed a pose of the track that goes on was trusted before: the lower threshold holds.
+Judgement judge(const Refinement& refinement, bool confirmed, const TrackingRules& rules);
 
 }  // namespace nerf_pose_refiner

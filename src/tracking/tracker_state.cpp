@@ -171,6 +171,7 @@ ImageDecision TrackerState::decide(const ImageStamp& image) {
   }
   decision.start = chooseStart(image.stamp_ns, &decision);
   if (!decision.start) return decision;
+  decision.confirmed = decision.start->tracked && confirmed_;
   decision.ticket = ++tickets_;
   running_ = {decision.ticket, image, *decision.start};
   return decision;
@@ -231,6 +232,7 @@ bool TrackerState::trusted(std::uint64_t ticket, const Pose& T_C_U) {
   if (!ended) return false;
   failures_ = 0;
   doubts_ = 0;
+  confirmed_ = true;
   recovery_start_.reset();
   if (rules_.once) {
     last_.reset();
@@ -249,10 +251,12 @@ bool TrackerState::goesOn(std::uint64_t ticket, const Pose& T_C_U, TrackReason r
   constexpr int kDoubtsOfFailure = 10;  // of images that failures would bridge
   const int doubts = doubtful ? doubts_ + 1 : 0;
   const bool is_over = doubts > kDoubtsOfFailure * (rules_.max_failures + 1);
-  if (!running_ || !running_->start.tracked || rules_.once || is_over) {
+  if (rules_.once || is_over) {
     return notTrusted(ticket, reason, message);
   }
+  const bool confirmed = confirmed_ && running_ && running_->start.tracked;
   if (!trusted(ticket, T_C_U)) return false;
+  confirmed_ = confirmed;
   doubts_ = doubts;
   setCondition(TrackState::kTracking, reason, message);
   return true;

@@ -100,11 +100,17 @@ TEST_F(TrackerStateTest, GoesOnFromDoubtfulPosesForAWhile) {
   expect(TrackState::kLost, TrackReason::kLowScore);
 }
 
-TEST_F(TrackerStateTest, DoesNotBeginWithAnUncertainPose) {
+TEST_F(TrackerStateTest, IsConfirmedByItsFirstTrustedPose) {
   state_.offer(poseAt(at(0)));
-  const ImageDecision decision = image(0);
-  EXPECT_TRUE(state_.goesOn(decision.ticket, {}, TrackReason::kLowScore, "", false));
-  expect(TrackState::kLost, TrackReason::kLowScore);
+  EXPECT_TRUE(state_.goesOn(image(0).ticket, {}, TrackReason::kLowScore, "", true));
+  expect(TrackState::kTracking, TrackReason::kLowScore);
+  const ImageDecision second = image(0.1);
+  EXPECT_FALSE(second.confirmed);
+  EXPECT_TRUE(state_.trusted(second.ticket, {}));
+  const ImageDecision third = image(0.2);
+  EXPECT_TRUE(third.confirmed);
+  EXPECT_TRUE(state_.goesOn(third.ticket, {}, TrackReason::kLowScore, "", true));
+  EXPECT_TRUE(image(0.3).confirmed) << "a doubtful image does not take it back";
 }
 
 TEST_F(TrackerStateTest, BeginsWithoutAModel) {
