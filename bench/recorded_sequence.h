@@ -16,7 +16,6 @@ struct RecordedFrame {
   std::string file;
   std::int64_t stamp_ns = 0;
   Pose T_C_O;                 ///< [m]
-  double visible_fraction = 1;  ///< of the silhouette: in the image, with nothing before it
   bool label_visible = true;  ///< false: the object looks alike from all around its axis z
 };
 

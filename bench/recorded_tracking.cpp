@@ -225,21 +225,6 @@ class RecordedTracking {
           outcome.refinement.visible_fraction,
           outcome.trusted ? "trusted " : outcome.message.c_str(), is_right ? "" : "WRONG");
     }
-    if (getenv("NPR_DUMP") && outcome.found) {
-      const Vector6 away = cameraTwist(outcome.refinement.T_O_C, truth, field_->metadata.centre);
-      const Eigen::Vector3d c = outcome.refinement.T_O_C.inverse() * field_->metadata.centre;
-      Matrix6 S = Matrix6::Zero();
-      S.topLeftCorner<3, 3>() = S.bottomRightCorner<3, 3>() =
-          (outcome.refinement.T_O_C.R * lineOfSightAxes(c)).transpose();
-      const Vector6 e = S * away;
-      const Matrix6 C = S * outcome.refinement.covariance * S.transpose();
-      const Hypothesis& h = outcome.refinement.hypotheses.front();
-      std::printf("DUMP %zu %d %d %.4f %.4f %.3f %.4f %d", i, is_right, outcome.trusted, outcome.score, h.score, h.visible_fraction, h.residual_variance, h.iterations);
-      std::printf(" %.4f %.4f", field_->metadata.diameter, c.norm());
-      for (int k = 0; k < 6; ++k) std::printf(" %.6f", e[k]);
-      for (int k = 0; k < 6; ++k) std::printf(" %.6f", std::sqrt(C(k, k)));
-      std::printf(" %.3f %.3f\n", e.dot(C.ldlt().solve(e)) / 6, frame.visible_fraction);
-    }
     if (is_right) return;
     ++tally->lost;
     if (options_.reset && options_.first_poses == 0) tellPose(i, false);
