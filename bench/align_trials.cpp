@@ -199,7 +199,7 @@ void run(const Options& options) {
   }
   DatasetOptions reading;
   reading.threads = threads;
-  const Dataset dataset = loadTransforms(options.dataset, reading);
+  const Dataset dataset = loadDataset(options.dataset, reading);
   TrialRunner runner(options, backend, field);
   const std::vector<Trial> trials = runner.run(dataset, &floor);
   nlohmann::json summary = summaryOf(trials, runner.protocol());

@@ -55,7 +55,7 @@ class Bench {
   explicit Bench(const Options& options)
       : options_(options),
         field_(std::make_shared<Field>(loadModel(options.model))),
-        views_(loadTransforms(options.views).views) {
+        views_(loadDataset(options.views).views) {
     choice_.backend = "cpu";
     choice_.threads = options.threads;
     for (const PosedView& view : views_) observations_.push_back(observe(view));
@@ -117,7 +117,7 @@ class Bench {
     Clock::time_point start;
     try {
       learnField(
-          backend.get(), loadTransforms(options_.photos, {}, token), settings,
+          backend.get(), loadDataset(options_.photos, {}, token), settings,
           [&](const RegistrationProgress& progress) {
             if (progress.step <= 1) start = Clock::now();
             *steps = progress.step;

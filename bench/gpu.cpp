@@ -152,7 +152,7 @@ void run(const std::string& path, const std::string& dataset) {
   using Clock = std::chrono::steady_clock;
   const std::unique_ptr<Backend> backend = makeCudaBackend();
   const Field model = loadModel(path);
-  const Dataset views = loadTransforms(dataset);
+  const Dataset views = loadDataset(dataset);
   const PosedView& view = views.views.front();
   std::printf("%s; memory in use %zu MiB\n", backend->info().description.c_str(),
               deviceMemoryUsed() >> 20);

@@ -153,9 +153,9 @@ double registerOnce(Backend* backend, const Dataset& data, const Dataset& test,
 }
 
 void run(const Options& options) {
-  const Dataset data = loadTransforms(options.dataset, options.reading());
+  const Dataset data = loadDataset(options.dataset, options.reading());
   Dataset test;
-  if (!options.test.empty()) test = loadTransforms(options.test, options.reading());
+  if (!options.test.empty()) test = loadDataset(options.test, options.reading());
   const double context_MiB = deviceMemory_MiB();
   const auto backend = makeBackend(options.backend);
   std::printf("engine              %s\n", backend->info().description.c_str());

@@ -67,8 +67,8 @@ struct Subject {
     RegistrationSettings settings;
     settings.steps = 300;
     settings.metres_per_unit = kMetresPerUnit;
-    Field field = learnField(backend.get(), loadTransforms((root / "photos").string()), settings,
-                             {}, CancellationToken());
+    Field field = learnField(backend.get(), loadDataset((root / "photos").string()), settings, {},
+                             CancellationToken());
     field.metadata.name = "subject";
     saveModel(field, (root / "subject.safetensors").string());
 

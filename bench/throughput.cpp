@@ -77,7 +77,7 @@ int main(int argc, char** argv) {
     std::printf("%s\n", backend->info().description.c_str());
     DatasetOptions reading;
     reading.threads = threads;
-    run(backend.get(), loadModel(model), loadTransforms(dataset, reading), threads, rounds);
+    run(backend.get(), loadModel(model), loadDataset(dataset, reading), threads, rounds);
     std::printf("peak memory %.0f MiB\n", peakMemory_MiB());
     return 0;
   } catch (const std::exception& e) {

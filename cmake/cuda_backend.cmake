@@ -69,6 +69,7 @@ add_library(${npr_cuda} OBJECT
   cuda/keyframe_align.cu
   cuda/launch.cpp
   cuda/optimise.cu
+  cuda/probe.cu
   cuda/regions.cu
   cuda/render.cu
   cuda/train_networks.cu

@@ -63,8 +63,11 @@ if(CLI11_FOUND)
     npr_reuse_precompiled(${PROJECT_NAME}_${tool} ${tools})
   endforeach()
 endif()
-catkin_install_python(PROGRAMS scripts/llff_to_transforms scripts/plot_evaluation
+catkin_install_python(PROGRAMS
+  scripts/llff_to_transforms scripts/make_board scripts/photos_to_object scripts/plot_evaluation
   DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
+install(DIRECTORY scripts/lib/photos DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION}/lib
+  FILES_MATCHING PATTERN "*.py" PATTERN __pycache__ EXCLUDE)
 
 add_executable(${PROJECT_NAME}_capture_views_node src/ros/capture/capture_views_node.cpp)
 set_target_properties(${PROJECT_NAME}_capture_views_node PROPERTIES OUTPUT_NAME capture_views)

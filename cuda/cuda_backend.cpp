@@ -1,6 +1,8 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include "cuda_backend.h"
 
+#include <mutex>
+#include <set>
 #include <stdexcept>
 #include <string>
 
@@ -8,6 +10,7 @@
 #include "cuda_keyframe_aligner.h"
 #include "cuda_loaded_field.h"
 #include "cuda_trainer.h"
+#include "probe.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -21,9 +24,27 @@ cudaDeviceProp propertiesOf(int device) {
   return properties;
 }
 
+// What works once goes on to work until there is a sticky error.
+std::string whyNoKernelsOn(int device) {
+  static std::mutex mutex;
+  static std::set<int> working;
+  std::lock_guard<std::mutex> lock(mutex);
+  if (working.count(device) > 0) return "";
+  const cudaError_t error = cudaSetDevice(device);
+  if (error != cudaSuccess) {
+    cudaGetLastError();
+    return cudaGetErrorString(error);
+  }
+  const std::string why = whyNoKernels();
+  if (why.empty()) working.insert(device);
+  return why;
+}
+
 }  // namespace
 
 std::string whyNoCuda(int device) {
+  const std::string lost = stickyError();
+  if (!lost.empty()) return lost + "; it works again when the process is restarted";
   int count = 0;
   const cudaError_t error = cudaGetDeviceCount(&count);
   if (error != cudaSuccess) {
@@ -39,7 +60,8 @@ std::string whyNoCuda(int device) {
            std::to_string(properties.major) + "." + std::to_string(properties.minor) +
            ", must be 7.5 or more";
   }
-  return "";
+  const std::string why = whyNoKernelsOn(device);
+  return why.empty() ? why : std::string(properties.name) + ": " + why;
 }
 
 std::unique_ptr<Backend> makeCudaBackend(const BackendChoice& choice) {

@@ -3,11 +3,21 @@
 
 #include <cuda_runtime_api.h>
 
+#include <string>
+
 namespace nerf_pose_refiner {
 
 /// Throws std::runtime_error with file, line, call and CUDA's text unless `error` is cudaSuccess.
-/// An error that a call left behind is taken off, so that the next call starts clean.
+/// An error that a call left behind is taken off, so that the next call starts clean. An error that
+/// stays with the process is thrown as BackendLost.
 void checkCuda(cudaError_t error, const char* call, const char* file, int line);
+
+/// Whether an error stays: all later calls of the process fail with it. (cudaDeviceReset would end
+/// it, and with it the work of all other code of the process on that device.)
+bool isSticky(cudaError_t error);
+
+/// The first error of this process that stays, in words; empty: there was none. Any thread.
+std::string stickyError();
 
 }  // namespace nerf_pose_refiner
 

@@ -1,6 +1,7 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
 #include <map>
+#include <mutex>
 #include <stdexcept>
 #include <string>
 #include <tuple>
@@ -11,10 +12,14 @@
 namespace nerf_pose_refiner {
 
 int residentBlocks(const void* kernel, int threads, int shared_bytes) {
-  // By thread, so that no lock is needed: every backend is used by one thread at a time.
-  thread_local std::map<std::tuple<int, const void*, int>, int> known;
+  // The limit belongs to the kernel, not to the thread: backends and keyframe aligners launch from
+  // several threads.
+  static std::mutex mutex;
+  static std::map<std::tuple<int, const void*, int>, int> known;
+  static std::map<std::pair<int, const void*>, int> largest;
   int device = 0;
   NPR_CUDA_CHECK(cudaGetDevice(&device));
+  std::lock_guard<std::mutex> lock(mutex);
   int& blocks = known[{device, kernel, shared_bytes}];
   if (blocks > 0) return blocks;
   int processors = 0, allowed = 0, per_processor = 0;
@@ -24,8 +29,7 @@ int residentBlocks(const void* kernel, int threads, int shared_bytes) {
     throw std::runtime_error("CUDA: the field's networks need " + std::to_string(shared_bytes) +
                              " bytes of shared memory, this device has " + std::to_string(allowed));
   }
-  // The limit belongs to the kernel and must not fall below what another field needs.
-  thread_local std::map<std::pair<int, const void*>, int> largest;
+  // It must not fall below what another field needs.
   int& limit = largest[{device, kernel}];
   limit = std::max(limit, shared_bytes);
   NPR_CUDA_CHECK(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, limit));

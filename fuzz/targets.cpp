@@ -4,13 +4,20 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <stdexcept>
 #include <string>
 
+#include "dataset/bop_scene.h"
+#include "dataset/colmap_binary.h"
+#include "dataset/colmap_text.h"
+#include "dataset/polycam.h"
+#include "dataset/record3d.h"
 #include "dataset/transforms_json.h"
 #include "field/model_file.h"
 #include "field/object_metadata.h"
 #include "image/image_size.h"
+#include "image/orientation.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -45,6 +52,33 @@ void readOrRefuse(const Reader& read) {
 
 }  // namespace
 
+void fuzzBopScene(const std::uint8_t* data, std::size_t size) {
+  const std::string text(reinterpret_cast<const char*>(data), size);
+  const std::size_t first = std::min(text.find('\0'), size);
+  const std::size_t second = std::min(text.find('\0', first + 1), size);
+  BopSceneFiles files;
+  files.name = "scene";
+  files.camera = text.substr(0, first);
+  if (first < size) files.gt = text.substr(first + 1, second - first - 1);
+  if (second < size) files.gt_info = text.substr(second + 1);
+  readOrRefuse([&] { readBopScene(files); });
+}
+
+void fuzzColmapBinary(const std::uint8_t* data, std::size_t size) {
+  const MemoryFile memory(data, size);
+  const InputFile file(memory.path());
+  readOrRefuse([&] { readColmapCamerasBinary(file); });
+  readOrRefuse([&] { readColmapImagesBinary(file, {}); });
+  readOrRefuse([&] { readColmapPointsBinary(file, {}); });
+}
+
+void fuzzColmapText(const std::uint8_t* data, std::size_t size) {
+  const std::string text(reinterpret_cast<const char*>(data), size);
+  readOrRefuse([&] { readColmapCamerasText(text); });
+  readOrRefuse([&] { readColmapImagesText(text, {}); });
+  readOrRefuse([&] { readColmapPointsText(text, {}); });
+}
+
 void fuzzModelFile(const std::uint8_t* data, std::size_t size) {
   const MemoryFile file(data, size);
   readOrRefuse([&] { readModelMetadata(file.path()); });
@@ -59,14 +93,23 @@ void fuzzObjectMetadata(const std::uint8_t* data, std::size_t size) {
   });
 }
 
+void fuzzPhoneScan(const std::uint8_t* data, std::size_t size) {
+  const std::string text(reinterpret_cast<const char*>(data), size);
+  readOrRefuse([&] { readPolycamCamera(text, "camera"); });
+  readOrRefuse([&] { readRecord3dMetadata(text, "metadata", {}); });
+}
+
 void fuzzTransformsJson(const std::uint8_t* data, std::size_t size) {
   const MemoryFile file(data, size);
-  readOrRefuse([&] { readTransformsJson(file.path()); });
+  const DatasetFolder folder("/", false);
+  readOrRefuse([&] { readTransformsJson(folder, file.path()); });
 }
 
 void fuzzImageSize(const std::uint8_t* data, std::size_t size) {
-  const MemoryFile file(data, size);
-  readOrRefuse([&] { readImageSize(InputFile(file.path())); });
+  const MemoryFile memory(data, size);
+  const InputFile file(memory.path());
+  readOrRefuse([&] { readImageSize(file); });
+  readOrRefuse([&] { readExifOrientation(file); });
 }
 
 }  // namespace nerf_pose_refiner

@@ -8,8 +8,12 @@ namespace nerf_pose_refiner {
 
 /// Readers of files, fed with any bytes. They return if the bytes are read, or refused by a
 /// std::runtime_error; whatever else happens is a fault.
+void fuzzBopScene(const std::uint8_t* data, std::size_t size);  ///< three files, zero bytes between
+void fuzzColmapBinary(const std::uint8_t* data, std::size_t size);
+void fuzzColmapText(const std::uint8_t* data, std::size_t size);
 void fuzzModelFile(const std::uint8_t* data, std::size_t size);
 void fuzzObjectMetadata(const std::uint8_t* data, std::size_t size);
+void fuzzPhoneScan(const std::uint8_t* data, std::size_t size);
 void fuzzTransformsJson(const std::uint8_t* data, std::size_t size);
 void fuzzImageSize(const std::uint8_t* data, std::size_t size);
 

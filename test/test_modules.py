@@ -43,14 +43,16 @@ MODULES = {
     'backend': (('field', 'geometry', 'image', 'math', 'concurrency'), (EIGEN, SIMD, C_HEADERS)),
     'views': (('backend', 'field', 'geometry', 'image', 'math', 'concurrency'), (EIGEN,)),
     'refinement': (('views', 'backend', 'field', 'geometry', 'image', 'math', 'concurrency'), (EIGEN,)),
+    'detection': (('refinement', 'views', 'backend', 'field', 'geometry', 'image', 'math', 'concurrency', 'files'),
+                  (EIGEN, OPENCV, C_HEADERS)),
     'trust': (('refinement', 'views', 'backend', 'field', 'dataset', 'geometry', 'image', 'math', 'concurrency'),
               (EIGEN,)),
     'registration': (('trust', 'refinement', 'views', 'dataset', 'backend', 'field', 'geometry', 'image', 'math',
                       'concurrency', 'files'), (EIGEN,)),
-    'tracking': (('trust', 'refinement', 'views', 'backend', 'field', 'geometry', 'image', 'math', 'concurrency'),
-                 (EIGEN,)),
-    'runtime': (('tracking', 'registration', 'trust', 'refinement', 'views', 'dataset', 'backend', 'field', 'geometry',
-                 'image', 'math', 'concurrency', 'files'), (EIGEN, OPENCV, POSIX)),
+    'tracking': (('trust', 'detection', 'refinement', 'views', 'backend', 'field', 'geometry', 'image', 'math',
+                  'concurrency'), (EIGEN,)),
+    'runtime': (('tracking', 'registration', 'trust', 'detection', 'refinement', 'views', 'dataset', 'backend', 'field',
+                 'geometry', 'image', 'math', 'concurrency', 'files'), (EIGEN, OPENCV, POSIX)),
 }
 # The public classes: what they hide is here.
 MODULES['library'] = (tuple(MODULES), (EIGEN,))
@@ -66,6 +68,7 @@ PUBLIC = {
     'backend.h': 'backend',
     'camera.h': 'geometry',
     'cancellation_token.h': 'concurrency',
+    'detector.h': 'library',
     'image.h': 'image',
     'object.h': 'views',
     'observation.h': 'backend',

@@ -14,8 +14,8 @@ import unittest
 TOP = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 SCRIPTS = os.path.join(TOP, 'scripts')
 SOURCES = ('.cpp', '.h', '.inl', '.cu', '.cuh', '.cmake', '.py', '.msg', '.srv', '.launch', '.test', '.yaml', '.xml')
-OWN_MODULES = ('motion', 'nerf_pose_refiner', 'pose_evaluation', 'recorded_trial', 'run_record', 'trial_plots',
-               'trial_statistics', 'trial_tables', 'trials')
+OWN_MODULES = ('bars', 'motion', 'nerf_pose_refiner', 'photos', 'pose_evaluation', 'recorded_trial', 'run_record',
+               'scenes', 'source_files', 'trial_plots', 'trial_statistics', 'trial_tables', 'trials')
 
 
 def run(*command, **environment):
@@ -97,7 +97,7 @@ class Dependencies(unittest.TestCase):
 
     def imports(self):
         """Modules that are neither the standard library's nor this package's own."""
-        paths = [path for pattern in ('test/**/*.py', 'scripts/lib/*.py', 'demo/make_bag.py')
+        paths = [path for pattern in ('test/**/*.py', 'scripts/lib/**/*.py', 'demo/make_bag.py')
                  for path in glob.glob(os.path.join(TOP, pattern), recursive=True)]
         for path in paths:
             with open(path, encoding='utf-8') as file:

@@ -46,7 +46,7 @@ TEST(Threads, NoMoreThanAskedFor) {
   for (const int threads : {1, 2, 3}) {
     DatasetOptions options;
     options.threads = threads;
-    EXPECT_EQ(loadTransforms(path, options).views.size(), 16u);
+    EXPECT_EQ(loadDataset(path, options).views.size(), 16u);
     EXPECT_EQ(threadsOfThisProcess(), threads) << "loading";
     visualHull(photos, 32, threads, CancellationToken());
     EXPECT_EQ(threadsOfThisProcess(), threads) << "visual hull";

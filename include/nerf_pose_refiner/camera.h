@@ -43,11 +43,23 @@ struct Camera {
   }
 };
 
+bool operator==(const Camera& a, const Camera& b);
+
 /// Lens distortion, as OpenCV defines it.
 struct Distortion {
-  /// k1 k2 p1 p2 [k3 [k4 k5 k6]]: empty, 4, 5 (plumb_bob) or 8 (rational_polynomial) numbers.
+  /// OpenCV's models, which give the coefficients their order.
+  enum class Model {
+    kPolynomial,  ///< k1 k2 p1 p2 [k3 [k4 k5 k6]]: 4, 5 (plumb_bob) or 8 (rational_polynomial)
+    kFisheye      ///< k1 k2 k3 k4 of cv::fisheye (ROS: equidistant): 4, or none for all zero
+  };
   std::vector<double> coefficients;
+  Model model = Model::kPolynomial;
+
+  /// Whether images are those of a pinhole camera. (Those of a fisheye lens are not, even if all
+  /// coefficients are zero.)
   bool isZero() const;
 };
+
+bool operator==(const Distortion& a, const Distortion& b);
 
 }  // namespace nerf_pose_refiner

@@ -44,16 +44,16 @@ struct PixelWindow {
   constexpr bool empty() const { return width <= 0 || height <= 0; }
 };
 
-/// Bytes of an image in somebody else's memory, [height][width][channels].
+/// An image in memory that belongs to others, [height][width][channels].
 struct Image8View {
   const std::uint8_t* data = nullptr;
   int width = 0;
   int height = 0;
   int channels = 0;
-  std::size_t row_bytes = 0;  ///< from the beginning of a row to that of the next
+  std::size_t row_bytes = 0;  ///< from the start of one row to the start of the next
 };
 
-/// All of an image; valid as long as the image is.
+/// A view of an image; valid as long as the image.
 inline Image8View viewOf(const Image8& image) {
   return {image.values.data(), image.width, image.height, image.channels,
           static_cast<std::size_t>(image.width) * image.channels};

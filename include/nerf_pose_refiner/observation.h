@@ -22,7 +22,7 @@ enum class Background {
 struct Observation {
   Image image;  ///< [h][w][3] RGB, sRGB-encoded, 0..1; premultiplied by `alpha` for kKnownAlpha,
                 ///< not premultiplied otherwise
-  /// The image in the bytes of a camera, in place of `image`, which is then empty.
+  /// The image in the original bytes of a camera; replaces `image`, which is then empty.
   std::shared_ptr<const CameraPixels> pixels;
   Image alpha;   ///< [h][w][1], 0..1, for kKnownAlpha and kMask; empty otherwise
   Image weight;  ///< [h][w][1], 0..1, weight of each pixel (0: the robot's gripper); empty: all 1

@@ -58,8 +58,8 @@ struct RegistrationProgress {
 };
 
 /// Learns an object from posed photos.
-/// @param photos a transforms.json, or a folder with transforms.json or transforms_train.json; the
-/// photos have an alpha channel or masks, or the file gives a box (docs/own_object.md).
+/// @param photos a folder with posed photos in any format of docs/photo_formats.md, or a
+/// transforms.json; the photos have an alpha channel or masks, or there is a box.
 /// @param progress called in this thread, about twice a second; may be empty.
 /// @throws std::runtime_error naming the file that is missing, damaged or unusable;
 /// std::invalid_argument for invalid settings or an invalid box; Cancelled.

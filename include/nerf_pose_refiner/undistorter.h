@@ -11,9 +11,10 @@ namespace nerf_pose_refiner {
 /// Removes the lens distortion from the images of one camera.
 ///
 /// The undistorted camera has the widest view in which every pixel comes from the distorted image;
-/// its focal lengths and principal point therefore differ. Construct one per camera: the maps cost
-/// more than an image. Without distortion, images pass through unchanged. Const methods are
-/// thread-safe.
+/// its focal lengths and principal point therefore differ. Of a fisheye lens it shows at most 70
+/// degrees off the optical axis: what is farther out would be stretched over many pixels. Construct
+/// one per camera: the maps cost more than an image. Without distortion, images pass through
+/// unchanged. Const methods are thread-safe.
 class Undistorter {
  public:
   /// @param camera intrinsics and size of the distorted images.
@@ -31,10 +32,10 @@ class Undistorter {
   /// @throws std::invalid_argument if it does not have the camera's size.
   Image8 undistort(const Image8& image) const;
 
-  /// A part of what the above returns, at the cost of this part.
+  /// A window of the undistorted image, at the cost of that window.
   /// @param image 1, 3 or 4 channels, which are interpolated alike.
-  /// @param window inside of the image.
-  /// @throws std::invalid_argument for an image or a window that does not fit the camera.
+  /// @param window inside the image.
+  /// @throws std::invalid_argument if the image or the window does not fit the camera.
   Image8 undistort(const Image8View& image, const PixelWindow& window) const;
 
  private:
@@ -43,16 +44,16 @@ class Undistorter {
   std::unique_ptr<Maps> maps_;  // null without distortion
 };
 
-/// What the channels of a camera's bytes mean.
+/// The order of the channels of a camera image.
 enum class PixelFormat { kGrey, kRgb, kBgr, kRgba, kBgra };
 
-/// An image in the bytes that the camera gave. Only the part that is looked at is undistorted and
-/// converted, so a large image costs no more than the object's part of it. Immutable; any thread
-/// may read.
+/// A camera image in its original bytes. Only the windows that are read are undistorted and
+/// converted, so that a large image costs no more than the object's part of it. Immutable and
+/// thread-safe.
 class CameraPixels {
  public:
-  /// @param bytes with as many channels as `format` has. @param owner keeps them alive.
-  /// @param undistorter of the camera; null: the bytes show no distortion.
+  /// @param bytes with the channels of `format`. @param owner keeps their memory alive.
+  /// @param undistorter of the camera; null: there is no distortion.
   /// @throws std::invalid_argument if the bytes do not fit the format or the undistorter.
   CameraPixels(const Image8View& bytes, PixelFormat format, std::shared_ptr<const void> owner,
                std::shared_ptr<const Undistorter> undistorter = nullptr);
@@ -60,8 +61,8 @@ class CameraPixels {
   int width() const { return bytes_.width; }
   int height() const { return bytes_.height; }
 
-  /// RGB of a part, undistorted, [window.height][window.width][3]; grey has three equal channels.
-  /// @throws std::invalid_argument for a window that reaches outside of the image.
+  /// An undistorted window as RGB, [window.height][window.width][3]; grey has three equal channels.
+  /// @throws std::invalid_argument if the window extends beyond the image.
   Image8 read(const PixelWindow& window) const;
 
  private:

@@ -31,8 +31,9 @@ struct BackendChoice {
   void validate() const;
 };
 
-/// Why makeCudaBackend would fail: the package was built without CUDA, there is no such device, or
-/// it is too old. Empty: it works.
+/// Why makeCudaBackend would fail: the package was built without CUDA or for other devices, there
+/// is no such device, it is too old or has no memory left, or an error of this process has made it
+/// unusable (BackendLost). Empty: it works.
 std::string whyNoCuda(int device = 0);
 
 /// A backend on a CUDA device. `load`, `render` and `read` wait; `align`, `optimise` and the

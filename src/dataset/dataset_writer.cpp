@@ -24,7 +24,7 @@ std::string imageName(int view) {
   return name;
 }
 
-/// Camera-to-world with OpenGL axes (x right, y up, z back): what loadTransforms turns back.
+/// Camera-to-world with OpenGL axes (x right, y up, z back): what loadDataset turns back.
 Json matrixJson(const Pose& T_O_C) {
   const Eigen::Vector3d opengl_from_optical(1, -1, -1);
   const Eigen::Matrix3d R = T_O_C.R * opengl_from_optical.asDiagonal();
@@ -35,6 +35,22 @@ Json matrixJson(const Pose& T_O_C) {
 }
 
 Json cornerJson(const Eigen::Vector3d& p) { return {p.x(), p.y(), p.z()}; }
+
+/// Intrinsics as a file or a frame has them: the principal point counted from the image's corner.
+Json cameraJson(const Camera& camera) {
+  return {{"w", camera.width}, {"h", camera.height},    {"fl_x", camera.fx},
+          {"fl_y", camera.fy}, {"cx", camera.cx + 0.5}, {"cy", camera.cy + 0.5}};
+}
+
+void addDistortion(const Distortion& distortion, Json* document) {
+  const bool fisheye = distortion.model == Distortion::Model::kFisheye;
+  (*document)["camera_model"] = fisheye ? "OPENCV_FISHEYE" : "OPENCV";
+  const std::vector<const char*> names =
+      fisheye ? std::vector<const char*>{"k1", "k2", "k3", "k4"}
+              : std::vector<const char*>{"k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"};
+  const std::vector<double>& coefficients = distortion.coefficients;
+  for (std::size_t i = 0; i < coefficients.size(); ++i) (*document)[names.at(i)] = coefficients[i];
+}
 
 }  // namespace
 
@@ -61,8 +77,17 @@ DatasetWriter::~DatasetWriter() {
 }
 
 void DatasetWriter::add(const Image8& image, const Pose& T_O_C) {
+  add(image, T_O_C, header_.camera);
+}
+
+void DatasetWriter::add(const Image8& image, const Pose& T_O_C, const Camera& camera) {
   if (hidden_.empty()) throw std::runtime_error("'" + folder_ + "' is finished");
-  if (image.width != header_.camera.width || image.height != header_.camera.height ||
+  camera.validate();
+  if (!(camera == header_.camera) && !header_.distortion.isZero()) {
+    throw std::invalid_argument(
+        "a camera of its own and a lens with distortion do not go together");
+  }
+  if (image.width != camera.width || image.height != camera.height ||
       (image.channels != 3 && image.channels != 4)) {
     throw std::invalid_argument("the image does not have the camera's size");
   }
@@ -77,24 +102,21 @@ void DatasetWriter::add(const Image8& image, const Pose& T_O_C) {
     fs::remove(path, ignored);
     throw;
   }
-  poses_.push_back(T_O_C);
+  views_.push_back({T_O_C, camera});
 }
 
 std::string DatasetWriter::json() const {
-  const Camera& camera = header_.camera;
-  Json document = {
-      {"camera_model", "OPENCV"}, {"w", camera.width},
-      {"h", camera.height},       {"fl_x", camera.fx},
-      {"fl_y", camera.fy},        {"cx", camera.cx + 0.5},  // counted from the image's corner
-      {"cy", camera.cy + 0.5},    {"metres_per_unit", header_.metres_per_unit}};
-  const char* names[] = {"k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"};
-  const std::vector<double>& coefficients = header_.distortion.coefficients;
-  for (std::size_t i = 0; i < coefficients.size(); ++i) document[names[i]] = coefficients[i];
+  Json document = cameraJson(header_.camera);
+  addDistortion(header_.distortion, &document);
+  if (header_.metres_per_unit > 0) document["metres_per_unit"] = header_.metres_per_unit;
   if (header_.has_box)
     document["aabb"] = {cornerJson(header_.box_min), cornerJson(header_.box_max)};
   for (int view = 0; view < views(); ++view) {
-    document["frames"].push_back(
-        {{"file_path", imageName(view)}, {"transform_matrix", matrixJson(poses_[view])}});
+    const auto& [T_O_C, camera] = views_[view];
+    Json frame = camera == header_.camera ? Json::object() : cameraJson(camera);
+    frame["file_path"] = imageName(view);
+    frame["transform_matrix"] = matrixJson(T_O_C);
+    document["frames"].push_back(std::move(frame));
   }
   return document.dump(1) + "\n";
 }
@@ -120,7 +142,7 @@ std::string DatasetWriter::publish() const {
 
 std::string DatasetWriter::finish() {
   if (hidden_.empty()) throw std::runtime_error("'" + folder_ + "' is finished");
-  if (poses_.empty()) throw std::runtime_error("'" + folder_ + "': there are no views");
+  if (views_.empty()) throw std::runtime_error("'" + folder_ + "': there are no views");
   for (int view = 0; view < views(); ++view) syncFile(hidden_ + "/" + imageName(view));
   writeJson();
   const std::string name = publish();

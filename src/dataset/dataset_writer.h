@@ -15,15 +15,15 @@ namespace nerf_pose_refiner {
 
 /// What all views of a dataset have in common.
 struct DatasetHeader {
-  Camera camera;          ///< of the images as they are written
-  Distortion distortion;  ///< that they have; written as it is, for the loader takes it out
-  double metres_per_unit = 1;
+  Camera camera;               ///< of the images as they are written, but for those with their own
+  Distortion distortion;       ///< that they have; written as it is, for the loader takes it out
+  double metres_per_unit = 1;  ///< 0: unknown
   bool has_box = false;
   Eigen::Vector3d box_min = Eigen::Vector3d::Zero();  ///< of the object, in O [model units]
   Eigen::Vector3d box_max = Eigen::Vector3d::Zero();
 };
 
-/// Writes posed views as a folder that loadTransforms reads: transforms.json and PNG images.
+/// Writes posed views as a folder that loadDataset reads: transforms.json and PNG images.
 ///
 /// The folder appears whole or not at all: until `finish` all is written to a hidden one beside it,
 /// which is removed if that is never reached, and by the next writer if the process was killed.
@@ -43,7 +43,11 @@ class DatasetWriter {
   /// views before it stay, and others can be added.
   void add(const Image8& image, const Pose& T_O_C);
 
-  int views() const { return static_cast<int>(poses_.size()); }
+  /// The same for an image of another camera, whose lens has no distortion. Only where the header's
+  /// has none either.
+  void add(const Image8& image, const Pose& T_O_C, const Camera& camera);
+
+  int views() const { return static_cast<int>(views_.size()); }
 
   /// Makes the folder appear, with all views, once they are safe on the disk. Once; afterwards
   /// nothing can be added.
@@ -53,6 +57,10 @@ class DatasetWriter {
   std::string finish();
 
  private:
+  struct View {
+    Pose T_O_C;
+    Camera camera;
+  };
   std::string json() const;
   void writeJson() const;
   std::string publish() const;
@@ -61,7 +69,7 @@ class DatasetWriter {
   std::string hidden_;  ///< empty: finished
   std::optional<FolderLock> lock_;
   DatasetHeader header_;
-  std::vector<Pose> poses_;
+  std::vector<View> views_;
 };
 
 }  // namespace nerf_pose_refiner

@@ -5,7 +5,7 @@
 #include <map>
 #include <stdexcept>
 
-#include "dataset/path_below.h"
+#include "dataset/dataset_folder.h"
 #include "image/io.h"
 
 namespace nerf_pose_refiner {
@@ -16,70 +16,71 @@ namespace fs = std::filesystem;
 class FrameFileFinder {
  public:
   FrameFileFinder(const std::string& folder, const DatasetOptions& options)
-      : folder_(folder), confined_(options.confined), limits_(options.limits) {}
+      : folder_(folder, options.confined), limits_(options.limits) {}
 
   /// Of the next frame.
-  FrameFiles find(const TransformsFrame& frame) {
+  FrameFiles find(const FrameEntry& frame) {
     FrameFiles files;
-    files.image = findImage(frame.file_path);
+    files.image = findImage(frame.image);
     const auto added = frame_of_.emplace(fs::canonical(files.image).string(), frame_of_.size());
     if (!added.second) {
       throw std::runtime_error("frame " + std::to_string(added.first->second) +
                                " has the same image '" + files.image + "'");
     }
     const std::uint64_t pixels = pixelsOf(files.image);
-    if (!frame.mask_path.empty()) {
-      files.mask = find(frame.mask_path);
+    if (!frame.mask.empty()) {
+      files.mask = folder_.path(frame.mask);
       pixelsOf(files.mask);
     }
-    if (pixels > limits_.pixels - pixels_) {
-      throw std::runtime_error("with '" + files.image + "' the images have more than " +
-                               std::to_string(limits_.pixels) +
-                               " pixels together, which is the limit: use fewer or smaller ones");
-    }
-    pixels_ += pixels;
+    addWithin(limits_.pixels, pixels, "pixels", files.image, &pixels_);
     return files;
   }
 
  private:
-  std::string find(const std::string& path) const {
-    return confined_ ? pathBelow(folder_.empty() ? "." : folder_.string(), path)
-                     : (folder_ / path).lexically_normal().string();
+  /// Adds to what all images have so far.
+  static void addWithin(std::uint64_t limit, std::uint64_t added, const char* unit,
+                        const std::string& path, std::uint64_t* sum) {
+    if (added > limit - *sum) {
+      throw std::runtime_error("with '" + path + "' the images have more than " +
+                               std::to_string(limit) + " " + unit +
+                               " together, which is the limit: use fewer or smaller ones");
+    }
+    *sum += added;
   }
 
   /// NeRF Synthetic leaves the ending away.
   std::string findImage(const std::string& path) const {
     for (const char* ending : {"", ".png", ".jpg", ".jpeg", ".PNG", ".JPG", ".JPEG"}) {
-      const std::string file = find(path + ending);
+      const std::string file = folder_.path(path + ending);
       if (fs::is_regular_file(file)) return file;
     }
-    throw std::runtime_error("there is no file '" + find(path) +
+    throw std::runtime_error("there is no file '" + folder_.path(path) +
                              "', with or without .png, .jpg or .jpeg");
   }
 
-  std::uint64_t pixelsOf(const std::string& path) const {
+  std::uint64_t pixelsOf(const std::string& path) {
     const ImageSize size = imageSizeOf(path);
+    addWithin(limits_.image_bytes, fs::file_size(path), "bytes", path, &bytes_);
     if (size.pixels() <= limits_.image_pixels) return size.pixels();
     throw std::runtime_error("'" + path + "' has " + std::to_string(size.width) + " x " +
                              std::to_string(size.height) + " pixels, at most " +
                              std::to_string(limits_.image_pixels) + " are read: scale it down");
   }
 
-  fs::path folder_;
-  bool confined_;
+  DatasetFolder folder_;
   DatasetLimits limits_;
   std::uint64_t pixels_ = 0;                     // of all images so far
+  std::uint64_t bytes_ = 0;                      // of their files, and of the masks'
   std::map<std::string, std::size_t> frame_of_;  // by the image's path, without links
 };
 
 }  // namespace
 
-std::vector<FrameFiles> findFrameFiles(const std::vector<TransformsFrame>& frames,
-                                       const std::string& folder, const DatasetOptions& options,
+std::vector<FrameFiles> findFrameFiles(const FrameList& list, const DatasetOptions& options,
                                        const CancellationToken& cancellation) {
-  FrameFileFinder finder(folder, options);
+  FrameFileFinder finder(list.folder, options);
   std::vector<FrameFiles> files;
-  for (const TransformsFrame& frame : frames) {
+  for (const FrameEntry& frame : list.frames) {
     cancellation.check();
     try {
       files.push_back(finder.find(frame));

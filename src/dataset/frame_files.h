@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "dataset/dataset.h"
-#include "dataset/transforms_json.h"
+#include "dataset/frame_list.h"
 
 namespace nerf_pose_refiner {
 
@@ -17,12 +17,10 @@ struct FrameFiles {
 
 /// Finds the files of all frames, and reads their headers: no image is decoded for a dataset that
 /// is too large as a whole.
-/// @param folder of the transforms.json.
 /// @return one for each frame.
 /// @throws std::runtime_error naming frame, file and limit: for a file that is missing, too large,
 /// not allowed or no image, or an image that another frame has, too. Cancelled.
-std::vector<FrameFiles> findFrameFiles(const std::vector<TransformsFrame>& frames,
-                                       const std::string& folder, const DatasetOptions& options,
+std::vector<FrameFiles> findFrameFiles(const FrameList& list, const DatasetOptions& options,
                                        const CancellationToken& cancellation);
 
 }  // namespace nerf_pose_refiner

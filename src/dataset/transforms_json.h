@@ -1,40 +1,21 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <Eigen/Core>
-#include <optional>
-#include <string>
-#include <vector>
-
-#include "dataset/dataset.h"
-#include "nerf_pose_refiner/camera.h"
-#include "nerf_pose_refiner/pose.h"
+#include "dataset/dataset_folder.h"
+#include "dataset/frame_list.h"
 
 namespace nerf_pose_refiner {
 
-/// A frame of a transforms.json: what the frame says, completed by what the file says for all.
-struct TransformsFrame {
-  std::string where;      ///< file, index and name, for messages
-  std::string file_path;  ///< as written
-  std::string mask_path;  ///< as written; empty: none
-  Pose T_O_C;             ///< optical axes
-
-  /// As written: principal point counted from the image's corner.
-  std::optional<double> width, height, fl_x, fl_y, cx, cy;  ///< [px]
-  std::optional<double> camera_angle_x, camera_angle_y;     ///< fields of view [rad]
-  Distortion distortion;
-};
-
-struct TransformsFile {
-  std::vector<TransformsFrame> frames;
-  bool has_box = false;
-  Eigen::Vector3d box_min = Eigen::Vector3d::Zero();
-  Eigen::Vector3d box_max = Eigen::Vector3d::Zero();
-  double metres_per_unit = 0;  ///< 0: unknown
-};
-
-/// Reads and checks the JSON; opens no image.
+/// Reads a transforms.json as this package, nerfstudio, instant-ngp and NeRF Synthetic write it;
+/// opens no image.
+///
+/// Camera-to-world matrices with OpenGL axes (x right, y up, z back). Poses, box and scale are
+/// given in the frame and the units from before nerfstudio's applied_transform and applied_scale:
+/// those of the COLMAP model or scan that it was made from. Where train_filenames lists photos, or
+/// val_filenames and test_filenames, those for training are taken.
+/// @param name of the file in the folder.
 /// @throws std::runtime_error naming the file and the frame.
-TransformsFile readTransformsJson(const std::string& path, const DatasetLimits& limits = {});
+FrameList readTransformsJson(const DatasetFolder& folder, const std::string& name,
+                             const DatasetLimits& limits = {});
 
 }  // namespace nerf_pose_refiner

@@ -24,7 +24,7 @@ namespace fs = std::filesystem;
 
 constexpr std::array<const char*, 3> kKinds = {"synthetic", "forward_facing", "masked"};
 constexpr int kFolderDepth = 3;
-const std::vector<std::string> kMethods = {"inerf", "single", "multiple", "alignment"};
+const std::vector<std::string> kMethods = {"inerf", "single", "multiple", "alignment", "detection"};
 
 [[noreturn]] void fail(const std::string& where, const std::string& what) {
   throw std::invalid_argument(where + ": " + what);
@@ -115,7 +115,7 @@ Experiment experimentFrom(const Json& json, const std::string& where) {
   Experiment e;
   e.losses = {"l2"};
   e.conditions = {"clean"};
-  e.methods = kMethods;
+  e.methods = {"inerf", "single", "multiple", "alignment"};
   std::vector<std::string> kinds(kKinds.begin(), kKinds.end()), losses;
   const std::vector<std::string> all_kinds = kinds;
   for (int i = 0; i < kLossCount; ++i) losses.push_back(lossName(static_cast<Loss>(i)));

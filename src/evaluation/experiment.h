@@ -42,8 +42,8 @@ struct SearchVariant {
 struct Experiment {
   std::string name;
   std::string protocol = "paper";       ///< or "robot", @see TrialPlan
-  std::vector<std::string> methods;     ///< inerf, single, multiple, alignment
-  std::vector<std::string> losses;      ///< of the first three; alignment has its own
+  std::vector<std::string> methods;     ///< inerf, single, multiple, alignment, detection
+  std::vector<std::string> losses;      ///< of the first three; the others have their own
   std::vector<std::string> conditions;  ///< @see TrialObservation::named
   std::vector<SceneKind> kinds;         ///< of scenes
   std::vector<SearchVariant> variants;

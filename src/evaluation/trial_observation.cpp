@@ -8,6 +8,7 @@
 
 #include "evaluation/clutter.h"
 #include "evaluation/disturbance.h"
+#include "evaluation/placement.h"
 #include "image/colour.h"
 #include "image/io.h"
 #include "image/resample.h"
@@ -30,11 +31,18 @@ Image photoOfSize(const std::string& path, const Camera& camera) {
   return resample(photo, from, to);
 }
 
-using Condition = std::pair<const char*, void (*)(TrialObservation*)>;
+using Condition = std::pair<const char*, std::function<void(TrialObservation*)>>;
 
 /// Of the paper's authors: value + 0.2, noise of 0.01, 5 discs of 50 px in images of 800.
 constexpr double kBrightness = 0.2, kGaussian = 0.01, kDiscRadius = 50.0 / 800;
 constexpr int kDiscs = 5;
+
+Condition beforePhoto(const char* name, void (*disturb)(TrialObservation*)) {
+  return {name, [disturb](TrialObservation* o) {
+            o->background = "photo";
+            disturb(o);
+          }};
+}
 
 const std::vector<Condition>& conditions() {
   static const std::vector<Condition> all = {
@@ -51,31 +59,20 @@ const std::vector<Condition>& conditions() {
          o->discs = kDiscs;
        }},
       {"photo", [](TrialObservation* o) { o->background = "photo"; }},
-      {"occluder",
-       [](TrialObservation* o) {
-         o->background = "photo";
-         o->occluder = 0.15;
-       }},
-      {"light",
-       [](TrialObservation* o) {
-         o->background = "photo";
-         o->gain_bias = 0.3;
-       }},
-      {"motion_blur",
-       [](TrialObservation* o) {
-         o->background = "photo";
-         o->motion_blur = 10.0 / 800;
-       }},
-      {"defocus",
-       [](TrialObservation* o) {
-         o->background = "photo";
-         o->defocus = 2.0 / 800;
-       }},
-      {"focal",
-       [](TrialObservation* o) {
-         o->background = "photo";
-         o->focal_error = 0.01;
-       }},
+      beforePhoto("occluder", [](TrialObservation* o) { o->occluder = 0.15; }),
+      beforePhoto("light", [](TrialObservation* o) { o->gain_bias = 0.3; }),
+      beforePhoto("motion_blur", [](TrialObservation* o) { o->motion_blur = 10.0 / 800; }),
+      beforePhoto("defocus", [](TrialObservation* o) { o->defocus = 2.0 / 800; }),
+      beforePhoto("focal", [](TrialObservation* o) { o->focal_error = 0.01; }),
+      beforePhoto("placed", [](TrialObservation* o) { o->is_placed = true; }),
+      beforePhoto("placed_robot",
+                  [](TrialObservation* o) {
+                    o->is_placed = true;
+                    o->occluder = 0.25;
+                    o->gain_bias = 0.3;
+                    o->noise = 0.03;
+                  }),
+      beforePhoto("absent", [](TrialObservation* o) { o->is_placed = o->is_absent = true; }),
   };
   return all;
 }
@@ -98,6 +95,10 @@ PremultipliedImage disturbedObject(const TrialObservation& how, const PosedView&
   PremultipliedImage object = premultiply(*view.rgba);
   for (std::size_t i = 0; i < straight.values.size(); ++i) {
     object.colour.values[i] = straight.values[i] * object.alpha.values[i / 3];
+  }
+  if (how.is_absent) {
+    std::fill(object.colour.values.begin(), object.colour.values.end(), 0.0f);
+    std::fill(object.alpha.values.begin(), object.alpha.values.end(), 0.0f);
   }
   if (how.gain_bias > 0) applyGainBias(how.gain_bias, draw, &object);
   if (how.discs > 0) cutDiscs(how.discs, how.disc_radius * view.camera.width, draw, &object);
@@ -124,6 +125,10 @@ std::vector<std::string> TrialObservation::conditionNames() {
   std::vector<std::string> names;
   for (const auto& condition : conditions()) names.push_back(condition.first);
   return names;
+}
+
+PosedView TrialObservation::viewOf(const PosedView& view, std::uint64_t index) const {
+  return is_placed ? placed(view, Placement(), {seed, index}) : view;
 }
 
 Observation TrialObservation::of(const PosedView& view, std::uint64_t index) const {

@@ -31,19 +31,27 @@ struct TrialObservation {
   double motion_blur = 0;  ///< length of the path, of a direction that is drawn [widths]
   double defocus = 0;      ///< sigma [widths]
   double noise = 0;        ///< standard deviation; clipped at 0 and 1, as a camera does
+  bool is_placed = false;  ///< small and somewhere in a larger image, @see Placement
+  bool is_absent = false;  ///< the object is not there
   double focal_error = 0;  ///< fraction by which the given focal length is too great
 
   std::uint64_t seed = 1;
 
   /// Conditions of the experiments: "clean"; "brightness", "gaussian", "poisson", "discs" and all
   /// four, "paper_noise", as the paper's authors set them; before an unknown background "photo",
-  /// "occluder", "light", "motion_blur", "defocus", "focal".
+  /// "occluder", "light", "motion_blur", "defocus", "focal"; small and anywhere before one
+  /// "placed", the same a quarter covered, in other light and with noise "placed_robot", and
+  /// without the object "absent".
   /// @param background of those that keep it: alpha or own.
   /// @throws std::invalid_argument listing the names that exist.
   static TrialObservation named(const std::string& condition, const std::string& background);
   static std::vector<std::string> conditionNames();
 
-  /// @param index of the view among those that are tried. @throws std::runtime_error.
+  /// The view whose image is disturbed: as it is, or placed. @throws std::invalid_argument.
+  PosedView viewOf(const PosedView& view, std::uint64_t index) const;
+
+  /// @param view as `viewOf` has it. @param index of the view among those that are tried.
+  /// @throws std::runtime_error.
   Observation of(const PosedView& view, std::uint64_t index) const;
 };
 

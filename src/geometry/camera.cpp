@@ -47,8 +47,18 @@ Camera Camera::cropped(int x, int y, int new_width, int new_height) const {
   return {new_width, new_height, fx, fy, cx - x, cy - y};
 }
 
+bool operator==(const Camera& a, const Camera& b) {
+  return a.width == b.width && a.height == b.height && a.fx == b.fx && a.fy == b.fy &&
+         a.cx == b.cx && a.cy == b.cy;
+}
+
 bool Distortion::isZero() const {
-  return std::all_of(coefficients.begin(), coefficients.end(), [](double k) { return k == 0; });
+  return model == Model::kPolynomial &&
+         std::all_of(coefficients.begin(), coefficients.end(), [](double k) { return k == 0; });
+}
+
+bool operator==(const Distortion& a, const Distortion& b) {
+  return a.model == b.model && a.coefficients == b.coefficients;
 }
 
 }  // namespace nerf_pose_refiner

@@ -4,11 +4,12 @@
 #include <array>
 #include <cstring>
 #include <stdexcept>
+#include <string>
+
+#include "image/jpeg_segments.h"
 
 namespace nerf_pose_refiner {
 namespace {
-
-constexpr int kMaxSegments = 10000;  // of a JPEG before its size: a file of nothing else takes long
 
 [[noreturn]] void failDamaged() {
   throw std::runtime_error("not an image that can be read (PNG or JPEG), or a damaged one");
@@ -37,29 +38,40 @@ ImageSize pngSize(const InputFile& file) {
 
 /// A JPEG (ITU-T T.81) has its size in the frame header, behind any number of other segments.
 ImageSize jpegSize(const InputFile& file) {
-  std::uint64_t offset = 2;
-  for (int i = 0; i < kMaxSegments; ++i) {
-    const auto marker = bytesAt<4>(file, offset);
-    const std::uint8_t code = marker[1];
-    if (marker[0] != 0xff) failDamaged();
-    if (code == 0xff) {  // padding
-      ++offset;
-      continue;
-    }
+  ImageSize size;
+  visitJpegSegments(file, [&](const JpegSegment& segment) {
+    const std::uint8_t code = segment.code;
     const bool other = code == 0xc4 || code == 0xc8 || code == 0xcc;  // no frame headers
-    if (code >= 0xc0 && code <= 0xcf && !other) {
-      const auto frame = bytesAt<9>(file, offset);
-      return {bigEndian16(&frame[7]), bigEndian16(&frame[5])};
-    }
-    offset += 2 + bigEndian16(&marker[2]);
-  }
-  failDamaged();
+    if (code < 0xc0 || code > 0xcf || other) return false;
+    const auto frame = bytesAt<5>(file, segment.offset);
+    size = {bigEndian16(&frame[3]), bigEndian16(&frame[1])};
+    return true;
+  });
+  return size;
+}
+
+/// Photos of other formats, which are named in the message: phones and web pages make them.
+void refuseOtherFormats(const InputFile& file) {
+  if (file.size() < 12) return;
+  const auto head = bytesAt<12>(file, 0);
+  const auto holds = [&head](std::size_t offset, const char* text) {
+    return std::memcmp(&head[offset], text, std::strlen(text)) == 0;
+  };
+  const char* name = nullptr;
+  if (holds(4, "ftyp")) name = holds(8, "avif") ? "an AVIF" : "a HEIC (HEIF)";
+  if (holds(0, "RIFF") && holds(8, "WEBP")) name = "a WebP";
+  if (holds(0, "II*") || holds(0, "MM")) name = "a TIFF or raw";
+  if (name == nullptr) return;
+  throw std::runtime_error(std::string(name) +
+                           " image: convert it to JPEG or PNG, keeping its size (a phone can be "
+                           "set to take JPEG)");
 }
 
 }  // namespace
 
 ImageSize readImageSize(const InputFile& file) {
   if (file.size() == 0) throw std::runtime_error("the file is empty");
+  refuseOtherFormats(file);
   const auto start = bytesAt<2>(file, 0);
   const bool is_jpeg = start[0] == 0xff && start[1] == 0xd8;
   const ImageSize size = is_jpeg ? jpegSize(file) : pngSize(file);

@@ -8,6 +8,7 @@
 #include <string>
 
 #include "image/colour.h"
+#include "image/fisheye.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -52,10 +53,49 @@ bool staysInside(const cv::Mat& map_xy, const Camera& camera, double slack_px) {
   return true;
 }
 
+/// For each pixel of the undistorted image its place in the distorted one, CV_32FC2.
+/// @param undistorted is set to the camera of the undistorted image.
+cv::Mat polynomialMap(const Camera& camera, const Distortion& distortion, Camera* undistorted) {
+  check(distortion);
+  const cv::Size size(camera.width, camera.height);
+  const cv::Matx33d K = matrixOf(camera);
+  const cv::Mat new_K =
+      cv::getOptimalNewCameraMatrix(K, distortion.coefficients, size, /*alpha=*/0, size);
+  undistorted->fx = new_K.at<double>(0, 0);
+  undistorted->fy = new_K.at<double>(1, 1);
+  undistorted->cx = new_K.at<double>(0, 2);
+  undistorted->cy = new_K.at<double>(1, 2);
+  cv::Mat xy;
+  cv::initUndistortRectifyMap(K, distortion.coefficients, cv::noArray(), new_K, size, CV_32FC2, xy,
+                              cv::noArray());
+  // The widest filled image is found on a coarse grid: it may be off by a little at its rim.
+  const double slack_px = 1 + 0.01 * std::max(camera.width, camera.height);
+  if (!staysInside(xy, camera, slack_px)) {
+    throw std::invalid_argument(
+        "the lens distortion folds the image over itself: its coefficients cannot belong to a "
+        "camera of this size and focal length");
+  }
+  return xy;
+}
+
+cv::Mat fisheyeMap(const Camera& camera, const Distortion& distortion, Camera* undistorted) {
+  const FisheyeLens lens(camera, distortion.coefficients);
+  const Camera pinhole = lens.widestPinhole();
+  cv::Mat xy(camera.height, camera.width, CV_32FC2);
+  for (int y = 0; y < xy.rows; ++y) {
+    cv::Vec2f* row = xy.ptr<cv::Vec2f>(y);
+    for (int x = 0; x < xy.cols; ++x) {
+      const auto pixel = lens.project((x - pinhole.cx) / pinhole.fx, (y - pinhole.cy) / pinhole.fy);
+      row[x] = {static_cast<float>(pixel[0]), static_cast<float>(pixel[1])};
+    }
+  }
+  *undistorted = pinhole;
+  return xy;
+}
+
 }  // namespace
 
 struct Undistorter::Maps {
-  Camera distorted;
   cv::Mat xy;        // [h][w] place in the distorted image, whole pixels
   cv::Mat fraction;  // [h][w] and the rest, in the steps that OpenCV interpolates in
 
@@ -69,29 +109,11 @@ Undistorter::Undistorter(const Camera& camera, const Distortion& distortion)
     : undistorted_(camera) {
   camera.validate();
   if (distortion.isZero()) return;
-  check(distortion);
-  const cv::Size size(camera.width, camera.height);
-  const cv::Matx33d K = matrixOf(camera);
-  const cv::Mat new_K =
-      cv::getOptimalNewCameraMatrix(K, distortion.coefficients, size, /*alpha=*/0, size);
-  undistorted_.fx = new_K.at<double>(0, 0);
-  undistorted_.fy = new_K.at<double>(1, 1);
-  undistorted_.cx = new_K.at<double>(0, 2);
-  undistorted_.cy = new_K.at<double>(1, 2);
-
-  maps_ = std::make_unique<Maps>();
-  maps_->distorted = camera;
-  cv::Mat xy;
-  cv::initUndistortRectifyMap(K, distortion.coefficients, cv::noArray(), new_K, size, CV_32FC2, xy,
-                              cv::noArray());
-  // The widest filled image is found on a coarse grid: it may be off by a little at its rim.
-  const double slack_px = 1 + 0.01 * std::max(camera.width, camera.height);
-  if (!staysInside(xy, camera, slack_px)) {
-    throw std::invalid_argument(
-        "the lens distortion folds the image over itself: its coefficients cannot belong to a "
-        "camera of this size and focal length");
-  }
+  const bool fisheye = distortion.model == Distortion::Model::kFisheye;
+  const cv::Mat xy = fisheye ? fisheyeMap(camera, distortion, &undistorted_)
+                             : polynomialMap(camera, distortion, &undistorted_);
   // As cv::remap would do it for each image: the same pixels, sooner.
+  maps_ = std::make_unique<Maps>();
   cv::convertMaps(xy, cv::noArray(), maps_->xy, maps_->fraction, CV_16SC2);
 }
 

@@ -15,7 +15,7 @@ Object registerObject(Backend& backend, const std::string& photos,
                       const CancellationToken& cancellation) {
   DatasetOptions reading;
   reading.threads = settings.threads;
-  const Dataset dataset = loadTransforms(photos, reading, cancellation);
+  const Dataset dataset = loadDataset(photos, reading, cancellation);
   Field field = learnField(&backend, dataset, settings, progress, cancellation);
   if (field.metadata.name.empty()) {
     field.metadata.name = std::filesystem::path(dataset.folder).filename().string();

@@ -89,8 +89,9 @@ Refinement KeyframeRefiner::follow(const TimedObservation& image, const Prior& p
 }
 
 Refinement KeyframeRefiner::find(const TimedObservation& image, const Prior& prior,
-                                 const CancellationToken& cancellation) {
-  constexpr std::size_t kRendered = 2;  // of the candidates
+                                 const CancellationToken& cancellation,
+                                 const std::vector<Pose>& candidates_T_O_C) {
+  constexpr std::size_t kRendered = 2;  // of the poses of either kind
   const Camera& camera = image.observation.camera;
   adaptTo(image.observation);
   const Refinement result = refine(
@@ -98,11 +99,41 @@ Refinement KeyframeRefiner::find(const TimedObservation& image, const Prior& pri
       [&]() -> HypothesisTable {
         if (!objectRegion(camera, prior, field_->field().metadata)) return {};
         waitForRenderings(cancellation);
-        const HypothesisTable candidates = search_->around(image.observation, prior, cancellation);
-        for (std::size_t i = 0; i < std::min(kRendered, candidates.size()); ++i) {
-          if (isFar(candidates[i].T_O_C)) makeAt({camera, candidates[i].T_O_C}, cancellation);
+        HypothesisTable starts = search_->around(image.observation, prior, cancellation);
+        for (std::size_t i = 0; i < std::min(kRendered, starts.size()); ++i) {
+          if (isFar(starts[i].T_O_C)) makeAt({camera, starts[i].T_O_C}, cancellation);
         }
-        return search_->from(image.observation, candidates, cancellation);
+        for (std::size_t i = 0; i < std::min(kRendered, candidates_T_O_C.size()); ++i) {
+          if (isFar(candidates_T_O_C[i])) makeAt({camera, candidates_T_O_C[i]}, cancellation);
+          starts.emplace_back();
+          starts.back().T_O_C = candidates_T_O_C[i];
+        }
+        return search_->from(image.observation, starts, cancellation);
+      },
+      cancellation);
+  if (result.outcome == Outcome::kRefined) last_ = {image.stamp_ns, result.T_O_C};
+  return result;
+}
+
+Refinement KeyframeRefiner::settle(const TimedObservation& image,
+                                   const std::vector<Pose>& poses_T_O_C,
+                                   const CancellationToken& cancellation) {
+  const Camera& camera = image.observation.camera;
+  adaptTo(image.observation);
+  Prior prior;
+  prior.T_O_C = poses_T_O_C.at(0);
+  const Refinement result = refine(
+      prior,
+      [&]() -> HypothesisTable {
+        if (!objectRegion(camera, prior, field_->field().metadata)) return {};
+        waitForRenderings(cancellation);
+        HypothesisTable starts;
+        for (const Pose& pose : poses_T_O_C) {
+          if (isFar(pose)) makeAt({camera, pose}, cancellation);
+          starts.emplace_back();
+          starts.back().T_O_C = pose;
+        }
+        return search_->from(image.observation, starts, cancellation);
       },
       cancellation);
   if (result.outcome == Outcome::kRefined) last_ = {image.stamp_ns, result.T_O_C};

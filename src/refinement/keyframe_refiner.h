@@ -6,6 +6,7 @@
 #include <memory>
 #include <optional>
 #include <utility>
+#include <vector>
 
 #include "refinement/field_refiner.h"
 #include "refinement/keyframe_search.h"
@@ -38,8 +39,16 @@ class KeyframeRefiner {
                     const CancellationToken& cancellation = {});
 
   /// From a wide prior; waits for keyframes where there are none. @throws as `follow`.
+  /// @param candidates poses within the prior that were found otherwise: they join its hypotheses
+  /// [model units], best first.
   Refinement find(const TimedObservation& image, const Prior& prior,
-                  const CancellationToken& cancellation = {});
+                  const CancellationToken& cancellation = {},
+                  const std::vector<Pose>& candidates_T_O_C = {});
+
+  /// From poses that were found otherwise and are nearly right if one is; renders keyframes there.
+  /// @param poses_T_O_C of one place in the image, one at least [model units]. @throws as `follow`.
+  Refinement settle(const TimedObservation& image, const std::vector<Pose>& poses_T_O_C,
+                    const CancellationToken& cancellation = {});
 
   /// Judges poses by these scores, in place of the object's own.
   void use(const KeyframeScores& scores) { scores_ = scores; }

@@ -213,7 +213,7 @@ Box tightBox(const OccupancyGrid& grid, const Box& box, const std::string& folde
   if (high.x() < 0) {
     throw std::runtime_error(folder +
                              ": the silhouettes have no common volume; do the poses belong to "
-                             "the images, and are the masks those of one object?");
+                             "the images, and are the masks those of one object, not mirrored?");
   }
   const Eigen::Vector3d margin = Eigen::Vector3d::Constant(kMarginCells * cell);
   return {(corner + cell * low - margin).cwiseMax(box.min),

@@ -250,6 +250,14 @@ bool ModelCache::unload(const std::string& path) {
   return entries_.size() < before;
 }
 
+std::string ModelCache::pathOf(const std::shared_ptr<const Field>& field) const {
+  std::lock_guard<std::mutex> lock(mutex_);
+  for (const Entry& entry : entries_) {
+    if (entry.field == field) return entry.path;
+  }
+  return {};
+}
+
 std::vector<CachedModel> ModelCache::list() const {
   std::lock_guard<std::mutex> lock(mutex_);
   forgetSuperseded();

@@ -60,6 +60,9 @@ class ModelCache {
   /// @throws std::runtime_error if it is in use.
   bool unload(const std::string& path);
 
+  /// The file of a model that was handed out; empty if it was none of these.
+  std::string pathOf(const std::shared_ptr<const Field>& field) const;
+
   /// All models in memory, in no special order.
   std::vector<CachedModel> list() const;
 

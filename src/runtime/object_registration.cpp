@@ -32,11 +32,11 @@ void applyBox(const RegistrationRequest& request, Dataset* dataset) {
 
 }  // namespace
 
-ObjectRegistration::ObjectRegistration(const std::string& dataset_root,
+ObjectRegistration::ObjectRegistration(const PhotoSource& photos,
                                        const RegistrationSettings& settings,
                                        const ObjectStore& store, BackendFactory make_backend,
                                        ScheduleFactory find_schedule)
-    : dataset_root_(dataset_root),
+    : photos_(photos),
       settings_(settings),
       store_(store),
       make_backend_(std::move(make_backend)),
@@ -44,13 +44,13 @@ ObjectRegistration::ObjectRegistration(const std::string& dataset_root,
 
 Dataset ObjectRegistration::readPhotos(const RegistrationRequest& request,
                                        const CancellationToken& cancellation) const {
-  if (dataset_root_.empty()) throw std::invalid_argument("~dataset_root is not set");
+  if (photos_.root.empty()) throw std::invalid_argument("~dataset_root is not set");
   // The request came over the network: it must not cause reads outside the folder.
   DatasetOptions confined;
+  confined.limits = photos_.limits;
   confined.threads = settings_.threads;
   confined.confined = true;
-  Dataset dataset =
-      loadTransforms(pathBelow(dataset_root_, request.dataset), confined, cancellation);
+  Dataset dataset = loadDataset(pathBelow(photos_.root, request.dataset), confined, cancellation);
   applyBox(request, &dataset);
   return dataset;
 }
@@ -84,7 +84,7 @@ RegisteredObject ObjectRegistration::run(const RegistrationRequest& request,
     const std::shared_ptr<const Field> existing = store_.find(request.name);
     if (existing &&
         existing->metadata.data_hash == registrationHash(dataset, settings, cancellation)) {
-      return {existing, true};
+      return {existing, true, dataset.notes};
     }
   }
   store_.requireWritable(request.name, FieldConfig::named(settings.profile));
@@ -93,12 +93,12 @@ RegisteredObject ObjectRegistration::run(const RegistrationRequest& request,
       std::make_shared<Field>(learnField(backend.get(), dataset, settings, progress, cancellation));
   field->metadata.name = request.name;
   cancellation.check();  // from here on the model is saved
-  return {store_.save(field), false};
+  return {store_.save(field), false, dataset.notes};
 }
 
 RegistrationQueue::Job ObjectRegistration::jobOf(const RegistrationRequest& request) const {
   std::ostringstream key;
-  key << std::hexfloat << dataset_root_ << '\n'
+  key << std::hexfloat << photos_.root << '\n'
       << store_.root() << '\n'
       << request.name << '\n'
       << request.dataset << '\n'

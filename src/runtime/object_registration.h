@@ -24,12 +24,18 @@ struct RegistrationRequest {
   bool force_retrain = false;  ///< even if a model of the same photos and settings exists
 };
 
+/// Where photos are read, and how many.
+struct PhotoSource {
+  std::string root;  ///< folder of the datasets
+  DatasetLimits limits;
+};
+
 /// Learns objects on request, in direct calls or through a RegistrationQueue.
 class ObjectRegistration {
  public:
   /// @param make_backend called for each training, which must not share a backend with refinements.
   /// @param find_schedule schedule of that backend's processor; refinements have priority there.
-  ObjectRegistration(const std::string& dataset_root, const RegistrationSettings& settings,
+  ObjectRegistration(const PhotoSource& photos, const RegistrationSettings& settings,
                      const ObjectStore& store, BackendFactory make_backend,
                      ScheduleFactory find_schedule);
 
@@ -50,7 +56,7 @@ class ObjectRegistration {
                      const CancellationToken& cancellation) const;
   RegistrationSettings settingsOf(const RegistrationRequest& request, const Dataset& dataset) const;
 
-  std::string dataset_root_;
+  PhotoSource photos_;
   RegistrationSettings settings_;
   ObjectStore store_;
   BackendFactory make_backend_;

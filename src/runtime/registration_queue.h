@@ -18,7 +18,8 @@ namespace nerf_pose_refiner {
 /// The model of a registration, and whether it was trained.
 struct RegisteredObject {
   std::shared_ptr<const Field> field;
-  bool loaded_existing = false;  ///< nothing was trained
+  bool loaded_existing = false;    ///< nothing was trained
+  std::vector<std::string> notes;  ///< @see Dataset::notes
 };
 
 /// A progress report to the callers that wait for a registration.

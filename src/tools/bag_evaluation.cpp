@@ -57,6 +57,11 @@ TrackerSettings BagEvaluationSettings::tracker() const {
   settings.tracking.refiner.keyframes.real_time = false;  // images come as fast as they are read
   settings.rules = rules;
   settings.rules.once = !track;
+  if (start == StartMode::kDetected) {
+    constexpr double kEveryImage = 1e9;  // [Hz]
+    settings.rules.start = TrackStart::kDetect;
+    settings.rules.detect_rate_hz = kEveryImage;
+  }
   settings.mask_mode = MaskMode::kEveryFrame;
   return settings;
 }
@@ -70,7 +75,12 @@ BagEvaluation::BagEvaluation(const BagSequence& bag, std::shared_ptr<Backend> ba
       field_(std::move(field)),
       input_(settings.image_is_rectified) {
   settings_.validate();
-  tracker_ = std::make_unique<ObjectTracker>(backend_, field_, settings_.tracker());
+  DetectionSetup detection;
+  detection.settings.least_score = settings_.rules.trust_score;
+  detection.settings.keyframes.real_time = false;
+  detection.landmarks_path = [path = settings_.landmarks_path](const auto&) { return path; };
+  tracker_ =
+      std::make_unique<ObjectTracker>(backend_, field_, settings_.tracker(), std::move(detection));
 }
 
 BagEvaluationResult BagEvaluation::run(const std::function<void(const EvaluatedFrame&)>& progress,
@@ -167,15 +177,17 @@ Observation BagEvaluation::observe(const BagFrame& frame) {
 EvaluatedFrame BagEvaluation::compare(const TrackOutcome& result, const Pose& true_T_C_U) const {
   const Camera& camera = result.observation->camera;
   const Pose truth = true_T_C_U.inverse();
-  const Pose start_T_C_U =
-      ObjectFrame::inMetres(field_->metadata).objectInCamera(result.prior->T_O_C);
   EvaluatedFrame evaluated;
   evaluated.outcome = outcomeText(result.refinement.outcome);
   evaluated.from_last = result.from_last;
   evaluated.trusted = result.trusted;
   evaluated.score = result.refinement.score;
   evaluated.latency_s = result.refinement.seconds;
-  evaluated.start = object_->compare(start_T_C_U.inverse(), truth, camera);
+  if (result.prior) {
+    const Pose start_T_C_U =
+        ObjectFrame::inMetres(field_->metadata).objectInCamera(result.prior->T_O_C);
+    evaluated.start = object_->compare(start_T_C_U.inverse(), truth, camera);
+  }
   if (result.found) {
     evaluated.T_C_U = result.T_C_O_m;
     evaluated.found = object_->compare(evaluated.T_C_U.inverse(), truth, camera);

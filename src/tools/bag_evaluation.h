@@ -19,6 +19,7 @@ namespace nerf_pose_refiner {
 enum class StartMode {
   kPerturbed,  ///< from the true pose, made wrong at random: the same for the same seed and image
   kRecorded,   ///< from the newest initial pose of the bag
+  kDetected,   ///< nowhere: the object is looked for in the whole image
 };
 
 struct BagEvaluationSettings {
@@ -38,6 +39,7 @@ struct BagEvaluationSettings {
   double track_translation = 0.05;
   /// The node's; `once` is set by `track`.
   TrackingRules rules;
+  std::string landmarks_path;  ///< file that keeps the object's landmarks; empty: none
   bool image_is_rectified = false;
   int points = 1000;  ///< of the surface, for ADD, ADD-S and reprojection
   std::uint64_t seed = 1;

@@ -11,6 +11,8 @@
 
 #include "backend/common/draw_overlay.h"
 #include "dataset/dataset.h"
+#include "detection/landmark_file.h"
+#include "detection/object_detector.h"
 #include "evaluation/trial.h"
 #include "evaluation/trial_observation.h"
 #include "evaluation/trial_results.h"
@@ -150,8 +152,7 @@ class Evaluation {
   void runScene(const Scene& scene) {
     LoadedScene loaded;
     loaded.name = scene.name;
-    loaded.dataset =
-        loadTransforms(scene.test_path, options_.backend.datasetOptions(), cancellation_);
+    loaded.dataset = loadDataset(scene.test_path, options_.backend.datasetOptions(), cancellation_);
     loaded.kind = kindOf(loaded.dataset);
     loadSceneField("", &loaded);
     for (const Experiment& experiment : plan_.experiments) {
@@ -182,10 +183,13 @@ class Evaluation {
     disturbance.photos = options_.photos;
     const int available = static_cast<int>(scene.dataset.views.size());
     for (const int v : chosenViews(experiment.views, available)) {
-      const PosedView& view = scene.dataset.views[v];
+      PosedView view;
       Observation observation;  // made when a trial needs it
       forEachBatch(scene, experiment, condition, v, [&](const Batch& batch) {
-        if (observation.image.empty()) observation = disturbance.of(view, v);
+        if (observation.image.empty()) {
+          view = disturbance.viewOf(scene.dataset.views[v], v);
+          observation = disturbance.of(view, v);
+        }
         runBatch(batch, view, observation);
       });
     }
@@ -225,7 +229,7 @@ class Evaluation {
   /// Inversions fill a device better together; where nothing is gained by it, less is lost by an
   /// interruption.
   int startsAtOnce(const std::string& method) const {
-    return method == "alignment" ? 1 : backend_->info().searches_at_once;
+    return method == "alignment" || method == "detection" ? 1 : backend_->info().searches_at_once;
   }
 
   /// Starts that an earlier process has written are searched again, for a search's samples depend a
@@ -263,10 +267,31 @@ class Evaluation {
                       std::to_string(first.view) + ", " + std::to_string(done_) + " trials");
   }
 
+  /// The best instance that is found without a start.
+  Refinement detect(const Batch& batch, const Observation& image) {
+    const std::shared_ptr<const LoadedField>& field = batch.scene.fields.at(batch.variant.profile);
+    std::unique_ptr<ObjectDetector>& detector =
+        detectors_[batch.scene.name + batch.variant.profile];
+    if (!detector) {
+      const DetectionSettings settings;
+      const fs::path model = fs::path(options_.models) / (batch.scene.name + ".safetensors");
+      detector = std::make_unique<ObjectDetector>(
+          backend_.get(), field,
+          landmarksFor(*field, settings.landmarks, landmarkPathOf(model.string()), cancellation_),
+          settings);
+    }
+    const Detections detections = detector->detect(image, {}, cancellation_);
+    Refinement best;
+    if (!detections.found.empty()) best = detections.found.front();
+    best.seconds = detections.seconds;
+    return best;
+  }
+
   std::vector<Refinement> refineAll(const Batch& batch, double unit, const Observation& image,
                                     const std::vector<Prior>& priors) {
     const LoadedField& field = *batch.scene.fields.at(batch.variant.profile);
     const TrialKey& key = batch.keys.front();
+    if (key.method == "detection") return {priors.size(), detect(batch, image)};
     const RefinerSettings settings = trialSettings(key.method, key.loss.empty() ? "l2" : key.loss,
                                                    batch.variant, unit, plan_.seed);
     TrialKey likewise = key;
@@ -320,6 +345,7 @@ class Evaluation {
   std::shared_ptr<Backend> backend_;
   TrialResults results_;
   ProgressLine line_;
+  std::map<std::string, std::unique_ptr<ObjectDetector>> detectors_;  // by scene and profile
   std::set<std::vector<std::string>> warmed_;  // trials whose like has its memory and graphs
   int done_ = 0;
 };

@@ -9,6 +9,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "detection/landmark_file.h"
 #include "field/object_metadata.h"
 #include "tools/bag_evaluation.h"
 #include "tools/evaluation_files.h"
@@ -75,9 +76,11 @@ void declareTrials(CLI::App* app, EvaluateOptions* options) {
   app->add_option("--frames", s.most, "Largest number of images; 0: all")->capture_default_str();
   app->add_flag("--track", s.track,
                 "Track as the node does: from --start only where it has no pose to start from");
-  app->add_option("--start", options->start,
-                  "Initial poses: perturbed (the truth with an error) or recorded")
-      ->check(CLI::IsMember({"perturbed", "recorded"}))
+  app->add_option(
+         "--start", options->start,
+         "Initial poses: perturbed (the truth with an error) or recorded; or detect: none, "
+         "the object is looked for in the whole image")
+      ->check(CLI::IsMember({"perturbed", "recorded", "detect"}))
       ->capture_default_str();
   app->add_option("--start-rotation", s.start_rotation_deg,
                   "Largest error of a perturbed pose about each axis [degrees]")
@@ -194,8 +197,9 @@ BagEvaluationResult evaluateAll(const BagSequence& bag, BagEvaluation* evaluatio
 
 void evaluate(const EvaluateOptions& given, const CancellationToken& cancellation) {
   EvaluateOptions options = given;
-  options.settings.start =
-      options.start == "recorded" ? StartMode::kRecorded : StartMode::kPerturbed;
+  if (options.start == "recorded") options.settings.start = StartMode::kRecorded;
+  if (options.start == "detect") options.settings.start = StartMode::kDetected;
+  options.settings.landmarks_path = landmarkPathOf(options.model);
   if (options.start == "recorded" && options.topics.initial_pose.empty()) {
     throw std::invalid_argument("--start recorded needs --initial-pose");
   }

@@ -132,7 +132,7 @@ const PosedView& findView(const Dataset& dataset, const std::string& name) {
 RefineCase caseOfDataset(const RefineOptions& options, const FieldMetadata& object,
                          const CancellationToken& cancellation) {
   const Dataset dataset =
-      loadTransforms(options.transforms, options.backend.datasetOptions(), cancellation);
+      loadDataset(options.transforms, options.backend.datasetOptions(), cancellation);
   const PosedView& view = findView(dataset, options.view);
   const StartSpread spread = {options.start_rotation_deg / kDegreesPerRad,
                               options.start_translation * object.diameter, true};

@@ -78,7 +78,7 @@ void declare(CLI::App* app, RenderToolOptions* options) {
 std::vector<PosedView> viewsOf(const RenderToolOptions& options,
                                const CancellationToken& cancellation) {
   if (!options.transforms.empty()) {
-    return loadTransforms(options.transforms, options.backend.datasetOptions(), cancellation).views;
+    return loadDataset(options.transforms, options.backend.datasetOptions(), cancellation).views;
   }
   if (options.pose.empty() || options.intrinsics.empty() || options.size.empty()) {
     throw std::invalid_argument("give --transforms, or --pose with --intrinsics and --size");

@@ -14,6 +14,8 @@
 #include <iostream>
 #include <stdexcept>
 
+#include "dataset/dataset_limits.h"
+
 namespace nerf_pose_refiner {
 namespace {
 
@@ -83,6 +85,35 @@ void BackendOptions::addTo(CLI::App* app) {
                   "Instruction set of the CPU backend: auto, baseline, avx2")
       ->check(CLI::IsMember({"auto", "baseline", "avx2"}))
       ->capture_default_str();
+}
+
+void PhotoOptions::addTo(CLI::App* app) {
+  app->add_option("--object-id", reading.object_id,
+                  "Which object of a BOP dataset; 0: the only one")
+      ->check(CLI::Range(0, 1000000000))
+      ->capture_default_str();
+  visitLimits(
+      &reading.limits, [this, app](const char* name, std::uint64_t value, const char* meaning) {
+        std::string option = std::string("--") + name;
+        std::replace(option.begin(), option.end(), '_', '-');
+        const auto set = [this, limit_name = std::string(name)](const std::uint64_t& wanted) {
+          visitLimits(&reading.limits, [&](const char* other, std::uint64_t& limit, const char*) {
+            if (other == limit_name) limit = wanted;
+          });
+        };
+        app->add_option_function<std::uint64_t>(option, set, meaning)
+            ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1000000000}))
+            ->default_str(std::to_string(value));
+      });
+}
+
+Dataset PhotoOptions::load(const std::string& path, int threads,
+                           const CancellationToken& cancellation) const {
+  DatasetOptions options = reading;
+  options.threads = threads;
+  Dataset dataset = loadDataset(path, options, cancellation);
+  for (const std::string& note : dataset.notes) std::fprintf(stderr, "%s\n", note.c_str());
+  return dataset;
 }
 
 ProgressLine::ProgressLine() : terminal_(isatty(STDERR_FILENO) == 1) {}

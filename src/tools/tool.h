@@ -56,6 +56,15 @@ struct BackendOptions {
   DatasetOptions datasetOptions() const;
 };
 
+/// How photos are read, for the tools that take any dataset.
+struct PhotoOptions {
+  DatasetOptions reading;
+
+  void addTo(CLI::App* app);
+  /// Reads the photos, and prints on stderr what was chosen or left out.
+  Dataset load(const std::string& path, int threads, const CancellationToken& cancellation) const;
+};
+
 /// A line on stderr that is redrawn in place, and only on a terminal.
 class ProgressLine {
  public:

@@ -23,6 +23,7 @@ struct TrainOptions {
   std::string name;
   std::vector<double> box;  // min x y z, max x y z
   RegistrationSettings settings;
+  PhotoOptions photos;
   BackendOptions backend;
   bool json = false;
 };
@@ -44,13 +45,13 @@ void addSettings(CLI::App* app, RegistrationSettings* settings) {
 void declare(CLI::App* app, TrainOptions* options) {
   app->description(
       "Learns a model of an object from posed photos.\n\n"
-      "The photos come with a transforms.json as NeRF Synthetic and instant-ngp write it. They\n"
-      "show the object alone: with alpha, with masks, or inside a box that is given.");
+      "The photos come with a transforms.json (nerfstudio, instant-ngp, NeRF Synthetic), from\n"
+      "COLMAP, BOP, Polycam or Record3D: docs/photo_formats.md. They show the object alone: with\n"
+      "alpha, with masks, or inside a box that is given.");
   app->footer("Example:\n  " + app->get_name() +
               " photos/mug -o mug.safetensors --metres-per-unit 0.1 --max-seconds 120\n\n" +
               kExitCodes);
-  app->add_option("dataset", options->dataset,
-                  "A transforms.json, or a folder with transforms.json or transforms_train.json")
+  app->add_option("dataset", options->dataset, "The folder of the photos, or a transforms.json")
       ->required()
       ->check(CLI::ExistingPath);
   app->add_option("-o,--output", options->model, "Model file to write (.safetensors)")->required();
@@ -59,6 +60,7 @@ void declare(CLI::App* app, TrainOptions* options) {
   app->add_option("--box", options->box,
                   "Bounds of the object: min x y z, max x y z [dataset units]; default: the file's")
       ->expected(6);
+  options->photos.addTo(app);
   options->backend.addTo(app);
   app->add_flag("--json", options->json, "Print the result as JSON");
 }
@@ -103,7 +105,7 @@ void report(const TrainOptions& options, const Field& field, double seconds) {
 
 void train(const TrainOptions& options, const CancellationToken& cancellation) {
   requireModelWritable(FieldConfig::named(options.settings.profile), options.model);
-  Dataset dataset = loadTransforms(options.dataset, options.backend.datasetOptions(), cancellation);
+  Dataset dataset = options.photos.load(options.dataset, options.backend.threads, cancellation);
   if (!options.box.empty()) {
     dataset.has_box = true;
     dataset.box_min = {options.box[0], options.box[1], options.box[2]};

@@ -3,16 +3,29 @@
 
 #include <utility>
 
+#include "backend/backend_lost.h"
+#include "detection/landmark_file.h"
 #include "trust/keyframe_scores.h"
 #include "trust/mask_agreement.h"
 
 namespace nerf_pose_refiner {
+namespace {
+
+/// Whether a pose lies in a prior: alignment goes twice as far as its half widths.
+bool isWithin(const Prior& prior, const Pose& T_O_C, const FieldMetadata& object) {
+  const Vector6 away = cameraTwist(prior.T_O_C, T_O_C, object.centre).cwiseAbs();
+  return away.head<3>().maxCoeff() <= 2 * prior.translation * object.diameter &&
+         away.tail<3>().maxCoeff() <= 2 * prior.rotation_rad;
+}
+
+}  // namespace
 
 RefinerSearch::RefinerSearch(ProcessorFactory find_processor, const RefinerSettings& initial,
-                             const RefinerSettings& tracking)
+                             const RefinerSettings& tracking, DetectionSetup detection)
     : find_processor_(std::move(find_processor)),
       initial_settings_(initial),
-      tracking_settings_(tracking) {}
+      tracking_settings_(tracking),
+      detection_(std::move(detection)) {}
 
 void RefinerSearch::use(std::shared_ptr<const Field> field) {
   if (!processor_.backend) {
@@ -21,7 +34,13 @@ void RefinerSearch::use(std::shared_ptr<const Field> field) {
   }
   keyframes_.reset();
   scores_.reset();
-  field_ = processor_.backend->load(std::move(field));
+  detector_.reset();
+  try {
+    field_ = processor_.backend->load(field);
+  } catch (const BackendLost&) {
+    replaceProcessor(field);
+  }
+  object_ = std::move(field);
 }
 
 void RefinerSearch::configure(const RefinerSettings& initial, const RefinerSettings& tracking) {
@@ -35,6 +54,26 @@ void RefinerSearch::configure(const RefinerSettings& initial, const RefinerSetti
 
 Refinement RefinerSearch::search(const SearchRequest& request,
                                  const CancellationToken& cancellation) {
+  try {
+    return searchOnce(request, cancellation);
+  } catch (const BackendLost&) {
+    replaceProcessor(object_);
+    return searchOnce(request, cancellation);
+  }
+}
+
+void RefinerSearch::replaceProcessor(const std::shared_ptr<const Field>& field) {
+  SearchProcessor another = find_processor_();  // before anything is given up: it may find none
+  std::shared_ptr<const LoadedField> loaded = another.backend->load(field);
+  keyframes_.reset();
+  detector_.reset();
+  field_ = std::move(loaded);
+  processor_ = std::move(another);
+  configure(initial_settings_, tracking_settings_);
+}
+
+Refinement RefinerSearch::searchOnce(const SearchRequest& request,
+                                     const CancellationToken& cancellation) {
   Refinement result;
   try {
     result = find(request, cancellation);
@@ -51,12 +90,13 @@ Refinement RefinerSearch::search(const SearchRequest& request,
   return result;
 }
 
+/// With the scores of the object; those of a model that has none are measured here.
 void RefinerSearch::beginKeyframes(const CancellationToken& cancellation) {
   Backend* const backend = processor_.backend.get();
   if (!scores_) {
-    scores_ = field_->field().metadata.pose.keyframes;
-    // A model of before: what registration measures nowadays is measured here.
-    if (scores_->poses == 0) scores_ = measureKeyframeScores(backend, *field_, cancellation);
+    KeyframeScores scores = field_->field().metadata.pose.keyframes;
+    if (scores.poses == 0) scores = measureKeyframeScores(backend, *field_, cancellation);
+    scores_ = scores;
   }
   keyframes_.emplace(backend, field_, tracking_settings_.keyframes);
   keyframes_->use(*scores_);
@@ -68,8 +108,9 @@ Refinement RefinerSearch::find(const SearchRequest& request,
   if (settings.method == Method::kKeyframes) {
     if (!keyframes_) beginKeyframes(cancellation);
     const TimedObservation image = {request.observation, request.stamp_ns};
-    return request.tracked ? keyframes_->follow(image, request.prior, cancellation)
-                           : keyframes_->find(image, request.prior, cancellation);
+    if (request.tracked) return keyframes_->follow(image, request.prior, cancellation);
+    return keyframes_->find(image, request.prior, cancellation,
+                            candidatesNear(request, cancellation));
   }
   // A processor that is not shared has no turns, so a rendering must end before the search begins.
   if (keyframes_) keyframes_->waitForRenderings(cancellation);
@@ -77,6 +118,38 @@ Refinement RefinerSearch::find(const SearchRequest& request,
   if (processor_.take_turn) turn = processor_.take_turn(cancellation);
   FieldRefiner& refiner = request.tracked ? *tracking_ : *initial_;
   return refiner.refine(*field_, request.observation, request.prior, cancellation);
+}
+
+/// Poses that landmarks speak for and that agree with the prior; none while there are no landmarks.
+std::vector<Pose> RefinerSearch::candidatesNear(const SearchRequest& request,
+                                                const CancellationToken& cancellation) const {
+  std::vector<Pose> near;
+  if (!detector_) return near;
+  const FieldMetadata& object = field_->field().metadata;
+  for (const PoseCandidate& candidate :
+       detector_->candidates(request.observation, {}, cancellation).poses) {
+    const Pose pose = nearestEquivalent(candidate.T_O_C, request.prior.T_O_C, object.symmetries);
+    if (isWithin(request.prior, pose, object)) near.push_back(pose);
+  }
+  return near;
+}
+
+Refinement RefinerSearch::detect(const Observation& observation,
+                                 const CancellationToken& cancellation) {
+  if (keyframes_) keyframes_->waitForRenderings(cancellation);
+  if (!detector_) {
+    const std::string path =
+        detection_.landmarks_path ? detection_.landmarks_path(object_) : std::string();
+    detector_ = std::make_unique<ObjectDetector>(
+        processor_.backend.get(), field_,
+        landmarksFor(*field_, detection_.settings.landmarks, path, cancellation),
+        detection_.settings);
+  }
+  const Detections detections = detector_->detect(observation, {}, cancellation);
+  Refinement best;  // diverged
+  if (!detections.found.empty()) best = detections.found.front();
+  best.seconds = detections.seconds;
+  return best;
 }
 
 }  // namespace nerf_pose_refiner

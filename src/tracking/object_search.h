@@ -5,7 +5,10 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <string>
+#include <vector>
 
+#include "detection/object_detector.h"
 #include "refinement/field_refiner.h"
 #include "refinement/keyframe_refiner.h"
 
@@ -32,6 +35,10 @@ class ObjectSearch {
 
   virtual Refinement search(const SearchRequest& request,
                             const CancellationToken& cancellation) = 0;
+
+  /// The best instance of the object in the whole image.
+  virtual Refinement detect(const Observation& observation,
+                            const CancellationToken& cancellation) = 0;
 };
 
 /// The right to use a processor that several users share. Destruction gives it up.
@@ -51,21 +58,37 @@ struct SearchProcessor {
 /// takes time.
 using ProcessorFactory = std::function<SearchProcessor()>;
 
+/// How objects are detected.
+struct DetectionSetup {
+  DetectionSettings settings;
+  /// The file that keeps an object's landmarks; empty: they are made anew for each user of it.
+  std::function<std::string(const std::shared_ptr<const Field>&)> landmarks_path = {};
+};
+
 /// Searches with a backend: widely around an initial pose, narrowly around the last one. Tracking
 /// by keyframes takes no turn, only the rendering of a keyframe does.
+///
+/// If the processor fails for good (BackendLost), the search asks for another one and goes on with
+/// that.
 class RefinerSearch : public ObjectSearch {
  public:
-  /// @param find_processor called when the first object is set.
+  /// @param find_processor called when the first object is set, and when its processor was lost.
   RefinerSearch(ProcessorFactory find_processor, const RefinerSettings& initial,
-                const RefinerSettings& tracking);
+                const RefinerSettings& tracking, DetectionSetup detection = {});
 
   void use(std::shared_ptr<const Field> field) override;
   void configure(const RefinerSettings& initial, const RefinerSettings& tracking) override;
   Refinement search(const SearchRequest& request, const CancellationToken& cancellation) override;
+  /// The first time for an object, its landmarks may have to be made.
+  Refinement detect(const Observation& observation, const CancellationToken& cancellation) override;
 
  private:
   Refinement find(const SearchRequest& request, const CancellationToken& cancellation);
   void beginKeyframes(const CancellationToken& cancellation);
+  Refinement searchOnce(const SearchRequest& request, const CancellationToken& cancellation);
+  void replaceProcessor(const std::shared_ptr<const Field>& field);
+  std::vector<Pose> candidatesNear(const SearchRequest& request,
+                                   const CancellationToken& cancellation) const;
 
   ProcessorFactory find_processor_;
   RefinerSettings initial_settings_;
@@ -73,9 +96,12 @@ class RefinerSearch : public ObjectSearch {
   SearchProcessor processor_;
   std::optional<FieldRefiner> initial_;
   std::optional<FieldRefiner> tracking_;
-  std::shared_ptr<const LoadedField> field_;
-  std::optional<KeyframeScores> scores_;      ///< of the field; nothing: not asked for yet
+  std::shared_ptr<const Field> object_;
+  std::shared_ptr<const LoadedField> field_;  ///< of object_
+  std::optional<KeyframeScores> scores_;      ///< of field_; nothing: not asked for yet
   std::optional<KeyframeRefiner> keyframes_;  ///< of field_; created on first use
+  DetectionSetup detection_;
+  std::unique_ptr<ObjectDetector> detector_;  ///< of field_; null: not asked for yet
 };
 
 }  // namespace nerf_pose_refiner

@@ -20,10 +20,10 @@ double secondsOf(std::int64_t stamp_ns) {
 }  // namespace
 
 ObjectTracker::ObjectTracker(std::shared_ptr<Backend> backend, std::shared_ptr<const Field> object,
-                             const TrackerSettings& settings)
+                             const TrackerSettings& settings, DetectionSetup detection)
     : ObjectTracker(std::make_unique<RefinerSearch>(
                         [backend = std::move(backend)] { return SearchProcessor{backend}; },
-                        settings.initial.refiner, settings.tracking.refiner),
+                        settings.initial.refiner, settings.tracking.refiner, std::move(detection)),
                     settings) {
   if (!(object->metadata.metres_per_unit > 0)) {
     throw std::invalid_argument("the model '" + object->metadata.name +
@@ -225,12 +225,12 @@ TrackOutcome ObjectTracker::process(const TrackerImage& image) {
   applyChange();
   const std::optional<ImageDecision> decision = decide(image);
   if (decision) reportChange(image.at);
-  if (!decision || !decision->start) {
+  if (!decision || !(decision->start || decision->detect)) {
     static_cast<TrackStatus&>(result) = statusNow(image.at);
     return result;
   }
   result.refined = true;
-  result.from_last = decision->start->tracked;
+  result.from_last = decision->start && decision->start->tracked;
   try {
     refine(image, *decision, &result);
   } catch (const InputError& e) {
@@ -296,14 +296,19 @@ Prior ObjectTracker::predict(const Prior& last, const TrackerImage& image,
 
 void ObjectTracker::refine(const TrackerImage& image, const ImageDecision& decision,
                            TrackOutcome* result) {
-  const bool tracked = decision.start->tracked;
-  result->prior = prepare(image, decision);
-  if (!result->prior) return;
+  const bool tracked = result->from_last;
+  if (decision.start) {
+    result->prior = prepare(image, decision);
+    if (!result->prior) return;
+  }
   result->field = field_;
   result->observation =
       std::make_shared<const Observation>(image.observe(settings_.usesMask(tracked)));
-  result->refinement = search_->search(
-      {*result->observation, *result->prior, tracked, image.at.stamp_ns}, image.cancel);
+  const Observation& observation = *result->observation;
+  result->refinement =
+      decision.detect ? search_->detect(observation, image.cancel)
+                      : search_->search({observation, *result->prior, tracked, image.at.stamp_ns},
+                                        image.cancel);
   conclude(decision, result);
 }
 

@@ -72,7 +72,7 @@ class ObjectTracker {
   /// @param object must have a metric scale. @throws std::invalid_argument if it has none, and what
   /// the backend throws when it loads the object.
   ObjectTracker(std::shared_ptr<Backend> backend, std::shared_ptr<const Field> object,
-                const TrackerSettings& settings);
+                const TrackerSettings& settings, DetectionSetup detection = {});
 
   /// Tracks nothing until a model is offered.
   ObjectTracker(std::unique_ptr<ObjectSearch> search, const TrackerSettings& settings,

@@ -13,6 +13,13 @@ enum class InitialPosePolicy {
   kAlways,
 };
 
+/// What a track begins with.
+enum class TrackStart {
+  kInitialPose,  ///< a pose from outside
+  kDetect,       ///< detection in the whole image; poses from outside are ignored
+  kBoth,         ///< a pose from outside if there is one, else detection
+};
+
 /// How a refinement searches, and how far from its start pose.
 struct SearchSettings {
   std::string preset;       ///< name of the preset of `refiner`, see RefinerSettings::named
@@ -27,12 +34,14 @@ struct SearchSettings {
 
 /// When a track begins, continues and ends.
 struct TrackingRules {
-  double trust_score = 0.9;  ///< 0..1: score at which a track begins
-  double min_score = 0.5;    ///< 0..trust_score: while tracking, a lower score is not trusted
-  int max_failures = 2;      ///< number of untrusted images in a row that are bridged, >= 0
-  bool predict = true;       ///< predict from the last two poses, see predictConstantVelocity
-  double recover_s = 5;      ///< a lost object is searched for during this time [s]; 0: never
-  bool once = false;         ///< after one trusted pose, wait for the next initial pose
+  TrackStart start = TrackStart::kInitialPose;
+  double detect_rate_hz = 1;  ///< > 0: images per second, by their stamps, that detection looks at
+  double trust_score = 0.9;   ///< 0..1: score at which a track begins
+  double min_score = 0.5;     ///< 0..trust_score: while tracking, a lower score is not trusted
+  int max_failures = 2;       ///< number of untrusted images in a row that are bridged, >= 0
+  bool predict = true;        ///< predict from the last two poses, see predictConstantVelocity
+  double recover_s = 5;       ///< a lost object is searched for during this time [s]; 0: never
+  bool once = false;          ///< after one trusted pose, wait for the next initial pose
   InitialPosePolicy initial_pose_policy = InitialPosePolicy::kWhenNotTracking;
   double initial_pose_max_age_s = 10;  ///< of an initial pose, when it is used [s], > 0
   double image_timeout_s = 2;  ///< without an image for this time, the object is lost [s]; 0: never

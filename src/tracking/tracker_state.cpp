@@ -25,6 +25,7 @@ void TrackerState::forgetPoses() {
   initial_pose_.reset();
   last_.reset();
   recovery_start_.reset();
+  last_detection_ns_.reset();
   failures_ = 0;
   running_.reset();
 }
@@ -65,7 +66,7 @@ void TrackerState::modelFailed(TrackReason reason, const std::string& message) {
 }
 
 void TrackerState::offer(const TimedPose& initial_pose) {
-  if (!enabled_) return;
+  if (!enabled_ || rules_.start == TrackStart::kDetect) return;
   const bool another = initial_pose_.has_value();
   initial_pose_ = initial_pose;
   // The status keeps showing that images are unusable, and why one initial pose after another was
@@ -112,6 +113,7 @@ bool TrackerState::updateClock(std::int64_t now_ns) {
 void TrackerState::timeWentBackTo(std::int64_t stamp_ns) {
   last_.reset();
   recovery_start_.reset();
+  last_detection_ns_.reset();
   failures_ = 0;
   running_.reset();
   // An initial pose whose stamp fits the new time was sent after the jump.
@@ -150,7 +152,15 @@ bool TrackerState::recoveryIsOver(std::int64_t stamp_ns) const {
 }
 
 bool TrackerState::needsInitialPose(std::int64_t stamp_ns) const {
-  return has_model_ && enabled_ && !initial_pose_ && !last_ && recoveryIsOver(stamp_ns);
+  return has_model_ && enabled_ && !initial_pose_ && !last_ && recoveryIsOver(stamp_ns) &&
+         !detectionIsDue(stamp_ns);
+}
+
+/// Whether an image without a pose from outside or from the image before is looked at everywhere.
+bool TrackerState::detectionIsDue(std::int64_t stamp_ns) const {
+  if (rules_.start == TrackStart::kInitialPose) return false;
+  return !last_detection_ns_ ||
+         secondsBetween(*last_detection_ns_, stamp_ns) >= 1 / rules_.detect_rate_hz;
 }
 
 ImageDecision TrackerState::decide(const ImageStamp& image) {
@@ -170,10 +180,17 @@ ImageDecision TrackerState::decide(const ImageStamp& image) {
                    "the camera's frame changed to '" + image.camera_frame + "'");
   }
   decision.start = chooseStart(image.stamp_ns, &decision);
-  if (!decision.start) return decision;
-  decision.confirmed = decision.start->tracked && confirmed_;
+  const bool known = last_ || (decision.start && !decision.recovering);
+  if (!known && detectionIsDue(image.stamp_ns)) {
+    decision.detect = true;
+    decision.start.reset();
+    decision.recovering = false;
+    last_detection_ns_ = image.stamp_ns;
+  }
+  if (!decision.start && !decision.detect) return decision;
+  decision.confirmed = decision.start && decision.start->tracked && confirmed_;
   decision.ticket = ++tickets_;
-  running_ = {decision.ticket, image, *decision.start};
+  running_ = {decision.ticket, image, decision.start};
   return decision;
 }
 
@@ -214,12 +231,18 @@ void TrackerState::countFailure(const TimedPose& start, TrackReason reason,
   lose(reason, message);
 }
 
+/// Detection found nothing.
+void TrackerState::countMiss(TrackReason reason, const std::string& message) {
+  const bool lost = recovery_start_ || condition_.state == TrackState::kLost;
+  setCondition(lost ? TrackState::kLost : TrackState::kWaiting, reason, message);
+}
+
 void TrackerState::startRefused(std::uint64_t ticket, TrackReason reason,
                                 const std::string& message) {
   const std::optional<Running> ended = end(ticket);
-  if (!ended) return;
-  if (ended->start.tracked) {
-    countFailure(ended->start, reason, message);
+  if (!ended || !ended->start) return;
+  if (ended->start->tracked) {
+    countFailure(*ended->start, reason, message);
   } else if (recovery_start_) {
     setCondition(TrackState::kLost, reason, message);
   } else {
@@ -239,7 +262,7 @@ bool TrackerState::trusted(std::uint64_t ticket, const Pose& T_C_U) {
     setCondition(TrackState::kWaiting);
     return true;
   }
-  previous_ = ended->start.tracked ? last_ : std::nullopt;
+  previous_ = ended->start && ended->start->tracked ? last_ : std::nullopt;
   last_ = TimedPose{T_C_U, ended->image.camera_frame, ended->image.stamp_ns,
                     /*tracked=*/true, std::nullopt};
   setCondition(TrackState::kTracking);
@@ -251,10 +274,9 @@ bool TrackerState::goesOn(std::uint64_t ticket, const Pose& T_C_U, TrackReason r
   constexpr int kDoubtsOfFailure = 10;  // of images that failures would bridge
   const int doubts = doubtful ? doubts_ + 1 : 0;
   const bool is_over = doubts > kDoubtsOfFailure * (rules_.max_failures + 1);
-  if (rules_.once || is_over) {
-    return notTrusted(ticket, reason, message);
-  }
-  const bool confirmed = confirmed_ && running_ && running_->start.tracked;
+  const bool has_start = running_ && running_->start;  // no detection
+  if (!has_start || rules_.once || is_over) return notTrusted(ticket, reason, message);
+  const bool confirmed = confirmed_ && running_->start->tracked;
   if (!trusted(ticket, T_C_U)) return false;
   confirmed_ = confirmed;
   doubts_ = doubts;
@@ -266,7 +288,11 @@ bool TrackerState::notTrusted(std::uint64_t ticket, TrackReason reason,
                               const std::string& message) {
   const std::optional<Running> ended = end(ticket);
   if (!ended) return false;
-  countFailure(ended->start, reason, message);
+  if (ended->start) {
+    countFailure(*ended->start, reason, message);
+  } else {
+    countMiss(reason, message);
+  }
   return true;
 }
 

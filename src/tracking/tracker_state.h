@@ -16,6 +16,7 @@ namespace nerf_pose_refiner {
 struct ImageDecision {
   std::optional<TimedPose> start;     ///< start pose of the refinement; empty: skip the image
   std::optional<TimedPose> previous;  ///< the trusted pose before `start`, to predict from
+  bool detect = false;                ///< there is no start: search the whole image
   std::uint64_t ticket = 0;           ///< to be returned with the result
   bool clock_jumped = false;          ///< time went back: earlier transforms are invalid
   bool confirmed = false;             ///< a pose of the track that goes on was trusted
@@ -63,7 +64,8 @@ class TrackerState {
   /// An image has arrived that cannot be used.
   void imageRefused(TrackReason reason, const std::string& message);
 
-  /// Decides how to process an image. If the decision has a start, a refinement begins.
+  /// Decides how to process an image. If the decision has a start, a refinement begins; otherwise
+  /// a detection may.
   ImageDecision decide(const ImageStamp& image);
 
   /// The start pose cannot be used: a failure of the track or of the initial pose.
@@ -94,7 +96,7 @@ class TrackerState {
   struct Running {
     std::uint64_t ticket;
     ImageStamp image;
-    TimedPose start;
+    std::optional<TimedPose> start;  ///< nothing: it is looked for everywhere
   };
 
   void setCondition(TrackState state, TrackReason reason = TrackReason::kNone,
@@ -106,6 +108,8 @@ class TrackerState {
   void timeWentBackTo(std::int64_t stamp_ns);
   bool initialPoseIsDue(std::int64_t stamp_ns, ImageDecision* decision);
   bool recoveryIsOver(std::int64_t stamp_ns) const;
+  bool detectionIsDue(std::int64_t stamp_ns) const;
+  void countMiss(TrackReason reason, const std::string& message);
   std::optional<Running> end(std::uint64_t ticket);
   void countFailure(const TimedPose& start, TrackReason reason, const std::string& message);
 
@@ -119,12 +123,13 @@ class TrackerState {
   std::optional<TimedPose> previous_;      ///< the pose before last_, if that was tracked, too
   /// While lost: the pose to search around, the last trusted one or an initial one that failed.
   std::optional<TimedPose> recovery_start_;
-  bool confirmed_ = false;                     ///< a pose of the track was trusted
-  int doubts_ = 0;                             ///< doubtful images since the last other one
-  int failures_ = 0;                           ///< untrusted images since the last trusted one
-  std::optional<std::int64_t> last_stamp_ns_;  ///< of the last image that was decided on
-  std::int64_t clock_ns_ = 0;                  ///< the time of the last updateClock
-  std::int64_t last_arrival_ns_ = 0;           ///< of the last image, on that clock
+  bool confirmed_ = false;                         ///< a pose of the track was trusted
+  int doubts_ = 0;                                 ///< doubtful images since the last other one
+  std::optional<std::int64_t> last_detection_ns_;  ///< stamp of the image it looked at
+  int failures_ = 0;                               ///< untrusted images since the last trusted one
+  std::optional<std::int64_t> last_stamp_ns_;      ///< of the last image that was decided on
+  std::int64_t clock_ns_ = 0;                      ///< the time of the last updateClock
+  std::int64_t last_arrival_ns_ = 0;               ///< of the last image, on that clock
   std::optional<Running> running_;
   std::uint64_t tickets_ = 0;  ///< number of tickets so far
 };

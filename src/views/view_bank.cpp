@@ -1,12 +1,12 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include "views/view_bank.h"
 
-#include <Eigen/Geometry>
-
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
 #include <string>
+
+#include "views/sphere_directions.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -16,20 +16,6 @@ void require(bool is_right, const char* name, double value) {
     throw std::invalid_argument(std::string("ViewBankSettings::") + name + " is " +
                                 std::to_string(value));
   }
-}
-
-/// Directions evenly distributed on the sphere: a spiral in steps of the golden angle (Gonzalez
-/// 2010).
-std::vector<Eigen::Vector3d> fibonacciDirections(int count) {
-  const double golden_angle = M_PI * (3 - std::sqrt(5.0));
-  std::vector<Eigen::Vector3d> directions;
-  for (int i = 0; i < count; ++i) {
-    const double z = 1 - (2 * i + 1.0) / count;
-    const double radius = std::sqrt(1 - z * z);
-    directions.emplace_back(radius * std::cos(golden_angle * i),
-                            radius * std::sin(golden_angle * i), z);
-  }
-  return directions;
 }
 
 std::size_t bytesOf(const PointColumns& points) {
@@ -48,7 +34,7 @@ void ViewBankSettings::validate() const {
 ViewBank::ViewBank(std::shared_ptr<const LoadedField> field, const ViewBankSettings& settings)
     : field_(std::move(field)),
       settings_(settings),
-      directions_(fibonacciDirections(settings.views)),
+      directions_(sphereDirections(settings.views)),
       views_(directions_.size()) {
   settings_.validate();
 }
@@ -67,12 +53,7 @@ std::vector<int> ViewBank::around(const Pose& T_O_C, double angle_rad) const {
 
 Pose ViewBank::poseOf(int number) const {
   const FieldMetadata& object = field_->field().metadata;
-  const Eigen::Vector3d& direction = directions_[number];
-  Pose T_O_C;
-  T_O_C.t = object.centre + settings_.distance * object.diameter * direction;
-  T_O_C.R = nearestRotation(
-      Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), -direction).toRotationMatrix());
-  return T_O_C;
+  return lookingAt(object.centre, directions_[number], settings_.distance * object.diameter);
 }
 
 std::shared_ptr<const KeyframePoints> ViewBank::view(int number,

@@ -31,7 +31,7 @@ class DatasetLimitsTest : public testing::Test {
     }
   }
 
-  Dataset load() const { return loadTransforms(folder.write("transforms.json", scene.dump())); }
+  Dataset load() const { return loadDataset(folder.write("transforms.json", scene.dump())); }
 
   template <typename... Parts>
   void expectRefused(const Parts&... parts) const {
@@ -42,8 +42,8 @@ class DatasetLimitsTest : public testing::Test {
   template <typename... Parts>
   void expectTooMuch(const Parts&... parts) const {
     const std::string path = folder.write("transforms.json", scene.dump());
-    EXPECT_NO_THROW(loadTransforms(path));
-    expectError<std::runtime_error>([&] { loadTransforms(path, options); }, path, parts...);
+    EXPECT_NO_THROW(loadDataset(path));
+    expectError<std::runtime_error>([&] { loadDataset(path, options); }, path, parts...);
   }
 
   TemporaryFolder folder;
@@ -68,7 +68,7 @@ TEST_F(DatasetLimitsTest, OfAMask) {
   writePng(Image8(80, 60, 1, 255), folder.file("mask.png"));
   options.limits.image_pixels = 8 * 6;
   const std::string path = folder.file("transforms.json");
-  expectError<std::runtime_error>([&] { loadTransforms(path, options); }, "frame 0", "mask.png",
+  expectError<std::runtime_error>([&] { loadDataset(path, options); }, "frame 0", "mask.png",
                                   "80 x 60", "at most 48");
 }
 
@@ -97,7 +97,7 @@ TEST_F(DatasetLimitsTest, DeepJsonIsRefused) {
     const std::string path =
         folder.write("transforms.json",
                      std::string("{\"") + key + "\":" + nested(500000) + "," + text.substr(1));
-    expectError<std::runtime_error>([&] { loadTransforms(path); }, path, "nest deeper");
+    expectError<std::runtime_error>([&] { loadDataset(path); }, path, "nest deeper");
   }
   scene["camera_model"] = {{"a", "b"}};
   expectRefused("camera model", "object");
@@ -106,7 +106,7 @@ TEST_F(DatasetLimitsTest, DeepJsonIsRefused) {
 TEST_F(DatasetLimitsTest, APipeIsNotWaitedFor) {
   const std::string pipe = folder.file("pipe.json");
   ASSERT_EQ(mkfifo(pipe.c_str(), 0600), 0);
-  expectError<std::runtime_error>([&] { loadTransforms(pipe); }, pipe, "no regular file");
+  expectError<std::runtime_error>([&] { loadDataset(pipe); }, pipe, "no regular file");
   scene["frames"][1]["mask_path"] = "pipe.json";
   expectRefused("frame 1", pipe, "no regular file");
 }

@@ -41,7 +41,7 @@ TEST(DatasetWriter, TheLoaderReadsWhatWasWritten) {
   EXPECT_EQ(writer.views(), 2);
   writer.finish();
 
-  const Dataset dataset = loadTransforms(path);
+  const Dataset dataset = loadDataset(path);
   ASSERT_EQ(dataset.views.size(), 2u);
   EXPECT_FALSE(dataset.has_alpha);
   EXPECT_EQ(dataset.metres_per_unit, 1);
@@ -67,11 +67,41 @@ TEST(DatasetWriter, AlphaAndDistortionComeBack) {
   image.at(0, 0, 3) = 0;
   writer.add(image, somePose(0));
   writer.finish();
-  const Dataset dataset = loadTransforms(folder.file("mug"));
+  const Dataset dataset = loadDataset(folder.file("mug"));
   EXPECT_TRUE(dataset.has_alpha);
   const std::vector<double> read = dataset.views[0].distortion.coefficients;
   ASSERT_EQ(read.size(), 8u);
   for (std::size_t i = 0; i < 5; ++i) EXPECT_EQ(read[i], bent.distortion.coefficients[i]);
+}
+
+TEST(DatasetWriter, AFisheyeLensComesBack) {
+  const TemporaryFolder folder;
+  DatasetHeader fisheye = header();
+  fisheye.distortion = {{0.01, -0.002, 0.0003, 0.0004}, Distortion::Model::kFisheye};
+  DatasetWriter writer(folder.file("mug"), fisheye);
+  writer.add(Image8(8, 6, 3, 90), somePose(0));
+  const Camera other = {4, 5, 6, 7, 2, 2};
+  expectError<std::invalid_argument>([&] { writer.add(Image8(4, 5, 3), somePose(0), other); },
+                                     "distortion");
+  writer.finish();
+  EXPECT_EQ(loadDataset(folder.file("mug")).views[0].distortion, fisheye.distortion);
+}
+
+TEST(DatasetWriter, EachViewMayHaveItsOwnCamera) {
+  const TemporaryFolder folder;
+  DatasetHeader unscaled = header();
+  unscaled.metres_per_unit = 0;
+  DatasetWriter writer(folder.file("mug"), unscaled);
+  const Camera other = {4, 5, 6, 7, 2.5, 1.5};
+  writer.add(Image8(8, 6, 3, 90), somePose(0));
+  writer.add(Image8(4, 5, 3, 90), somePose(1), other);
+  expectError<std::invalid_argument>([&] { writer.add(Image8(8, 6, 3), somePose(0), other); },
+                                     "size");
+  writer.finish();
+  const Dataset dataset = loadDataset(folder.file("mug"));
+  EXPECT_EQ(dataset.views[1].camera, other);
+  EXPECT_NEAR(dataset.views[0].camera.cx, kCamera.cx, 1e-12);
+  EXPECT_EQ(dataset.metres_per_unit, 0);
 }
 
 TEST(DatasetWriter, NothingAppearsBeforeTheEnd) {
@@ -106,7 +136,7 @@ TEST(DatasetWriter, OneOfAFolderWorksAtATime) {
     DatasetWriter other(folder.file("cup"), header());
     first.add(Image8(8, 6, 3, 70), somePose(0.1));
     first.finish();
-    EXPECT_EQ(loadTransforms(path).views.size(), 2u);
+    EXPECT_EQ(loadDataset(path).views.size(), 2u);
   }
   EXPECT_FALSE(fs::exists(folder.path() + "/.cup.unfinished"));
   DatasetWriter(folder.file("cup"), header());  // the one before is gone
@@ -122,7 +152,7 @@ TEST(DatasetWriter, ATargetThatAppearsMeanwhileCostsNoView) {
   EXPECT_EQ(writer.finish(), path + "_3");
   EXPECT_EQ(readFile(path + "/transforms.json"), "another's");
   EXPECT_EQ(readFile(path + "_2"), "a file");
-  EXPECT_EQ(loadTransforms(path + "_3").views.size(), 1u);
+  EXPECT_EQ(loadDataset(path + "_3").views.size(), 1u);
 }
 
 TEST(DatasetWriter, AFullDiskCostsNoViewThatIsWritten) {
@@ -142,7 +172,7 @@ TEST(DatasetWriter, AFullDiskCostsNoViewThatIsWritten) {
   EXPECT_EQ(writer.views(), 1);
   writer.add(Image8(8, 6, 3, 70), somePose(0.2));
   writer.finish();
-  const Dataset dataset = loadTransforms(folder.file("mug"));
+  const Dataset dataset = loadDataset(folder.file("mug"));
   ASSERT_EQ(dataset.views.size(), 2u);
   EXPECT_EQ(dataset.views[1].rgba->values[0], 70);
 }

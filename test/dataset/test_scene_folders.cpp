@@ -54,14 +54,14 @@ TEST_F(SceneFolder, NerfSynthetic) {
   }
   // Depth images and the like lie beside them and are nobody's business.
   writePng(Image8(40, 40, 4, 0), folder.file("test/r_0_depth_0001.png"));
-  const Dataset dataset = loadTransforms(folder.path());
+  const Dataset dataset = loadDataset(folder.path());
   ASSERT_EQ(dataset.views.size(), 3u);
   EXPECT_TRUE(dataset.has_alpha);
   EXPECT_FALSE(dataset.has_box);
   EXPECT_NEAR(dataset.views[2].camera.fx, 55.5555517, 1e-6);  // 20 / tan(0.34556)
   EXPECT_EQ(dataset.views[2].T_O_C.t, Eigen::Vector3d(0, 0, 6));
   EXPECT_EQ(dataset.views[0].rgba->at(0, 0, 3), 0);
-  EXPECT_EQ(loadTransforms(folder.file("transforms_test.json")).views.size(), 3u);
+  EXPECT_EQ(loadDataset(folder.file("transforms_test.json")).views.size(), 3u);
 }
 
 // As instant-ngp's scripts write it: pixels, lens, sizes with a point, aabb_scale; here from two
@@ -92,7 +92,7 @@ TEST_F(SceneFolder, InstantNgpWithIntrinsicsAndMasksOfEachFrame) {
                                {"transform_matrix", lookingDown(2 + i)}});
   }
   folder.write("transforms.json", scene.dump());
-  const Dataset dataset = loadTransforms(folder.path());
+  const Dataset dataset = loadDataset(folder.path());
   ASSERT_EQ(dataset.views.size(), 4u);
   EXPECT_TRUE(dataset.has_alpha);
   const PosedView& straight = dataset.views[2];
@@ -128,7 +128,7 @@ TEST_F(SceneFolder, RgbInABox) {
         {{"file_path", "IMG_" + std::to_string(i)}, {"transform_matrix", lookingDown(3)}});
   }
   folder.write("transforms.json", scene.dump());
-  const Dataset dataset = loadTransforms(folder.path());
+  const Dataset dataset = loadDataset(folder.path());
   ASSERT_EQ(dataset.views.size(), 2u);
   EXPECT_FALSE(dataset.has_alpha);
   ASSERT_TRUE(dataset.has_box);
@@ -159,8 +159,8 @@ class Confined : public SceneFolder {
 
   void expectRefused(const std::string& picture, const std::string& mask = "") const {
     const std::string path = scene(picture, mask);
-    EXPECT_NO_THROW(loadTransforms(path)) << "a tool may read anywhere";
-    expectError<std::runtime_error>([&] { loadTransforms(path, options); }, "frame 0",
+    EXPECT_NO_THROW(loadDataset(path)) << "a tool may read anywhere";
+    expectError<std::runtime_error>([&] { loadDataset(path, options); }, "frame 0",
                                     mask.empty() ? picture : mask);
   }
 
@@ -168,10 +168,10 @@ class Confined : public SceneFolder {
 };
 
 TEST_F(Confined, ReadsWhatIsInside) {
-  EXPECT_EQ(loadTransforms(scene("inside.png", "./inside.png"), options).views.size(), 1u);
-  EXPECT_EQ(loadTransforms(scene("./inside"), options).views.size(), 1u);
+  EXPECT_EQ(loadDataset(scene("inside.png", "./inside.png"), options).views.size(), 1u);
+  EXPECT_EQ(loadDataset(scene("./inside"), options).views.size(), 1u);
   fs::create_symlink(folder.path() + "/scene/inside.png", folder.file("scene/link.png"));
-  EXPECT_EQ(loadTransforms(scene("link"), options).views.size(), 1u);
+  EXPECT_EQ(loadDataset(scene("link"), options).views.size(), 1u);
 }
 
 TEST_F(Confined, RefusesAbsolutePaths) {
@@ -198,8 +198,8 @@ TEST_F(Confined, RefusesAJsonThatLiesElsewhere) {
   const std::string path = scene("inside.png");
   fs::rename(path + "/transforms.json", folder.path() + "/elsewhere.json");
   fs::create_symlink(folder.path() + "/elsewhere.json", path + "/transforms.json");
-  EXPECT_NO_THROW(loadTransforms(path));
-  expectError<std::invalid_argument>([&] { loadTransforms(path, options); }, "transforms.json");
+  EXPECT_NO_THROW(loadDataset(path));
+  expectError<std::invalid_argument>([&] { loadDataset(path, options); }, "transforms.json");
 }
 
 }  // namespace

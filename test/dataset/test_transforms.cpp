@@ -30,7 +30,7 @@ class Transforms : public testing::Test {
          "transform_matrix": [[0, 0, 1, 4], [1, 0, 0, 5], [0, 1, 0, 6], [0, 0, 0, 1]]}]})");
   }
 
-  Dataset load() const { return loadTransforms(folder.write("transforms.json", scene.dump())); }
+  Dataset load() const { return loadDataset(folder.write("transforms.json", scene.dump())); }
 
   template <typename... Parts>
   void expectRefused(const Parts&... parts) const {
@@ -169,10 +169,10 @@ TEST_F(Transforms, BoxAndScale) {
 
 TEST_F(Transforms, FolderMeansTransformsOrTransformsTrain) {
   folder.write("transforms_train.json", scene.dump());
-  EXPECT_EQ(loadTransforms(folder.path()).views.size(), 2u);
+  EXPECT_EQ(loadDataset(folder.path()).views.size(), 2u);
   scene["frames"].erase(1);
   load();
-  EXPECT_EQ(loadTransforms(folder.path()).views.size(), 1u);
+  EXPECT_EQ(loadDataset(folder.path()).views.size(), 1u);
 }
 
 TEST_F(Transforms, DistortedImagesAreUndistorted) {
@@ -200,10 +200,10 @@ TEST_F(Transforms, MatrixOfThreeRowsWillDo) {
 // ---- what is refused ----
 
 TEST_F(Transforms, MissingFiles) {
-  expectError<std::runtime_error>([this] { loadTransforms(folder.file("none.json")); },
+  expectError<std::runtime_error>([this] { loadDataset(folder.file("none.json")); },
                                   folder.file("none.json"), "No such file");
   const TemporaryFolder empty;
-  expectError<std::runtime_error>([&] { loadTransforms(empty.path()); }, empty.path(),
+  expectError<std::runtime_error>([&] { loadDataset(empty.path()); }, empty.path(),
                                   "transforms_train.json");
   scene["frames"][1]["file_path"] = "images/none";
   expectRefused("frame 1 ('images/none')", folder.path() + "/images/none'", ".png");
@@ -227,7 +227,7 @@ TEST_F(Transforms, NoImageIsReadAfterAStop) {
   const CancellationToken cancellation;
   cancellation.requestCancel();
   const std::string path = folder.write("transforms.json", scene.dump());
-  EXPECT_THROW(loadTransforms(path, DatasetOptions(), cancellation), Cancelled);
+  EXPECT_THROW(loadDataset(path, DatasetOptions(), cancellation), Cancelled);
 }
 
 TEST_F(Transforms, WrongSizes) {
@@ -286,7 +286,7 @@ TEST_F(Transforms, NanAsPythonWritesItNamesTheFrame) {
     std::string text = scene.dump();
     text.replace(text.find("\"HERE\""), 6, bad);
     const std::string path = folder.write("transforms.json", text);
-    expectError<std::runtime_error>([&] { loadTransforms(path); }, path, "frame 1",
+    expectError<std::runtime_error>([&] { loadDataset(path); }, path, "frame 1",
                                     "transform_matrix[0][3]");
   }
 }
@@ -309,17 +309,19 @@ TEST_F(Transforms, BadIntrinsics) {
 TEST_F(Transforms, OtherLensesAreNotTakenForPinholes) {
   scene["camera_model"] = "OPENCV";
   EXPECT_NO_THROW(load());
+  scene["camera_model"] = "EQUIRECTANGULAR";
+  expectRefused("frame 0", "EQUIRECTANGULAR");
   scene["camera_model"] = "OPENCV_FISHEYE";
-  expectRefused("frame 0", "OPENCV_FISHEYE");
+  expectRefused("frame 0", "fl_x");
   scene.erase("camera_model");
   scene["is_fisheye"] = true;
-  expectRefused("frame 0", "fisheye");
+  expectRefused("frame 0", "fl_x");
 }
 
 TEST_F(Transforms, BrokenJson) {
   const auto expectBroken = [this](const std::string& text, const std::string& reason) {
     const std::string path = folder.write("transforms.json", text);
-    expectError<std::runtime_error>([&] { loadTransforms(path); }, path, reason);
+    expectError<std::runtime_error>([&] { loadDataset(path); }, path, reason);
   };
   expectBroken("", "parse error");
   expectBroken("{\"frames\": [", "parse error");

@@ -106,7 +106,7 @@ class WithoutTruth(unittest.TestCase):
         self.publishers[topic].publish(message)
         if topic == '/initial_pose':
             self.wait_for('the initial pose',
-                          lambda: self.last_status and 'initial pose came' in self.last_status.message)
+                          lambda: self.last_status and 'received an initial pose' in self.last_status.message)
         elif topic == '/tf':
             sent = {(transform.child_frame_id, transform.header.stamp) for transform in message.transforms}
             self.wait_for('a transform', lambda: sent <= self.seen_transforms)

@@ -23,8 +23,12 @@ void replay(const std::string& name, void (*target)(const std::uint8_t*, std::si
   EXPECT_GE(inputs, 2) << folder;
 }
 
+TEST(FuzzCorpus, BopScene) { replay("bop_scene", fuzzBopScene); }
+TEST(FuzzCorpus, ColmapBinary) { replay("colmap_binary", fuzzColmapBinary); }
+TEST(FuzzCorpus, ColmapText) { replay("colmap_text", fuzzColmapText); }
 TEST(FuzzCorpus, ModelFile) { replay("model_file", fuzzModelFile); }
 TEST(FuzzCorpus, ObjectMetadata) { replay("object_metadata", fuzzObjectMetadata); }
+TEST(FuzzCorpus, PhoneScan) { replay("phone_scan", fuzzPhoneScan); }
 TEST(FuzzCorpus, TransformsJson) { replay("transforms_json", fuzzTransformsJson); }
 TEST(FuzzCorpus, ImageSize) { replay("image_size", fuzzImageSize); }
 

@@ -74,10 +74,22 @@ TEST(Camera, RefusesWhatMakesNoSense) {
   expectRefused({640, 480, 500, 500, 0, std::numeric_limits<double>::infinity()}, "cy");
 }
 
+TEST(Camera, EqualOrNot) {
+  const Camera camera = {8, 6, 10, 11, 3.5, 2.5};
+  EXPECT_EQ(camera, camera);
+  for (const Camera& other : {Camera{9, 6, 10, 11, 3.5, 2.5}, Camera{8, 7, 10, 11, 3.5, 2.5},
+                              Camera{8, 6, 9, 11, 3.5, 2.5}, Camera{8, 6, 10, 9, 3.5, 2.5},
+                              Camera{8, 6, 10, 11, 3, 2.5}, Camera{8, 6, 10, 11, 3.5, 2}}) {
+    EXPECT_FALSE(camera == other);
+  }
+}
+
 TEST(Distortion, ZeroOrNot) {
   EXPECT_TRUE(Distortion().isZero());
   EXPECT_TRUE((Distortion{{0, 0, 0, 0, 0}}.isZero()));
   EXPECT_FALSE((Distortion{{0, 0, 1e-9, 0}}.isZero()));
+  EXPECT_FALSE((Distortion{{0, 0, 0, 0}, Distortion::Model::kFisheye}.isZero()));
+  EXPECT_FALSE((Distortion{{}, Distortion::Model::kFisheye}.isZero()));
 }
 
 }  // namespace

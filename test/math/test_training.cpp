@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "math/composite_ray.h"
+#include "nerf_pose_refiner/image.h"
 
 namespace nerf_pose_refiner {
 namespace {

@@ -29,6 +29,8 @@ class SceneSearch final : public ObjectSearch {
     FieldRefiner& refiner = request.tracked ? tracking_ : initial_;
     return refiner.refine(scene_, request.observation, request.prior, cancellation);
   }
+  /// Finds nothing.
+  Refinement detect(const Observation&, const CancellationToken&) override { return {}; }
 
  private:
   const LoadedField& scene_;

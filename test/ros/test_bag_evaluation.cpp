@@ -31,8 +31,8 @@ class SamePosesTest : public testing::Test {
     settings.samples_per_step = 4096;
     backend_ = makeCpuBackend();
     field_ = std::make_shared<const Field>(
-        learnField(backend_.get(), loadTransforms(NPR_SOURCE_DIR "/demo/data/toy_kiosk"), settings,
-                   {}, CancellationToken()));
+        learnField(backend_.get(), loadDataset(NPR_SOURCE_DIR "/demo/data/toy_kiosk"), settings, {},
+                   CancellationToken()));
   }
   static void TearDownTestSuite() {
     field_.reset();

@@ -117,8 +117,7 @@ TEST_F(CaptureViews, FromTheCameraToTheRegistration) {
   EXPECT_EQ(done->dataset, "mug");
   EXPECT_EQ(registered, "mug from mug");
   EXPECT_EQ(metres_per_unit, 1);
-  const Dataset dataset =
-      loadTransforms(ros::param::param<std::string>("~dataset_root", "") + "/mug");
+  const Dataset dataset = loadDataset(ros::param::param<std::string>("~dataset_root", "") + "/mug");
   EXPECT_EQ(dataset.views.size(), 10u);
   EXPECT_TRUE(dataset.has_box);
 

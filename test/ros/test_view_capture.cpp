@@ -94,7 +94,7 @@ TEST_F(Capture, WritesADatasetWithPosesFromTf) {
   EXPECT_EQ(capture.status().views, 25u);
   EXPECT_GT(capture.status().coverage, 0.6);
 
-  const Dataset dataset = loadTransforms(folder.path() + "/mug");
+  const Dataset dataset = loadDataset(folder.path() + "/mug");
   ASSERT_EQ(dataset.views.size(), 25u);
   EXPECT_EQ(dataset.metres_per_unit, 1);
   EXPECT_TRUE(dataset.has_box);
@@ -207,7 +207,7 @@ TEST_F(Capture, MasksBecomeAlpha) {
   std::fill(half->data.begin(), half->data.begin() + 100, 1);
   lookAround(&capture);
   capture.finish();
-  const Dataset dataset = loadTransforms(folder.path() + "/mug");
+  const Dataset dataset = loadDataset(folder.path() + "/mug");
   EXPECT_TRUE(dataset.has_alpha);
   EXPECT_FALSE(dataset.has_box);
   EXPECT_EQ(dataset.views[0].rgba->values[3], 255);
@@ -260,7 +260,7 @@ TEST_F(Capture, AFullDiskCostsNoViewThatIsWritten) {
   EXPECT_EQ(capture.status().refused, 1u);
   EXPECT_EQ(capture.status().views, 25u);
   capture.finish();
-  EXPECT_EQ(loadTransforms(folder.path() + "/mug").views.size(), 25u);
+  EXPECT_EQ(loadDataset(folder.path() + "/mug").views.size(), 25u);
 }
 
 TEST_F(Capture, ATargetThatAppearsMeanwhileCostsNoView) {
@@ -272,7 +272,7 @@ TEST_F(Capture, ATargetThatAppearsMeanwhileCostsNoView) {
   capture.finish();
   EXPECT_EQ(capture.status().dataset, "mug_2");
   EXPECT_NE(capture.status().message.find("'mug_2'"), std::string::npos);
-  EXPECT_EQ(loadTransforms(folder.path() + "/mug_2").views.size(), 25u);
+  EXPECT_EQ(loadDataset(folder.path() + "/mug_2").views.size(), 25u);
 }
 
 TEST_F(Capture, TwoOfOneNameDoNotDisturbEachOther) {
@@ -282,7 +282,7 @@ TEST_F(Capture, TwoOfOneNameDoNotDisturbEachOther) {
   expectError<std::runtime_error>([&] { second.start(info); }, "mug", "being written");
   lookAround(&first);
   first.finish();
-  EXPECT_EQ(loadTransforms(folder.path() + "/mug").views.size(), 25u);
+  EXPECT_EQ(loadDataset(folder.path() + "/mug").views.size(), 25u);
 }
 
 TEST_F(Capture, NamesParametersThatMakeNoSense) {

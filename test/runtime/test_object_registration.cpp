@@ -59,7 +59,7 @@ class Registration : public testing::Test {
       ++backends;
       return backend;
     };
-    return ObjectRegistration(dataset_root, settings, store(), make_backend,
+    return ObjectRegistration({dataset_root, limits}, settings, store(), make_backend,
                               [this] { return schedule; })
         .run(request, progress, cancellation);
   }
@@ -82,6 +82,7 @@ class Registration : public testing::Test {
   ModelCache cache;
   std::shared_ptr<ProcessorSchedule> schedule = std::make_shared<ProcessorSchedule>();
   std::string dataset_root = folder.path() + "/photos";
+  DatasetLimits limits;
   RegistrationSettings settings;
   RegistrationRequest request;
   Json scene;
@@ -220,9 +221,14 @@ TEST_F(Registration, AStopAtTheLastMomentWritesNothing) {
   EXPECT_TRUE(cache.list().empty());
 }
 
+TEST_F(Registration, LimitsOfTheDataset) {
+  limits.frames = 1;
+  expectRefused("at most 1");
+}
+
 TEST_F(Registration, JobsAreTheSameIfAllThatCountsIs) {
   const auto key = [this] {
-    return ObjectRegistration(dataset_root, settings, store(), {}, {}).jobOf(request).key;
+    return ObjectRegistration({dataset_root, limits}, settings, store(), {}, {}).jobOf(request).key;
   };
   const std::string first = key();
   settings.threads = 3;

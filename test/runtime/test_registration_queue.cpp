@@ -35,7 +35,7 @@ class RegistrationQueueTest : public testing::Test {
                 std::this_thread::yield();
               }
               if (fails) throw std::runtime_error("the photos are bad");
-              return RegisteredObject{std::make_shared<Field>(), false};
+              return RegisteredObject{std::make_shared<Field>(), false, {}};
             }};
   }
 

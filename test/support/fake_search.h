@@ -48,11 +48,18 @@ class FakeSearch : public ObjectSearch {
     return refinement;
   }
 
+  Refinement detect(const Observation& observation,
+                    const CancellationToken& cancellation) override {
+    ++detections;
+    return search({observation, Prior(), false, 0}, cancellation);
+  }
+
   std::function<void()> on_use;  ///< called once, while the next object is taken over
   std::string object;
   std::vector<Prior> priors;
   std::vector<bool> was_tracked;
   std::vector<std::uint64_t> seeds;  ///< of the settings, once they were changed
+  int detections = 0;
   int width = 0;
   Pose T_O_C = {Eigen::Matrix3d::Identity(), {0, 0, -1}};  ///< what is found
   Matrix6 covariance = Matrix6::Zero();

@@ -274,5 +274,30 @@ TEST(ObjectTracker, NeedsAScale) {
   EXPECT_THROW(ObjectTracker(backend, field, TrackerSettings()), std::invalid_argument);
 }
 
+TEST_F(TrackerTest, WithoutAPoseItDetectsWhereItIsTold) {
+  settings_.rules.start = TrackStart::kBoth;
+  restart();
+  const TrackOutcome first = track(0);
+  EXPECT_EQ(search_->detections, 1);
+  EXPECT_TRUE(first.refined && first.trusted);
+  EXPECT_FALSE(first.from_last);
+  EXPECT_FALSE(first.prior);
+  EXPECT_EQ(first.state, TrackState::kTracking);
+  const TrackOutcome second = track(0.1);
+  EXPECT_EQ(search_->detections, 1);
+  EXPECT_TRUE(second.from_last);
+}
+
+TEST_F(TrackerTest, AnObjectThatIsNotDetectedIsWaitedFor) {
+  settings_.rules.start = TrackStart::kDetect;
+  restart();
+  search_->outcome = Outcome::kDiverged;
+  const TrackOutcome outcome = track(0);
+  EXPECT_TRUE(outcome.refined);
+  EXPECT_FALSE(outcome.found || outcome.trusted);
+  EXPECT_EQ(outcome.state, TrackState::kWaiting);
+  EXPECT_FALSE(track(0.1).refined) << "not at every image";
+}
+
 }  // namespace
 }  // namespace nerf_pose_refiner

@@ -165,7 +165,7 @@ TEST_F(TrackerStateTest, UsesAnInitialPoseOnce) {
 TEST_F(TrackerStateTest, SaysThatAnInitialPoseCame) {
   state_.offer(poseAt(at(1)));
   expect(TrackState::kWaiting, TrackReason::kNone);
-  EXPECT_NE(state_.condition().message.find("initial pose came"), std::string::npos);
+  EXPECT_NE(state_.condition().message.find("received an initial pose"), std::string::npos);
   image(0.9);
   state_.offer(poseAt(at(1)));
   expect(TrackState::kWaiting, TrackReason::kPriorInFuture);
@@ -177,7 +177,7 @@ TEST_F(TrackerStateTest, SaysThatAnInitialPoseCame) {
   state_.offer(poseAt(0));
   expect(TrackState::kWaiting, TrackReason::kUncalibrated);
   state_.imageArrived();
-  EXPECT_NE(state_.condition().message.find("initial pose came"), std::string::npos);
+  EXPECT_NE(state_.condition().message.find("received an initial pose"), std::string::npos);
 }
 
 TEST_F(TrackerStateTest, TakesTheNewestInitialPose) {

@@ -40,9 +40,7 @@ Image8 withAlpha(const Image8& rgb, const Image8& mask) {
 }
 
 bool sameCamera(const CameraModel& a, const CameraModel& b) {
-  return a.camera.width == b.camera.width && a.camera.height == b.camera.height &&
-         a.camera.fx == b.camera.fx && a.camera.fy == b.camera.fy && a.camera.cx == b.camera.cx &&
-         a.camera.cy == b.camera.cy && a.distortion.coefficients == b.distortion.coefficients;
+  return a.camera == b.camera && a.distortion == b.distortion;
 }
 
 }  // namespace

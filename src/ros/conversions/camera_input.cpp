@@ -6,7 +6,6 @@
 #include <sensor_msgs/image_encodings.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <string>
 
@@ -24,15 +23,7 @@ std::string sizeText(std::size_t width, std::size_t height) {
 }
 
 bool sameModel(const CameraModel& a, const CameraModel& b) {
-  const auto values = [](const CameraModel& m) {
-    return std::array<double, 6>{double(m.camera.width),
-                                 double(m.camera.height),
-                                 m.camera.fx,
-                                 m.camera.fy,
-                                 m.camera.cx,
-                                 m.camera.cy};
-  };
-  return values(a) == values(b) && a.distortion.coefficients == b.distortion.coefficients;
+  return a.camera == b.camera && a.distortion == b.distortion;
 }
 
 /// What to do with an encoding that is not read here.
@@ -75,11 +66,14 @@ Image8View bytesOf(const sensor_msgs::Image& image) {
           encodings::numChannels(image.encoding), image.step};
 }
 
-void requireKnownDistortion(const sensor_msgs::CameraInfo& info) {
+/// The distortion of a raw image. If D is zero there is none, whatever the model, as for
+/// image_proc.
+Distortion readDistortion(const sensor_msgs::CameraInfo& info) {
   namespace models = sensor_msgs::distortion_models;
   const auto is_zero = [](double d) { return d == 0; };
-  if (std::all_of(info.D.begin(), info.D.end(), is_zero)) return;
-  if (info.distortion_model != models::PLUMB_BOB &&
+  if (std::all_of(info.D.begin(), info.D.end(), is_zero)) return {};
+  const bool fisheye = info.distortion_model == "equidistant";  // first releases lack the constant
+  if (!fisheye && info.distortion_model != models::PLUMB_BOB &&
       info.distortion_model != models::RATIONAL_POLYNOMIAL) {
     throw InputError(TrackReason::kBadCameraInfo,
                      "the distortion model '" + info.distortion_model +
@@ -87,12 +81,14 @@ void requireKnownDistortion(const sensor_msgs::CameraInfo& info) {
                          "listen to its image_rect_color and set ~image_is_rectified");
   }
   const std::size_t n = info.D.size();
+  const bool right_count = fisheye ? n == 4 : n == 4 || n == 5 || n == 8;
   const auto is_finite = [](double d) { return std::isfinite(d); };
-  if ((n != 4 && n != 5 && n != 8) || !std::all_of(info.D.begin(), info.D.end(), is_finite)) {
+  if (!right_count || !std::all_of(info.D.begin(), info.D.end(), is_finite)) {
     throw InputError(TrackReason::kBadCameraInfo,
-                     "D of camera_info must hold 4, 5 or 8 finite numbers, and has " +
-                         std::to_string(n) + " numbers");
+                     std::string("D of camera_info must hold ") + (fisheye ? "4" : "4, 5 or 8") +
+                         " finite numbers, and has " + std::to_string(n) + " numbers");
   }
+  return {info.D, fisheye ? Distortion::Model::kFisheye : Distortion::Model::kPolynomial};
 }
 
 /// Binning and region of interest (REP-104) are image_geometry's work.
@@ -107,8 +103,7 @@ CameraModel readGeometry(const sensor_msgs::CameraInfo& info, bool rectified) {
   } else {
     const cv::Matx33d& K = geometry.intrinsicMatrix();
     model.camera = {size.width, size.height, K(0, 0), K(1, 1), K(0, 2), K(1, 2)};
-    model.distortion.coefficients = info.D;
-    if (model.distortion.isZero()) model.distortion.coefficients.clear();
+    model.distortion = readDistortion(info);
   }
   model.camera.validate();
   return model;
@@ -126,9 +121,10 @@ CameraModel cameraFromMessage(const sensor_msgs::CameraInfo& info, bool rectifie
     throw InputError(TrackReason::kBadCameraInfo,
                      "the right camera of a stereo pair is not supported: use the left one");
   }
-  if (!rectified) requireKnownDistortion(info);
   try {
     return readGeometry(info, rectified);
+  } catch (const InputError&) {
+    throw;
   } catch (const std::exception& e) {  // also of OpenCV, which image_geometry lets through
     throw InputError(TrackReason::kBadCameraInfo, std::string("camera_info: ") + e.what());
   }

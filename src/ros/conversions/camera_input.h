@@ -21,7 +21,8 @@ struct CameraModel {
 /// Reads camera_info, with its binning and region of interest (REP-104).
 /// @param rectified the image is rectified: P applies; otherwise K and D.
 /// @throws InputError if the camera is not calibrated, is the right one of a stereo pair, or has a
-/// distortion model other than plumb_bob and rational_polynomial; the message names a converter.
+/// distortion model other than plumb_bob, rational_polynomial and equidistant; the message names a
+/// converter.
 CameraModel cameraFromMessage(const sensor_msgs::CameraInfo& info, bool rectified);
 
 /// Whether an image can be used at all, without looking at its pixels.

@@ -7,6 +7,7 @@
 #include <stdexcept>
 #include <vector>
 
+#include "dataset/dataset_limits.h"
 #include "registration/registration_settings.h"
 #include "ros/conversions/pose_conversions.h"
 
@@ -135,6 +136,13 @@ void readRegistration(ParamReader& read, RegistrationSettings& registration) {
   read.rejectUnknown();
 }
 
+void readLimits(ParamReader& read, DatasetLimits& limits) {
+  visitLimits(&limits, [&read](const char* name, std::uint64_t& value, const char*) {
+    read.get(name, value);
+  });
+  read.rejectUnknown();
+}
+
 void readFrames(ParamReader& read, FrameSettings& frames) {
   read.get("object_frame", frames.object_frame);
   read.get("output_frame", frames.output_frame);
@@ -169,6 +177,23 @@ void validateSearch(const std::string& group, const SearchSettings& search) {
   search.refiner.validate();
 }
 
+void readRules(ParamReader& reader, TrackingRules& rules) {
+  getChoice<bool>(reader, "mode", {{"track", false}, {"once", true}}, rules.once);
+  getChoice<InitialPosePolicy>(reader, "initial_pose_policy",
+                               {{"when_not_tracking", InitialPosePolicy::kWhenNotTracking},
+                                {"always", InitialPosePolicy::kAlways}},
+                               rules.initial_pose_policy);
+  getChoice<TrackStart>(reader, "start",
+                        {{"initial_pose", TrackStart::kInitialPose},
+                         {"detect", TrackStart::kDetect},
+                         {"both", TrackStart::kBoth}},
+                        rules.start);
+  reader.get("detect_rate_hz", rules.detect_rate_hz);
+  reader.get("initial_pose_max_age_s", rules.initial_pose_max_age_s);
+  reader.get("image_timeout_s", rules.image_timeout_s);
+  reader.get("recover_s", rules.recover_s);
+}
+
 }  // namespace
 
 BackendChoice PoseRefinerParameters::backendChoice() const {
@@ -184,6 +209,7 @@ void PoseRefinerParameters::validate() const {
   requireNotNegative("~tf_timeout_s", frames.tf_timeout_s);
   requirePositive("~tf_cache_s", frames.tf_cache_s);
   requirePositive("~initial_pose_max_age_s", rules.initial_pose_max_age_s);
+  requirePositive("~detect_rate_hz", rules.detect_rate_hz);
   requireNotNegative("~image_timeout_s", rules.image_timeout_s);
   requireFraction("~tracker/trust_score", rules.trust_score);
   requireFraction("~tracker/min_score", rules.min_score);
@@ -223,14 +249,7 @@ PoseRefinerParameters readParameters(ParamReader& reader, const PoseRefinerParam
                          {{"auto", "auto"}, {"avx2", "avx2"}, {"baseline", "baseline"}},
                          p.instruction_set);
   readFrames(reader, p.frames);
-  getChoice<bool>(reader, "mode", {{"track", false}, {"once", true}}, p.tracker.rules.once);
-  getChoice<InitialPosePolicy>(reader, "initial_pose_policy",
-                               {{"when_not_tracking", InitialPosePolicy::kWhenNotTracking},
-                                {"always", InitialPosePolicy::kAlways}},
-                               p.tracker.rules.initial_pose_policy);
-  reader.get("initial_pose_max_age_s", p.tracker.rules.initial_pose_max_age_s);
-  reader.get("image_timeout_s", p.tracker.rules.image_timeout_s);
-  reader.get("recover_s", p.tracker.rules.recover_s);
+  readRules(reader, p.tracker.rules);
 
   ParamReader refiner = reader.group("refiner");
   readSearch(refiner, p.tracker.initial);
@@ -253,6 +272,9 @@ PoseRefinerParameters readParameters(ParamReader& reader, const PoseRefinerParam
   ParamReader registration = reader.group("register");
   readRegistration(registration, p.registration);
   p.registration.threads = p.threads;
+
+  ParamReader dataset = reader.group("dataset");
+  readLimits(dataset, p.dataset_limits);
   p.validate();
   return p;
 }

@@ -4,6 +4,7 @@
 #include <string>
 
 #include "backend/make_backend.h"
+#include "dataset/dataset.h"
 #include "registration/registrar.h"
 #include "ros/conversions/param_reader.h"
 #include "tracking/settings.h"
@@ -51,6 +52,7 @@ struct PoseRefinerParameters {
   FrameSettings frames;
   TrackerSettings tracker;  ///< `initial`: group ~refiner; `tracking`: group ~tracker
   RegistrationSettings registration;
+  DatasetLimits dataset_limits;  ///< group ~dataset
 
   /// The backend to search and to learn with.
   BackendChoice backendChoice() const;

@@ -8,6 +8,7 @@
 #include <chrono>
 #include <utility>
 
+#include "backend/backend_lost.h"
 #include "backend/common/draw_overlay.h"
 #include "backend/common/observed_colours.h"
 #include "image/resample.h"
@@ -46,6 +47,11 @@ void OverlayPublisher::run() {
     }
     try {
       drawNow(*job);
+    } catch (const BackendLost& e) {
+      ROS_ERROR("overlay: %s", e.what());
+      loaded_.reset();
+      field_.reset();
+      backend_.reset();  // the next image is drawn with another one
     } catch (const std::exception& e) {
       if (!cancellation_.cancelRequested()) ROS_ERROR_THROTTLE(5.0, "overlay: %s", e.what());
     }

@@ -10,6 +10,7 @@
 #include "backend/gpu_memory.h"
 #include "backend/make_backend.h"
 #include "concurrency/error_of.h"
+#include "detection/landmark_file.h"
 #include "ros/conversions/pose_conversions.h"
 #include "ros/conversions/topics.h"
 
@@ -88,13 +89,18 @@ void PoseRefinerNodelet::startTracking() {
     SearchProcessor processor = find_shared();
     const BackendInfo info = processor.backend->info();
     diagnostics_->backendIs(info.description);
+    const bool was_on_gpu = on_gpu_;
     on_gpu_ = info.memory_bytes > 0;
+    if (was_on_gpu && !on_gpu_) {
+      ROS_ERROR("The GPU failed: %s. Tracking goes on with %s",
+                whyNoCuda(parameters_.device).c_str(), info.description.c_str());
+    }
     return processor;
   };
   worker_ = std::make_unique<TrackingWorker>(
       parameters_,
       std::make_unique<RefinerSearch>(find_processor, tracker.initial.refiner,
-                                      tracker.tracking.refiner),
+                                      tracker.tracking.refiner, detectionSetup()),
       transforms_.get(),
       TrackingWorker::Outputs{results_.get(), overlay_.get(), diagnostics_.get()});
   CameraSubscription::Receiver receiver;
@@ -133,7 +139,8 @@ void PoseRefinerNodelet::startObjectServices() {
       std::make_unique<ObjectServices>(getPrivateNodeHandle(), store(), tracked_.get(), p.object);
   registrations_ = std::make_unique<RegistrationServices>(
       getPrivateNodeHandle(),
-      ObjectRegistration(p.dataset_root, p.registration, store(), make_backend, find_schedule),
+      ObjectRegistration({p.dataset_root, p.dataset_limits}, p.registration, store(), make_backend,
+                         find_schedule),
       &process_->registrations, tracked_.get());
 }
 
@@ -150,6 +157,16 @@ ProcessorFactory PoseRefinerNodelet::sharedProcessor() const {
   return [process = process_, choice = parameters_.backendChoice()] {
     return process->backends.searchProcessor(choice);
   };
+}
+
+DetectionSetup PoseRefinerNodelet::detectionSetup() const {
+  DetectionSetup setup;
+  setup.settings.least_score = parameters_.tracker.rules.trust_score;
+  setup.landmarks_path = [process = process_](const std::shared_ptr<const Field>& field) {
+    const std::string model = process->models.pathOf(field);
+    return model.empty() ? model : landmarkPathOf(model);
+  };
+  return setup;
 }
 
 ObjectStore PoseRefinerNodelet::store() const {

@@ -43,6 +43,7 @@ class PoseRefinerNodelet : public nodelet::Nodelet {
   void startObjectServices();
   void startReconfiguration();
   NodeHandles nodeHandles() const { return {getNodeHandle(), getPrivateNodeHandle()}; }
+  DetectionSetup detectionSetup() const;
   ProcessorFactory sharedProcessor() const;
   ObjectStore store() const;
   Diagnostics::Facts memoryFacts() const;

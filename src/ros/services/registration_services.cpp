@@ -121,6 +121,10 @@ RegisterObject::Response RegistrationServices::answer(const RegistrationRequest&
     response.psnr_db = static_cast<float>(registered.field->metadata.psnr_db);
     response.message = tracked_->track(registered.field) +
                        (registered.loaded_existing ? " (loaded, not trained again)" : "");
+    for (const std::string& note : registered.notes) {
+      ROS_INFO("photos of '%s': %s", request.name.c_str(), note.c_str());
+      response.message += " " + note;
+    }
     response.success = true;
   } catch (const std::exception& e) {
     ROS_ERROR("registering '%s': %s", request.name.c_str(), e.what());

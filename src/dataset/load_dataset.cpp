@@ -1,6 +1,5 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include <cmath>
-#include <filesystem>
 #include <memory>
 #include <mutex>
 #include <stdexcept>
@@ -10,41 +9,32 @@
 
 #include "concurrency/parallel.h"
 #include "dataset/dataset.h"
+#include "dataset/dataset_formats.h"
 #include "dataset/frame_files.h"
-#include "dataset/path_below.h"
-#include "dataset/transforms_json.h"
+#include "dataset/mask_check.h"
+#include "dataset/points_box.h"
 #include "image/io.h"
+#include "image/orientation.h"
 #include "nerf_pose_refiner/undistorter.h"
 
 namespace nerf_pose_refiner {
 namespace {
 
-namespace fs = std::filesystem;
-
 std::string sizeText(double width, double height) {
   return std::to_string(std::lround(width)) + " x " + std::to_string(std::lround(height));
 }
 
-/// The JSON file that a user means by a path.
-fs::path jsonPath(const fs::path& path, const DatasetOptions& options) {
-  if (!fs::is_directory(path)) return path;
-  for (const char* name : {"transforms.json", "transforms_train.json"}) {
-    if (!fs::exists(path / name)) continue;
-    if (options.confined) pathBelow(path.string(), name);
-    return path / name;
-  }
-  throw std::runtime_error("'" + path.string() +
-                           "' holds neither transforms.json nor transforms_train.json");
-}
-
 /// Camera of a frame, pixel centres integers.
-Camera cameraOf(const TransformsFrame& frame, int width, int height) {
+Camera cameraOf(const FrameEntry& frame, int width, int height) {
   const bool in_pixels = frame.fl_x || frame.fl_y || frame.cx || frame.cy;
   const double stated_width = frame.width.value_or(width);
   const double stated_height = frame.height.value_or(height);
   if (in_pixels && (stated_width != width || stated_height != height)) {
+    const bool turned = stated_width == height && stated_height == width;
     throw std::runtime_error("w x h is " + sizeText(stated_width, stated_height) +
-                             ", the image has " + sizeText(width, height));
+                             ", the image has " + sizeText(width, height) +
+                             (turned ? ": it was turned after its pose was found, turn it back"
+                                     : ": scale it, or the intrinsics"));
   }
   const auto focal = [](double size, double angle) { return 0.5 * size / std::tan(0.5 * angle); };
   Camera camera;
@@ -57,6 +47,18 @@ Camera cameraOf(const TransformsFrame& frame, int width, int height) {
   camera.cx = frame.cx.value_or(0.5 * width) - 0.5;
   camera.cy = frame.cy.value_or(0.5 * height) - 0.5;
   return camera;
+}
+
+/// Reads a photo with the sides that its camera has. EXIF data say how to turn the photos of a
+/// phone that was held upright; whether the software that found the poses did so shows in the size
+/// that it gives.
+Image8 readPhoto(const std::string& path, const FrameEntry& frame, std::uint64_t max_pixels) {
+  Image8 image = readImage(path, max_pixels);
+  const bool turned = image.width != image.height && frame.width == double(image.height) &&
+                      frame.height == double(image.width);
+  if (!turned) return image;
+  const int orientation = readExifOrientation(InputFile(path));
+  return exchangesSides(orientation) ? upright(image, orientation) : image;
 }
 
 Image8 withAlpha(const Image8& image) {
@@ -108,20 +110,19 @@ struct LoadedView {
   bool has_transparency = false;   // somewhere
 };
 
-LoadedView loadView(const FrameFiles& files, const TransformsFrame& frame,
-                    const DatasetLimits& limits, UndistorterCache* undistorters) {
+LoadedView loadView(const FrameFiles& files, const FrameEntry& frame, const DatasetLimits& limits,
+                    UndistorterCache* undistorters) {
   LoadedView loaded;
   PosedView& view = loaded.view;
   view.name = files.image;
   view.T_O_C = frame.T_O_C;
-  const Image8 image = readImage(view.name, limits.image_pixels);
+  const Image8 image = readPhoto(view.name, frame, limits.image_pixels);
   view.photo_camera = cameraOf(frame, image.width, image.height);
   view.camera = view.photo_camera;
   view.distortion = frame.distortion;
-  loaded.has_alpha_channel = image.channels == 4 || !frame.mask_path.empty();
+  loaded.has_alpha_channel = image.channels == 4 || !frame.mask.empty();
   Image8 rgba = withAlpha(image);
-  if (!frame.mask_path.empty())
-    applyMask(readMask(files.mask, limits.image_pixels), files.mask, &rgba);
+  if (!frame.mask.empty()) applyMask(readMask(files.mask, limits.image_pixels), files.mask, &rgba);
   if (!frame.distortion.isZero()) {
     const auto undistorter = undistorters->get(view.camera, frame.distortion);
     rgba = undistorter->undistort(rgba);
@@ -136,7 +137,7 @@ LoadedView loadView(const FrameFiles& files, const TransformsFrame& frame,
 
 /// All views, in parallel. The first frame that fails is the one that is reported.
 std::vector<LoadedView> loadViews(const std::vector<FrameFiles>& files,
-                                  const std::vector<TransformsFrame>& frames,
+                                  const std::vector<FrameEntry>& frames,
                                   const DatasetOptions& options,
                                   const CancellationToken& cancellation) {
   std::vector<LoadedView> views(frames.size());
@@ -152,33 +153,45 @@ std::vector<LoadedView> loadViews(const std::vector<FrameFiles>& files,
   return views;
 }
 
+/// @throws std::runtime_error naming the first mask.
+void requireMasksFit(const FrameList& list, const std::vector<PosedView>& views) {
+  try {
+    requireMasksNotMirrored(views);
+  } catch (const std::exception& error) {
+    throw std::runtime_error(list.frames[0].where + ": " + error.what() + " ('" +
+                             list.frames[0].mask + "' and the others)");
+  }
+}
+
 }  // namespace
 
-Dataset loadTransforms(const std::string& path, const DatasetOptions& options,
-                       const CancellationToken& cancellation) {
-  const fs::path json_path = jsonPath(path, options);
-  const std::string folder = json_path.parent_path().string();
-  const TransformsFile file = readTransformsJson(json_path.string(), options.limits);
-  const std::vector<FrameFiles> files = findFrameFiles(file.frames, folder, options, cancellation);
-  const std::vector<LoadedView> views = loadViews(files, file.frames, options, cancellation);
+Dataset loadDataset(const std::string& path, const DatasetOptions& options,
+                    const CancellationToken& cancellation) {
+  const FrameList list = readFrameList(path, options);
+  const std::vector<FrameFiles> files = findFrameFiles(list, options, cancellation);
+  const std::vector<LoadedView> views = loadViews(files, list.frames, options, cancellation);
 
   Dataset dataset;
-  dataset.folder = folder;
-  dataset.has_box = file.has_box;
-  dataset.box_min = file.box_min;
-  dataset.box_max = file.box_max;
-  dataset.metres_per_unit = file.metres_per_unit;
+  dataset.folder = list.folder;
+  dataset.has_box = list.has_box;
+  dataset.box_min = list.box_min;
+  dataset.box_max = list.box_max;
+  dataset.metres_per_unit = list.metres_per_unit;
+  dataset.points = list.points;
+  dataset.notes = list.notes;
   for (std::size_t i = 0; i < views.size(); ++i) {
     // Without its mask the background would be learned as part of the object.
     if (views[i].has_alpha_channel != views[0].has_alpha_channel) {
       const std::size_t without = views[i].has_alpha_channel ? 0 : i;
-      throw std::runtime_error(file.frames[without].where +
+      throw std::runtime_error(list.frames[without].where +
                                ": neither alpha channel nor mask, while other frames have one");
     }
     dataset.has_alpha = dataset.has_alpha || views[i].has_transparency;
-    dataset.has_masks = dataset.has_masks || !file.frames[i].mask_path.empty();
+    dataset.has_masks = dataset.has_masks || !list.frames[i].mask.empty();
     dataset.views.push_back(views[i].view);
   }
+  if (dataset.has_masks) requireMasksFit(list, dataset.views);
+  if (!dataset.has_alpha && !dataset.has_box && !dataset.points.empty()) useBoxOfPoints(&dataset);
   return dataset;
 }
 

@@ -1,0 +1,88 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <Eigen/Core>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "nerf_pose_refiner/cancellation_token.h"
+#include "nerf_pose_refiner/object.h"
+#include "nerf_pose_refiner/observation.h"
+#include "nerf_pose_refiner/pose.h"
+
+namespace nerf_pose_refiner {
+
+class Backend;
+
+/// A part of an image: borders of pixels, the centre of the first pixel being (0, 0) [px].
+struct ImageBox {
+  double x_min = 0, y_min = 0, x_max = 0, y_max = 0;
+};
+
+/// What is known of where an object is in an image, beside the observation's own mask. All of it
+/// may be left out.
+struct DetectionHint {
+  std::optional<ImageBox> box;     ///< the object is seen in it, as a 2-D detector says
+  std::optional<double> distance;  ///< of its centre from the camera, give or take a third [m]
+};
+
+/// An instance of an object in an image.
+struct Detection {
+  Pose T_C_O;  ///< object in the camera's optical frame [m]
+  /// As RefineResult::covariance.
+  Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
+  double score = 0;  ///< 0: as badly as wrong poses of this object; 1: as well as right ones
+  double visible_fraction = 0;  ///< of the object's silhouette that agrees with the image, 0..1
+};
+
+/// What came of an image.
+struct DetectionResult {
+  std::vector<Detection> detections;  ///< that explain the image well enough, best first
+  std::string message;                ///< why there is none; empty if there is one
+  double seconds = 0;
+};
+
+/// How objects are detected.
+struct DetectorOptions {
+  /// File that keeps the object's landmarks, so that they are made once; empty: they are made by
+  /// each detector. @see landmarksBeside
+  std::string landmarks_path;
+  double trust_score = 0.18;  ///< a pose with a lower score is no detection, 0..1
+  int max_instances = 10;     ///< of the object in one image
+  double budget_s = 0;        ///< after it no further candidate is tried; 0: there is no limit
+};
+
+/// Where landmarks of a model file are kept: <name>.landmarks beside <name>.safetensors.
+std::string landmarksBeside(const std::string& model_path);
+
+/// Finds the instances of an object in images, without an idea of where they are.
+///
+/// The object needs texture: local features of the image are compared with landmarks, features of
+/// renderings from all around. A pose that looks like others by the object's symmetries is found
+/// once.
+///
+/// Not thread-safe; detectors of several threads may share a backend.
+class Detector {
+ public:
+  /// Makes the landmarks if their file does not have them: that takes some seconds.
+  /// @throws std::invalid_argument for options out of their range, std::runtime_error where the
+  /// backend has no memory for the object, Cancelled.
+  Detector(std::shared_ptr<Backend> backend, const Object& object,
+           const DetectorOptions& options = {}, const CancellationToken& cancellation = {});
+  ~Detector();
+  Detector(Detector&&) noexcept;
+  Detector& operator=(Detector&&) noexcept;
+
+  /// @throws std::invalid_argument for an image or a hint that makes no sense (sizes, NaN),
+  /// Cancelled.
+  DetectionResult detect(const Observation& observation, const DetectionHint& hint = {},
+                         const CancellationToken& cancellation = {});
+
+ private:
+  struct Parts;
+  std::unique_ptr<Parts> parts_;
+};
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,82 @@
+# Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+"""Errors that users see, and files and folders that appear whole or not at all."""
+import contextlib
+import fcntl
+import json
+import os
+import shutil
+import tempfile
+
+
+class InputError(Exception):
+    """What a user gave cannot be used. The text names the file and the cure."""
+
+
+def require(holds, message):
+    if not holds:
+        raise InputError(message)
+
+
+def say(text):
+    print(text, flush=True)
+
+
+def count(number, noun):
+    """'1 photo', '2 photos'."""
+    return f'{number} {noun}' if number == 1 else f'{number} {noun}s'
+
+
+def readable_mode():
+    """Permissions of a file that a user makes; a temporary file's are for the user alone."""
+    mask = os.umask(0o022)
+    os.umask(mask)
+    return 0o666 & ~mask
+
+
+def write_text(path, text):
+    handle, temporary = tempfile.mkstemp(prefix='.', dir=os.path.dirname(os.path.abspath(path)))
+    try:
+        with os.fdopen(handle, 'w', encoding='utf-8') as file:
+            file.write(text)
+        os.chmod(temporary, readable_mode())
+        os.replace(temporary, path)
+    except BaseException:
+        os.unlink(temporary)
+        raise
+
+
+def write_json(path, content):
+    write_text(path, json.dumps(content, indent=1) + '\n')
+
+
+def read_json(path):
+    try:
+        with open(path, encoding='utf-8') as file:
+            return json.load(file)
+    except (OSError, ValueError) as error:
+        raise InputError(f"cannot read '{path}': {error}") from error
+
+
+@contextlib.contextmanager
+def whole_folder(path):
+    """A new folder to fill, which becomes `path` when nothing failed; what was at `path` is replaced. What an earlier
+    process left when it was killed is removed: a folder of results is one process' at a time, see `locked`."""
+    folder = os.path.join(os.path.dirname(os.path.abspath(path)), f'.{os.path.basename(path)}.part')
+    shutil.rmtree(folder, ignore_errors=True)
+    os.mkdir(folder)
+    try:
+        yield folder
+        shutil.rmtree(path, ignore_errors=True)
+        os.rename(folder, path)
+    except BaseException:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise
+
+
+@contextlib.contextmanager
+def locked(folder):
+    """The folder, made if need be, for this process alone: another one waits. The system frees it however this one ends."""
+    os.makedirs(folder, exist_ok=True)
+    with open(os.path.join(folder, '.lock'), 'w', encoding='utf-8') as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield

@@ -1,0 +1,199 @@
+# Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+"""What of each photo is the object: GrabCut (Rother et al. 2004), seeded by the object's points and box, made
+consistent between the photos by the volume that their masks have in common above the table."""
+import collections
+import concurrent.futures
+
+import cv2
+import numpy as np
+
+from photos.table_pixels import Table
+
+# A mask of uint8, 255 on the object, of the photo's size; `agreement` is its intersection over union with what all
+# photos together say, before it was made to agree.
+Mask = collections.namedtuple('Mask', 'image agreement')
+
+SIDE = 512               # masks are found at this size of a photo [px]
+ITERATIONS = 3           # of GrabCut
+ROUNDS = 2
+CELLS = 96               # of the volume, along the box's longest side
+MIN_VOTES = 0.85         # of the photos that show a cell: the cell belongs to the object
+MIN_SEEN = 0.3           # of the photos must show a cell
+RING = 0.3               # around the box, of its size: what the background looks like there
+SEED_RADIUS = 0.006      # around a point of the object, of SIDE: surely the object
+BAND = 0.04              # of the object's size in the photo: how far its outline may move in a further round
+LAST_BAND = 0.025
+MIN_AGREEMENT = 0.75     # less: the mask is what the other photos say
+
+
+class Volume:
+    """Cells of the object's box, and how the masks vote for each."""
+
+    def __init__(self, low, high):
+        self.size = (high - low).max() / CELLS
+        axes = [np.arange(a + self.size / 2, b, self.size) for a, b in zip(low, high)]
+        self.cells = np.stack(np.meshgrid(*axes, indexing='ij'), axis=-1).reshape(-1, 3)
+        self.occupied = np.ones(len(self.cells), bool)
+
+    def vote(self, views, masks):
+        """Keeps the cells that most photos which show them take for the object."""
+        seen, votes = np.zeros(len(self.cells), int), np.zeros(len(self.cells), int)
+        for view, mask in zip(views, masks):
+            inside, x, y = view.pixels_of(self.cells)
+            seen += inside
+            votes[inside] += mask[y, x] > 0
+        self.occupied = (seen >= MIN_SEEN * len(views)) & (votes >= MIN_VOTES * seen)
+
+    def bounds(self):
+        """(low, high) of the occupied cells, or None."""
+        cells = self.cells[self.occupied]
+        return (cells.min(axis=0) - self.size / 2, cells.max(axis=0) + self.size / 2) if len(cells) else None
+
+    def silhouette(self, view):
+        """Of the occupied cells, as a photo shows them: uint8, 255 inside."""
+        image = np.zeros(view.shape, np.uint8)
+        cells = self.cells[self.occupied]
+        inside, x, y = view.pixels_of(cells)
+        image[y, x] = 255
+        if len(cells):
+            depth = np.median(cells @ view.R[2] + view.t[2])
+            width = 2 * int(np.ceil(view.focal * self.size / max(depth, 1e-9))) + 1
+            image = cv2.morphologyEx(image, cv2.MORPH_CLOSE, disc(width))
+        return image
+
+
+class View:
+    """A photo at the size at which masks are found. @param camera a pinhole; R, t world to camera."""
+
+    def __init__(self, image, camera, pose):
+        self.full_shape = image.shape[:2]
+        scale = min(1, SIDE / max(self.full_shape))
+        size = round(image.shape[1] * scale), round(image.shape[0] * scale)
+        self.image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+        self.shape = size[1], size[0]
+        self.R, self.t = pose
+        self.K = np.diag((size[0] / image.shape[1], size[1] / image.shape[0], 1)) @ np.array(
+            [[camera.parameters[0], 0, camera.parameters[2]], [0, camera.parameters[1], camera.parameters[3]], [0, 0, 1]])
+        self.focal = self.K[0, 0]
+        self.table = np.zeros(self.shape, np.uint8)  # 255 where the table is surely seen
+
+    def pixels_of(self, points):
+        """(which points are in the image [n] of bool, their columns, their rows)."""
+        p = (points @ self.R.T + self.t) @ self.K.T
+        front = p[:, 2] > 0
+        pixel = np.floor(p[:, :2] / np.where(front, p[:, 2], 1)[:, None])
+        inside = front & (pixel >= 0).all(axis=1) & (pixel < self.shape[::-1]).all(axis=1)
+        return inside, pixel[inside, 0].astype(int), pixel[inside, 1].astype(int)
+
+    def full(self, mask):
+        """A mask at the size of the photo."""
+        large = cv2.resize(mask, self.full_shape[::-1], interpolation=cv2.INTER_LINEAR)
+        return np.where(large >= 128, 255, 0).astype(np.uint8)
+
+
+def disc(width):
+    return cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (width, width))
+
+
+def extent(mask):
+    """Width or height of what is set, the larger one [px]."""
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    return max(rows[-1] - rows[0], columns[-1] - columns[0]) + 1 if len(rows) else 0
+
+
+def solid(mask):
+    """The largest piece of a mask, without small holes."""
+    pieces, labels, statistics, _ = cv2.connectedComponentsWithStats((mask > 0).astype(np.uint8))
+    if pieces < 2:
+        return mask
+    sizes = statistics[1:, cv2.CC_STAT_AREA]
+    kept = 1 + np.flatnonzero(sizes >= 0.1 * sizes.max())
+    result = np.where(np.isin(labels, kept), 255, 0).astype(np.uint8)
+    width = max(3, extent(result) // 50 | 1)
+    return cv2.morphologyEx(result, cv2.MORPH_CLOSE, disc(width))
+
+
+def grab_cut(view, trimap):
+    """@param trimap GC_BGD, GC_FGD, GC_PR_BGD, GC_PR_FGD. Only what surrounds the open part is looked at."""
+    trimap = np.where((view.table > 0) & (trimap != cv2.GC_FGD), cv2.GC_BGD, trimap).astype(np.uint8)
+    rows, columns = np.flatnonzero((trimap != cv2.GC_BGD).any(axis=1)), np.flatnonzero((trimap != cv2.GC_BGD).any(axis=0))
+    result = np.zeros(view.shape, np.uint8)
+    if len(rows) < 4 or len(columns) < 4:
+        return result
+    ring = int(RING * max(rows[-1] - rows[0], columns[-1] - columns[0])) + 2
+    window = (slice(max(0, rows[0] - ring), rows[-1] + ring), slice(max(0, columns[0] - ring), columns[-1] + ring))
+    cut = np.ascontiguousarray(trimap[window])
+    is_object = np.isin(cut, (cv2.GC_FGD, cv2.GC_PR_FGD))
+    if is_object.any() and not is_object.all():
+        cv2.setRNGSeed(1)
+        cv2.grabCut(np.ascontiguousarray(view.image[window]), cut, None, np.zeros((1, 65)), np.zeros((1, 65)), ITERATIONS,
+                    cv2.GC_INIT_WITH_MASK)
+    result[window] = np.where(np.isin(cut, (cv2.GC_FGD, cv2.GC_PR_FGD)), 255, 0)
+    return result
+
+
+def first_trimap(view, volume, object_points):
+    """From the box and the points. All points of the object project onto it, hidden ones too."""
+    trimap = np.full(view.shape, cv2.GC_BGD, np.uint8)
+    box = volume.silhouette(view)
+    seeds = np.zeros(view.shape, np.uint8)
+    _, x, y = view.pixels_of(object_points)
+    seeds[y, x] = 255
+    seeds[box == 0] = 0
+    body = cv2.morphologyEx(seeds, cv2.MORPH_CLOSE, disc(max(3, extent(seeds) // 5 | 1)))
+    trimap[box > 0] = cv2.GC_PR_BGD
+    trimap[body > 0] = cv2.GC_PR_FGD
+    radius = max(1, round(SEED_RADIUS * max(view.shape)))
+    trimap[cv2.dilate(seeds, disc(2 * radius + 1)) > 0] = cv2.GC_FGD
+    return trimap
+
+
+def band_trimap(silhouette, band):
+    """From a silhouette whose outline is right but for `band`, a share of its size."""
+    trimap = np.full(silhouette.shape, cv2.GC_BGD, np.uint8)
+    width = 2 * max(1, round(band * extent(silhouette))) + 1
+    outer, inner = cv2.dilate(silhouette, disc(width)), cv2.erode(silhouette, disc(width))
+    trimap[outer > 0] = cv2.GC_PR_BGD
+    trimap[silhouette > 0] = cv2.GC_PR_FGD
+    trimap[inner > 0] = cv2.GC_FGD
+    return trimap
+
+
+def agreement(a, b):
+    """Intersection over union."""
+    union = np.count_nonzero((a > 0) | (b > 0))
+    return np.count_nonzero((a > 0) & (b > 0)) / union if union else 0.0
+
+
+def agreed(mask, silhouette):
+    """The mask within a band around the silhouette. No photo alone may cut away what the others see: a volume is cut by
+    each silhouette."""
+    share = agreement(mask, silhouette)
+    if share < MIN_AGREEMENT:
+        return silhouette, share
+    width = 2 * max(1, round(LAST_BAND * extent(silhouette))) + 1
+    within = cv2.bitwise_and(mask, cv2.dilate(silhouette, disc(width)))
+    return solid(cv2.bitwise_or(within, cv2.erode(silhouette, disc(width)))), share
+
+
+def find_masks(photos, box, object_points, table_is_known):
+    """Masks of all photos. @param photos undistorted; box (low, high) of the object in the world, which may be larger than
+    the object; object_points of the world; table_is_known: it is the plane z = 0.
+    @return (list of Mask, (low, high) of the volume that they have in common, or of the box if there is none)."""
+    views = [View(photo.image, photo.camera, (photo.R, photo.t)) for photo in photos]
+    if table_is_known:
+        table = Table(views, box, object_points)
+        for view in views:
+            view.table = table.pixels(view)
+    volume = Volume(*box)
+    with concurrent.futures.ThreadPoolExecutor() as threads:  # OpenCV works without Python's lock
+        masks = list(threads.map(lambda view: solid(grab_cut(view, first_trimap(view, volume, object_points))), views))
+        for _ in range(ROUNDS):
+            volume.vote(views, masks)
+            if not volume.occupied.any():
+                break
+            masks = list(threads.map(
+                lambda view: solid(grab_cut(view, band_trimap(volume.silhouette(view), BAND))), views))
+        volume.vote(views, masks)
+        results = list(threads.map(lambda pair: agreed(pair[1], volume.silhouette(pair[0])), zip(views, masks)))
+    return [Mask(view.full(mask), share) for view, (mask, share) in zip(views, results)], volume.bounds() or tuple(box)

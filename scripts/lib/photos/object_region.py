@@ -1,0 +1,101 @@
+# Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+"""Where the object is: its frame with the table at z = 0, its scale and its box; all from points, a board, or the user."""
+import dataclasses
+
+import numpy as np
+
+from photos.common import InputError, require
+from photos.geometry import focus
+from photos.intake import pixel_of_copy
+from photos.reconstruction import Reconstruction
+from photos.scale import scale_from_board, scale_from_length
+from photos.supporting_plane import Plane, bounds, box_of, find_plane, is_supported, points_above
+
+DEPTH = 0.12            # below a plane that may not be the table, of the object's size: the object may reach so far
+UNIT_OF_UNSCALED = 1.0  # the longest side of the box, where no scale is known
+
+
+@dataclasses.dataclass
+class Region:
+    reconstruction: Reconstruction   # in the object's frame; in metres if the scale is known
+    low: np.ndarray                  # box, in which the object is searched
+    high: np.ndarray
+    is_given: bool                   # whether the box is the user's
+    points: np.ndarray               # of the object
+    metres_per_unit: float           # 1, or 0: unknown
+    sigma: float = 0.0               # of the scale, as a share of it; 0: unknown
+    origin: str = ''                 # of scale and frame, for the report
+
+
+def scaled(region, metres_per_unit):
+    """The region in metres, or with a box of longest side 1 where the scale is not known."""
+    known = metres_per_unit > 0
+    factor = metres_per_unit if known else UNIT_OF_UNSCALED / float((region.high - region.low).max())
+    return dataclasses.replace(region, reconstruction=region.reconstruction.moved(factor, np.eye(3), np.zeros(3)),
+                               low=factor * region.low, high=factor * region.high, points=factor * region.points,
+                               metres_per_unit=1.0 if known else 0.0)
+
+
+def on_found_table(reconstruction):
+    plane = find_plane(reconstruction)
+    box = box_of(points_above(reconstruction, plane), plane)
+    moved = reconstruction.moved(1, box.R, box.t)
+    points = box.points @ box.R.T + box.t
+    if is_supported(reconstruction, plane, box):
+        return Region(moved, box.low, box.high, False, points, 0, 0, 'z = 0 is the table, found by its texture')
+    low = box.low - (0, 0, DEPTH * np.ptp(points, axis=0).max())
+    return Region(moved, low, box.high, False, points, 0, 0, 'z is up; the table has too little texture to be found: the '
+                  'masks alone say where the object ends')
+
+
+def on_board(reconstruction):
+    """@param reconstruction in the board's frame. The object's frame is the board's."""
+    distance = float(np.median(np.linalg.norm(reconstruction.centres() - focus(reconstruction), axis=1)))
+    points = points_above(reconstruction, Plane(np.array([0, 0, 1.0]), 0.0, 0.006 * distance))
+    return Region(reconstruction, *bounds(points), False, points, 1.0, 0, 'scale and frame are those of the board')
+
+
+def within_box(reconstruction, box):
+    """@param box min x y z, max x y z in the reconstruction's frame."""
+    low, high = np.array(box[:3], dtype=float), np.array(box[3:], dtype=float)
+    require(np.all(low < high), '--box is empty: give min x y z, then max x y z')
+    inside = np.all((reconstruction.xyz > low) & (reconstruction.xyz < high), axis=1)
+    return Region(reconstruction, low, high, True, reconstruction.xyz[inside], 0, 0, 'the box was given')
+
+
+def marks_of(job, reconstruction):
+    """--length METRES PHOTO x y x y PHOTO x y x y .. as (metres, marks for scale_from_length)."""
+    words = job.options.length
+    copies = {copy.source: copy for copy in job.copies}
+    try:
+        length, marks = float(words[0]), []
+        for photo, *pixels in (words[i:i + 5] for i in range(1, len(words), 5)):
+            copy, (ax, ay, bx, by) = copies[photo], map(float, pixels)
+            marks.append((reconstruction.names.index(copy.name),
+                          *(pixel_of_copy(copy, job.cameras[copy.camera], xy) for xy in ((ax, ay), (bx, by)))))
+    except (KeyError, ValueError, IndexError) as error:
+        raise InputError('--length: give METRES, then for each of two photos its name and x y of both ends [px]; the '
+                         f'photos must have poses ({error})') from error
+    return length, marks
+
+
+def find_region(job, reconstruction, board):
+    """@param board ({name of a copy: {number: xy}}, {number: point [m]}) of its corners; empty without one."""
+    options, sigma, origin = job.options, 0.0, ''
+    corners, board_points = board
+    if options.poses == 'board':
+        region = on_board(reconstruction)
+    elif board_points:
+        found = scale_from_board(reconstruction, [(i, corners[name]) for i, name in enumerate(reconstruction.names)
+                                                  if corners[name]], board_points)
+        region = on_board(reconstruction.moved(found.metres_per_unit, found.R, found.t))
+        sigma, origin = found.sigma, f'scale and frame are those of the board ({found.corners} corners)'
+    else:
+        region = within_box(reconstruction, options.box) if options.box else on_found_table(reconstruction)
+        scale = options.metres_per_unit
+        if options.length:
+            scale = scale_from_length(region.reconstruction, *marks_of(job, reconstruction))
+        return scaled(region, scale)
+    if options.box:
+        region = dataclasses.replace(within_box(region.reconstruction, options.box), metres_per_unit=1.0)
+    return dataclasses.replace(region, sigma=sigma, origin=origin or region.origin)

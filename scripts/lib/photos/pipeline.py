@@ -1,0 +1,101 @@
+# Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+"""From a folder of photos, or a video, to a model of the object and a report: the steps, in their order."""
+import dataclasses
+import os
+
+import numpy as np
+
+from photos import poses
+from photos.board import corner_points, parse_board
+from photos.common import locked, require, whole_folder
+from photos.dataset import posed_photos, write_dataset
+from photos.job import Job
+from photos.missing import angles
+from photos.object_masks import mask_photos
+from photos.object_region import find_region
+from photos.point_cloud import with_points
+from photos.quality import measure
+from photos.report import write_report
+from photos.tools import find_tool, run_tool
+
+RENDERED_SIDE = 480  # of renderings beside photos [px]
+
+
+def make_object(options):
+    """All of it; another process that makes the same object is waited for. @return the facts of the report."""
+    with locked(options.output):
+        return run_steps(Job(options))
+
+
+def run_steps(job):
+    options = job.options
+    if options.learn:
+        find_tool('train', options.tools)  # before hours of work
+    job.take_photos()
+    reconstruction, facts = poses.find_poses(job)
+    facts = job.steps.run('object', [options.board, options.length, options.box, options.metres_per_unit, facts],
+                          [job.path('dataset')], lambda: find_object(job, reconstruction, facts))
+    if options.learn:
+        facts = {**facts, 'model': learn(job), 'quality': job.steps.run('quality', [], [job.path('renderings')],
+                                                                        lambda: compare(job))}
+    facts = {'name': options.name, **facts, 'seconds': job.steps.seconds}
+    write_report(job, facts)
+    return facts
+
+
+def without_distortion(photos, reconstruction):
+    """The reconstruction with the cameras of undistorted photos, which are one a photo."""
+    return dataclasses.replace(reconstruction, cameras=[photo.camera for photo in photos],
+                               camera_of=np.arange(len(photos)))
+
+
+def find_object(job, reconstruction, facts):
+    """Frame, scale, box and masks; writes the dataset. @return what is known of them."""
+    board = {}, {}
+    if job.options.board:
+        board = poses.board_corners(job), corner_points(parse_board(job.options.board))
+    photos = posed_photos(reconstruction, job.path('photos'), job.sources())
+    if job.options.poses == 'board':
+        reconstruction = with_points(without_distortion(photos, reconstruction), [photo.image for photo in photos])
+    region = find_region(job, reconstruction, board)
+    moved = region.reconstruction
+    for photo, R, t in zip(photos, moved.R, moved.t):
+        photo.R, photo.t = R, t
+    agreements, box = mask_photos(photos, region)
+    write_dataset(photos, box, region.metres_per_unit, job.path('dataset'))
+    azimuth, elevation = angles(moved.centres(), 0.5 * (box[0] + box[1]))
+    return {**facts, 'box': [corner.tolist() for corner in box], 'metres_per_unit': region.metres_per_unit,
+            'scale_sigma': region.sigma, 'frame': region.origin, 'object_points': len(region.points),
+            'size': (box[1] - box[0]).tolist(),
+            'views': [{'name': photo.name, 'source': photo.source, 'azimuth_deg': float(a), 'elevation_deg': float(e),
+                       'mask_agreement': agreement, 'error_px': error}
+                      for photo, agreement, a, e, error in zip(photos, agreements, azimuth, elevation,
+                                                               photo_errors(moved))]}
+
+
+def photo_errors(reconstruction):
+    """Median reprojection error of each photo [px]."""
+    errors = reconstruction.errors()
+    return [float(np.median(errors[reconstruction.photo_of == i])) if np.any(reconstruction.photo_of == i) else None
+            for i in range(len(reconstruction.names))]
+
+
+def learn(job):
+    """Runs train. @return what it prints."""
+    model = job.path(job.options.name + '.safetensors')
+    tool = find_tool('train', job.options.tools)
+    return job.steps.run('training', job.options.train, [model], lambda: run_tool(
+        tool, [job.path('dataset'), '-o', model, '--name', job.options.name, *job.options.train]))
+
+
+def compare(job):
+    """Renders all photos and measures how well each is shown."""
+    tool, backend = find_tool('render', job.options.tools), [word for word in job.options.train if 'backend' in word]
+    require(not backend or '=' in backend[0], 'write --backend=NAME')
+    model = job.path(job.options.name + '.safetensors')
+    with whole_folder(job.path('renderings')) as folder:
+        for part in ('train', 'test'):
+            transforms = job.path('dataset', f'transforms_{part}.json')
+            if os.path.exists(transforms):
+                run_tool(tool, [model, '--transforms', transforms, '-o', folder, '--max-size', RENDERED_SIDE, *backend])
+        return measure(job.path('dataset'), folder)

@@ -1,0 +1,51 @@
+# Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+"""How well a model shows its photos: renderings beside them, and PSNR on the object."""
+import math
+import os
+
+import cv2
+import numpy as np
+
+from photos.common import InputError, read_json
+
+MAX_PSNR_DB = 60
+
+
+def blended(image, alpha):
+    """On black: float [h][w][3], 0..1."""
+    return image.astype(np.float32) / 255 * (alpha.astype(np.float32) / 255)[:, :, None]
+
+
+def psnr_db(error_squares):
+    return float(min(MAX_PSNR_DB, -10 * math.log10(max(1e-9, float(np.mean(error_squares))))))
+
+
+def compared(rendering, photo, mask):
+    """Of a rendering with alpha and a photo with its mask: {psnr_object_db, psnr_db, alpha_outside, alpha_inside}.
+    psnr_object_db is on the mask's pixels; psnr_db is on all, both on black."""
+    shown, truth = blended(rendering[:, :, :3], rendering[:, :, 3]), blended(photo, mask)
+    squares = (shown - truth) ** 2
+    alpha, inside = rendering[:, :, 3] / 255.0, mask >= 128
+    far = cv2.dilate(mask, np.ones((9, 9), np.uint8)) == 0
+    return {'psnr_object_db': psnr_db(squares[inside]) if inside.any() else None, 'psnr_db': psnr_db(squares),
+            'alpha_inside': float(alpha[inside].mean()) if inside.any() else None,
+            'alpha_outside': float(alpha[far].mean()) if far.any() else 0.0}
+
+
+def measure(dataset, renderings):
+    """Each frame of the dataset's two files against its rendering, at the rendering's size. @param renderings folder with
+    the frames' names. @return [{name, source, held_out, ..}] in the order of the names."""
+    rows = []
+    for part, held_out in (('train', False), ('test', True)):
+        path = os.path.join(dataset, f'transforms_{part}.json')
+        for frame in read_json(path)['frames'] if os.path.exists(path) else ():
+            name = os.path.splitext(os.path.basename(frame['file_path']))[0]
+            rendering = cv2.imread(os.path.join(renderings, name + '.png'), cv2.IMREAD_UNCHANGED)
+            if rendering is None or rendering.shape[2] != 4:
+                raise InputError(f"there is no rendering '{name}.png' with alpha in '{renderings}'")
+            size = rendering.shape[1], rendering.shape[0]
+            photo = cv2.resize(cv2.imread(os.path.join(dataset, frame['file_path'])), size, interpolation=cv2.INTER_AREA)
+            mask = cv2.resize(cv2.imread(os.path.join(dataset, frame['mask_path']), cv2.IMREAD_GRAYSCALE), size,
+                              interpolation=cv2.INTER_AREA)
+            rows.append({'name': name, 'source': frame['source'], 'held_out': held_out, **compared(rendering, photo, mask)})
+    return sorted(rows, key=lambda row: row['name'])

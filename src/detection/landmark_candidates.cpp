@@ -1,0 +1,131 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "detection/landmark_candidates.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <set>
+#include <utility>
+
+#include "detection/point_pose.h"
+#include "field/field.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+/// Makes the candidates of one image.
+class CandidateSearch {
+ public:
+  CandidateSearch(const MatchedImage& image, const FieldMetadata& object,
+                  const LandmarkCandidateSettings& settings)
+      : image_(image), object_(object), settings_(settings) {
+    for (const FeatureMatch& match : image.matches) {
+      const FeaturePlace& feature = image.features[static_cast<std::size_t>(match.feature)];
+      const Landmark& landmark = image.landmarks.places[static_cast<std::size_t>(match.landmark)];
+      const auto vote =
+          voteFor(poseFromMatch(image.camera, feature, landmark), image.camera, object);
+      if (!vote) continue;
+      votes_.push_back(*vote);
+      points_.push_back({landmark.point.cast<double>(), {feature.x, feature.y}});
+      landmarks_.push_back(match.landmark);
+    }
+  }
+
+  PoseCandidates run(const CancellationToken& cancellation) {
+    VoteCounter counter(votes_, settings_.votes);
+    PoseCandidates candidates;
+    for (int i = 0; i < settings_.most_groups; ++i) {
+      cancellation.check();
+      const std::vector<int> group = counter.largestGroup();
+      if (static_cast<int>(group.size()) < settings_.least_landmarks) break;
+      const int vote = group.front();  // the one that the group is around
+      const std::vector<int> used = addFrom(group, counter.left(), &candidates);
+      for (const int match : used) counter.remove(match);
+      counter.remove(vote);
+    }
+    std::stable_sort(
+        candidates.begin(), candidates.end(),
+        [](const PoseCandidate& a, const PoseCandidate& b) { return a.evidence > b.evidence; });
+    if (candidates.size() > static_cast<std::size_t>(settings_.most_candidates)) {
+      candidates.resize(static_cast<std::size_t>(settings_.most_candidates));
+    }
+    return candidates;
+  }
+
+ private:
+  double thresholdOf(int vote) const {
+    return std::max(settings_.least_threshold_px,
+                    settings_.threshold * votes_[static_cast<std::size_t>(vote)].diameter_px);
+  }
+
+  std::vector<PointMatch> pointsOf(const std::vector<int>& matches) const {
+    std::vector<PointMatch> points;
+    for (const int match : matches) points.push_back(points_[static_cast<std::size_t>(match)]);
+    return points;
+  }
+
+  /// The candidates of a group's points, refined with all matches that are left and agree.
+  /// @return the matches that agree with the first one; none: it is no candidate.
+  std::vector<int> addFrom(const std::vector<int>& group, const std::vector<int>& left,
+                           PoseCandidates* candidates) const {
+    const double threshold = thresholdOf(group.front());
+    const std::optional<PointPose> rough = poseOfMost(pointsOf(group), image_.camera, threshold);
+    if (!rough) return {};
+    const std::vector<PointMatch> points = pointsOf(left);
+    const std::optional<PointPose> pose =
+        refinedPose(rough->T_C_O, points, image_.camera, threshold);
+    if (!pose || !add(*pose, left, candidates)) return {};
+    if (const std::optional<Pose> mirrored = otherPoseOfPlane(*pose, points)) {
+      const std::optional<PointPose> other =
+          refinedPose(*mirrored, points, image_.camera, threshold);
+      if (other && rotationDistance(other->T_C_O.R, pose->T_C_O.R) > kOtherRotation) {
+        add(*other, left, candidates);
+      }
+    }
+    std::vector<int> used;
+    for (const int inlier : pose->inliers) used.push_back(left[static_cast<std::size_t>(inlier)]);
+    return used;
+  }
+
+  /// Places in the image that see different landmarks. @param left what inliers are numbers of.
+  int landmarksIn(const PointPose& pose, const std::vector<int>& left) const {
+    std::set<std::pair<long, long>> pixels;
+    std::set<int> landmarks;
+    for (const int inlier : pose.inliers) {
+      const auto match = static_cast<std::size_t>(left[static_cast<std::size_t>(inlier)]);
+      const Eigen::Vector2d& pixel = points_[match].pixel;
+      pixels.emplace(std::lround(pixel.x()), std::lround(pixel.y()));
+      landmarks.insert(landmarks_[match]);
+    }
+    return static_cast<int>(std::min(pixels.size(), landmarks.size()));
+  }
+
+  bool add(const PointPose& pose, const std::vector<int>& left, PoseCandidates* candidates) const {
+    const Pose T_O_C = pose.T_C_O.inverse();
+    const int landmarks = landmarksIn(pose, left);
+    if (landmarks < settings_.least_landmarks) return false;
+    if (!voteFor(T_O_C, image_.camera, object_)) return false;
+    candidates->push_back({T_O_C, static_cast<double>(landmarks), CandidateSource::kLandmarks});
+    return true;
+  }
+
+  static constexpr double kOtherRotation = 0.1;  // less: the same solution [rad]
+
+  const MatchedImage& image_;
+  const FieldMetadata& object_;
+  const LandmarkCandidateSettings& settings_;
+  // Of the matches whose vote makes sense.
+  std::vector<PoseVote> votes_;
+  std::vector<PointMatch> points_;
+  std::vector<int> landmarks_;
+};
+
+}  // namespace
+
+PoseCandidates landmarkCandidates(const MatchedImage& image, const FieldMetadata& object,
+                                  const LandmarkCandidateSettings& settings,
+                                  const CancellationToken& cancellation) {
+  return CandidateSearch(image, object, settings).run(cancellation);
+}
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,43 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <vector>
+
+#include "detection/candidate.h"
+#include "detection/image_features.h"
+#include "detection/landmark_matcher.h"
+#include "detection/landmarks.h"
+#include "detection/pose_votes.h"
+#include "nerf_pose_refiner/camera.h"
+#include "nerf_pose_refiner/cancellation_token.h"
+
+namespace nerf_pose_refiner {
+
+struct FieldMetadata;
+
+struct LandmarkCandidateSettings {
+  VoteTolerance votes;
+  int least_landmarks = 5;          ///< that agree with a candidate
+  int most_candidates = 12;         ///< that are returned
+  int most_groups = 40;             ///< of votes that are looked at
+  double threshold = 0.02;          ///< of a landmark from its feature [diameters in the image]
+  double least_threshold_px = 1.5;  ///< the same, at least
+};
+
+/// Features of an image and the landmarks that they match.
+struct MatchedImage {
+  const Camera& camera;
+  const std::vector<FeaturePlace>& features;
+  const Landmarks& landmarks;
+  std::vector<FeatureMatch> matches;
+};
+
+/// Poses that many matches agree with. Each match votes for a pose by the place, the size and the
+/// orientation of its feature; the pose of a group of votes is that of its points. A match belongs
+/// to one candidate alone, so that several instances are apart from each other; but of points in a
+/// plane both poses are there.
+PoseCandidates landmarkCandidates(const MatchedImage& image, const FieldMetadata& object,
+                                  const LandmarkCandidateSettings& settings,
+                                  const CancellationToken& cancellation);
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,172 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "detection/landmark_file.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <stdexcept>
+#include <vector>
+
+#include "field/field.h"
+#include "files/atomic_file.h"
+#include "files/input_file.h"
+#include "math/checksum.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__,
+              "numbers are written as they lie in memory");
+
+constexpr char kFormat[8] = {'N', 'P', 'R', 'L', 'M', 'K', '0', '1'};
+constexpr float kScale = 254;  // of a descriptor's numbers, which are rarely beyond a half
+constexpr std::uint32_t kMostLandmarks = 1000000, kMostNumbers = 1024;
+
+struct Header {
+  char format[8];
+  std::uint64_t key;
+  std::uint64_t checksum;  // of all that follows
+  std::uint64_t kind;
+  std::uint32_t count;
+  std::uint32_t numbers;  // of a descriptor
+};
+
+/// A landmark as it is written.
+struct Place {
+  float point[3];
+  float R_O_F[9];  // column by column
+  float size;
+  std::int32_t views;
+};
+
+Place placeOf(const Landmark& landmark) {
+  Place place = {};
+  std::copy_n(landmark.point.data(), 3, place.point);
+  std::copy_n(landmark.R_O_F.data(), 9, place.R_O_F);
+  place.size = landmark.size;
+  place.views = landmark.views;
+  return place;
+}
+
+Landmark landmarkOf(const Place& place) {
+  Landmark landmark;
+  std::copy_n(place.point, 3, landmark.point.data());
+  std::copy_n(place.R_O_F, 9, landmark.R_O_F.data());
+  landmark.size = place.size;
+  landmark.views = place.views;
+  return landmark;
+}
+
+template <typename T>
+void add(const T& value, Checksum* checksum) {
+  checksum->add(&value, sizeof value);
+}
+
+std::uint64_t checksumOf(const Header& header, const std::vector<Place>& places,
+                         const std::vector<std::int8_t>& rows) {
+  Checksum checksum;
+  add(header.kind, &checksum);
+  add(header.count, &checksum);
+  add(header.numbers, &checksum);
+  checksum.add(places.data(), places.size() * sizeof(Place));
+  checksum.add(rows.data(), rows.size());
+  return checksum.value();
+}
+
+Landmarks read(const InputFile& file, std::uint64_t key) {
+  Header header;
+  file.read(0, &header, sizeof header);
+  const std::uint64_t rows_bytes = std::uint64_t{header.count} * header.numbers;
+  const std::uint64_t places_bytes = std::uint64_t{header.count} * sizeof(Place);
+  if (std::memcmp(header.format, kFormat, sizeof kFormat) != 0 || header.key != key ||
+      header.count > kMostLandmarks || header.numbers > kMostNumbers ||
+      file.size() != sizeof header + places_bytes + rows_bytes) {
+    throw std::runtime_error("no landmarks of this object");
+  }
+  std::vector<Place> places(header.count);
+  std::vector<std::int8_t> rows(rows_bytes);
+  file.read(sizeof header, places.data(), places_bytes);
+  file.read(sizeof header + places_bytes, rows.data(), rows.size());
+  if (checksumOf(header, places, rows) != header.checksum) throw std::runtime_error("damaged");
+  Landmarks landmarks;
+  landmarks.kind = static_cast<FeatureKind>(header.kind);
+  for (const Place& place : places) landmarks.places.push_back(landmarkOf(place));
+  using Rows = Eigen::Matrix<std::int8_t, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  landmarks.descriptors =
+      Eigen::Map<const Rows>(rows.data(), header.count, header.numbers).cast<float>() / kScale;
+  return landmarks;
+}
+
+}  // namespace
+
+std::uint64_t landmarkKey(const Field& field, const LandmarkSettings& settings) {
+  constexpr std::uint32_t kVersion = 1;  // of how landmarks are made
+  Checksum checksum;
+  add(kVersion, &checksum);
+  checksum.add(field.grid.data(), field.grid.size() * sizeof(std::uint16_t));
+  checksum.add(field.density_weights.data(), field.density_weights.size() * sizeof(float));
+  checksum.add(field.colour_weights.data(), field.colour_weights.size() * sizeof(float));
+  checksum.add(field.occupancy.bits.data(), field.occupancy.bits.size());
+  for (const double value : {field.metadata.diameter, settings.features.contrast, settings.distance,
+                             settings.least_support, settings.same_place, settings.same_look}) {
+    add(value, &checksum);
+  }
+  for (const int value : {static_cast<int>(settings.features.kind), settings.features.max_features,
+                          settings.views, settings.object_px, settings.max_landmarks}) {
+    add(value, &checksum);
+  }
+  return checksum.value();
+}
+
+std::string landmarkPathOf(const std::string& model_path) {
+  const std::string::size_type dot = model_path.rfind('.');
+  const std::string::size_type slash = model_path.rfind('/');
+  const bool has_extension =
+      dot != std::string::npos && (slash == std::string::npos || dot > slash);
+  return (has_extension ? model_path.substr(0, dot) : model_path) + ".landmarks";
+}
+
+void saveLandmarks(const Landmarks& landmarks, std::uint64_t key, const std::string& path) {
+  std::vector<Place> places;
+  for (const Landmark& landmark : landmarks.places) places.push_back(placeOf(landmark));
+  std::vector<std::int8_t> rows;
+  for (Eigen::Index i = 0; i < landmarks.descriptors.size(); ++i) {
+    const float value = std::round(kScale * landmarks.descriptors.data()[i]);
+    rows.push_back(static_cast<std::int8_t>(std::max(-127.0f, std::min(127.0f, value))));
+  }
+  Header header = {};
+  std::copy_n(kFormat, sizeof kFormat, header.format);
+  header.key = key;
+  header.kind = static_cast<std::uint64_t>(landmarks.kind);
+  header.count = static_cast<std::uint32_t>(places.size());
+  header.numbers = static_cast<std::uint32_t>(landmarks.descriptors.cols());
+  header.checksum = checksumOf(header, places, rows);
+  AtomicFile file(path);
+  file.write(&header, sizeof header);
+  file.write(places.data(), places.size() * sizeof(Place));
+  file.write(rows.data(), rows.size());
+  file.commit();
+}
+
+std::optional<Landmarks> loadLandmarks(const std::string& path, std::uint64_t key) {
+  try {
+    return read(InputFile(path), key);
+  } catch (const std::runtime_error&) {
+    return std::nullopt;
+  }
+}
+
+Landmarks landmarksFor(const LoadedField& field, const LandmarkSettings& settings,
+                       const std::string& path, const CancellationToken& cancellation) {
+  if (path.empty()) return makeLandmarks(field, settings, cancellation);
+  const std::uint64_t key = landmarkKey(field.field(), settings);
+  if (std::optional<Landmarks> kept = loadLandmarks(path, key)) return *std::move(kept);
+  Landmarks landmarks = makeLandmarks(field, settings, cancellation);
+  try {
+    saveLandmarks(landmarks, key, path);
+  } catch (const std::runtime_error&) {  // a folder that is not ours
+  }
+  return landmarks;
+}
+
+}  // namespace nerf_pose_refiner

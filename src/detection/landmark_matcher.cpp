@@ -1,0 +1,82 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "detection/landmark_matcher.h"
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/flann.hpp>
+#include <optional>
+#include <stdexcept>
+
+#include "concurrency/parallel.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+constexpr int kTrees = 4;
+constexpr std::uint64_t kSeed = 1;  // the same landmarks make the same trees
+
+cv::Mat view(const Descriptors& rows) {
+  return {static_cast<int>(rows.rows()), static_cast<int>(rows.cols()), CV_32F,
+          const_cast<float*>(rows.data())};
+}
+
+}  // namespace
+
+struct LandmarkMatcher::Trees {
+  explicit Trees(const Descriptors& rows) {
+    const std::uint64_t state = cv::theRNG().state;
+    cv::theRNG().state = kSeed;
+    index.build(view(rows), cv::flann::KDTreeIndexParams(kTrees));
+    cv::theRNG().state = state;
+  }
+
+  mutable cv::flann::Index index;
+};
+
+LandmarkMatcher::LandmarkMatcher(const Landmarks& landmarks, double diameter,
+                                 const MatchingSettings& settings)
+    : landmarks_(&landmarks),
+      other_place_(static_cast<float>(settings.other_place * diameter)),
+      settings_(settings) {
+  if (landmarks.size() > 0) trees_ = std::make_unique<Trees>(landmarks.descriptors);
+}
+
+LandmarkMatcher::~LandmarkMatcher() = default;
+LandmarkMatcher::LandmarkMatcher(LandmarkMatcher&&) noexcept = default;
+
+std::vector<FeatureMatch> LandmarkMatcher::match(const ImageFeatures& features) const {
+  if (features.size() == 0 || !trees_) return {};
+  if (features.descriptors.cols() != landmarks_->descriptors.cols()) {
+    throw std::invalid_argument("the features are of another kind than the landmarks");
+  }
+  const int count = std::min(settings_.neighbours, landmarks_->size());
+  std::vector<std::optional<FeatureMatch>> found(features.places.size());
+  const auto matchOne = [&](int i) {
+    const cv::Mat query = view(features.descriptors).row(i);
+    cv::Mat numbers(1, count, CV_32S), squares(1, count, CV_32F);
+    trees_->index.knnSearch(query, numbers, squares, count,
+                            cv::flann::SearchParams(settings_.checks));
+    const auto placeOf = [&](int rank) -> const Eigen::Vector3f& {
+      return landmarks_->places[static_cast<std::size_t>(numbers.at<int>(rank))].point;
+    };
+    if (numbers.at<int>(0) < 0) return;
+    int other = 1;
+    while (other < count && numbers.at<int>(other) >= 0 &&
+           (placeOf(other) - placeOf(0)).norm() <= other_place_) {
+      ++other;
+    }
+    // Where all are of one place, the last one bounds the distance to the next place from below.
+    const float next = squares.at<float>(std::min(other, count - 1));
+    const float ratio = std::sqrt(squares.at<float>(0) / std::max(next, 1e-12f));
+    if (other < count && ratio > settings_.max_ratio) return;
+    found[static_cast<std::size_t>(i)] = FeatureMatch{i, numbers.at<int>(0), ratio};
+  };
+  parallelFor(threadCount(settings_.threads), features.size(), matchOne);
+  std::vector<FeatureMatch> matches;
+  for (const auto& match : found) {
+    if (match) matches.push_back(*match);
+  }
+  return matches;
+}
+
+}  // namespace nerf_pose_refiner

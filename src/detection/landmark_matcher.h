@@ -1,0 +1,48 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "detection/image_features.h"
+#include "detection/landmarks.h"
+
+namespace nerf_pose_refiner {
+
+/// A feature of an image that looks like a landmark, and like no other place on the object.
+struct FeatureMatch {
+  int feature = 0;
+  int landmark = 0;
+  float ratio = 0;  ///< of the distance of its descriptor to that of the best other place
+};
+
+struct MatchingSettings {
+  double max_ratio = 0.85;    ///< of the distances to the best landmark and to the next place
+  double other_place = 0.05;  ///< landmarks farther apart are other places [diameters]
+  int neighbours = 6;         ///< that are looked at
+  int checks = 64;            ///< leaves of the trees that a search looks at
+  int threads = 0;            ///< 0: all cores
+};
+
+/// Finds the landmarks that features of images look like, by a forest of randomised kd-trees
+/// (Silpa- Anan and Hartley 2008). Any thread may search.
+class LandmarkMatcher {
+ public:
+  /// @param landmarks live longer. @param diameter of the object [model units].
+  LandmarkMatcher(const Landmarks& landmarks, double diameter, const MatchingSettings& settings);
+  ~LandmarkMatcher();
+  LandmarkMatcher(LandmarkMatcher&&) noexcept;
+
+  /// @throws std::invalid_argument for features of another kind than the landmarks.
+  std::vector<FeatureMatch> match(const ImageFeatures& features) const;
+
+ private:
+  struct Trees;
+
+  const Landmarks* landmarks_;
+  float other_place_;  // [model units]
+  MatchingSettings settings_;
+  std::unique_ptr<Trees> trees_;  // null: there are no landmarks
+};
+
+}  // namespace nerf_pose_refiner

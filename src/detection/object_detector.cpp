@@ -1,0 +1,149 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "detection/object_detector.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <stdexcept>
+
+#include "backend/common/observed_colours.h"
+#include "field/field.h"
+#include "image/resample.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+void require(bool is_right, const char* name, double value) {
+  if (!is_right) {
+    throw std::invalid_argument(std::string("DetectionSettings::") + name + " is " +
+                                std::to_string(value));
+  }
+}
+
+double secondsSince(std::chrono::steady_clock::time_point begin) {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+}
+
+}  // namespace
+
+void DetectionSettings::validate() const {
+  landmarks.validate();
+  require(features.max_features >= 1, "features.max_features", features.max_features);
+  require(candidates.least_landmarks >= 4, "candidates.least_landmarks",
+          candidates.least_landmarks);
+  require(max_image_side_px >= 32, "max_image_side_px", max_image_side_px);
+  require(max_instances >= 1, "max_instances", max_instances);
+  require(max_tried >= 1, "max_tried", max_tried);
+  require(least_score >= 0 && least_score <= 1, "least_score", least_score);
+  require(budget_s >= 0, "budget_s", budget_s);
+}
+
+ObjectDetector::ObjectDetector(Backend* backend, std::shared_ptr<const LoadedField> field,
+                               Landmarks landmarks, const DetectionSettings& settings)
+    : field_(std::move(field)),
+      settings_(settings),
+      landmarks_(std::make_unique<const Landmarks>(std::move(landmarks))),
+      matcher_(*landmarks_, field_->field().metadata.diameter, settings.matching),
+      refiner_(backend, field_, settings.keyframes) {
+  settings_.validate();
+}
+
+ImageCandidates ObjectDetector::candidates(const Observation& observation, const SearchArea& area,
+                                           const CancellationToken& cancellation) const {
+  ImageCandidates result;
+  const std::optional<Camera> part =
+      searchedPart(observation.camera, area, settings_.max_image_side_px);
+  if (!part) {
+    result.message = "the box leaves too little of the image";
+    return result;
+  }
+  const bool is_whole =
+      part->width == observation.camera.width && part->height == observation.camera.height;
+  FeatureSettings settings = settings_.features;
+  settings.kind = landmarks_->kind;
+  const Image colours = observedColours(observation);
+  const ImageFeatures features =
+      findFeatures(luminance(is_whole ? colours : resample(colours, observation.camera, *part)),
+                   allowedPixels(observation, *part), settings);
+  cancellation.check();
+  const MatchedImage image = {*part, features.places, *landmarks_, matcher_.match(features)};
+  result.features = features.size();
+  result.matches = static_cast<int>(image.matches.size());
+  const FieldMetadata& object = field_->field().metadata;
+  for (const PoseCandidate& candidate :
+       landmarkCandidates(image, object, settings_.candidates, cancellation)) {
+    if (isAtDistance(area, (candidate.T_O_C.t - object.centre).norm())) {
+      result.poses.push_back(candidate);
+    }
+  }
+  if (features.size() == 0) {
+    result.message = "the image has no features";
+  } else if (result.poses.empty()) {
+    result.message = "no pose agrees with enough landmarks";
+  }
+  return result;
+}
+
+Refinement ObjectDetector::takeBest(const Observation& observation, PoseCandidates* candidates,
+                                    const CancellationToken& cancellation) {
+  // All that may be the same instance as the best one: alignment decides between them.
+  const FieldMetadata& object = field_->field().metadata;
+  const Pose best = candidates->front().T_O_C;
+  const auto same = std::stable_partition(candidates->begin(), candidates->end(),
+                                          [&](const PoseCandidate& candidate) {
+                                            return !isSameInstance(candidate.T_O_C, best, object);
+                                          });
+  std::vector<Pose> poses;
+  for (auto one = same; one != candidates->end(); ++one) poses.push_back(one->T_O_C);
+  candidates->erase(same, candidates->end());
+  const Refinement found = refiner_.settle({observation, 0}, poses, cancellation);
+  cancellation.check();
+  return found;
+}
+
+Detections ObjectDetector::detect(const Observation& observation, const SearchArea& area,
+                                  const CancellationToken& cancellation) {
+  const auto begin = std::chrono::steady_clock::now();
+  observation.validate();
+  area.validate();
+  ImageCandidates all = candidates(observation, area, cancellation);
+  PoseCandidates& left = all.poses;
+  Detections detections;
+  detections.message = all.message;
+  detections.candidates = static_cast<int>(left.size());
+  const FieldMetadata& object = field_->field().metadata;
+  std::vector<Refinement>& found = detections.found;
+  int refused = 0;
+  while (!left.empty() && refused < settings_.max_tried &&
+         static_cast<int>(found.size()) < settings_.max_instances) {
+    if (settings_.budget_s > 0 && secondsSince(begin) > settings_.budget_s) break;
+    const Refinement one = takeBest(observation, &left, cancellation);
+    const bool is_known = std::any_of(found.begin(), found.end(), [&](const Refinement& other) {
+      return isSameInstance(one.T_O_C, other.T_O_C, object);
+    });
+    if (is_known) continue;
+    if (one.outcome == Outcome::kRefined && one.score >= settings_.least_score) {
+      found.push_back(one);
+    } else {
+      ++refused;
+    }
+  }
+  std::stable_sort(found.begin(), found.end(),
+                   [](const Refinement& a, const Refinement& b) { return a.score > b.score; });
+  if (found.empty() && detections.message.empty()) {
+    detections.message = "no candidate explains the image well enough";
+  }
+  detections.seconds = secondsSince(begin);
+  return detections;
+}
+
+bool isSameInstance(const Pose& a_T_O_C, const Pose& b_T_O_C, const FieldMetadata& object) {
+  constexpr double kAcross = 0.35, kAlong = 0.2;  // [diameters], [distances]
+  const Eigen::Vector3d a = a_T_O_C.inverse() * object.centre;
+  const Eigen::Vector3d b = b_T_O_C.inverse() * object.centre;
+  const Eigen::Vector3d scaled = b * (a.norm() / b.norm());
+  return (scaled - a).norm() < kAcross * object.diameter &&
+         std::abs(std::log(a.norm() / b.norm())) < kAlong;
+}
+
+}  // namespace nerf_pose_refiner

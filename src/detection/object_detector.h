@@ -1,0 +1,88 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "detection/candidate.h"
+#include "detection/landmark_candidates.h"
+#include "detection/landmark_matcher.h"
+#include "detection/landmarks.h"
+#include "detection/search_area.h"
+#include "nerf_pose_refiner/backend.h"
+#include "nerf_pose_refiner/observation.h"
+#include "refinement/keyframe_refiner.h"
+
+namespace nerf_pose_refiner {
+
+/// How an object is detected.
+struct DetectionSettings {
+  LandmarkSettings landmarks;
+  FeatureSettings features;  ///< of images
+  MatchingSettings matching;
+  LandmarkCandidateSettings candidates;
+  KeyframeSearchSettings keyframes;
+  int max_image_side_px = 800;  ///< larger images are reduced to it for their features
+  int max_instances = 10;       ///< that are returned
+  int max_tried = 6;            ///< candidates in a row that alignment refuses end the search
+  double least_score = 0.18;    ///< of a pose to be trusted, 0..1
+  double budget_s = 0;          ///< no candidate is tried after it; 0: there is no limit
+
+  /// @throws std::invalid_argument naming the value that is out of range.
+  void validate() const;
+};
+
+/// Poses that landmarks speak for.
+struct ImageCandidates {
+  PoseCandidates poses;  ///< best first
+  std::string message;   ///< why there is none; empty if there is one
+  int features = 0;      ///< of the image
+  int matches = 0;       ///< of them that look like landmarks
+};
+
+/// What came of an image.
+struct Detections {
+  std::vector<Refinement> found;  ///< trusted poses of instances, best first
+  std::string message;            ///< why there is none; empty if there is one
+  int candidates = 0;             ///< that landmarks spoke for
+  double seconds = 0;
+};
+
+/// Finds the instances of an object in images, without a hint of where they are.
+///
+/// Not thread-safe. What its backend made may be used by others meanwhile, but only in turns with
+/// its renderings (@see SharedBackend).
+class ObjectDetector {
+ public:
+  /// @param landmarks of the field. @throws std::invalid_argument for settings that are out of
+  /// range.
+  ObjectDetector(Backend* backend, std::shared_ptr<const LoadedField> field, Landmarks landmarks,
+                 const DetectionSettings& settings);
+
+  /// Poses that landmarks speak for, in the part of the image that the area and the observation's
+  /// mask leave. @throws as `detect`.
+  ImageCandidates candidates(const Observation& observation, const SearchArea& area,
+                             const CancellationToken& cancellation) const;
+
+  /// @throws std::invalid_argument for an observation that makes no sense, Cancelled.
+  Detections detect(const Observation& observation, const SearchArea& area,
+                    const CancellationToken& cancellation);
+
+ private:
+  Refinement takeBest(const Observation& observation, PoseCandidates* candidates,
+                      const CancellationToken& cancellation);
+
+  std::shared_ptr<const LoadedField> field_;
+  DetectionSettings settings_;
+  std::unique_ptr<const Landmarks> landmarks_;  // the matcher points at them
+  LandmarkMatcher matcher_;
+  KeyframeRefiner refiner_;
+};
+
+/// Whether two poses are of one instance: its centre and its size are nearly the same.
+bool isSameInstance(const Pose& a_T_O_C, const Pose& b_T_O_C, const FieldMetadata& object);
+
+}  // namespace nerf_pose_refiner

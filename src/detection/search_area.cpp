@@ -1,0 +1,62 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "detection/search_area.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include "image/resample.h"
+
+namespace nerf_pose_refiner {
+
+void SearchArea::validate() const {
+  if (box && !(box->min().allFinite() && box->max().allFinite() && !box->isEmpty())) {
+    throw std::invalid_argument("the box makes no sense");
+  }
+  if (distance && !(std::isfinite(*distance) && *distance > 0)) {
+    throw std::invalid_argument("the distance of the object is " + std::to_string(*distance));
+  }
+}
+
+std::optional<Camera> searchedPart(const Camera& camera, const SearchArea& area, int max_side_px) {
+  constexpr int kLeastSide_px = 32;
+  int left = 0, top = 0, right = camera.width, bottom = camera.height;
+  if (area.box) {
+    constexpr double kMargin = 0.1;  // boxes of detectors are tight, and descriptors look around
+    const Eigen::Vector2d margin = kMargin * area.box->sizes();
+    const Eigen::Vector2d first = area.box->min() - margin, last = area.box->max() + margin;
+    left = static_cast<int>(std::max<double>(left, std::floor(first.x() + 0.5)));
+    top = static_cast<int>(std::max<double>(top, std::floor(first.y() + 0.5)));
+    right = static_cast<int>(std::min<double>(right, std::ceil(last.x() + 0.5)));
+    bottom = static_cast<int>(std::min<double>(bottom, std::ceil(last.y() + 0.5)));
+  }
+  const int width = right - left, height = bottom - top;
+  if (std::min(width, height) < kLeastSide_px) return std::nullopt;
+  const Camera part = camera.cropped(left, top, width, height);
+  const double scale = std::min(1.0, static_cast<double>(max_side_px) / std::max(width, height));
+  return scale < 1 ? part.scaled(scale) : part;
+}
+
+Image8 allowedPixels(const Observation& observation, const Camera& part) {
+  const bool has_alpha = observation.background == Background::kMask ||
+                         observation.background == Background::kKnownAlpha;
+  if (!has_alpha && observation.weight.empty()) return {};
+  Image8 allowed(part.width, part.height, 1, 255);
+  for (const Image* image : {has_alpha ? &observation.alpha : nullptr,
+                             observation.weight.empty() ? nullptr : &observation.weight}) {
+    if (image == nullptr) continue;
+    const Image values = resample(*image, observation.camera, part);
+    for (std::size_t i = 0; i < values.values.size(); ++i) {
+      if (values.values[i] < 0.5f) allowed.values[i] = 0;
+    }
+  }
+  return allowed;
+}
+
+bool isAtDistance(const SearchArea& area, double distance) {
+  constexpr double kRatio = 1.5;
+  return !area.distance ||
+         (distance < kRatio * *area.distance && kRatio * distance > *area.distance);
+}
+
+}  // namespace nerf_pose_refiner

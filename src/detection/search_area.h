@@ -1,0 +1,34 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <Eigen/Geometry>
+
+#include <optional>
+
+#include "nerf_pose_refiner/camera.h"
+#include "nerf_pose_refiner/observation.h"
+
+namespace nerf_pose_refiner {
+
+/// What is known of where the object is. All of it may be left out.
+struct SearchArea {
+  std::optional<Eigen::AlignedBox2d> box;  ///< the object is seen in it: borders of pixels [px]
+  /// Of its centre from the camera, give or take a third [model units].
+  std::optional<double> distance;
+
+  /// @throws std::invalid_argument for a box or a distance that makes no sense.
+  void validate() const;
+};
+
+/// The camera of the part of an image that is searched, reduced; nothing if the box leaves too
+/// little of it. @param max_side_px of the result.
+std::optional<Camera> searchedPart(const Camera& camera, const SearchArea& area, int max_side_px);
+
+/// Where an observation says that the object may be, 0 or 255, [h][w][1]; empty: everywhere.
+/// @param part of its image, resized.
+Image8 allowedPixels(const Observation& observation, const Camera& part);
+
+/// Whether a candidate's distance is that of the area, if it has one.
+bool isAtDistance(const SearchArea& area, double distance);
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,12 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+// Compiled with -mavx2; called only on processors that have it.
+#include "detection/template_kernels.inl"
+
+namespace nerf_pose_refiner {
+
+const TemplateKernels* avx2TemplateKernels() {
+  static const TemplateKernels kernels = {score};
+  return &kernels;
+}
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,102 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "detection/candidate.h"
+#include "detection/template_fit.h"
+#include "detection/template_kernels.h"
+#include "detection/template_scan.h"
+#include "detection/template_view.h"
+#include "field/field.h"
+#include "nerf_pose_refiner/camera.h"
+#include "nerf_pose_refiner/cancellation_token.h"
+#include "nerf_pose_refiner/image.h"
+
+namespace nerf_pose_refiner {
+
+/// How far away an object may be.
+struct DistanceRange {
+  double nearest, farthest;  ///< of its centre [diameters]
+
+  /// Those at which an object's diameter spans from 1/8 to all of the width of a camera's images.
+  static DistanceRange usual(const Camera& camera);
+
+  /// @throws std::invalid_argument for a range that makes no sense.
+  void validate() const;
+};
+
+struct TemplateSearchSettings {
+  double scanned_px = 96;      ///< that the object spans where all of the image is looked through
+  double fitted_px = 192;      ///< the same where what was found is fitted
+  double distance_step = 1.2;  ///< from a distance to the next, a factor
+  int rotations = 20;          ///< of a view in the image, evenly over the circle
+  int hits_per_template = 3;   ///< of each view, rotation and distance
+  int fitted = 4000;           ///< best hits, of all
+  int candidates = 200;        ///< that are returned, at most
+  double min_evidence = 0.2;   ///< of them: mean response over a template's edges, 0..1
+  int threads = 0;             ///< 0: all cores
+  std::string instruction_set = "auto";  ///< "auto", "baseline" or "avx2"
+
+  /// @throws std::invalid_argument naming the value that is out of range.
+  void validate() const;
+};
+
+/// What a search has found, and what it took.
+struct TemplateFindings {
+  PoseCandidates candidates;     ///< best first
+  std::uint64_t lookups = 0;     ///< of responses at the edges of templates
+  double scan_s = 0, fit_s = 0;  ///< with the preparation of images
+};
+
+/// Looks for an object in an image by the orientations of gradients, without a hint: for objects
+/// that have no texture, too (after LINE-2D: Hinterstoisser et al., "Gradient Response Maps for
+/// Real-Time Detection of Textureless Objects", PAMI 2012).
+///
+/// The object is known as edges with orientations, seen from all around (TemplateBank). An image,
+/// reduced so that an object at some distance spans as many pixels as templates do, responds to
+/// each orientation at each pixel (OrientationResponses). The evidence for a template at a place is
+/// the mean response at its edges. What is different here:
+///
+/// - Where gradients of all orientations are close together the image does not respond, so that
+///   clutter has no advantage over clean contours.
+/// - The quarter of a template that fits worst does not count: it may be covered.
+/// - A rotation in the image and a distance are no templates of their own: edges are points in
+///   space, which are turned and projected when they are needed. A bank takes less than 1 MiB.
+/// - The best places of all templates are fitted with all edges: to neighbouring rotations,
+///   distances and views (TemplateFitter).
+///
+/// Candidates are starts for alignment, which decides. May be used by several threads at once.
+class TemplateSearch {
+ public:
+  /// @throws std::invalid_argument for settings that are out of range or a bank without views.
+  TemplateSearch(std::shared_ptr<const TemplateBank> bank, const FieldMetadata& object,
+                 const TemplateSearchSettings& settings);
+
+  /// @param image [h][w][3] of `camera`: all that is searched. The object's centre is in it.
+  /// @throws std::invalid_argument for an image, a camera or distances that make no sense,
+  /// Cancelled.
+  TemplateFindings find(const Image& image, const Camera& camera, const DistanceRange& distances,
+                        const CancellationToken& cancellation) const;
+
+ private:
+  struct ImagePart;
+
+  std::vector<TemplateHit> scan(const ImagePart& part, const CancellationToken& cancellation,
+                                std::uint64_t* lookups) const;
+  std::vector<TemplatePose> fit(const ImagePart& part, const std::vector<TemplateHit>& hits,
+                                const CancellationToken& cancellation,
+                                std::uint64_t* lookups) const;
+  PoseCandidates candidatesOf(const ImagePart& part, std::vector<TemplatePose> poses) const;
+
+  std::shared_ptr<const TemplateBank> bank_;
+  FieldMetadata object_;
+  TemplateSearchSettings settings_;
+  const TemplateKernels& kernels_;
+  TemplateFitter fitter_;
+};
+
+}  // namespace nerf_pose_refiner

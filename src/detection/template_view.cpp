@@ -1,0 +1,197 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "detection/template_view.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <string>
+#include <tuple>
+#include <utility>
+
+#include "backend/common/image_levels.h"
+#include "field/field.h"
+#include "views/sphere_directions.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+constexpr float kOutlineStrength = 1;       // of an edge on the contour; inner ones have less
+constexpr float kMinInnerStrength = 0.05f;  // change of a colour over two pixels
+
+void require(bool is_right, const char* name, double value) {
+  if (!is_right) {
+    throw std::invalid_argument(std::string("TemplateBankSettings::") + name + " is " +
+                                std::to_string(value));
+  }
+}
+
+/// A pixel on an edge.
+struct EdgePixel {
+  int x, y;
+  float strength;
+  float normal_rad;
+};
+
+/// Half the change from neighbour to neighbour along both axes.
+Eigen::Vector2f gradientAt(const Image& image, int x, int y, int c) {
+  return 0.5f * Eigen::Vector2f(image.at(x + 1, y, c) - image.at(x - 1, y, c),
+                                image.at(x, y + 1, c) - image.at(x, y - 1, c));
+}
+
+class EdgeFinder {
+ public:
+  explicit EdgeFinder(const Rendering& rendering) : alpha_(rendering.alpha) {
+    smoothImage(rendering.alpha, &smooth_alpha_);
+    smoothImage(rendering.colour, &smooth_colour_);
+    for (std::size_t i = 0; i < smooth_colour_.values.size(); ++i) {
+      smooth_colour_.values[i] /= std::max(0.5f, smooth_alpha_.values[i / 3]);
+    }
+  }
+
+  std::vector<EdgePixel> find() const {
+    std::vector<EdgePixel> edges;
+    for (int y = 2; y + 2 < alpha_.height; ++y) {
+      for (int x = 2; x + 2 < alpha_.width; ++x) {
+        if (alpha_.at(x, y, 0) < 0.5f) continue;
+        if (isOnContour(x, y)) {
+          const Eigen::Vector2f slope = gradientAt(smooth_alpha_, x, y, 0);
+          edges.push_back({x, y, kOutlineStrength, std::atan2(slope.y(), slope.x())});
+        } else if (isInside(x, y) && isRidge(x, y)) {
+          const Eigen::Vector2f slope = strongestAt(x, y);
+          edges.push_back({x, y, std::min(0.9f, slope.norm()), std::atan2(slope.y(), slope.x())});
+        }
+      }
+    }
+    return edges;
+  }
+
+ private:
+  bool isOnContour(int x, int y) const {
+    return std::min({alpha_.at(x - 1, y, 0), alpha_.at(x + 1, y, 0), alpha_.at(x, y - 1, 0),
+                     alpha_.at(x, y + 1, 0)}) < 0.5f;
+  }
+
+  // Not so near to the contour that what is behind shows.
+  bool isInside(int x, int y) const {
+    for (int v = y - 1; v <= y + 1; ++v) {
+      for (int u = x - 1; u <= x + 1; ++u) {
+        if (smooth_alpha_.at(u, v, 0) < 0.95f) return false;
+      }
+    }
+    return true;
+  }
+
+  Eigen::Vector2f strongestAt(int x, int y) const {
+    Eigen::Vector2f strongest = gradientAt(smooth_colour_, x, y, 0);
+    for (int c = 1; c < 3; ++c) {
+      const Eigen::Vector2f gradient = gradientAt(smooth_colour_, x, y, c);
+      if (gradient.squaredNorm() > strongest.squaredNorm()) strongest = gradient;
+    }
+    return strongest;
+  }
+
+  // Whether the gradient is strong, and no stronger to either side across the edge.
+  bool isRidge(int x, int y) const {
+    const Eigen::Vector2f here = strongestAt(x, y);
+    const float strength = here.norm();
+    if (strength < kMinInnerStrength) return false;
+    const Eigen::Vector2f across = here / strength;
+    const int dx = static_cast<int>(std::lround(across.x()));
+    const int dy = static_cast<int>(std::lround(across.y()));
+    return strength >= strongestAt(x + dx, y + dy).norm() &&
+           strength > strongestAt(x - dx, y - dy).norm();
+  }
+
+  const Image& alpha_;
+  Image smooth_alpha_, smooth_colour_;
+};
+
+using EdgeRange = std::pair<std::vector<EdgePixel>::iterator, std::vector<EdgePixel>::iterator>;
+
+/// Divides the edges by their places into halves of halves, and takes the strongest one of each:
+/// any run of 2^k chosen ones is about one place.
+void chooseEvenly(EdgeRange range, int count, std::vector<EdgePixel>* chosen) {
+  const auto [first, last] = range;
+  if (count == 1 || last - first == 1) {
+    const auto best = std::max_element(first, last, [](const EdgePixel& a, const EdgePixel& b) {
+      return std::tie(a.strength, a.y, a.x) < std::tie(b.strength, b.y, b.x);
+    });
+    chosen->insert(chosen->end(), count, *best);
+    return;
+  }
+  const auto by_x = [](const EdgePixel& a, const EdgePixel& b) {
+    return std::tie(a.x, a.y) < std::tie(b.x, b.y);
+  };
+  const auto by_y = [](const EdgePixel& a, const EdgePixel& b) {
+    return std::tie(a.y, a.x) < std::tie(b.y, b.x);
+  };
+  const auto [left, right] = std::minmax_element(first, last, by_x);
+  const auto [top, bottom] = std::minmax_element(first, last, by_y);
+  const bool is_wide = right->x - left->x >= bottom->y - top->y;
+  const auto middle = first + (last - first) / 2;
+  if (is_wide) {
+    std::nth_element(first, middle, last, by_x);
+  } else {
+    std::nth_element(first, middle, last, by_y);
+  }
+  chooseEvenly({first, middle}, count / 2, chosen);
+  chooseEvenly({middle, last}, count - count / 2, chosen);
+}
+
+}  // namespace
+
+void TemplateBankSettings::validate() const {
+  require(views >= 1 && views <= 5000, "views", views);
+  require(object_px >= 32 && object_px <= 512, "object_px", object_px);
+  require(distance > 1, "distance", distance);
+  require(edges >= 32 && edges <= 1024 && edges % 32 == 0, "edges", edges);
+}
+
+TemplateView makeTemplateView(const Rendering& rendering, const View& view,
+                              const FieldMetadata& object, int count) {
+  constexpr std::size_t kFew = 24;
+  TemplateView made;
+  made.R_O_V = view.T_O_C.R;
+  std::vector<EdgePixel> all = EdgeFinder(rendering).find(), chosen;
+  if (all.size() < kFew) return made;
+  chooseEvenly({all.begin(), all.end()}, count, &chosen);
+  const Pose T_C_O = view.T_O_C.inverse();
+  const Eigen::Vector3d centre_C = T_C_O * object.centre;
+  for (const EdgePixel& edge : chosen) {
+    const float* point = rendering.point.pixel(edge.x, edge.y);
+    const double alpha = rendering.alpha.at(edge.x, edge.y, 0);
+    const Eigen::Vector3d point_O = Eigen::Map<const Eigen::Vector3f>(point).cast<double>() / alpha;
+    const double depth = (T_C_O * point_O).z();
+    const Eigen::Vector3d point_C = depth * view.camera.direction(edge.x, edge.y);
+    made.edges.push_back({((point_C - centre_C) / object.diameter).cast<float>(), edge.normal_rad});
+  }
+  return made;
+}
+
+std::size_t TemplateBank::memory_bytes() const {
+  std::size_t bytes = 0;
+  for (const TemplateView& view : views) {
+    bytes += sizeof view + view.edges.size() * sizeof(TemplateEdge);
+  }
+  return bytes;
+}
+
+TemplateBank makeTemplateBank(const LoadedField& field, const TemplateBankSettings& settings,
+                              const CancellationToken& cancellation) {
+  settings.validate();
+  constexpr double kMargin = 1.5;  // nearer parts look larger, and the centre is not the middle
+  const FieldMetadata& object = field.field().metadata;
+  const int side = static_cast<int>(std::lround(kMargin * settings.object_px));
+  const double focal = settings.object_px * settings.distance, middle = 0.5 * (side - 1);
+  const Camera camera = {side, side, focal, focal, middle, middle};
+  TemplateBank bank;
+  for (const Eigen::Vector3d& direction : sphereDirections(settings.views)) {
+    const View view = {camera,
+                       lookingAt(object.centre, direction, settings.distance * object.diameter)};
+    bank.views.push_back(
+        makeTemplateView(field.render(view, {}, cancellation), view, object, settings.edges));
+  }
+  return bank;
+}
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,77 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "nerf_pose_refiner/detector.h"
+
+#include <cmath>
+#include <stdexcept>
+#include <utility>
+
+#include "detection/landmark_file.h"
+#include "detection/object_detector.h"
+#include "field/field.h"
+#include "field/object_frame.h"
+#include "nerf_pose_refiner/backend.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+DetectionSettings settingsOf(const DetectorOptions& options) {
+  DetectionSettings settings;
+  settings.least_score = options.trust_score;
+  settings.max_instances = options.max_instances;
+  settings.budget_s = options.budget_s;
+  settings.validate();
+  return settings;
+}
+
+}  // namespace
+
+struct Detector::Parts {
+  Object object;
+  std::shared_ptr<Backend> backend;  ///< outlives what it made
+  ObjectDetector detector;
+};
+
+std::string landmarksBeside(const std::string& model_path) { return landmarkPathOf(model_path); }
+
+Detector::Detector(std::shared_ptr<Backend> backend, const Object& object,
+                   const DetectorOptions& options, const CancellationToken& cancellation) {
+  if (!backend) throw std::invalid_argument("Detector: the backend is null");
+  const DetectionSettings settings = settingsOf(options);
+  const std::shared_ptr<const LoadedField> field = backend->load(object.field());
+  parts_.reset(new Parts{
+      object, backend,
+      ObjectDetector(backend.get(), field,
+                     landmarksFor(*field, settings.landmarks, options.landmarks_path, cancellation),
+                     settings)});
+}
+
+Detector::~Detector() = default;
+Detector::Detector(Detector&&) noexcept = default;
+Detector& Detector::operator=(Detector&&) noexcept = default;
+
+DetectionResult Detector::detect(const Observation& observation, const DetectionHint& hint,
+                                 const CancellationToken& cancellation) {
+  const FieldMetadata& metadata = parts_->object.field()->metadata;
+  const ObjectFrame frame = ObjectFrame::ofUsers(metadata);
+  SearchArea area;
+  if (hint.box) {
+    area.box = Eigen::AlignedBox2d(Eigen::Vector2d(hint.box->x_min, hint.box->y_min),
+                                   Eigen::Vector2d(hint.box->x_max, hint.box->y_max));
+  }
+  if (hint.distance) area.distance = *hint.distance / frame.lengthPerUnit();
+  const Detections found = parts_->detector.detect(observation, area, cancellation);
+  DetectionResult result;
+  result.message = found.message;
+  result.seconds = found.seconds;
+  for (const Refinement& one : found.found) {
+    Detection detection;
+    detection.T_C_O = parts_->object.objectInCamera(one.T_O_C);
+    detection.covariance = covarianceInCamera(one.covariance, one.T_O_C, metadata, frame);
+    detection.score = one.score;
+    detection.visible_fraction = one.visible_fraction;
+    result.detections.push_back(detection);
+  }
+  return result;
+}
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,19 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "nerf_pose_refiner/pose.h"
+
+namespace nerf_pose_refiner {
+
+/// Directions of length 1, evenly from all around: a spiral with the golden angle between
+/// neighbours (Gonzalez 2010).
+std::vector<Eigen::Vector3d> sphereDirections(int count);
+
+/// The pose of a camera that looks at a point. @param direction from the point to the camera, of
+/// length 1. @param distance between them.
+Pose lookingAt(const Eigen::Vector3d& point, const Eigen::Vector3d& direction, double distance);
+
+}  // namespace nerf_pose_refiner

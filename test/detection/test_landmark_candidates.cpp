@@ -1,0 +1,152 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "detection/landmark_candidates.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+
+#include <cmath>
+#include <vector>
+
+#include "field/field.h"
+#include "math/random.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+const Camera kCamera = {640, 480, 500, 500, 319.5, 239.5};
+
+double drawn(int i, std::uint64_t axis) {
+  return randomUniform(5, axis, static_cast<std::uint64_t>(i)) - 0.5;
+}
+
+/// A cube full of landmarks, seen from the front, and images of it.
+class LandmarkCandidatesTest : public testing::Test {
+ protected:
+  LandmarkCandidatesTest() {
+    object_.diameter = 1.5;
+    for (int i = 0; i < 60; ++i) {
+      Landmark landmark;
+      landmark.point = {static_cast<float>(drawn(i, 0)), static_cast<float>(drawn(i, 1)),
+                        static_cast<float>(drawn(i, 2))};
+      landmark.R_O_F = expSO3({0, 0, 6 * drawn(i, 3)}).cast<float>();
+      landmark.size = 0.1f;
+      landmarks_.places.push_back(landmark);
+    }
+  }
+
+  /// The feature that shows a landmark from a pose near the front.
+  FeaturePlace featureOf(const Pose& T_C_O, const Landmark& landmark) const {
+    const Eigen::Vector3d point_C = T_C_O * landmark.point.cast<double>();
+    const Eigen::Vector2d pixel = kCamera.project(point_C);
+    const Eigen::Vector3d along = T_C_O.R * landmark.R_O_F.col(0).cast<double>();
+    FeaturePlace feature;
+    feature.x = static_cast<float>(pixel.x());
+    feature.y = static_cast<float>(pixel.y());
+    feature.size_px = static_cast<float>(landmark.size * kCamera.fx / point_C.z());
+    feature.angle_rad = static_cast<float>(std::atan2(along.y(), along.x()));
+    return feature;
+  }
+
+  void show(const Pose& T_C_O, int first, int last) {
+    for (int i = first; i < last; ++i) {
+      features_.push_back(featureOf(T_C_O, landmarks_.places[static_cast<std::size_t>(i)]));
+      matches_.push_back({static_cast<int>(features_.size()) - 1, i, 0.5f});
+    }
+  }
+
+  void addWrong(int count) {
+    for (int i = 0; i < count; ++i) {
+      FeaturePlace feature;
+      feature.x = static_cast<float>(320 + 640 * drawn(i, 7));
+      feature.y = static_cast<float>(240 + 480 * drawn(i, 8));
+      feature.size_px = static_cast<float>(10 * std::exp(2 * drawn(i, 9)));
+      feature.angle_rad = static_cast<float>(6.28 * drawn(i, 10));
+      features_.push_back(feature);
+      matches_.push_back({static_cast<int>(features_.size()) - 1, i % 60, 0.8f});
+    }
+  }
+
+  PoseCandidates candidates() const {
+    return landmarkCandidates({kCamera, features_, landmarks_, matches_}, object_, {}, {});
+  }
+
+  static void expectPose(const PoseCandidate& candidate, const Pose& T_C_O) {
+    const Pose found = candidate.T_O_C.inverse();
+    EXPECT_LT(rotationDistance(found.R, T_C_O.R), 1e-3);
+    EXPECT_LT((found.t - T_C_O.t).norm(), 1e-2);
+  }
+
+  FieldMetadata object_;
+  Landmarks landmarks_;
+  std::vector<FeaturePlace> features_;
+  std::vector<FeatureMatch> matches_;
+};
+
+TEST_F(LandmarkCandidatesTest, FindThePoseAmongWrongMatches) {
+  const Pose truth = {expSO3({0.1, 0.2, 0.7}), {0.3, -0.2, 5}};
+  show(truth, 0, 20);
+  addWrong(200);
+  const PoseCandidates found = candidates();
+  ASSERT_FALSE(found.empty());
+  EXPECT_GE(found[0].evidence, 20);
+  EXPECT_EQ(found[0].source, CandidateSource::kLandmarks);
+  expectPose(found[0], truth);
+}
+
+TEST_F(LandmarkCandidatesTest, InstancesAreApart) {
+  const Pose one = {expSO3({0, 0, 0.5}), {-1.2, 0, 5}}, other = {expSO3({0, 0, 2}), {1.2, 0, 6}};
+  show(one, 0, 30);
+  show(other, 0, 15);  // the same landmarks again
+  const PoseCandidates found = candidates();
+  ASSERT_GE(found.size(), 2u);
+  EXPECT_EQ(found[0].evidence, 30);
+  EXPECT_EQ(found[1].evidence, 15);
+  expectPose(found[0], one);
+  expectPose(found[1], other);
+}
+
+TEST_F(LandmarkCandidatesTest, TooFewLandmarksAreNone) {
+  const Pose truth = {Eigen::Matrix3d::Identity(), {0, 0, 5}};
+  show(truth, 0, 4);
+  EXPECT_TRUE(candidates().empty());
+}
+
+TEST_F(LandmarkCandidatesTest, OnePlaceInTheImageCountsOnce) {
+  const Pose truth = {Eigen::Matrix3d::Identity(), {0, 0, 5}};
+  show(truth, 0, 4);
+  for (int i = 0; i < 5; ++i) show(truth, 3, 4);
+  EXPECT_TRUE(candidates().empty());
+}
+
+TEST_F(LandmarkCandidatesTest, OfAPlaneBothPosesAreThere) {
+  for (Landmark& landmark : landmarks_.places) landmark.point.z() *= 0.01f;
+  const Pose truth = {expSO3({0.5, 0, 0}), {0, 0, 12}};  // so far that it may be either
+  show(truth, 0, 40);
+  for (std::size_t i = 0; i < features_.size(); ++i) {
+    features_[i].x += static_cast<float>(drawn(static_cast<int>(i), 11));
+    features_[i].y += static_cast<float>(drawn(static_cast<int>(i), 12));
+  }
+  const PoseCandidates found = candidates();
+  ASSERT_GE(found.size(), 2u);
+  double least = 1, other = 1;
+  for (const PoseCandidate& candidate : found) {
+    const Eigen::Matrix3d R = candidate.T_O_C.R.transpose();
+    least = std::min(least, rotationDistance(R, truth.R));
+    other = std::min(other, rotationDistance(R, expSO3({-0.5, 0, 0})));
+  }
+  EXPECT_LT(least, 0.1);
+  EXPECT_LT(other, 0.1);
+}
+
+TEST_F(LandmarkCandidatesTest, CanBeCancelled) {
+  show({Eigen::Matrix3d::Identity(), {0, 0, 5}}, 0, 20);
+  CancellationToken cancellation;
+  cancellation.requestCancel();
+  EXPECT_THROW(
+      landmarkCandidates({kCamera, features_, landmarks_, matches_}, object_, {}, cancellation),
+      Cancelled);
+}
+
+}  // namespace
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,100 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "detection/landmark_matcher.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <stdexcept>
+
+namespace nerf_pose_refiner {
+namespace {
+
+/// Landmarks of given directions as descriptors, each at a place of its own along x, `apart` apart.
+Landmarks landmarksAt(const std::vector<float>& angles, float apart) {
+  Landmarks landmarks;
+  landmarks.descriptors.resize(static_cast<Eigen::Index>(angles.size()), 2);
+  for (std::size_t i = 0; i < angles.size(); ++i) {
+    Landmark landmark;
+    landmark.point = {apart * static_cast<float>(i), 0, 0};
+    landmark.R_O_F.setIdentity();
+    landmarks.places.push_back(landmark);
+    landmarks.descriptors.row(static_cast<Eigen::Index>(i)) << std::cos(angles[i]),
+        std::sin(angles[i]);
+  }
+  return landmarks;
+}
+
+ImageFeatures featureAt(float angle) {
+  ImageFeatures features;
+  features.places.resize(1);
+  features.descriptors.resize(1, 2);
+  features.descriptors << std::cos(angle), std::sin(angle);
+  return features;
+}
+
+TEST(LandmarkMatcher, TakesTheNearestIfTheNextPlaceIsMuchFarther) {
+  const Landmarks landmarks = landmarksAt({0, 1, 2}, 1);
+  const LandmarkMatcher matcher(landmarks, 1, {});
+  const auto matches = matcher.match(featureAt(0.1f));
+  ASSERT_EQ(matches.size(), 1u);
+  EXPECT_EQ(matches[0].feature, 0);
+  EXPECT_EQ(matches[0].landmark, 0);
+  // Chords: 2 sin(0.05) over 2 sin(0.45).
+  EXPECT_NEAR(matches[0].ratio, std::sin(0.05) / std::sin(0.45), 1e-4);
+}
+
+TEST(LandmarkMatcher, LeavesOutWhatLooksLikeTwoPlaces) {
+  const Landmarks landmarks = landmarksAt({0, 1}, 1);
+  EXPECT_TRUE(LandmarkMatcher(landmarks, 1, {}).match(featureAt(0.49f)).empty());
+}
+
+TEST(LandmarkMatcher, LandmarksOfOnePlaceDoNotCompete) {
+  const Landmarks landmarks = landmarksAt({0, 0.02f, 1}, 0.04f);  // the third is 0.08 away
+  const auto matches = LandmarkMatcher(landmarks, 1, {}).match(featureAt(0.01f));
+  ASSERT_EQ(matches.size(), 1u);
+  EXPECT_LT(matches[0].ratio, 0.1);
+  // In an object half as large they are places of their own.
+  EXPECT_TRUE(LandmarkMatcher(landmarks, 0.5, {}).match(featureAt(0.01f)).empty());
+}
+
+TEST(LandmarkMatcher, NothingToMatch) {
+  const Landmarks none, some = landmarksAt({0, 1}, 1);
+  EXPECT_TRUE(LandmarkMatcher(none, 1, {}).match(featureAt(0)).empty());
+  EXPECT_TRUE(LandmarkMatcher(some, 1, {}).match({}).empty());
+}
+
+TEST(LandmarkMatcher, FeaturesOfAnotherKindAreRefused) {
+  const Landmarks landmarks = landmarksAt({0, 1}, 1);
+  ImageFeatures features;
+  features.places.resize(1);
+  features.descriptors = Descriptors::Zero(1, 3);
+  EXPECT_THROW(LandmarkMatcher(landmarks, 1, {}).match(features), std::invalid_argument);
+}
+
+TEST(LandmarkMatcher, AnyNumberOfThreadsFindsTheSame) {
+  Landmarks landmarks;
+  landmarks.descriptors = Descriptors::Random(500, 16);
+  for (int i = 0; i < 500; ++i) {
+    Landmark landmark;
+    landmark.point = {static_cast<float>(i), 0, 0};
+    landmark.R_O_F.setIdentity();
+    landmarks.places.push_back(landmark);
+  }
+  ImageFeatures features;
+  features.places.resize(100);
+  features.descriptors = landmarks.descriptors.topRows(100) + 0.2f * Descriptors::Random(100, 16);
+  MatchingSettings one, four;
+  one.threads = 1;
+  four.threads = 4;
+  const auto a = LandmarkMatcher(landmarks, 1, one).match(features);
+  const auto b = LandmarkMatcher(landmarks, 1, four).match(features);
+  ASSERT_GT(a.size(), 50u);
+  ASSERT_EQ(a.size(), b.size());
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    EXPECT_EQ(a[i].landmark, b[i].landmark);
+    EXPECT_EQ(a[i].ratio, b[i].ratio);
+  }
+}
+
+}  // namespace
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,220 @@
+#!/usr/bin/env python3
+# Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+"""Tests of what finds the object: table, box, masks, and the dataset that is written of them."""
+import json
+import os
+import tempfile
+import unittest
+
+import cv2
+import numpy as np
+
+import scenes
+from photos import dataset, masks, object_masks, supporting_plane
+from photos.board import Board
+from photos.common import InputError
+from photos.geometry import exp_so3
+from photos.object_region import Region, on_found_table, scaled
+from photos.table_pixels import Table
+
+
+class SupportingPlane(unittest.TestCase):
+    def test_plane_and_box_of_a_box_on_a_table(self):
+        model = scenes.reconstruction(noise_px=0)
+        plane = supporting_plane.find_plane(model)
+        np.testing.assert_allclose(plane.n, [0, 0, 1], atol=1e-3)
+        self.assertAlmostEqual(plane.d, 0, delta=1e-3)
+        points = supporting_plane.points_above(model, plane)
+        self.assertGreater(points[:, 2].min(), 0)
+        self.assertTrue(np.all(np.abs(points[:, :2]) <= scenes.BOX[:2] / 2 + 1e-9))
+
+    def test_the_frame_stands_on_the_table_whatever_that_of_the_poses(self):
+        R, t = exp_so3(np.array([0.3, -0.8, 0.5])), np.array([3, -1, 2.0])
+        region = on_found_table(scenes.reconstruction(noise_px=0).moved(5, R, t))
+        # x is the longer side, 1.0 with the scale of 5; the box has margins at its sides and its top, none at the table.
+        size = np.ptp(region.points, axis=0)
+        np.testing.assert_allclose(size, 5 * scenes.BOX, rtol=0.06)
+        np.testing.assert_allclose(region.low[2], 0)
+        self.assertGreater(region.reconstruction.centres()[:, 2].min(), 0)
+        self.assertGreater(np.min(region.points[:, :2].min(axis=0) - region.low[:2]), 0)
+        np.testing.assert_allclose(0.5 * (region.points.min(axis=0) + region.points.max(axis=0))[:2], 0, atol=0.05)
+
+    def test_another_thing_on_the_table_is_not_the_object(self):
+        model = scenes.reconstruction(noise_px=0)
+        beside = np.random.default_rng(2).uniform((0.33, 0.33, 0.0), (0.4, 0.4, 0.2), (80, 3))
+        model.xyz[:80] = np.where(model.xyz[:80, 2:] == 0, beside, model.xyz[:80])
+        points = supporting_plane.points_above(model, supporting_plane.find_plane(model))
+        self.assertLess(np.abs(points[:, :2]).max(), 0.2)
+
+    def test_a_plane_of_the_object_itself_is_not_the_table(self):
+        model = scenes.reconstruction(noise_px=0)
+        self.assertEqual(on_found_table(model).low[2], 0)
+        on_box = np.all(np.abs(model.xyz[:, :2]) <= scenes.BOX[:2] / 2 + 1e-9, axis=1)
+        bottom = np.random.default_rng(1).uniform(-0.5, 0.5, (60, 3)) * scenes.BOX * (1, 1, 0)
+        on_table = np.flatnonzero(~on_box)
+        model.xyz[on_table[:60]] = bottom + (0, 0, 0.01)  # of a plain table nothing is known but the object's lower edge
+        region = on_found_table(model.of_points(on_box | np.isin(np.arange(len(on_box)), on_table[:60])))
+        self.assertAlmostEqual(region.low[2], -0.12 * 0.2, delta=0.005)
+        self.assertIn('too little texture', region.origin)
+
+    def test_no_table(self):
+        model = scenes.reconstruction()
+        model.xyz[:] = np.random.default_rng(1).normal(0, 0.1, model.xyz.shape)
+        with self.assertRaisesRegex(InputError, 'no table was found'):
+            supporting_plane.find_plane(model)
+
+    def test_nothing_on_it(self):
+        model = scenes.reconstruction(noise_px=0)
+        model = model.of_points(model.xyz[:, 2] == 0)
+        with self.assertRaisesRegex(InputError, 'above the table'):
+            supporting_plane.points_above(model, supporting_plane.find_plane(model))
+
+    def test_clusters(self):
+        points = np.array([[0, 0, 0], [0.9, 0, 0], [1.8, 0, 0], [9, 0, 0], [9.5, 0, 0]])
+        labels = supporting_plane.clusters(points, 1.0)
+        self.assertEqual([labels[0] == labels[i] for i in range(5)], [True, True, True, False, False])
+        self.assertEqual(labels[3], labels[4])
+
+
+def region_of(model):
+    points = model.xyz[model.xyz[:, 2] > 1e-6]
+    return Region(model, np.array([-0.25, -0.2, 0]), np.array([0.25, 0.2, 0.3]), False, points, 0)
+
+
+class Scale(unittest.TestCase):
+    def test_known_and_unknown(self):
+        region = region_of(scenes.reconstruction(noise_px=0))
+        metric = scaled(region, 0.5)
+        np.testing.assert_allclose(metric.high, [0.125, 0.1, 0.15])
+        self.assertEqual(metric.metres_per_unit, 1)
+        unknown = scaled(region, 0)
+        self.assertEqual((unknown.high - unknown.low).max(), 1)
+        self.assertEqual(unknown.metres_per_unit, 0)
+        self.assertLess(unknown.reconstruction.errors().max(), 1e-6)
+
+
+class Masks(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.poses = scenes.rounds(6)
+        cls.model = scenes.reconstruction(cls.poses, noise_px=0)
+        cls.photos = [dataset.PosedPhoto(f'view_{i}', f'{i}.jpg', scenes.render(pose), scenes.camera(), *pose)
+                      for i, pose in enumerate(cls.poses)]
+        cls.agreements, cls.box = object_masks.mask_photos(cls.photos, region_of(cls.model))
+
+    def test_masks_are_the_object_without_the_table(self):
+        for photo, pose in zip(self.photos, self.poses):
+            self.assertGreater(masks.agreement(photo.mask, scenes.true_mask(pose)), 0.95, photo.name)
+        self.assertGreater(min(self.agreements), 0.9)
+
+    def test_the_box_is_that_of_the_object(self):
+        # Not smaller, and larger by what twelve silhouettes leave, of which one may deny a cell.
+        low, high = self.box
+        self.assertTrue(np.all(low[:2] < (-0.1, -0.06)) and np.all(high > (0.1, 0.06, 0.16)))
+        np.testing.assert_allclose(low, [-0.1, -0.06, 0], atol=0.04)
+        np.testing.assert_allclose(high, [0.1, 0.06, 0.16], atol=0.04)
+
+    def test_a_box_that_is_too_small_grows(self):
+        region = region_of(self.model)
+        region.high[0] = 0.05
+        _, box = object_masks.mask_photos(self.photos, region)
+        self.assertAlmostEqual(box[1][0], 0.12, delta=0.02)
+
+    def test_a_mask_that_the_others_deny_is_replaced(self):
+        silhouette = np.zeros((100, 100), np.uint8)
+        silhouette[30:70, 30:70] = 255
+        mask, share = masks.agreed(np.roll(silhouette, 40, axis=1), silhouette)
+        self.assertEqual(share, 0)
+        np.testing.assert_array_equal(mask, silhouette)
+
+    def test_a_mask_may_not_cut_off_what_the_others_see(self):
+        silhouette = np.zeros((100, 100), np.uint8)
+        silhouette[30:70, 30:70] = 255
+        mask = silhouette.copy()
+        mask[30:70, 60:70] = 0
+        result, share = masks.agreed(mask, silhouette)
+        self.assertAlmostEqual(share, 0.75)
+        self.assertEqual(result[50, 68], 255)  # within one pixel of the silhouette: the band is 0.025 of 40 px
+
+    def test_votes(self):
+        volume = masks.Volume(np.array([-0.25, -0.2, 0]), np.array([0.25, 0.2, 0.3]))
+        views = [masks.View(photo.image, photo.camera, (photo.R, photo.t)) for photo in self.photos]
+        volume.vote(views, [scenes.true_mask(pose) for pose in self.poses])
+        low, high = volume.bounds()
+        np.testing.assert_allclose(high[:2], [0.1, 0.06], atol=0.03)
+        # From above the hull of silhouettes is higher than the box by little: cameras stand at 25 and 50 degrees.
+        self.assertTrue(0.155 < high[2] < 0.2, high)
+        self.assertLess(volume.cells[volume.occupied][:, 2].min(), volume.size)
+
+
+class TableInPhotos(unittest.TestCase):
+    """The object has the colours of the board below it."""
+
+    def test_what_surely_shows_the_table(self):
+        board = Board(12, 12, 40.0, 30.0, '4X4_100')
+        painted = scenes.on_board(board)
+        painted = painted[:1] + [(corners, painted[0][1]) for corners, _ in painted[1:]]
+        camera = scenes.Camera(480, 360, np.array([460.0, 460, 240, 180, 0, 0, 0, 0]))
+        poses = scenes.rounds(6, (35, 60))
+        views = [masks.View(scenes.render(pose, camera, painted), camera, pose) for pose in poses]
+        points, _ = scenes.scene_points(np.random.default_rng(1))
+        table = Table(views, (np.array([-0.15, -0.1, 0]), np.array([0.15, 0.1, 0.2])), points[points[:, 2] > 1e-6])
+        for view, pose in zip(views, poses):
+            shown, truth = table.pixels(view) > 0, scenes.true_mask(pose, camera) > 0
+            self.assertLess(np.mean(shown[truth]), 0.03)
+            ring = cv2.dilate(np.uint8(truth), np.ones((31, 31), np.uint8)) > 0
+            self.assertGreater(np.mean(shown[ring & ~truth]), 0.08)  # edges of the squares
+
+    def test_a_plain_table_says_nothing(self):
+        painted = [(corners, np.full((64, 64, 3), 200 if i == 0 else 60, np.uint8))
+                   for i, (corners, _) in enumerate(scenes.quads())]
+        poses = scenes.rounds(4)
+        views = [masks.View(scenes.render(pose, None, painted), scenes.camera(), pose) for pose in poses]
+        points, _ = scenes.scene_points(np.random.default_rng(1))
+        table = Table(views, (np.array([-0.15, -0.1, 0]), np.array([0.15, 0.1, 0.2])), points[points[:, 2] > 1e-6])
+        for view, pose in zip(views, poses):
+            self.assertLess(np.mean(table.pixels(view)[scenes.true_mask(pose) > 0] > 0), 0.01)
+
+
+class Dataset(unittest.TestCase):
+    def test_what_is_written(self):
+        # The camera stands 2 m before the origin on the x axis, upright: it sees along -x; OpenGL's z looks back, to +x.
+        R, t = scenes.looking_at(np.array([2.0, 0, 0]), np.zeros(3))
+        photos = [dataset.PosedPhoto(f'view_{i}', f'IMG {i}.jpg', scenes.render((R, t)), scenes.camera(), R, t,
+                                     np.full((scenes.HEIGHT, scenes.WIDTH), 255, np.uint8)) for i in range(9)]
+        with tempfile.TemporaryDirectory() as top:
+            folder = os.path.join(top, 'dataset')
+            dataset.write_dataset(photos, (np.zeros(3), np.array([1, 2, 3.0])), 0.25, folder)
+            contents = {}
+            for part in ('train', 'test'):
+                with open(os.path.join(folder, f'transforms_{part}.json'), encoding='utf-8') as file:
+                    contents[part] = json.load(file)
+            self.assertEqual([len(contents[part]['frames']) for part in ('train', 'test')], [8, 1])
+            frame = contents['test']['frames'][0]
+            self.assertEqual(frame['source'], 'IMG 4.jpg')  # of eight the one in the middle is held out
+            np.testing.assert_allclose(frame['transform_matrix'],
+                                       [[0, 0, 1, 2], [1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1]], atol=1e-12)
+            self.assertEqual([frame[key] for key in ('w', 'h', 'fl_x', 'cx')], [320, 240, 330, 160])
+            self.assertEqual(contents['train']['object_aabb'], [[0, 0, 0], [1, 2, 3]])
+            self.assertEqual(contents['train']['metres_per_unit'], 0.25)
+            for key in ('file_path', 'mask_path'):
+                self.assertIsNotNone(cv2.imread(os.path.join(folder, frame[key])))
+            self.assertEqual(os.listdir(top), ['dataset'])
+
+    def test_distortion_is_taken_out(self):
+        bent = scenes.camera(distortion=(-0.2, 0.05, 0, 0))
+        with tempfile.TemporaryDirectory() as folder:
+            path = os.path.join(folder, 'a.png')
+            image = np.full((scenes.HEIGHT, scenes.WIDTH), 255, np.uint8)
+            corner = np.array([[0.3, 0.2, 1]])
+            x, y = bent.pixels(corner)[0] - 0.5
+            cv2.circle(image, (round(x * 16), round(y * 16)), 5 * 16, 0, -1, cv2.LINE_AA, 4)
+            cv2.imwrite(path, image)
+            flat, pinhole = dataset.undistorted(path, bent)
+        moments = cv2.moments(255 - cv2.cvtColor(flat, cv2.COLOR_BGR2GRAY))
+        found = np.array([moments['m10'], moments['m01']]) / moments['m00'] + 0.5
+        np.testing.assert_allclose(found, pinhole.pixels(corner)[0], atol=0.15)
+
+
+if __name__ == '__main__':
+    unittest.main()

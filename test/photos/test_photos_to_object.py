@@ -1,0 +1,254 @@
+#!/usr/bin/env python3
+# Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+"""Tests of scripts/photos_to_object as users call it, with a stand-in for COLMAP.
+
+    test_photos_to_object.py [TOOLS]
+
+TOOLS: folder of the programs train and render; without it, nothing is learned.
+"""
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import unittest
+
+import cv2
+import numpy as np
+
+import scenes
+from photos.board import Board, text_of
+from photos.masks import agreement
+
+PROGRAM = os.path.join(scenes.TOP, 'scripts', 'photos_to_object')
+HERE = os.path.dirname(os.path.abspath(__file__))
+TOOLS = os.path.abspath(sys.argv.pop()) if len(sys.argv) > 1 and os.path.isdir(sys.argv[-1]) else None
+
+
+def quaternion(R):
+    """w x y z."""
+    r = cv2.Rodrigues(R)[0].ravel()
+    angle = np.linalg.norm(r)
+    axis = r / angle if angle > 0 else r
+    return [np.cos(angle / 2), *(np.sin(angle / 2) * axis)]
+
+
+def write_model(model, folder):
+    """As COLMAP's text files; cameras are RADIAL."""
+    os.makedirs(folder)
+
+    def write(name, lines):
+        with open(os.path.join(folder, name), 'w', encoding='utf-8') as file:
+            file.write('\n'.join(lines) + '\n')
+
+    write('cameras.txt', [f'{i + 1} RADIAL {c.width} {c.height} {c.parameters[0]} {c.parameters[2]} {c.parameters[3]} 0 0'
+                          for i, c in enumerate(model.cameras)])
+    images = []
+    for i, name in enumerate(model.names):
+        pose = ' '.join(f'{x:.12g}' for x in [*quaternion(model.R[i]), *model.t[i]])
+        images.append(f'{i + 1} {pose} {model.camera_of[i] + 1} {name}')
+        of_it = model.photo_of == i
+        images.append(' '.join(f'{x:.4f} {y:.4f} {point}' for (x, y), point in zip(model.xy[of_it], model.point_of[of_it])))
+    write('images.txt', images)
+    write('points3D.txt', [f'{i} {x:.9g} {y:.9g} {z:.9g} 0 0 0 0' for i, (x, y, z) in enumerate(model.xyz)])
+
+
+class Command(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.top = folder.name
+        self.bin, self.photos, self.output = (os.path.join(self.top, name) for name in ('bin', 'photos', 'output'))
+        os.mkdir(self.bin)
+        os.symlink(os.path.join(HERE, 'stand_in_colmap'), os.path.join(self.bin, 'colmap'))
+        self.poses = scenes.rounds(8)
+        self.model = scenes.reconstruction(self.poses)
+
+    def take_photos(self, folder=None, camera=None, painted=None):
+        folder = folder or self.photos
+        os.makedirs(folder)
+        for i, pose in enumerate(self.poses):
+            cv2.imwrite(os.path.join(folder, f'IMG {i:02d}.png'), scenes.render(pose, camera, painted))
+
+    def run_program(self, *words, source=None, **environment):
+        prepared = os.path.join(self.top, 'prepared')
+        shutil.rmtree(prepared, ignore_errors=True)
+        write_model(self.model, prepared)
+        env = {**os.environ, 'PATH': f'{self.bin}:/usr/bin:/bin', 'PREPARED_MODEL': prepared,
+               'COLMAP_CALLS': os.path.join(self.top, 'calls'), **environment}
+        return subprocess.run([sys.executable, PROGRAM, source or self.photos, '-o', self.output, *words], env=env,
+                              stdout=subprocess.PIPE, stderr=subprocess.PIPE, universal_newlines=True, check=False)
+
+    def calls(self):
+        path = os.path.join(self.top, 'calls')
+        if not os.path.exists(path):
+            return []
+        with open(path, encoding='utf-8') as file:
+            return file.read().split()
+
+    def read(self, *names):
+        with open(os.path.join(self.output, *names), encoding='utf-8') as file:
+            return json.load(file)
+
+
+class OneObject(Command):
+    def test_photos_to_a_dataset_that_is_not_made_twice(self):
+        self.take_photos()
+        self.model = self.model.of_photos([i for i in range(16) if i not in (3, 9)])
+        result = self.run_program('--no-training')
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertIn('2 of 16 photos have no pose: 2 their place does not agree with the others (IMG 03.png, IMG 09.png)',
+                      result.stdout)
+        self.assertEqual(self.calls(), ['feature_extractor', 'matches_importer', 'mapper'])
+        self.check_dataset()
+        report = self.read('report.json')
+        self.assertEqual((report['posed'], report['photos'], report['wrong'], report['folded']), (14, 16, {}, []))
+        self.assertTrue(any('scale is unknown' in text for text in report['advice']), report['advice'])
+        with open(os.path.join(self.output, 'report.html'), encoding='utf-8') as file:
+            page = file.read()
+        self.assertEqual(page.count('src="data:image/jpeg;base64,'), 14)
+        self.assertNotRegex(page, 'src="(?!data:)|href=')  # nothing outside of the file
+        again = self.run_program('--no-training')
+        self.assertEqual((again.returncode, len(self.calls())), (0, 3), again.stderr)
+        self.assertNotIn(' ..\n', again.stdout)  # no step was done
+
+    def check_dataset(self):
+        train, test = self.read('dataset', 'transforms_train.json'), self.read('dataset', 'transforms_test.json')
+        self.assertEqual((len(train['frames']), len(test['frames'])), (12, 2))
+        low, high = np.array(train['object_aabb'])
+        # The scale is unknown: the box is as wide as it was searched, and about as long, wide and high as the object.
+        np.testing.assert_allclose((high - low) / (high - low)[0], scenes.BOX / scenes.BOX[0], atol=0.2)
+        for frame in train['frames'] + test['frames']:
+            pose = self.poses[int(frame['source'][4:6])]
+            mask = cv2.imread(os.path.join(self.output, 'dataset', frame['mask_path']), cv2.IMREAD_GRAYSCALE)
+            self.assertGreater(agreement(mask, scenes.true_mask(pose)), 0.93, frame['source'])
+
+    def test_an_interrupted_run_goes_on(self):
+        self.take_photos()
+        result = self.run_program('--no-training', COLMAP_FAILS='mapper')
+        self.assertEqual(result.returncode, 1)
+        self.assertRegex(result.stderr, r'colmap mapper failed \(exit code 3\).*it went wrong here')
+        self.assertFalse([name for name in os.listdir(os.path.join(self.output, 'colmap')) if 'parts' in name])
+        result = self.run_program('--no-training')
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertEqual(self.calls(), ['feature_extractor', 'matches_importer', 'mapper', 'mapper'])
+
+    def test_a_known_length_gives_the_scale(self):
+        self.take_photos()
+        ends = np.array([[0.1, -0.06, 0.16], [0.1, 0.06, 0.16]])
+        marks = []
+        for i in (0, 5):
+            marks += [f'IMG {i:02d}.png', *map(str, self.model.projected(i, ends).ravel())]
+        result = self.run_program('--no-training', '--length', '0.06', *marks)  # half of what the model says
+        self.assertEqual(result.returncode, 0, result.stderr)
+        train = self.read('dataset', 'transforms_train.json')
+        self.assertEqual(train['metres_per_unit'], 1)
+        heights = np.array([frame['transform_matrix'] for frame in train['frames']])[:, 2, 3]
+        expected = 0.5 * (0.06 + scenes.DISTANCE * np.sin(np.radians([25, 50])))
+        np.testing.assert_allclose([heights.min(), heights.max()], expected, rtol=0.01)
+
+    def test_wrong_poses_are_named_and_solved_again(self):
+        self.take_photos()
+        for photo in (2, 11):
+            self.model.R, self.model.t = scenes.turned(self.model, photo, 8)
+        result = self.run_program('--no-training')
+        self.assertEqual(result.returncode, 0, result.stderr)
+        for name in ('IMG 02.png', 'IMG 11.png'):
+            self.assertRegex(result.stdout, name + ': the points that it sees lie .* px beside where its pose puts them; its '
+                             'pose was solved again')
+        self.assertEqual(self.read('report.json')['posed'], 16)
+
+    def test_a_folded_model_is_solved_again_with_its_larger_part(self):
+        both, n = scenes.folded(shared=0.0)
+        self.model = both.of_photos(list(range(2 * n - 2)))
+        self.model.names = [f'camera_0/view_{i:04d}.jpg' for i in range(2 * n - 2)]
+        self.poses = list(zip(self.model.R, self.model.t))
+        self.take_photos()
+        result = self.run_program('--no-training')
+        self.assertIn('the model was folded: 10 photos (IMG 12.png, IMG 13.png, IMG 14.png ..)', result.stdout,
+                      result.stderr)
+        self.assertEqual(self.calls()[2:], ['mapper', 'mapper'])
+        self.assertEqual(self.read('report.json')['posed'], n)
+
+    def test_a_board_gives_poses_and_scale_without_colmap(self):
+        """A camera of 640 x 480 at 0.8 m: poses within 2 mm, though the lens is not known."""
+        board = Board(12, 12, 40.0, 30.0, '4X4_100')
+        camera = scenes.Camera(640, 480, np.array([620.0, 620, 320, 240, 0, 0, 0, 0]))
+        self.poses = scenes.rounds(10, (35, 60))
+        self.take_photos(camera=camera, painted=scenes.on_board(board))
+        result = self.run_program('--no-training', '--poses', 'board', '--board', text_of(board))
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertEqual(self.calls(), [])
+        report, train = self.read('report.json'), self.read('dataset', 'transforms_train.json')
+        self.assertEqual((report['posed'], train['metres_per_unit']), (20, 1))
+        for frame in train['frames']:
+            R, t = self.poses[int(frame['source'][4:6])]
+            self.assertLess(np.linalg.norm(np.array(frame['transform_matrix'])[:3, 3] + R.T @ t), 0.002)
+        low, high = np.array(train['object_aabb'])
+        self.assertTrue(np.all(low[:2] < -scenes.BOX[:2] / 2) and np.all(high > scenes.BOX * (0.5, 0.5, 1)), (low, high))
+        np.testing.assert_allclose(high - low, scenes.BOX, atol=0.08)
+
+    def test_a_model_with_a_focal_length_for_each_photo_is_named_and_solved_again(self):
+        project = os.path.join(self.top, 'project')
+        self.take_photos(os.path.join(project, 'images'))
+        cameras = [scenes.camera(scenes.FOCAL * (1 + 0.01 * i)) for i in range(len(self.poses))]
+        write_model(scenes.reconstruction(self.poses, cameras=cameras), os.path.join(project, 'sparse', '0'))
+        result = self.run_program('--no-training', source=project)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        # From 1 to 1.15; the median is 1.075.
+        self.assertIn('the model in sparse/0 is not used: focal lengths of one camera differ by 14 %', result.stdout)
+        self.assertEqual(self.calls(), ['feature_extractor', 'matches_importer', 'mapper'])
+        self.assertEqual(self.read('report.json')['posed'], 16)
+
+    def test_what_cannot_be_used(self):
+        self.take_photos()
+        for words, message in ((('--poses', 'board'), 'needs --board'), (('--board', 'x'), "'x' is no board"),
+                               (('--length', '1', 'none.jpg', '1', '2', '3', '4'), '--length: give METRES')):
+            result = self.run_program('--no-training', *words)
+            self.assertEqual(result.returncode, 1)
+            self.assertIn(message, result.stderr)
+            self.assertFalse(os.path.exists(os.path.join(self.output, 'dataset')))
+        os.unlink(os.path.join(self.bin, 'colmap'))
+        if not shutil.which('colmap', path='/usr/bin:/bin'):
+            self.assertIn('COLMAP is not installed', self.run_program('--no-training').stderr)
+
+    @unittest.skipUnless(TOOLS, 'without the folder of the tools')
+    def test_learning_and_the_report(self):
+        self.take_photos()
+        words = ('--tools', TOOLS, '--steps', '200', '--backend', 'cpu', '--metres-per-unit', '1', '--name', 'crate')
+        result = self.run_program(*words)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertTrue(os.path.isfile(os.path.join(self.output, 'crate.safetensors')))
+        report = self.read('report.json')
+        self.assertEqual(len(report['quality']), 16)
+        self.assertEqual(sum(row['held_out'] for row in report['quality']), 2)
+        self.assertGreater(np.mean([row['psnr_object_db'] for row in report['quality'] if row['held_out']]), 12)
+        self.assertEqual(report['model']['metres_per_unit'], 1)
+        self.assertIn('PSNR on the object, 2 held-out photos', result.stdout)
+
+
+class ManyObjects(Command):
+    def test_parts_failures_and_the_overview(self):
+        objects = os.path.join(self.top, 'objects')
+        for name in ('a', 'b', 'c'):
+            self.take_photos(os.path.join(objects, name))
+        os.makedirs(os.path.join(objects, 'empty'))
+        first = self.run_program('--many', '--no-training', '--part', '0/2', source=objects)
+        self.assertEqual(first.returncode, 0, first.stderr)
+        self.assertEqual([row['state'] for row in self.read('index.json')], ['done', 'not yet', 'done', 'not yet'])
+        second = self.run_program('--many', '--no-training', '--part', '1/2', source=objects)
+        self.assertEqual(second.returncode, 1)
+        rows = {row['name']: row for row in self.read('index.json')}
+        self.assertEqual(rows['empty']['state'], 'failed')
+        self.assertIn('holds no photos', rows['empty']['why'])
+        self.assertEqual([rows[name]['state'] for name in 'ac'], ['done', 'done'])
+        before = len(self.calls())
+        self.run_program('--many', '--no-training', '--part', '0/2', source=objects)
+        self.assertEqual(len(self.calls()), before)
+        wrong = self.run_program('--many', '--part', '2/2', source=objects)
+        self.assertIn('--part 2/2: write i/n', wrong.stderr)
+
+
+if __name__ == '__main__':
+    unittest.main()

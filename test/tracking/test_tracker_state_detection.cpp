@@ -1,0 +1,123 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "tracker_state_fixture.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+class DetectingStateTest : public TrackerStateTest {
+ protected:
+  DetectingStateTest() { startBy(TrackStart::kBoth); }
+
+  void startBy(TrackStart start) {
+    rules_.start = start;
+    rules_.detect_rate_hz = 2;  // every half second
+    rules_.recover_s = 5;
+    restart();
+  }
+
+  void miss(double seconds) {
+    const ImageDecision decision = image(seconds);
+    ASSERT_TRUE(decision.detect);
+    EXPECT_FALSE(decision.start);
+    EXPECT_TRUE(state_.notTrusted(decision.ticket, TrackReason::kDiverged, ""));
+  }
+
+  void lose(double seconds) {
+    for (int i = 0; i <= rules_.max_failures; ++i) {
+      state_.notTrusted(image(seconds + 0.01 * i).ticket, TrackReason::kLowScore, "");
+    }
+    expect(TrackState::kLost, TrackReason::kLowScore);
+  }
+};
+
+TEST_F(DetectingStateTest, WithoutAPoseItLooksEverywhereAtARate) {
+  miss(0);
+  expect(TrackState::kWaiting, TrackReason::kDiverged);
+  const ImageDecision soon = image(0.4);
+  EXPECT_FALSE(soon.detect || soon.start);
+  EXPECT_TRUE(image(0.5).detect);
+}
+
+TEST_F(DetectingStateTest, WhatIsFoundIsTracked) {
+  const ImageDecision decision = image(0);
+  ASSERT_TRUE(state_.trusted(decision.ticket, {}));
+  expect(TrackState::kTracking, TrackReason::kNone);
+  const ImageDecision next = image(10);
+  EXPECT_FALSE(next.detect);
+  ASSERT_TRUE(next.start);
+  EXPECT_TRUE(next.start->tracked);
+  EXPECT_FALSE(next.previous) << "nothing is known of its motion";
+}
+
+TEST_F(DetectingStateTest, AnInitialPoseComesFirst) {
+  state_.offer(poseAt(at(0), 0.3));
+  const ImageDecision decision = image(0);
+  EXPECT_FALSE(decision.detect);
+  ASSERT_TRUE(decision.start);
+  EXPECT_EQ(decision.start->T_P_U.t.x(), 0.3);
+}
+
+TEST_F(DetectingStateTest, DetectionAloneIgnoresInitialPoses) {
+  startBy(TrackStart::kDetect);
+  state_.offer(poseAt(at(0), 0.3));
+  EXPECT_TRUE(image(0).detect);
+}
+
+TEST_F(DetectingStateTest, AnInitialPoseAloneNeverDetects) {
+  startBy(TrackStart::kInitialPose);
+  const ImageDecision decision = image(0);
+  EXPECT_FALSE(decision.detect || decision.start);
+  EXPECT_TRUE(state_.needsInitialPose(at(1)));
+}
+
+TEST_F(DetectingStateTest, ALostObjectIsLookedForEverywhereAndAroundItsLastPose) {
+  state_.offer(poseAt(at(0)));
+  track(0, 0.5);
+  lose(1);
+  miss(1.1);
+  expect(TrackState::kLost, TrackReason::kDiverged);
+  const ImageDecision between = image(1.2);
+  EXPECT_FALSE(between.detect);
+  ASSERT_TRUE(between.start) << "around the last pose";
+  EXPECT_EQ(between.start->T_P_U.t.x(), 0.5);
+  state_.notTrusted(between.ticket, TrackReason::kLowScore, "");
+  miss(1.6);
+  miss(20);  // long after ~recover_s
+  EXPECT_FALSE(image(20.1).start);
+  const ImageDecision found = image(21);
+  ASSERT_TRUE(state_.trusted(found.ticket, {}));
+  expect(TrackState::kTracking, TrackReason::kNone);
+}
+
+TEST_F(DetectingStateTest, ImagesBetweenDetectionsAreLeftAlone) {
+  EXPECT_FALSE(state_.needsInitialPose(at(0)));
+  miss(0);
+  EXPECT_TRUE(state_.needsInitialPose(at(0.4)));
+  EXPECT_FALSE(state_.needsInitialPose(at(0.5)));
+}
+
+TEST_F(DetectingStateTest, AResetDetectsAnew) {
+  miss(0);
+  state_.reset();
+  EXPECT_TRUE(image(0.1).detect);
+}
+
+TEST_F(DetectingStateTest, WhatAResetOvertakesIsDropped) {
+  const ImageDecision decision = image(0);
+  state_.reset();
+  EXPECT_FALSE(state_.trusted(decision.ticket, {}));
+  EXPECT_FALSE(state_.notTrusted(decision.ticket, TrackReason::kDiverged, ""));
+}
+
+TEST_F(DetectingStateTest, TimeThatGoesBackDoesNotHoldItUp) {
+  miss(100);
+  EXPECT_TRUE(image(0).detect);
+}
+
+TEST_F(DetectingStateTest, NothingIsDetectedWhileDisabled) {
+  state_.setEnabled(false);
+  EXPECT_FALSE(image(0).detect);
+}
+
+}  // namespace
+}  // namespace nerf_pose_refiner
