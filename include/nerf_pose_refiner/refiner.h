@@ -53,7 +53,7 @@ struct RefinerOptions {
   /// right. "paper", "paper_single": parallel inversion (Lin et al., ICRA 2023).
   std::string preset = "keyframes";
   double trust_score = 0.9;  ///< a pose with a lower score is not trusted, 0..1
-  std::uint64_t seed = 1;     ///< the same seed, backend and calls give the same results
+  std::uint64_t seed = 1;    ///< the same seed, backend and calls give the same results
 };
 
 /// Finds the pose of an object in one image, near a prior.

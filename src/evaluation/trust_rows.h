@@ -35,8 +35,8 @@ struct TrustImage {
 /// A condition under which published poses must be right.
 struct TrustRow {
   std::string name;
-  bool tracked = false;  ///< images follow one another, and the object is tracked from the first
-                         ///< on; otherwise each is searched from a wrong start of its own
+  bool tracked = false;     ///< images follow one another, and the object is tracked from the first
+                            ///< on; otherwise each is searched from a wrong start of its own
   double start_factor = 1;  ///< how much farther off these starts are than elsewhere
   std::function<std::vector<TrustImage>(const TrustScene&)> images;
 };

@@ -237,9 +237,7 @@ class LevelMaker {
     return chosen;
   }
 
-  int tileOf(int pixel) const {
-    return tileOfPixel(pixel, width_);
-  }
+  int tileOf(int pixel) const { return tileOfPixel(pixel, width_); }
 
   ChosenSurface surfaceAt(int x, int y) const {
     ChosenSurface surface;
