@@ -38,12 +38,13 @@ AlignedKeyframe alignedOf(const CudaAlignedKeyframe& from) {
   AlignedKeyframe to;
   to.pose = from.pose;
   to.sums = from.sums;
-  std::copy(from.scatter, from.scatter + 21, to.scatter.gradients);
-  to.scatter.information = from.scatter[21];
-  to.scatter.squared_information = from.scatter[22];
+  std::copy(from.tiles, from.tiles + 21, to.scatter.gradients);
+  to.scatter.information = from.tiles[21];
+  to.scatter.squared_information = from.tiles[22];
+  to.tiles = {from.tiles[23], from.tiles[24]};
   to.loss = from.loss;
   to.most_weight = from.most_weight;
-  to.evidence = {static_cast<float>(from.explained), static_cast<float>(from.chance)};
+  to.evidence = {static_cast<float>(from.explained), static_cast<float>(from.chance), 0};
   to.evaluations = static_cast<int>(from.evaluations);
   return to;
 }

@@ -79,12 +79,15 @@ struct CudaKeyframeStart {
   int frame_level;  ///< of the frame's levels at hand, that the finest level is compared with
 };
 
+/// Numbers that are summed over tiles.
+constexpr int kTileSums = 25;
+
 /// What its alignment found; plain, for it stands in shared memory.
 struct CudaAlignedKeyframe {
   CameraPose<double> pose;
   PointSums<double> sums;
-  /// @see TileScatter: gradients, information, squared information.
-  double scatter[23];
+  /// @see TileScatter: gradients, information, squared information; TileEvidence: judged, seen.
+  double tiles[kTileSums];
   double loss, most_weight;
   double explained, chance;  ///< @see EvidenceSums
   std::int64_t evaluations;

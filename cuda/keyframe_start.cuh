@@ -192,7 +192,8 @@ class StartAlignment {
 
   /// Sums of the trial, in shared memory behind it for the block's first warp.
   /// @param looks whether rows were summed anew: local colours follow from them.
-  /// @tparam kOnlyEvidence weight and cost are what explains the image and chance instead.
+  /// @tparam kOnlyEvidence weight, cost and robust_weight are what explains the image, chance and
+  /// the weight of points instead.
   template <bool kOnlyEvidence = false>
   __device__ void evaluate(const KeyframeLevelRules& rules, bool looks) {
     // Taken in turns: another block may still be reading the ones before.
@@ -244,6 +245,7 @@ class StartAlignment {
       addOutlineEvidence(point.opacity, seen, of_outline, &evidence);
       terms->sums.weight = evidence.explained;
       terms->sums.cost = evidence.chance;
+      terms->sums.robust_weight = evidence.weight;
       return;
     }
     float along[6];
@@ -271,6 +273,7 @@ class StartAlignment {
       addEvidence(residual, weight, rules.robust_scale, &evidence);
       terms->sums.weight = evidence.explained;
       terms->sums.cost = evidence.chance;
+      terms->sums.robust_weight = evidence.weight;
       return;
     }
     addPoint(pointFlow(scene.image.K, transform, place.p, point.q), residual, weight,
@@ -334,37 +337,46 @@ class StartAlignment {
   __device__ void finish(int i) {
     __syncthreads();
     if (crew_.rank != 0) return;
-    TileScatter scatter;
-    if (shared_.best.loss < HUGE_VAL) scatter = ownTiles();
+    TileSums tiles;
+    if (shared_.best.loss < HUGE_VAL) tiles = ownTiles();
     double of_warp = 0;
-    const double* sums = reinterpret_cast<const double*>(&scatter);
+    const double* sums = reinterpret_cast<const double*>(&tiles);
 #pragma unroll
-    for (int k = 0; k < kScatterSums; ++k) {
+    for (int k = 0; k < kTileSums; ++k) {
       double sum = sums[k];
       for (int away = 16; away > 0; away /= 2) sum += __shfl_xor_sync(kAllLanes, sum, away);
       if (laneIndex() == k) of_warp = sum;
     }
     const double total = sumOverWarps(of_warp);
-    if (threadIdx.x < kScatterSums) shared_.best.scatter[threadIdx.x] = total;
+    if (threadIdx.x < kTileSums) shared_.best.tiles[threadIdx.x] = total;
     __syncthreads();
     copyWords(shared_.best, &task_.found[i]);
   }
 
-  /// What this thread's tiles add to the scatter of the best pose's gradient.
-  __device__ TileScatter ownTiles() const {
+  /// What this thread's tiles add to the scatter of the best pose's gradient, and to its evidence,
+  /// which was evaluated last.
+  __device__ TileSums ownTiles() const {
     const float* groups = groupSums(1 - shared_.trial_groups);
+    const float* evidence = groupSums(shared_.trial_groups);
+    const double full_chance = chanceLoss(task_.rules[task_.finest_level].robust_scale);
     const CudaKeyframeLevel& level = shared_.scene.level;
-    TileScatter scatter;
+    TileSums of_tiles;
     for (int t = threadIdx.x; t < level.tile_count; t += kAlignThreads) {
       NormalEquations6<float> tile;
+      EvidenceSums<float> says = {};
       for (int g = level.tiles[t] / kGroup; g < level.tiles[t + 1] / kGroup; ++g) {
         const auto& sums = reinterpret_cast<const PointTerms*>(groups)[g].sums;
         for (int k = 0; k < 21; ++k) tile.information[k] += sums.information[k];
         for (int k = 0; k < 6; ++k) tile.gradient[k] += sums.gradient[k];
+        const auto& seen = reinterpret_cast<const PointTerms*>(evidence)[g].sums;
+        says.explained += seen.weight;
+        says.chance += seen.cost;
+        says.weight += seen.robust_weight;
       }
-      scatter.addTile(tile);
+      of_tiles.scatter.addTile(tile);
+      of_tiles.evidence.addTile(says, full_chance);
     }
-    return scatter;
+    return of_tiles;
   }
 
   const KeyframeAlignmentTask& task_;

@@ -2,14 +2,20 @@
 #pragma once
 
 #include "keyframe_points.cuh"
+#include "math/tile_evidence.h"
 #include "math/tile_scatter.h"
 
 namespace nerf_pose_refiner {
 
 constexpr int kGroup = 8;  // points: lanes of a warp that sum together
 constexpr int kGroupsOfChunk = kChunkPoints / kGroup;
-constexpr int kScatterSums = 23;  // numbers of a TileScatter
-static_assert(sizeof(TileScatter) == kScatterSums * sizeof(double), "");
+
+/// What tiles add: numbers of CudaAlignedKeyframe::tiles.
+struct TileSums {
+  TileScatter scatter;
+  TileEvidence evidence;
+};
+static_assert(sizeof(TileSums) == kTileSums * sizeof(double), "");
 
 /// What a point adds.
 struct PointTerms {

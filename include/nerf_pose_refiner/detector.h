@@ -33,7 +33,7 @@ struct Detection {
   Pose T_C_O;  ///< object in the camera's optical frame [m]
   /// As RefineResult::covariance.
   Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
-  double score = 0;  ///< 0: as badly as wrong poses of this object; 1: as well as right ones
+  double score = 0;             ///< how likely the pose is right, 0..1
   double visible_fraction = 0;  ///< of the object's silhouette that agrees with the image, 0..1
 };
 
@@ -49,9 +49,9 @@ struct DetectorOptions {
   /// File that keeps the object's landmarks, so that they are made once; empty: they are made by
   /// each detector. @see landmarksBeside
   std::string landmarks_path;
-  double trust_score = 0.18;  ///< a pose with a lower score is no detection, 0..1
-  int max_instances = 10;     ///< of the object in one image
-  double budget_s = 0;        ///< after it no further candidate is tried; 0: there is no limit
+  double trust_score = 0.9;  ///< a pose that is less likely right is no detection, 0..1
+  int max_instances = 10;    ///< of the object in one image
+  double budget_s = 0;       ///< after it no further candidate is tried; 0: there is no limit
 };
 
 /// Where landmarks of a model file are kept: <name>.landmarks beside <name>.safetensors.

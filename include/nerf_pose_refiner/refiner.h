@@ -39,7 +39,7 @@ struct RefineResult {
   /// Covariance of T_C_O: position of O's origin, then rotation, both along and about the axes of
   /// C, in the order x, y, z, about x, about y, about z [m^2, rad^2] (as geometry_msgs has it).
   Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
-  double score = 0;  ///< 0: fits as badly as wrong poses of this object; 1: as well as right ones
+  double score = 0;  ///< 0..1: probability that the pose is right, within 5 degrees and 5 %
   double visible_fraction = 0;  ///< of the object's silhouette that agrees with the image, 0..1
   double seconds = 0;           ///< that the search took
   std::vector<WeightedPose> hypotheses;  ///< those of the last stage, best first
@@ -52,8 +52,8 @@ struct RefinerOptions {
   /// coarse to fine; uses masks. "track": the same with fewer stages, for a prior that is nearly
   /// right. "paper", "paper_single": parallel inversion (Lin et al., ICRA 2023).
   std::string preset = "keyframes";
-  double trust_score = 0.18;  ///< a pose with a lower score is not trusted, 0..1
-  std::uint64_t seed = 1;     ///< the same seed, backend and calls give the same results
+  double trust_score = 0.9;  ///< a pose with a lower score is not trusted, 0..1
+  std::uint64_t seed = 1;    ///< the same seed, backend and calls give the same results
 };
 
 /// Finds the pose of an object in one image, near a prior.

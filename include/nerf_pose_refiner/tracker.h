@@ -22,11 +22,11 @@ struct TrackerOptions {
   double search_rotation_rad = 0.26179938779914941;
   /// Half width of the search around an initial pose, per axis [object diameters].
   double search_translation = 0.15;
-  double trust_score = 0.18;  ///< score at which tracking begins, 0..1
-  double min_score = 0.1;     ///< while tracking, a lower score is not trusted, 0..trust_score
-  int max_failures = 2;       ///< number of untrusted images in a row that are bridged
-  bool predict = true;        ///< predict each pose with constant velocity
-  double recover_s = 5;       ///< a lost object is searched for during this time
+  double trust_score = 0.9;  ///< score at which tracking begins, 0..1
+  double min_score = 0.5;    ///< while tracking, a lower score is not trusted, 0..trust_score
+  int max_failures = 2;      ///< number of untrusted images in a row that are bridged
+  bool predict = true;       ///< predict each pose with constant velocity
+  double recover_s = 5;      ///< a lost object is searched for during this time
   /// True for a live camera: no image waits for a keyframe that is rendered late. False for a file,
   /// whose images may be passed faster than they were taken: the same images give the same poses.
   bool real_time = false;
@@ -43,7 +43,7 @@ struct TrackResult {
   /// Covariance of T_C_O: position of O's origin, then rotation, both along and about the axes of
   /// C, in the order x, y, z, about x, about y, about z [m^2, rad^2] (as geometry_msgs has it).
   Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
-  double score = 0;  ///< 0: fits as badly as wrong poses of this object; 1: as well as right ones
+  double score = 0;  ///< 0..1: probability that the pose is right, within 5 degrees and 5 %
   double visible_fraction = 0;  ///< of the object's silhouette that agrees with the image, 0..1
   double seconds = 0;           ///< that the search in this image took
 };

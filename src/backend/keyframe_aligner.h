@@ -61,8 +61,8 @@ class KeyframeAligner {
 
   /// The poses that explain the image best, each from its start alone: as many hypotheses, in their
   /// order. A hypothesis' loss is the mean over points of the finest level; its score is 1 where
-  /// all look as rendered and 0 where no more do than by chance; its visible fraction is the weight
-  /// that robust weights leave.
+  /// all look as rendered and 0 where no more do than by chance; its visible fraction is that of
+  /// the tiles with anything to compare that look as rendered.
   /// @throws Cancelled.
   virtual std::vector<Hypothesis> align(const std::vector<KeyframeStart>& starts,
                                         const KeyframeAlignmentSettings& settings,

@@ -28,7 +28,7 @@ struct DetectionSettings {
   int max_image_side_px = 800;  ///< larger images are reduced to it for their features
   int max_instances = 10;       ///< that are returned
   int max_tried = 6;            ///< candidates in a row that alignment refuses end the search
-  double least_score = 0.18;    ///< of a pose to be trusted, 0..1
+  double least_score = 0.9;     ///< probability of a pose to be trusted, 0..1
   double budget_s = 0;          ///< no candidate is tried after it; 0: there is no limit
 
   /// @throws std::invalid_argument naming the value that is out of range.
@@ -61,6 +61,9 @@ class ObjectDetector {
   /// range.
   ObjectDetector(Backend* backend, std::shared_ptr<const LoadedField> field, Landmarks landmarks,
                  const DetectionSettings& settings);
+
+  /// Judges poses by these scores, in place of the object's own.
+  void use(const KeyframeScores& scores) { refiner_.use(scores); }
 
   /// Poses that landmarks speak for, in the part of the image that the area and the observation's
   /// mask leave. @throws as `detect`.

@@ -58,6 +58,14 @@ void visitPoseStatistics(Statistics& s, Visitor visit) {
   visit("wrong_score", s.wrong_score);
 }
 
+template <typename Scores, typename Visitor>
+void visitKeyframeScores(Scores& s, Visitor visit) {
+  visit("poses", s.poses);
+  visit("wrong_mean", s.wrong_mean);
+  visit("wrong_deviation", s.wrong_deviation);
+  visit("right_low", s.right_low);
+}
+
 template <typename BoxType, typename Visitor>
 void visitBox(BoxType& box, Visitor visit) {
   visit("min", box.min);
@@ -105,6 +113,7 @@ std::string describe(const Field& field) {
   visitConfig(field.config, Writer(&json["config"]));
   visitMetadata(field.metadata, Writer(&json["metadata"]));
   visitPoseStatistics(field.metadata.pose, Writer(&json["pose_statistics"]));
+  visitKeyframeScores(field.metadata.pose.keyframes, Writer(&json["keyframe_scores"]));
   visitBox(field.box, Writer(&json["box"]));
   json["has_occupancy"] = field.occupancy.resolution > 0;
   // A name that is no UTF-8 must not keep a model from being saved.
@@ -119,6 +128,9 @@ Field fieldFromDescription(const std::string& text) {
     visitMetadata(field.metadata, Reader(json.at("metadata")));
     if (json.contains("pose_statistics")) {  // models of before do not have them
       visitPoseStatistics(field.metadata.pose, Reader(json.at("pose_statistics")));
+    }
+    if (json.contains("keyframe_scores")) {
+      visitKeyframeScores(field.metadata.pose.keyframes, Reader(json.at("keyframe_scores")));
     }
     visitBox(field.box, Reader(json.at("box")));
     field.config.validate();

@@ -173,8 +173,10 @@ void Field::validate() const {
           "FieldMetadata::score is not finite");
   const PoseStatistics& pose = metadata.pose;
   require(pose.views >= 0, "PoseStatistics::views is negative");
-  for (const double value : {pose.lateral, pose.depth, pose.tilt_rad, pose.roll_rad,
-                             pose.right_score, pose.wrong_score}) {
+  require(pose.keyframes.poses >= 0, "KeyframeScores::poses is negative");
+  for (const double value :
+       {pose.lateral, pose.depth, pose.tilt_rad, pose.roll_rad, pose.right_score, pose.wrong_score,
+        pose.keyframes.wrong_mean, pose.keyframes.wrong_deviation, pose.keyframes.right_low}) {
     require(value >= 0 && std::isfinite(value), "FieldMetadata::pose holds a value below 0");
   }
 

@@ -86,6 +86,14 @@ struct ScoreStatistics {
   double stddev_loss = 0;
 };
 
+/// How well keyframes explain images by right and by wrong poses (@see KeyframeAligner::align).
+struct KeyframeScores {
+  int poses = 0;               ///< wrong ones that were judged; 0: unknown
+  double wrong_mean = 0;       ///< of the best wrong pose in each image
+  double wrong_deviation = 0;  ///< alike
+  double right_low = 0;        ///< a tenth of the right poses in bad images score less
+};
+
 /// How well poses of views are found again, whose poses are known: what a refinement may be
 /// believed. Of views before clutter, refined from a little off.
 struct PoseStatistics {
@@ -97,6 +105,7 @@ struct PoseStatistics {
   double roll_rad = 0;     ///< about the line of sight
   double right_score = 0;  ///< mean score of these poses
   double wrong_score = 0;  ///< mean score of poses that were refined from a wrong side
+  KeyframeScores keyframes;
 };
 
 /// What is known of the object beside its looks.

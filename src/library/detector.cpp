@@ -10,6 +10,7 @@
 #include "field/field.h"
 #include "field/object_frame.h"
 #include "nerf_pose_refiner/backend.h"
+#include "trust/keyframe_scores.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -43,6 +44,7 @@ Detector::Detector(std::shared_ptr<Backend> backend, const Object& object,
       ObjectDetector(backend.get(), field,
                      landmarksFor(*field, settings.landmarks, options.landmarks_path, cancellation),
                      settings)});
+  parts_->detector.use(keyframeScoresOf(backend.get(), *field, cancellation));
 }
 
 Detector::~Detector() = default;

@@ -30,6 +30,10 @@ const char* textOf(TrustVerdict verdict) {
       return "no hypothesis survived";
     case TrustVerdict::kLowScore:
       return "the best pose explains the image badly";
+    case TrustVerdict::kUncertain:
+      return "the image does not fix the pose well enough";
+    case TrustVerdict::kBadMask:
+      return "the mask does not show the object where the image does";
     case TrustVerdict::kCancelled:
       break;
   }

@@ -186,6 +186,7 @@ template <typename T>
 struct EvidenceSums {
   T explained;  ///< as they are, and ...
   T chance;     ///< ... as they would be, had the images nothing in common
+  T weight;     ///< of the points
 };
 
 template <typename T>
@@ -195,6 +196,7 @@ NPR_HOST_DEVICE inline void addEvidence(const PointResidual<T>& r, T weight, T s
   for (int c = 1; c < 3; ++c) squared += r.value[c] * r.value[c];
   sums->explained += weight * gemanMcClure(squared, scale).value;
   sums->chance += weight * gemanMcClure(r.unrelated, scale).value;
+  sums->weight += weight;
 }
 
 /// Adds points. @param weight 0 for a point that is not seen. @param scale of the robust loss.

@@ -144,6 +144,7 @@ NPR_HOST_DEVICE inline void addOutlineEvidence(const float rendered[kOutlineOpac
     const float r = kOutlineScale * (rendered[i] - observed.value[i]);
     sums->explained += weight * gemanMcClure(r * r, rules.robust_scale).value;
     sums->chance += weight * gemanMcClure(kOutlineChance, rules.robust_scale).value;
+    sums->weight += weight;
   }
 }
 

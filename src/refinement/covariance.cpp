@@ -63,11 +63,6 @@ double calibratedScore(double score, const PoseStatistics& statistics) {
   return std::clamp(1 - (statistics.right_score - score) / range, 0.0, 1.0);
 }
 
-double keyframeScore(double score, const PoseStatistics& /*statistics*/) {
-  constexpr double kRight = 0.55, kWrong = 0.15;
-  return std::clamp((score - kWrong) / (kRight - kWrong), 0.0, 1.0);
-}
-
 double scoreOfFraction(double fraction) { return std::clamp(2 * fraction - 1, 0.0, 1.0); }
 
 Vector6 cameraTwist(const Pose& from_T_O_C, const Pose& to_T_O_C, const Eigen::Vector3d& centre) {

@@ -68,9 +68,6 @@ Matrix6 poseCovariance(const HypothesisTable& hypotheses, const Prior& prior,
 /// @param score of the backend; returned unchanged if the object has no statistics.
 double calibratedScore(double score, const PoseStatistics& statistics);
 
-/// The same for the score of a keyframe (KeyframeAligner::align).
-double keyframeScore(double score, const PoseStatistics& statistics);
-
 /// The same for a score that is a fraction of the silhouette (colours were compared, not contrast):
 /// 0 if at most half of it agrees.
 double scoreOfFraction(double fraction);

@@ -6,6 +6,7 @@
 #include <stdexcept>
 
 #include "refinement/plan.h"
+#include "refinement/pose_probability.h"
 #include "refinement/schedule.h"
 
 namespace nerf_pose_refiner {
@@ -73,8 +74,8 @@ void RefinementRun::finish(const HypothesisTable& table) {
   result->T_O_C = {nearestRotation(best.T_O_C.R), best.T_O_C.t};
   result->visible_fraction = best.visible_fraction;
   const bool by_contrast = judgingStage(settings, observation.background).compare_contrast;
-  result->score =
-      by_contrast ? calibratedScore(best.score, object.pose) : scoreOfFraction(best.score);
+  result->score = fieldScoreProbability(by_contrast ? calibratedScore(best.score, object.pose)
+                                                    : scoreOfFraction(best.score));
   result->covariance = poseCovariance(result->hypotheses, prior, object);
 }
 

@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -51,9 +52,13 @@ struct RefinementRun;  // refinement/schedule.h
 struct Refinement {
   Outcome outcome = Outcome::kDiverged;
   Pose T_O_C;  ///< best pose [model units]; among symmetric poses, the nearest to the prior
-  /// 0..1, higher is better: Hypothesis::score on the scale of calibratedScore or scoreOfFraction.
+  /// 0..1: how likely the pose is right, by Hypothesis::score and what is known of the object.
   double score = 0;
+  /// The same without regard to the covariance: how likely the search ended at the right place,
+  /// even if the image does not say exactly where that is. Nothing: as the score.
+  std::optional<double> found_probability;
   double visible_fraction = 0;           ///< 0..1
+  std::optional<double> mask_agreement;  ///< @see maskAgreement; nothing: there was no mask
   Matrix6 covariance = Matrix6::Zero();  ///< of the best pose; @see poseCovariance
   HypothesisTable hypotheses;            ///< those of the last stage, best first;
                                          ///< @see nearestEquivalents

@@ -9,7 +9,9 @@
 #include <stdexcept>
 #include <string>
 
+#include "refinement/grey_image.h"
 #include "refinement/plan.h"
+#include "refinement/pose_probability.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -47,22 +49,41 @@ void KeyframeSearchSettings::validate() const {
 
 KeyframeRefiner::KeyframeRefiner(Backend* backend, std::shared_ptr<const LoadedField> field,
                                  const KeyframeSearchSettings& settings)
-    : field_(std::move(field)),
+    : backend_(backend),
+      field_(std::move(field)),
       settings_(settings),
-      search_(backend, field_, settings),
-      renderer_(field_, settings.keyframe) {
+      scores_(field_->field().metadata.pose.keyframes) {
   settings_.validate();
+  begin();
+}
+
+/// Without keyframes.
+void KeyframeRefiner::begin() {
+  renderer_.reset();
+  search_.emplace(backend_, field_, settings_);
+  renderer_.emplace(field_, settings_.keyframe);
+}
+
+void KeyframeRefiner::adaptTo(const Observation& observation) {
+  const std::optional<bool> grey = isGrey(observation);
+  if (!grey || *grey == settings_.keyframe.grey) return;
+  settings_.keyframe.grey = settings_.bank.keyframe.grey = *grey;
+  begin();
 }
 
 Refinement KeyframeRefiner::follow(const TimedObservation& image, const Prior& prior,
                                    const CancellationToken& cancellation) {
   const Camera& camera = image.observation.camera;
-  const Refinement result = refine(prior, [&]() -> HypothesisTable {
-    if (!objectRegion(camera, prior, field_->field().metadata)) return {};
-    takeRenewal(image.stamp_ns, cancellation);
-    if (!search_.distanceOfNearest(prior.T_O_C)) makeAt({camera, prior.T_O_C}, cancellation);
-    return search_.near(image.observation, prior, cancellation);
-  });
+  adaptTo(image.observation);
+  const Refinement result = refine(
+      prior,
+      [&]() -> HypothesisTable {
+        if (!objectRegion(camera, prior, field_->field().metadata)) return {};
+        takeRenewal(image.stamp_ns, cancellation);
+        if (!search_->distanceOfNearest(prior.T_O_C)) makeAt({camera, prior.T_O_C}, cancellation);
+        return search_->near(image.observation, prior, cancellation);
+      },
+      cancellation);
   if (result.outcome == Outcome::kRefined) renewFor({camera, result.T_O_C}, image.stamp_ns);
   return result;
 }
@@ -72,20 +93,24 @@ Refinement KeyframeRefiner::find(const TimedObservation& image, const Prior& pri
                                  const std::vector<Pose>& candidates_T_O_C) {
   constexpr std::size_t kRendered = 2;  // of the poses of either kind
   const Camera& camera = image.observation.camera;
-  const Refinement result = refine(prior, [&]() -> HypothesisTable {
-    if (!objectRegion(camera, prior, field_->field().metadata)) return {};
-    waitForRenderings(cancellation);
-    HypothesisTable starts = search_.around(image.observation, prior, cancellation);
-    for (std::size_t i = 0; i < std::min(kRendered, starts.size()); ++i) {
-      if (isFar(starts[i].T_O_C)) makeAt({camera, starts[i].T_O_C}, cancellation);
-    }
-    for (std::size_t i = 0; i < std::min(kRendered, candidates_T_O_C.size()); ++i) {
-      if (isFar(candidates_T_O_C[i])) makeAt({camera, candidates_T_O_C[i]}, cancellation);
-      starts.emplace_back();
-      starts.back().T_O_C = candidates_T_O_C[i];
-    }
-    return search_.from(image.observation, starts, cancellation);
-  });
+  adaptTo(image.observation);
+  const Refinement result = refine(
+      prior,
+      [&]() -> HypothesisTable {
+        if (!objectRegion(camera, prior, field_->field().metadata)) return {};
+        waitForRenderings(cancellation);
+        HypothesisTable starts = search_->around(image.observation, prior, cancellation);
+        for (std::size_t i = 0; i < std::min(kRendered, starts.size()); ++i) {
+          if (isFar(starts[i].T_O_C)) makeAt({camera, starts[i].T_O_C}, cancellation);
+        }
+        for (std::size_t i = 0; i < std::min(kRendered, candidates_T_O_C.size()); ++i) {
+          if (isFar(candidates_T_O_C[i])) makeAt({camera, candidates_T_O_C[i]}, cancellation);
+          starts.emplace_back();
+          starts.back().T_O_C = candidates_T_O_C[i];
+        }
+        return search_->from(image.observation, starts, cancellation);
+      },
+      cancellation);
   if (result.outcome == Outcome::kRefined) last_ = {image.stamp_ns, result.T_O_C};
   return result;
 }
@@ -94,31 +119,37 @@ Refinement KeyframeRefiner::settle(const TimedObservation& image,
                                    const std::vector<Pose>& poses_T_O_C,
                                    const CancellationToken& cancellation) {
   const Camera& camera = image.observation.camera;
+  adaptTo(image.observation);
   Prior prior;
   prior.T_O_C = poses_T_O_C.at(0);
-  const Refinement result = refine(prior, [&]() -> HypothesisTable {
-    if (!objectRegion(camera, prior, field_->field().metadata)) return {};
-    waitForRenderings(cancellation);
-    HypothesisTable starts;
-    for (const Pose& pose : poses_T_O_C) {
-      if (isFar(pose)) makeAt({camera, pose}, cancellation);
-      starts.emplace_back();
-      starts.back().T_O_C = pose;
-    }
-    return search_.from(image.observation, starts, cancellation);
-  });
+  const Refinement result = refine(
+      prior,
+      [&]() -> HypothesisTable {
+        if (!objectRegion(camera, prior, field_->field().metadata)) return {};
+        waitForRenderings(cancellation);
+        HypothesisTable starts;
+        for (const Pose& pose : poses_T_O_C) {
+          if (isFar(pose)) makeAt({camera, pose}, cancellation);
+          starts.emplace_back();
+          starts.back().T_O_C = pose;
+        }
+        return search_->from(image.observation, starts, cancellation);
+      },
+      cancellation);
   if (result.outcome == Outcome::kRefined) last_ = {image.stamp_ns, result.T_O_C};
   return result;
 }
 
 Refinement KeyframeRefiner::refine(const Prior& prior,
-                                   const std::function<HypothesisTable()>& search) const {
+                                   const std::function<HypothesisTable()>& search,
+                                   const CancellationToken& cancellation) {
   const auto begin = std::chrono::steady_clock::now();
   prior.validate();
   Refinement result;
   result.T_O_C = prior.T_O_C;
   try {
     result = conclude(search(), prior);
+    if (result.outcome == Outcome::kRefined) judge(prior, cancellation, &result);
   } catch (const Cancelled&) {
     result.outcome = Outcome::kCancelled;
   }
@@ -127,26 +158,26 @@ Refinement KeyframeRefiner::refine(const Prior& prior,
 }
 
 void KeyframeRefiner::waitForRenderings(const CancellationToken& cancellation) {
-  if (renderer_.busy()) search_.add(renderer_.wait(cancellation));
+  if (renderer_->busy()) search_->add(renderer_->wait(cancellation));
 }
 
 void KeyframeRefiner::takeRenewal(std::int64_t stamp_ns, const CancellationToken& cancellation) {
-  if (!renderer_.busy()) return;
+  if (!renderer_->busy()) return;
   const bool began_anew = last_ && stamp_ns <= last_->first;
   if (stamp_ns < due_ns_ && !began_anew) return;
-  const auto keyframe = settings_.real_time ? renderer_.take() : renderer_.wait(cancellation);
-  if (keyframe) search_.add(keyframe);
+  const auto keyframe = settings_.real_time ? renderer_->take() : renderer_->wait(cancellation);
+  if (keyframe) search_->add(keyframe);
 }
 
 void KeyframeRefiner::makeAt(const View& view, const CancellationToken& cancellation) {
   waitForRenderings(cancellation);
-  renderer_.request(view);
-  search_.add(renderer_.wait(cancellation));
+  renderer_->request(view);
+  search_->add(renderer_->wait(cancellation));
 }
 
 /// Whether a pose wants a keyframe of its own.
 bool KeyframeRefiner::isFar(const Pose& T_O_C) {
-  const std::optional<ViewDistance> away = search_.distanceOfNearest(T_O_C);
+  const std::optional<ViewDistance> away = search_->distanceOfNearest(T_O_C);
   return !away || away->rotation_rad > settings_.renew_rotation_deg * kDegree ||
          away->scale > settings_.renew_distance;
 }
@@ -160,9 +191,26 @@ void KeyframeRefiner::renewFor(const View& view, std::int64_t stamp_ns) {
     ahead = extrapolated(last_->second, view.T_O_C, std::min(kMost, settings_.renewal_s / since_s));
   }
   last_ = {stamp_ns, view.T_O_C};
-  if (renderer_.busy() || !isFar(ahead)) return;
+  if (renderer_->busy() || !isFar(ahead)) return;
   due_ns_ = stamp_ns + static_cast<std::int64_t>(1e9 * settings_.renewal_s);
-  renderer_.request({view.camera, ahead});
+  renderer_->request({view.camera, ahead});
+}
+
+/// Says how likely the best hypothesis is right, and how far off it may be.
+void KeyframeRefiner::judge(const Prior& prior, const CancellationToken& cancellation,
+                            Refinement* found) {
+  const FieldMetadata& object = field_->field().metadata;
+  const Hypothesis& best = found->hypotheses.front();
+  found->covariance += systematicCovariance(found->covariance, found->T_O_C, object);
+  if (const auto other = search_->secondOpinion(best, cancellation)) {
+    found->covariance +=
+        disagreement(cameraTwist(best.T_O_C, other->T_O_C, object.centre), other->beside_rad);
+  }
+  const double by_image = scoreProbability(best.score, scores_);
+  const double odds = priorOdds(found->T_O_C, prior, object);
+  const double by_both = by_image * odds / (by_image * odds + 1 - by_image);
+  found->found_probability = by_both;
+  found->score = by_both * withinProbability(found->covariance, object);
 }
 
 Refinement KeyframeRefiner::conclude(const HypothesisTable& found, const Prior& prior) const {
@@ -181,7 +229,6 @@ Refinement KeyframeRefiner::conclude(const HypothesisTable& found, const Prior& 
   result.outcome = Outcome::kRefined;
   result.T_O_C = {nearestRotation(best.T_O_C.R), best.T_O_C.t};
   result.visible_fraction = best.visible_fraction;
-  result.score = keyframeScore(best.score, object.pose);
   result.covariance = poseCovariance(result.hypotheses, prior, object);
   return result;
 }

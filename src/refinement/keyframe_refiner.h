@@ -27,9 +27,11 @@ struct TimedObservation {
 /// its renderings (@see SharedBackend).
 class KeyframeRefiner {
  public:
-  /// @throws std::invalid_argument for settings that are out of range.
+  /// @param backend lives longer. @throws std::invalid_argument for settings that are out of range.
   KeyframeRefiner(Backend* backend, std::shared_ptr<const LoadedField> field,
                   const KeyframeSearchSettings& settings);
+
+  // Grey images are compared with grey keyframes, which are made where the first one comes.
 
   /// From a prior that is nearly right.
   /// @throws std::invalid_argument for an observation or a prior that makes no sense.
@@ -48,21 +50,30 @@ class KeyframeRefiner {
   Refinement settle(const TimedObservation& image, const std::vector<Pose>& poses_T_O_C,
                     const CancellationToken& cancellation = {});
 
+  /// Judges poses by these scores, in place of the object's own.
+  void use(const KeyframeScores& scores) { scores_ = scores; }
+
   /// Waits until nothing is rendered any more, so that the field is free for others.
   void waitForRenderings(const CancellationToken& cancellation);
 
  private:
-  Refinement refine(const Prior& prior, const std::function<HypothesisTable()>& search) const;
+  Refinement refine(const Prior& prior, const std::function<HypothesisTable()>& search,
+                    const CancellationToken& cancellation);
+  void begin();
+  void adaptTo(const Observation& observation);
   void takeRenewal(std::int64_t stamp_ns, const CancellationToken& cancellation);
   void makeAt(const View& view, const CancellationToken& cancellation);
   bool isFar(const Pose& T_O_C);
   void renewFor(const View& view, std::int64_t stamp_ns);
   Refinement conclude(const HypothesisTable& found, const Prior& prior) const;
+  void judge(const Prior& prior, const CancellationToken& cancellation, Refinement* found);
 
+  Backend* backend_;
   std::shared_ptr<const LoadedField> field_;
   KeyframeSearchSettings settings_;
-  KeyframeSearch search_;
-  KeyframeRenderer renderer_;
+  KeyframeScores scores_;
+  std::optional<KeyframeSearch> search_;
+  std::optional<KeyframeRenderer> renderer_;
   std::int64_t due_ns_ = 0;  // stamp from which on the keyframe under way is used
   std::optional<std::pair<std::int64_t, Pose>> last_;  // stamp and pose that were found last
 };

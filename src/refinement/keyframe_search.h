@@ -10,6 +10,12 @@
 
 namespace nerf_pose_refiner {
 
+/// What another keyframe says of a pose.
+struct SecondOpinion {
+  Pose T_O_C;             ///< where it is aligned
+  double beside_rad = 0;  ///< how far beside the pose it was rendered, @see ViewDistance
+};
+
 /// Looks for an object in an image with the keyframes that there are.
 class KeyframeSearch {
  public:
@@ -34,6 +40,13 @@ class KeyframeSearch {
   /// Aligns the nearest keyframe from each of some poses. @return best first.
   HypothesisTable from(const Observation& observation, const HypothesisTable& poses,
                        const CancellationToken& cancellation);
+
+  /// Aligns another keyframe than the nearest one, from a pose that was found in the image that was
+  /// looked at last. Where both end apart, what they show does not stay on the object as it turns:
+  /// the shading of a bottle, say.
+  /// @return nothing: there is no other one in reach, or it explains the image badly.
+  std::optional<SecondOpinion> secondOpinion(const Hypothesis& found,
+                                             const CancellationToken& cancellation);
 
  private:
   HypothesisTable widely(const Prior& prior, const CancellationToken& cancellation);

@@ -28,18 +28,35 @@ void KeyframeSet::add(std::shared_ptr<const KeyframePoints> keyframe) {
   entries_.push_back({number, std::move(keyframe), ++uses_});
 }
 
+/// Below 1 within reach.
+double KeyframeSet::costOf(const Entry& entry, const Pose& T_O_C) const {
+  const ViewDistance away = viewDistance(*entry.keyframe, T_O_C);
+  return std::hypot(away.rotation_rad / reach_.rotation_rad, away.scale / reach_.scale);
+}
+
 const KeyframeSet::Entry* KeyframeSet::nearest(const Pose& T_O_C) {
   Entry* best = nullptr;
   double least = 1;
   for (Entry& entry : entries_) {
-    const ViewDistance away = viewDistance(*entry.keyframe, T_O_C);
-    const double cost =
-        std::hypot(away.rotation_rad / reach_.rotation_rad, away.scale / reach_.scale);
+    const double cost = costOf(entry, T_O_C);
     if (!(cost < least)) continue;
     least = cost;
     best = &entry;
   }
   if (best != nullptr) best->used = ++uses_;
+  return best;
+}
+
+const KeyframeSet::Entry* KeyframeSet::beside(const Pose& T_O_C, double least_rotation_rad) const {
+  const Entry* best = nullptr;
+  double least = 1;
+  for (const Entry& entry : entries_) {
+    const double cost = costOf(entry, T_O_C);
+    if (!(cost < least)) continue;
+    if (viewDistance(*entry.keyframe, T_O_C).rotation_rad < least_rotation_rad) continue;
+    least = cost;
+    best = &entry;
+  }
   return best;
 }
 

@@ -5,6 +5,8 @@
 
 #include "backend/backend_lost.h"
 #include "detection/landmark_file.h"
+#include "trust/keyframe_scores.h"
+#include "trust/mask_agreement.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -31,6 +33,7 @@ void RefinerSearch::use(std::shared_ptr<const Field> field) {
     configure(initial_settings_, tracking_settings_);
   }
   keyframes_.reset();
+  scores_.reset();
   detector_.reset();
   try {
     field_ = processor_.backend->load(field);
@@ -71,11 +74,38 @@ void RefinerSearch::replaceProcessor(const std::shared_ptr<const Field>& field) 
 
 Refinement RefinerSearch::searchOnce(const SearchRequest& request,
                                      const CancellationToken& cancellation) {
+  Refinement result;
+  try {
+    result = find(request, cancellation);
+    const bool has_mask = request.observation.background == Background::kMask;
+    if (has_mask && result.outcome == Outcome::kRefined) {
+      if (keyframes_) keyframes_->waitForRenderings(cancellation);
+      result.mask_agreement =
+          maskAgreement(*field_, request.observation, result.T_O_C, cancellation);
+    }
+  } catch (const Cancelled&) {
+    result.outcome = Outcome::kCancelled;
+    result.T_O_C = request.prior.T_O_C;
+  }
+  return result;
+}
+
+const KeyframeScores& RefinerSearch::scores(const CancellationToken& cancellation) {
+  if (!scores_) scores_ = keyframeScoresOf(processor_.backend.get(), *field_, cancellation);
+  return *scores_;
+}
+
+void RefinerSearch::beginKeyframes(const CancellationToken& cancellation) {
+  const KeyframeScores& scores = this->scores(cancellation);
+  keyframes_.emplace(processor_.backend.get(), field_, tracking_settings_.keyframes);
+  keyframes_->use(scores);
+}
+
+Refinement RefinerSearch::find(const SearchRequest& request,
+                               const CancellationToken& cancellation) {
   const RefinerSettings& settings = request.tracked ? tracking_settings_ : initial_settings_;
   if (settings.method == Method::kKeyframes) {
-    if (!keyframes_) {
-      keyframes_.emplace(processor_.backend.get(), field_, tracking_settings_.keyframes);
-    }
+    if (!keyframes_) beginKeyframes(cancellation);
     const TimedObservation image = {request.observation, request.stamp_ns};
     if (request.tracked) return keyframes_->follow(image, request.prior, cancellation);
     return keyframes_->find(image, request.prior, cancellation,
@@ -113,6 +143,7 @@ Refinement RefinerSearch::detect(const Observation& observation,
         processor_.backend.get(), field_,
         landmarksFor(*field_, detection_.settings.landmarks, path, cancellation),
         detection_.settings);
+    detector_->use(scores(cancellation));
   }
   const Detections detections = detector_->detect(observation, {}, cancellation);
   Refinement best;  // diverged

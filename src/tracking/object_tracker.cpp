@@ -312,18 +312,23 @@ void ObjectTracker::refine(const TrackerImage& image, const ImageDecision& decis
   conclude(decision, result);
 }
 
+/// Called with mutex_ held. @return false: the result is obsolete.
+bool ObjectTracker::tell(const Judgement& judgement, std::uint64_t ticket, const Pose& T_C_U) {
+  if (judgement.trusted()) return state_.trusted(ticket, T_C_U);
+  if (!judgement.goes_on) return state_.notTrusted(ticket, judgement.reason, judgement.message);
+  return state_.goesOn(ticket, T_C_U, judgement.reason, judgement.message, judgement.doubtful);
+}
+
 void ObjectTracker::conclude(const ImageDecision& decision, TrackOutcome* result) {
   const Refinement& refinement = result->refinement;
   const FieldMetadata& object = field_->metadata;
   const ObjectFrame frame = ObjectFrame::inMetres(object);
   const Pose T_C_U = frame.objectInCamera(refinement.T_O_C);
-  const Judgement judgement = judge(refinement, result->from_last, settings_.rules);
+  const Judgement judgement = judge(refinement, decision.confirmed, settings_.rules);
   bool up_to_date = false;
   {
     std::lock_guard<std::mutex> lock(mutex_);
-    up_to_date = judgement.trusted()
-                     ? state_.trusted(decision.ticket, T_C_U)
-                     : state_.notTrusted(decision.ticket, judgement.reason, judgement.message);
+    up_to_date = tell(judgement, decision.ticket, T_C_U);
   }
   result->score = refinement.score;
   result->found = up_to_date && refinement.outcome == Outcome::kRefined;

@@ -19,6 +19,8 @@
 
 namespace nerf_pose_refiner {
 
+struct Judgement;
+
 /// An image to be tracked in.
 struct TrackerImage {
   ImageStamp at;
@@ -139,6 +141,7 @@ class ObjectTracker {
   std::optional<Prior> prepare(const TrackerImage& image, const ImageDecision& decision);
   Prior predict(const Prior& last, const TrackerImage& image, const ImageDecision& decision);
   void refine(const TrackerImage& image, const ImageDecision& decision, TrackOutcome* result);
+  bool tell(const Judgement& judgement, std::uint64_t ticket, const Pose& T_C_U);
   void conclude(const ImageDecision& decision, TrackOutcome* result);
   void concludeStatus(const ImageStamp& at, const ImageDecision& decision, TrackOutcome* result);
   TrackStatus statusNow(const ImageStamp& at) const;

@@ -59,8 +59,11 @@ Prior priorFrom(const TimedPose& start, const Pose& T_C_U, const FieldMetadata& 
   return prior;
 }
 
-Judgement judge(const Refinement& refinement, bool tracked, const TrackingRules& rules) {
-  switch (checkTrust(refinement, tracked ? rules.min_score : rules.trust_score)) {
+/// A tracked pose that is right with less probability is as good as lost.
+constexpr double kWorthFollowing = 0.05;
+
+Judgement judge(const Refinement& refinement, bool confirmed, const TrackingRules& rules) {
+  switch (checkTrust(refinement, confirmed ? rules.min_score : rules.trust_score)) {
     case TrustVerdict::kTrusted:
       break;
     case TrustVerdict::kNoOverlap:
@@ -69,9 +72,15 @@ Judgement judge(const Refinement& refinement, bool tracked, const TrackingRules&
       return {TrackReason::kDiverged, "no hypothesis survived"};
     case TrustVerdict::kCancelled:
       return {TrackReason::kCancelled, "the refinement was interrupted"};
+    case TrustVerdict::kUncertain:
+      return {TrackReason::kLowScore, "the image does not fix the pose well enough", true};
+    case TrustVerdict::kBadMask:
+      return {TrackReason::kBadMask, "the mask does not show the object where the image does"};
     case TrustVerdict::kLowScore:
-      return {TrackReason::kLowScore, std::string("the pose explains the image badly (below ") +
-                                          (tracked ? "min_score)" : "trust_score)")};
+      return {TrackReason::kLowScore,
+              std::string("the pose explains the image badly (below ") +
+                  (confirmed ? "min_score)" : "trust_score)"),
+              refinement.found_probability.value_or(0) >= kWorthFollowing, true};
   }
   return {};
 }

@@ -25,13 +25,14 @@ Prior priorFrom(const TimedPose& start, const Pose& T_C_U, const FieldMetadata& 
 struct Judgement {
   TrackReason reason = TrackReason::kNone;  ///< kNone: it is trusted
   std::string message;
+  bool goes_on = false;   ///< not trusted, but good enough to go on from
+  bool doubtful = false;  ///< of these: for a while, because it may be the wrong place
 
   bool trusted() const { return reason == TrackReason::kNone; }
 };
 
 /// Decides whether a refined pose is trusted.
-/// @param tracked the refinement started from the pose in the image before: the lower threshold
-/// applies.
-Judgement judge(const Refinement& refinement, bool tracked, const TrackingRules& rules);
+/// @param confirmed a pose of the track that goes on was trusted before: the lower threshold holds.
+Judgement judge(const Refinement& refinement, bool confirmed, const TrackingRules& rules);
 
 }  // namespace nerf_pose_refiner

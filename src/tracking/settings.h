@@ -36,8 +36,8 @@ struct SearchSettings {
 struct TrackingRules {
   TrackStart start = TrackStart::kInitialPose;
   double detect_rate_hz = 1;  ///< > 0: images per second, by their stamps, that detection looks at
-  double trust_score = 0.18;  ///< 0..1: score at which a track begins
-  double min_score = 0.1;     ///< 0..trust_score: while tracking, a lower score is not trusted
+  double trust_score = 0.9;   ///< 0..1: score at which a track begins
+  double min_score = 0.5;     ///< 0..trust_score: while tracking, a lower score is not trusted
   int max_failures = 2;       ///< number of untrusted images in a row that are bridged, >= 0
   bool predict = true;        ///< predict from the last two poses, see predictConstantVelocity
   double recover_s = 5;       ///< a lost object is searched for during this time [s]; 0: never

@@ -188,6 +188,7 @@ ImageDecision TrackerState::decide(const ImageStamp& image) {
     last_detection_ns_ = image.stamp_ns;
   }
   if (!decision.start && !decision.detect) return decision;
+  decision.confirmed = decision.start && decision.start->tracked && confirmed_;
   decision.ticket = ++tickets_;
   running_ = {decision.ticket, image, decision.start};
   return decision;
@@ -253,6 +254,8 @@ bool TrackerState::trusted(std::uint64_t ticket, const Pose& T_C_U) {
   const std::optional<Running> ended = end(ticket);
   if (!ended) return false;
   failures_ = 0;
+  doubts_ = 0;
+  confirmed_ = true;
   recovery_start_.reset();
   if (rules_.once) {
     last_.reset();
@@ -263,6 +266,21 @@ bool TrackerState::trusted(std::uint64_t ticket, const Pose& T_C_U) {
   last_ = TimedPose{T_C_U, ended->image.camera_frame, ended->image.stamp_ns,
                     /*tracked=*/true, std::nullopt};
   setCondition(TrackState::kTracking);
+  return true;
+}
+
+bool TrackerState::goesOn(std::uint64_t ticket, const Pose& T_C_U, TrackReason reason,
+                          const std::string& message, bool doubtful) {
+  constexpr int kDoubtsOfFailure = 10;  // of images that failures would bridge
+  const int doubts = doubtful ? doubts_ + 1 : 0;
+  const bool is_over = doubts > kDoubtsOfFailure * (rules_.max_failures + 1);
+  const bool has_start = running_ && running_->start;  // no detection
+  if (!has_start || rules_.once || is_over) return notTrusted(ticket, reason, message);
+  const bool confirmed = confirmed_ && running_->start->tracked;
+  if (!trusted(ticket, T_C_U)) return false;
+  confirmed_ = confirmed;
+  doubts_ = doubts;
+  setCondition(TrackState::kTracking, reason, message);
   return true;
 }
 

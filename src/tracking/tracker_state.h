@@ -19,6 +19,7 @@ struct ImageDecision {
   bool detect = false;                ///< there is no start: search the whole image
   std::uint64_t ticket = 0;           ///< to be returned with the result
   bool clock_jumped = false;          ///< time went back: earlier transforms are invalid
+  bool confirmed = false;             ///< a pose of the track that goes on was trusted
   bool recovering = false;            ///< the start is the last pose of a lost object
   bool initial_pose_ignored = false;  ///< because the object is tracked
 };
@@ -72,6 +73,12 @@ class TrackerState {
   /// A refinement ended with a trusted pose. @param T_C_U [m]
   /// @return false if the result is obsolete, for instance after a reset: discard it.
   bool trusted(std::uint64_t ticket, const Pose& T_C_U);
+  /// A refinement ended with a pose that is not to be published, but to track from. A track that
+  /// begins with one is not confirmed before the first trusted pose.
+  /// @return false if it is out of date, as `trusted`.
+  /// @param doubtful only so many in a row, then it counts as a failure.
+  bool goesOn(std::uint64_t ticket, const Pose& T_C_U, TrackReason reason,
+              const std::string& message, bool doubtful);
   /// A refinement ended without a trusted pose. @return false if the result is obsolete.
   bool notTrusted(std::uint64_t ticket, TrackReason reason, const std::string& message);
   /// A refinement ended with an exception.
@@ -116,6 +123,8 @@ class TrackerState {
   std::optional<TimedPose> previous_;      ///< the pose before last_, if that was tracked, too
   /// While lost: the pose to search around, the last trusted one or an initial one that failed.
   std::optional<TimedPose> recovery_start_;
+  bool confirmed_ = false;                         ///< a pose of the track was trusted
+  int doubts_ = 0;                                 ///< doubtful images since the last other one
   std::optional<std::int64_t> last_detection_ns_;  ///< stamp of the image it looked at
   int failures_ = 0;                               ///< untrusted images since the last trusted one
   std::optional<std::int64_t> last_stamp_ns_;      ///< of the last image that was decided on

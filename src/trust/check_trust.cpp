@@ -1,6 +1,8 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include "trust/check_trust.h"
 
+#include "trust/mask_agreement.h"
+
 namespace nerf_pose_refiner {
 
 TrustVerdict checkTrust(const Refinement& refinement, double least_score) {
@@ -14,7 +16,11 @@ TrustVerdict checkTrust(const Refinement& refinement, double least_score) {
     case Outcome::kRefined:
       break;
   }
-  return refinement.score >= least_score ? TrustVerdict::kTrusted : TrustVerdict::kLowScore;
+  const std::optional<double>& agreement = refinement.mask_agreement;
+  const double found = refinement.found_probability.value_or(refinement.score);
+  if (!(found >= least_score)) return TrustVerdict::kLowScore;
+  if (agreement && *agreement < kLeastMaskAgreement) return TrustVerdict::kBadMask;
+  return refinement.score >= least_score ? TrustVerdict::kTrusted : TrustVerdict::kUncertain;
 }
 
 }  // namespace nerf_pose_refiner

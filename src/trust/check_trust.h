@@ -11,6 +11,8 @@ enum class TrustVerdict {
   kNoOverlap,  ///< the start pose lies outside of the image
   kDiverged,   ///< no hypothesis survived
   kLowScore,   ///< the pose explains the image badly
+  kUncertain,  ///< it is the right place, but the image does not fix the pose there
+  kBadMask,    ///< the mask shows something else
   kCancelled,  ///< the refinement was interrupted
 };
 

@@ -9,36 +9,23 @@
 #include "image/colour.h"
 #include "math/random.h"
 #include "refinement/field_refiner.h"
+#include "trust/clutter_blocks.h"
+#include "trust/keyframe_scores.h"
 
 namespace nerf_pose_refiner {
 namespace {
 
 constexpr std::uint64_t kSeed = 1;
-enum Stream : std::uint64_t { kClutter, kTurn, kMove, kWrongAxis, kWrongAngle };
+enum Stream : std::uint64_t { kTurn = 1, kMove, kWrongAxis, kWrongAngle };
 
 constexpr double kStartRotation_rad = 0.03;                      // a little off
 constexpr double kStartTranslation = 0.02;                       // [diameters]
 constexpr std::uint64_t kWrongDraws = 8, kDrawStride = 1 << 20;  // beyond any view's number
 
-/// Blocks of random colours, a tenth of the image across.
-Image clutter(const Camera& camera, std::uint64_t index) {
-  Image image(camera.width, camera.height, 3);
-  const int side = std::max(2, std::min(camera.width, camera.height) / 10);
-  for (int y = 0; y < camera.height; ++y) {
-    for (int x = 0; x < camera.width; ++x) {
-      const std::uint64_t block = static_cast<std::uint64_t>(y / side) * 4096 + x / side;
-      for (int c = 0; c < 3; ++c) {
-        image.at(x, y, c) = randomUniform(kSeed + index, kClutter, 3 * block + c);
-      }
-    }
-  }
-  return image;
-}
-
 /// A view as a camera would see it: with something unknown behind the object.
 Observation observed(const PosedView& view, std::uint64_t index) {
   const PremultipliedImage photo = premultiply(*view.rgba);
-  const Image behind = clutter(view.camera, index);
+  const Image behind = clutterBlocks(view.camera, index);
   Observation observation;
   observation.camera = view.camera;
   observation.image = photo.colour;
@@ -162,9 +149,9 @@ PoseStatistics measurePoses(Backend* backend, const LoadedField& field,
     const Refinement mistaken = refiner.refine(field, observation, prior, cancellation);
     if (found.outcome == Outcome::kCancelled || mistaken.outcome == Outcome::kCancelled)
       cancellation.check();
-    if (mistaken.outcome == Outcome::kRefined) wrong.push_back(mistaken.score);
+    if (mistaken.outcome == Outcome::kRefined) wrong.push_back(mistaken.hypotheses.front().score);
     if (!isFound(found, truth, object)) continue;
-    right.push_back(found.score);
+    right.push_back(found.hypotheses.front().score);
     errors.add(found, truth, object);
   }
   PoseStatistics statistics;
@@ -172,6 +159,7 @@ PoseStatistics measurePoses(Backend* backend, const LoadedField& field,
   statistics.right_score = mean(right);
   statistics.wrong_score = mean(wrong);
   errors.write(&statistics);
+  statistics.keyframes = measureKeyframeScores(backend, field, cancellation);
   return statistics;
 }
 

@@ -18,6 +18,14 @@ void require(bool is_right, const char* name, double value) {
   }
 }
 
+// As cameras and OpenCV make grey of encoded colours (ITU-R BT.601).
+void makeGrey(Image* layers) {
+  for (std::size_t i = 0; i < layers->pixels(); ++i) {
+    float* pixel = layers->values.data() + kKeyframeChannels * i;
+    std::fill_n(pixel, 3, 0.299f * pixel[0] + 0.587f * pixel[1] + 0.114f * pixel[2]);
+  }
+}
+
 // Premultiplied colour, alpha, and alpha times the point relative to the object's centre.
 Image layersOf(const Rendering& rendering, const Eigen::Vector3f& centre) {
   Image layers(rendering.alpha.width, rendering.alpha.height, kKeyframeChannels);
@@ -129,6 +137,7 @@ KeyframePoints makeKeyframe(const Rendering& rendering, const Camera& camera, co
   keyframe.centre = object.centre;
   keyframe.diameter = object.diameter;
   Image layers = layersOf(rendering, object.centre.cast<float>()), half;
+  if (settings.grey) makeGrey(&layers);
   while (layers.width > camera.width) {
     halveImage(layers, &half);
     std::swap(layers, half);

@@ -237,10 +237,7 @@ class LevelMaker {
     return chosen;
   }
 
-  int tileOf(int pixel) const {
-    const int tiles = (width_ + kTileSide - 1) / kTileSide;
-    return pixel / width_ / kTileSide * tiles + pixel % width_ / kTileSide;
-  }
+  int tileOf(int pixel) const { return tileOfPixel(pixel, width_); }
 
   ChosenSurface surfaceAt(int x, int y) const {
     ChosenSurface surface;

@@ -3,7 +3,10 @@
 
 #include <Eigen/Core>
 
+#include <algorithm>
+
 #include "backend/keyframe_points.h"
+#include "math/tile_scatter.h"
 #include "nerf_pose_refiner/image.h"
 #include "views/keyframe.h"
 
@@ -14,6 +17,14 @@ namespace nerf_pose_refiner {
 constexpr int kKeyframeChannels = 7;
 constexpr int kKeyframeAlpha = 3;
 constexpr int kKeyframePoint = 4;
+
+/// The tile of a pixel y * width + x: tiles are as wide as an eighth of the level, but at least
+/// kTileSide, because shading and the model's errors correlate residuals over parts of the object.
+inline int tileOfPixel(int pixel, int width) {
+  const int side = std::max(kTileSide, width / 8);
+  const int tiles = (width + side - 1) / side;
+  return pixel / width / side * tiles + pixel % width / side;
+}
 
 /// The camera for which a level was rendered.
 struct KeyframeView {

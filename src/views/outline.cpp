@@ -113,18 +113,20 @@ std::vector<OutlinePlace> outlineOf(const Image& layers, const KeyframeView& vie
       }
     }
   }
-  const int width = layers.width, tiles = (width + kTileSide - 1) / kTileSide;
-  const auto tile_of = [width, tiles](const OutlinePlace& place) {
-    return place.pixel / width / kTileSide * tiles + place.pixel % width / kTileSide;
+  // Evenly: one of so many along a path from small tile to small tile.
+  const int width = layers.width, small_tiles = (width + kTileSide - 1) / kTileSide;
+  const auto small_tile_of = [width, small_tiles](const OutlinePlace& place) {
+    return place.pixel / width / kTileSide * small_tiles + place.pixel % width / kTileSide;
   };
-  std::stable_sort(all.begin(), all.end(),
-                   [&tile_of](const auto& a, const auto& b) { return tile_of(a) < tile_of(b); });
-  if (all.size() <= static_cast<std::size_t>(max_count)) return all;
+  std::stable_sort(all.begin(), all.end(), [&](const auto& a, const auto& b) {
+    return small_tile_of(a) < small_tile_of(b);
+  });
   std::vector<OutlinePlace> some;
-  for (int i = 0; i < max_count; ++i) {
-    some.push_back(
-        all[static_cast<std::size_t>(i) * all.size() / static_cast<std::size_t>(max_count)]);
-  }
+  const std::size_t count = std::min(all.size(), static_cast<std::size_t>(max_count));
+  for (std::size_t i = 0; i < count; ++i) some.push_back(all[i * all.size() / count]);
+  std::stable_sort(some.begin(), some.end(), [width](const auto& a, const auto& b) {
+    return tileOfPixel(a.pixel, width) < tileOfPixel(b.pixel, width);
+  });
   return some;
 }
 

@@ -32,7 +32,7 @@ Field describedField() {
   field.metadata.centre = {1e-9, -2.5, 1.0 / 7};
   field.metadata.psnr_db = 31.25;
   field.metadata.score = {4, 0.0123, 4.5e-6};
-  field.metadata.pose = {12, 1e-4, 2e-3, 3e-4, 4e-5, 0.9, 0.25};
+  field.metadata.pose = {12, 1e-4, 2e-3, 3e-4, 4e-5, 0.9, 0.25, {24, 0.125, 0.0625, 0.5}};
   field.metadata.data_hash = "00ff";
   field.metadata.seed = 0xffffffffffffffffu;
   field.metadata.training_steps = 1u << 31;
@@ -126,6 +126,10 @@ TEST_F(ModelFile, RoundTripKeepsEveryBit) {
   EXPECT_EQ(p.roll_rad, q.roll_rad);
   EXPECT_EQ(p.right_score, q.right_score);
   EXPECT_EQ(p.wrong_score, q.wrong_score);
+  EXPECT_EQ(p.keyframes.poses, q.keyframes.poses);
+  EXPECT_EQ(p.keyframes.wrong_mean, q.keyframes.wrong_mean);
+  EXPECT_EQ(p.keyframes.wrong_deviation, q.keyframes.wrong_deviation);
+  EXPECT_EQ(p.keyframes.right_low, q.keyframes.right_low);
   EXPECT_EQ(a.metadata.data_hash, b.metadata.data_hash);
   EXPECT_EQ(a.metadata.seed, b.metadata.seed);
   EXPECT_EQ(a.metadata.training_steps, b.metadata.training_steps);

@@ -59,7 +59,7 @@ class Detect(unittest.TestCase):
         for number, expected in zip(found['pose'][:3], self.pose[:3]):
             self.assertAlmostEqual(number, expected, delta=0.005)
         self.assertLess(angle_between(found['pose'][3:], self.pose[3:]), math.radians(2))
-        self.assertGreater(found['score'], 0.18)
+        self.assertGreaterEqual(found['score'], 0.9)
         self.assertTrue(os.path.exists(overlay))
 
     def test_keeps_the_landmarks_beside_the_model(self):

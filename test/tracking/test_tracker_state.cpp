@@ -72,6 +72,47 @@ TEST_F(TrackerStateTest, KnowsHowTheObjectMovesOnceItIsTracked) {
   EXPECT_FALSE(image(0.9).previous);
 }
 
+TEST_F(TrackerStateTest, GoesOnFromAnUncertainPoseOfATrack) {
+  state_.offer(poseAt(at(0)));
+  track(0, 0.1);
+  Pose uncertain;
+  uncertain.t.x() = 0.2;
+  for (int i = 1; i <= 5; ++i) {  // more often than failures are bridged
+    const ImageDecision decision = image(0.1 * i);
+    EXPECT_TRUE(state_.goesOn(decision.ticket, uncertain, TrackReason::kLowScore, "vague", false));
+    expect(TrackState::kTracking, TrackReason::kLowScore);
+    EXPECT_EQ(state_.condition().message, "vague");
+  }
+  EXPECT_EQ(image(0.7).start->T_P_U.t.x(), 0.2);
+  EXPECT_FALSE(state_.goesOn(0, uncertain, TrackReason::kLowScore, "", false)) << "obsolete";
+}
+
+TEST_F(TrackerStateTest, GoesOnFromDoubtfulPosesForAWhile) {
+  rules_.max_failures = 0;
+  restart();
+  state_.offer(poseAt(at(0)));
+  track(0);
+  for (int i = 1; i <= 10; ++i) {
+    state_.goesOn(image(0.1 * i).ticket, {}, TrackReason::kLowScore, "", true);
+    expect(TrackState::kTracking, TrackReason::kLowScore);
+  }
+  state_.goesOn(image(1.1).ticket, {}, TrackReason::kLowScore, "", true);
+  expect(TrackState::kLost, TrackReason::kLowScore);
+}
+
+TEST_F(TrackerStateTest, IsConfirmedByItsFirstTrustedPose) {
+  state_.offer(poseAt(at(0)));
+  EXPECT_TRUE(state_.goesOn(image(0).ticket, {}, TrackReason::kLowScore, "", true));
+  expect(TrackState::kTracking, TrackReason::kLowScore);
+  const ImageDecision second = image(0.1);
+  EXPECT_FALSE(second.confirmed);
+  EXPECT_TRUE(state_.trusted(second.ticket, {}));
+  const ImageDecision third = image(0.2);
+  EXPECT_TRUE(third.confirmed);
+  EXPECT_TRUE(state_.goesOn(third.ticket, {}, TrackReason::kLowScore, "", true));
+  EXPECT_TRUE(image(0.3).confirmed) << "a doubtful image does not take it back";
+}
+
 TEST_F(TrackerStateTest, BeginsWithoutAModel) {
   state_ = TrackerState(rules_);
   expect(TrackState::kNoModel, TrackReason::kNone);

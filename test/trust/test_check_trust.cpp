@@ -18,6 +18,14 @@ TEST(CheckTrust, AScoreThatIsJustEnoughIsTrusted) {
   EXPECT_EQ(checkTrust(refinementWith(Outcome::kRefined, 0.4999), 0.5), TrustVerdict::kLowScore);
 }
 
+TEST(CheckTrust, AnUncertainPoseOfWhatIsThereIsNoWrongOne) {
+  Refinement refinement = refinementWith(Outcome::kRefined, 0.4);
+  refinement.found_probability = 0.95;
+  EXPECT_EQ(checkTrust(refinement, 0.5), TrustVerdict::kUncertain);
+  refinement.found_probability = 0.45;
+  EXPECT_EQ(checkTrust(refinement, 0.5), TrustVerdict::kLowScore);
+}
+
 TEST(CheckTrust, WithoutAPoseNoScoreHelps) {
   EXPECT_EQ(checkTrust(refinementWith(Outcome::kNoOverlap, 1), 0), TrustVerdict::kNoOverlap);
   EXPECT_EQ(checkTrust(refinementWith(Outcome::kDiverged, 1), 0), TrustVerdict::kDiverged);

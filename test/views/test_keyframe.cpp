@@ -8,9 +8,9 @@
 #include <map>
 #include <set>
 
-#include "math/tile_scatter.h"
 #include "support/analytic_scene.h"
 #include "support/cpu_processor.h"
+#include "views/keyframe_level.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -102,10 +102,10 @@ TEST_F(KeyframeOfScene, TilesAreWholeGroupsOfOneTile) {
     double weight = 0;
     for (std::size_t t = 0; t + 1 < level.tiles.size(); ++t) {
       EXPECT_EQ(level.tiles[t] % kPointGroup, 0);
-      std::set<std::pair<int, int>> tiles;
+      std::set<int> tiles;
       for (int i = level.tiles[t]; i < level.tiles[t + 1]; ++i) {
         const int cell = level.chosen.cell[i];
-        tiles.insert({cell % level.width / kTileSide, cell / level.width / kTileSide});
+        tiles.insert(tileOfPixel(cell, level.width));
         weight += level.weight[i];
       }
       EXPECT_EQ(tiles.size(), 1u);

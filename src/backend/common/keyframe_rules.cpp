@@ -60,7 +60,7 @@ Hypothesis hypothesisOf(const AlignedKeyframe& aligned, const KeyframePoints& ke
   found.information = symmetricMatrix(sums.information);
   found.gradient_scatter =
       aligned.scatter.correction() * symmetricMatrix(aligned.scatter.gradients);
-  if (sums.weight > 0) found.visible_fraction = sums.robust_weight / sums.weight;
+  found.visible_fraction = aligned.tiles.visibleFraction();
   if (sums.robust_weight > 0) {
     found.score = scoreOf(aligned, levelRules(settings, settings.finest_level).robust_scale);
     found.residual_variance = sums.squared_residual / (3 * sums.robust_weight);

@@ -3,6 +3,7 @@
 
 #include "backend/keyframe_aligner.h"
 #include "math/keyframe_search.h"
+#include "math/tile_evidence.h"
 #include "math/tile_scatter.h"
 
 namespace nerf_pose_refiner {
@@ -15,6 +16,7 @@ struct AlignedKeyframe {
   double loss = 0;                    ///< mean over the points of the finest level
   double most_weight = 0;             ///< of these points, were all of them seen
   EvidenceSums<float> evidence = {};  ///< of the pose
+  TileEvidence tiles;                 ///< alike
   int evaluations = 0;
 };
 

@@ -187,6 +187,7 @@ void sumEvidence(const KernelView& view, const KernelTile& tile, const KernelRul
   }
   sums->explained += sumLanes(lanes.explained);
   sums->chance += sumLanes(lanes.chance);
+  sums->weight += sumLanes(lanes.weight);
 }
 
 }  // namespace

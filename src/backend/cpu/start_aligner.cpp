@@ -183,16 +183,32 @@ AlignedKeyframe StartAligner::evaluate(const CameraPose<double>& pose,
   return evaluated;
 }
 
-EvidenceSums<float> StartAligner::evidenceFor(const CameraPose<double>& pose,
-                                              const KeyframeLevelRules& rules) {
-  lookAround(pose);
-  const KernelView view = {image_, transformOf(pose)};
-  EvidenceSums<float> evidence = {};
-  kernels_->sumEvidence(view, {columnsOf(level_->chosen), colours(), 0, level_->chosen.size()},
-                        {rules.robust_scale, rules.observed_fraction}, &evidence);
-  sumOutlineEvidence(view, {*level_, 0, static_cast<int>(level_->outline.size())},
-                     {rules.robust_scale, level_->outline_weight}, &evidence);
-  return evidence;
+// What speaks for a pose, by the colours around it.
+void StartAligner::findEvidence(const KeyframeLevelRules& rules, AlignedKeyframe* aligned) {
+  lookAround(aligned->pose);
+  const KeyframeLevel& level = *level_;
+  const KernelView view = {image_, transformOf(aligned->pose)};
+  const KernelColours compared = colours();
+  const double full_chance = chanceLoss(rules.robust_scale);
+  const auto add = [&](const EvidenceSums<float>& tile) {
+    aligned->evidence.explained += tile.explained;
+    aligned->evidence.chance += tile.chance;
+    aligned->evidence.weight += tile.weight;
+    aligned->tiles.addTile(tile, full_chance);
+  };
+  for (std::size_t t = 0; t + 1 < level.tiles.size(); ++t) {
+    EvidenceSums<float> tile = {};
+    kernels_->sumEvidence(view,
+                          {columnsOf(level.chosen), compared, level.tiles[t], level.tiles[t + 1]},
+                          {rules.robust_scale, rules.observed_fraction}, &tile);
+    add(tile);
+  }
+  for (std::size_t t = 0; t + 1 < level.outline_tiles.size(); ++t) {
+    EvidenceSums<float> tile = {};
+    sumOutlineEvidence(view, {level, level.outline_tiles[t], level.outline_tiles[t + 1]},
+                       {rules.robust_scale, level.outline_weight}, &tile);
+    add(tile);
+  }
 }
 
 AlignedKeyframe StartAligner::alignLevel(const std::vector<CameraPose<double>>& starts,
@@ -248,7 +264,7 @@ Hypothesis StartAligner::align(const FramePyramid& frame, const KeyframePoints& 
   }
   best.evaluations = evaluations_;
   if (best.loss < HUGE_VAL) {
-    best.evidence = evidenceFor(best.pose, levelRules(settings, settings.finest_level));
+    findEvidence(levelRules(settings, settings.finest_level), &best);
   }
   return hypothesisOf(best, keyframe, settings);
 }

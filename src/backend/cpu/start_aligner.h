@@ -23,7 +23,7 @@ class StartAligner {
   AlignedKeyframe evaluate(const CameraPose<double>& pose, const KeyframeLevelRules& rules);
   AlignedKeyframe alignLevel(const std::vector<CameraPose<double>>& starts,
                              const KeyframeLevelRules& rules);
-  EvidenceSums<float> evidenceFor(const CameraPose<double>& pose, const KeyframeLevelRules& rules);
+  void findEvidence(const KeyframeLevelRules& rules, AlignedKeyframe* aligned);
   KernelColours colours() const;
   PointTransform<float> transformOf(const CameraPose<double>& pose) const;
   void hideOccluded(const CameraPose<double>& pose);

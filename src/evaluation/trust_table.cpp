@@ -1,0 +1,98 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "evaluation/trust_table.h"
+
+#include <Eigen/Cholesky>
+
+#include <utility>
+
+#include "evaluation/pose_error.h"
+#include "evaluation/start.h"
+#include "field/object_frame.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+constexpr double kDegree = 0.017453292519943295;
+constexpr std::int64_t kInterval_ns = 100000000;
+// Starts of first poses, and of tracks.
+constexpr double kHint_rad = 15 * kDegree, kHint = 0.15;
+constexpr double kNear_rad = 2 * kDegree, kNear = 0.02;
+
+TrackerSettings fromFiles(TrackerSettings settings) {
+  settings.mask_mode = MaskMode::kEveryFrame;
+  settings.tracking.refiner.keyframes.real_time = false;
+  return settings;
+}
+
+}  // namespace
+
+TrustCounts& TrustCounts::operator+=(const TrustCounts& other) {
+  images += other.images;
+  right += other.right;
+  published += other.published;
+  wrong += other.wrong;
+  runs += other.runs;
+  back += other.back;
+  return *this;
+}
+
+TrustTable::TrustTable(std::shared_ptr<Backend> backend, std::shared_ptr<const Field> object,
+                       const TrackerSettings& settings)
+    : object_(object), tracker_(std::move(backend), std::move(object), fromFiles(settings)) {}
+
+void TrustTable::offerStart(const TrustScene& scene, double rotation_rad, double translation) {
+  const FieldMetadata& object = object_->metadata;
+  const StartSpread spread = {rotation_rad, translation * object.diameter, true};
+  const Pose start = perturbedStart(scene.T_O_C, spread, object.centre, scene.draw.seed, starts_++);
+  tracker_.reset();
+  tracker_.offer({ObjectFrame::inMetres(object).objectInCamera(start), "camera", 0, false, {}});
+}
+
+TrustSample TrustTable::judged(const TrustImage& image, const TrustScene& scene,
+                               const TrackOutcome& outcome) const {
+  constexpr double kMostDegrees = 5, kMostOffset = 0.05;
+  const FieldMetadata& object = object_->metadata;
+  const Pose& T_O_C = outcome.refinement.T_O_C;
+  const PoseError error =
+      poseError(T_O_C, scene.T_O_C, object.centre, scene.camera, object.symmetries);
+  TrustSample sample = {
+      image, 0,    outcome, error.rotation_rad / kDegree, error.object_offset / object.diameter,
+      0,     false};
+  sample.right = outcome.found && image.shows_object && sample.rotation_deg <= kMostDegrees &&
+                 sample.offset <= kMostOffset;
+  if (sample.right) {
+    const Vector6 away =
+        cameraTwist(T_O_C, nearestEquivalent(scene.T_O_C, T_O_C, object.symmetries), object.centre);
+    sample.squared_error = away.dot(outcome.refinement.covariance.ldlt().solve(away)) / 6;
+  }
+  return sample;
+}
+
+TrustCounts TrustTable::show(const TrustRow& row, const TrustScene& scene, const Report& report) {
+  TrustCounts counts;
+  bool last_is_right = false;
+  int number = 0;
+  for (const TrustImage& image : row.images(scene)) {
+    if (!row.tracked) {
+      offerStart(scene, row.start_factor * kHint_rad, row.start_factor * kHint);
+    } else if (number == 0) {
+      offerStart(scene, kNear_rad, kNear);
+    }
+    stamp_ns_ += kInterval_ns;
+    const TrackOutcome outcome =
+        tracker_.track({{"camera", stamp_ns_}, [&image](bool) { return image.observation; }});
+    TrustSample sample = judged(image, scene, outcome);
+    sample.number = number++;
+    last_is_right = sample.right && outcome.trusted;
+    ++counts.images;
+    counts.right += sample.right;
+    counts.published += outcome.trusted;
+    counts.wrong += outcome.trusted && !sample.right;
+    if (report) report(sample);
+  }
+  counts.runs = row.tracked ? 1 : 0;
+  counts.back = row.tracked && last_is_right ? 1 : 0;
+  return counts;
+}
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,86 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "refinement/pose_probability.h"
+
+#include <Eigen/Eigenvalues>
+
+#include <algorithm>
+#include <cmath>
+
+namespace nerf_pose_refiner {
+namespace {
+
+double logistic(double x) { return 1 / (1 + std::exp(-x)); }
+
+/// Of an object whose scores were not measured.
+KeyframeScores unknownScores() {
+  KeyframeScores scores;
+  scores.wrong_mean = 0.14;
+  scores.wrong_deviation = 0.07;
+  scores.right_low = 0.6;
+  return scores;
+}
+
+/// Probability that an error of this covariance is smaller than a bound in its worst direction.
+double smallerThan(double bound, const Eigen::Matrix3d& covariance) {
+  const double variance =
+      Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(covariance).eigenvalues().maxCoeff();
+  return variance > 0 ? std::erf(bound / std::sqrt(2 * variance)) : 1;
+}
+
+}  // namespace
+
+double scoreProbability(double score, const KeyframeScores& scores) {
+  constexpr double kDeviations = 2;  // above the mean of wrong ones a pose is as likely right
+  constexpr double kLeastMiddle = 0.2, kMostOfRight = 0.9, kLeastWidth = 0.02;
+  const double odds_of_mean = std::log(99.0);  // one in a hundred is right at the wrong ones' mean
+  const KeyframeScores known = scores.poses > 0 ? scores : unknownScores();
+  const double above = known.wrong_mean + kDeviations * known.wrong_deviation;
+  const double middle = std::max(kLeastMiddle, std::min(above, kMostOfRight * known.right_low));
+  const double width = std::max(kLeastWidth, (middle - known.wrong_mean) / odds_of_mean);
+  return logistic((score - middle) / width);
+}
+
+double priorOdds(const Pose& T_O_C, const Prior& prior, const FieldMetadata& object) {
+  constexpr double kReach = 3, kSoftness = 0.5;  // [half widths]
+  constexpr double kLeastRotation_rad = 0.09, kLeastTranslation = 0.05;
+  const Pose nearest = nearestEquivalent(T_O_C, prior.T_O_C, object.symmetries);
+  const Vector6 away = cameraTwist(prior.T_O_C, nearest, object.centre);
+  const double rotation = away.tail<3>().norm() / std::max(prior.rotation_rad, kLeastRotation_rad);
+  const double translation =
+      away.head<3>().norm() / object.diameter / std::max(prior.translation, kLeastTranslation);
+  const double beyond = std::max(rotation, translation) - kReach;
+  return beyond > 0 ? std::exp(-beyond / kSoftness) : 1;
+}
+
+double withinProbability(const Matrix6& of_twist, const FieldMetadata& object) {
+  constexpr double kRotation_rad = 5 * M_PI / 180, kOffset = 0.05;
+  // A turn about a free axis of symmetry is no error.
+  const std::optional<SymmetryAxis>& axis = object.symmetries.axis();
+  const Matrix6 covariance = axis ? withoutTurns(*axis, of_twist, object.centre) : of_twist;
+  return smallerThan(kRotation_rad, covariance.bottomRightCorner<3, 3>()) *
+         smallerThan(kOffset * object.diameter, covariance.topLeftCorner<3, 3>());
+}
+
+Matrix6 systematicCovariance(const Matrix6& of_twist, const Pose& T_O_C,
+                             const FieldMetadata& object) {
+  constexpr double kOverNoise = 1.5;  // of variances
+  const Eigen::Matrix3d sight = T_O_C.R * lineOfSightAxes(T_O_C.inverse() * object.centre);
+  Matrix6 axes = Matrix6::Zero();
+  axes.topLeftCorner<3, 3>() = axes.bottomRightCorner<3, 3>() = sight;
+  const Vector6 variances = (axes.transpose() * of_twist * axes).diagonal();
+  return kOverNoise * axes * variances.asDiagonal() * axes.transpose();
+}
+
+Matrix6 disagreement(const Vector6& away, double beside_rad) {
+  constexpr double kLeastHeld = 0.1;
+  const double taken_along = beside_rad > 0 ? away.tail<3>().norm() / beside_rad : 0;
+  const Vector6 error = away / std::max(kLeastHeld, 1 - taken_along);
+  return error * error.transpose();
+}
+
+double fieldScoreProbability(double score) {
+  constexpr double kMiddle = 0.1, kNineOfTen = 0.18;
+  return logistic(std::log(9.0) * (score - kMiddle) / (kNineOfTen - kMiddle));
+}
+
+}  // namespace nerf_pose_refiner

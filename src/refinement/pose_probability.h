@@ -1,0 +1,39 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include "field/field.h"
+#include "refinement/field_refiner.h"
+
+namespace nerf_pose_refiner {
+
+/// How likely a pose that keyframes found is right, by what the image shows alone: a logistic curve
+/// between the scores that wrong and right poses of this object have.
+/// @param score 0..1, @see KeyframeAligner::align. @param scores if they are unknown, those of a
+/// textured object count.
+double scoreProbability(double score, const KeyframeScores& scores);
+
+/// The factor by which a prior changes the odds of a pose: 1 within reach of the search, less
+/// beyond. Wrong poses are found anywhere, right ones where they are expected.
+double priorOdds(const Pose& T_O_C, const Prior& prior, const FieldMetadata& object);
+
+/// How likely a pose is within 5 degrees and 5 % of the diameter if its errors have a covariance.
+/// @param of_twist @see poseCovariance.
+double withinProbability(const Matrix6& of_twist, const FieldMetadata& object);
+
+/// What errors of the model and of its shading add to a covariance: they do not keep to the
+/// correlations that noise has, and are larger than it.
+/// @param of_twist by noise alone. @param T_O_C its pose.
+Matrix6 systematicCovariance(const Matrix6& of_twist, const Pose& T_O_C,
+                             const FieldMetadata& object);
+
+/// The covariance that two keyframes show by ending apart, as a twist of the pose. If the second
+/// one turns the object by as much as it was rendered beside it, the image does not fix that turn.
+/// @param away from the pose to where the second keyframe is aligned, @see cameraTwist.
+/// @param beside_rad how far beside the pose that one was rendered.
+Matrix6 disagreement(const Vector6& away, double beside_rad);
+
+/// A score of alignment to the field (calibratedScore, scoreOfFraction) on the scale of
+/// probabilities: 0.1 is as likely right as wrong, 0.18 right in nine of ten cases.
+double fieldScoreProbability(double score);
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,227 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "trust/keyframe_scores.h"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <memory>
+#include <vector>
+
+#include "backend/keyframe_aligner.h"
+#include "image/filter.h"
+#include "math/random.h"
+#include "refinement/covariance.h"
+#include "trust/clutter_blocks.h"
+#include "views/view_bank.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+constexpr std::uint64_t kSeed = 5;
+enum Stream : std::uint64_t { kNoise, kTurn, kShift };
+
+constexpr int kViews = 8, kObject_px = 128;
+constexpr double kRight_rad = 0.087, kRightOffset = 0.05;  // [diameters]
+constexpr double kNear_rad = 0.03, kNearOffset = 0.02;     // of starts
+constexpr double kBeside_rad = 0.7, kBesideOffset = 0.15;  // of starts of wrong poses
+constexpr int kWrongStarts = 4;
+
+/// A side of the object, as it is rendered and as a keyframe.
+struct Side {
+  std::shared_ptr<const KeyframePoints> points;
+  int keyframe;  ///< in the aligner
+  Rendering rendering;
+};
+
+using Change = std::function<void(const Image& alpha, std::uint64_t index, Image* image)>;
+
+void dim(const Image&, std::uint64_t, Image* image) {
+  for (int y = 0; y < image->height; ++y) {
+    for (int x = 0; x < image->width; ++x) {
+      const float light = 0.5f + 0.6f * static_cast<float>(x) / static_cast<float>(image->width);
+      const float tint[3] = {1, 0.85f, 0.7f};
+      for (int c = 0; c < 3; ++c) image->at(x, y, c) *= light * tint[c];
+    }
+  }
+}
+
+void addNoise(float deviation, std::uint64_t index, Image* image) {
+  const float half_width = std::sqrt(3.0f) * deviation;  // of uniform noise
+  for (std::size_t i = 0; i < image->values.size(); ++i) {
+    const float drawn = 2 * randomUniform(kSeed + index, kNoise, i) - 1;
+    image->values[i] = std::clamp(image->values[i] + half_width * drawn, 0.0f, 1.0f);
+  }
+}
+
+void coverLeftHalf(const Image&, std::uint64_t, Image* image) {
+  for (int y = 0; y < image->height; ++y) {
+    for (int x = 0; x < image->width / 2; ++x) std::fill_n(image->pixel(x, y), 3, 0.1f);
+  }
+}
+
+void coverUpperHalf(const Image&, std::uint64_t index, Image* image) {
+  const Camera size = {image->width, image->height, 1, 1, 0, 0};
+  const Image before = clutterBlocks(size, 100 + index);
+  std::copy_n(before.values.begin(), before.values.size() / 2, image->values.begin());
+}
+
+void defocus(const Image&, std::uint64_t index, Image* image) {
+  Image scratch;
+  blur(gaussianKernel(1.5), image, &scratch);
+  addNoise(0.02f, index, image);
+}
+
+/// Something plain in the object's place.
+void replace(const Image& alpha, std::uint64_t index, Image* image) {
+  for (std::size_t i = 0; i < alpha.pixels(); ++i) {
+    if (alpha.values[i] > 0.5f) std::fill_n(image->values.begin() + 3 * i, 3, 0.1f);
+  }
+  addNoise(0.02f, index, image);
+}
+
+Image imageOf(const Side& side, std::uint64_t index, const Change& change) {
+  const Image& alpha = side.rendering.alpha;
+  Image image = side.rendering.colour;
+  const Image behind = clutterBlocks(side.points->camera, index);
+  for (std::size_t i = 0; i < image.values.size(); ++i) {
+    image.values[i] += (1 - alpha.values[i / 3]) * behind.values[i];
+  }
+  change(alpha, index, &image);
+  return image;
+}
+
+class ScoreTrials {
+ public:
+  ScoreTrials(Backend* backend, const LoadedField& field, const CancellationToken& cancellation)
+      : object_(field.field().metadata),
+        cancellation_(cancellation),
+        aligner_(backend->makeKeyframeAligner()) {
+    ViewBankSettings settings;
+    settings.views = kViews;
+    settings.object_px = kObject_px;
+    settings.keyframe = KeyframeSettings();
+    const std::shared_ptr<const LoadedField> borrowed(&field, [](const LoadedField*) {});
+    ViewBank bank(borrowed, settings);
+    for (int i = 0; i < kViews; ++i) {
+      Side side;
+      side.points = bank.view(i, cancellation);
+      side.rendering =
+          field.render({side.points->camera, side.points->T_O_C}, RenderOptions(), cancellation);
+      side.keyframe = aligner_->add(side.points);
+      sides_.push_back(side);
+    }
+  }
+
+  KeyframeScores measure() {
+    const Change as_it_is = [](const Image&, std::uint64_t, Image*) {};
+    const Change noisy = [](const Image&, std::uint64_t i, Image* image) {
+      addNoise(0.05f, i, image);
+    };
+    const Change behind = [this](const Image&, std::uint64_t i, Image* image) {
+      *image = clutterBlocks(sides_.front().points->camera, 200 + i);
+    };
+    for (int i = 0; i < kViews; ++i) {
+      for (const Change& change :
+           {Change(dim), Change(coverLeftHalf), Change(coverUpperHalf), Change(defocus), noisy}) {
+        tryRight(sides_[i], imageOf(sides_[i], i, change));
+      }
+      tryWrong(i, imageOf(sides_[i], i, as_it_is), true);
+      tryWrong(i, imageOf(sides_[i], i, replace), false);
+      tryWrong(i, imageOf(sides_[i], i, behind), false);
+    }
+    return summary();
+  }
+
+ private:
+  Eigen::Vector3d drawn(Stream stream) {
+    Eigen::Vector3d v;
+    for (int a = 0; a < 3; ++a) v[a] = 2.0 * randomUniform(kSeed, stream, draws_++) - 1;
+    return v;
+  }
+
+  Pose besideOf(const Pose& T_O_C, double turn_rad, double offset) {
+    const Eigen::Matrix3d R = expSO3(Eigen::Vector3d(turn_rad * drawn(kTurn)));
+    const Eigen::Vector3d shift = offset * object_.diameter * drawn(kShift);
+    return {nearestRotation(R * T_O_C.R), object_.centre + shift + R * (T_O_C.t - object_.centre)};
+  }
+
+  bool isRight(const Pose& T_O_C, const Pose& truth) const {
+    const Vector6 error =
+        cameraTwist(nearestEquivalent(T_O_C, truth, object_.symmetries), truth, object_.centre);
+    return error.tail<3>().norm() < kRight_rad &&
+           error.head<3>().norm() < kRightOffset * object_.diameter;
+  }
+
+  std::vector<Hypothesis> align(const Side& side, const Image& image,
+                                const std::vector<KeyframeStart>& starts) {
+    Observation observation;
+    observation.image = image;
+    observation.camera = side.points->camera;
+    aligner_->observe(observation,
+                      frameWindowFor(*side.points, observation.camera, side.points->T_O_C, 1));
+    return aligner_->align(starts, {}, cancellation_);
+  }
+
+  void tryRight(const Side& side, const Image& image) {
+    const Pose& truth = side.points->T_O_C;
+    const Hypothesis found =
+        align(side, image, {{side.keyframe, besideOf(truth, kNear_rad, kNearOffset)}}).front();
+    if (found.state != HypothesisState::kLive) return;
+    if (isRight(found.T_O_C, truth)) right_.push_back(found.score);
+  }
+
+  /// The best wrong pose, from beside the right one and from other sides.
+  void tryWrong(int number, const Image& image, bool shows_object) {
+    const Side& side = sides_[number];
+    std::vector<KeyframeStart> starts;
+    for (int k = 0; k < kWrongStarts; ++k) {
+      starts.push_back({side.keyframe, besideOf(side.points->T_O_C, kBeside_rad, kBesideOffset)});
+      const Side& other = sides_[(number + 1 + k) % kViews];
+      starts.push_back({other.keyframe, other.points->T_O_C});
+    }
+    double best = 0;
+    for (const Hypothesis& found : align(side, image, starts)) {
+      const bool is_wrong = !shows_object || !isRight(found.T_O_C, side.points->T_O_C);
+      if (found.state == HypothesisState::kLive && is_wrong) best = std::max(best, found.score);
+    }
+    wrong_.push_back(best);
+  }
+
+  KeyframeScores summary() {
+    KeyframeScores scores;
+    scores.poses = static_cast<int>(wrong_.size());
+    double sum = 0, squares = 0;
+    for (const double score : wrong_) {
+      sum += score;
+      squares += score * score;
+    }
+    scores.wrong_mean = sum / scores.poses;
+    const double variance = squares / scores.poses - scores.wrong_mean * scores.wrong_mean;
+    scores.wrong_deviation = std::sqrt(std::max(0.0, variance));
+    std::sort(right_.begin(), right_.end());
+    scores.right_low = right_.empty() ? 0 : right_[right_.size() / 10];
+    return scores;
+  }
+
+  const FieldMetadata& object_;
+  const CancellationToken& cancellation_;
+  std::unique_ptr<KeyframeAligner> aligner_;
+  std::vector<Side> sides_;
+  std::vector<double> right_, wrong_;
+  std::uint64_t draws_ = 0;
+};
+
+}  // namespace
+
+KeyframeScores measureKeyframeScores(Backend* backend, const LoadedField& field,
+                                     const CancellationToken& cancellation) {
+  return ScoreTrials(backend, field, cancellation).measure();
+}
+
+KeyframeScores keyframeScoresOf(Backend* backend, const LoadedField& field,
+                                const CancellationToken& cancellation) {
+  const KeyframeScores& scores = field.field().metadata.pose.keyframes;
+  return scores.poses > 0 ? scores : measureKeyframeScores(backend, field, cancellation);
+}
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,92 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "refinement/pose_probability.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+namespace nerf_pose_refiner {
+namespace {
+
+constexpr double kDegree = 3.14159265358979323846 / 180;
+
+KeyframeScores scoresWith(double wrong_mean, double wrong_deviation, double right_low) {
+  KeyframeScores scores;
+  scores.poses = 24;
+  scores.wrong_mean = wrong_mean;
+  scores.wrong_deviation = wrong_deviation;
+  scores.right_low = right_low;
+  return scores;
+}
+
+TEST(ScoreProbability, IsEvenTwoDeviationsAboveWrongPoses) {
+  const KeyframeScores scores = scoresWith(0.1, 0.1, 0.6);
+  EXPECT_NEAR(scoreProbability(0.3, scores), 0.5, 1e-9);
+  EXPECT_NEAR(scoreProbability(0.1, scores), 0.01, 1e-9);  // as wrong poses score on average
+  EXPECT_NEAR(scoreProbability(0.5, scores), 0.99, 1e-9);  // the curve is symmetric
+}
+
+TEST(ScoreProbability, DoesNotAskForMoreThanRightPosesHave) {
+  EXPECT_NEAR(scoreProbability(0.45, scoresWith(0.3, 0.2, 0.5)), 0.5, 1e-9);
+}
+
+TEST(ScoreProbability, WithoutStatisticsIsThatOfATexturedObject) {
+  EXPECT_LT(scoreProbability(0.2, KeyframeScores()), 0.1);
+  EXPECT_GT(scoreProbability(0.4, KeyframeScores()), 0.9);
+}
+
+class PriorOdds : public testing::Test {
+ protected:
+  PriorOdds() {
+    object_.diameter = 2;
+    prior_.rotation_rad = 10 * kDegree;
+    prior_.translation = 0.1;
+    prior_.T_O_C.t = Eigen::Vector3d(0, 0, -5);
+  }
+
+  double at(const Eigen::Vector3d& turn_rad, const Eigen::Vector3d& shift) const {
+    const Eigen::Matrix3d R = expSO3(turn_rad);
+    return priorOdds({R * prior_.T_O_C.R, R * prior_.T_O_C.t + shift}, prior_, object_);
+  }
+
+  FieldMetadata object_;
+  Prior prior_;
+};
+
+TEST_F(PriorOdds, AreUnchangedWithinReach) {
+  EXPECT_EQ(at({0, 0, 0}, {0, 0, 0}), 1);
+  EXPECT_EQ(at({0, 29 * kDegree, 0}, {0.59, 0, 0}), 1);
+}
+
+TEST_F(PriorOdds, FallBeyond) {
+  EXPECT_NEAR(at({40 * kDegree, 0, 0}, {0, 0, 0}), std::exp(-2.0), 1e-6);
+  EXPECT_NEAR(at({0, 0, 0}, {0, 0, 0.8}), std::exp(-2.0), 1e-6);
+  EXPECT_LT(at({0, 0, 0}, {0, 5, 0}), 1e-12);
+}
+
+TEST_F(PriorOdds, ATurnThatDoesNotShowIsNone) {
+  object_.symmetries = Symmetries(SymmetryAxis(), {});
+  const Eigen::Vector3d axis = SymmetryAxis().direction;
+  EXPECT_NEAR(at(100 * kDegree * axis, {0, 0, 0}), 1, 1e-6);
+}
+
+TEST(WithinProbability, IsThatOfTheWorstDirection) {
+  FieldMetadata object;
+  object.diameter = 2;
+  Matrix6 covariance = 1e-12 * Matrix6::Identity();
+  EXPECT_NEAR(withinProbability(covariance, object), 1, 1e-9);
+  covariance(4, 4) = std::pow(5 * kDegree / 1.959964, 2);  // 5 degrees are 1.96 deviations
+  EXPECT_NEAR(withinProbability(covariance, object), 0.95, 1e-4);
+  covariance(0, 0) = std::pow(0.1, 2);  // 5 % of the diameter are one deviation
+  EXPECT_NEAR(withinProbability(covariance, object), 0.95 * 0.6827, 1e-3);
+}
+
+TEST(FieldScoreProbability, PassesThroughItsTwoPoints) {
+  EXPECT_NEAR(fieldScoreProbability(0.1), 0.5, 1e-12);
+  EXPECT_NEAR(fieldScoreProbability(0.18), 0.9, 1e-12);
+  EXPECT_LT(fieldScoreProbability(0), 0.07);
+  EXPECT_GT(fieldScoreProbability(0.5), 0.999);
+}
+
+}  // namespace
+}  // namespace nerf_pose_refiner
