@@ -53,7 +53,7 @@ double priorOdds(const Pose& T_O_C, const Prior& prior, const FieldMetadata& obj
 }
 
 double withOdds(double probability, double odds) {
-  return probability * odds / (probability * odds + 1 - probability);
+  return probability * odds / (probability * odds + (1 - probability));
 }
 
 double withinProbability(const Matrix6& of_twist, const FieldMetadata& object) {
