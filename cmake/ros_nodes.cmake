@@ -34,7 +34,7 @@ set_target_properties(${ros_library} PROPERTIES POSITION_INDEPENDENT_CODE ON)  #
 #catkin_lint: ignore_once external_interface_path
 target_include_directories(${ros_library} SYSTEM PUBLIC ${catkin_INCLUDE_DIRS})
 target_include_directories(${ros_library} SYSTEM PRIVATE ${OpenCV_INCLUDE_DIRS})
-target_link_libraries(${ros_library} PUBLIC ${PROJECT_NAME} ${catkin_LIBRARIES})
+target_link_libraries(${ros_library} PUBLIC ${npr_internal} ${catkin_LIBRARIES})
 
 add_library(${PROJECT_NAME}_nodelets SHARED src/ros/nodelet/pose_refiner_nodelet.cpp)
 npr_set_warnings(${PROJECT_NAME}_nodelets)

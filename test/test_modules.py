@@ -55,7 +55,8 @@ MODULES = {
                  'geometry', 'image', 'math', 'concurrency', 'files'), (EIGEN, OPENCV, POSIX)),
 }
 # The public classes: what they hide is here.
-MODULES['library'] = (tuple(MODULES), (EIGEN,))
+MODULES['library'] = (('runtime', 'tracking', 'registration', 'trust', 'detection', 'refinement', 'dataset', 'backend',
+                       'field', 'geometry', 'image'), (EIGEN,))
 MODULES['evaluation'] = (tuple(MODULES), (EIGEN, JSON, OPENCV))
 MODULES['ros'] = (tuple(MODULES), (EIGEN, OPENCV, POSIX, ROS))
 # (Without catkin those tools are built that use no ROS.)
