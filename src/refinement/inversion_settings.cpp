@@ -41,8 +41,8 @@ void validateDescent(const OptimisationPlan& plan) {
   requirePositive("descent.epsilon", plan.epsilon);
   requireNotNegative("descent.regularisation", plan.regularisation);
   requirePositive("descent.steps_per_update", plan.steps_per_update);
-  constexpr int kMaxSamples = 1 << 27;  // four times as many must fit 32 bits
-  require(plan.samples_per_step >= 1 && plan.samples_per_step <= kMaxSamples,
+  constexpr int kMaxPerStep = 1 << 27;  // four times as many must fit 32 bits
+  require(plan.samples_per_step >= 1 && plan.samples_per_step <= kMaxPerStep,
           "InversionSettings::descent.samples_per_step", plan.samples_per_step, "1 to 134217728");
   requirePositive("descent.score_steps", plan.score_steps);
 }
