@@ -10,11 +10,13 @@ add_action_files(FILES
   Register.action)
 add_message_files(FILES
   CaptureStatus.msg
+  ObjectDetection.msg
   ObjectInfo.msg
   PoseHypothesis.msg
   PoseHypothesisArray.msg
   RefinementStatus.msg)
 add_service_files(FILES
+  DetectObject.srv
   ListObjects.srv
   LoadObject.srv
   RefinePose.srv

@@ -17,7 +17,7 @@ struct FieldMetadata;
 
 struct LandmarkCandidateSettings {
   VoteTolerance votes;
-  int least_landmarks = 5;          ///< that agree with a candidate
+  int least_landmarks = 4;          ///< that agree with a candidate
   int most_candidates = 12;         ///< that are returned
   int most_groups = 40;             ///< of votes that are looked at
   double threshold = 0.02;          ///< of a landmark from its feature [diameters in the image]

@@ -13,7 +13,17 @@
 #include "math/require.h"
 
 namespace nerf_pose_refiner {
-namespace {}  // namespace
+namespace {
+
+/// What landmarks that agree with a pose say for it. Chance makes as few agree as are asked for; of
+/// the candidates in images without the object, each further one halves the number.
+/// @param further landmarks than are asked for.
+double oddsOfLandmarks(double further) {
+  constexpr double kMost = 20;  // the image has to agree, too: parts of objects look alike
+  return std::min(kMost, std::exp2(further));
+}
+
+}  // namespace
 
 void DetectionSettings::validate() const {
   landmarks.validate();
@@ -24,6 +34,7 @@ void DetectionSettings::validate() const {
   require(max_image_side_px >= 32, "DetectionSettings::max_image_side_px", max_image_side_px);
   require(max_instances >= 1, "DetectionSettings::max_instances", max_instances);
   require(max_tried >= 1, "DetectionSettings::max_tried", max_tried);
+  require(max_tried_beside >= 1, "DetectionSettings::max_tried_beside", max_tried_beside);
   require(least_score >= 0 && least_score <= 1, "DetectionSettings::least_score", least_score);
   require(budget_s >= 0, "DetectionSettings::budget_s", budget_s);
 }
@@ -76,6 +87,7 @@ ImageCandidates ObjectDetector::candidates(const Observation& observation, const
 
 Refinement ObjectDetector::takeBest(const Observation& observation, PoseCandidates* candidates,
                                     const CancellationToken& cancellation) {
+  const int least = settings_.candidates.least_landmarks;
   // All that may be the same instance as the best one: alignment decides between them.
   const FieldMetadata& object = field_->field().metadata;
   const Pose best = candidates->front().T_O_C;
@@ -83,10 +95,12 @@ Refinement ObjectDetector::takeBest(const Observation& observation, PoseCandidat
                                           [&](const PoseCandidate& candidate) {
                                             return !isSameInstance(candidate.T_O_C, best, object);
                                           });
-  std::vector<Pose> poses;
-  for (auto one = same; one != candidates->end(); ++one) poses.push_back(one->T_O_C);
+  std::vector<RoughPose> rough;
+  for (auto one = same; one != candidates->end(); ++one) {
+    rough.push_back({one->T_O_C, oddsOfLandmarks(one->evidence - least)});
+  }
   candidates->erase(same, candidates->end());
-  const Refinement found = refiner_.settle({observation, 0}, poses, cancellation);
+  const Refinement found = refiner_.settle({observation, 0}, rough, cancellation);
   cancellation.check();
   return found;
 }
@@ -104,8 +118,8 @@ Detections ObjectDetector::detect(const Observation& observation, const SearchAr
   const FieldMetadata& object = field_->field().metadata;
   std::vector<Refinement>& found = detections.found;
   int refused = 0;
-  while (!left.empty() && refused < settings_.max_tried &&
-         static_cast<int>(found.size()) < settings_.max_instances) {
+  while (!left.empty() && static_cast<int>(found.size()) < settings_.max_instances) {
+    if (refused >= (found.empty() ? settings_.max_tried : settings_.max_tried_beside)) break;
     if (settings_.budget_s > 0 && secondsSince(begin) > settings_.budget_s) break;
     const Refinement one = takeBest(observation, &left, cancellation);
     const bool is_known = std::any_of(found.begin(), found.end(), [&](const Refinement& other) {
@@ -114,6 +128,7 @@ Detections ObjectDetector::detect(const Observation& observation, const SearchAr
     if (is_known) continue;
     if (one.outcome == Outcome::kRefined && one.score >= settings_.least_score) {
       found.push_back(one);
+      refused = 0;
     } else {
       ++refused;
     }

@@ -22,13 +22,14 @@ namespace nerf_pose_refiner {
 /// How an object is detected.
 struct DetectionSettings {
   LandmarkSettings landmarks;
-  FeatureSettings features;  ///< of images
+  FeatureSettings features = {bestFeatureKind(), 4000};  ///< of images, clutter and all
   MatchingSettings matching;
   LandmarkCandidateSettings candidates;
   KeyframeSearchSettings keyframes;
   int max_image_side_px = 800;  ///< larger images are reduced to it for their features
   int max_instances = 10;       ///< that are returned
   int max_tried = 6;            ///< candidates in a row that alignment refuses end the search
+  int max_tried_beside = 2;     ///< the same once an instance is found: others are as clear
   double least_score = 0.9;     ///< probability of a pose to be trusted, 0..1
   double budget_s = 0;          ///< no candidate is tried after it; 0: there is no limit
 

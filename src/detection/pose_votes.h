@@ -21,9 +21,9 @@ struct PoseVote {
 
 /// How far votes for one pose may be apart.
 struct VoteTolerance {
-  double offset = 0.4;    ///< of the centre [diameters of the object in the image]
-  double log_size = 0.5;  ///< of the logarithm of the diameter
-  double rotation_rad = 0.8;
+  double offset = 0.3;    ///< of the centre [diameters of the object in the image]
+  double log_size = 0.4;  ///< of the logarithm of the diameter
+  double rotation_rad = 0.6;
 };
 
 /// The vote for a pose; nothing if the object is not before the camera.

@@ -25,6 +25,17 @@ Pose extrapolated(const Pose& before, const Pose& now, double ratio) {
           now.t + ratio * (now.t - before.t)};
 }
 
+/// The odds of a pose by the most likely one of those that it may have come from.
+double oddsOf(const Pose& T_O_C, const std::vector<RoughPose>& rough, const FieldMetadata& object) {
+  double best = 0;
+  for (const RoughPose& one : rough) {
+    Prior near;
+    near.T_O_C = one.T_O_C;
+    best = std::max(best, one.odds * priorOdds(T_O_C, near, object));
+  }
+  return best;
+}
+
 }  // namespace
 
 void KeyframeSearchSettings::validate() const {
@@ -111,27 +122,34 @@ Refinement KeyframeRefiner::find(const TimedObservation& image, const Prior& pri
 }
 
 Refinement KeyframeRefiner::settle(const TimedObservation& image,
-                                   const std::vector<Pose>& poses_T_O_C,
+                                   const std::vector<RoughPose>& rough,
                                    const CancellationToken& cancellation) {
   const Camera& camera = image.observation.camera;
   adaptTo(image.observation);
-  Prior prior;
-  prior.T_O_C = poses_T_O_C.at(0);
-  const Refinement result = refine(
-      prior,
+  // Any of them may be right, however far it is from the first one.
+  Prior anywhere;
+  anywhere.T_O_C = rough.at(0).T_O_C;
+  anywhere.rotation_rad = M_PI;
+  anywhere.translation = 1;
+  Refinement result = refine(
+      anywhere,
       [&]() -> HypothesisTable {
-        if (!objectRegion(camera, prior, field_->field().metadata)) return {};
+        if (!objectRegion(camera, anywhere, field_->field().metadata)) return {};
         waitForRenderings(cancellation);
         HypothesisTable starts;
-        for (const Pose& pose : poses_T_O_C) {
-          if (isFar(pose)) makeAt({camera, pose}, cancellation);
+        for (const RoughPose& one : rough) {
+          if (isFar(one.T_O_C)) makeAt({camera, one.T_O_C}, cancellation);
           starts.emplace_back();
-          starts.back().T_O_C = pose;
+          starts.back().T_O_C = one.T_O_C;
         }
         return search_->from(image.observation, starts, cancellation);
       },
       cancellation);
-  if (result.outcome == Outcome::kRefined) last_ = {image.stamp_ns, result.T_O_C};
+  if (result.outcome != Outcome::kRefined) return result;
+  last_ = {image.stamp_ns, result.T_O_C};
+  const double found = *result.found_probability;
+  result.found_probability = withOdds(found, oddsOf(result.T_O_C, rough, field_->field().metadata));
+  result.score *= found > 0 ? *result.found_probability / found : 0;
   return result;
 }
 
@@ -203,7 +221,7 @@ void KeyframeRefiner::judge(const Prior& prior, const CancellationToken& cancell
   }
   const double by_image = scoreProbability(best.score, scores_);
   const double odds = priorOdds(found->T_O_C, prior, object);
-  const double by_both = by_image * odds / (by_image * odds + 1 - by_image);
+  const double by_both = withOdds(by_image, odds);
   found->found_probability = by_both;
   found->score = by_both * withinProbability(found->covariance, object);
 }

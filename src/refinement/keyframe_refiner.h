@@ -22,6 +22,12 @@ struct TimedObservation {
   std::int64_t stamp_ns = 0;  ///< when it was taken; says when a keyframe is due
 };
 
+/// A pose that was found otherwise than by keyframes.
+struct RoughPose {
+  Pose T_O_C;       ///< [model units]
+  double odds = 1;  ///< the factor by which what found it changes the odds that it is right
+};
+
 /// Finds an object in images by keyframes: in those of a sequence each time near a pose that is
 /// nearly right, while new keyframes are rendered beside that.
 ///
@@ -48,8 +54,8 @@ class KeyframeRefiner {
                   const std::vector<Pose>& candidates_T_O_C = {});
 
   /// From poses that were found otherwise and are nearly right if one is; renders keyframes there.
-  /// @param poses_T_O_C of one place in the image, one at least [model units]. @throws as `follow`.
-  Refinement settle(const TimedObservation& image, const std::vector<Pose>& poses_T_O_C,
+  /// @param rough of one place in the image, one at least. @throws as `follow`.
+  Refinement settle(const TimedObservation& image, const std::vector<RoughPose>& rough,
                     const CancellationToken& cancellation = {});
 
   /// Judges poses by these scores, in place of the object's own.

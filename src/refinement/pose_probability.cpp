@@ -52,6 +52,10 @@ double priorOdds(const Pose& T_O_C, const Prior& prior, const FieldMetadata& obj
   return beyond > 0 ? std::exp(-beyond / kSoftness) : 1;
 }
 
+double withOdds(double probability, double odds) {
+  return probability * odds / (probability * odds + (1 - probability));
+}
+
 double withinProbability(const Matrix6& of_twist, const FieldMetadata& object) {
   constexpr double kRotation_rad = 5 * M_PI / 180, kOffset = 0.05;
   // A turn about a free axis of symmetry is no error.

@@ -16,6 +16,9 @@ double scoreProbability(double score, const KeyframeScores& scores);
 /// beyond. Wrong poses are found anywhere, right ones where they are expected.
 double priorOdds(const Pose& T_O_C, const Prior& prior, const FieldMetadata& object);
 
+/// A probability after evidence that changes the odds by a factor.
+double withOdds(double probability, double odds);
+
 /// How likely a pose is within 5 degrees and 5 % of the diameter if its errors have a covariance.
 /// @param of_twist @see poseCovariance.
 double withinProbability(const Matrix6& of_twist, const FieldMetadata& object);

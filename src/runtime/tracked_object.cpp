@@ -15,6 +15,7 @@ std::string describe(const FieldMetadata& object) {
 
 std::string TrackedObject::track(std::shared_ptr<const Field> field) {
   std::lock_guard<std::mutex> changing(changing_);
+  if (prepare_) prepare_(field);
   tracker_->offerModel(field).get();
   const std::string text = "in use: " + describe(field->metadata);
   log_(text);

@@ -11,7 +11,6 @@
 #include "ros/conversions/status.h"
 
 namespace nerf_pose_refiner {
-namespace {}  // namespace
 
 const char* outcomeText(Outcome outcome) {
   switch (outcome) {

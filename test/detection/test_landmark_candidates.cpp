@@ -108,14 +108,14 @@ TEST_F(LandmarkCandidatesTest, InstancesAreApart) {
 
 TEST_F(LandmarkCandidatesTest, TooFewLandmarksAreNone) {
   const Pose truth = {Eigen::Matrix3d::Identity(), {0, 0, 5}};
-  show(truth, 0, 4);
+  show(truth, 0, 3);
   EXPECT_TRUE(candidates().empty());
 }
 
 TEST_F(LandmarkCandidatesTest, OnePlaceInTheImageCountsOnce) {
   const Pose truth = {Eigen::Matrix3d::Identity(), {0, 0, 5}};
-  show(truth, 0, 4);
-  for (int i = 0; i < 5; ++i) show(truth, 3, 4);
+  show(truth, 0, 3);
+  for (int i = 0; i < 5; ++i) show(truth, 2, 3);
   EXPECT_TRUE(candidates().empty());
 }
 

@@ -55,7 +55,7 @@ TEST(PoseVotes, TheLargestGroupIsAroundTheVoteThatMostAgreeWith) {
   // 0 - 1 - 2 are a chain, whose middle all agree with; 3 and 4 are another instance.
   const std::vector<PoseVote> votes = {voteAt(30), voteAt(0), voteAt(-30), voteAt(300),
                                        voteAt(310)};
-  VoteCounter counter(votes, {});
+  VoteCounter counter(votes, {0.4, 0.5, 0.8});
   EXPECT_EQ(counter.largestGroup(), (std::vector<int>{1, 0, 2}));
   counter.remove(0);
   EXPECT_EQ(counter.largestGroup(), (std::vector<int>{1, 2}));

@@ -151,6 +151,31 @@ TEST_F(KeyframeRefinerTest, SearchesMoreWidelyWhereAPoseIsDoubtful) {
   EXPECT_LT(without.follow({observation, 0}, jerk).score, 0.5);
 }
 
+TEST_F(KeyframeRefinerTest, SettlesOnTheRightOneOfRoughPoses) {
+  const Pose truth = truthAt(0);
+  KeyframeRefiner refiner(backend_.get(), field_, fromFile());
+  const Observation observation = imageAt(truth);
+  const Refinement found =
+      refiner.settle({observation, 0}, {{cameraAround(*field_, 2, 0.4)}, {offBy(truth, 3, 0.02)}});
+  expectFound(found, truth, 0.5);
+  EXPECT_GT(found.score, 0.9);
+}
+
+TEST_F(KeyframeRefinerTest, WhatFoundARoughPoseChangesItsOdds) {
+  const Pose truth = truthAt(0);
+  const Observation observation = imageAt(truth);
+  const auto settledWith = [&](double odds) {
+    KeyframeRefiner refiner(backend_.get(), field_, fromFile());
+    return refiner.settle({observation, 0}, {{truth, odds}});
+  };
+  const Refinement even = settledWith(1), unlikely = settledWith(1e-3);
+  ASSERT_TRUE(even.found_probability && unlikely.found_probability);
+  const double probability = *even.found_probability;
+  EXPECT_NEAR(*unlikely.found_probability,
+              probability * 1e-3 / (probability * 1e-3 + 1 - probability), 1e-9);
+  EXPECT_NEAR(unlikely.score / even.score, *unlikely.found_probability / probability, 1e-9);
+}
+
 TEST_F(KeyframeRefinerTest, SaysThatTheObjectIsNotThere) {
   KeyframeRefiner refiner(backend_.get(), field_, fromFile());
   Observation empty = imageAt(truthAt(0));

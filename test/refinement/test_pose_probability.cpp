@@ -53,6 +53,14 @@ class PriorOdds : public testing::Test {
   Prior prior_;
 };
 
+TEST(WithOdds, MultipliesThem) {
+  EXPECT_DOUBLE_EQ(withOdds(0.5, 1), 0.5);
+  EXPECT_DOUBLE_EQ(withOdds(0.5, 3), 0.75);
+  EXPECT_DOUBLE_EQ(withOdds(0.8, 0.25), 0.5);  // of 4 to 1 is 1 to 1
+  EXPECT_EQ(withOdds(1, 1e-3), 1);
+  EXPECT_EQ(withOdds(0, 20), 0);
+}
+
 TEST_F(PriorOdds, AreUnchangedWithinReach) {
   EXPECT_EQ(at({0, 0, 0}, {0, 0, 0}), 1);
   EXPECT_EQ(at({0, 29 * kDegree, 0}, {0.59, 0, 0}), 1);

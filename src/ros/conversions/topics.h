@@ -32,6 +32,7 @@ constexpr char kUnloadObject[] = "unload_object";
 constexpr char kListObjects[] = "list_objects";
 constexpr char kSetObject[] = "set_object";
 constexpr char kRefine[] = "refine";
+constexpr char kDetect[] = "detect";
 constexpr char kReset[] = "reset";
 constexpr char kEnable[] = "enable";
 

@@ -36,6 +36,7 @@ void PoseRefinerNodelet::start() {
   diagnostics_->showMemory([this] { return memoryFacts(); });
   advertiseResults();
   startTracking();
+  startImageServices();
   reset_server_ = pnh.advertiseService(topics::kReset, &PoseRefinerNodelet::onReset, this);
   enable_server_ = pnh.advertiseService(topics::kEnable, &PoseRefinerNodelet::onEnable, this);
   initial_pose_ = pnh.subscribe<geometry_msgs::PoseStamped>(
@@ -112,7 +113,11 @@ void PoseRefinerNodelet::startTracking() {
   receiver.ignore_mask = [this](const auto& mask) { worker_->addIgnoreMask(mask); };
   images_ = std::make_unique<CameraSubscription::Connection>(camera_.get(), std::move(receiver));
   tracked_ = std::make_unique<TrackedObject>(
-      &worker_->tracker(), [](const std::string& text) { ROS_INFO("%s", text.c_str()); });
+      &worker_->tracker(), [](const std::string& text) { ROS_INFO("%s", text.c_str()); },
+      [this](const std::shared_ptr<const Field>& field) { prepareDetection(field); });
+}
+
+void PoseRefinerNodelet::startImageServices() {
   const auto make_search = [find_shared = sharedProcessor()](const TrackerSettings& settings) {
     return std::make_unique<RefinerSearch>(find_shared, settings.initial.refiner,
                                            settings.tracking.refiner);
@@ -124,6 +129,8 @@ void PoseRefinerNodelet::startTracking() {
   };
   poses_ = std::make_unique<PoseService>(nodeHandles(), parameters_, find_object, make_search,
                                          *transforms_);
+  detections_ = std::make_unique<DetectionService>(nodeHandles(), parameters_, find_object,
+                                                   detection(), *transforms_);
 }
 
 void PoseRefinerNodelet::startObjectServices() {
@@ -149,6 +156,7 @@ void PoseRefinerNodelet::startReconfiguration() {
       getPrivateNodeHandle(), parameters_, [this](const PoseRefinerParameters& changed) {
         worker_->tracker().change(changed.tracker);
         poses_->change(changed);
+        detections_->change(changed);
         overlay_->change(changed.overlay);
       });
 }
@@ -159,14 +167,42 @@ ProcessorFactory PoseRefinerNodelet::sharedProcessor() const {
   };
 }
 
+DetectionService::Detect PoseRefinerNodelet::detection() const {
+  return [this, find_shared = sharedProcessor()](
+             const std::shared_ptr<const Field>& field, DetectorOptions options,
+             const Observation& observation, const CancellationToken& cancellation) {
+    options.landmarks_path = landmarksPathOf(field);
+    Detector detector(find_shared().backend, Object(field), options, cancellation);
+    return detector.detect(observation, {}, cancellation);
+  };
+}
+
+/// Empty for a model without a file.
+std::string PoseRefinerNodelet::landmarksPathOf(const std::shared_ptr<const Field>& field) const {
+  const std::string model = process_->models.pathOf(field);
+  return model.empty() ? model : landmarkPathOf(model);
+}
+
 DetectionSetup PoseRefinerNodelet::detectionSetup() const {
   DetectionSetup setup;
   setup.settings.least_score = parameters_.tracker.rules.trust_score;
-  setup.landmarks_path = [process = process_](const std::shared_ptr<const Field>& field) {
-    const std::string model = process->models.pathOf(field);
-    return model.empty() ? model : landmarkPathOf(model);
+  setup.landmarks_path = [this](const std::shared_ptr<const Field>& field) {
+    return landmarksPathOf(field);
   };
   return setup;
+}
+
+/// Makes the file of a model's landmarks if tracking begins with detection, so that no image waits
+/// for them. If that fails, tracking makes them.
+void PoseRefinerNodelet::prepareDetection(const std::shared_ptr<const Field>& field) const {
+  if (parameters_.tracker.rules.start == TrackStart::kInitialPose) return;
+  const std::string path = landmarksPathOf(field);
+  if (path.empty()) return;
+  const std::optional<std::string> error = errorOf([&] {
+    const SearchProcessor processor = sharedProcessor()();
+    landmarksFor(*processor.backend->load(field), LandmarkSettings(), path, closing_);
+  });
+  if (error) NODELET_WARN("no landmarks yet: %s", error->c_str());
 }
 
 ObjectStore PoseRefinerNodelet::store() const {

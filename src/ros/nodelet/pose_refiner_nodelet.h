@@ -18,6 +18,7 @@
 #include "ros/nodelet/result_publisher.h"
 #include "ros/nodelet/tracking_worker.h"
 #include "ros/nodelet/transform_input.h"
+#include "ros/services/detection_service.h"
 #include "ros/services/object_services.h"
 #include "ros/services/pose_service.h"
 #include "ros/services/reconfiguration.h"
@@ -34,16 +35,23 @@ namespace nerf_pose_refiner {
 /// OverlayPublisher and TransformInput. All refiners of a process share models, backends and the
 /// queue of registrations.
 class PoseRefinerNodelet : public nodelet::Nodelet {
+ public:
+  ~PoseRefinerNodelet() override { closing_.requestCancel(); }
+
  private:
   void onInit() override;
   void start();
   void readParameters();
   void advertiseResults();
   void startTracking();
+  void startImageServices();
   void startObjectServices();
   void startReconfiguration();
   NodeHandles nodeHandles() const { return {getNodeHandle(), getPrivateNodeHandle()}; }
+  std::string landmarksPathOf(const std::shared_ptr<const Field>& field) const;
   DetectionSetup detectionSetup() const;
+  void prepareDetection(const std::shared_ptr<const Field>& field) const;
+  DetectionService::Detect detection() const;
   ProcessorFactory sharedProcessor() const;
   ObjectStore store() const;
   Diagnostics::Facts memoryFacts() const;
@@ -55,6 +63,7 @@ class PoseRefinerNodelet : public nodelet::Nodelet {
   bool onEnable(std_srvs::SetBool::Request& request, std_srvs::SetBool::Response& response);
 
   // Destroyed from the last to the first: each may use those above it.
+  CancellationToken closing_;  ///< of what is made before a model is tracked
   PoseRefinerParameters parameters_;
   std::shared_ptr<RefinerProcess> process_;
   std::atomic<bool> on_gpu_{false};  ///< the backend in use
@@ -68,6 +77,7 @@ class PoseRefinerNodelet : public nodelet::Nodelet {
   std::unique_ptr<CameraSubscription::Connection> images_;  ///< to worker_
   std::unique_ptr<TrackedObject> tracked_;
   std::unique_ptr<PoseService> poses_;
+  std::unique_ptr<DetectionService> detections_;
   std::unique_ptr<ObjectServices> objects_;
   std::unique_ptr<RegistrationServices> registrations_;
   std::unique_ptr<Reconfiguration> reconfiguration_;

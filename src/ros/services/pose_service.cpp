@@ -1,11 +1,8 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include "ros/services/pose_service.h"
 
-#include <image_transport/image_transport.h>
 #include <ros/console.h>
 
-#include <chrono>
-#include <cmath>
 #include <future>
 #include <limits>
 #include <utility>
@@ -13,26 +10,10 @@
 #include "ros/conversions/pose_conversions.h"
 #include "ros/conversions/status.h"
 #include "ros/conversions/topics.h"
+#include "ros/services/image_call.h"
 
 namespace nerf_pose_refiner {
 namespace {
-
-constexpr double kDefaultTimeout_s = 30;
-
-/// @throws std::invalid_argument.
-double timeoutOf(const RefinePose::Request& request) {
-  if (!std::isfinite(request.timeout_s) || request.timeout_s < 0) {
-    throw std::invalid_argument("timeout_s is " + std::to_string(request.timeout_s) +
-                                " but must be >= 0");
-  }
-  return request.timeout_s > 0 ? request.timeout_s : kDefaultTimeout_s;
-}
-
-std::string seconds(double s) {
-  char text[40];
-  std::snprintf(text, sizeof text, "%g s", s);
-  return text;
-}
 
 /// A track of one image, whatever the age of its initial pose.
 TrackerSettings settingsForOneImage(TrackerSettings settings) {
@@ -88,44 +69,33 @@ PoseRefinerParameters PoseService::parameters() const {
 }
 
 bool PoseService::onRefine(RefinePose::Request& request, RefinePose::Response& response) {
-  using Clock = std::chrono::steady_clock;
   const ros::Time called = ros::Time::now();
-  const Clock::time_point start = Clock::now();
-  const CancellationToken cancellation;
-  double timeout_s = 0;
-  bool timed_out = false;
-  try {
-    timeout_s = timeoutOf(request);
-    // This thread watches the time, another one works.
-    std::future<void> work =
-        std::async(std::launch::async, [&] { refine(request, called, cancellation, &response); });
-    while (work.wait_for(std::chrono::milliseconds(10)) != std::future_status::ready) {
-      timed_out = std::chrono::duration<double>(Clock::now() - start).count() >= timeout_s;
-      if (timed_out || cancellation_.cancelRequested()) cancellation.requestCancel();
-    }
-    work.get();
-  } catch (const InputError& e) {
-    response.reason = toMessage(e.reason());
-    response.message = e.what();
-  } catch (const ModelError& e) {
-    response.reason = toMessage(reasonOf(e));
-    response.message = e.what();
-  } catch (const std::exception& e) {
-    response.reason = toMessage(TrackReason::kInternal);
-    response.message = e.what();
+  const CallEnd end =
+      carryOut(request.timeout_s, cancellation_, [&](const CancellationToken& cancellation) {
+        refine(request, called, cancellation, &response);
+      });
+  if (end.failure) {
+    response.reason = toMessage(end.failure->reason);
+    response.message = end.failure->message;
   }
-  if (timed_out && !response.success) response.message += " after " + seconds(timeout_s);
-  if (!response.success) ROS_WARN("~%s: %s", topics::kRefine, response.message.c_str());
+  if (!response.success) {
+    response.message += end.after;
+    ROS_WARN("~%s: %s", topics::kRefine, response.message.c_str());
+  }
   return true;  // false would lose the message on its way
 }
 
 /// @throws InputError for what cannot be used.
 void PoseService::refine(const RefinePose::Request& request, const ros::Time& called,
                          const CancellationToken& cancellation, RefinePose::Response* response) {
-  const TrackerSettings settings = settingsForOneImage(parameters().tracker);
+  const PoseRefinerParameters current = parameters();
+  const TrackerSettings settings = settingsForOneImage(current.tracker);
   const std::shared_ptr<const Field> field = find_object_(request.object);
   const TimedPose given = initialPoseFrom(request.initial);
-  const CameraImage image = imageOf(request, called, cancellation);
+  const CameraImage image =
+      imageOfCall({boost::make_shared<const sensor_msgs::Image>(request.image),
+                   boost::make_shared<const sensor_msgs::CameraInfo>(request.camera_info)},
+                  nodes_, current.image_transport, called, cancellation);
   const ImageStamp at = imageStampOf(image.image->header);
   ImageMasks masks;
   if (!request.mask.data.empty()) {
@@ -150,38 +120,6 @@ void PoseService::refine(const RefinePose::Request& request, const ros::Time& ca
   if (!result.found) return;
   response->pose.pose = toMessage(result.refinement, T_W_C, field->metadata);
   response->hypotheses = toMessage(result.refinement.hypotheses, T_W_C, field->metadata).hypotheses;
-}
-
-PoseService::CameraImage PoseService::imageOf(const RefinePose::Request& request,
-                                              const ros::Time& called,
-                                              const CancellationToken& cancellation) const {
-  if (request.image.data.empty()) return waitForImage(called, cancellation);
-  return {boost::make_shared<const sensor_msgs::Image>(request.image),
-          boost::make_shared<const sensor_msgs::CameraInfo>(request.camera_info)};
-}
-
-/// Listens to the camera for as long as it takes, whether or not the tracking does.
-PoseService::CameraImage PoseService::waitForImage(const ros::Time& called,
-                                                   const CancellationToken& cancellation) const {
-  ros::CallbackQueue queue;
-  ros::NodeHandle nh(nodes_.nh);
-  nh.setCallbackQueue(&queue);
-  CameraImage newest;
-  image_transport::ImageTransport transport(nh);
-  const image_transport::TransportHints hints(parameters().image_transport, ros::TransportHints(),
-                                              nodes_.pnh);
-  const image_transport::CameraSubscriber subscriber = transport.subscribeCamera(
-      topics::kImage, 10,
-      [&](const sensor_msgs::ImageConstPtr& image, const sensor_msgs::CameraInfoConstPtr& info) {
-        if (!newest.image && image->header.stamp >= called) newest = {image, info};
-      },
-      ros::VoidPtr(), hints);
-  while (!newest.image && !cancellation.cancelRequested())
-    queue.callAvailable(ros::WallDuration(0.02));
-  if (newest.image) return newest;
-  throw InputError(TrackReason::kNoImages,
-                   "no image came that is not older than the call (topic '" +
-                       nh.resolveName(topics::kImage) + "')");
 }
 
 }  // namespace nerf_pose_refiner

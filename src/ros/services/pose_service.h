@@ -40,17 +40,9 @@ class PoseService {
   void change(const PoseRefinerParameters& parameters);
 
  private:
-  struct CameraImage {
-    sensor_msgs::ImageConstPtr image;
-    sensor_msgs::CameraInfoConstPtr info;
-  };
-
   bool onRefine(RefinePose::Request& request, RefinePose::Response& response);
   void refine(const RefinePose::Request& request, const ros::Time& called,
               const CancellationToken& cancellation, RefinePose::Response* response);
-  CameraImage imageOf(const RefinePose::Request& request, const ros::Time& called,
-                      const CancellationToken& cancellation) const;
-  CameraImage waitForImage(const ros::Time& called, const CancellationToken& cancellation) const;
   PoseRefinerParameters parameters() const;
 
   NodeHandles nodes_;

@@ -1,0 +1,97 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "runtime/tracked_object.h"
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <future>
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "support/fake_search.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+/// A tracker whose thread takes models into use, and the object that it tracks.
+class TrackedObjectTest : public testing::Test {
+ protected:
+  TrackedObjectTest() {
+    auto search = std::make_unique<FakeSearch>();
+    search_ = search.get();
+    tracker_ = std::make_unique<ObjectTracker>(std::move(search), TrackerSettings());
+    thread_ = std::thread([this] {
+      while (!ends_) {
+        tracker_->applyModels();
+        std::this_thread::yield();
+      }
+    });
+  }
+  ~TrackedObjectTest() override {
+    ends_ = true;
+    thread_.join();
+  }
+
+  TrackedObject trackedWith(TrackedObject::Prepare prepare = {}) {
+    return {tracker_.get(), [this](const std::string& text) { log_.push_back(text); },
+            std::move(prepare)};
+  }
+
+  FakeSearch* search_;
+  std::unique_ptr<ObjectTracker> tracker_;
+  std::vector<std::string> log_;
+  std::atomic<bool> ends_{false};
+  std::thread thread_;
+};
+
+TEST_F(TrackedObjectTest, SaysWhatIsInUse) {
+  TrackedObject tracked = trackedWith();
+  EXPECT_EQ(tracked.field(), nullptr);
+  const std::shared_ptr<const Field> mug = fieldCalled("mug");
+  const std::string text = tracked.track(mug);
+  EXPECT_NE(text.find("'mug'"), std::string::npos) << text;
+  EXPECT_EQ(log_, std::vector<std::string>{text});
+  EXPECT_EQ(tracked.field(), mug);
+}
+
+TEST_F(TrackedObjectTest, AModelIsPreparedWhileTheOneBeforeIsInUse) {
+  std::vector<std::string> prepared, in_use;
+  TrackedObject tracked = trackedWith([&](const std::shared_ptr<const Field>& field) {
+    prepared.push_back(field->metadata.name);
+    in_use.push_back(search_->object);
+  });
+  tracked.track(fieldCalled("mug"));
+  tracked.track(fieldCalled("cup"));
+  EXPECT_EQ(prepared, (std::vector<std::string>{"mug", "cup"}));
+  EXPECT_EQ(in_use, (std::vector<std::string>{"", "mug"}));
+}
+
+TEST_F(TrackedObjectTest, AModelThatCannotBePreparedIsNotTracked) {
+  TrackedObject tracked = trackedWith([](const std::shared_ptr<const Field>& field) {
+    if (field->metadata.name == "cup") throw std::runtime_error("no memory");
+  });
+  const std::shared_ptr<const Field> mug = fieldCalled("mug");
+  tracked.track(mug);
+  EXPECT_THROW(tracked.track(fieldCalled("cup")), std::runtime_error);
+  EXPECT_EQ(tracked.field(), mug);
+  EXPECT_EQ(search_->object, "mug");
+}
+
+TEST_F(TrackedObjectTest, NewMetadataOfAModelThatIsNoLongerInUseAreLeft) {
+  TrackedObject tracked = trackedWith();
+  const std::shared_ptr<const Field> mug = fieldCalled("mug"), cup = fieldCalled("cup");
+  tracked.track(mug);
+  tracked.track(cup);
+  tracked.renew(mug, fieldCalled("mug"));
+  EXPECT_EQ(tracked.field(), cup);
+  const std::shared_ptr<const Field> renewed = fieldCalled("cup");
+  tracked.renew(cup, renewed);
+  EXPECT_EQ(tracked.field(), renewed);
+}
+
+}  // namespace
+}  // namespace nerf_pose_refiner
