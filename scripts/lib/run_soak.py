@@ -193,6 +193,8 @@ def run(world, minutes):
         for second in range(CYCLE_S):
             time.sleep(max(0.0, start + second - time.monotonic()))
             cycle.at(second)
+            # What took longer is not made up for: the steps keep their distance.
+            start = max(start, time.monotonic() - second - 1)
             lines.append(measure(world, begin))
             for key in done:
                 done[key] += lines[-1][key]

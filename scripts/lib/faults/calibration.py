@@ -52,14 +52,6 @@ def tiny_focal_length(world):
     world.expect_back()
 
 
-@row('focal length 10^9 times the true one', 'no pose; right poses with a new initial pose')
-def vast_focal_length(world):
-    with world.player.altered(changed(focal_length(1e9)), visible=False):
-        world.wait(1)
-    world.track()
-    world.expect_back()
-
-
 @row('a distortion that folds the image', 'no pose, or right ones; right poses within 2 s after it')
 def vast_distortion(world):
     with world.player.altered(changed(lambda _, info: setattr(info, 'D', [1e6, -1e6, 1e3, 1e3, 1e6])), visible=False):

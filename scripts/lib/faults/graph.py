@@ -45,8 +45,8 @@ def wait_until(condition, timeout_s):
     return True
 
 
-def stop(process, how=signal.SIGTERM, patience_s=10):
-    """Ends a process. @return its exit code, or None where it had to be killed."""
+def stop(process, how=signal.SIGINT, patience_s=10):
+    """Ends a process, as roslaunch does. @return its exit code, or None where it had to be killed."""
     if process is None or process.poll() is not None:
         return None if process is None else process.returncode
     process.send_signal(how)
@@ -83,7 +83,11 @@ class Graph:
 
     def run(self, name, command, **environment):
         """Starts a process. @param environment variables that it gets beside those of this one."""
-        preexec = environment.pop('preexec', None)
+        also = environment.pop('preexec', lambda: None)
+
+        def preexec():
+            signal.signal(signal.SIGINT, signal.SIG_DFL)  # which a job in the background ignores
+            also()
         with open(self.log_of(name), 'ab') as log:
             process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=log, stderr=log,
                                        env={**os.environ, **environment}, preexec_fn=preexec)

@@ -22,9 +22,9 @@ def killed(world):
     world.expect_back()
 
 
-@row('SIGTERM while it tracks', 'the process ends within 5 s with exit code 0', restarts=True)
+@row('SIGINT while it tracks', 'the process ends within 5 s with exit code 0', restarts=True)
 def terminated(world):
-    world.graph.node.terminate()
+    world.graph.node.send_signal(signal.SIGINT)
     code = world.graph.node.wait(5 * world.patience)
     require(code == 0, 'exit code %d' % code)
     world.start('world')
@@ -53,7 +53,7 @@ def stopped(world):
     world.expect_back()
 
 
-@row('a subscriber of the overlay does not read for 3 s', 'tracking goes on; its images do not pile up', fast=True)
+@row('a subscriber of the overlay does not read for 3 s', 'tracking goes on; its images do not pile up')
 def slow_subscriber(world):
     echo = world.graph.run('echo', [program('rostopic', 'rostopic'), 'echo', '--noarr', NODE + '/overlay/image_raw'])
     try:

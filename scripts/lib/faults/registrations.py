@@ -149,9 +149,11 @@ def disk_full(world):
     def limit():
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
         resource.setrlimit(resource.RLIMIT_FSIZE, (200000, 200000))
-    world.start('no_object', {'register': {'steps': 20, 'accept_poor_data': True}}, preexec=limit)
+    world.start('no_object', {'register': {'accept_poor_data': True}}, preexec=limit)
     world.ready()
-    world.refused(world.register(name='new', dataset=DATASET))
+    reply = world.register(name='new', dataset=DATASET, max_seconds=4)
+    world.refused(reply)
+    require(re.search('write|large|space', reply.message), 'another reason: %s' % reply.message)
     require(world.alive(), 'the node has ended')
     require(not glob.glob(world.models + '/new*'), 'left behind: %s' % leftovers(world))
     world.setup = None
@@ -160,10 +162,11 @@ def disk_full(world):
 @row('two registrations of one object at once', 'both succeed with one training, or one is refused with a reason',
      setup='no_object', restarts=True)
 def at_once(world):
-    world.start('no_object', {'register': {'steps': 20, 'accept_poor_data': True}})
+    world.start('no_object', {'register': {'accept_poor_data': True}})
     world.ready()
     replies = []
-    threads = [threading.Thread(target=lambda: replies.append(world.register(name='new', dataset=DATASET)))
+    threads = [threading.Thread(target=lambda: replies.append(
+        world.register(name='new', dataset=DATASET, max_seconds=15, within=180)))
                for _ in range(2)]
     for thread in threads:
         thread.start()

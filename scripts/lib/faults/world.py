@@ -20,7 +20,7 @@ from nerf_pose_refiner import srv
 BACK_S = 2.0  # of stamps: right poses are back
 SETTLED_S = 1.0  # of stamps, after that: right poses stay
 RIGHT_SHARE = 0.9  # of the refined images in that time
-SPARE_MIB = 100  # a fault must not take more memory than this
+SPARE_MIB = 200  # a fault must not take more memory than this
 SERVICE_S = 20
 JUST_NOW_S = 0.25  # what was provoked before the call may have been answered by then
 
