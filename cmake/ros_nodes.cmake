@@ -15,6 +15,7 @@ add_library(${ros_library} STATIC
   src/ros/conversions/tf_bridge.cpp
   src/ros/nodelet/camera_subscription.cpp
   src/ros/nodelet/diagnostics.cpp
+  src/ros/nodelet/frame_conflict.cpp
   src/ros/nodelet/initial_pose_marker.cpp
   src/ros/nodelet/message_tracker.cpp
   src/ros/nodelet/overlay_publisher.cpp
@@ -48,6 +49,7 @@ foreach(node decode_images initial_pose_marker pose_refiner)
   add_executable(${PROJECT_NAME}_${node}_node src/ros/nodelet/${node}_node.cpp)
   set_target_properties(${PROJECT_NAME}_${node}_node PROPERTIES OUTPUT_NAME ${node})
   npr_set_warnings(${PROJECT_NAME}_${node}_node)
+  target_include_directories(${PROJECT_NAME}_${node}_node PRIVATE src)
   target_include_directories(${PROJECT_NAME}_${node}_node SYSTEM PRIVATE
     ${catkin_INCLUDE_DIRS} ${OpenCV_INCLUDE_DIRS})
   target_link_libraries(${PROJECT_NAME}_${node}_node PRIVATE ${catkin_LIBRARIES} ${OpenCV_LIBS})
