@@ -9,12 +9,14 @@
 #include <utility>
 #include <vector>
 
+#include "backend/loaded_field.h"
 #include "backend/make_backend.h"
 #include "backend_floor.h"
 #include "concurrency/parallel.h"
 #include "dataset/dataset.h"
 #include "evaluation/trial_observation.h"
 #include "field/model_file.h"
+#include "math/angle.h"
 #include "refinement/field_refiner.h"
 #include "tracking.h"
 #include "trial_report.h"
@@ -24,8 +26,6 @@
 
 namespace nerf_pose_refiner {
 namespace {
-
-constexpr double kDegree = 3.14159265358979323846 / 180;
 
 struct Options {
   std::string model, dataset;

@@ -3,8 +3,8 @@
 
 #include <cstddef>
 
+#include "backend/backend.h"
 #include "floor.h"
-#include "nerf_pose_refiner/backend.h"
 
 namespace nerf_pose_refiner {
 

@@ -9,6 +9,8 @@
 #include <thread>
 #include <vector>
 
+#include "backend/backend.h"
+#include "concurrency/seconds_since.h"
 #include "field/model_file.h"
 #include "image/colour.h"
 #include "nerf_pose_refiner/pose.h"
@@ -22,10 +24,6 @@ namespace nerf_pose_refiner {
 namespace {
 
 using Clock = std::chrono::steady_clock;
-
-double secondsSince(Clock::time_point start) {
-  return std::chrono::duration<double>(Clock::now() - start).count();
-}
 
 struct Options {
   std::string model, views, photos;
@@ -109,7 +107,7 @@ class Bench {
 
   /// Trains until it is stopped. @return steps a second.
   double train(const CancellationToken& token, std::atomic<int>* steps) {
-    RegistrationSettings settings;
+    RegistrationOptions settings;
     settings.steps = 1 << 30;
     settings.threads = options_.threads;
     const ProcessorSchedule::Training training(backends_.scheduleOf(choice_).get(), token);

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "backend/common/ray_march.h"
+#include "backend/loaded_field.h"
 #include "backend/make_backend.h"
 #include "backend/training.h"
 #include "dataset/dataset.h"

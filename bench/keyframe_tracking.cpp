@@ -16,19 +16,19 @@
 #include <vector>
 
 #include "backend/keyframe_aligner.h"
+#include "backend/loaded_field.h"
 #include "backend/make_backend.h"
 #include "evaluation/pose_error.h"
 #include "evaluation/statistics.h"
 #include "field/object_metadata.h"
 #include "image/io.h"
+#include "math/angle.h"
 #include "recorded_sequence.h"
 #include "tracking/prediction.h"
 #include "views/keyframe.h"
 
 namespace nerf_pose_refiner {
 namespace {
-
-constexpr double kDegree = 3.14159265358979323846 / 180;
 
 struct Options {
   std::string model, sequence;

@@ -25,14 +25,13 @@
 #include "field/object_frame.h"
 #include "field/object_metadata.h"
 #include "image/io.h"
+#include "math/angle.h"
 #include "recorded_sequence.h"
 #include "runtime/shared_backend.h"
 #include "tracking/object_tracker.h"
 
 namespace nerf_pose_refiner {
 namespace {
-
-constexpr double kDegree = 3.14159265358979323846 / 180;
 
 struct Options {
   std::string model;

@@ -7,9 +7,11 @@
 #include <string>
 #include <vector>
 
+#include "backend/loaded_field.h"
 #include "backend/make_backend.h"
 #include "backend_floor.h"
 #include "concurrency/parallel.h"
+#include "concurrency/seconds_since.h"
 #include "field/model_file.h"
 #include "image/colour.h"
 #include "image/resample.h"
@@ -21,10 +23,6 @@
 
 namespace nerf_pose_refiner {
 namespace {
-
-double secondsSince(std::chrono::steady_clock::time_point start) {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-}
 
 double rootMeanSquare(const Image& a, const Image& b) {
   double sum = 0;
@@ -46,7 +44,7 @@ struct Options {
   double until_psnr_db = 0;
   int size = 0;
   bool compare_occupancy = false;
-  RegistrationSettings settings;
+  RegistrationOptions settings;
 
   DatasetOptions reading() const {
     DatasetOptions reading;
@@ -56,7 +54,7 @@ struct Options {
 };
 
 void declare(CLI::App* app, Options* options) {
-  RegistrationSettings& settings = options->settings;
+  RegistrationOptions& settings = options->settings;
   settings.held_out = 0;
   settings.accept_poor_data = true;  // a few steps are measured, too
   app->add_option("dataset", options->dataset, "folder or transforms file of the training views")
@@ -122,7 +120,7 @@ double measureTestViews(Backend* backend, const Field& field, const Dataset& tes
 
 /// One registration. @return PSNR of the test views; 0 if there are none.
 double registerOnce(Backend* backend, const Dataset& data, const Dataset& test,
-                    const Options& options, const RegistrationSettings& settings) {
+                    const Options& options, const RegistrationOptions& settings) {
   double training_s = 0;
   CostCounters training;
   const CostCounters before = backend->costs();
@@ -159,7 +157,7 @@ void run(const Options& options) {
   const double context_MiB = deviceMemory_MiB();
   const auto backend = makeBackend(options.backend);
   std::printf("engine              %s\n", backend->info().description.c_str());
-  RegistrationSettings settings = options.settings;
+  RegistrationOptions settings = options.settings;
   settings.threads = options.backend.threads;
   std::vector<int> steps = options.steps;
   if (steps.empty()) steps.push_back(settings.steps);

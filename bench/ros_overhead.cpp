@@ -23,6 +23,7 @@
 #include <string>
 #include <vector>
 
+#include "backend/loaded_field.h"
 #include "backend/make_backend.h"
 #include "dataset/dataset.h"
 #include "field/model_file.h"
@@ -64,7 +65,7 @@ struct Subject {
         scene(makeAnalyticScene()),
         T_O_C(cameraAround(*scene, 0.7, 0.5)) {
     writeSceneDataset(*scene, (root / "photos").string(), 40, 64);
-    RegistrationSettings settings;
+    RegistrationOptions settings;
     settings.steps = 300;
     settings.metres_per_unit = kMetresPerUnit;
     Field field = learnField(backend.get(), loadDataset((root / "photos").string()), settings, {},

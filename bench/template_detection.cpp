@@ -14,7 +14,9 @@
 #include <vector>
 
 #include "backend/common/observed_colours.h"
+#include "backend/loaded_field.h"
 #include "backend/make_backend.h"
+#include "concurrency/seconds_since.h"
 #include "dataset/dataset.h"
 #include "detection/template_search.h"
 #include "evaluation/disturbance.h"
@@ -24,13 +26,12 @@
 #include "field/object_metadata.h"
 #include "image/colour.h"
 #include "image/io.h"
+#include "math/angle.h"
 #include "recorded_sequence.h"
 #include "refinement/keyframe_refiner.h"
 
 namespace nerf_pose_refiner {
 namespace {
-
-constexpr double kDegree = 3.14159265358979323846 / 180;
 
 struct Options {
   std::string model, data;
@@ -48,10 +49,6 @@ struct TrialImage {
   Observation observation;
   Pose T_O_C;
 };
-
-double secondsSince(std::chrono::steady_clock::time_point begin) {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-}
 
 class Benchmark {
  public:

@@ -11,13 +11,13 @@
 #include "evaluation/pose_error.h"
 #include "field/object_frame.h"
 #include "image/colour.h"
+#include "math/angle.h"
 #include "tracking/object_tracker.h"
 #include "work_report.h"
 
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr double kDegree = 3.14159265358979323846 / 180;
 constexpr double kTurn = 0.13;  // of the circle through the image, a frame [rad]
 constexpr double kLostDeg = 15, kLostFraction = 0.2;
 constexpr int kWarmUp = 5;  // frames whose time does not count

@@ -5,8 +5,9 @@
 #include <memory>
 #include <string>
 
+#include "backend/backend.h"
+#include "backend/loaded_field.h"
 #include "floor.h"
-#include "nerf_pose_refiner/backend.h"
 
 namespace nerf_pose_refiner {
 

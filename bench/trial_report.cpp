@@ -6,10 +6,10 @@
 #include <cmath>
 #include <cstdio>
 
+#include "math/angle.h"
+
 namespace nerf_pose_refiner {
 namespace {
-
-constexpr double kDegree = 3.14159265358979323846 / 180;
 
 double median(std::vector<double> values) {
   if (values.empty()) return 0;

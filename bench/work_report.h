@@ -1,8 +1,8 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "backend/cost_counters.h"
 #include "floor.h"
-#include "nerf_pose_refiner/backend.h"
 
 namespace nerf_pose_refiner {
 

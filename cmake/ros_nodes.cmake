@@ -15,6 +15,7 @@ add_library(${ros_library} STATIC
   src/ros/conversions/tf_bridge.cpp
   src/ros/nodelet/camera_subscription.cpp
   src/ros/nodelet/diagnostics.cpp
+  src/ros/nodelet/frame_conflict.cpp
   src/ros/nodelet/initial_pose_marker.cpp
   src/ros/nodelet/message_tracker.cpp
   src/ros/nodelet/overlay_publisher.cpp
@@ -31,12 +32,13 @@ add_dependencies(${ros_library}
   ${PROJECT_NAME}_gencfg ${PROJECT_NAME}_generate_messages_cpp ${catkin_EXPORTED_TARGETS})
 npr_set_warnings(${ros_library})
 npr_precompile(${ros_library} <ros/ros.h> <sensor_msgs/CameraInfo.h> <sensor_msgs/Image.h>)
+npr_join_sources(${ros_library} src/ros/services/reconfiguration.cpp)
 set_target_properties(${ros_library} PROPERTIES POSITION_INDEPENDENT_CODE ON)  # of the nodelets
 # Private to this package.
 #catkin_lint: ignore_once external_interface_path
 target_include_directories(${ros_library} SYSTEM PUBLIC ${catkin_INCLUDE_DIRS})
 target_include_directories(${ros_library} SYSTEM PRIVATE ${OpenCV_INCLUDE_DIRS})
-target_link_libraries(${ros_library} PUBLIC ${PROJECT_NAME} ${catkin_LIBRARIES})
+target_link_libraries(${ros_library} PUBLIC ${npr_internal} ${catkin_LIBRARIES})
 
 add_library(${PROJECT_NAME}_nodelets SHARED src/ros/nodelet/pose_refiner_nodelet.cpp)
 npr_set_warnings(${PROJECT_NAME}_nodelets)
@@ -47,6 +49,7 @@ foreach(node decode_images initial_pose_marker pose_refiner)
   add_executable(${PROJECT_NAME}_${node}_node src/ros/nodelet/${node}_node.cpp)
   set_target_properties(${PROJECT_NAME}_${node}_node PROPERTIES OUTPUT_NAME ${node})
   npr_set_warnings(${PROJECT_NAME}_${node}_node)
+  target_include_directories(${PROJECT_NAME}_${node}_node PRIVATE src)
   target_include_directories(${PROJECT_NAME}_${node}_node SYSTEM PRIVATE
     ${catkin_INCLUDE_DIRS} ${OpenCV_INCLUDE_DIRS})
   target_link_libraries(${PROJECT_NAME}_${node}_node PRIVATE ${catkin_LIBRARIES} ${OpenCV_LIBS})

@@ -4,6 +4,9 @@
 #include <memory>
 #include <vector>
 
+#include "backend/backend.h"
+#include "backend/cost_counters.h"
+#include "backend/loaded_field.h"
 #include "backend/training.h"
 #include "cuda_processor.h"
 #include "field/field.h"

@@ -4,7 +4,9 @@
 #include <memory>
 #include <vector>
 
+#include "backend/loaded_field.h"
 #include "backend/plans.h"
+#include "backend/pose_solver.h"
 #include "cuda_processor.h"
 #include "nerf_pose_refiner/observation.h"
 

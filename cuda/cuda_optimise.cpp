@@ -5,6 +5,7 @@
 #include <string>
 
 #include "backend/common/solver_rules.h"
+#include "backend/loaded_field.h"
 #include "cuda_solver.h"
 
 // The paper's mode: one graph of a few steps, launched again and again.

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "backend/plans.h"
+#include "backend/pose_solver.h"
 #include "cuda_loaded_field.h"
 #include "nerf_pose_refiner/observation.h"
 

@@ -4,11 +4,11 @@
 #include <vector>
 
 #include "backend/common/training_occupancy.h"
+#include "backend/cost_counters.h"
 #include "backend/training.h"
 #include "cuda_field.h"
 #include "cuda_processor.h"
 #include "device_memory.h"
-#include "nerf_pose_refiner/backend.h"
 #include "train.h"
 
 namespace nerf_pose_refiner {

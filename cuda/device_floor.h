@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
+#include "backend/loaded_field.h"
 #include "field/field.h"
-#include "nerf_pose_refiner/backend.h"
 
 namespace nerf_pose_refiner {
 

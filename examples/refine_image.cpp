@@ -28,10 +28,7 @@ int main(int argc, char** argv) try {
   double number[11];
   for (int i = 0; i < 11; ++i) number[i] = std::atof(argv[4 + i]);
 
-  const Image8 image = rgbImage(cv::imread(argv[2], cv::IMREAD_COLOR));
   Camera camera;
-  camera.width = image.width;
-  camera.height = image.height;
   camera.fx = number[0];
   camera.fy = number[1];
   camera.cx = number[2];
@@ -45,7 +42,7 @@ int main(int argc, char** argv) try {
   const std::shared_ptr<Backend> backend = makeBackend("auto");
   const Object object = loadObject(argv[1]);
   Refiner refiner(backend, object);
-  const Observation observation = observe(image, camera);
+  const Observation observation = observe(cv::imread(argv[2], cv::IMREAD_COLOR), camera);
   const RefineResult found = refiner.refine(observation, prior);
   if (!found.trusted) {
     std::fprintf(stderr, "not found: %s\n", found.message.c_str());

@@ -17,11 +17,11 @@ int main(int argc, char** argv) try {
     std::fprintf(stderr, "Usage: %s PHOTOS MODEL [STEPS]\n", argv[0]);
     return 2;
   }
-  RegistrationSettings settings;
+  RegistrationOptions settings;
   if (argc > 3) settings.steps = std::atoi(argv[3]);
 
   const std::shared_ptr<Backend> backend = makeBackend("auto");
-  std::printf("%s\n", backend->info().description.c_str());
+  std::printf("%s\n", backendInfo(*backend).description.c_str());
   const Object object =
       registerObject(*backend, argv[1], settings, [](const RegistrationProgress& progress) {
         std::printf("%-10s %d of %d, %.0f s left\n", progress.stage.c_str(), progress.step,
@@ -29,7 +29,7 @@ int main(int argc, char** argv) try {
       });
   saveObject(object, argv[2]);
   std::printf("%s: diameter %.3f %s, PSNR %.1f dB\n", argv[2], object.diameter(),
-              object.hasScale() ? "m" : "model units", object.psnr_dB());
+              object.hasScale() ? "m" : "model units", object.psnr_db());
   return 0;
 } catch (const std::exception& e) {
   std::fprintf(stderr, "%s\n", e.what());

@@ -65,9 +65,7 @@ int main(int argc, char** argv) try {
   cv::VideoWriter writer;
   cv::Mat frame;
   for (int i = 0; video.read(frame); ++i) {
-    camera.width = frame.cols;
-    camera.height = frame.rows;
-    const Observation observation = observe(rgbImage(frame), camera);
+    const Observation observation = observe(frame, camera);
     const auto stamp_ns = static_cast<std::int64_t>(1e6 * video.get(cv::CAP_PROP_POS_MSEC));
     const TrackResult result = tracker.track(observation, stamp_ns);
     std::printf("%4d %s", i, toString(result.state));

@@ -145,7 +145,7 @@ class Names(unittest.TestCase):
         options = ''.join(read(path) for path in glob.glob(os.path.join(TOP, 'src', 'tools', '*.cpp')))
         options += ''.join(read('scripts/' + name) for name in ('llff_to_transforms', 'make_board', 'photos_to_object'))
         # Of train: an option for each setting of a registration.
-        for name in re.findall(r'visit\("(\w+)"', read('src/registration/registration_settings.h')):
+        for name in re.findall(r'visit\("(\w+)"', read('src/registration/registration_options.h')):
             options += '"--%s"' % re.sub('_db$', '', name).replace('_', '-')
         for path in pages():
             for line in commands(read(path)):

@@ -38,7 +38,7 @@ MODULES = {
     'geometry': (('math',), (EIGEN,)),
     'files': ((), (JSON, POSIX)),
     'image': (('math', 'geometry', 'files'), (OPENCV,)),
-    'dataset': (('geometry', 'image', 'concurrency', 'files'), (EIGEN, JSON)),
+    'dataset': (('geometry', 'image', 'math', 'concurrency', 'files'), (EIGEN, JSON)),
     'field': (('geometry', 'math', 'files'), (EIGEN, JSON, YAML)),
     'backend': (('field', 'geometry', 'image', 'math', 'concurrency'), (EIGEN, SIMD, C_HEADERS)),
     'views': (('backend', 'field', 'geometry', 'image', 'math', 'concurrency'), (EIGEN,)),
@@ -55,7 +55,8 @@ MODULES = {
                  'geometry', 'image', 'math', 'concurrency', 'files'), (EIGEN, OPENCV, POSIX)),
 }
 # The public classes: what they hide is here.
-MODULES['library'] = (tuple(MODULES), (EIGEN,))
+MODULES['library'] = (('runtime', 'tracking', 'registration', 'trust', 'detection', 'refinement', 'views', 'dataset',
+                       'backend', 'field', 'geometry', 'image', 'math', 'concurrency'), (EIGEN,))
 MODULES['evaluation'] = (tuple(MODULES), (EIGEN, JSON, OPENCV))
 MODULES['ros'] = (tuple(MODULES), (EIGEN, OPENCV, POSIX, ROS))
 # (Without catkin those tools are built that use no ROS.)

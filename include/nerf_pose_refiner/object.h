@@ -36,7 +36,7 @@ class Object {
   /// Motions after which the object looks the same, in O.
   Symmetries symmetries() const;
   /// Mean PSNR over the held-out photos [dB]; 0: none were held out.
-  double psnr_dB() const;
+  double psnr_db() const;
 
   /// For the library itself, as is all that follows.
   const std::shared_ptr<const Field>& field() const { return field_; }

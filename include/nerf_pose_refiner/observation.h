@@ -42,4 +42,10 @@ struct Observation {
 /// @throws std::invalid_argument if sizes or channels do not match, or for an invalid camera.
 Observation observe(Image8 rgb, const Camera& camera, const Image8& mask = {});
 
+/// The same of bytes that are held elsewhere, without a copy: a cv::Mat has the format kBgr.
+/// @param owner keeps the bytes alive. They must not change as long as the observation exists.
+/// @throws std::invalid_argument if the bytes do not fit the format or the camera.
+Observation observe(const Image8View& bytes, PixelFormat format, const Camera& camera,
+                    std::shared_ptr<const void> owner);
+
 }  // namespace nerf_pose_refiner

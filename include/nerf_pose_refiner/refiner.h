@@ -45,7 +45,7 @@ struct RefineResult {
   std::vector<WeightedPose> hypotheses;  ///< those of the last stage, best first
 };
 
-/// Settings of a search.
+/// How a pose is searched for.
 struct RefinerOptions {
   /// "keyframes": aligns renderings from around the object with the image, the fastest on a CPU.
   /// They are kept for the next images. Ignores masks. "align": renders the field for each step,

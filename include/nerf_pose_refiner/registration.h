@@ -5,15 +5,17 @@
 #include <functional>
 #include <string>
 
-#include "nerf_pose_refiner/backend.h"
 #include "nerf_pose_refiner/cancellation_token.h"
+#include "nerf_pose_refiner/image.h"
 #include "nerf_pose_refiner/object.h"
 #include "nerf_pose_refiner/symmetry.h"
 
 namespace nerf_pose_refiner {
 
-/// Settings of the registration of an object.
-struct RegistrationSettings {
+class Backend;
+
+/// How an object is registered.
+struct RegistrationOptions {
   std::string profile = "cpu";  ///< shape of the field: "cpu" (small, fast), "gpu" or "paper"
   int steps = 4000;             ///< of training, at most
   double max_seconds = 0;       ///< of training; 0: no limit
@@ -51,10 +53,10 @@ struct RegistrationProgress {
   double psnr_db = 0;  ///< 0: not measured yet
   double seconds = 0;  ///< so far
   double seconds_left = 0;  ///< estimated
-  /// Renders the present model from the viewpoint of one of the photos, at most 320 x 320 pixels.
-  /// Empty except during training. Call it only within the `progress` callback; it may take a
-  /// second.
-  std::function<Rendering()> preview;
+  /// Renders the present model from the viewpoint of one of the photos: RGB on black, at most
+  /// 320 x 320 pixels. Empty except during training. Call it only within the `progress` callback;
+  /// it may take a second.
+  std::function<Image8()> preview;
 };
 
 /// Learns an object from posed photos.
@@ -64,7 +66,7 @@ struct RegistrationProgress {
 /// @throws std::runtime_error naming the file that is missing, damaged or unusable;
 /// std::invalid_argument for invalid settings or an invalid box; Cancelled.
 Object registerObject(Backend& backend, const std::string& photos,
-                      const RegistrationSettings& settings = {},
+                      const RegistrationOptions& settings = {},
                       const std::function<void(const RegistrationProgress&)>& progress = {},
                       const CancellationToken& cancellation = {});
 

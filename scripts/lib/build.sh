@@ -26,7 +26,7 @@ build_package() {
   # A folder keeps the generator that it began with.
   if [ ! -f "$BUILD_DIR/CMakeCache.txt" ] && command -v ninja >/dev/null; then generator=(-G Ninja); fi
   cmake -S "$TOP" -B "$BUILD_DIR" "${generator[@]}" -DCMAKE_BUILD_TYPE=Release \
-    -DCMAKE_CUDA_ARCHITECTURES="$(cuda_architecture)" -DNERF_POSE_REFINER_PRECOMPILE=ON \
+    -DCMAKE_CUDA_ARCHITECTURES="$(cuda_architecture)" -DNERF_POSE_REFINER_FAST_BUILD=ON \
     -DNERF_POSE_REFINER_WERROR=ON "${BUILD_OPTIONS[@]}" >"$BUILD_DIR/configure.log" 2>&1 || {
     tail -n 30 "$BUILD_DIR/configure.log" >&2
     die "configuring failed; all of it: $BUILD_DIR/configure.log"

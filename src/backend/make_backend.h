@@ -4,8 +4,8 @@
 #include <memory>
 #include <string>
 
+#include "backend/backend.h"
 #include "backend/keyframe_aligner.h"
-#include "nerf_pose_refiner/backend.h"
 
 namespace nerf_pose_refiner {
 

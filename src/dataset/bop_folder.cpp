@@ -16,10 +16,6 @@ namespace fs = std::filesystem;
 
 constexpr double kMinVisible = 0.9;
 
-std::string joined(const std::string& a, const std::string& b) {
-  return (fs::path(a) / b).lexically_normal().string();
-}
-
 bool isScene(const DatasetFolder& folder, const std::string& path) {
   return folder.hasFile(joined(path, "scene_camera.json")) &&
          folder.hasFile(joined(path, "scene_gt.json"));

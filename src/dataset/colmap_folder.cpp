@@ -27,10 +27,6 @@ struct ModelFolder {
   std::uint64_t photos = 0;  ///< with a pose
 };
 
-std::string joined(const std::string& a, const std::string& b) {
-  return (fs::path(a) / b).lexically_normal().string();
-}
-
 bool hasModel(const DatasetFolder& folder, const std::string& path, const char* extension) {
   for (const char* name : {"cameras", "images"}) {
     if (!folder.hasFile(joined(path, std::string(name) + extension))) return false;

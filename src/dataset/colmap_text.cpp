@@ -96,7 +96,7 @@ void requireRoom(std::size_t size, std::uint64_t limit, const char* what) {
   }
 }
 
-ColmapImage readImage(const std::string& line) {
+ColmapImage readImageLine(const std::string& line) {
   Fields fields(line);
   fields.next<std::uint32_t>("IMAGE_ID");
   std::vector<double> pose(7);
@@ -150,7 +150,7 @@ std::vector<ColmapImage> readColmapImagesText(const std::string& text,
   for (std::string line; lines.nextEntry(&line); lines.next(&line)) {  // over the keypoints
     readEntry(lines, [&] {
       requireRoom(images.size(), limits.frames, "photos");
-      images.push_back(readImage(line));
+      images.push_back(readImageLine(line));
     });
   }
   return images;

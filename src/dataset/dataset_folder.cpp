@@ -70,4 +70,8 @@ std::string DatasetFolder::read(const std::string& relative, std::uint64_t max_b
   }
 }
 
+std::string joined(const std::string& a, const std::string& b) {
+  return (std::filesystem::path(a) / b).lexically_normal().string();
+}
+
 }  // namespace nerf_pose_refiner

@@ -42,4 +42,7 @@ class DatasetFolder {
   bool confined_;
 };
 
+/// a/b, without "." and "..".
+std::string joined(const std::string& a, const std::string& b);
+
 }  // namespace nerf_pose_refiner

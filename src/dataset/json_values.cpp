@@ -13,7 +13,7 @@ namespace {
 
 using Json = nlohmann::json;
 
-constexpr double kRigidTolerance = 1e-3;
+constexpr double kRotationTolerance = 1e-3;
 
 std::string withNullForNan(const std::string& text) {
   std::string result;
@@ -105,7 +105,7 @@ Pose zUp() {
 
 Eigen::Matrix3d rotationOf(const Eigen::Matrix3d& R, const std::string& name,
                            const std::string& where) {
-  if (!Pose(R, Eigen::Vector3d::Zero()).isRigid(kRigidTolerance)) {
+  if (!Pose(R, Eigen::Vector3d::Zero()).isRigid(kRotationTolerance)) {
     failAt(where, name + " is not rigid");
   }
   return nearestRotation(R);

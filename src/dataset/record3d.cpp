@@ -11,7 +11,7 @@ std::string metadataIn(const DatasetFolder& folder) {
 }
 
 /// T_O_C of qx qy qz qw tx ty tz: a camera with OpenGL's axes in a world with y up.
-Pose readPose(const nlohmann::json& json, const std::string& where) {
+Pose readQuaternionPose(const nlohmann::json& json, const std::string& where) {
   if (!json.is_array() || json.size() != 7) failAt(where, "a pose does not have 7 numbers");
   double n[7];
   for (std::size_t i = 0; i < 7; ++i) n[i] = finiteNumber(json[i], "a number of the pose", where);
@@ -50,7 +50,7 @@ std::vector<FrameEntry> readRecord3dMetadata(const std::string& text, const std:
     const std::string number = std::to_string(frames.size());
     frame.where = where + ", photo " + number;
     frame.image = "rgb/" + number;  // a JPEG or a PNG
-    frame.T_O_C = readPose(pose, frame.where);
+    frame.T_O_C = readQuaternionPose(pose, frame.where);
     frames.push_back(frame);
   }
   return frames;

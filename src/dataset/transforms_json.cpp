@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "dataset/json_values.h"
+#include "math/angle.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -15,7 +16,6 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::json;
 
-constexpr double kPi = 3.14159265358979323846;
 constexpr double kRigidTolerance = 1e-3;
 
 /// Looks a key up in the frame, then in the file.

@@ -5,19 +5,14 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "math/angle.h"
+#include "math/require.h"
+
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr double kRadPerDegree = 0.017453292519943295769;
 // Directions are 45 degrees apart at most: a view between two of them covers both.
-const double kCoveringCosine = std::cos(35 * kRadPerDegree);
-
-void require(bool holds, const char* name, double value, const char* range) {
-  if (!holds) {
-    throw std::invalid_argument(std::string("ViewSelectionSettings::") + name + " is " +
-                                std::to_string(value) + ", must be " + range);
-  }
-}
+const double kCoveringCosine = std::cos(35 * kDegree);
 
 std::string axisName(int sign, char axis) {
   if (sign == 0) return "";
@@ -67,10 +62,13 @@ std::vector<std::string> Coverage::missing() const {
 }
 
 void ViewSelectionSettings::validate() const {
-  require(min_angle_deg >= 0 && min_angle_deg <= 180, "min_angle_deg", min_angle_deg, "0..180");
-  require(min_distance >= 0, "min_distance", min_distance, "0 or more");
-  require(min_sharpness >= 0 && min_sharpness <= 1, "min_sharpness", min_sharpness, "0..1");
-  require(recent_images >= 1 && recent_images <= 1000, "recent_images", recent_images, "1..1000");
+  require(min_angle_deg >= 0 && min_angle_deg <= 180, "ViewSelectionSettings::min_angle_deg",
+          min_angle_deg, "0..180");
+  require(min_distance >= 0, "ViewSelectionSettings::min_distance", min_distance, "0 or more");
+  require(min_sharpness >= 0 && min_sharpness <= 1, "ViewSelectionSettings::min_sharpness",
+          min_sharpness, "0..1");
+  require(recent_images >= 1 && recent_images <= 1000, "ViewSelectionSettings::recent_images",
+          recent_images, "1..1000");
 }
 
 ViewSelection::ViewSelection(const ViewSelectionSettings& settings,
@@ -81,7 +79,7 @@ ViewSelection::ViewSelection(const ViewSelectionSettings& settings,
 
 bool ViewSelection::isNew(const Pose& T_O_C) const {
   const Eigen::Vector3d direction = directionOf(T_O_C).normalized();
-  const double cosine = std::cos(settings_.min_angle_deg * kRadPerDegree);
+  const double cosine = std::cos(settings_.min_angle_deg * kDegree);
   return std::all_of(centres_.begin(), centres_.end(), [&](const Eigen::Vector3d& kept) {
     return (kept - object_centre_).normalized().dot(direction) <= cosine ||
            (kept - T_O_C.t).norm() >= settings_.min_distance;

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <iterator>
 #include <stdexcept>
 #include <vector>
 
@@ -20,7 +21,7 @@ static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__,
 
 constexpr char kFormat[8] = {'N', 'P', 'R', 'L', 'M', 'K', '0', '1'};
 constexpr float kScale = 254;  // of a descriptor's numbers, which are rarely beyond a half
-constexpr std::uint32_t kMostLandmarks = 1000000, kMostNumbers = 1024;
+constexpr std::uint32_t kMostLandmarks = 1000000;
 
 struct Header {
   char format[8];
@@ -73,13 +74,28 @@ std::uint64_t checksumOf(const Header& header, const std::vector<Place>& places,
   return checksum.value();
 }
 
+/// The checksum tells damage, not a file that was made to harm: numbers that do not match those of
+/// an image's features would be read beyond their end.
+bool isOfKind(const Header& header) {
+  constexpr std::uint32_t kSiftNumbers = 128, kKazeNumbers = 64;
+  const auto is = [&](FeatureKind kind) { return header.kind == static_cast<std::uint64_t>(kind); };
+  return (is(FeatureKind::kSift) && header.numbers == kSiftNumbers) ||
+         (is(FeatureKind::kAkaze) && header.numbers == kKazeNumbers);
+}
+
+bool isFinite(const Place& place) {
+  const auto finite = [](float number) { return std::isfinite(number); };
+  return std::all_of(std::begin(place.point), std::end(place.point), finite) &&
+         std::all_of(std::begin(place.R_O_F), std::end(place.R_O_F), finite) && finite(place.size);
+}
+
 Landmarks read(const InputFile& file, std::uint64_t key) {
   Header header;
   file.read(0, &header, sizeof header);
   const std::uint64_t rows_bytes = std::uint64_t{header.count} * header.numbers;
   const std::uint64_t places_bytes = std::uint64_t{header.count} * sizeof(Place);
   if (std::memcmp(header.format, kFormat, sizeof kFormat) != 0 || header.key != key ||
-      header.count > kMostLandmarks || header.numbers > kMostNumbers ||
+      header.count > kMostLandmarks || !isOfKind(header) ||
       file.size() != sizeof header + places_bytes + rows_bytes) {
     throw std::runtime_error("no landmarks of this object");
   }
@@ -90,6 +106,7 @@ Landmarks read(const InputFile& file, std::uint64_t key) {
   if (checksumOf(header, places, rows) != header.checksum) throw std::runtime_error("damaged");
   Landmarks landmarks;
   landmarks.kind = static_cast<FeatureKind>(header.kind);
+  if (!std::all_of(places.begin(), places.end(), isFinite)) throw std::runtime_error("not finite");
   for (const Place& place : places) landmarks.places.push_back(landmarkOf(place));
   using Rows = Eigen::Matrix<std::int8_t, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
   landmarks.descriptors =

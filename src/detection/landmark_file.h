@@ -5,6 +5,7 @@
 #include <optional>
 #include <string>
 
+#include "backend/loaded_field.h"
 #include "detection/landmarks.h"
 
 namespace nerf_pose_refiner {

@@ -13,7 +13,7 @@ namespace nerf_pose_refiner {
 namespace {
 
 constexpr int kTrees = 4;
-constexpr std::uint64_t kSeed = 1;  // the same landmarks make the same trees
+constexpr std::uint64_t kTreeSeed = 1;  // the same landmarks make the same trees
 
 cv::Mat view(const Descriptors& rows) {
   return {static_cast<int>(rows.rows()), static_cast<int>(rows.cols()), CV_32F,
@@ -25,7 +25,7 @@ cv::Mat view(const Descriptors& rows) {
 struct LandmarkMatcher::Trees {
   explicit Trees(const Descriptors& rows) {
     const std::uint64_t state = cv::theRNG().state;
-    cv::theRNG().state = kSeed;
+    cv::theRNG().state = kTreeSeed;
     index.build(view(rows), cv::flann::KDTreeIndexParams(kTrees));
     cv::theRNG().state = state;
   }

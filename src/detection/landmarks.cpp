@@ -10,17 +10,11 @@
 #include <string>
 
 #include "field/field.h"
+#include "math/require.h"
 #include "views/sphere_directions.h"
 
 namespace nerf_pose_refiner {
 namespace {
-
-void require(bool is_right, const char* name, double value) {
-  if (!is_right) {
-    throw std::invalid_argument(std::string("LandmarkSettings::") + name + " is " +
-                                std::to_string(value));
-  }
-}
 
 /// Sums of alpha over rectangles.
 class AlphaSums {
@@ -109,13 +103,14 @@ bool surfacePoint(const Rendering& rendering, const View& view, const FeaturePla
 }  // namespace
 
 void LandmarkSettings::validate() const {
-  require(views >= 1 && views <= 10000, "views", views);
-  require(object_px >= 32, "object_px", object_px);
-  require(distance > 1, "distance", distance);
-  require(least_support >= 0 && least_support <= 1, "least_support", least_support);
-  require(same_place > 0, "same_place", same_place);
-  require(same_look >= 0, "same_look", same_look);
-  require(max_landmarks >= 1, "max_landmarks", max_landmarks);
+  require(views >= 1 && views <= 10000, "LandmarkSettings::views", views);
+  require(object_px >= 32, "LandmarkSettings::object_px", object_px);
+  require(distance > 1, "LandmarkSettings::distance", distance);
+  require(least_support >= 0 && least_support <= 1, "LandmarkSettings::least_support",
+          least_support);
+  require(same_place > 0, "LandmarkSettings::same_place", same_place);
+  require(same_look >= 0, "LandmarkSettings::same_look", same_look);
+  require(max_landmarks >= 1, "LandmarkSettings::max_landmarks", max_landmarks);
 }
 
 Eigen::Matrix3d featureAxes(const Camera& camera, const FeaturePlace& feature) {

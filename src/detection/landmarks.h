@@ -7,8 +7,8 @@
 #include <map>
 #include <vector>
 
+#include "backend/loaded_field.h"
 #include "detection/image_features.h"
-#include "nerf_pose_refiner/backend.h"
 #include "nerf_pose_refiner/camera.h"
 #include "nerf_pose_refiner/cancellation_token.h"
 #include "nerf_pose_refiner/pose.h"

@@ -7,18 +7,13 @@
 #include <stdexcept>
 
 #include "backend/common/observed_colours.h"
+#include "concurrency/seconds_since.h"
 #include "field/field.h"
 #include "image/resample.h"
+#include "math/require.h"
 
 namespace nerf_pose_refiner {
 namespace {
-
-void require(bool is_right, const char* name, double value) {
-  if (!is_right) {
-    throw std::invalid_argument(std::string("DetectionSettings::") + name + " is " +
-                                std::to_string(value));
-  }
-}
 
 /// What landmarks that agree with a pose say for it. Chance makes as few agree as are asked for; of
 /// the candidates in images without the object, each further one halves the number.
@@ -28,23 +23,20 @@ double oddsOfLandmarks(double further) {
   return std::min(kMost, std::exp2(further));
 }
 
-double secondsSince(std::chrono::steady_clock::time_point begin) {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-}
-
 }  // namespace
 
 void DetectionSettings::validate() const {
   landmarks.validate();
-  require(features.max_features >= 1, "features.max_features", features.max_features);
-  require(candidates.least_landmarks >= 4, "candidates.least_landmarks",
+  require(features.max_features >= 1, "DetectionSettings::features.max_features",
+          features.max_features);
+  require(candidates.least_landmarks >= 4, "DetectionSettings::candidates.least_landmarks",
           candidates.least_landmarks);
-  require(max_image_side_px >= 32, "max_image_side_px", max_image_side_px);
-  require(max_instances >= 1, "max_instances", max_instances);
-  require(max_tried >= 1, "max_tried", max_tried);
-  require(max_tried_beside >= 1, "max_tried_beside", max_tried_beside);
-  require(least_score >= 0 && least_score <= 1, "least_score", least_score);
-  require(budget_s >= 0, "budget_s", budget_s);
+  require(max_image_side_px >= 32, "DetectionSettings::max_image_side_px", max_image_side_px);
+  require(max_instances >= 1, "DetectionSettings::max_instances", max_instances);
+  require(max_tried >= 1, "DetectionSettings::max_tried", max_tried);
+  require(max_tried_beside >= 1, "DetectionSettings::max_tried_beside", max_tried_beside);
+  require(least_score >= 0 && least_score <= 1, "DetectionSettings::least_score", least_score);
+  require(budget_s >= 0, "DetectionSettings::budget_s", budget_s);
 }
 
 ObjectDetector::ObjectDetector(Backend* backend, std::shared_ptr<const LoadedField> field,

@@ -7,12 +7,13 @@
 #include <string>
 #include <vector>
 
+#include "backend/backend.h"
+#include "backend/loaded_field.h"
 #include "detection/candidate.h"
 #include "detection/landmark_candidates.h"
 #include "detection/landmark_matcher.h"
 #include "detection/landmarks.h"
 #include "detection/search_area.h"
-#include "nerf_pose_refiner/backend.h"
 #include "nerf_pose_refiner/observation.h"
 #include "refinement/keyframe_refiner.h"
 

@@ -10,7 +10,7 @@
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr float kPi = 3.14159265f;
+constexpr float kPi_f = 3.14159265f;
 // Half the change of a colour over two pixels: at least so much, or the image's median if that is
 // more, counts half.
 constexpr float kMinGradient = 0.01f;
@@ -57,7 +57,7 @@ float medianLength(const std::vector<Gradient>& gradients) {
 
 /// Agreement of an edge with the gradients: the cosine of twice the angle between them.
 void agree(const std::vector<Gradient>& gradients, float half, int bin, std::uint8_t* plane) {
-  const float angle = 2 * kPi * static_cast<float>(bin) / kOrientations;
+  const float angle = 2 * kPi_f * static_cast<float>(bin) / kOrientations;
   const float cosine = std::cos(angle), sine = std::sin(angle);
   for (std::size_t i = 0; i < gradients.size(); ++i) {
     const Gradient& gradient = gradients[i];
@@ -109,7 +109,7 @@ void takeMeanAway(std::size_t pixels, std::uint8_t* values) {
 }  // namespace
 
 int orientationBin(float normal_rad) {
-  const long bin = std::lround(normal_rad * (kOrientations / kPi));
+  const long bin = std::lround(normal_rad * (kOrientations / kPi_f));
   return static_cast<int>(((bin % kOrientations) + kOrientations) % kOrientations);
 }
 

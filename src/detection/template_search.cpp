@@ -9,23 +9,14 @@
 #include <utility>
 
 #include "concurrency/parallel.h"
+#include "concurrency/seconds_since.h"
+#include "math/angle.h"
+#include "math/require.h"
 
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
 constexpr int kScanStride = 2;  // [px]
-
-void require(bool is_right, const char* name, double value) {
-  if (!is_right) {
-    throw std::invalid_argument(std::string("TemplateSearchSettings::") + name + " is " +
-                                std::to_string(value));
-  }
-}
-
-double secondsSince(std::chrono::steady_clock::time_point begin) {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-}
 
 bool isBetterHit(const TemplateHit& a, const TemplateHit& b) {
   return std::make_tuple(-a.score, a.level, a.view, a.rotation, a.pixel.y(), a.pixel.x()) <
@@ -74,15 +65,16 @@ void DistanceRange::validate() const {
 }
 
 void TemplateSearchSettings::validate() const {
-  require(scanned_px >= 16 && scanned_px <= 512, "scanned_px", scanned_px);
-  require(fitted_px >= 16 && fitted_px <= 512, "fitted_px", fitted_px);
-  require(distance_step > 1.01, "distance_step", distance_step);
-  require(rotations >= 1 && rotations <= 360, "rotations", rotations);
-  require(hits_per_template >= 1, "hits_per_template", hits_per_template);
-  require(fitted >= 1, "fitted", fitted);
-  require(candidates >= 1, "candidates", candidates);
-  require(min_evidence >= 0 && min_evidence < 1, "min_evidence", min_evidence);
-  require(threads >= 0, "threads", threads);
+  require(scanned_px >= 16 && scanned_px <= 512, "TemplateSearchSettings::scanned_px", scanned_px);
+  require(fitted_px >= 16 && fitted_px <= 512, "TemplateSearchSettings::fitted_px", fitted_px);
+  require(distance_step > 1.01, "TemplateSearchSettings::distance_step", distance_step);
+  require(rotations >= 1 && rotations <= 360, "TemplateSearchSettings::rotations", rotations);
+  require(hits_per_template >= 1, "TemplateSearchSettings::hits_per_template", hits_per_template);
+  require(fitted >= 1, "TemplateSearchSettings::fitted", fitted);
+  require(candidates >= 1, "TemplateSearchSettings::candidates", candidates);
+  require(min_evidence >= 0 && min_evidence < 1, "TemplateSearchSettings::min_evidence",
+          min_evidence);
+  require(threads >= 0, "TemplateSearchSettings::threads", threads);
 }
 
 TemplateSearch::TemplateSearch(std::shared_ptr<const TemplateBank> bank,

@@ -10,6 +10,7 @@
 
 #include "backend/common/image_levels.h"
 #include "field/field.h"
+#include "math/require.h"
 #include "views/sphere_directions.h"
 
 namespace nerf_pose_refiner {
@@ -17,13 +18,6 @@ namespace {
 
 constexpr float kOutlineStrength = 1;       // of an edge on the contour; inner ones have less
 constexpr float kMinInnerStrength = 0.05f;  // change of a colour over two pixels
-
-void require(bool is_right, const char* name, double value) {
-  if (!is_right) {
-    throw std::invalid_argument(std::string("TemplateBankSettings::") + name + " is " +
-                                std::to_string(value));
-  }
-}
 
 /// A pixel on an edge.
 struct EdgePixel {
@@ -141,10 +135,10 @@ void chooseEvenly(EdgeRange range, int count, std::vector<EdgePixel>* chosen) {
 }  // namespace
 
 void TemplateBankSettings::validate() const {
-  require(views >= 1 && views <= 5000, "views", views);
-  require(object_px >= 32 && object_px <= 512, "object_px", object_px);
-  require(distance > 1, "distance", distance);
-  require(edges >= 32 && edges <= 1024 && edges % 32 == 0, "edges", edges);
+  require(views >= 1 && views <= 5000, "TemplateBankSettings::views", views);
+  require(object_px >= 32 && object_px <= 512, "TemplateBankSettings::object_px", object_px);
+  require(distance > 1, "TemplateBankSettings::distance", distance);
+  require(edges >= 32 && edges <= 1024 && edges % 32 == 0, "TemplateBankSettings::edges", edges);
 }
 
 TemplateView makeTemplateView(const Rendering& rendering, const View& view,

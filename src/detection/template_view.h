@@ -5,7 +5,7 @@
 #include <cstddef>
 #include <vector>
 
-#include "nerf_pose_refiner/backend.h"
+#include "backend/loaded_field.h"
 
 namespace nerf_pose_refiner {
 

@@ -15,9 +15,9 @@ namespace {
 enum Stream : std::uint64_t {
   kGainBias = 77,
   kOccluder = 78,
-  kGaussian = 1000,
+  kGaussianDraws = 1000,
   kPoisson = 2000000,
-  kDiscs = 4000000,
+  kDiscDraws = 4000000,
   kMotion = 4000001,
 };
 
@@ -79,7 +79,7 @@ void addGaussianNoise(double deviation, const DisturbanceDraw& draw, Image* imag
   for (std::size_t i = 0; i < image->values.size(); ++i) {
     float& value = image->values[i];
     value = clipped(value + static_cast<float>(deviation) *
-                                nearlyGaussian(draw.seed, kGaussian + draw.index, i));
+                                nearlyGaussian(draw.seed, kGaussianDraws + draw.index, i));
   }
 }
 
@@ -95,7 +95,7 @@ void cutDiscs(int count, double radius_px, const DisturbanceDraw& draw, Premulti
   if (edge.empty()) return;  // an image that the object fills
   const int width = image->alpha.width;
   for (int k = 0; k < count; ++k) {
-    const int centre = edge[randomIndex(draw.seed, kDiscs, draw.index * 1000 + k,
+    const int centre = edge[randomIndex(draw.seed, kDiscDraws, draw.index * 1000 + k,
                                         static_cast<std::uint32_t>(edge.size()))];
     for (int y = 0; y < image->alpha.height; ++y) {
       for (int x = 0; x < width; ++x) {

@@ -6,7 +6,7 @@
 #include <memory>
 #include <vector>
 
-#include "nerf_pose_refiner/backend.h"
+#include "backend/loaded_field.h"
 #include "nerf_pose_refiner/camera.h"
 #include "nerf_pose_refiner/pose.h"
 

@@ -8,11 +8,11 @@
 
 #include "evaluation/pose_error.h"
 #include "evaluation/statistics.h"
+#include "math/angle.h"
 
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr double kDegreesPerRad = 57.295779513082320877;
 constexpr double kAddFraction = 0.1;  // of the diameter: the usual bound of ADD and ADD-S
 
 using Rule = std::function<bool(const PoseMetrics&)>;

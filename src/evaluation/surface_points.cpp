@@ -5,6 +5,7 @@
 #include <set>
 #include <stdexcept>
 
+#include "backend/loaded_field.h"
 #include "evaluation/model_points.h"
 #include "field/field.h"
 #include "math/random.h"

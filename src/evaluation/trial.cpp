@@ -6,11 +6,11 @@
 #include <stdexcept>
 
 #include "image/resample.h"
+#include "math/angle.h"
 
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr double kDegree = 3.14159265358979323846 / 180;
 constexpr double kRotation = 15 * kDegree;           // half width per axis
 constexpr double kUnits = 0.25, kUnitsAhead = 0.15;  // the same; of forward-facing scenes
 constexpr double kDiameters = 0.15;                  // the same, of the robot's protocol

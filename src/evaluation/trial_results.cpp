@@ -6,10 +6,10 @@
 #include <utility>
 #include <vector>
 
+#include "math/angle.h"
+
 namespace nerf_pose_refiner {
 namespace {
-
-constexpr double kDegreesPerRad = 180 / 3.14159265358979323846;
 
 const char* nameOf(Outcome outcome) {
   switch (outcome) {

@@ -22,7 +22,7 @@ struct Rectangle {
   double height() const { return bottom - top; }
 };
 
-Rectangle boxOf(const Image& alpha) {
+Rectangle rectangleOf(const Image& alpha) {
   Rectangle box = {static_cast<double>(alpha.width), static_cast<double>(alpha.height), 0, 0};
   for (int y = 0; y < alpha.height; ++y) {
     for (int x = 0; x < alpha.width; ++x) {
@@ -92,7 +92,7 @@ std::vector<TrustImage> between(const TrustScene& scene, int count,
 
 /// A rectangle, as high as the object and so wide in its widths, passes before it.
 std::vector<TrustImage> passes(const TrustScene& scene, double width, float tone) {
-  const Rectangle box = boxOf(scene.object.alpha);
+  const Rectangle box = rectangleOf(scene.object.alpha);
   return between(scene, kHidden, [&](int i) {
     const double progress = (i + 0.5) / kHidden;
     Rectangle bar = grown(box, 0.1);
@@ -107,7 +107,7 @@ std::vector<TrustImage> passes(const TrustScene& scene, double width, float tone
 std::vector<TrustImage> isCovered(const TrustScene& scene) {
   return between(scene, kHidden, [&](int) {
     Image image = photoOf(scene);
-    fill(grown(boxOf(scene.object.alpha), 0.1), false, 0.02f, &image);
+    fill(grown(rectangleOf(scene.object.alpha), 0.1), false, 0.02f, &image);
     return imageOf(scene, std::move(image), false);
   });
 }
@@ -139,7 +139,7 @@ Image greyOf(Image image) {
 /// Boxes and ellipses in the object's place, of five tones, with and without noise.
 std::vector<TrustImage> boxes(const TrustScene& scene) {
   std::vector<TrustImage> images;
-  const Rectangle box = grown(boxOf(scene.object.alpha), 0.05);
+  const Rectangle box = grown(rectangleOf(scene.object.alpha), 0.05);
   for (const float tone : {0.0f, 0.08f, 0.16f, 0.5f, 0.9f}) {
     for (const bool ellipse : {false, true}) {
       Image image = photoOf(scene);
@@ -175,7 +175,7 @@ void shift(int pixels, Image* mask) {
 
 std::vector<TrustImage> mirrored(const TrustScene& scene) {
   TrustScene other = scene;
-  const Rectangle box = boxOf(scene.object.alpha);
+  const Rectangle box = rectangleOf(scene.object.alpha);
   for (int y = 0; y < scene.camera.height; ++y) {
     for (int x = 0; x < scene.camera.width; ++x) {
       const int from = static_cast<int>(box.left + box.right) - 1 - x;
@@ -240,7 +240,7 @@ std::vector<TrustRow> maskRows() {
        }},
       {"a mask that is shifted by its width", false, 1,
        [](const Scene& s) {
-         const int width = static_cast<int>(boxOf(s.object.alpha).width());
+         const int width = static_cast<int>(rectangleOf(s.object.alpha).width());
          return masked(s, [width](Image* m) { shift(width, m); });
        }},
   };

@@ -8,11 +8,11 @@
 #include "evaluation/pose_error.h"
 #include "evaluation/start.h"
 #include "field/object_frame.h"
+#include "math/angle.h"
 
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr double kDegree = 0.017453292519943295;
 constexpr std::int64_t kInterval_ns = 100000000;
 // Starts of first poses, and of tracks.
 constexpr double kHint_rad = 15 * kDegree, kHint = 0.15;

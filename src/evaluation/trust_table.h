@@ -4,6 +4,7 @@
 #include <functional>
 #include <memory>
 
+#include "backend/backend.h"
 #include "evaluation/trust_rows.h"
 #include "tracking/object_tracker.h"
 

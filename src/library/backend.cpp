@@ -1,5 +1,5 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "nerf_pose_refiner/backend.h"
+#include "backend/backend.h"
 
 #include "backend/make_backend.h"
 #include "runtime/shared_backend.h"
@@ -12,5 +12,7 @@ std::shared_ptr<Backend> makeBackend(const std::string& processor, int threads) 
   choice.threads = threads;
   return std::make_shared<SharedBackend>(makeBackend(choice));
 }
+
+BackendInfo backendInfo(const Backend& backend) { return backend.info(); }
 
 }  // namespace nerf_pose_refiner

@@ -5,11 +5,12 @@
 #include <stdexcept>
 #include <utility>
 
+#include "backend/backend.h"
+#include "backend/loaded_field.h"
 #include "detection/landmark_file.h"
 #include "detection/object_detector.h"
 #include "field/field.h"
 #include "field/object_frame.h"
-#include "nerf_pose_refiner/backend.h"
 #include "trust/keyframe_scores.h"
 
 namespace nerf_pose_refiner {

@@ -29,4 +29,13 @@ Observation observe(Image8 rgb, const Camera& camera, const Image8& mask) {
   return observation;
 }
 
+Observation observe(const Image8View& bytes, PixelFormat format, const Camera& camera,
+                    std::shared_ptr<const void> owner) {
+  Observation observation;
+  observation.pixels = std::make_shared<CameraPixels>(bytes, format, std::move(owner));
+  observation.camera = camera;
+  observation.validate();
+  return observation;
+}
+
 }  // namespace nerf_pose_refiner

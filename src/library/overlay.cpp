@@ -3,9 +3,10 @@
 
 #include <stdexcept>
 
+#include "backend/backend.h"
 #include "backend/common/draw_overlay.h"
 #include "backend/common/observed_colours.h"
-#include "nerf_pose_refiner/backend.h"
+#include "backend/loaded_field.h"
 
 namespace nerf_pose_refiner {
 

@@ -4,9 +4,9 @@
 #include <stdexcept>
 #include <utility>
 
+#include "backend/backend.h"
 #include "field/field.h"
 #include "field/object_frame.h"
-#include "nerf_pose_refiner/backend.h"
 #include "refinement/covariance.h"
 #include "tracking/object_search.h"
 #include "trust/check_trust.h"

@@ -3,6 +3,7 @@
 
 #include <filesystem>
 
+#include "backend/backend.h"
 #include "dataset/dataset.h"
 #include "field/field.h"
 #include "registration/registrar.h"
@@ -10,7 +11,7 @@
 namespace nerf_pose_refiner {
 
 Object registerObject(Backend& backend, const std::string& photos,
-                      const RegistrationSettings& settings,
+                      const RegistrationOptions& settings,
                       const std::function<void(const RegistrationProgress&)>& progress,
                       const CancellationToken& cancellation) {
   DatasetOptions reading;

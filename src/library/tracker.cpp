@@ -4,12 +4,13 @@
 #include <stdexcept>
 #include <utility>
 
+#include "backend/backend.h"
+#include "math/angle.h"
 #include "tracking/object_tracker.h"
 
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr double kDegreesPerRad = 57.295779513082320877;
 const char kCameraFrame[] = "camera";  // the only frame
 
 TrackerSettings settingsOf(const TrackerOptions& options) {

@@ -1,4 +1,5 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "backend/pose_solver.h"
 #include "refinement/plan.h"
 #include "refinement/schedule.h"
 

@@ -7,7 +7,10 @@
 #include <string>
 #include <vector>
 
-#include "nerf_pose_refiner/backend.h"
+#include "backend/backend.h"
+#include "backend/cost_counters.h"
+#include "backend/loaded_field.h"
+#include "backend/pose_solver.h"
 #include "nerf_pose_refiner/observation.h"
 #include "refinement/covariance.h"
 #include "refinement/settings.h"

@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "backend/pose_solver.h"
 #include "math/random.h"
 #include "refinement/plan.h"
 #include "refinement/schedule.h"

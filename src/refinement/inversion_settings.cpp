@@ -4,31 +4,28 @@
 #include <stdexcept>
 #include <string>
 
+#include "math/require.h"
 #include "refinement/settings.h"
 
 namespace nerf_pose_refiner {
 namespace {
 
-void require(bool holds, const char* name, double value, const char* range) {
-  if (holds) return;
-  throw std::invalid_argument(std::string("InversionSettings::") + name + " is " +
-                              std::to_string(value) + ", must be " + range);
-}
-
 void requirePositive(const char* name, double value) {
-  require(value > 0 && std::isfinite(value), name, value, "positive");
+  require(value > 0 && std::isfinite(value), std::string("InversionSettings::") + name, value,
+          "positive");
 }
 
 void requireNotNegative(const char* name, double value) {
-  require(value >= 0 && std::isfinite(value), name, value, "0 or more");
+  require(value >= 0 && std::isfinite(value), std::string("InversionSettings::") + name, value,
+          "0 or more");
 }
 
 void requireFraction(const char* name, double value) {
-  require(value > 0 && value <= 1, name, value, "in (0, 1]");
+  require(value > 0 && value <= 1, std::string("InversionSettings::") + name, value, "in (0, 1]");
 }
 
 void requireAverage(const char* name, double value) {
-  require(value >= 0 && value < 1, name, value, "in [0, 1)");
+  require(value >= 0 && value < 1, std::string("InversionSettings::") + name, value, "in [0, 1)");
 }
 
 void validateDescent(const OptimisationPlan& plan) {
@@ -38,15 +35,15 @@ void validateDescent(const OptimisationPlan& plan) {
   requireFraction("descent.decay", plan.schedule.decay);
   requirePositive("descent.decay_updates", plan.schedule.decay_updates);
   require(plan.schedule.anneal_fraction >= 0 && plan.schedule.anneal_fraction <= 1,
-          "descent.anneal_share", plan.schedule.anneal_fraction, "in [0, 1]");
+          "InversionSettings::descent.anneal_share", plan.schedule.anneal_fraction, "in [0, 1]");
   requireAverage("descent.beta1", plan.beta1);
   requireAverage("descent.beta2", plan.beta2);
   requirePositive("descent.epsilon", plan.epsilon);
   requireNotNegative("descent.regularisation", plan.regularisation);
   requirePositive("descent.steps_per_update", plan.steps_per_update);
-  constexpr int kMaxSamples = 1 << 27;  // four times as many must fit 32 bits
-  require(plan.samples_per_step >= 1 && plan.samples_per_step <= kMaxSamples,
-          "descent.samples_per_step", plan.samples_per_step, "1 to 134217728");
+  constexpr int kMaxPerStep = 1 << 27;  // four times as many must fit 32 bits
+  require(plan.samples_per_step >= 1 && plan.samples_per_step <= kMaxPerStep,
+          "InversionSettings::descent.samples_per_step", plan.samples_per_step, "1 to 134217728");
   requirePositive("descent.score_steps", plan.score_steps);
 }
 

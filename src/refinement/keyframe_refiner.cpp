@@ -9,21 +9,14 @@
 #include <stdexcept>
 #include <string>
 
+#include "math/angle.h"
+#include "math/require.h"
 #include "refinement/grey_image.h"
 #include "refinement/plan.h"
 #include "refinement/pose_probability.h"
 
 namespace nerf_pose_refiner {
 namespace {
-
-constexpr double kDegree = 0.017453292519943295;
-
-void require(bool is_right, const char* name, double value) {
-  if (!is_right) {
-    throw std::invalid_argument(std::string("KeyframeSearchSettings::") + name + " is " +
-                                std::to_string(value));
-  }
-}
 
 // A pose that goes on as it did.
 Pose extrapolated(const Pose& before, const Pose& now, double ratio) {
@@ -48,14 +41,16 @@ double oddsOf(const Pose& T_O_C, const std::vector<RoughPose>& rough, const Fiel
 void KeyframeSearchSettings::validate() const {
   keyframe.validate();
   bank.validate();
-  require(renew_rotation_deg > 0, "renew_rotation_deg", renew_rotation_deg);
-  require(renew_distance > 0, "renew_distance", renew_distance);
-  require(reach_rotation_deg >= renew_rotation_deg, "reach_rotation_deg", reach_rotation_deg);
-  require(reach_distance >= renew_distance, "reach_distance", reach_distance);
-  require(renewal_s >= 0, "renewal_s", renewal_s);
-  require(max_keyframes >= 1, "max_keyframes", max_keyframes);
-  require(wide_starts >= 0, "wide_starts", wide_starts);
-  require(starts >= 1, "starts", starts);
+  require(renew_rotation_deg > 0, "KeyframeSearchSettings::renew_rotation_deg", renew_rotation_deg);
+  require(renew_distance > 0, "KeyframeSearchSettings::renew_distance", renew_distance);
+  require(reach_rotation_deg >= renew_rotation_deg, "KeyframeSearchSettings::reach_rotation_deg",
+          reach_rotation_deg);
+  require(reach_distance >= renew_distance, "KeyframeSearchSettings::reach_distance",
+          reach_distance);
+  require(renewal_s >= 0, "KeyframeSearchSettings::renewal_s", renewal_s);
+  require(max_keyframes >= 1, "KeyframeSearchSettings::max_keyframes", max_keyframes);
+  require(wide_starts >= 0, "KeyframeSearchSettings::wide_starts", wide_starts);
+  require(starts >= 1, "KeyframeSearchSettings::starts", starts);
 }
 
 KeyframeRefiner::KeyframeRefiner(Backend* backend, std::shared_ptr<const LoadedField> field,

@@ -8,6 +8,8 @@
 #include <utility>
 #include <vector>
 
+#include "backend/backend.h"
+#include "backend/loaded_field.h"
 #include "refinement/field_refiner.h"
 #include "refinement/keyframe_search.h"
 #include "views/keyframe_renderer.h"

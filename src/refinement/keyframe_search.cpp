@@ -4,12 +4,12 @@
 #include <algorithm>
 #include <cmath>
 
+#include "math/angle.h"
 #include "math/random.h"
 
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr double kDegree = 0.017453292519943295;
 constexpr std::uint64_t kSeed = 1;
 constexpr double kWindowMargin = 0.2;  // around the object [diameters]
 constexpr double kAnyScale = 1e3;      // small views are compared at the image's own levels

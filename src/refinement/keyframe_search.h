@@ -3,6 +3,8 @@
 
 #include <memory>
 
+#include "backend/backend.h"
+#include "backend/loaded_field.h"
 #include "refinement/field_refiner.h"
 #include "refinement/keyframe_set.h"
 #include "refinement/keyframe_settings.h"

@@ -4,6 +4,8 @@
 #include <string>
 #include <vector>
 
+#include "backend/loaded_field.h"
+#include "backend/pose_solver.h"
 #include "refinement/field_refiner.h"
 
 namespace nerf_pose_refiner {

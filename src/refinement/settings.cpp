@@ -4,18 +4,13 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "math/require.h"
+
 namespace nerf_pose_refiner {
 namespace {
 
-void require(bool holds, const std::string& name, double value, const char* range) {
-  if (!holds) {
-    throw std::invalid_argument("RefinerSettings::" + name + " is " + std::to_string(value) +
-                                ", must be " + range);
-  }
-}
-
 void validateStage(const AlignStageSettings& stage, std::size_t index) {
-  const std::string name = "stages[" + std::to_string(index) + "].";
+  const std::string name = "RefinerSettings::stages[" + std::to_string(index) + "].";
   require(stage.object_px >= 8 && stage.object_px <= 4096, name + "object_px", stage.object_px,
           "8..4096");
   require(stage.hypotheses >= 1 && stage.hypotheses <= 4096, name + "hypotheses", stage.hypotheses,
@@ -93,10 +88,11 @@ void RefinerSettings::validate() const {
   for (std::size_t i = 0; i < stages.size(); ++i) {
     validateStage(stages[i], i);
     require(i == 0 || stages[i].hypotheses <= stages[i - 1].hypotheses,
-            "stages[" + std::to_string(i) + "].hypotheses", stages[i].hypotheses,
+            "RefinerSettings::stages[" + std::to_string(i) + "].hypotheses", stages[i].hypotheses,
             "at most those of the stage before");
   }
-  require(robust_scale >= 1e-3 && robust_scale <= 10, "robust_scale", robust_scale, "0.001..10");
+  require(robust_scale >= 1e-3 && robust_scale <= 10, "RefinerSettings::robust_scale", robust_scale,
+          "0.001..10");
   keyframes.validate();
   inversion.validate();
 }

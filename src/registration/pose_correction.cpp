@@ -8,6 +8,7 @@
 
 #include "backend/hypotheses.h"
 #include "backend/plans.h"
+#include "backend/pose_solver.h"
 #include "field/field.h"
 #include "image/colour.h"
 #include "nerf_pose_refiner/observation.h"

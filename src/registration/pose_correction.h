@@ -3,8 +3,8 @@
 
 #include <vector>
 
+#include "backend/loaded_field.h"
 #include "dataset/dataset.h"
-#include "nerf_pose_refiner/backend.h"
 
 namespace nerf_pose_refiner {
 

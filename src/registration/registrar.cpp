@@ -7,6 +7,7 @@
 #include <sstream>
 #include <stdexcept>
 
+#include "concurrency/seconds_since.h"
 #include "image/colour.h"
 #include "registration/data_check.h"
 #include "registration/pose_correction.h"
@@ -29,10 +30,6 @@ constexpr double kPreviewSize_px = 320;
 constexpr double kRoundSlack[] = {0.1, 0.03};
 constexpr double kSlackAfter = 0.015;
 constexpr int kRoughFraction = 4;  // a rough training has so much fewer steps, and time
-
-double secondsSince(Clock::time_point start) {
-  return std::chrono::duration<double>(Clock::now() - start).count();
-}
 
 /// The views of a dataset: those that the field learns from, and those held out for its quality.
 struct SplitViews {
@@ -141,7 +138,7 @@ bool isTelling(const PosedView& view, const Box& box) {
 /// One run of a trainer: steps until the time, the steps or the quality are reached.
 class TrainingRun {
  public:
-  TrainingRun(Backend* backend, FieldTrainer* trainer, const RegistrationSettings& settings,
+  TrainingRun(Backend* backend, FieldTrainer* trainer, const RegistrationOptions& settings,
               const SplitViews& views,
               const std::function<void(const RegistrationProgress&)>& progress)
       : backend_(backend),
@@ -166,7 +163,7 @@ class TrainingRun {
     }
   }
 
-  void report(const char* stage, const std::function<Rendering()>& preview = {}) {
+  void report(const char* stage, const std::function<Image8()>& preview = {}) {
     if (!progress_) return;
     const double seconds = secondsSince(start_);
     if (seconds - last_report_s_ < kProgressInterval_s && last_stage_ == stage) return;
@@ -185,12 +182,14 @@ class TrainingRun {
   }
 
  private:
-  Rendering preview(const CancellationToken& cancellation) {
+  Image8 preview(const CancellationToken& cancellation) {
     const PosedView& view = views_.training.front();
     const Camera& full = view.camera;
     const double scale = std::min(1.0, kPreviewSize_px / std::max(full.width, full.height));
     const auto field = backend_->load(std::make_shared<Field>(trainer_->snapshot(cancellation)));
-    return field->render({full.scaled(scale), view.T_O_C}, RenderOptions(), cancellation);
+    const Rendering rendering =
+        field->render({full.scaled(scale), view.T_O_C}, RenderOptions(), cancellation);
+    return toBytes(rendering.colour);  // premultiplied: on black
   }
 
   /// Fraction of the training that is done, by steps or by time.
@@ -203,7 +202,7 @@ class TrainingRun {
 
   Backend* backend_;
   FieldTrainer* trainer_;
-  const RegistrationSettings& settings_;
+  const RegistrationOptions& settings_;
   const SplitViews& views_;
   const std::function<void(const RegistrationProgress&)>& progress_;
   Clock::time_point start_ = Clock::now();
@@ -244,7 +243,7 @@ void requireBox(const Dataset& dataset) {
 /// so, and scenes everywhere. (An object in a box may end before the background that is seen in the
 /// box, too.)
 std::unique_ptr<FieldTrainer> trainerOf(Backend* backend, const std::vector<PosedView>& training,
-                                        bool has_alpha, const RegistrationSettings& settings,
+                                        bool has_alpha, const RegistrationOptions& settings,
                                         Hull hull) {
   TrainingPlan plan;
   plan.samples_per_step = settings.samples_per_step;
@@ -259,7 +258,7 @@ std::unique_ptr<FieldTrainer> trainerOf(Backend* backend, const std::vector<Pose
                               plan);
 }
 
-Hull hullOf(const Dataset& dataset, const RegistrationSettings& settings, double slack,
+Hull hullOf(const Dataset& dataset, const RegistrationOptions& settings, double slack,
             const CancellationToken& cancellation) {
   const int resolution = FieldConfig::named(settings.profile).occupancy_resolution;
   Hull hull = visualHull(dataset, resolution, settings.threads, cancellation, slack);
@@ -277,7 +276,7 @@ Field finished(FieldTrainer* trainer, const Dataset& dataset,
 }
 
 /// One training, and its quality.
-Field train(Backend* backend, const Dataset& dataset, const RegistrationSettings& settings,
+Field train(Backend* backend, const Dataset& dataset, const RegistrationOptions& settings,
             const std::function<void(const RegistrationProgress&)>& progress,
             const CancellationToken& cancellation) {
   Hull hull = hullOf(dataset, settings, settings.refine_poses ? kSlackAfter : 0, cancellation);
@@ -307,10 +306,10 @@ Field train(Backend* backend, const Dataset& dataset, const RegistrationSettings
 
 /// The dataset with poses that agree with each other (@see alignViews).
 Dataset withCorrectedPoses(Backend* backend, const Dataset& dataset,
-                           const RegistrationSettings& settings,
+                           const RegistrationOptions& settings,
                            const std::function<void(const RegistrationProgress&)>& progress,
                            const CancellationToken& cancellation) {
-  RegistrationSettings rough = settings;
+  RegistrationOptions rough = settings;
   rough.steps = std::max(1, settings.steps / kRoughFraction);
   rough.max_seconds = settings.max_seconds / kRoughFraction;
   rough.target_psnr_db = 0;
@@ -335,7 +334,7 @@ Dataset withCorrectedPoses(Backend* backend, const Dataset& dataset,
 
 }  // namespace
 
-Field learnField(Backend* backend, const Dataset& dataset, const RegistrationSettings& settings,
+Field learnField(Backend* backend, const Dataset& dataset, const RegistrationOptions& settings,
                  const std::function<void(const RegistrationProgress&)>& progress,
                  const CancellationToken& cancellation) {
   settings.validate();
@@ -345,7 +344,7 @@ Field learnField(Backend* backend, const Dataset& dataset, const RegistrationSet
   if (settings.refine_poses) {
     const Dataset corrected =
         withCorrectedPoses(backend, dataset, settings, progress, cancellation);
-    RegistrationSettings rest = settings;
+    RegistrationOptions rest = settings;
     rest.max_seconds = 0.5 * settings.max_seconds;
     field = train(backend, corrected, rest, progress, cancellation);
   } else {

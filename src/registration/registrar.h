@@ -4,10 +4,11 @@
 #include <functional>
 #include <string>
 
+#include "backend/backend.h"
+#include "backend/loaded_field.h"
 #include "backend/training.h"
 #include "dataset/dataset.h"
 #include "field/field.h"
-#include "nerf_pose_refiner/backend.h"
 #include "nerf_pose_refiner/registration.h"
 
 namespace nerf_pose_refiner {
@@ -16,7 +17,7 @@ namespace nerf_pose_refiner {
 /// @param progress called from this thread, about twice a second; may be empty.
 /// @throws std::invalid_argument for settings or a box that make no sense, std::runtime_error for
 /// photos that give no model, or a poor one (@see data_check.h), Cancelled.
-Field learnField(Backend* backend, const Dataset& dataset, const RegistrationSettings& settings,
+Field learnField(Backend* backend, const Dataset& dataset, const RegistrationOptions& settings,
                  const std::function<void(const RegistrationProgress&)>& progress,
                  const CancellationToken& cancellation);
 

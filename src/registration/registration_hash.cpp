@@ -56,7 +56,7 @@ void addSymmetries(const Symmetries& symmetries, Checksum* checksum) {
 
 }  // namespace
 
-std::string registrationHash(const Dataset& dataset, const RegistrationSettings& settings,
+std::string registrationHash(const Dataset& dataset, const RegistrationOptions& settings,
                              const CancellationToken& cancellation) {
   Checksum checksum;
   for (const PosedView& view : dataset.views) {

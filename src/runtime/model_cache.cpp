@@ -259,18 +259,24 @@ std::string ModelCache::pathOf(const std::shared_ptr<const Field>& field) const 
 }
 
 std::vector<CachedModel> ModelCache::list() const {
-  std::lock_guard<std::mutex> lock(mutex_);
-  forgetSuperseded();
   std::vector<CachedModel> models;
-  for (const Entry& entry : entries_) {
-    const bool in_use = entry.field.use_count() > 1;
-    bool outdated = true;
+  std::vector<Identity> identities;
+  {
+    std::lock_guard<std::mutex> lock(mutex_);
+    forgetSuperseded();
+    for (const Entry& entry : entries_) {
+      const bool in_use = entry.field.use_count() > 1;
+      models.push_back({entry.path, entry.field->metadata, entry.bytes, in_use, /*outdated=*/true,
+                        entry.change ? entry.change->error : std::string()});
+      identities.push_back(entry.identity);
+    }
+  }
+  // Without the lock: to look at a file takes as long as its disk or network.
+  for (std::size_t i = 0; i < models.size(); ++i) {
     try {
-      outdated = identityOf(entry.path).model != entry.identity.model;
+      models[i].outdated = identityOf(models[i].path).model != identities[i].model;
     } catch (const std::runtime_error&) {  // the file has been removed
     }
-    models.push_back({entry.path, entry.field->metadata, entry.bytes, in_use, outdated,
-                      entry.change ? entry.change->error : std::string()});
   }
   return models;
 }

@@ -6,9 +6,10 @@
 #include <stdexcept>
 #include <utility>
 
+#include "backend/backend.h"
 #include "dataset/path_below.h"
 #include "registration/registration_hash.h"
-#include "registration/registration_settings.h"
+#include "registration/registration_options.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -33,7 +34,7 @@ void applyBox(const RegistrationRequest& request, Dataset* dataset) {
 }  // namespace
 
 ObjectRegistration::ObjectRegistration(const PhotoSource& photos,
-                                       const RegistrationSettings& settings,
+                                       const RegistrationOptions& settings,
                                        const ObjectStore& store, BackendFactory make_backend,
                                        ScheduleFactory find_schedule)
     : photos_(photos),
@@ -55,9 +56,9 @@ Dataset ObjectRegistration::readPhotos(const RegistrationRequest& request,
   return dataset;
 }
 
-RegistrationSettings ObjectRegistration::settingsOf(const RegistrationRequest& request,
-                                                    const Dataset& dataset) const {
-  RegistrationSettings settings = settings_;
+RegistrationOptions ObjectRegistration::settingsOf(const RegistrationRequest& request,
+                                                   const Dataset& dataset) const {
+  RegistrationOptions settings = settings_;
   if (request.max_seconds > 0) settings.max_seconds = request.max_seconds;
   if (request.metres_per_unit > 0) settings.metres_per_unit = request.metres_per_unit;
   if (!(settings.metres_per_unit > 0 || dataset.metres_per_unit > 0)) {
@@ -78,7 +79,7 @@ RegisteredObject ObjectRegistration::run(const RegistrationRequest& request,
   const std::shared_ptr<ProcessorSchedule> schedule = find_schedule_();
   const ProcessorSchedule::Training after_refinements(schedule.get(), cancellation);
   const Dataset dataset = readPhotos(request, cancellation);
-  RegistrationSettings settings = settingsOf(request, dataset);
+  RegistrationOptions settings = settingsOf(request, dataset);
   settings.symmetries = said.symmetries.inFrame(said.T_O_U);
   if (!request.force_retrain) {
     const std::shared_ptr<const Field> existing = store_.find(request.name);

@@ -35,7 +35,7 @@ class ObjectRegistration {
  public:
   /// @param make_backend called for each training, which must not share a backend with refinements.
   /// @param find_schedule schedule of that backend's processor; refinements have priority there.
-  ObjectRegistration(const PhotoSource& photos, const RegistrationSettings& settings,
+  ObjectRegistration(const PhotoSource& photos, const RegistrationOptions& settings,
                      const ObjectStore& store, BackendFactory make_backend,
                      ScheduleFactory find_schedule);
 
@@ -54,10 +54,10 @@ class ObjectRegistration {
  private:
   Dataset readPhotos(const RegistrationRequest& request,
                      const CancellationToken& cancellation) const;
-  RegistrationSettings settingsOf(const RegistrationRequest& request, const Dataset& dataset) const;
+  RegistrationOptions settingsOf(const RegistrationRequest& request, const Dataset& dataset) const;
 
   PhotoSource photos_;
-  RegistrationSettings settings_;
+  RegistrationOptions settings_;
   ObjectStore store_;
   BackendFactory make_backend_;
   ScheduleFactory find_schedule_;

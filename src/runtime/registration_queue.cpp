@@ -8,6 +8,7 @@
 #include <thread>
 #include <utility>
 
+#include "concurrency/seconds_since.h"
 #include "image/colour.h"
 
 namespace nerf_pose_refiner {
@@ -18,12 +19,7 @@ using Clock = std::chrono::steady_clock;
 constexpr double kPreviewInterval_s = 5;
 constexpr double kPreviewFraction = 0.05;  // of the training time, at most
 
-double secondsSince(Clock::time_point start) {
-  return std::chrono::duration<double>(Clock::now() - start).count();
-}
-
-std::vector<std::uint8_t> toJpeg(const Rendering& rendering) {
-  Image8 rgb = toBytes(rendering.colour);  // premultiplied: on black
+std::vector<std::uint8_t> toJpeg(Image8 rgb) {
   cv::Mat bgr;
   cv::cvtColor(cv::Mat(rgb.height, rgb.width, CV_8UC3, rgb.values.data()), bgr, cv::COLOR_RGB2BGR);
   std::vector<std::uint8_t> jpeg;

@@ -5,9 +5,12 @@
 #include <memory>
 #include <vector>
 
+#include "backend/backend.h"
+#include "backend/cost_counters.h"
+#include "backend/loaded_field.h"
+#include "backend/pose_solver.h"
 #include "backend/training.h"
 #include "field/field.h"
-#include "nerf_pose_refiner/backend.h"
 
 namespace nerf_pose_refiner {
 

@@ -6,21 +6,11 @@
 
 #include "evaluation/start.h"
 #include "field/object_frame.h"
+#include "math/angle.h"
+#include "math/require.h"
 #include "ros/conversions/status.h"
 
 namespace nerf_pose_refiner {
-namespace {
-
-constexpr double kRadPerDegree = 0.017453292519943295769;
-
-void require(bool holds, const char* name, double value, const char* range) {
-  if (!holds) {
-    throw std::invalid_argument(std::string(name) + " is " + std::to_string(value) + ", must be " +
-                                range);
-  }
-}
-
-}  // namespace
 
 const char* outcomeText(Outcome outcome) {
   switch (outcome) {
@@ -158,7 +148,7 @@ std::optional<Pose> BagEvaluation::startOf(const BagFrame& frame, const Pose& tr
     const std_msgs::Header& header = frame.image->header;
     return bag_.initialPose(header.frame_id, header.stamp, settings_.start_max_age_s);
   }
-  const StartSpread spread = {settings_.start_rotation_deg * kRadPerDegree,
+  const StartSpread spread = {settings_.start_rotation_deg * kDegree,
                               settings_.start_translation * object_->diameter_m, true};
   const Pose wrong = perturbedStart(true_T_C_U.inverse(), spread, object_->centre_m, settings_.seed,
                                     static_cast<std::uint64_t>(frame.index));

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "backend/backend.h"
 #include "evaluation/sequence.h"
 #include "ros/bag/bag_sequence.h"
 #include "ros/conversions/camera_input.h"

@@ -4,7 +4,9 @@
 #include <string>
 #include <vector>
 
+#include "backend/backend.h"
 #include "backend/common/draw_overlay.h"
+#include "backend/loaded_field.h"
 #include "image/io.h"
 #include "nerf_pose_refiner/detector.h"
 #include "tools/refine_case.h"

@@ -9,7 +9,9 @@
 #include <string>
 #include <vector>
 
+#include "backend/backend.h"
 #include "backend/common/draw_overlay.h"
+#include "backend/loaded_field.h"
 #include "dataset/dataset.h"
 #include "detection/landmark_file.h"
 #include "detection/object_detector.h"

@@ -9,6 +9,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "backend/backend.h"
 #include "detection/landmark_file.h"
 #include "field/object_metadata.h"
 #include "tools/bag_evaluation.h"

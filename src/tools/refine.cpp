@@ -4,12 +4,15 @@
 #include <string>
 #include <vector>
 
+#include "backend/backend.h"
+#include "backend/loaded_field.h"
 #include "dataset/dataset.h"
 #include "evaluation/pose_error.h"
 #include "evaluation/start.h"
 #include "field/object_frame.h"
 #include "field/object_metadata.h"
 #include "image/io.h"
+#include "math/angle.h"
 #include "refinement/field_refiner.h"
 #include "tools/refine_case.h"
 #include "tools/tool.h"
@@ -18,8 +21,6 @@
 
 namespace nerf_pose_refiner {
 namespace {
-
-constexpr double kDegreesPerRad = 57.295779513082320877;
 
 struct RefineOptions {
   std::string model;

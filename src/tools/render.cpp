@@ -7,6 +7,8 @@
 #include <string>
 #include <vector>
 
+#include "backend/backend.h"
+#include "backend/loaded_field.h"
 #include "dataset/dataset.h"
 #include "field/model_file.h"
 #include "image/colour.h"

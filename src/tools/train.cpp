@@ -9,7 +9,7 @@
 #include "field/model_file.h"
 #include "field/object_metadata.h"
 #include "registration/registrar.h"
-#include "registration/registration_settings.h"
+#include "registration/registration_options.h"
 #include "tools/tool.h"
 
 // Posed photos to a model file.
@@ -22,14 +22,14 @@ struct TrainOptions {
   std::string model;
   std::string name;
   std::vector<double> box;  // min x y z, max x y z
-  RegistrationSettings settings;
+  RegistrationOptions settings;
   PhotoOptions photos;
   BackendOptions backend;
   bool json = false;
 };
 
 /// One option for each setting: --held-out for held_out, --target-psnr for target_psnr_db.
-void addSettings(CLI::App* app, RegistrationSettings* settings) {
+void addSettings(CLI::App* app, RegistrationOptions* settings) {
   visitSettings(*settings, [app](const std::string& name, auto& value, const char* meaning) {
     std::string option = "--" + name.substr(0, name.rfind("_db"));
     std::replace(option.begin(), option.end(), '_', '-');
@@ -111,7 +111,7 @@ void train(const TrainOptions& options, const CancellationToken& cancellation) {
     dataset.box_min = {options.box[0], options.box[1], options.box[2]};
     dataset.box_max = {options.box[3], options.box[4], options.box[5]};
   }
-  RegistrationSettings settings = options.settings;
+  RegistrationOptions settings = options.settings;
   settings.threads = options.backend.threads;
   const ObjectMetadata said = readObjectMetadata(metadataPathOf(options.model));
   settings.symmetries = said.symmetries.inFrame(said.T_O_U);

@@ -9,21 +9,14 @@
 #include "evaluation/pose_error.h"
 #include "evaluation/start.h"
 #include "field/object_frame.h"
+#include "math/angle.h"
 #include "math/random.h"
+#include "math/require.h"
 #include "ros/conversions/camera_input.h"
 #include "ros/conversions/status.h"
 
 namespace nerf_pose_refiner {
 namespace {
-
-constexpr double kRadPerDegree = 0.017453292519943295769;
-
-void require(bool holds, const char* name, double value, const char* range) {
-  if (!holds) {
-    throw std::invalid_argument(std::string(name) + " is " + std::to_string(value) + ", must be " +
-                                range);
-  }
-}
 
 /// One of `count` numbers from 0 on, by seed and run.
 int drawn(int count, std::uint64_t seed, int run) {
@@ -53,7 +46,7 @@ void TrustSettings::validate() const {
   require(before >= 1, "before", before, "1 or more");
   require(limit >= 1, "limit", limit, "1 or more");
   require(after >= 0, "after", after, "0 or more");
-  StartSpread{start_rotation_deg * kRadPerDegree, start_translation, true}.validate();
+  StartSpread{start_rotation_deg * kDegree, start_translation, true}.validate();
 }
 
 PublishedPoses& PublishedPoses::operator+=(const PublishedPoses& other) {
@@ -127,7 +120,7 @@ TrustTrials::TrustTrials(std::shared_ptr<Backend> backend, std::shared_ptr<const
 }
 
 Pose TrustTrials::initialPose(const Pose& true_T_C_U, int run) const {
-  const StartSpread spread = {settings_.start_rotation_deg * kRadPerDegree,
+  const StartSpread spread = {settings_.start_rotation_deg * kDegree,
                               settings_.start_translation * diameter_m_, true};
   return perturbedStart(true_T_C_U.inverse(), spread, centre_m_, settings_.seed,
                         static_cast<std::uint64_t>(run))
@@ -138,7 +131,7 @@ bool TrustTrials::isRight(const TrackOutcome& result, const Pose& true_T_C_U) co
   if (!result.found) return false;
   const PoseError error = poseError(result.T_C_O_m.inverse(), true_T_C_U.inverse(), centre_m_,
                                     result.observation->camera, symmetries_m_);
-  return error.rotation_rad <= settings_.right_rotation_deg * kRadPerDegree &&
+  return error.rotation_rad <= settings_.right_rotation_deg * kDegree &&
          error.object_offset <= settings_.right_offset * diameter_m_;
 }
 

@@ -5,7 +5,7 @@
 #include <memory>
 #include <vector>
 
-#include "nerf_pose_refiner/backend.h"
+#include "backend/backend.h"
 #include "nerf_pose_refiner/symmetry.h"
 #include "ros/bag/bag_sequence.h"
 #include "ros/conversions/parameters.h"

@@ -8,6 +8,8 @@
 #include <string>
 #include <vector>
 
+#include "backend/backend.h"
+#include "backend/loaded_field.h"
 #include "detection/object_detector.h"
 #include "refinement/field_refiner.h"
 #include "refinement/keyframe_refiner.h"

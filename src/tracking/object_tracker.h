@@ -10,6 +10,7 @@
 #include <optional>
 #include <string>
 
+#include "backend/backend.h"
 #include "refinement/field_refiner.h"
 #include "tracking/object_search.h"
 #include "tracking/settings.h"

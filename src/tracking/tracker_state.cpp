@@ -1,6 +1,7 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include "tracking/tracker_state.h"
 
+#include <algorithm>
 #include <utility>
 
 namespace nerf_pose_refiner {
@@ -15,6 +16,7 @@ double secondsBetween(std::int64_t from_ns, std::int64_t to_ns) {
 void TrackerState::setCondition(TrackState state, TrackReason reason, const std::string& message) {
   condition_ = {state, reason, message};
   before_refusal_.reset();
+  before_skips_.reset();
 }
 
 void TrackerState::waitWithReason(TrackReason reason, const std::string& message) {
@@ -23,6 +25,7 @@ void TrackerState::waitWithReason(TrackReason reason, const std::string& message
 
 void TrackerState::forgetPoses() {
   initial_pose_.reset();
+  old_offer_.reset();
   last_.reset();
   recovery_start_.reset();
   last_detection_ns_.reset();
@@ -69,6 +72,9 @@ void TrackerState::offer(const TimedPose& initial_pose) {
   if (!enabled_ || rules_.start == TrackStart::kDetect) return;
   const bool another = initial_pose_.has_value();
   initial_pose_ = initial_pose;
+  if (secondsBetween(initial_pose.stamp_ns, clock_ns_) > kClockJump_s) {
+    old_offer_ = {initial_pose, clock_ns_};
+  }
   // The status keeps showing that images are unusable, and why one initial pose after another was
   // refused.
   TrackCondition& condition = before_refusal_ ? *before_refusal_ : condition_;
@@ -91,20 +97,21 @@ void TrackerState::imageArrived() {
 }
 
 void TrackerState::imageRefused(TrackReason reason, const std::string& message) {
-  const TrackCondition before = before_refusal_.value_or(condition_);
+  const TrackCondition before = before_refusal_.value_or(before_skips_.value_or(condition_));
   setCondition(condition_.state, reason, message);
   before_refusal_ = before;
 }
 
 bool TrackerState::updateClock(std::int64_t now_ns) {
   const bool jumped = secondsBetween(now_ns, clock_ns_) > kClockJump_s;
-  clock_ns_ = now_ns;
   if (jumped) {
     timeWentBackTo(now_ns);
     last_stamp_ns_.reset();
     last_arrival_ns_ = 0;
-  } else if (last_ && rules_.image_timeout_s > 0 &&
-             secondsBetween(last_arrival_ns_, clock_ns_) > rules_.image_timeout_s) {
+  }
+  clock_ns_ = now_ns;
+  if (!jumped && last_ && rules_.image_timeout_s > 0 &&
+      secondsBetween(last_arrival_ns_, clock_ns_) > rules_.image_timeout_s) {
     lose(TrackReason::kNoImages, "no image arrived for image_timeout_s");
   }
   return jumped;
@@ -116,11 +123,24 @@ void TrackerState::timeWentBackTo(std::int64_t stamp_ns) {
   last_detection_ns_.reset();
   failures_ = 0;
   running_.reset();
-  // An initial pose whose stamp fits the new time was sent after the jump.
   if (initial_pose_ && secondsBetween(stamp_ns, initial_pose_->stamp_ns) > kClockJump_s) {
     initial_pose_.reset();
   }
+  // It may have been spent on an image that was taken before the jump.
+  if (old_offer_ && wasSentAfterJump(*old_offer_, stamp_ns)) {
+    initial_pose_ = old_offer_->initial_pose;
+  }
+  old_offer_.reset();
   waitWithReason(TrackReason::kClockJumped, "time went back: waiting for a new initial pose");
+}
+
+/// Whether an initial pose that was old when it came is one of the time that has begun, as at the
+/// start of a bag that loops. Called while clock_ns_ is still the time before the jump.
+bool TrackerState::wasSentAfterJump(const Offer& offer, std::int64_t stamp_ns) const {
+  constexpr double kJumpIsSeen_s = 1;  // after the first message of the new time
+  const double age = secondsBetween(offer.initial_pose.stamp_ns, stamp_ns);
+  return secondsBetween(offer.at_ns, clock_ns_) <= kJumpIsSeen_s && age >= -kClockJump_s &&
+         age <= rules_.initial_pose_max_age_s;
 }
 
 /// Whether to use the initial pose for the image; discards a pose that can never be used.
@@ -163,14 +183,53 @@ bool TrackerState::detectionIsDue(std::int64_t stamp_ns) const {
          secondsBetween(*last_detection_ns_, stamp_ns) >= 1 / rules_.detect_rate_hz;
 }
 
+/// Whether a stamp is not where those before it lead: well before them, or well ahead of them and
+/// of the clock. (A camera whose clock is ahead is so with each image.)
+bool TrackerState::stampJumps(std::int64_t stamp_ns) const {
+  const double step_s = secondsBetween(*last_stamp_ns_, stamp_ns);
+  const double lead_s = secondsBetween(clock_ns_, stamp_ns);
+  return step_s < -kClockJump_s || std::min({step_s, lead_s, lead_s - last_lead_s_}) > kClockJump_s;
+}
+
+/// Reports an image that is skipped for its stamp.
+void TrackerState::skip(const std::string& message) {
+  if (!has_model_ || !enabled_) return;
+  const TrackCondition before = before_skips_.value_or(condition_);
+  setCondition(condition_.state, TrackReason::kBadImage, message);
+  before_skips_ = before;
+}
+
+/// Whether an image's stamp goes on from those before it.
+bool TrackerState::takesStamp(std::int64_t stamp_ns, ImageDecision* decision) {
+  if (last_stamp_ns_ && stampJumps(stamp_ns)) {
+    const bool goes_on = jumped_stamp_ns_ && stamp_ns > *jumped_stamp_ns_;
+    jumped_stamp_ns_ = stamp_ns;
+    if (!goes_on) {
+      skip(
+          "the stamp of an image jumps: the image is skipped, unless the next one goes on from it");
+      return false;
+    }
+    if (stamp_ns < *last_stamp_ns_) {
+      decision->clock_jumped = true;
+      timeWentBackTo(stamp_ns);
+    }
+  } else if (last_stamp_ns_ && stamp_ns <= *last_stamp_ns_) {
+    if (++late_images_ >= kLateImages) {
+      skip("the stamps of the images stand still, or are older than one before: they are skipped");
+    }
+    return false;
+  }
+  if (before_skips_) condition_ = *std::exchange(before_skips_, std::nullopt);
+  jumped_stamp_ns_.reset();
+  late_images_ = 0;
+  last_stamp_ns_ = stamp_ns;
+  last_lead_s_ = secondsBetween(clock_ns_, stamp_ns);
+  return true;
+}
+
 ImageDecision TrackerState::decide(const ImageStamp& image) {
   ImageDecision decision;
-  if (last_stamp_ns_ && image.stamp_ns <= *last_stamp_ns_) {
-    if (secondsBetween(image.stamp_ns, *last_stamp_ns_) <= kClockJump_s) return decision;
-    decision.clock_jumped = true;
-    timeWentBackTo(image.stamp_ns);
-  }
-  last_stamp_ns_ = image.stamp_ns;
+  if (!takesStamp(image.stamp_ns, &decision)) return decision;
   if (!has_model_ || !enabled_) return decision;
   // Another camera: the object's pose in its frame is not known.
   if (last_ && last_->frame_id != image.camera_frame) {

@@ -28,9 +28,11 @@ struct ImageDecision {
 /// and how the result changes the state. Not thread-safe.
 class TrackerState {
  public:
-  /// If an image is older than the one before by more than this, time has jumped back. If it is
-  /// older by less, it is late, and is skipped.
+  /// If images are older than those before by more than this, time has jumped back. If one is older
+  /// by less, it is late, and is skipped.
   static constexpr double kClockJump_s = 0.5;
+  /// So many late images in a row are reported: their stamps do not go on.
+  static constexpr int kLateImages = 5;
 
   explicit TrackerState(const TrackingRules& rules) : rules_(rules) {}
 
@@ -65,7 +67,8 @@ class TrackerState {
   void imageRefused(TrackReason reason, const std::string& message);
 
   /// Decides how to process an image. If the decision has a start, a refinement begins; otherwise
-  /// a detection may.
+  /// a detection may. An image whose stamp jumps is skipped: if the next one goes on from there,
+  /// time has jumped, else the stamp was wrong.
   ImageDecision decide(const ImageStamp& image);
 
   /// The start pose cannot be used: a failure of the track or of the initial pose.
@@ -99,13 +102,23 @@ class TrackerState {
     std::optional<TimedPose> start;  ///< nothing: it is looked for everywhere
   };
 
+  /// An initial pose, and the time on the clock when it came.
+  struct Offer {
+    TimedPose initial_pose;
+    std::int64_t at_ns;
+  };
+
   void setCondition(TrackState state, TrackReason reason = TrackReason::kNone,
                     const std::string& message = "");
   void waitWithReason(TrackReason reason, const std::string& message);
   void forgetPoses();
   void lose(TrackReason reason, const std::string& message);
   std::optional<TimedPose> chooseStart(std::int64_t stamp_ns, ImageDecision* decision);
+  bool stampJumps(std::int64_t stamp_ns) const;
+  bool takesStamp(std::int64_t stamp_ns, ImageDecision* decision);
+  void skip(const std::string& message);
   void timeWentBackTo(std::int64_t stamp_ns);
+  bool wasSentAfterJump(const Offer& offer, std::int64_t stamp_ns) const;
   bool initialPoseIsDue(std::int64_t stamp_ns, ImageDecision* decision);
   bool recoveryIsOver(std::int64_t stamp_ns) const;
   bool detectionIsDue(std::int64_t stamp_ns) const;
@@ -114,11 +127,14 @@ class TrackerState {
   void countFailure(const TimedPose& start, TrackReason reason, const std::string& message);
 
   TrackingRules rules_;
-  TrackCondition condition_;
+  TrackCondition condition_ = {TrackState::kNoModel, TrackReason::kNone,
+                               "no object is chosen: load or register one"};
   std::optional<TrackCondition> before_refusal_;  ///< restored by the next usable image
+  std::optional<TrackCondition> before_skips_;  ///< restored by the next image that is not skipped
   bool has_model_ = false;
   bool enabled_ = true;
   std::optional<TimedPose> initial_pose_;  ///< not used yet
+  std::optional<Offer> old_offer_;         ///< the last one that was old when it came
   std::optional<TimedPose> last_;          ///< the last trusted pose, while the object is tracked
   std::optional<TimedPose> previous_;      ///< the pose before last_, if that was tracked, too
   /// While lost: the pose to search around, the last trusted one or an initial one that failed.
@@ -127,7 +143,10 @@ class TrackerState {
   int doubts_ = 0;                                 ///< doubtful images since the last other one
   std::optional<std::int64_t> last_detection_ns_;  ///< stamp of the image it looked at
   int failures_ = 0;                               ///< untrusted images since the last trusted one
-  std::optional<std::int64_t> last_stamp_ns_;      ///< of the last image that was decided on
+  std::optional<std::int64_t> last_stamp_ns_;      ///< of the last image that was not skipped
+  double last_lead_s_ = 0;                         ///< by which that was ahead of the clock [s]
+  std::optional<std::int64_t> jumped_stamp_ns_;    ///< of the image before, skipped for its jump
+  int late_images_ = 0;                            ///< skipped since the last other one
   std::int64_t clock_ns_ = 0;                      ///< the time of the last updateClock
   std::int64_t last_arrival_ns_ = 0;               ///< of the last image, on that clock
   std::optional<Running> running_;

@@ -17,10 +17,10 @@
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr std::uint64_t kSeed = 5;
-enum Stream : std::uint64_t { kNoise, kTurn, kShift };
+constexpr std::uint64_t kScoreSeed = 5;
+enum ScoreStream : std::uint64_t { kScoreNoise, kScoreTurn, kScoreShift };
 
-constexpr int kViews = 8, kObject_px = 128;
+constexpr int kViews = 8, kSide_px = 128;
 constexpr double kRight_rad = 0.087, kRightOffset = 0.05;  // [diameters]
 constexpr double kNear_rad = 0.03, kNearOffset = 0.02;     // of starts
 constexpr double kBeside_rad = 0.7, kBesideOffset = 0.15;  // of starts of wrong poses
@@ -48,7 +48,7 @@ void dim(const Image&, std::uint64_t, Image* image) {
 void addNoise(float deviation, std::uint64_t index, Image* image) {
   const float half_width = std::sqrt(3.0f) * deviation;  // of uniform noise
   for (std::size_t i = 0; i < image->values.size(); ++i) {
-    const float drawn = 2 * randomUniform(kSeed + index, kNoise, i) - 1;
+    const float drawn = 2 * randomUniform(kScoreSeed + index, kScoreNoise, i) - 1;
     image->values[i] = std::clamp(image->values[i] + half_width * drawn, 0.0f, 1.0f);
   }
 }
@@ -98,7 +98,7 @@ class ScoreTrials {
         aligner_(backend->makeKeyframeAligner()) {
     ViewBankSettings settings;
     settings.views = kViews;
-    settings.object_px = kObject_px;
+    settings.object_px = kSide_px;
     settings.keyframe = KeyframeSettings();
     const std::shared_ptr<const LoadedField> borrowed(&field, [](const LoadedField*) {});
     ViewBank bank(borrowed, settings);
@@ -133,15 +133,15 @@ class ScoreTrials {
   }
 
  private:
-  Eigen::Vector3d drawn(Stream stream) {
+  Eigen::Vector3d drawn(ScoreStream stream) {
     Eigen::Vector3d v;
-    for (int a = 0; a < 3; ++a) v[a] = 2.0 * randomUniform(kSeed, stream, draws_++) - 1;
+    for (int a = 0; a < 3; ++a) v[a] = 2.0 * randomUniform(kScoreSeed, stream, draws_++) - 1;
     return v;
   }
 
   Pose besideOf(const Pose& T_O_C, double turn_rad, double offset) {
-    const Eigen::Matrix3d R = expSO3(Eigen::Vector3d(turn_rad * drawn(kTurn)));
-    const Eigen::Vector3d shift = offset * object_.diameter * drawn(kShift);
+    const Eigen::Matrix3d R = expSO3(Eigen::Vector3d(turn_rad * drawn(kScoreTurn)));
+    const Eigen::Vector3d shift = offset * object_.diameter * drawn(kScoreShift);
     return {nearestRotation(R * T_O_C.R), object_.centre + shift + R * (T_O_C.t - object_.centre)};
   }
 

@@ -1,8 +1,9 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "backend/backend.h"
+#include "backend/loaded_field.h"
 #include "field/field.h"
-#include "nerf_pose_refiner/backend.h"
 
 namespace nerf_pose_refiner {
 

@@ -9,13 +9,13 @@
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr int kObject_px = 48;  // that the object spans where it is rendered for this
+constexpr int kMask_px = 48;  // that the object spans where it is rendered for this
 
 /// The camera of an image that is so much smaller that the object has few pixels.
 Camera reducedCamera(const Camera& camera, const Pose& T_O_C, const FieldMetadata& object) {
   const double distance = (T_O_C.t - object.centre).norm();
   const double object_px = object.diameter / distance * std::max(camera.fx, camera.fy);
-  return camera.scaled(std::min(1.0, kObject_px / std::max(object_px, 1.0)));
+  return camera.scaled(std::min(1.0, kMask_px / std::max(object_px, 1.0)));
 }
 
 /// Mean of the mask over a pixel of a smaller image.

@@ -3,9 +3,10 @@
 
 #include <vector>
 
+#include "backend/backend.h"
+#include "backend/loaded_field.h"
 #include "dataset/dataset.h"
 #include "field/field.h"
-#include "nerf_pose_refiner/backend.h"
 
 namespace nerf_pose_refiner {
 

@@ -7,16 +7,11 @@
 #include <string>
 
 #include "backend/common/image_levels.h"
+#include "math/require.h"
 #include "views/keyframe_level.h"
 
 namespace nerf_pose_refiner {
 namespace {
-
-void require(bool is_right, const char* name, double value) {
-  if (!is_right) {
-    throw std::invalid_argument(std::string("keyframe: ") + name + " is " + std::to_string(value));
-  }
-}
 
 // As cameras and OpenCV make grey of encoded colours (ITU-R BT.601).
 void makeGrey(Image* layers) {
@@ -77,17 +72,17 @@ int windowOf(const KeyframeSettings& settings, int level) {
 }  // namespace
 
 void KeyframeSettings::validate() const {
-  require(levels >= 1 && levels <= 8, "levels", levels);
-  require(rays_per_side == 1 || rays_per_side == 2 || rays_per_side == 4, "rays_per_side",
+  require(levels >= 1 && levels <= 8, "keyframe: levels", levels);
+  require(rays_per_side == 1 || rays_per_side == 2 || rays_per_side == 4, "keyframe: rays_per_side",
           rays_per_side);
-  require(max_side_px >= 16, "max_side_px", max_side_px);
-  require(finest_window_px >= 1, "finest_window_px", finest_window_px);
-  require(coarsest_window_px >= 1, "coarsest_window_px", coarsest_window_px);
-  require(max_points >= 6, "max_points", max_points);
-  require(max_outline >= 0, "max_outline", max_outline);
-  require(max_shown >= 100, "max_shown", max_shown);
-  require(min_alpha > 0 && min_alpha < 1, "min_alpha", min_alpha);
-  require(max_depth_step > 0, "max_depth_step", max_depth_step);
+  require(max_side_px >= 16, "keyframe: max_side_px", max_side_px);
+  require(finest_window_px >= 1, "keyframe: finest_window_px", finest_window_px);
+  require(coarsest_window_px >= 1, "keyframe: coarsest_window_px", coarsest_window_px);
+  require(max_points >= 6, "keyframe: max_points", max_points);
+  require(max_outline >= 0, "keyframe: max_outline", max_outline);
+  require(max_shown >= 100, "keyframe: max_shown", max_shown);
+  require(min_alpha > 0 && min_alpha < 1, "keyframe: min_alpha", min_alpha);
+  require(max_depth_step > 0, "keyframe: max_depth_step", max_depth_step);
 }
 
 Camera keyframeCamera(const Camera& camera, const Pose& T_O_C, const FieldMetadata& object,

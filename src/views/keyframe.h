@@ -2,8 +2,8 @@
 #pragma once
 
 #include "backend/keyframe_points.h"
+#include "backend/loaded_field.h"
 #include "field/field.h"
-#include "nerf_pose_refiner/backend.h"
 
 namespace nerf_pose_refiner {
 

@@ -10,7 +10,7 @@
 #include <thread>
 
 #include "backend/keyframe_points.h"
-#include "nerf_pose_refiner/backend.h"
+#include "backend/loaded_field.h"
 #include "nerf_pose_refiner/cancellation_token.h"
 #include "views/keyframe.h"
 

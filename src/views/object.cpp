@@ -36,7 +36,7 @@ Symmetries Object::symmetries() const {
       .scaled(ObjectFrame::ofUsers(object).lengthPerUnit());
 }
 
-double Object::psnr_dB() const { return field_->metadata.psnr_db; }
+double Object::psnr_db() const { return field_->metadata.psnr_db; }
 
 Pose Object::cameraInField(const Pose& T_C_O) const {
   return ObjectFrame::ofUsers(field_->metadata).cameraInModel(T_C_O);

@@ -4,8 +4,8 @@
 #include <Eigen/Core>
 #include <vector>
 
+#include "backend/loaded_field.h"
 #include "field/field.h"
-#include "nerf_pose_refiner/backend.h"
 #include "nerf_pose_refiner/pose.h"
 
 namespace nerf_pose_refiner {

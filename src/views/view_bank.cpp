@@ -6,17 +6,11 @@
 #include <stdexcept>
 #include <string>
 
+#include "math/require.h"
 #include "views/sphere_directions.h"
 
 namespace nerf_pose_refiner {
 namespace {
-
-void require(bool is_right, const char* name, double value) {
-  if (!is_right) {
-    throw std::invalid_argument(std::string("ViewBankSettings::") + name + " is " +
-                                std::to_string(value));
-  }
-}
 
 std::size_t bytesOf(const PointColumns& points) {
   return points.cell.size() * (3 * sizeof(float) + sizeof(std::int32_t));
@@ -25,9 +19,9 @@ std::size_t bytesOf(const PointColumns& points) {
 }  // namespace
 
 void ViewBankSettings::validate() const {
-  require(views >= 1 && views <= 10000, "views", views);
-  require(object_px >= 16, "object_px", object_px);
-  require(distance > 1, "distance", distance);
+  require(views >= 1 && views <= 10000, "ViewBankSettings::views", views);
+  require(object_px >= 16, "ViewBankSettings::object_px", object_px);
+  require(distance > 1, "ViewBankSettings::distance", distance);
   keyframe.validate();
 }
 

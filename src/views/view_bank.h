@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "backend/keyframe_points.h"
-#include "nerf_pose_refiner/backend.h"
+#include "backend/loaded_field.h"
 #include "nerf_pose_refiner/cancellation_token.h"
 #include "views/keyframe.h"
 

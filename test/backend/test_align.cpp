@@ -8,9 +8,9 @@
 #include <vector>
 
 #include "backend/hypotheses.h"
+#include "backend/loaded_field.h"
 #include "backend/plans.h"
 #include "field/field.h"
-#include "nerf_pose_refiner/backend.h"
 #include "support/analytic_scene.h"
 #include "support/cpu_processor.h"
 #include "support/expect_error.h"

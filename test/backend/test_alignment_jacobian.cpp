@@ -5,6 +5,7 @@
 
 #include "backend/cpu/alignment_system.h"
 #include "backend/cpu/rendered_image.h"
+#include "backend/loaded_field.h"
 #include "field/field.h"
 #include "image/filter.h"
 #include "support/analytic_scene.h"

@@ -10,6 +10,8 @@
 #include <thread>
 #include <vector>
 
+#include "backend/cost_counters.h"
+#include "backend/loaded_field.h"
 #include "support/cpu_rays.h"
 #include "support/expect_error.h"
 #include "support/random_field.h"

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "backend/cpu/ray_renderer.h"
+#include "backend/loaded_field.h"
 #include "math/loss.h"
 #include "nerf_pose_refiner/pose.h"
 #include "support/cpu_rays.h"

@@ -4,9 +4,11 @@
 #include <algorithm>
 #include <cmath>
 
+#include "backend/backend.h"
 #include "backend/cpu/cpu_backend.h"
 #include "backend/cpu/cpu_field.h"
 #include "backend/cpu/stage_evaluator.h"
+#include "backend/loaded_field.h"
 #include "image/colour.h"
 #include "refinement/plan.h"
 #include "registration/visual_hull.h"

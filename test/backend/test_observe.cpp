@@ -6,6 +6,7 @@
 #include "backend/common/blur_rules.h"
 #include "backend/cpu/cpu_observation.h"
 #include "backend/cpu/rendered_image.h"
+#include "backend/loaded_field.h"
 #include "image/filter.h"
 #include "support/analytic_scene.h"
 #include "support/expect_error.h"

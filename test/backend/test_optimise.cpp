@@ -6,9 +6,12 @@
 #include <memory>
 #include <vector>
 
+#include "backend/cost_counters.h"
 #include "backend/cpu/ray_renderer.h"
 #include "backend/hypotheses.h"
+#include "backend/loaded_field.h"
 #include "backend/plans.h"
+#include "backend/pose_solver.h"
 #include "field/field.h"
 #include "math/pixel_draw.h"
 

@@ -4,8 +4,11 @@
 #include <cmath>
 #include <memory>
 
+#include "backend/cost_counters.h"
 #include "backend/cpu/ray_renderer.h"
 #include "backend/hypotheses.h"
+#include "backend/pose_solver.h"
+#include "math/angle.h"
 #include "support/analytic_scene.h"
 #include "support/cpu_processor.h"
 #include "support/fog_scene.h"
@@ -14,8 +17,6 @@
 
 namespace nerf_pose_refiner {
 namespace {
-
-constexpr double kDegree = M_PI / 180;
 
 Camera smallCamera(int size = 64) { return {size, size, 1.2 * size, 1.2 * size, 31.5, 31.5}; }
 

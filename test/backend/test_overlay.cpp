@@ -1,6 +1,8 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include "backend/common/draw_overlay.h"
 
+#include "backend/loaded_field.h"
+
 #include <gtest/gtest.h>
 
 #include <array>

@@ -7,9 +7,10 @@
 #include <stdexcept>
 #include <vector>
 
+#include "backend/backend.h"
+#include "backend/loaded_field.h"
 #include "backend/make_backend.h"
 #include "image/colour.h"
-#include "nerf_pose_refiner/backend.h"
 #include "registration/visual_hull.h"
 #include "support/analytic_dataset.h"
 #include "support/expect_error.h"

@@ -9,6 +9,7 @@
 #include <stdexcept>
 #include <vector>
 
+#include "backend/cost_counters.h"
 #include "field/occupied_volume.h"
 #include "support/expect_error.h"
 

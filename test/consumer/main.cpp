@@ -5,11 +5,13 @@
 
 #include <cstdio>
 
+#include "backend/backend.h"
+
 /// Makes a backend and, if a model is given, a tracker of its object.
 int main(int argc, char** argv) {
   using namespace nerf_pose_refiner;
   const std::shared_ptr<Backend> backend = makeBackend("cpu");
-  std::printf("%s\n", backend->info().description.c_str());
+  std::printf("%s\n", backendInfo(*backend).description.c_str());
   if (argc > 1) {
     const Object object = loadObject(argv[1]);
     const Tracker tracker(backend, object);

@@ -3,6 +3,8 @@
 
 #include <memory>
 
+#include "backend/backend.h"
+#include "backend/loaded_field.h"
 #include "cuda_test.h"
 #include "test_object.h"
 

@@ -7,15 +7,17 @@
 #include <thread>
 #include <tuple>
 
+#include "backend/backend.h"
+#include "backend/cost_counters.h"
+#include "backend/pose_solver.h"
 #include "learned_object_test.h"
+#include "math/angle.h"
 #include "refinement/field_refiner.h"
 
 // Direct alignment of the CUDA backend against the CPU backend's, from the same plans.
 
 namespace nerf_pose_refiner {
 namespace {
-
-constexpr double kDegree = EIGEN_PI / 180;
 
 Camera someCamera() { return {160, 128, 190, 190, 78.5, 66.25}; }
 

@@ -8,6 +8,7 @@
 #include <stdexcept>
 
 #include "../../cuda/image_pyramid.h"
+#include "backend/backend.h"
 #include "backend/backend_lost.h"
 #include "cuda_test.h"
 

@@ -4,6 +4,7 @@
 #include <stdexcept>
 #include <thread>
 
+#include "backend/backend.h"
 #include "backend/gpu_memory.h"
 #include "backend/keyframe_aligner.h"
 #include "cuda_test.h"

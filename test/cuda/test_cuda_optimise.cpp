@@ -2,16 +2,17 @@
 #include <algorithm>
 #include <cmath>
 
+#include "backend/backend.h"
 #include "backend/hypotheses.h"
 #include "backend/plans.h"
+#include "backend/pose_solver.h"
 #include "learned_object_test.h"
+#include "math/angle.h"
 
 // The paper's mode of the CUDA backend against the CPU backend's, from the same plans.
 
 namespace nerf_pose_refiner {
 namespace {
-
-constexpr double kDegree = EIGEN_PI / 180;
 
 Camera someCamera() { return {80, 64, 95, 95, 39, 33}; }
 

@@ -1,7 +1,9 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include <cmath>
 
+#include "backend/cost_counters.h"
 #include "backend/gpu_memory.h"
+#include "backend/loaded_field.h"
 #include "cuda_test.h"
 #include "image/colour.h"
 #include "test_object.h"

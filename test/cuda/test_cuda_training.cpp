@@ -2,7 +2,10 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "backend/backend.h"
 #include "backend/common/training_setup.h"
+#include "backend/cost_counters.h"
+#include "backend/loaded_field.h"
 #include "cuda_test.h"
 #include "image/colour.h"
 #include "math/half.h"
@@ -253,7 +256,7 @@ TEST_F(CudaTraining, refusesWhatItCannotDo) {
 }
 
 TEST_F(CudaTraining, registersAnObject) {
-  RegistrationSettings settings;
+  RegistrationOptions settings;
   settings.steps = 300;
   settings.held_out = 2;
   settings.samples_per_step = 1 << 14;

@@ -5,8 +5,8 @@
 #include <cmath>
 #include <memory>
 
+#include "backend/loaded_field.h"
 #include "image/colour.h"
-#include "nerf_pose_refiner/backend.h"
 #include "nerf_pose_refiner/observation.h"
 #include "support/random_field.h"
 

@@ -6,17 +6,17 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "math/angle.h"
 #include "support/expect_error.h"
 
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr double kRadPerDegree = 0.017453292519943295769;
 const Eigen::Vector3d kCentre(0.1, 0.2, 0.3);
 
 /// A camera at a distance from the centre, `degrees` from +x towards +y.
 Pose cameraAt(double degrees, double distance = 1) {
-  const double angle = degrees * kRadPerDegree;
+  const double angle = degrees * kDegree;
   Pose T_O_C;
   T_O_C.t = kCentre + distance * Eigen::Vector3d(std::cos(angle), std::sin(angle), 0);
   return T_O_C;
@@ -84,7 +84,7 @@ TEST(Coverage, NamesWhatIsMissing) {
   coverage.add({2, 0, 0});
   EXPECT_DOUBLE_EQ(coverage.fraction(), 1.0 / 26);
   // Between +x and +x+y.
-  coverage.add({std::cos(22.5 * kRadPerDegree), std::sin(22.5 * kRadPerDegree), 0});
+  coverage.add({std::cos(22.5 * kDegree), std::sin(22.5 * kDegree), 0});
   EXPECT_DOUBLE_EQ(coverage.fraction(), 2.0 / 26);
   EXPECT_FALSE(coverage.adds({1, 0.1, 0}));
   EXPECT_TRUE(coverage.adds({-1, 0, 0}));
@@ -97,7 +97,7 @@ TEST(Coverage, NamesWhatIsMissing) {
 TEST(Coverage, ARingAndATopAreMoreThanHalf) {
   Coverage coverage;
   for (int i = 0; i < 24; ++i) {
-    const double angle = 15 * i * kRadPerDegree;
+    const double angle = 15 * i * kDegree;
     for (const double height : {0.2, 1.0}) coverage.add({std::cos(angle), std::sin(angle), height});
   }
   coverage.add({0, 0, 1});

@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <limits>
 #include <string>
 
 #include "field/field.h"
@@ -25,7 +26,8 @@ Landmarks someLandmarks() {
     landmark.views = i + 1;
     landmarks.places.push_back(landmark);
   }
-  landmarks.descriptors = Descriptors::Random(3, 16);
+  const bool sift = landmarks.kind == FeatureKind::kSift;
+  landmarks.descriptors = Descriptors::Random(3, sift ? 128 : 64);
   for (int i = 0; i < 3; ++i) landmarks.descriptors.row(i).normalize();
   return landmarks;
 }
@@ -73,6 +75,22 @@ TEST_F(LandmarkFileTest, DescriptorsAreKeptToAByte) {
 }
 
 TEST_F(LandmarkFileTest, OfAnotherObjectIsNone) { EXPECT_FALSE(loadLandmarks(path_, 8)); }
+
+// Such a file has a right checksum: somebody has made it.
+TEST_F(LandmarkFileTest, WhatDoesNotSuitAnImagesFeaturesIsNone) {
+  Landmarks landmarks = someLandmarks();
+  landmarks.descriptors = Descriptors::Random(3, 16);
+  saveLandmarks(landmarks, 7, path_);
+  EXPECT_FALSE(loadLandmarks(path_, 7)) << "descriptors of another length";
+  landmarks = someLandmarks();
+  landmarks.kind = static_cast<FeatureKind>(9);
+  saveLandmarks(landmarks, 7, path_);
+  EXPECT_FALSE(loadLandmarks(path_, 7)) << "another kind";
+  landmarks = someLandmarks();
+  landmarks.places[1].point.x() = std::numeric_limits<float>::quiet_NaN();
+  saveLandmarks(landmarks, 7, path_);
+  EXPECT_FALSE(loadLandmarks(path_, 7)) << "not finite";
+}
 
 TEST_F(LandmarkFileTest, AMissingFileIsNone) { EXPECT_FALSE(loadLandmarks(path_ + "x", 7)); }
 

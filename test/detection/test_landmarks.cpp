@@ -8,6 +8,7 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "backend/loaded_field.h"
 #include "support/analytic_scene.h"
 #include "support/cpu_processor.h"
 #include "support/textured_scene.h"

@@ -7,6 +7,7 @@
 #include <limits>
 #include <stdexcept>
 
+#include "backend/loaded_field.h"
 #include "backend/make_backend.h"
 #include "evaluation/pose_error.h"
 #include "support/keyframe_scene.h"

@@ -12,12 +12,11 @@
 #include <vector>
 
 #include "evaluation/clutter.h"
+#include "math/angle.h"
 
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
-constexpr double kDegree = kPi / 180;
 const Camera kCamera = {320, 240, 300, 300, 159.5, 119.5};
 
 /// Corners of a plane figure, about 1 unit across.

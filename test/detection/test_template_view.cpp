@@ -6,14 +6,14 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "backend/loaded_field.h"
 #include "detection/template_placement.h"
 #include "field/field.h"
+#include "math/angle.h"
 #include "views/sphere_directions.h"
 
 namespace nerf_pose_refiner {
 namespace {
-
-constexpr double kPi = 3.14159265358979323846;
 
 FieldMetadata object() {
   FieldMetadata object;

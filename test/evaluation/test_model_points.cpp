@@ -8,13 +8,12 @@
 #include <stdexcept>
 
 #include "field/field.h"
+#include "math/angle.h"
 #include "support/analytic_scene.h"
 #include "support/expect_error.h"
 
 namespace nerf_pose_refiner {
 namespace {
-
-constexpr double kPi = 3.14159265358979323846;
 
 // Two points on the x axis, 2 in front of a camera at (0, 0, -2) that looks along +z of O.
 const std::vector<Eigen::Vector3d> kTwoPoints = {{-1, 0, 0}, {1, 0, 0}};

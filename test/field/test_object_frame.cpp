@@ -3,10 +3,10 @@
 
 #include <gtest/gtest.h>
 
+#include "math/angle.h"
+
 namespace nerf_pose_refiner {
 namespace {
-
-constexpr double kPi = 3.14159265358979323846;
 
 /// U is 2 units above O and turned by a quarter about z; a unit is 0.1 m.
 FieldMetadata someObject() {

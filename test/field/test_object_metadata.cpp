@@ -10,14 +10,13 @@
 #include <string>
 
 #include "field/model_file.h"
+#include "math/angle.h"
 #include "support/expect_error.h"
 #include "support/small_field.h"
 #include "support/temporary_folder.h"
 
 namespace nerf_pose_refiner {
 namespace {
-
-constexpr double kPi = 3.14159265358979323846;
 
 class ObjectMetadataTest : public testing::Test {
  protected:

@@ -5,10 +5,10 @@
 
 #include <limits>
 
+#include "math/angle.h"
+
 namespace nerf_pose_refiner {
 namespace {
-
-constexpr double kPi = 3.14159265358979323846;
 
 TEST(Pose, ComposesAndInvertsByHand) {
   // A quarter turn about z, then a step of 1 along x.

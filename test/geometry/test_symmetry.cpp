@@ -6,12 +6,11 @@
 #include <limits>
 #include <stdexcept>
 
+#include "math/angle.h"
 #include "support/expect_error.h"
 
 namespace nerf_pose_refiner {
 namespace {
-
-constexpr double kPi = 3.14159265358979323846;
 
 const SymmetryAxis kZ;
 const SymmetryAxis kX = {Eigen::Vector3d::UnitX(), Eigen::Vector3d::Zero()};

@@ -8,13 +8,12 @@
 #include <opencv2/calib3d.hpp>
 #include <stdexcept>
 
+#include "math/angle.h"
 #include "nerf_pose_refiner/undistorter.h"
 #include "support/expect_error.h"
 
 namespace nerf_pose_refiner {
 namespace {
-
-constexpr double kPi = 3.14159265358979323846;
 
 /// 160 degrees across its width.
 const Camera kCamera = {161, 121, 57, 58, 82, 59};

@@ -5,6 +5,7 @@
 #include <limits>
 #include <stdexcept>
 
+#include "backend/loaded_field.h"
 #include "backend/make_backend.h"
 #include "backend/training.h"
 #include "field/field.h"

@@ -5,10 +5,10 @@
 
 #include <cmath>
 
+#include "math/angle.h"
+
 namespace nerf_pose_refiner {
 namespace {
-
-constexpr double kPi = 3.14159265358979323846;
 
 template <typename T>
 void expectNear(const Vec3<T>& a, const Vec3<T>& b, double tolerance) {

@@ -8,10 +8,10 @@
 #include <utility>
 #include <vector>
 
+#include "math/angle.h"
+
 namespace nerf_pose_refiner {
 namespace {
-
-constexpr double kPi = 3.14159265358979323846;
 
 // Values that are not 0, as (index, value).
 using Sparse = std::vector<std::pair<int, double>>;

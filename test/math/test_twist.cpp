@@ -5,10 +5,10 @@
 
 #include <cmath>
 
+#include "math/angle.h"
+
 namespace nerf_pose_refiner {
 namespace {
-
-constexpr double kPi = 3.14159265358979323846;
 
 const CameraPose<double> kIdentity = {{{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}}, {0, 0, 0}};
 const CameraPose<double> kSome = {expSO3(Vec3<double>{0.4, -0.9, 0.3}), {1.5, -0.2, 2.5}};

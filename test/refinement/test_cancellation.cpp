@@ -6,7 +6,9 @@
 #include <limits>
 #include <memory>
 
+#include "backend/loaded_field.h"
 #include "backend/make_backend.h"
+#include "backend/pose_solver.h"
 #include "refinement/field_refiner.h"
 #include "support/analytic_scene.h"
 #include "support/fog_scene.h"

@@ -9,6 +9,7 @@
 
 #include "backend/cpu/cpu_backend.h"
 #include "backend/make_backend.h"
+#include "math/angle.h"
 #include "refinement/field_refiner.h"
 #include "support/analytic_scene.h"
 #include "support/cpu_processor.h"
@@ -21,8 +22,6 @@
 
 namespace nerf_pose_refiner {
 namespace {
-
-constexpr double kDegree = M_PI / 180;
 
 Camera smallCamera() { return {64, 64, 80, 80, 31.5, 31.5}; }
 

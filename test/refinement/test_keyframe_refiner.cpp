@@ -8,9 +8,11 @@
 #include <stdexcept>
 #include <vector>
 
+#include "backend/loaded_field.h"
 #include "backend/make_backend.h"
 #include "evaluation/clutter.h"
 #include "evaluation/pose_error.h"
+#include "math/angle.h"
 #include "support/analytic_scene.h"
 #include "support/cpu_processor.h"
 #include "support/gated_field.h"
@@ -18,7 +20,6 @@
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr double kDegree = 3.14159265358979323846 / 180;
 constexpr std::int64_t kFrame_ns = 33000000;
 const Camera kCamera = {320, 240, 400, 400, 159.5, 119.5};
 

@@ -5,10 +5,10 @@
 
 #include <cmath>
 
+#include "math/angle.h"
+
 namespace nerf_pose_refiner {
 namespace {
-
-constexpr double kDegree = 3.14159265358979323846 / 180;
 
 KeyframeScores scoresWith(double wrong_mean, double wrong_deviation, double right_low) {
   KeyframeScores scores;

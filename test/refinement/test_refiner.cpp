@@ -4,9 +4,12 @@
 #include <cmath>
 #include <limits>
 
+#include "backend/backend.h"
 #include "backend/cpu/cpu_backend.h"
+#include "backend/loaded_field.h"
 #include "evaluation/pose_error.h"
 #include "evaluation/start.h"
+#include "math/angle.h"
 #include "refinement/field_refiner.h"
 #include "support/analytic_scene.h"
 #include "support/cpu_processor.h"
@@ -17,7 +20,6 @@
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr double kDegree = M_PI / 180;
 const Camera kCamera = {240, 200, 330, 330, 119.5, 99.5};
 
 // A small search, so that the tests are quick.

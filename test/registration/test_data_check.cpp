@@ -79,8 +79,8 @@ TEST(DataCheck, WantsAModelThatLooksLikeThePhotosAndFindsThem) {
 
 // --- with the CPU backend
 
-RegistrationSettings fewSteps() {
-  RegistrationSettings settings;
+RegistrationOptions fewSteps() {
+  RegistrationOptions settings;
   settings.steps = 80;
   settings.samples_per_step = 4096;
   return settings;
@@ -88,7 +88,7 @@ RegistrationSettings fewSteps() {
 
 void expectRefused(const Dataset& dataset, const std::string& reason) {
   const auto backend = makeCpuBackend(1);
-  RegistrationSettings settings = fewSteps();
+  RegistrationOptions settings = fewSteps();
   expectError<std::runtime_error>([&] { learnField(backend.get(), dataset, settings, {}, {}); },
                                   reason, "accept_poor_data");
 }
@@ -119,7 +119,7 @@ TEST(DataCheck, PosesOfOtherPhotosAreRefusedUnlessTheyAreAccepted) {
   dataset.box_max = Eigen::Vector3d::Constant(0.6);
   expectRefused(dataset, "poses belong to the photos");
   const auto backend = makeCpuBackend(1);
-  RegistrationSettings settings = fewSteps();
+  RegistrationOptions settings = fewSteps();
   settings.accept_poor_data = true;
   EXPECT_NO_THROW(learnField(backend.get(), dataset, settings, {}, {}));
 }

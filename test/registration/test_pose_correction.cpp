@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "backend/make_backend.h"
+#include "math/angle.h"
 #include "math/random.h"
 #include "registration/registrar.h"
 #include "support/analytic_dataset.h"
@@ -15,8 +16,6 @@
 
 namespace nerf_pose_refiner {
 namespace {
-
-constexpr double kRadPerDegree = 0.017453292519943295769;
 
 /// Normally distributed, about (a sum of uniform numbers), of standard deviation 1.
 double noise(std::uint64_t view, std::uint64_t axis) {
@@ -40,7 +39,7 @@ Dataset withNoise(const Dataset& dataset) {
   Dataset result = dataset;
   for (std::size_t i = 0; i < result.views.size(); ++i) {
     Pose& pose = result.views[i].T_O_C;
-    pose = noisy(pose, i, 0.5 * kRadPerDegree, 0.01);
+    pose = noisy(pose, i, 0.5 * kDegree, 0.01);
   }
   return result;
 }
@@ -84,7 +83,7 @@ TEST(InMeasuredFrame, NoiseOfManyViewsIsAveraged) {
   }
   const std::vector<Pose> poses = inMeasuredFrame(refined, with_noise);
   for (std::size_t i = 0; i < poses.size(); ++i) {
-    EXPECT_LT(rotationDistance(poses[i].R, refined[i].R), 0.4 * kRadPerDegree);
+    EXPECT_LT(rotationDistance(poses[i].R, refined[i].R), 0.4 * kDegree);
     EXPECT_LT((poses[i].t - refined[i].t).norm(), 0.02);
   }
 }
@@ -128,7 +127,7 @@ TEST(AlignViews, LeavesViewsAloneThatSeeNothing) {
 TEST(RefinePoses, AModelOfNoisyPosesIsBetterWithIt) {
   const auto backend = makeCpuBackend(2);
   const Dataset truth = analyticDataset(32, 48);
-  RegistrationSettings settings;
+  RegistrationOptions settings;
   settings.steps = 320;  // of which the rough trainings have a quarter each
   settings.samples_per_step = 4096;
   const auto psnr = [&] {

@@ -21,14 +21,14 @@
 namespace nerf_pose_refiner {
 namespace {
 
-RegistrationSettings fewSteps(int steps) {
-  RegistrationSettings settings;
+RegistrationOptions fewSteps(int steps) {
+  RegistrationOptions settings;
   settings.steps = steps;
   settings.accept_poor_data = true;  // these tests need no good ones
   return settings;
 }
 
-Field registerWith(Backend* backend, const Dataset& dataset, const RegistrationSettings& settings,
+Field registerWith(Backend* backend, const Dataset& dataset, const RegistrationOptions& settings,
                    const std::function<void(const RegistrationProgress&)>& progress = {},
                    const CancellationToken& cancellation = {}) {
   return learnField(backend, dataset, settings, progress, cancellation);
@@ -36,7 +36,7 @@ Field registerWith(Backend* backend, const Dataset& dataset, const RegistrationS
 
 std::set<int> heldOut(int views, int held_out) {
   ScriptedBackend backend;
-  RegistrationSettings settings = fewSteps(1);
+  RegistrationOptions settings = fewSteps(1);
   settings.held_out = held_out;
   const Dataset dataset = greyDataset(views);
   const Field field = registerWith(&backend, dataset, settings);
@@ -60,7 +60,7 @@ TEST(RegisterObject, HeldOutViewsAreSpreadOverThePathAndNotTrainedOn) {
 
 TEST(RegisterObject, GivesTheTrainerWhatItNeeds) {
   ScriptedBackend backend;
-  RegistrationSettings settings = fewSteps(4);
+  RegistrationOptions settings = fewSteps(4);
   settings.seed = 7;
   settings.learning_rate = 0.5;
   registerWith(&backend, greyDataset(10), settings);
@@ -95,7 +95,7 @@ TEST(RegisterObject, ASceneThatFillsAllViewsIsOpaque) {
 TEST(RegisterObject, MeasuresHeldOutViewsByHand) {
   ScriptedBackend backend;
   backend.error = [](int, const Pose& T_O_C) { return T_O_C.t.x() < 10 ? 0.1 : -0.01; };
-  RegistrationSettings settings = fewSteps(3);
+  RegistrationOptions settings = fewSteps(3);
   settings.held_out = 2;  // views 5 and 15
   const Field field = registerWith(&backend, greyDataset(20), settings);
   EXPECT_NEAR(field.metadata.psnr_db, 30, 1e-3);  // 20 and 40 dB
@@ -121,7 +121,7 @@ TEST(RegisterObject, PhotosWithoutAlphaAreJudgedWhereTheBoxIs) {
     view.T_O_C.t = {0, 0, -10};
   }
   ScriptedBackend backend;
-  RegistrationSettings settings = fewSteps(2);
+  RegistrationOptions settings = fewSteps(2);
   settings.target_psnr_db = 19.9;
   const Field field = registerWith(&backend, dataset, settings);
   EXPECT_NEAR(field.metadata.psnr_db, 20, 1e-3);
@@ -131,7 +131,7 @@ TEST(RegisterObject, PhotosWithoutAlphaAreJudgedWhereTheBoxIs) {
 
 TEST(RegisterObject, HeldOutViewsThatShowNothingDoNotCount) {
   Dataset dataset = greyDataset(20);
-  RegistrationSettings settings = fewSteps(1);
+  RegistrationOptions settings = fewSteps(1);
   settings.held_out = 2;                  // views 5 and 15
   dataset.views[5].T_O_C.t = {0, 0, 10};  // looks away from the box
   ScriptedBackend backend;
@@ -167,7 +167,7 @@ TEST(RegisterObject, RefusesABoxThatIsNone) {
 TEST(RegisterObject, TheSettingsScaleGoesBeforeTheDatasets) {
   ScriptedBackend backend;
   Dataset dataset = greyDataset(10);
-  RegistrationSettings settings = fewSteps(1);
+  RegistrationOptions settings = fewSteps(1);
   EXPECT_EQ(registerWith(&backend, dataset, settings).metadata.metres_per_unit, 0);
   dataset.metres_per_unit = 0.5;
   EXPECT_EQ(registerWith(&backend, dataset, settings).metadata.metres_per_unit, 0.5);
@@ -207,7 +207,7 @@ TEST(RegisterObject, ReportsItsStagesInOrder) {
 TEST(RegisterObject, EndsByTime) {
   ScriptedBackend backend;
   backend.step_ms = 5;
-  RegistrationSettings settings = fewSteps(1000000);
+  RegistrationOptions settings = fewSteps(1000000);
   settings.max_seconds = 0.2;
   const Field field = registerWith(&backend, greyDataset(10), settings);
   EXPECT_LE(field.metadata.training_steps, 40u);
@@ -223,7 +223,7 @@ TEST(RegisterObject, EndsByTime) {
 TEST(RegisterObject, EndsByQuality) {
   ScriptedBackend backend;
   backend.error = [](int steps, const Pose&) { return steps < 35 ? 0.1 : 0.01; };
-  RegistrationSettings settings = fewSteps(100);
+  RegistrationOptions settings = fewSteps(100);
   settings.held_out = 1;
   settings.target_psnr_db = 39;
   double reported = 0;
@@ -262,7 +262,7 @@ TEST(RegisterObject, RefusesWhatHasNoMatter) {
 
 TEST(RegisterObject, OnTheCpu) {
   const auto backend = makeCpuBackend(1);
-  RegistrationSettings settings = fewSteps(80);
+  RegistrationOptions settings = fewSteps(80);
   settings.samples_per_step = 4096;
   const Field field = registerWith(backend.get(), analyticDataset(24, 40), settings);
   EXPECT_NO_THROW(field.validate());
@@ -278,7 +278,7 @@ TEST(RegisterObject, OnTheCpu) {
 TEST(RegisterObject, StopsAtOnceOnTheCpu) {
   for (const std::string stage : {"training", "occupancy", "quality"}) {
     const auto backend = makeCpuBackend(1);
-    RegistrationSettings settings = fewSteps(80);  // enough for something opaque
+    RegistrationOptions settings = fewSteps(80);  // enough for something opaque
     settings.samples_per_step = 4096;
     const CancellationToken cancellation;
     std::uint64_t samples = 0;
@@ -297,14 +297,14 @@ TEST(RegisterObject, StopsAtOnceOnTheCpu) {
 
 // --- settings
 
-void expectRefused(const std::function<void(RegistrationSettings*)>& change, const char* name) {
-  RegistrationSettings settings;
+void expectRefused(const std::function<void(RegistrationOptions*)>& change, const char* name) {
+  RegistrationOptions settings;
   change(&settings);
   expectError<std::invalid_argument>([&] { settings.validate(); }, std::string(name) + " = ");
 }
 
-TEST(RegistrationSettings, NamesWhatIsOutOfRange) {
-  using S = RegistrationSettings;
+TEST(RegistrationOptions, NamesWhatIsOutOfRange) {
+  using S = RegistrationOptions;
   const double nan = std::nan("");
   EXPECT_NO_THROW(S().validate());
   expectRefused([](S* s) { s->steps = 0; }, "steps");

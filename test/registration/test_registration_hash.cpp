@@ -15,18 +15,18 @@
 namespace nerf_pose_refiner {
 namespace {
 
-using Change = std::function<void(Dataset*, RegistrationSettings*)>;
+using Change = std::function<void(Dataset*, RegistrationOptions*)>;
 
 std::string hashAfter(const Change& change) {
   Dataset dataset = greyDataset(3);
-  RegistrationSettings settings;
+  RegistrationOptions settings;
   change(&dataset, &settings);
   return registrationHash(dataset, settings);
 }
 
 TEST(RegistrationHash, ChangesWithWhateverChangesTheModelOrWhatIsMeasuredOfIt) {
   using D = Dataset;
-  using S = RegistrationSettings;
+  using S = RegistrationOptions;
   const std::vector<Change> changes = {
       [](D*, S*) {},
       [](D* d, S*) {
@@ -72,8 +72,8 @@ TEST(RegistrationHash, ChangesWithWhateverChangesTheModelOrWhatIsMeasuredOfIt) {
 }
 
 TEST(RegistrationHash, DoesNotChangeWithAnythingElse) {
-  const std::string expected = hashAfter([](Dataset*, RegistrationSettings*) {});
-  const auto other = [](Dataset* dataset, RegistrationSettings* settings) {
+  const std::string expected = hashAfter([](Dataset*, RegistrationOptions*) {});
+  const auto other = [](Dataset* dataset, RegistrationOptions* settings) {
     dataset->folder = "elsewhere";
     for (PosedView& view : dataset->views) {
       view.name = "renamed";
@@ -87,8 +87,8 @@ TEST(RegistrationHash, DoesNotChangeWithAnythingElse) {
 
 // Computed by the version that had no list of settings: models from before stay valid.
 TEST(RegistrationHash, IsThatOfEarlierVersions) {
-  EXPECT_EQ(hashAfter([](Dataset*, RegistrationSettings*) {}), "51a7b3f37f48c386");
-  const auto all = [](Dataset* d, RegistrationSettings* s) {
+  EXPECT_EQ(hashAfter([](Dataset*, RegistrationOptions*) {}), "51a7b3f37f48c386");
+  const auto all = [](Dataset* d, RegistrationOptions* s) {
     d->metres_per_unit = 0.25;
     s->profile = "paper";
     s->steps = 17;
@@ -108,7 +108,7 @@ TEST(RegistrationHash, IsThatOfEarlierVersions) {
 TEST(RegistrationHash, CanBeStopped) {
   const CancellationToken cancellation;
   cancellation.requestCancel();
-  EXPECT_THROW(registrationHash(greyDataset(3), RegistrationSettings(), cancellation), Cancelled);
+  EXPECT_THROW(registrationHash(greyDataset(3), RegistrationOptions(), cancellation), Cancelled);
 }
 
 }  // namespace

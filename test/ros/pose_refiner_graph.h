@@ -20,6 +20,7 @@
 #include <optional>
 #include <string>
 
+#include "backend/loaded_field.h"
 #include "backend/make_backend.h"
 #include "fake_camera.h"
 #include "field/object_frame.h"

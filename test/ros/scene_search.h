@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <memory>
 
+#include "backend/loaded_field.h"
 #include "backend/make_backend.h"
 #include "image/colour.h"
 #include "ros/conversions/camera_input.h"

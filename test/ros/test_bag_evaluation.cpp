@@ -26,7 +26,7 @@ class SamePosesTest : public testing::Test {
  protected:
   /// A model that is made in seconds: it need not be a good one.
   static void SetUpTestSuite() {
-    RegistrationSettings settings;
+    RegistrationOptions settings;
     settings.steps = 300;
     settings.samples_per_step = 4096;
     backend_ = makeCpuBackend();

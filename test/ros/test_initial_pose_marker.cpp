@@ -111,6 +111,11 @@ TEST_F(InitialPoseMarkerTest, GoesAlongAndSendsWhenReleased) {
   EXPECT_TRUE(show("base", 0.75, ros::Time::now())) << "what was found after that is shown";
 }
 
+TEST_F(InitialPoseMarkerTest, OutlivesAnyStamp) {
+  EXPECT_TRUE(show("base", 2.25, ros::Time(4294967295, 999999999)));
+  EXPECT_TRUE(show("base", 2.5, ros::Time()));
+}
+
 TEST_F(InitialPoseMarkerTest, SendsByItsMenu) {
   ASSERT_TRUE(show("base", 1.25, ros::Time::now()));
   const ros::Time before = ros::Time::now();

@@ -7,7 +7,9 @@
 #include <memory>
 #include <optional>
 
+#include "backend/loaded_field.h"
 #include "field/object_frame.h"
+#include "math/angle.h"
 #include "ros/conversions/pose_conversions.h"
 #include "ros/conversions/status.h"
 #include "scene_search.h"
@@ -15,7 +17,6 @@
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr double kDegree = M_PI / 180;
 constexpr double kMetresPerUnit = 0.2;  // the scene is about 1 unit across
 constexpr double kSpeed_m_s = 0.25, kTurnRate = 30 * kDegree;
 constexpr int kAge_ms = 300;  // of the detector's pose when the image comes

@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "backend/loaded_field.h"
 #include "backend/make_backend.h"
 #include "image/colour.h"
 #include "nerf_pose_refiner/pose.h"

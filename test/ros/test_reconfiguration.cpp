@@ -99,6 +99,20 @@ TEST_F(ReconfigurationTest, WhatMakesNoSenseIsTakenBack) {
   EXPECT_EQ(parameters().tracker.initial.rotation_deg, before);
 }
 
+TEST_F(ReconfigurationTest, ARubbishChoiceIsTakenBack) {
+  dynamic_reconfigure::Reconfigure call;
+  dynamic_reconfigure::StrParameter policy;
+  policy.name = "initial_pose_policy";
+  for (const std::string value : {"always", "rubbish"}) {
+    policy.value = value;
+    call.request.config.strs = {policy};
+    ASSERT_TRUE(ros::service::call(pnh_.resolveName("set_parameters"), call));
+    ASSERT_EQ(call.response.config.strs.size(), 1u);
+    EXPECT_EQ(call.response.config.strs[0].value, "always");
+    EXPECT_EQ(parameters().tracker.rules.initial_pose_policy, InitialPosePolicy::kAlways);
+  }
+}
+
 // Defaults live in the structs: what rqt_reconfigure shows as a default is the same, and each
 // parameter has a text, a range that holds it, and a group.
 TEST_F(ReconfigurationTest, DefaultsAreThoseOfTheStructs) {

@@ -17,6 +17,7 @@
 #include <string>
 #include <vector>
 
+#include "backend/loaded_field.h"
 #include "fake_camera.h"
 #include "field/object_frame.h"
 #include "graph.h"

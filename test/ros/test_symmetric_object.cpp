@@ -9,7 +9,9 @@
 #include <optional>
 #include <utility>
 
+#include "backend/loaded_field.h"
 #include "field/object_frame.h"
+#include "math/angle.h"
 #include "ros/conversions/pose_conversions.h"
 #include "scene_search.h"
 #include "support/revolved_scene.h"
@@ -19,7 +21,6 @@ namespace {
 
 using Shape = RevolvedScene::Shape;
 
-constexpr double kDegree = M_PI / 180;
 constexpr double kMetresPerUnit = 0.2;
 const Camera kCamera = {120, 90, 150, 150, 59.5, 44.5};
 

@@ -83,7 +83,7 @@ class Registration : public testing::Test {
   std::shared_ptr<ProcessorSchedule> schedule = std::make_shared<ProcessorSchedule>();
   std::string dataset_root = folder.path() + "/photos";
   DatasetLimits limits;
-  RegistrationSettings settings;
+  RegistrationOptions settings;
   RegistrationRequest request;
   Json scene;
   std::shared_ptr<ScriptedBackend> backend;

@@ -8,14 +8,12 @@
 #include <future>
 #include <thread>
 
+#include "concurrency/seconds_since.h"
+
 namespace nerf_pose_refiner {
 namespace {
 
 using Clock = std::chrono::steady_clock;
-
-double secondsSince(Clock::time_point start) {
-  return std::chrono::duration<double>(Clock::now() - start).count();
-}
 
 /// Keeps the processor busy.
 void refineFor(ProcessorSchedule* schedule, double seconds) {

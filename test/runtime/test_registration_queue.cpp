@@ -28,7 +28,7 @@ class RegistrationQueueTest : public testing::Test {
                 now.seconds_left = 7;
                 now.preview = [this] {
                   ++previews;
-                  return Rendering{Image(8, 8, 3, 0.5f), {}, {}};
+                  return Image8(8, 8, 3);
                 };
                 progress(now);
                 cancellation.check();

@@ -3,7 +3,6 @@
 
 #include "backend/training.h"
 #include "dataset/dataset.h"
-#include "nerf_pose_refiner/backend.h"
 
 namespace nerf_pose_refiner {
 

@@ -4,6 +4,7 @@
 #include <memory>
 
 #include "backend/cpu/ray_renderer.h"
+#include "backend/loaded_field.h"
 #include "nerf_pose_refiner/observation.h"
 
 namespace nerf_pose_refiner {

@@ -5,7 +5,9 @@
 #include <memory>
 #include <vector>
 
+#include "backend/cost_counters.h"
 #include "backend/cpu/cpu_field.h"
+#include "backend/loaded_field.h"
 #include "math/random.h"
 
 namespace nerf_pose_refiner {

@@ -7,7 +7,9 @@
 #include <utility>
 #include <vector>
 
+#include "backend/cost_counters.h"
 #include "backend/cpu/ray_renderer.h"
+#include "backend/loaded_field.h"
 #include "field/field.h"
 #include "support/frozen_ray.h"
 

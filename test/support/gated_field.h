@@ -6,7 +6,8 @@
 #include <mutex>
 #include <utility>
 
-#include "nerf_pose_refiner/backend.h"
+#include "backend/loaded_field.h"
+#include "backend/pose_solver.h"
 
 namespace nerf_pose_refiner {
 

@@ -3,14 +3,15 @@
 
 #include <memory>
 
+#include "backend/loaded_field.h"
 #include "evaluation/clutter.h"
+#include "math/angle.h"
 #include "support/analytic_scene.h"
 #include "support/cpu_processor.h"
 #include "views/keyframe.h"
 
 namespace nerf_pose_refiner {
 
-constexpr double kDegree = 3.14159265358979323846 / 180;
 const Camera kCamera = {320, 240, 400, 400, 159.5, 119.5};
 
 /// What tests of alignment to keyframes look at: the analytic scene before clutter.

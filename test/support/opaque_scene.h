@@ -4,7 +4,9 @@
 #include <cstdint>
 #include <stdexcept>
 
+#include "backend/cost_counters.h"
 #include "backend/cpu/ray_renderer.h"
+#include "backend/loaded_field.h"
 #include "field/field.h"
 
 namespace nerf_pose_refiner {

@@ -7,10 +7,11 @@
 #include <vector>
 
 #include "backend/hypotheses.h"
+#include "backend/loaded_field.h"
 #include "backend/plans.h"
+#include "backend/pose_solver.h"
 #include "backend/training.h"
 #include "field/field.h"
-#include "nerf_pose_refiner/backend.h"
 #include "nerf_pose_refiner/observation.h"
 
 namespace nerf_pose_refiner {

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "backend/loaded_field.h"
 #include "support/opaque_scene.h"
 
 namespace nerf_pose_refiner {

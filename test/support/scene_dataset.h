@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "nerf_pose_refiner/backend.h"
+#include "backend/loaded_field.h"
 
 namespace nerf_pose_refiner {
 

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "backend/keyframe_aligner.h"
+#include "backend/loaded_field.h"
 #include "backend/make_backend.h"
 #include "support/recording_backend.h"
 

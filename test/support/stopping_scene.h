@@ -8,7 +8,9 @@
 #include <memory>
 #include <utility>
 
+#include "backend/cost_counters.h"
 #include "backend/cpu/ray_renderer.h"
+#include "backend/loaded_field.h"
 #include "field/field.h"
 #include "support/cpu_processor.h"
 

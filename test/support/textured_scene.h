@@ -6,6 +6,8 @@
 #include <memory>
 #include <utility>
 
+#include "backend/cost_counters.h"
+#include "backend/loaded_field.h"
 #include "math/random.h"
 #include "support/analytic_scene.h"
 

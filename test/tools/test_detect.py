@@ -13,7 +13,9 @@ import unittest
 
 FOLDER, TRAIN, RENDER, DETECT = sys.argv[1:5]
 TOP = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
-PHOTOS = os.path.join(TOP, 'demo', 'data', 'toy_kiosk')
+sys.path.insert(0, os.path.join(TOP, 'test', 'support'))
+from kiosk_model import put_kiosk_model  # noqa: E402
+
 POSE = (0.03, -0.02, 0.6, 0.63, 0.58, -0.36, 0.37)  # x y z qx qy qz qw
 INTRINSICS = ('--intrinsics', '500', '500', '159.5', '119.5')
 
@@ -36,9 +38,7 @@ class Detect(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         cls.model, cls.image = path('kiosk.safetensors'), path('image.png')
-        result = run(TRAIN, PHOTOS, '-o', cls.model, '--steps', '300', '--samples-per-step', '4096',
-                     '--accept-poor-data')
-        assert result.returncode == 0, result.stderr
+        put_kiosk_model(TRAIN, FOLDER, cls.model)
         length = math.sqrt(sum(number * number for number in POSE[3:]))
         cls.pose = POSE[:3] + tuple(number / length for number in POSE[3:])
         result = run(RENDER, cls.model, '--pose', *map(str, cls.pose), *INTRINSICS, '--size', '320', '240',

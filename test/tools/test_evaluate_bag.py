@@ -15,12 +15,12 @@ import rosbag
 
 FOLDER, TRAIN, EVALUATE, CHECK_TRUST = sys.argv[1:5]
 TOP = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
-PHOTOS = os.path.join(TOP, 'demo', 'data', 'toy_kiosk')
+sys.path.insert(0, os.path.join(TOP, 'test', 'support'))
+from kiosk_model import put_kiosk_model  # noqa: E402
+
 BAG = os.path.join(TOP, 'demo', 'toy_kiosk.bag')
 TRUTH = ('--truth', '/ground_truth/object_pose')
 IMAGE = '/camera/image/compressed'
-# Enough to find a pose again, in seconds.
-SHORT = ('--steps', '300', '--samples-per-step', '4096')
 # A narrow search from a start that is a little wrong: quick.
 QUICK = ('--preset', 'track', '--search-rotation', '3', '--search-translation', '0.02',
          '--start-rotation', '3', '--start-translation', '0.02', '--points', '200')
@@ -54,10 +54,7 @@ MODEL = path('toy_kiosk.safetensors')
 
 
 def setUpModule():
-    os.makedirs(FOLDER, exist_ok=True)
-    trained = run(TRAIN, PHOTOS, '-o', MODEL, *SHORT)
-    if trained.returncode != 0:
-        raise RuntimeError(trained.stderr)
+    put_kiosk_model(TRAIN, FOLDER, MODEL)
 
 
 class Evaluation(unittest.TestCase):

@@ -8,7 +8,9 @@
 
 #include "backend/backend_lost.h"
 #include "backend/keyframe_aligner.h"
+#include "backend/loaded_field.h"
 #include "backend/make_backend.h"
+#include "backend/pose_solver.h"
 #include "backend/training.h"
 #include "support/analytic_scene.h"
 #include "support/cpu_processor.h"

@@ -3,12 +3,11 @@
 
 #include <cmath>
 
+#include "math/angle.h"
 #include "tracking/prediction.h"
 
 namespace nerf_pose_refiner {
 namespace {
-
-constexpr double kDegree = 3.14159265358979323846 / 180;
 
 /// An object whose centre is not the origin of its frame, which turns about it and goes to the
 /// right before a camera that looks at it.

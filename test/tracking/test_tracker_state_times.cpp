@@ -29,7 +29,8 @@ TEST_F(TrackerStateTest, ForgetsAllWhenImagesGoBackInTime) {
   state_.offer(poseAt(at(10)));
   track(10);
   // The clock is not told: a bag that is played without simulated time.
-  const ImageDecision decision = state_.decide({kCamera, at(5)});
+  EXPECT_FALSE(state_.decide({kCamera, at(5)}).clock_jumped) << "one image proves nothing";
+  const ImageDecision decision = state_.decide({kCamera, at(5.05)});
   EXPECT_TRUE(decision.clock_jumped);
   EXPECT_FALSE(decision.start);
   expect(TrackState::kWaiting, TrackReason::kClockJumped);
@@ -54,7 +55,8 @@ TEST_F(TrackerStateTest, KeepsAnInitialPoseFromAfterTheJump) {
   state_.offer(poseAt(at(10)));
   track(10);
   state_.offer(poseAt(at(0), 3));  // the bag begins again
-  const ImageDecision decision = state_.decide({kCamera, at(0)});
+  state_.decide({kCamera, at(0)});
+  const ImageDecision decision = state_.decide({kCamera, at(0.1)});
   EXPECT_TRUE(decision.clock_jumped);
   ASSERT_TRUE(decision.start);
   EXPECT_EQ(decision.start->T_P_U.t.x(), 3);
@@ -91,7 +93,86 @@ TEST_F(TrackerStateTest, SurvivesStampsThatMakeNoSense) {
   state_.offer(poseAt(4000000000000000000));
   EXPECT_FALSE(image(0).start);
   EXPECT_FALSE(state_.decide({kCamera, 4200000000000000000}).start);
-  EXPECT_TRUE(state_.decide({kCamera, 100000000}).clock_jumped);
+  EXPECT_FALSE(state_.decide({kCamera, 100000000}).clock_jumped);
+  EXPECT_TRUE(state_.decide({kCamera, 200000000}).clock_jumped);
+}
+
+TEST_F(TrackerStateTest, GoesOnAfterOneImageWithAWrongStamp) {
+  state_.offer(poseAt(at(0)));
+  track(0, 0.1);
+  for (const double wrong : {-2.0, 86400.0}) {
+    state_.updateClock(at(0.1));
+    EXPECT_FALSE(state_.decide({kCamera, at(wrong)}).start);
+    expect(TrackState::kTracking, TrackReason::kBadImage);
+    EXPECT_NE(state_.condition().message.find("jumps"), std::string::npos);
+    const ImageDecision next = state_.decide({kCamera, at(wrong < 0 ? 0.1 : 0.2)});
+    ASSERT_TRUE(next.start) << wrong;
+    expect(TrackState::kTracking, TrackReason::kNone);
+    Pose pose;
+    pose.t.x() = 0.1;
+    state_.trusted(next.ticket, pose);
+  }
+}
+
+TEST_F(TrackerStateTest, TakesUpAStreamThatHasJumpedAhead) {
+  state_.offer(poseAt(at(0)));
+  track(0);
+  EXPECT_FALSE(state_.decide({kCamera, at(100)}).start);
+  EXPECT_TRUE(state_.decide({kCamera, at(100.1)}).start);
+  EXPECT_TRUE(state_.decide({kCamera, at(100.2)}).start);
+}
+
+TEST_F(TrackerStateTest, TakesImagesOfACameraWhoseClockIsAhead) {
+  state_.updateClock(at(0));
+  state_.decide({kCamera, at(5)});
+  state_.offer(poseAt(0));
+  state_.updateClock(at(1));
+  EXPECT_TRUE(state_.decide({kCamera, at(6)}).start) << "no jump: one image a second";
+}
+
+TEST_F(TrackerStateTest, TakesImagesAfterAGap) {
+  state_.offer(poseAt(0));
+  track(0);
+  state_.offer(poseAt(0));
+  EXPECT_TRUE(image(3600).start);
+}
+
+TEST_F(TrackerStateTest, SaysThatStampsStandStill) {
+  state_.offer(poseAt(at(0)));
+  track(0);
+  for (int i = 1; i < TrackerState::kLateImages; ++i) state_.decide({kCamera, at(-0.1)});
+  expect(TrackState::kTracking, TrackReason::kNone);
+  EXPECT_FALSE(state_.decide({kCamera, at(0)}).start);
+  expect(TrackState::kTracking, TrackReason::kBadImage);
+  EXPECT_NE(state_.condition().message.find("stand still"), std::string::npos);
+  state_.imageRefused(TrackReason::kUncalibrated, "");
+  state_.imageArrived();
+  EXPECT_TRUE(image(0.1).start);
+  expect(TrackState::kTracking, TrackReason::kNone);
+}
+
+// The initial pose of a bag that loops comes before the clock is seen to jump, and is ignored, for
+// the object is tracked.
+TEST_F(TrackerStateTest, TakesTheInitialPoseOfTheNextLoopAgain) {
+  state_.offer(poseAt(at(0), 1));
+  track(0, 0.1);
+  track(1.5, 0.2);
+  state_.offer(poseAt(at(0), 3));
+  EXPECT_TRUE(image(1.6).initial_pose_ignored);
+  EXPECT_TRUE(state_.updateClock(at(0)));
+  const ImageDecision decision = image(0.1);
+  ASSERT_TRUE(decision.start);
+  EXPECT_EQ(decision.start->T_P_U.t.x(), 3);
+}
+
+TEST_F(TrackerStateTest, TakesNoOldInitialPoseAgainLongAfterItCame) {
+  state_.offer(poseAt(at(0)));
+  track(0);
+  state_.offer(poseAt(at(-0.8), 3));
+  image(0.1);
+  image(7);
+  EXPECT_TRUE(state_.updateClock(at(-0.5)));
+  EXPECT_FALSE(image(-0.4).start);
 }
 
 }  // namespace

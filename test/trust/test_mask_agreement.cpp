@@ -5,6 +5,7 @@
 
 #include <functional>
 
+#include "backend/loaded_field.h"
 #include "support/analytic_scene.h"
 #include "trust/check_trust.h"
 

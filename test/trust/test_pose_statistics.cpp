@@ -6,6 +6,7 @@
 #include <memory>
 #include <vector>
 
+#include "backend/loaded_field.h"
 #include "backend/make_backend.h"
 #include "image/colour.h"
 #include "support/analytic_scene.h"

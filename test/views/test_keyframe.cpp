@@ -8,6 +8,7 @@
 #include <map>
 #include <set>
 
+#include "backend/loaded_field.h"
 #include "support/analytic_scene.h"
 #include "support/cpu_processor.h"
 #include "views/keyframe_level.h"

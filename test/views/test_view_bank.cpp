@@ -7,13 +7,13 @@
 #include <set>
 #include <stdexcept>
 
+#include "backend/loaded_field.h"
+#include "math/angle.h"
 #include "support/analytic_scene.h"
 #include "support/cpu_processor.h"
 
 namespace nerf_pose_refiner {
 namespace {
-
-constexpr double kDegree = 3.14159265358979323846 / 180;
 
 class ViewBankTest : public testing::Test {
  protected:

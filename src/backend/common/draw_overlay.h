@@ -1,7 +1,7 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include "nerf_pose_refiner/backend.h"
+#include "backend/loaded_field.h"
 #include "nerf_pose_refiner/image.h"
 
 namespace nerf_pose_refiner {

@@ -3,7 +3,7 @@
 
 #include <Eigen/Core>
 
-#include "nerf_pose_refiner/backend.h"
+#include "backend/loaded_field.h"
 
 namespace nerf_pose_refiner {
 

@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "backend/common/ray_march.h"
+#include "backend/cost_counters.h"
 #include "backend/cpu/sample_pool.h"
-#include "nerf_pose_refiner/backend.h"
 #include "nerf_pose_refiner/cancellation_token.h"
 
 namespace nerf_pose_refiner {

@@ -4,11 +4,13 @@
 #include <memory>
 #include <vector>
 
+#include "backend/backend.h"
+#include "backend/cost_counters.h"
 #include "backend/cpu/cpu_processor.h"
 #include "backend/keyframe_aligner.h"
+#include "backend/loaded_field.h"
 #include "backend/training.h"
 #include "field/field.h"
-#include "nerf_pose_refiner/backend.h"
 
 namespace nerf_pose_refiner {
 

@@ -6,10 +6,12 @@
 
 #include "backend/common/ray_march.h"
 #include "backend/common/scratch_pool.h"
+#include "backend/cost_counters.h"
 #include "backend/cpu/cpu_kernels.h"
 #include "backend/cpu/cpu_networks.h"
 #include "backend/cpu/ray_batch.h"
 #include "backend/cpu/ray_renderer.h"
+#include "backend/loaded_field.h"
 
 namespace nerf_pose_refiner {
 

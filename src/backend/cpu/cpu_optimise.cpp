@@ -5,9 +5,11 @@
 #include <vector>
 
 #include "backend/common/plain_pose.h"
+#include "backend/cost_counters.h"
 #include "backend/cpu/cpu_solver.h"
 #include "backend/cpu/pixel_loss.h"
 #include "backend/cpu/rendered_image.h"
+#include "backend/loaded_field.h"
 #include "concurrency/parallel.h"
 #include "math/pixel_draw.h"
 #include "math/ray_budget.h"

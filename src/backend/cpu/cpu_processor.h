@@ -1,9 +1,9 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "backend/cost_counters.h"
 #include "backend/cpu/cpu_kernels.h"
 #include "backend/cpu/keyframe_kernels.h"
-#include "nerf_pose_refiner/backend.h"
 
 namespace nerf_pose_refiner {
 

@@ -4,9 +4,11 @@
 #include <chrono>
 #include <vector>
 
+#include "backend/cost_counters.h"
 #include "backend/cpu/cpu_hypotheses.h"
 #include "backend/cpu/cpu_observation.h"
 #include "backend/cpu/ray_renderer.h"
+#include "backend/pose_solver.h"
 
 namespace nerf_pose_refiner {
 

@@ -14,7 +14,7 @@ namespace nerf_pose_refiner {
 namespace {
 
 constexpr int kSlots = kRayUnit;
-constexpr int kRaysPerGroup = 64;
+constexpr int kTrainingRaysPerGroup = 64;
 constexpr int kMaxRaysPerStep = 1 << 17;
 constexpr int kEmptyPointsPerSlot = kEmptyPoints / kSlots;
 
@@ -88,9 +88,9 @@ CpuTrainer::TrainingRay CpuTrainer::drawRay(std::uint64_t index) const {
 }
 
 bool CpuTrainer::trainGroup(RayBatch* batch, Slot* slot, std::uint64_t first_ray, int rays) {
-  TrainingRay ray[kRaysPerGroup];
-  RayBatch::Sums sums[kRaysPerGroup];
-  RayLossGradient gradients[kRaysPerGroup];
+  TrainingRay ray[kTrainingRaysPerGroup];
+  RayBatch::Sums sums[kTrainingRaysPerGroup];
+  RayLossGradient gradients[kTrainingRaysPerGroup];
   batch->rays().resize(rays);
   for (int r = 0; r < rays; ++r) {
     const std::uint64_t index = first_ray + static_cast<std::uint64_t>(r);
@@ -190,12 +190,12 @@ void CpuTrainer::runSlot(int index, int first_ray, int rays) {
   for (std::vector<float>& gradient : slot.weight_gradients) {
     std::fill(gradient.begin(), gradient.end(), 0.0f);
   }
-  int done = 0, group = kRaysPerGroup;
+  int done = 0, group = kTrainingRaysPerGroup;
   while (done < rays) {
     const int size = std::min(group, rays - done);
     if (trainGroup(batch.get(), &slot, static_cast<std::uint64_t>(first_ray + done), size)) {
       done += size;
-      group = kRaysPerGroup;
+      group = kTrainingRaysPerGroup;
     } else {
       group = size / 2;  // too many samples to keep: again with fewer rays
     }

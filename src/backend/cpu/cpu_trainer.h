@@ -7,12 +7,12 @@
 #include "backend/common/pixel_window.h"
 #include "backend/common/scratch_pool.h"
 #include "backend/common/training_occupancy.h"
+#include "backend/cost_counters.h"
 #include "backend/cpu/cpu_field.h"
 #include "backend/cpu/cpu_networks.h"
 #include "backend/cpu/ray_batch.h"
 #include "backend/training.h"
 #include "math/training.h"
-#include "nerf_pose_refiner/backend.h"
 
 namespace nerf_pose_refiner {
 

@@ -5,8 +5,11 @@
 #include <memory>
 #include <vector>
 
+#include "backend/cost_counters.h"
 #include "backend/cpu/cpu_processor.h"
+#include "backend/loaded_field.h"
 #include "backend/plans.h"
+#include "backend/pose_solver.h"
 #include "nerf_pose_refiner/observation.h"
 
 namespace nerf_pose_refiner {

@@ -6,6 +6,7 @@
 #include <mutex>
 
 #include "backend/common/pixel_window.h"
+#include "backend/cost_counters.h"
 #include "concurrency/parallel.h"
 #include "nerf_pose_refiner/cancellation_token.h"
 

@@ -5,6 +5,7 @@
 
 #include "backend/common/image_channels.h"
 #include "backend/cpu/ray_renderer.h"
+#include "backend/loaded_field.h"
 
 namespace nerf_pose_refiner {
 

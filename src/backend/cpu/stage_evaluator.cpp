@@ -8,6 +8,7 @@
 #include "backend/common/evaluation_order.h"
 #include "backend/cpu/local_contrast.h"
 #include "backend/cpu/rendered_image.h"
+#include "backend/loaded_field.h"
 #include "concurrency/parallel.h"
 #include "image/filter.h"
 #include "math/local_contrast.h"

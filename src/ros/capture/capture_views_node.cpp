@@ -4,10 +4,17 @@
 #include <exception>
 
 #include "ros/capture/capture_node.h"
+#include "ros/nodelet/init_node.h"
 
 /// Records images with poses from TF as a dataset, and has it registered.
 int main(int argc, char** argv) {
-  ros::init(argc, argv, "capture_views");
+  if (!nerf_pose_refiner::initNode(
+          argc, argv, "capture_views",
+          "records views of an object with their poses from TF.\n"
+          "Subscribes image, camera_info, mask; offers ~start, ~finish, ~abort.\n"
+          "Parameters: config/capture_views.yaml; start it with capture.launch.")) {
+    return 0;
+  }
   try {
     nerf_pose_refiner::CaptureNode node{ros::NodeHandle(), ros::NodeHandle("~")};
     ros::spin();

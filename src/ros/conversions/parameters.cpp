@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "dataset/dataset_limits.h"
-#include "registration/registration_settings.h"
+#include "registration/registration_options.h"
 #include "ros/conversions/pose_conversions.h"
 
 namespace nerf_pose_refiner {
@@ -128,7 +128,7 @@ void readSearch(ParamReader& read, SearchSettings& search) {
   readInversion(inversion, search.refiner.inversion);
 }
 
-void readRegistration(ParamReader& read, RegistrationSettings& registration) {
+void readRegistration(ParamReader& read, RegistrationOptions& registration) {
   visitSettings(registration, [&read](const char* name, auto& value, const char*) {
     if (name == std::string("metres_per_unit")) return;  // of the object: the request says it
     read.get(name, value);

@@ -51,7 +51,7 @@ struct PoseRefinerParameters {
   DiagnosticSettings diagnostics;
   FrameSettings frames;
   TrackerSettings tracker;  ///< `initial`: group ~refiner; `tracking`: group ~tracker
-  RegistrationSettings registration;
+  RegistrationOptions registration;
   DatasetLimits dataset_limits;  ///< group ~dataset
 
   /// The backend to search and to learn with.

@@ -1,11 +1,19 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include "ros/nodelet/camera_subscription.h"
 
+#include <image_transport/camera_common.h>
+
 #include <utility>
 
 #include "ros/conversions/topics.h"
 
 namespace nerf_pose_refiner {
+namespace {
+
+/// Images without camera_info for this time are reported [s, wall time].
+constexpr double kUnpaired_s = 1;
+
+}  // namespace
 
 CameraSubscription::Connection::Connection(CameraSubscription* camera, Receiver receiver)
     : camera_(camera) {
@@ -18,7 +26,7 @@ CameraSubscription::Connection::Connection(CameraSubscription* camera, Receiver 
 
 CameraSubscription::Connection::~Connection() {
   std::lock_guard<std::mutex> lock(camera_->mutex_);
-  camera_->unsubscribe();  // waits for a call that is under way
+  camera_->unsubscribe();
   camera_->receiver_.reset();
 }
 
@@ -41,7 +49,7 @@ void CameraSubscription::update() {
     diagnostics_->expectImages(wanted);
     if (!wanted) {
       unsubscribe();
-    } else if (!images_) {
+    } else if (!pairs_) {
       listen();
     }
   });
@@ -50,13 +58,7 @@ void CameraSubscription::update() {
 /// Called with mutex_ held.
 void CameraSubscription::listen() {
   const Receiver* receiver = receiver_.get();
-  // A queue, for camera_info comes before an image that is decoded on its way.
-  const image_transport::TransportHints hints(transport_hint_, ros::TransportHints(), nodes_.pnh);
-  const auto guarded_image = [this, receiver](const sensor_msgs::ImageConstPtr& image,
-                                              const sensor_msgs::CameraInfoConstPtr& info) {
-    diagnostics_->guard("image", [&] { receiver->image(image, info); });
-  };
-  images_ = transport_.subscribeCamera(topics::kImage, 10, guarded_image, ros::VoidPtr(), hints);
+  listenToPairs();
   const auto subscribe = [&](const char* topic, const auto& take) {
     const boost::function<void(const sensor_msgs::ImageConstPtr&)> guarded =
         [this, topic, take](const sensor_msgs::ImageConstPtr& mask) {
@@ -69,8 +71,48 @@ void CameraSubscription::listen() {
 }
 
 /// Called with mutex_ held.
+void CameraSubscription::listenToPairs() {
+  pairs_ = std::make_unique<Pairs>();
+  pairs_->receiver = receiver_.get();
+  pairs_->diagnostics = diagnostics_;
+  pairs_->image_topic = nodes_.nh.resolveName(topics::kImage);
+  pairs_->info_topic = image_transport::getCameraInfoTopic(pairs_->image_topic);
+  // Counted first: an image that completes its pair is then no longer unpaired.
+  pairs_->images.registerCallback(&Pairs::count, pairs_.get());
+  pairs_->synchronizer.connectInput(pairs_->images, pairs_->infos);
+  pairs_->synchronizer.registerCallback(&Pairs::take, pairs_.get());
+  const image_transport::TransportHints hints(transport_hint_, ros::TransportHints(), nodes_.pnh);
+  // A queue, for camera_info comes before an image that is decoded on its way.
+  pairs_->images.subscribe(transport_, topics::kImage, 10, hints);
+  pairs_->infos.subscribe(nodes_.nh, pairs_->info_topic, 10);
+}
+
+/// An image has come: reports that no camera_info has come with the same stamp for a while.
+void CameraSubscription::Pairs::count(const sensor_msgs::ImageConstPtr& image) {
+  diagnostics->imageIsThere(image->header.seq);
+  const ros::WallTime now = ros::WallTime::now();
+  if (unpaired_since.isZero()) unpaired_since = now;
+  if ((now - unpaired_since).toSec() < kUnpaired_s) return;
+  diagnostics->guard("image", [this] {
+    receiver->unpaired("images come on '" + image_topic +
+                       "', but no camera_info with their stamps on '" + info_topic + "'");
+  });
+}
+
+void CameraSubscription::Pairs::take(const sensor_msgs::ImageConstPtr& image,
+                                     const sensor_msgs::CameraInfoConstPtr& info) {
+  unpaired_since = ros::WallTime();
+  diagnostics->count(&ImageCounts::with_camera_info);
+  diagnostics->guard("image", [&] { receiver->image(image, info); });
+}
+
+/// Called with mutex_ held.
 void CameraSubscription::unsubscribe() {
-  images_.shutdown();
+  if (pairs_) {
+    pairs_->images.unsubscribe();  // waits for a call that is under way
+    pairs_->infos.unsubscribe();
+    pairs_.reset();
+  }
   masks_.shutdown();
   ignore_masks_.shutdown();
 }

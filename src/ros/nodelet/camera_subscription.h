@@ -2,7 +2,12 @@
 #pragma once
 
 #include <image_transport/image_transport.h>
+#include <image_transport/subscriber_filter.h>
+#include <message_filters/subscriber.h>
+#include <message_filters/time_synchronizer.h>
 #include <ros/subscriber.h>
+#include <sensor_msgs/CameraInfo.h>
+#include <sensor_msgs/Image.h>
 
 #include <functional>
 #include <memory>
@@ -24,6 +29,7 @@ class CameraSubscription {
         image;
     std::function<void(const sensor_msgs::ImageConstPtr&)> mask;  ///< empty: masks are not used
     std::function<void(const sensor_msgs::ImageConstPtr&)> ignore_mask;
+    std::function<void(const std::string& why)> unpaired;  ///< images come without camera_info
   };
 
   /// Passes images to a receiver. After destruction no call of it is running.
@@ -48,7 +54,22 @@ class CameraSubscription {
   void update();
 
  private:
+  /// Images and camera_info, in pairs by their stamps.
+  struct Pairs {
+    void count(const sensor_msgs::ImageConstPtr& image);
+    void take(const sensor_msgs::ImageConstPtr& image, const sensor_msgs::CameraInfoConstPtr& info);
+
+    image_transport::SubscriberFilter images;
+    message_filters::Subscriber<sensor_msgs::CameraInfo> infos;
+    message_filters::TimeSynchronizer<sensor_msgs::Image, sensor_msgs::CameraInfo> synchronizer{10};
+    std::string image_topic, info_topic;
+    const Receiver* receiver = nullptr;
+    Diagnostics* diagnostics = nullptr;
+    ros::WallTime unpaired_since;  ///< arrival of the first image after the last pair; zero: none
+  };
+
   void listen();
+  void listenToPairs();
   void unsubscribe();
 
   NodeHandles nodes_;
@@ -59,7 +80,7 @@ class CameraSubscription {
   std::mutex mutex_;  ///< guards all below
   bool enabled_ = true;
   std::unique_ptr<const Receiver> receiver_;  ///< null: none
-  image_transport::CameraSubscriber images_;
+  std::unique_ptr<Pairs> pairs_;              ///< null: not subscribed
   ros::Subscriber masks_;
   ros::Subscriber ignore_masks_;
 };

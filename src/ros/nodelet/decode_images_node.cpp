@@ -7,11 +7,17 @@
 #include <exception>
 #include <opencv2/imgcodecs.hpp>
 
+#include "ros/nodelet/init_node.h"
+
 /// Decodes `image/compressed` (JPEG, PNG) to `image` (bgr8), with the same header; camera_info
 /// needs no help. For systems without image_transport's compressed plugin. The output is a plain
 /// topic: image_transport, with the plugin, would compress it into this node's own input.
 int main(int argc, char** argv) {
-  ros::init(argc, argv, "decode_images");
+  if (!nerf_pose_refiner::initNode(argc, argv, "decode_images",
+                                   "decodes JPEG and PNG images.\n"
+                                   "Subscribes image/compressed; publishes image (bgr8).")) {
+    return 0;
+  }
   ros::NodeHandle nh;
   ros::Publisher images = nh.advertise<sensor_msgs::Image>("image", 2);
   const auto decode = [&images](const sensor_msgs::CompressedImageConstPtr& compressed) {

@@ -81,14 +81,32 @@ Diagnostics::Diagnostics(const NodeHandles& nodes, const std::string& name,
               settings.max_image_age_s),
       poses_("poses", "nothing is tracked", 0, std::numeric_limits<double>::infinity()),
       since_(ros::WallTime::now()),
-      updater_(nodes.nh, nodes.pnh, name) {
+      updater_(nodes.nh, nodes.pnh, name),
+      spinner_(1, &queue_) {
   updater_.setHardwareID("none");
   updater_.add("tracking", this, &Diagnostics::fillTracking);
   updater_.add(images_);
   updater_.add(poses_);
   updater_.add("engine", this, &Diagnostics::fillBackend);
-  timer_ = nodes.pnh.createWallTimer(
+  ros::NodeHandle timer_nh(nodes.pnh);
+  timer_nh.setCallbackQueue(&queue_);
+  timer_ = timer_nh.createWallTimer(
       ros::WallDuration(1.0), [this](const ros::WallTimerEvent&) { updater_.force_update(); });
+  spinner_.start();
+}
+
+void Diagnostics::imageIsThere(std::uint32_t sequence) {
+  constexpr std::uint32_t kAnotherSender = 10000;  // began elsewhere: no gap
+  std::lock_guard<std::mutex> lock(mutex_);
+  const std::uint32_t gap = sequence - sequence_ - 1;
+  if (counts_.arrived > 0 && gap < kAnotherSender) counts_.lost += gap;
+  ++counts_.arrived;
+  sequence_ = sequence;
+}
+
+void Diagnostics::count(std::uint64_t ImageCounts::*what) {
+  std::lock_guard<std::mutex> lock(mutex_);
+  ++(counts_.*what);
 }
 
 void Diagnostics::statusIs(const RefinementStatus& status) {
@@ -134,6 +152,11 @@ void Diagnostics::fillTracking(diagnostic_updater::DiagnosticStatusWrapper& repo
   report.addf("visible fraction", "%.3f", refined_.visible_fraction);
   report.add("refined images", status_.processed);
   report.add("dropped images", status_.dropped);
+  report.add("arrived images", counts_.arrived);
+  report.add("images lost before", counts_.lost);
+  report.add("images with camera_info", counts_.with_camera_info);
+  report.add("refused images", counts_.refused);
+  report.add("skipped images", counts_.skipped);
   report.add("exceptions", failures_);
   processed_before_ = status_.processed;
   since_ = now;

@@ -4,6 +4,8 @@
 #include <diagnostic_updater/diagnostic_updater.h>
 #include <diagnostic_updater/publisher.h>
 #include <nerf_pose_refiner/RefinementStatus.h>
+#include <ros/callback_queue.h>
+#include <ros/spinner.h>
 #include <ros/wall_timer.h>
 
 #include <cstdint>
@@ -39,6 +41,16 @@ class TopicHealth : public diagnostic_updater::DiagnosticTask {
   diagnostic_updater::TimeStampStatus stamps_;
 };
 
+/// What has become of the images since the start. Those with camera_info are refined, dropped for
+/// newer ones (RefinementStatus), refused, skipped, or still under way.
+struct ImageCounts {
+  std::uint64_t arrived = 0;           ///< on the topic
+  std::uint64_t lost = 0;              ///< before they arrived, by their sequence numbers
+  std::uint64_t with_camera_info = 0;  ///< of the same stamp
+  std::uint64_t refused = 0;           ///< cannot be used
+  std::uint64_t skipped = 0;           ///< nothing to search for, or a stamp that does not go on
+};
+
 /// Reports on /diagnostics, on the wall clock, in four parts: received images, published poses,
 /// tracking (state, score, latency, age, drops), and the backend with its models.
 class Diagnostics {
@@ -51,6 +63,10 @@ class Diagnostics {
 
   /// The last report of the tracker. Any thread.
   void statusIs(const RefinementStatus& status);
+  /// An image is on the topic. Any thread. @param sequence of its header.
+  void imageIsThere(std::uint32_t sequence);
+  /// Adds one to a count. Any thread.
+  void count(std::uint64_t ImageCounts::*what);
   /// A usable image has arrived, or a trusted pose was published. Any thread.
   void imageArrived(const ros::Time& stamp) { images_.tick(stamp); }
   void posePublished(const ros::Time& stamp) { poses_.tick(stamp); }
@@ -74,6 +90,8 @@ class Diagnostics {
   std::mutex mutex_;  ///< guards all down to since_
   RefinementStatus status_;
   RefinementStatus refined_;  ///< the last one after a refinement
+  ImageCounts counts_;
+  std::uint32_t sequence_ = 0;  ///< of the last image
   std::uint32_t processed_before_ = 0;
   std::uint32_t failures_ = 0;  ///< of callbacks
   std::string failure_;         ///< message of the last one since the last report
@@ -82,7 +100,10 @@ class Diagnostics {
   ros::WallTime since_;  ///< refined images are counted from this time on
 
   diagnostic_updater::Updater updater_;
+  /// Of the reports alone: they look at files, which may take long, and images must not wait.
+  ros::CallbackQueue queue_;
   ros::WallTimer timer_;
+  ros::AsyncSpinner spinner_;  ///< last: it calls back
 };
 
 }  // namespace nerf_pose_refiner

@@ -107,7 +107,8 @@ void InitialPoseMarker::onCamera(const sensor_msgs::CameraInfo& info) {
 
 void InitialPoseMarker::onPose(const geometry_msgs::PoseStamped& pose) {
   last_ = pose;
-  const bool time_went_back = pose.header.stamp + ros::Duration(10) < released_;
+  // In double precision: sums of ros::Time throw where they overflow.
+  const bool time_went_back = released_.toSec() - pose.header.stamp.toSec() > 10;
   if (!held_ && (pose.header.stamp >= released_ || time_went_back)) putAt(pose);
 }
 

@@ -8,8 +8,9 @@
 #include <mutex>
 #include <thread>
 
+#include "backend/backend.h"
+#include "backend/loaded_field.h"
 #include "concurrency/frame_mailbox.h"
-#include "nerf_pose_refiner/backend.h"
 #include "nerf_pose_refiner/observation.h"
 #include "ros/conversions/parameters.h"
 #include "runtime/backend_pool.h"

@@ -2,9 +2,17 @@
 #include <nodelet/loader.h>
 #include <ros/ros.h>
 
+#include "ros/nodelet/init_node.h"
+
 /// The nodelet in a process of its own.
 int main(int argc, char** argv) {
-  ros::init(argc, argv, "pose_refiner");
+  if (!nerf_pose_refiner::initNode(
+          argc, argv, "pose_refiner",
+          "tracks an object in a camera's images.\n"
+          "Subscribes image, camera_info, ~initial_pose; publishes ~pose, ~status, TF.\n"
+          "Parameters: config/pose_refiner.yaml; start it with refine.launch.")) {
+    return 0;
+  }
   nodelet::Loader loader(false);
   const nodelet::M_string remappings(ros::names::getRemappings());
   const nodelet::V_string arguments(argv + 1, argv + argc);

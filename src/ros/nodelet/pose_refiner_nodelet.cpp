@@ -31,7 +31,8 @@ void PoseRefinerNodelet::start() {
   process_ = RefinerProcess::ofThisProcess();
   process_->models.setBudget(std::size_t{1000000} * parameters_.model_memory_mb, getName());
   transforms_ = std::make_unique<tf2_ros::Buffer>(ros::Duration(parameters_.frames.tf_cache_s));
-  transform_input_ = std::make_unique<TransformInput>(*transforms_, getNodeHandle());
+  transform_input_ =
+      std::make_unique<TransformInput>(*transforms_, getNodeHandle(), &frame_conflict_);
   diagnostics_ = std::make_unique<Diagnostics>(nodeHandles(), getName(), parameters_.diagnostics);
   diagnostics_->showMemory([this] { return memoryFacts(); });
   advertiseResults();
@@ -74,7 +75,8 @@ void PoseRefinerNodelet::advertiseResults() {
   const auto on_connect_image = [this](const image_transport::SingleSubscriberPublisher&) {
     camera_->update();
   };
-  results_ = std::make_unique<ResultPublisher>(pnh, parameters_.frames, on_connect);
+  results_ =
+      std::make_unique<ResultPublisher>(pnh, parameters_.frames, on_connect, &frame_conflict_);
   const auto make_overlay_backend = [set = parameters_.instruction_set] {
     return std::shared_ptr<Backend>(makeCpuBackend(1, set));
   };
@@ -110,6 +112,11 @@ void PoseRefinerNodelet::startTracking() {
   if (tracker.mask_mode != MaskMode::kNone) {
     receiver.mask = [this](const auto& mask) { worker_->addMask(mask); };
   }
+  receiver.unpaired = [this](const std::string& why) {
+    ROS_ERROR_THROTTLE(5.0, "%s", why.c_str());
+    worker_->tracker().imageRefused(TrackReason::kBadCameraInfo, why);
+    worker_->wake();
+  };
   receiver.ignore_mask = [this](const auto& mask) { worker_->addIgnoreMask(mask); };
   images_ = std::make_unique<CameraSubscription::Connection>(camera_.get(), std::move(receiver));
   tracked_ = std::make_unique<TrackedObject>(

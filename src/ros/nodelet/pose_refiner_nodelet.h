@@ -68,6 +68,7 @@ class PoseRefinerNodelet : public nodelet::Nodelet {
   std::shared_ptr<RefinerProcess> process_;
   std::atomic<bool> on_gpu_{false};  ///< the backend in use
   std::unique_ptr<tf2_ros::Buffer> transforms_;
+  FrameConflict frame_conflict_;
   std::unique_ptr<TransformInput> transform_input_;
   std::unique_ptr<Diagnostics> diagnostics_;
   std::unique_ptr<CameraSubscription> camera_;

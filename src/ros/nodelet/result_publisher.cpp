@@ -11,8 +11,9 @@
 namespace nerf_pose_refiner {
 
 ResultPublisher::ResultPublisher(ros::NodeHandle pnh, const FrameSettings& frames,
-                                 const ros::SubscriberStatusCallback& on_connect)
-    : frames_(frames) {
+                                 const ros::SubscriberStatusCallback& on_connect,
+                                 FrameConflict* conflict)
+    : frames_(frames), conflict_(conflict) {
   pose_ = pnh.advertise<geometry_msgs::PoseStamped>(topics::kPose, 10, on_connect, on_connect);
   pose_with_covariance_ = pnh.advertise<geometry_msgs::PoseWithCovarianceStamped>(
       topics::kPoseWithCovariance, 10, on_connect, on_connect);
@@ -46,6 +47,7 @@ void ResultPublisher::publish(const FrameResult& result) {
     if (frames_.publish_tf) {
       const std::string& frame =
           frames_.object_frame.empty() ? result.status.object : frames_.object_frame;
+      conflict_->sending(frame);
       transforms_.sendTransform(toTransform(pose, frame));
     }
   }

@@ -9,6 +9,7 @@
 #include <string>
 
 #include "ros/conversions/parameters.h"
+#include "ros/nodelet/frame_conflict.h"
 #include "ros/nodelet/message_tracker.h"
 
 namespace nerf_pose_refiner {
@@ -16,9 +17,10 @@ namespace nerf_pose_refiner {
 /// Publishes the results of the tracker: ~pose, ~twist, TF, ~hypotheses and ~status.
 class ResultPublisher {
  public:
-  /// @param on_connect called when a subscriber comes or goes.
+  /// @param on_connect called when a subscriber comes or goes. @param conflict outlives this
+  /// object.
   ResultPublisher(ros::NodeHandle pnh, const FrameSettings& frames,
-                  const ros::SubscriberStatusCallback& on_connect);
+                  const ros::SubscriberStatusCallback& on_connect, FrameConflict* conflict);
 
   void publish(const RefinementStatus& status) { status_.publish(status); }
 
@@ -30,6 +32,7 @@ class ResultPublisher {
 
  private:
   FrameSettings frames_;
+  FrameConflict* conflict_;
   ros::Publisher pose_;
   ros::Publisher pose_with_covariance_;
   ros::Publisher twist_;

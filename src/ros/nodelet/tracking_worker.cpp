@@ -43,6 +43,7 @@ void TrackingWorker::addImage(const sensor_msgs::ImageConstPtr& image,
   outputs_.diagnostics->imageArrived(image->header.stamp);
   if (const auto reason = tracker_.refusal(*image, *info)) {
     ROS_ERROR_THROTTLE(5.0, "image: %s", reason->c_str());
+    outputs_.diagnostics->count(&ImageCounts::refused);
     wake();
     return;
   }
@@ -70,6 +71,8 @@ void TrackingWorker::workOnce() {
     tracker().reportChange({"", toNanoseconds(ros::Time::now())});
   } else if (const std::optional<FrameResult> result = tracker_.process(*frame)) {
     publish(*result);
+  } else {
+    outputs_.diagnostics->count(&ImageCounts::skipped);
   }
 }
 

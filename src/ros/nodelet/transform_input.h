@@ -2,10 +2,15 @@
 #pragma once
 
 #include <ros/callback_queue.h>
+#include <ros/message_event.h>
 #include <ros/node_handle.h>
 #include <ros/spinner.h>
+#include <ros/subscriber.h>
 #include <tf2/buffer_core.h>
+#include <tf2_msgs/TFMessage.h>
 #include <tf2_ros/transform_listener.h>
+
+#include "ros/nodelet/frame_conflict.h"
 
 namespace nerf_pose_refiner {
 
@@ -15,13 +20,19 @@ namespace nerf_pose_refiner {
 /// of a core where nothing happens.
 class TransformInput {
  public:
-  /// @param buffer outlives this object.
-  TransformInput(tf2::BufferCore& buffer, const ros::NodeHandle& nh);
+  /// @param buffer, conflict outlive this object. @param conflict sees what comes on /tf; may be
+  /// null.
+  TransformInput(tf2::BufferCore& buffer, const ros::NodeHandle& nh,
+                 FrameConflict* conflict = nullptr);
 
  private:
+  void onTransforms(const ros::MessageEvent<const tf2_msgs::TFMessage>& event);
+
   ros::CallbackQueue queue_;
   ros::NodeHandle nh_;  ///< whose messages go to queue_
   tf2_ros::TransformListener listener_;
+  FrameConflict* conflict_;
+  ros::Subscriber transforms_;
   ros::AsyncSpinner spinner_;  ///< stops before the listener ends
 };
 

@@ -9,6 +9,7 @@
 #include <ros/console.h>
 
 #include <mutex>
+#include <stdexcept>
 #include <string>
 #include <utility>
 
@@ -47,9 +48,14 @@ void toConfig(const PoseRefinerParameters& p, PoseRefinerConfig* config) {
 }
 
 void fromConfig(const PoseRefinerConfig& config, PoseRefinerParameters* p) {
-  p->tracker.rules.initial_pose_policy = config.initial_pose_policy == PoseRefiner_always
-                                             ? InitialPosePolicy::kAlways
-                                             : InitialPosePolicy::kWhenNotTracking;
+  const bool always = config.initial_pose_policy == PoseRefiner_always;
+  if (!always && config.initial_pose_policy != PoseRefiner_when_not_tracking) {
+    throw std::invalid_argument("parameter ~initial_pose_policy is '" + config.initial_pose_policy +
+                                "' but must be " + PoseRefiner_when_not_tracking + " or " +
+                                PoseRefiner_always);
+  }
+  p->tracker.rules.initial_pose_policy =
+      always ? InitialPosePolicy::kAlways : InitialPosePolicy::kWhenNotTracking;
   p->tracker.rules.initial_pose_max_age_s = config.initial_pose_max_age_s;
   p->tracker.rules.image_timeout_s = config.image_timeout_s;
   p->tracker.rules.recover_s = config.recover_s;
@@ -106,8 +112,8 @@ class Current {
   void change(Config* config) {
     std::lock_guard<std::mutex> lock(mutex_);
     PoseRefinerParameters changed = parameters_;
-    fromConfig(*config, &changed);
     try {
+      fromConfig(*config, &changed);
       changed.validate();
     } catch (const std::exception& e) {
       ROS_ERROR("a change is refused: %s", e.what());

@@ -146,8 +146,15 @@ bool RegistrationServices::onService(RegisterObject::Request& request,
 
 void RegistrationServices::onGoal(Server::GoalHandle handle) {
   joinThoseDone();
-  handle.setAccepted();
   std::lock_guard<std::mutex> lock(mutex_);
+  if (goals_.size() >= kMaxGoals) {
+    RegisterResult result;
+    result.message = std::to_string(goals_.size()) + " goals wait for their registration already";
+    ROS_ERROR("registering '%s': %s", handle.getGoal()->name.c_str(), result.message.c_str());
+    handle.setRejected(result, result.message);
+    return;
+  }
+  handle.setAccepted();
   goals_.push_back(std::make_unique<Goal>());
   Goal* goal = goals_.back().get();
   goal->handle = handle;

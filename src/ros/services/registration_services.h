@@ -36,6 +36,9 @@ class RegistrationServices {
  private:
   using Server = actionlib::ActionServer<RegisterAction>;
 
+  /// So many goals may wait for their registration; each has a thread.
+  static constexpr std::size_t kMaxGoals = 16;
+
   /// A goal and the thread that waits for it.
   struct Goal {
     Server::GoalHandle handle;

@@ -1,5 +1,5 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "registration/registration_settings.h"
+#include "registration/registration_options.h"
 
 #include <cmath>
 #include <stdexcept>
@@ -8,7 +8,7 @@
 
 namespace nerf_pose_refiner {
 
-void RegistrationSettings::validate() const {
+void RegistrationOptions::validate() const {
   const auto require = [](bool good, const char* name, double value, const char* range) {
     if (!good) {
       throw std::invalid_argument(std::string(name) + " = " + std::to_string(value) +

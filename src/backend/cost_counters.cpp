@@ -1,7 +1,5 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "nerf_pose_refiner/backend.h"
-
-#include "backend/hypotheses.h"
+#include "backend/cost_counters.h"
 
 namespace nerf_pose_refiner {
 
@@ -32,11 +30,6 @@ CostCounters operator/(const CostCounters& work, int count) {
   fraction.gathers = work.gathers / count;
   fraction.flops = work.flops / count;
   return fraction;
-}
-
-HypothesisTable PoseSolver::readHypotheses() {
-  snapshot();
-  return read().back().hypotheses;
 }
 
 }  // namespace nerf_pose_refiner

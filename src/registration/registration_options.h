@@ -8,7 +8,7 @@ namespace nerf_pose_refiner {
 /// Calls `visit(name, member, meaning)` for each setting that people choose. Parameters, options,
 /// keys and hashes are made from this list. Its order is that of the hash: new settings go to the
 /// end.
-/// @param settings RegistrationSettings, const or not.
+/// @param settings RegistrationOptions, const or not.
 template <typename Settings, typename Visitor>
 void visitSettings(Settings& settings, Visitor&& visit) {
   visit("profile", settings.profile, "Shape of the field: cpu (fast), gpu (finer), paper (finest)");
