@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 # Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-"""Checks that docs/faults.md lists the faults of scripts/faults, and provokes those that are fast.
+"""Checks that docs/faults.md lists the faults of scripts/faults, which scripts/nightly provokes.
 
-Usage: test_faults.py BUILD FOLDER"""
+Usage: test_faults.py BUILD"""
 import os
 import subprocess
 import sys
@@ -10,7 +10,6 @@ import unittest
 
 TOP = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 LEAST_ROWS = 40
-PATIENCE = 5  # several tests share the machine
 
 
 def faults(*options):
@@ -26,12 +25,7 @@ class Faults(unittest.TestCase):
         self.assertGreaterEqual(table.count('\n| `'), LEAST_ROWS)
         self.assertTrue(document.rstrip().endswith(table.strip()), 'print the table anew: scripts/faults --table')
 
-    def test_the_fast_ones_pass(self):
-        done = faults('--fast', '--out', FOLDER, '--patience', str(PATIENCE), '--train', '10')
-        self.assertEqual(done.returncode, 0, done.stdout)
-        self.assertIn(' 0 failed', done.stdout)
-
 
 if __name__ == '__main__':
-    BUILD, FOLDER = sys.argv[1:]
+    BUILD, = sys.argv[1:]
     unittest.main(argv=sys.argv[:1])
