@@ -26,7 +26,7 @@ struct Observation;
 
 /// An image of another camera, or of the same one from elsewhere, at the moment of an observation.
 struct SideView {
-  std::shared_ptr<const Observation> observation;  ///< without side views of its own
+  std::shared_ptr<const Observation> observation;  ///< without side views or depth
   Pose T_C_V;                        ///< of its camera V in the observation's camera C [m]
   double position_dev_m = 0.0005;    ///< standard deviation of T_C_V, along each axis [m]
   double rotation_dev_rad = 0.0005;  ///< the same about each axis [rad]

@@ -68,6 +68,7 @@ KeyframeRefiner::KeyframeRefiner(Backend* backend, std::shared_ptr<const LoadedF
 void KeyframeRefiner::begin() {
   renderer_.reset();
   search_.emplace(backend_, field_, settings_);
+  beside_.emplace(backend_, field_, settings_);
   renderer_.emplace(field_, settings_.keyframe);
 }
 
@@ -167,6 +168,9 @@ Refinement KeyframeRefiner::refine(const Observation& observation, const Prior& 
   try {
     result = conclude(search(), prior);
     if (result.outcome == Outcome::kRefined) judge(prior, cancellation, &result);
+    if (!observation.beside.empty()) {
+      beside_->join(observation, prior, scores_, cancellation, &result);
+    }
     if (result.outcome == Outcome::kRefined) considerDepth(observation, &result);
   } catch (const Cancelled&) {
     result.outcome = Outcome::kCancelled;
@@ -177,6 +181,7 @@ Refinement KeyframeRefiner::refine(const Observation& observation, const Prior& 
 
 void KeyframeRefiner::waitForRenderings(const CancellationToken& cancellation) {
   if (renderer_->busy()) search_->add(renderer_->wait(cancellation));
+  beside_->waitForRenderings(cancellation);
 }
 
 void KeyframeRefiner::takeRenewal(std::int64_t stamp_ns, const CancellationToken& cancellation) {

@@ -13,6 +13,7 @@
 #include "refinement/depth_fusion.h"
 #include "refinement/field_refiner.h"
 #include "refinement/keyframe_search.h"
+#include "refinement/side_views.h"
 #include "views/keyframe_renderer.h"
 
 namespace nerf_pose_refiner {
@@ -89,6 +90,7 @@ class KeyframeRefiner {
   std::optional<KeyframeSearch> search_;
   std::optional<KeyframeRenderer> renderer_;
   DepthFusion depth_;
+  std::optional<SideViews> beside_;
   std::int64_t due_ns_ = 0;  // stamp from which on the keyframe under way is used
   std::optional<std::pair<std::int64_t, Pose>> last_;  // stamp and pose that were found last
 };

@@ -121,6 +121,9 @@ Refinement RefinerSearch::find(const SearchRequest& request,
     found.depth.use = DepthUse::kRefused;
     found.depth.message = "this preset renders the field and takes no depth; 'keyframes' does";
   }
+  SideViewReport unused;
+  unused.message = "this preset renders the field and takes one image; 'keyframes' takes several";
+  found.beside.assign(request.observation.beside.size(), unused);
   return found;
 }
 

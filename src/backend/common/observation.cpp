@@ -57,6 +57,10 @@ void validateBeside(const SideView& view) {
   if (view.observation == nullptr || !view.observation->beside.empty()) {
     throw std::invalid_argument("a side view has no observation, or one with side views");
   }
+  if (view.observation->depth) {
+    throw std::invalid_argument(
+        "a side view has depth: give it to the observation, with its T_C_D");
+  }
   view.observation->validate();
   if (!view.T_C_V.isFinite() || !view.T_C_V.isRigid()) {
     throw std::invalid_argument("SideView::T_C_V is not a rigid transform");
