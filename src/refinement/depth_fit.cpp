@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <unordered_set>
 #include <vector>
 
 #include "backend/common/plain_pose.h"
@@ -21,7 +20,7 @@ using Vector7 = Eigen::Matrix<double, 7, 1>;
 
 constexpr double kAgreeing = 3;          // residuals below it agree [deviations]
 constexpr double kSurfaceError = 0.004;  // deviation of the learned surface [diameters]
-constexpr int kMostSteps = 12;
+constexpr int kMostSteps = 8;
 
 /// A place of the surface, compared with its pixel; lengths in model units.
 struct ComparedDepth {
@@ -56,6 +55,7 @@ class DepthFitter {
   DepthFit fit(const DepthPrior& prior);
 
  private:
+  void findHidden(const Pose& T_O_C);
   void compare(const Pose& T_O_C);
   void comparePlace(const PointTransform<double>& in_depth, std::size_t i);
   bool isAtEdge(int x, int y, float centre_m) const;
@@ -72,7 +72,7 @@ class DepthFitter {
   double unit_m_;
   Pose T_C_D_;  // [model units]
   Pinhole<double> K_;
-  SelfOcclusion occlusion_;
+  std::vector<char> is_hidden_;  // of each place: the object hides it itself
   // Of the pose that was compared last:
   std::vector<ComparedDepth> compared_;
   std::vector<double> ratios_;  // measured by expected, at edges, too
@@ -120,26 +120,37 @@ void DepthFitter::comparePlace(const PointTransform<double>& in_depth, std::size
   compared_.push_back(compared);
 }
 
-void DepthFitter::compare(const Pose& T_O_C) {
-  const Pose T_O_D = T_O_C * T_C_D_;
-  const CameraPose<double> pose = plainPose(T_O_D);
+/// Places that the object hides from the depth camera; the same for poses nearby.
+void DepthFitter::findHidden(const Pose& T_O_C) {
+  const CameraPose<double> pose = plainPose(T_O_C * T_C_D_);
   const Vec3<double> centre = plainVector(object_.centre);
-  const PointTransform<double> in_depth = pointTransform(pose, centre);
+  is_hidden_.assign(surface_.places.size(), 0);
+  const double depth = pointTransform(pose, centre).t.z;
+  if (!(depth > 0)) return;
+  const int spacing = std::max(
+      1, static_cast<int>(std::ceil(surface_.shown_spacing * surface_.shown_px * K_.fx / depth)));
+  const Pinhole<float> K = {static_cast<float>(K_.fx), static_cast<float>(K_.fy),
+                            static_cast<float>(K_.cx), static_cast<float>(K_.cy)};
+  SelfOcclusion occlusion;
+  const std::vector<std::int32_t>& hidden =
+      occlusion.hidden(*surface_.shown, singleTransform(pose, centre),
+                       {K, depth_.camera.width, depth_.camera.height, spacing});
+  // Both are in the order of the cells.
+  std::size_t k = 0;
+  for (std::size_t i = 0; i < surface_.cell.size(); ++i) {
+    while (k < hidden.size() && hidden[k] < surface_.cell[i]) ++k;
+    is_hidden_[i] = k < hidden.size() && hidden[k] == surface_.cell[i];
+  }
+}
+
+void DepthFitter::compare(const Pose& T_O_C) {
+  const CameraPose<double> pose = plainPose(T_O_C * T_C_D_);
+  const PointTransform<double> in_depth = pointTransform(pose, plainVector(object_.centre));
   compared_.clear();
   ratios_.clear();
   facing_ = 0;
-  if (!(in_depth.t.z > 0)) return;
-  const double pixel = in_depth.t.z / K_.fx;
-  const int spacing =
-      std::max(1, static_cast<int>(std::ceil(surface_.shown_spacing * surface_.shown_px / pixel)));
-  const Pinhole<float> K = {static_cast<float>(K_.fx), static_cast<float>(K_.fy),
-                            static_cast<float>(K_.cx), static_cast<float>(K_.cy)};
-  const std::vector<std::int32_t>& hidden =
-      occlusion_.hidden(*surface_.shown, singleTransform(pose, centre),
-                        {K, depth_.camera.width, depth_.camera.height, spacing});
-  const std::unordered_set<std::int32_t> is_hidden(hidden.begin(), hidden.end());
   for (std::size_t i = 0; i < surface_.places.size(); ++i) {
-    if (is_hidden.empty() || is_hidden.count(surface_.cell[i]) == 0) comparePlace(in_depth, i);
+    if (!is_hidden_[i]) comparePlace(in_depth, i);
   }
 }
 
@@ -254,6 +265,7 @@ DepthFit DepthFitter::fit(const DepthPrior& prior) {
   fit.bias = prior.bias;
   fit.covariance = prior.covariance;
   fit.bias_variance = prior.bias_variance;
+  findHidden(prior.T_O_C);
   compare(prior.T_O_C);
   fit.before = fit.counts = count(prior.bias);
   if (!ratios_.empty()) fit.median_ratio = medianOf(ratios_);

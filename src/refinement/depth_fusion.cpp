@@ -125,7 +125,8 @@ void DepthFusion::learn(const DepthFit& fit, const Bias& before, const DepthNois
   bias_->mean_m += gain * (seen - before.mean_m);
 }
 
-double DepthFusion::fuse(const DepthImage& depth, const KeyframePoints* keyframe,
+double DepthFusion::fuse(const DepthImage& depth,
+                         const std::shared_ptr<const KeyframePoints>& keyframe,
                          const FieldMetadata& object, Refinement* found) {
   constexpr double kSeenThrough = 0.05;  // odds of a pose where an established sensor sees nothing
   DepthReport& report = found->depth;
@@ -135,8 +136,11 @@ double DepthFusion::fuse(const DepthImage& depth, const KeyframePoints* keyframe
     report.message = "the model has no scale, so depth cannot be compared with it";
     return 1;
   }
-  const DepthSurface surface = keyframe ? depthSurfaceOf(*keyframe) : DepthSurface();
-  if (surface.places.size() < static_cast<std::size_t>(kFewestPlaces)) {
+  if (keyframe != keyframe_) {
+    keyframe_ = keyframe;
+    surface_ = keyframe ? depthSurfaceOf(*keyframe) : DepthSurface();
+  }
+  if (surface_.places.size() < static_cast<std::size_t>(kFewestPlaces)) {
     report.message = "too little of the object's surface is known here";
     return 1;
   }
@@ -148,7 +152,7 @@ double DepthFusion::fuse(const DepthImage& depth, const KeyframePoints* keyframe
   prior.covariance = withoutFreeTurn(found->covariance, object);
   prior.bias = bias.mean_m / unit_m;
   prior.bias_variance = bias.variance_m2 / (unit_m * unit_m);
-  const DepthFit fit = fitDepth(surface, depth, prior, object);
+  const DepthFit fit = fitDepth(surface_, depth, prior, object);
 
   const std::string why_not = objection(fit);
   const bool was_established = isEstablished();

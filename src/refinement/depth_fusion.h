@@ -1,7 +1,9 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <memory>
 #include <optional>
+#include <string>
 
 #include "backend/keyframe_points.h"
 #include "nerf_pose_refiner/depth.h"
@@ -21,8 +23,8 @@ class DepthFusion {
   /// Betters a pose that colours gave, with its covariance and its depth report.
   /// @param keyframe that shows the object about as the pose does; null: there is none.
   /// @return the factor by which depth changes the odds that the pose is right.
-  double fuse(const DepthImage& depth, const KeyframePoints* keyframe, const FieldMetadata& object,
-              Refinement* found);
+  double fuse(const DepthImage& depth, const std::shared_ptr<const KeyframePoints>& keyframe,
+              const FieldMetadata& object, Refinement* found);
 
   /// Whether depth has agreed with enough images to be believed before it is compared.
   bool isEstablished() const { return agreed_ >= kEstablished; }
@@ -40,6 +42,8 @@ class DepthFusion {
   void learn(const DepthFit& fit, const Bias& before, const DepthNoise& noise, double distance_m,
              double metres_per_unit);
 
+  std::shared_ptr<const KeyframePoints> keyframe_;  // that surface_ was taken from
+  DepthSurface surface_;
   std::optional<Bias> bias_;
   double learnt_at_m_ = 0;  // distance of the object
   double surprise_ = 0;     // mean squared distance between what colours say and what is joined

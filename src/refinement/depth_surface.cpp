@@ -10,7 +10,7 @@
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr int kMostPlaces = 1200, kFewestShown = 60;
+constexpr int kMostPlaces = 800, kFewestShown = 60;
 constexpr double kLeastFacing = 0.25;  // cosine to the line of sight
 
 class SurfaceMaker {

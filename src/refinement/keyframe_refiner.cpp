@@ -241,7 +241,7 @@ void KeyframeRefiner::considerDepth(const Observation& observation, Refinement* 
   if (!observation.depth) return;
   const FieldMetadata& object = field_->field().metadata;
   const auto keyframe = search_->nearestTo(found->T_O_C);
-  const double odds = depth_.fuse(*observation.depth, keyframe.get(), object, found);
+  const double odds = depth_.fuse(*observation.depth, keyframe, object, found);
   constexpr double kSurest = 0.95;  // that no image of the object alone, on a poster say, misleads
   if (odds < 1) {
     found->found_probability = withOdds(std::min(kSurest, *found->found_probability), odds);
