@@ -15,8 +15,9 @@ constexpr double kMostGain = 0.1;    // of what a single image says
 constexpr double kMostLearnt = 0.1;  // of the bias' deviation is left at least
 constexpr int kFewestPlaces = 40;
 constexpr double kLeastMeasured = 0.1, kLeastAgreeing = 0.6, kLeastUncovered = 0.2;
-// Squared distances of six unknowns and the bias: one in a thousand is larger; twice the mean.
-constexpr double kMostDistance = 24.3, kMostSurprise = 14;
+// Squared distances of six unknowns and the bias: one in a thousand is larger; twice the mean. Of
+// plain objects, colours are less sure of themselves than they say by as much as kModesty.
+constexpr double kModesty = 3, kMostDistance = 24.3 * kModesty, kMostSurprise = 14 * kModesty;
 constexpr double kSurpriseMemory = 0.9;
 constexpr double kMostRatio = 1.5;
 
