@@ -82,7 +82,7 @@ Refinement KeyframeRefiner::follow(const TimedObservation& image, const Prior& p
   const Camera& camera = image.observation.camera;
   adaptTo(image.observation);
   const Refinement result = refine(
-      prior,
+      camera, prior,
       [&]() -> HypothesisTable {
         if (!objectRegion(camera, prior, field_->field().metadata)) return {};
         takeRenewal(image.stamp_ns, cancellation);
@@ -101,7 +101,7 @@ Refinement KeyframeRefiner::find(const TimedObservation& image, const Prior& pri
   const Camera& camera = image.observation.camera;
   adaptTo(image.observation);
   const Refinement result = refine(
-      prior,
+      camera, prior,
       [&]() -> HypothesisTable {
         if (!objectRegion(camera, prior, field_->field().metadata)) return {};
         waitForRenderings(cancellation);
@@ -132,7 +132,7 @@ Refinement KeyframeRefiner::settle(const TimedObservation& image,
   anywhere.rotation_rad = M_PI;
   anywhere.translation = 1;
   Refinement result = refine(
-      anywhere,
+      camera, anywhere,
       [&]() -> HypothesisTable {
         if (!objectRegion(camera, anywhere, field_->field().metadata)) return {};
         waitForRenderings(cancellation);
@@ -153,7 +153,7 @@ Refinement KeyframeRefiner::settle(const TimedObservation& image,
   return result;
 }
 
-Refinement KeyframeRefiner::refine(const Prior& prior,
+Refinement KeyframeRefiner::refine(const Camera& camera, const Prior& prior,
                                    const std::function<HypothesisTable()>& search,
                                    const CancellationToken& cancellation) {
   const auto begin = std::chrono::steady_clock::now();
@@ -163,6 +163,11 @@ Refinement KeyframeRefiner::refine(const Prior& prior,
   try {
     result = conclude(search(), prior);
     if (result.outcome == Outcome::kRefined) judge(prior, cancellation, &result);
+    const FieldMetadata& object = field_->field().metadata;
+    if (result.outcome == Outcome::kNoOverlap && objectRegion(camera, prior, object) &&
+        !fitsKeyframe({camera, prior.T_O_C}, object)) {
+      result.outcome = Outcome::kBadSize;
+    }
   } catch (const Cancelled&) {
     result.outcome = Outcome::kCancelled;
   }
@@ -182,7 +187,9 @@ void KeyframeRefiner::takeRenewal(std::int64_t stamp_ns, const CancellationToken
   if (keyframe) search_->add(keyframe);
 }
 
+/// Where a keyframe is possible.
 void KeyframeRefiner::makeAt(const View& view, const CancellationToken& cancellation) {
+  if (!fitsKeyframe(view, field_->field().metadata)) return;
   waitForRenderings(cancellation);
   renderer_->request(view);
   search_->add(renderer_->wait(cancellation));
@@ -204,9 +211,10 @@ void KeyframeRefiner::renewFor(const View& view, std::int64_t stamp_ns) {
     ahead = extrapolated(last_->second, view.T_O_C, std::min(kMost, settings_.renewal_s / since_s));
   }
   last_ = {stamp_ns, view.T_O_C};
-  if (renderer_->busy() || !isFar(ahead)) return;
+  const View next = {view.camera, ahead};
+  if (renderer_->busy() || !isFar(ahead) || !fitsKeyframe(next, field_->field().metadata)) return;
   due_ns_ = stamp_ns + static_cast<std::int64_t>(1e9 * settings_.renewal_s);
-  renderer_->request({view.camera, ahead});
+  renderer_->request(next);
 }
 
 /// Says how likely the best hypothesis is right, and how far off it may be.

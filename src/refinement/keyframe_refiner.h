@@ -65,7 +65,8 @@ class KeyframeRefiner {
   void waitForRenderings(const CancellationToken& cancellation);
 
  private:
-  Refinement refine(const Prior& prior, const std::function<HypothesisTable()>& search,
+  Refinement refine(const Camera& camera, const Prior& prior,
+                    const std::function<HypothesisTable()>& search,
                     const CancellationToken& cancellation);
   void begin();
   void adaptTo(const Observation& observation);
