@@ -109,23 +109,6 @@ TEST(CameraFromMessage, TakesKForRawAndPForRectifiedImages) {
   EXPECT_TRUE(rectified.distortion.isZero());
 }
 
-TEST(CameraFromMessage, RefusesAFocalLengthThatDoesNotSuitTheImage) {
-  for (const double factor : {1e-200, 1e-6, 1e-4, 1e4, 1e9, 1e200}) {
-    for (const bool only_y : {false, true}) {
-      SCOPED_TRACE(factor);
-      sensor_msgs::CameraInfo info = someInfo();
-      if (!only_y) info.K[0] *= factor;
-      info.K[4] *= factor;
-      EXPECT_EQ(reasonFor(info, false), TrackReason::kBadCameraInfo);
-      EXPECT_NE(textOf([&] { cameraFromMessage(info, false); }).find("focal length"),
-                std::string::npos);
-    }
-  }
-  sensor_msgs::CameraInfo info = someInfo();
-  info.K[0] = info.K[4] = 100 * 8;  // a telescope
-  EXPECT_EQ(reasonFor(info, false), TrackReason::kNone);
-}
-
 TEST(CameraFromMessage, HeedsBinningAndRegionOfInterest) {
   sensor_msgs::CameraInfo info = someInfo();
   info.width = 16;
