@@ -86,7 +86,7 @@ Refinement KeyframeRefiner::follow(const TimedObservation& image, const Prior& p
       [&]() -> HypothesisTable {
         if (!objectRegion(camera, prior, field_->field().metadata)) return {};
         takeRenewal(image.stamp_ns, cancellation);
-        if (!search_->distanceOfNearest(prior.T_O_C)) makeAt({camera, prior.T_O_C}, cancellation);
+        if (!search_->distanceOfNearest(prior.T_O_C)) makeAt(camera, {prior.T_O_C}, cancellation);
         return search_->near(image.observation, prior, cancellation);
       },
       cancellation);
@@ -106,14 +106,16 @@ Refinement KeyframeRefiner::find(const TimedObservation& image, const Prior& pri
         if (!objectRegion(camera, prior, field_->field().metadata)) return {};
         waitForRenderings(cancellation);
         HypothesisTable starts = search_->around(image.observation, prior, cancellation);
+        std::vector<Pose> rendered;
         for (std::size_t i = 0; i < std::min(kRendered, starts.size()); ++i) {
-          if (isFar(starts[i].T_O_C)) makeAt({camera, starts[i].T_O_C}, cancellation);
+          rendered.push_back(starts[i].T_O_C);
         }
         for (std::size_t i = 0; i < std::min(kRendered, candidates_T_O_C.size()); ++i) {
-          if (isFar(candidates_T_O_C[i])) makeAt({camera, candidates_T_O_C[i]}, cancellation);
+          rendered.push_back(candidates_T_O_C[i]);
           starts.emplace_back();
           starts.back().T_O_C = candidates_T_O_C[i];
         }
+        makeAt(camera, rendered, cancellation);
         return search_->from(image.observation, starts, cancellation);
       },
       cancellation);
@@ -137,11 +139,13 @@ Refinement KeyframeRefiner::settle(const TimedObservation& image,
         if (!objectRegion(camera, anywhere, field_->field().metadata)) return {};
         waitForRenderings(cancellation);
         HypothesisTable starts;
+        std::vector<Pose> poses;
         for (const RoughPose& one : rough) {
-          if (isFar(one.T_O_C)) makeAt({camera, one.T_O_C}, cancellation);
+          poses.push_back(one.T_O_C);
           starts.emplace_back();
           starts.back().T_O_C = one.T_O_C;
         }
+        makeAt(camera, poses, cancellation);
         return search_->from(image.observation, starts, cancellation);
       },
       cancellation);
@@ -187,17 +191,29 @@ void KeyframeRefiner::takeRenewal(std::int64_t stamp_ns, const CancellationToken
   if (keyframe) search_->add(keyframe);
 }
 
-/// Where a keyframe is possible.
-void KeyframeRefiner::makeAt(const View& view, const CancellationToken& cancellation) {
-  if (!fitsKeyframe(view, field_->field().metadata)) return;
+/// Makes keyframes at those poses that are far from each that exists, and from those before them,
+/// where one is possible.
+void KeyframeRefiner::makeAt(const Camera& camera, const std::vector<Pose>& poses_T_O_C,
+                             const CancellationToken& cancellation) {
   waitForRenderings(cancellation);
-  renderer_->request(view);
-  search_->add(renderer_->wait(cancellation));
+  const Eigen::Vector3d& centre = field_->field().metadata.centre;
+  std::vector<View> views;
+  for (const Pose& T_O_C : poses_T_O_C) {
+    const bool is_new = std::all_of(views.begin(), views.end(), [&](const View& other) {
+      return isFar(viewDistance(other.T_O_C, T_O_C, centre));
+    });
+    const bool is_possible = fitsKeyframe({camera, T_O_C}, field_->field().metadata);
+    if (is_new && is_possible && isFar(search_->distanceOfNearest(T_O_C))) {
+      views.push_back({camera, T_O_C});
+    }
+  }
+  for (KeyframePoints& made : renderKeyframes(*field_, views, settings_.keyframe, cancellation)) {
+    search_->add(std::make_shared<const KeyframePoints>(std::move(made)));
+  }
 }
 
-/// Whether a pose wants a keyframe of its own.
-bool KeyframeRefiner::isFar(const Pose& T_O_C) {
-  const std::optional<ViewDistance> away = search_->distanceOfNearest(T_O_C);
+/// Whether a pose wants a keyframe of its own. @param away from the nearest one, if there is any.
+bool KeyframeRefiner::isFar(const std::optional<ViewDistance>& away) const {
   return !away || away->rotation_rad > settings_.renew_rotation_deg * kDegree ||
          away->scale > settings_.renew_distance;
 }
@@ -212,7 +228,10 @@ void KeyframeRefiner::renewFor(const View& view, std::int64_t stamp_ns) {
   }
   last_ = {stamp_ns, view.T_O_C};
   const View next = {view.camera, ahead};
-  if (renderer_->busy() || !isFar(ahead) || !fitsKeyframe(next, field_->field().metadata)) return;
+  if (renderer_->busy() || !isFar(search_->distanceOfNearest(ahead)) ||
+      !fitsKeyframe(next, field_->field().metadata)) {
+    return;
+  }
   due_ns_ = stamp_ns + static_cast<std::int64_t>(1e9 * settings_.renewal_s);
   renderer_->request(next);
 }

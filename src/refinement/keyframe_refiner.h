@@ -71,8 +71,9 @@ class KeyframeRefiner {
   void begin();
   void adaptTo(const Observation& observation);
   void takeRenewal(std::int64_t stamp_ns, const CancellationToken& cancellation);
-  void makeAt(const View& view, const CancellationToken& cancellation);
-  bool isFar(const Pose& T_O_C);
+  void makeAt(const Camera& camera, const std::vector<Pose>& poses_T_O_C,
+              const CancellationToken& cancellation);
+  bool isFar(const std::optional<ViewDistance>& away) const;
   void renewFor(const View& view, std::int64_t stamp_ns);
   Refinement conclude(const HypothesisTable& found, const Prior& prior) const;
   void judge(const Prior& prior, const CancellationToken& cancellation, Refinement* found);

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <future>
 #include <stdexcept>
 #include <string>
 
@@ -28,44 +29,48 @@ void makeGrey(Image* layers) {
   }
 }
 
-// Premultiplied colour, alpha, and alpha times the point relative to the object's centre.
-Image layersOf(const Rendering& rendering, const Eigen::Vector3f& centre) {
-  Image layers(rendering.alpha.width, rendering.alpha.height, kKeyframeChannels);
-  for (std::size_t i = 0; i < layers.pixels(); ++i) {
-    float* pixel = layers.values.data() + kKeyframeChannels * i;
-    const float alpha = rendering.alpha.values[i];
-    for (std::size_t c = 0; c < 3; ++c) {
-      pixel[c] = rendering.colour.values[3 * i + c];
-      pixel[kKeyframePoint + c] = rendering.point.values[3 * i + c] - alpha * centre[c];
-    }
-    pixel[kKeyframeAlpha] = alpha;
-  }
-  return layers;
-}
+/// A rectangle of whole pixels.
+struct PixelBox {
+  int left, top, width, height;
+};
 
-// The part that shows the object, aligned to whole pixels of the coarsest level.
-Image cropped(const Image& layers, int step) {
-  int left = layers.width, right = 0, top = layers.height, bottom = 0;
-  for (int y = 0; y < layers.height; ++y) {
-    for (int x = 0; x < layers.width; ++x) {
-      if (layers.at(x, y, kKeyframeAlpha) < 0.5f) continue;
+// The part of a rendering that shows the object, in whole steps. One more on each side, because the
+// outline is compared with its outside.
+PixelBox shownPart(const Image& alpha, int step) {
+  int left = alpha.width, right = 0, top = alpha.height, bottom = 0;
+  for (int y = 0; y < alpha.height; ++y) {
+    for (int x = 0; x < alpha.width; ++x) {
+      if (alpha.at(x, y, 0) < 0.5f) continue;
       left = std::min(left, x);
       right = std::max(right, x + 1);
       top = std::min(top, y);
       bottom = std::max(bottom, y + 1);
     }
   }
-  // Plus one coarsest pixel on each side, because the outline is compared with its outside.
   left = std::max(0, std::min(left, right) / step * step - step);
   top = std::max(0, std::min(top, bottom) / step * step - step);
-  const int width = std::min((right - left + step - 1) / step * step + step, layers.width - left);
-  const int height = std::min((bottom - top + step - 1) / step * step + step, layers.height - top);
-  Image part(width, height, layers.channels);
-  for (int y = 0; y < height; ++y) {
-    const float* row = layers.pixel(left, top + y);
-    std::copy(row, row + static_cast<std::ptrdiff_t>(width) * layers.channels, part.pixel(0, y));
+  return {left, top, std::min((right - left + step - 1) / step * step + step, alpha.width - left),
+          std::min((bottom - top + step - 1) / step * step + step, alpha.height - top)};
+}
+
+// Premultiplied colour, alpha, and alpha times the point relative to the object's centre.
+Image layersOf(const Rendering& rendering, const PixelBox& part, const Eigen::Vector3f& centre) {
+  Image layers(part.width, part.height, kKeyframeChannels);
+  for (int y = 0; y < part.height; ++y) {
+    const float* alpha = rendering.alpha.pixel(part.left, part.top + y);
+    const float* colour = rendering.colour.pixel(part.left, part.top + y);
+    const float* point = rendering.point.pixel(part.left, part.top + y);
+    float* pixel = layers.pixel(0, y);
+    for (int x = 0; x < part.width; ++x, ++alpha, colour += 3, point += 3) {
+      for (std::size_t c = 0; c < 3; ++c) {
+        pixel[c] = colour[c];
+        pixel[kKeyframePoint + c] = point[c] - *alpha * centre[c];
+      }
+      pixel[kKeyframeAlpha] = *alpha;
+      pixel += kKeyframeChannels;
+    }
   }
-  return part;
+  return layers;
 }
 
 int windowOf(const KeyframeSettings& settings, int level) {
@@ -74,6 +79,34 @@ int windowOf(const KeyframeSettings& settings, int level) {
   return static_cast<int>(
       std::lround(settings.finest_window_px +
                   coarseness * (settings.coarsest_window_px - settings.finest_window_px)));
+}
+
+/// What is rendered for a keyframe.
+struct RenderedWindow {
+  Rendering rendering;
+  Camera camera;      // of the finest level
+  int reduction = 1;  // pixels of the image along one of the keyframe
+};
+
+RenderedWindow renderWindow(const LoadedField& field, const View& view,
+                            const KeyframeSettings& settings,
+                            const CancellationToken& cancellation) {
+  RenderedWindow window;
+  window.camera =
+      keyframeCamera(view.camera, view.T_O_C, field.field().metadata, settings, &window.reduction);
+  const int n = settings.rays_per_side;
+  const Camera finer = window.camera.resized(n * window.camera.width, n * window.camera.height);
+  window.rendering = field.render({finer, view.T_O_C}, RenderOptions(), cancellation);
+  return window;
+}
+
+KeyframePoints keyframeOf(const RenderedWindow& window, const View& view,
+                          const FieldMetadata& object, const KeyframeSettings& settings) {
+  KeyframePoints keyframe =
+      makeKeyframe(window.rendering, window.camera, view.T_O_C, object, settings);
+  keyframe.camera = view.camera;
+  keyframe.reduction = window.reduction;
+  return keyframe;
 }
 
 }  // namespace
@@ -125,21 +158,31 @@ Camera keyframeCamera(const Camera& camera, const Pose& T_O_C, const FieldMetada
   return camera.cropped(x, y, side, side).resized(side / *reduction, side / *reduction);
 }
 
+std::vector<KeyframePoints> renderKeyframes(const LoadedField& field,
+                                            const std::vector<View>& views,
+                                            const KeyframeSettings& settings,
+                                            const CancellationToken& cancellation) {
+  settings.validate();
+  std::vector<std::future<KeyframePoints>> underway;
+  for (const View& view : views) {
+    underway.push_back(std::async(
+        std::launch::async,
+        [&](const RenderedWindow& window) {
+          return keyframeOf(window, view, field.field().metadata, settings);
+        },
+        renderWindow(field, view, settings, cancellation)));
+  }
+  std::vector<KeyframePoints> keyframes;
+  for (std::future<KeyframePoints>& one : underway) keyframes.push_back(one.get());
+  return keyframes;
+}
+
 KeyframePoints renderKeyframe(const LoadedField& field, const View& view,
                               const KeyframeSettings& settings,
                               const CancellationToken& cancellation) {
   settings.validate();
-  const FieldMetadata& object = field.field().metadata;
-  int reduction = 1;
-  const Camera window = keyframeCamera(view.camera, view.T_O_C, object, settings, &reduction);
-  const int n = settings.rays_per_side;
-  const Camera finer = window.resized(n * window.width, n * window.height);
-  KeyframePoints keyframe =
-      makeKeyframe(field.render({finer, view.T_O_C}, RenderOptions(), cancellation), window,
-                   view.T_O_C, object, settings);
-  keyframe.camera = view.camera;
-  keyframe.reduction = reduction;
-  return keyframe;
+  return keyframeOf(renderWindow(field, view, settings, cancellation), view, field.field().metadata,
+                    settings);
 }
 
 KeyframePoints makeKeyframe(const Rendering& rendering, const Camera& camera, const Pose& T_O_C,
@@ -150,13 +193,14 @@ KeyframePoints makeKeyframe(const Rendering& rendering, const Camera& camera, co
   keyframe.T_O_C = T_O_C;
   keyframe.centre = object.centre;
   keyframe.diameter = object.diameter;
-  Image layers = layersOf(rendering, object.centre.cast<float>()), half;
+  const int rays = rendering.alpha.width / camera.width;
+  const PixelBox part = shownPart(rendering.alpha, rays << (settings.levels - 1));
+  Image layers = layersOf(rendering, part, object.centre.cast<float>()), half;
   if (settings.grey) makeGrey(&layers);
-  while (layers.width > camera.width) {
+  for (int n = rays; n > 1; n /= 2) {
     halveImage(layers, &half);
     std::swap(layers, half);
   }
-  layers = cropped(layers, 1 << (settings.levels - 1));
   KeyframeView view;
   view.right = T_O_C.R.col(0).cast<float>();
   view.down = T_O_C.R.col(1).cast<float>();

@@ -1,6 +1,8 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <vector>
+
 #include "backend/keyframe_points.h"
 #include "backend/loaded_field.h"
 #include "field/field.h"
@@ -41,6 +43,13 @@ Camera keyframeCamera(const Camera& camera, const Pose& T_O_C, const FieldMetada
 KeyframePoints renderKeyframe(const LoadedField& field, const View& view,
                               const KeyframeSettings& settings = {},
                               const CancellationToken& cancellation = {});
+
+/// Keyframes of several views: the points of each are chosen in a thread of its own, while the next
+/// view is rendered. @throws as `renderKeyframe`.
+std::vector<KeyframePoints> renderKeyframes(const LoadedField& field,
+                                            const std::vector<View>& views,
+                                            const KeyframeSettings& settings = {},
+                                            const CancellationToken& cancellation = {});
 
 /// Makes a keyframe from a rendering.
 /// @param rendering has `rays_per_side` pixels along each pixel of `camera`.

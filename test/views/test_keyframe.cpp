@@ -7,6 +7,8 @@
 #include <cmath>
 #include <map>
 #include <set>
+#include <utility>
+#include <vector>
 
 #include "backend/loaded_field.h"
 #include "support/analytic_scene.h"
@@ -170,6 +172,26 @@ TEST_F(KeyframeOfScene, ReducesALargeImage) {
   EXPECT_EQ(keyframe.reduction, 2);
   EXPECT_LE(keyframe.levels[0].width, KeyframeSettings().max_side_px);
   EXPECT_EQ(render().reduction, 1);
+}
+
+TEST_F(KeyframeOfScene, SeveralAreAsOneByOne) {
+  const Pose other = cameraAround(*scene_, 2.0, -0.3);
+  const std::vector<KeyframePoints> both =
+      renderKeyframes(*scene_, {{kCamera, T_O_C_}, {kCamera, other}}, dense());
+  ASSERT_EQ(both.size(), 2u);
+  const KeyframePoints first = render();
+  T_O_C_ = other;
+  const KeyframePoints second = render();
+  for (const auto& [one, same] : {std::pair(&both[0], &first), std::pair(&both[1], &second)}) {
+    EXPECT_EQ(one->T_O_C.t, same->T_O_C.t);
+    ASSERT_EQ(one->levels.size(), same->levels.size());
+    EXPECT_EQ(one->levels[0].chosen.x, same->levels[0].chosen.x);
+    EXPECT_EQ(one->levels[0].outline.size(), same->levels[0].outline.size());
+  }
+  // One of them cannot be made: so none is.
+  EXPECT_THROW(renderKeyframes(*scene_, {{kCamera, other}, {kCamera, Pose()}}, dense()),
+               std::invalid_argument);
+  EXPECT_TRUE(renderKeyframes(*scene_, {}, dense()).empty());
 }
 
 TEST_F(KeyframeOfScene, RefusesWhatMakesNoSense) {
