@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cmath>
 #include <string>
+#include <utility>
 
 #include "image/colour.h"
 #include "ros/conversions/pose_conversions.h"
@@ -204,7 +205,11 @@ void CameraInput::makeUndistorter(const CameraModel& model) {
   if (undistorter_ != nullptr && sameModel(model, model_)) return;
   undistorter_.reset();
   try {
-    undistorter_ = std::make_shared<const Undistorter>(model.camera, model.distortion);
+    auto undistorter = std::make_shared<const Undistorter>(model.camera, model.distortion);
+    requirePlausible(undistorter->camera());
+    undistorter_ = std::move(undistorter);
+  } catch (const InputError&) {
+    throw;
   } catch (const std::exception& e) {
     throw InputError(TrackReason::kBadCameraInfo, std::string("camera_info: ") + e.what());
   }
