@@ -26,6 +26,8 @@ const char* textOf(TrustVerdict verdict) {
       return "";
     case TrustVerdict::kNoOverlap:
       return "the prior is outside the image";
+    case TrustVerdict::kBadSize:
+      return "the object would be far larger than the image, or only a few pixels wide";
     case TrustVerdict::kDiverged:
       return "no hypothesis survived";
     case TrustVerdict::kLowScore:

@@ -36,6 +36,7 @@ struct Prior {
 enum class Outcome {
   kRefined,    ///< a pose was found; `score` says how well it explains the image
   kNoOverlap,  ///< the prior is entirely outside the image
+  kBadSize,    ///< the object would be far larger than the image, or only a few pixels wide
   kDiverged,   ///< no hypothesis survived
   kCancelled,  ///< a cancellation was requested
 };

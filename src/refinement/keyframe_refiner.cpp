@@ -176,6 +176,11 @@ Refinement KeyframeRefiner::refine(const Observation& observation, const Prior& 
       beside_->join(observation, prior, scores_, cancellation, &result);
     }
     if (result.outcome == Outcome::kRefined) considerDepth(observation, &result);
+    const FieldMetadata& object = field_->field().metadata;
+    if (result.outcome == Outcome::kNoOverlap && objectRegion(observation.camera, prior, object) &&
+        !fitsKeyframe({observation.camera, prior.T_O_C}, object)) {
+      result.outcome = Outcome::kBadSize;
+    }
   } catch (const Cancelled&) {
     result.outcome = Outcome::kCancelled;
   }
@@ -196,7 +201,8 @@ void KeyframeRefiner::takeRenewal(std::int64_t stamp_ns, const CancellationToken
   if (keyframe) search_->add(keyframe);
 }
 
-/// Makes keyframes at those poses that are far from each that exists, and from those before them.
+/// Makes keyframes at those poses that are far from each that exists, and from those before them,
+/// where one is possible.
 void KeyframeRefiner::makeAt(const Camera& camera, const std::vector<Pose>& poses_T_O_C,
                              const CancellationToken& cancellation) {
   waitForRenderings(cancellation);
@@ -206,7 +212,10 @@ void KeyframeRefiner::makeAt(const Camera& camera, const std::vector<Pose>& pose
     const bool is_new = std::all_of(views.begin(), views.end(), [&](const View& other) {
       return isFar(viewDistance(other.T_O_C, T_O_C, centre));
     });
-    if (is_new && isFar(search_->distanceOfNearest(T_O_C))) views.push_back({camera, T_O_C});
+    const bool is_possible = fitsKeyframe({camera, T_O_C}, field_->field().metadata);
+    if (is_new && is_possible && isFar(search_->distanceOfNearest(T_O_C))) {
+      views.push_back({camera, T_O_C});
+    }
   }
   for (KeyframePoints& made : renderKeyframes(*field_, views, settings_.keyframe, cancellation)) {
     search_->add(std::make_shared<const KeyframePoints>(std::move(made)));
@@ -228,9 +237,13 @@ void KeyframeRefiner::renewFor(const View& view, std::int64_t stamp_ns) {
     ahead = extrapolated(last_->second, view.T_O_C, std::min(kMost, settings_.renewal_s / since_s));
   }
   last_ = {stamp_ns, view.T_O_C};
-  if (renderer_->busy() || !isFar(search_->distanceOfNearest(ahead))) return;
+  const View next = {view.camera, ahead};
+  if (renderer_->busy() || !isFar(search_->distanceOfNearest(ahead)) ||
+      !fitsKeyframe(next, field_->field().metadata)) {
+    return;
+  }
   due_ns_ = stamp_ns + static_cast<std::int64_t>(1e9 * settings_.renewal_s);
-  renderer_->request({view.camera, ahead});
+  renderer_->request(next);
 }
 
 /// Says how likely the best hypothesis is right, and how far off it may be.

@@ -15,6 +15,13 @@
 namespace nerf_pose_refiner {
 namespace {
 
+constexpr double kReach = 0.6;  // of the diameter, as the centre need not be in the middle
+
+/// Half the width of the window that contains the object [px].
+double reachInImage(const View& view, const FieldMetadata& object, double distance) {
+  return kReach * object.diameter * std::max(view.camera.fx, view.camera.fy) / distance;
+}
+
 // As cameras and OpenCV make grey of encoded colours (ITU-R BT.601).
 void makeGrey(Image* layers) {
   for (std::size_t i = 0; i < layers->pixels(); ++i) {
@@ -139,15 +146,27 @@ void KeyframeSettings::validate() const {
   require(max_depth_step > 0, "keyframe: max_depth_step", max_depth_step);
 }
 
+bool fitsKeyframe(const View& view, const FieldMetadata& object) {
+  constexpr double kMaxImages = 16,
+                   kMin_px = 8;  // width of the window: in widths of the image, [px]
+  constexpr double kMaxAside_px = 1e8;
+  const Eigen::Vector3d centre_C = view.T_O_C.inverse() * object.centre;
+  if (!(centre_C.z() > kReach * object.diameter)) return false;
+  const double side = 2 * reachInImage(view, object, centre_C.z());
+  const Eigen::Vector2d middle = view.camera.project(centre_C);
+  return side >= kMin_px && side <= kMaxImages * std::max(view.camera.width, view.camera.height) &&
+         middle.cwiseAbs().maxCoeff() <= kMaxAside_px;
+}
+
 Camera keyframeCamera(const Camera& camera, const Pose& T_O_C, const FieldMetadata& object,
                       const KeyframeSettings& settings, int* reduction) {
-  constexpr double kReach = 0.6;  // of the diameter, as the centre need not be in the middle
-  const Eigen::Vector3d centre_C = T_O_C.inverse() * object.centre;
-  if (!(centre_C.z() > kReach * object.diameter)) {
-    throw std::invalid_argument("keyframe: the object is not in front of the camera");
+  if (!fitsKeyframe({camera, T_O_C}, object)) {
+    throw std::invalid_argument(
+        "keyframe: the object is not in front of the camera, or far too large or small in its "
+        "image");
   }
-  const double focal = std::max(camera.fx, camera.fy);
-  const double reach_px = kReach * object.diameter * focal / centre_C.z();
+  const Eigen::Vector3d centre_C = T_O_C.inverse() * object.centre;
+  const double reach_px = reachInImage({camera, T_O_C}, object, centre_C.z());
   *reduction = 1;
   while (2 * reach_px > *reduction * settings.max_side_px) *reduction *= 2;
   // Whole pixels of the coarsest level; the window may extend beyond the image.

@@ -49,6 +49,30 @@ class KeyframeOfScene : public testing::Test {
   Pose T_O_C_ = cameraAround(*scene_, 0.6, 0.5);
 };
 
+TEST_F(KeyframeOfScene, NeedsAnObjectOfUsefulSizeInTheImage) {
+  const FieldMetadata& object = scene_->field().metadata;
+  const double distance = (T_O_C_.t - object.centre).norm();
+  const auto cameraWith = [](double focal) { return Camera{320, 240, focal, focal, 159.5, 119.5}; };
+  // The window is 1.2 diameters wide: 8 pixels at least, 16 times the image at most.
+  const double least = 8 * distance / (1.2 * object.diameter);
+  const double most = 16 * 320 * distance / (1.2 * object.diameter);
+  const KeyframeSettings settings;
+  int reduction = 0;
+  for (const double focal : {1.01 * least, 0.99 * most}) {
+    EXPECT_TRUE(fitsKeyframe({cameraWith(focal), T_O_C_}, object)) << focal;
+    const Camera window = keyframeCamera(cameraWith(focal), T_O_C_, object, settings, &reduction);
+    EXPECT_GT(window.width, 8);
+    EXPECT_LT(window.width, 2 * settings.max_side_px);
+  }
+  for (const double focal : {0.99 * least, 1.01 * most, 1e-9, 1e9, 1e200, 1e308}) {
+    EXPECT_FALSE(fitsKeyframe({cameraWith(focal), T_O_C_}, object)) << focal;
+    EXPECT_THROW(keyframeCamera(cameraWith(focal), T_O_C_, object, settings, &reduction),
+                 std::invalid_argument);
+  }
+  const Pose behind = {T_O_C_.R, object.centre + 3 * T_O_C_.R.col(2)};
+  EXPECT_FALSE(fitsKeyframe({kCamera, behind}, object));
+}
+
 TEST_F(KeyframeOfScene, PointsLieOnTheSurface) {
   const KeyframePoints keyframe = render();
   ASSERT_EQ(keyframe.levels.size(), 4u);
