@@ -86,6 +86,8 @@ RefineResult Refiner::refine(const Observation& observation, const PosePrior& pr
   result.T_C_O = object.objectInCamera(refined.T_O_C);
   result.score = refined.score;
   result.visible_fraction = refined.visible_fraction;
+  result.depth = refined.depth;
+  result.beside = refined.beside;
   result.seconds = refined.seconds;
   if (refined.outcome != Outcome::kRefined) return result;
   const FieldMetadata& metadata = object.field()->metadata;

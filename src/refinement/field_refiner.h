@@ -63,6 +63,8 @@ struct Refinement {
   std::optional<double> found_probability;
   double visible_fraction = 0;           ///< 0..1
   std::optional<double> mask_agreement;  ///< @see maskAgreement; nothing: there was no mask
+  DepthReport depth;                     ///< what became of the observation's depth
+  std::vector<SideViewReport> beside;    ///< of the observation's side views, in their order
   Matrix6 covariance = Matrix6::Zero();  ///< of the best pose; @see poseCovariance
   HypothesisTable hypotheses;            ///< those of the last stage, best first;
                                          ///< @see nearestEquivalents

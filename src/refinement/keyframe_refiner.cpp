@@ -11,6 +11,7 @@
 
 #include "math/angle.h"
 #include "math/require.h"
+#include "refinement/depth_occlusion.h"
 #include "refinement/grey_image.h"
 #include "refinement/plan.h"
 #include "refinement/pose_probability.h"
@@ -67,6 +68,7 @@ KeyframeRefiner::KeyframeRefiner(Backend* backend, std::shared_ptr<const LoadedF
 void KeyframeRefiner::begin() {
   renderer_.reset();
   search_.emplace(backend_, field_, settings_);
+  beside_.emplace(backend_, field_, settings_);
   renderer_.emplace(field_, settings_.keyframe);
 }
 
@@ -81,13 +83,15 @@ Refinement KeyframeRefiner::follow(const TimedObservation& image, const Prior& p
                                    const CancellationToken& cancellation) {
   const Camera& camera = image.observation.camera;
   adaptTo(image.observation);
-  const Refinement result = refine(
-      camera, prior,
+  Refinement result = refine(
+      image.observation, prior,
       [&]() -> HypothesisTable {
         if (!objectRegion(camera, prior, field_->field().metadata)) return {};
         takeRenewal(image.stamp_ns, cancellation);
         if (!search_->distanceOfNearest(prior.T_O_C)) makeAt(camera, {prior.T_O_C}, cancellation);
-        return search_->near(image.observation, prior, cancellation);
+        std::optional<Observation> uncovered;
+        if (depth_.isEstablished()) uncovered = withoutOccluders(image.observation, prior);
+        return search_->near(uncovered ? *uncovered : image.observation, prior, cancellation);
       },
       cancellation);
   if (result.outcome == Outcome::kRefined) renewFor({camera, result.T_O_C}, image.stamp_ns);
@@ -100,8 +104,8 @@ Refinement KeyframeRefiner::find(const TimedObservation& image, const Prior& pri
   constexpr std::size_t kRendered = 2;  // of the poses of either kind
   const Camera& camera = image.observation.camera;
   adaptTo(image.observation);
-  const Refinement result = refine(
-      camera, prior,
+  Refinement result = refine(
+      image.observation, prior,
       [&]() -> HypothesisTable {
         if (!objectRegion(camera, prior, field_->field().metadata)) return {};
         waitForRenderings(cancellation);
@@ -119,6 +123,7 @@ Refinement KeyframeRefiner::find(const TimedObservation& image, const Prior& pri
         return search_->from(image.observation, starts, cancellation);
       },
       cancellation);
+  lookPastOccluders(image.observation, prior, cancellation, &result);
   if (result.outcome == Outcome::kRefined) last_ = {image.stamp_ns, result.T_O_C};
   return result;
 }
@@ -134,7 +139,7 @@ Refinement KeyframeRefiner::settle(const TimedObservation& image,
   anywhere.rotation_rad = M_PI;
   anywhere.translation = 1;
   Refinement result = refine(
-      camera, anywhere,
+      image.observation, anywhere,
       [&]() -> HypothesisTable {
         if (!objectRegion(camera, anywhere, field_->field().metadata)) return {};
         waitForRenderings(cancellation);
@@ -157,7 +162,7 @@ Refinement KeyframeRefiner::settle(const TimedObservation& image,
   return result;
 }
 
-Refinement KeyframeRefiner::refine(const Camera& camera, const Prior& prior,
+Refinement KeyframeRefiner::refine(const Observation& observation, const Prior& prior,
                                    const std::function<HypothesisTable()>& search,
                                    const CancellationToken& cancellation) {
   const auto begin = std::chrono::steady_clock::now();
@@ -167,9 +172,13 @@ Refinement KeyframeRefiner::refine(const Camera& camera, const Prior& prior,
   try {
     result = conclude(search(), prior);
     if (result.outcome == Outcome::kRefined) judge(prior, cancellation, &result);
+    if (!observation.beside.empty()) {
+      beside_->join(observation, prior, scores_, cancellation, &result);
+    }
+    if (result.outcome == Outcome::kRefined) considerDepth(observation, &result);
     const FieldMetadata& object = field_->field().metadata;
-    if (result.outcome == Outcome::kNoOverlap && objectRegion(camera, prior, object) &&
-        !fitsKeyframe({camera, prior.T_O_C}, object)) {
+    if (result.outcome == Outcome::kNoOverlap && objectRegion(observation.camera, prior, object) &&
+        !fitsKeyframe({observation.camera, prior.T_O_C}, object)) {
       result.outcome = Outcome::kBadSize;
     }
   } catch (const Cancelled&) {
@@ -181,6 +190,7 @@ Refinement KeyframeRefiner::refine(const Camera& camera, const Prior& prior,
 
 void KeyframeRefiner::waitForRenderings(const CancellationToken& cancellation) {
   if (renderer_->busy()) search_->add(renderer_->wait(cancellation));
+  beside_->waitForRenderings(cancellation);
 }
 
 void KeyframeRefiner::takeRenewal(std::int64_t stamp_ns, const CancellationToken& cancellation) {
@@ -251,6 +261,54 @@ void KeyframeRefiner::judge(const Prior& prior, const CancellationToken& cancell
   const double by_both = withOdds(by_image, odds);
   found->found_probability = by_both;
   found->score = by_both * withinProbability(found->covariance, object);
+}
+
+/// Joins depth to what colours said.
+void KeyframeRefiner::considerDepth(const Observation& observation, Refinement* found) {
+  if (!observation.depth) return;
+  const FieldMetadata& object = field_->field().metadata;
+  const auto keyframe = search_->nearestTo(found->T_O_C);
+  const double odds = depth_.fuse(*observation.depth, keyframe, object, found);
+  constexpr double kSurest = 0.95;  // that no image of the object alone, on a poster say, misleads
+  if (odds < 1) {
+    found->found_probability = withOdds(std::min(kSurest, *found->found_probability), odds);
+  }
+  found->score = *found->found_probability * withinProbability(found->covariance, object);
+  found->hypotheses.front().T_O_C = found->T_O_C;
+}
+
+/// The observation without what depth shows before the object. Nothing: there is no such thing.
+std::optional<Observation> KeyframeRefiner::withoutOccluders(const Observation& observation,
+                                                             const Prior& near) {
+  constexpr double kReach = 0.5;  // of the prior: what lies so near before the object may be itself
+  const FieldMetadata& object = field_->field().metadata;
+  const auto keyframe = search_->nearestTo(near.T_O_C);
+  if (!observation.depth || keyframe == nullptr || !(object.metres_per_unit > 0)) return {};
+  const double slack = kReach * near.translation * object.diameter * object.metres_per_unit;
+  auto weight =
+      weightWithoutOccluders(observation, *keyframe, near.T_O_C, {object.metres_per_unit, slack});
+  if (!weight) return std::nullopt;
+  Observation uncovered = observation;
+  uncovered.weight = std::move(*weight);
+  return uncovered;
+}
+
+/// Aligns once more without what hides the object, if the first pose shows that something does.
+void KeyframeRefiner::lookPastOccluders(const Observation& observation, const Prior& prior,
+                                        const CancellationToken& cancellation, Refinement* found) {
+  constexpr double kHidden = 0.05, kSlack = 0.04;  // of the surface; [diameters]
+  if (found->depth.use != DepthUse::kUsed || found->depth.nearer < kHidden) return;
+  Prior near = prior;
+  near.T_O_C = found->T_O_C;
+  near.translation = std::min(near.translation, kSlack);
+  const std::optional<Observation> uncovered = withoutOccluders(observation, near);
+  if (!uncovered) return;
+  near.translation = prior.translation;
+  Refinement again = refine(
+      *uncovered, near, [&] { return search_->near(*uncovered, near, cancellation); },
+      cancellation);
+  again.seconds += found->seconds;
+  if (again.outcome == Outcome::kRefined && again.score >= found->score) *found = again;
 }
 
 Refinement KeyframeRefiner::conclude(const HypothesisTable& found, const Prior& prior) const {

@@ -10,8 +10,10 @@
 
 #include "backend/backend.h"
 #include "backend/loaded_field.h"
+#include "refinement/depth_fusion.h"
 #include "refinement/field_refiner.h"
 #include "refinement/keyframe_search.h"
+#include "refinement/side_views.h"
 #include "views/keyframe_renderer.h"
 
 namespace nerf_pose_refiner {
@@ -65,9 +67,13 @@ class KeyframeRefiner {
   void waitForRenderings(const CancellationToken& cancellation);
 
  private:
-  Refinement refine(const Camera& camera, const Prior& prior,
+  Refinement refine(const Observation& observation, const Prior& prior,
                     const std::function<HypothesisTable()>& search,
                     const CancellationToken& cancellation);
+  void considerDepth(const Observation& observation, Refinement* found);
+  std::optional<Observation> withoutOccluders(const Observation& observation, const Prior& near);
+  void lookPastOccluders(const Observation& observation, const Prior& prior,
+                         const CancellationToken& cancellation, Refinement* found);
   void begin();
   void adaptTo(const Observation& observation);
   void takeRenewal(std::int64_t stamp_ns, const CancellationToken& cancellation);
@@ -84,6 +90,8 @@ class KeyframeRefiner {
   KeyframeScores scores_;
   std::optional<KeyframeSearch> search_;
   std::optional<KeyframeRenderer> renderer_;
+  DepthFusion depth_;
+  std::optional<SideViews> beside_;
   std::int64_t due_ns_ = 0;  // stamp from which on the keyframe under way is used
   std::optional<std::pair<std::int64_t, Pose>> last_;  // stamp and pose that were found last
 };

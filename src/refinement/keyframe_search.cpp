@@ -91,6 +91,11 @@ std::optional<ViewDistance> KeyframeSearch::distanceOfNearest(const Pose& T_O_C)
   return viewDistance(*nearest->keyframe, T_O_C);
 }
 
+std::shared_ptr<const KeyframePoints> KeyframeSearch::nearestTo(const Pose& T_O_C) {
+  const KeyframeSet::Entry* const nearest = kept_.nearest(T_O_C);
+  return nearest == nullptr ? nullptr : nearest->keyframe;
+}
+
 std::vector<KeyframeStart> KeyframeSearch::startsOf(const std::vector<Pose>& poses,
                                                     KeyframeSet* set) {
   std::vector<KeyframeStart> starts;

@@ -6,6 +6,7 @@
 #include <future>
 #include <stdexcept>
 #include <string>
+#include <utility>
 
 #include "backend/common/image_levels.h"
 #include "math/require.h"
@@ -71,6 +72,26 @@ Image layersOf(const Rendering& rendering, const PixelBox& part, const Eigen::Ve
     }
   }
   return layers;
+}
+
+// From fine to coarse.
+std::vector<Image> pyramidOf(const Rendering& rendering, const Camera& camera,
+                             const FieldMetadata& object, const KeyframeSettings& settings) {
+  const int rays = rendering.alpha.width / camera.width;
+  const PixelBox part = shownPart(rendering.alpha, rays << (settings.levels - 1));
+  Image layers = layersOf(rendering, part, object.centre.cast<float>()), half;
+  if (settings.grey) makeGrey(&layers);
+  for (int n = rays; n > 1; n /= 2) {
+    halveImage(layers, &half);
+    std::swap(layers, half);
+  }
+  std::vector<Image> pyramid = {std::move(layers)};
+  while (static_cast<int>(pyramid.size()) < settings.levels) {
+    halveImage(pyramid.back(), &half);
+    pyramid.push_back(std::move(half));
+    half = Image();
+  }
+  return pyramid;
 }
 
 int windowOf(const KeyframeSettings& settings, int level) {
@@ -193,27 +214,25 @@ KeyframePoints makeKeyframe(const Rendering& rendering, const Camera& camera, co
   keyframe.T_O_C = T_O_C;
   keyframe.centre = object.centre;
   keyframe.diameter = object.diameter;
-  const int rays = rendering.alpha.width / camera.width;
-  const PixelBox part = shownPart(rendering.alpha, rays << (settings.levels - 1));
-  Image layers = layersOf(rendering, part, object.centre.cast<float>()), half;
-  if (settings.grey) makeGrey(&layers);
-  for (int n = rays; n > 1; n /= 2) {
-    halveImage(layers, &half);
-    std::swap(layers, half);
-  }
+  const std::vector<Image> pyramid = pyramidOf(rendering, camera, object, settings);
   KeyframeView view;
   view.right = T_O_C.R.col(0).cast<float>();
   view.down = T_O_C.R.col(1).cast<float>();
   view.forward = T_O_C.R.col(2).cast<float>();
   view.centre = (T_O_C.inverse() * object.centre).cast<float>();
-  for (int level = 0; level < settings.levels; ++level) {
-    if (level > 0) {
-      halveImage(layers, &half);
-      std::swap(layers, half);
-    }
-    view.focal_px = Eigen::Vector2d(camera.fx, camera.fy).cast<float>() / (1 << level);
-    keyframe.levels.push_back(makeLevel(layers, view, windowOf(settings, level), settings));
-  }
+  const auto makeOne = [&](int level) {
+    KeyframeView of_level = view;
+    of_level.focal_px = Eigen::Vector2d(camera.fx, camera.fy).cast<float>() / (1 << level);
+    return makeLevel(pyramid[level], of_level, windowOf(settings, level), settings);
+  };
+  // The finest level takes most of the time, and the others together a third of that.
+  auto others = std::async(std::launch::async, [&] {
+    std::vector<KeyframeLevel> levels;
+    for (int level = 1; level < settings.levels; ++level) levels.push_back(makeOne(level));
+    return levels;
+  });
+  keyframe.levels.push_back(makeOne(0));
+  for (KeyframeLevel& level : others.get()) keyframe.levels.push_back(std::move(level));
   return keyframe;
 }
 
