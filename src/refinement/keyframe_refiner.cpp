@@ -14,6 +14,7 @@
 #include "refinement/grey_image.h"
 #include "refinement/plan.h"
 #include "refinement/pose_probability.h"
+#include "refinement/steady_pose.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -58,16 +59,26 @@ KeyframeRefiner::KeyframeRefiner(Backend* backend, std::shared_ptr<const LoadedF
     : backend_(backend),
       field_(std::move(field)),
       settings_(settings),
-      scores_(field_->field().metadata.pose.keyframes) {
+      scores_(field_->field().metadata.pose.keyframes),
+      look_alikes_(field_->field().metadata.look_alikes) {
   settings_.validate();
   begin();
 }
 
 /// Without keyframes.
 void KeyframeRefiner::begin() {
+  watch_.reset();
   renderer_.reset();
   search_.emplace(backend_, field_, settings_);
   renderer_.emplace(field_, settings_.keyframe);
+  use(look_alikes_);
+}
+
+void KeyframeRefiner::use(const LookAlikes& look_alikes) {
+  if (watch_) watch_->giveTestUp(&*renderer_);
+  look_alikes_ = look_alikes;
+  watch_.reset();
+  if (look_alikes_.any()) watch_.emplace(field_, look_alikes_);
 }
 
 void KeyframeRefiner::adaptTo(const Observation& observation) {
@@ -87,7 +98,7 @@ Refinement KeyframeRefiner::follow(const TimedObservation& image, const Prior& p
         if (!objectRegion(camera, prior, field_->field().metadata)) return {};
         takeRenewal(image.stamp_ns, cancellation);
         if (!search_->distanceOfNearest(prior.T_O_C)) makeAt({camera, prior.T_O_C}, cancellation);
-        return search_->near(image.observation, prior, cancellation);
+        return followed(image, prior, cancellation);
       },
       cancellation);
   if (result.outcome == Outcome::kRefined) renewFor({camera, result.T_O_C}, image.stamp_ns);
@@ -114,7 +125,9 @@ Refinement KeyframeRefiner::find(const TimedObservation& image, const Prior& pri
           starts.emplace_back();
           starts.back().T_O_C = candidates_T_O_C[i];
         }
-        return search_->from(image.observation, starts, cancellation);
+        return withoutMistake(image.observation,
+                              search_->from(image.observation, starts, cancellation), prior,
+                              cancellation);
       },
       cancellation);
   if (result.outcome == Outcome::kRefined) last_ = {image.stamp_ns, result.T_O_C};
@@ -142,7 +155,9 @@ Refinement KeyframeRefiner::settle(const TimedObservation& image,
           starts.emplace_back();
           starts.back().T_O_C = one.T_O_C;
         }
-        return search_->from(image.observation, starts, cancellation);
+        return withoutMistake(image.observation,
+                              search_->from(image.observation, starts, cancellation), anywhere,
+                              cancellation);
       },
       cancellation);
   if (result.outcome != Outcome::kRefined) return result;
@@ -170,7 +185,100 @@ Refinement KeyframeRefiner::refine(const Prior& prior,
   return result;
 }
 
+bool KeyframeRefiner::isSure(const HypothesisTable& found) const {
+  return !found.empty() && found.front().state == HypothesisState::kLive &&
+         scoreProbability(found.front().score, scores_) >= 0.5;
+}
+
+/// Hypotheses of a first pose, with a better one first if the object was taken for itself.
+HypothesisTable KeyframeRefiner::withoutMistake(const Observation& observation,
+                                                const HypothesisTable& found, const Prior& prior,
+                                                const CancellationToken& cancellation) {
+  constexpr int kRounds = 3;  // a pose that is far off shows the way, the next one the place
+  sure_.reset();
+  was_sure_ = true;
+  if (!watch_ || !isSure(found)) return found;
+  HypothesisTable best = found;
+  for (int round = 0; round < kRounds; ++round) {
+    watch_->begin(observation, best.front().T_O_C, prior, cancellation);
+    const std::optional<Pose> motion = watch_->better();
+    if (!motion) break;
+    const Pose before = best.front().T_O_C;
+    best = corrected(observation, best, *motion, cancellation);
+    if (best.front().T_O_C.R == before.R) break;
+  }
+  return best;
+}
+
+/// Hypotheses with one that is aligned from where the best one was taken for, if the image shows
+/// the object there.
+HypothesisTable KeyframeRefiner::corrected(const Observation& observation,
+                                           const HypothesisTable& found, const Pose& motion,
+                                           const CancellationToken& cancellation) {
+  const Pose& mistaken = found.front().T_O_C;
+  const auto confirmed = watch_->confirmed(observation, mistaken, motion, cancellation);
+  if (!confirmed) return found;
+  HypothesisTable start(1);
+  start.front().T_O_C = *confirmed * mistaken;
+  if (isFar(start.front().T_O_C)) {
+    makeAt({observation.camera, start.front().T_O_C}, cancellation);
+  }
+  HypothesisTable better = search_->from(observation, start, cancellation);
+  if (better.empty() || better.front().state != HypothesisState::kLive) return found;
+  better.front().T_O_C = watch_->withTurnOf(start.front().T_O_C, better.front().T_O_C);
+  watch_->moveBy(*confirmed);
+  return better;
+}
+
+/// Hypotheses near a prior, and near the last pose that was sure if the prior is not.
+HypothesisTable KeyframeRefiner::followed(const TimedObservation& image, const Prior& prior,
+                                          const CancellationToken& cancellation) {
+  constexpr double kAsGood = 0.9;
+  HypothesisTable found = search_->near(image.observation, prior, cancellation);
+  if (found.empty()) return found;
+  if (!was_sure_ && sure_ && search_->distanceOfNearest(*sure_)) {
+    HypothesisTable start(1);
+    start.front().T_O_C = *sure_;
+    const HypothesisTable again = search_->from(image.observation, start, cancellation);
+    const bool lives = !again.empty() && again.front().state == HypothesisState::kLive;
+    // The object shows rather where it was than where it was looked for meanwhile.
+    if (lives && again.front().score > kAsGood * found.front().score) {
+      found.insert(found.begin(), again.front());
+    }
+  }
+  was_sure_ = isSure(found);
+  if (was_sure_) {
+    found.front().T_O_C =
+        steadyPose(*field_, image.observation, prior.T_O_C, found.front(), cancellation);
+  }
+  if (watch_ && found.front().state == HypothesisState::kLive) {
+    found = watched(image, found, prior, cancellation);
+  }
+  if (was_sure_) sure_ = found.front().T_O_C;
+  return found;
+}
+
+/// The hypotheses of a tracked image, turned to where the object is what it may be taken for.
+HypothesisTable KeyframeRefiner::watched(const TimedObservation& image, HypothesisTable found,
+                                         const Prior& prior,
+                                         const CancellationToken& cancellation) {
+  watch_->takeTest(image.stamp_ns, !settings_.real_time, &*renderer_, cancellation);
+  if (was_sure_) {
+    Pose& pose = found.front().T_O_C;
+    pose = watch_->steadied(image.observation, prior.T_O_C, pose, cancellation);
+  }
+  if (const std::optional<Pose> motion = was_sure_ ? watch_->better() : watch_->guess()) {
+    const HypothesisTable other = corrected(image.observation, found, *motion, cancellation);
+    if (isSure(other)) found = other;
+    was_sure_ = isSure(found);
+  }
+  watch_->goOn(image.stamp_ns, found.front().T_O_C, was_sure_);
+  watch_->maybeTest(image, found.front().T_O_C, was_sure_, &*renderer_);
+  return found;
+}
+
 void KeyframeRefiner::waitForRenderings(const CancellationToken& cancellation) {
+  if (watch_) watch_->giveTestUp(&*renderer_);
   if (renderer_->busy()) search_->add(renderer_->wait(cancellation));
 }
 
@@ -224,6 +332,7 @@ void KeyframeRefiner::judge(const Prior& prior, const CancellationToken& cancell
   const double by_both = withOdds(by_image, odds);
   found->found_probability = by_both;
   found->score = by_both * withinProbability(found->covariance, object);
+  if (watch_) watch_->judge(found);
 }
 
 Refinement KeyframeRefiner::conclude(const HypothesisTable& found, const Prior& prior) const {
