@@ -23,7 +23,7 @@
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr int kSides = 42, kImages = 14, kRolls = 12, kObject_px = 80;
+constexpr int kSides = 42, kImages = 10, kRolls = 10, kObject_px = 80;
 constexpr double kDistance = 4;              // [diameters]
 constexpr double kApart_rad = 20 * kDegree;  // nearer poses are nearly right
 
@@ -78,6 +78,7 @@ class ConfusionSearch {
     aligner_->observe(observation, frameWindowFor(*side.points, observation.camera, truth, 0.5));
     KeyframeAlignmentSettings rough;
     rough.finest_level = 1;
+    rough.max_evaluations = 8;
     rough.observed_fraction = rough.coarse_observed_fraction;
     rough.convergence_px = rough.coarse_convergence_px;
     std::vector<Hypothesis> found = aligner_->align(startsBeside(number), rough, cancellation_);
