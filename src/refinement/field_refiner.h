@@ -36,6 +36,7 @@ struct Prior {
 enum class Outcome {
   kRefined,    ///< a pose was found; `score` says how well it explains the image
   kNoOverlap,  ///< the prior is entirely outside the image
+  kBadSize,    ///< the object would be far larger than the image, or only a few pixels wide
   kDiverged,   ///< no hypothesis survived
   kCancelled,  ///< a cancellation was requested
 };
@@ -65,6 +66,8 @@ struct Refinement {
   std::optional<double> unmistaken;
   double visible_fraction = 0;           ///< 0..1
   std::optional<double> mask_agreement;  ///< @see maskAgreement; nothing: there was no mask
+  DepthReport depth;                     ///< what became of the observation's depth
+  std::vector<SideViewReport> beside;    ///< of the observation's side views, in their order
   Matrix6 covariance = Matrix6::Zero();  ///< of the best pose; @see poseCovariance
   HypothesisTable hypotheses;            ///< those of the last stage, best first;
                                          ///< @see nearestEquivalents

@@ -11,10 +11,10 @@
 
 #include "math/angle.h"
 #include "math/require.h"
+#include "refinement/depth_occlusion.h"
 #include "refinement/grey_image.h"
 #include "refinement/plan.h"
 #include "refinement/pose_probability.h"
-#include "refinement/steady_pose.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -70,15 +70,9 @@ void KeyframeRefiner::begin() {
   watch_.reset();
   renderer_.reset();
   search_.emplace(backend_, field_, settings_);
+  beside_.emplace(backend_, field_, settings_);
   renderer_.emplace(field_, settings_.keyframe);
   use(look_alikes_);
-}
-
-void KeyframeRefiner::use(const LookAlikes& look_alikes) {
-  if (watch_) watch_->giveTestUp(&*renderer_);
-  look_alikes_ = look_alikes;
-  watch_.reset();
-  if (look_alikes_.any()) watch_.emplace(field_, look_alikes_);
 }
 
 void KeyframeRefiner::adaptTo(const Observation& observation) {
@@ -92,13 +86,16 @@ Refinement KeyframeRefiner::follow(const TimedObservation& image, const Prior& p
                                    const CancellationToken& cancellation) {
   const Camera& camera = image.observation.camera;
   adaptTo(image.observation);
-  const Refinement result = refine(
-      prior,
+  Refinement result = refine(
+      image.observation, prior,
       [&]() -> HypothesisTable {
         if (!objectRegion(camera, prior, field_->field().metadata)) return {};
         takeRenewal(image.stamp_ns, cancellation);
-        if (!search_->distanceOfNearest(prior.T_O_C)) makeAt({camera, prior.T_O_C}, cancellation);
-        return followed(image, prior, cancellation);
+        if (!search_->distanceOfNearest(prior.T_O_C)) makeAt(camera, {prior.T_O_C}, cancellation);
+        std::optional<Observation> uncovered;
+        if (depth_.isEstablished()) uncovered = withoutOccluders(image.observation, prior);
+        return followed({uncovered ? *uncovered : image.observation, image.stamp_ns}, prior,
+                        cancellation);
       },
       cancellation);
   if (result.outcome == Outcome::kRefined) renewFor({camera, result.T_O_C}, image.stamp_ns);
@@ -111,25 +108,28 @@ Refinement KeyframeRefiner::find(const TimedObservation& image, const Prior& pri
   constexpr std::size_t kRendered = 2;  // of the poses of either kind
   const Camera& camera = image.observation.camera;
   adaptTo(image.observation);
-  const Refinement result = refine(
-      prior,
+  Refinement result = refine(
+      image.observation, prior,
       [&]() -> HypothesisTable {
         if (!objectRegion(camera, prior, field_->field().metadata)) return {};
         waitForRenderings(cancellation);
         HypothesisTable starts = search_->around(image.observation, prior, cancellation);
+        std::vector<Pose> rendered;
         for (std::size_t i = 0; i < std::min(kRendered, starts.size()); ++i) {
-          if (isFar(starts[i].T_O_C)) makeAt({camera, starts[i].T_O_C}, cancellation);
+          rendered.push_back(starts[i].T_O_C);
         }
         for (std::size_t i = 0; i < std::min(kRendered, candidates_T_O_C.size()); ++i) {
-          if (isFar(candidates_T_O_C[i])) makeAt({camera, candidates_T_O_C[i]}, cancellation);
+          rendered.push_back(candidates_T_O_C[i]);
           starts.emplace_back();
           starts.back().T_O_C = candidates_T_O_C[i];
         }
+        makeAt(camera, rendered, cancellation);
         return withoutMistake(image.observation,
                               search_->from(image.observation, starts, cancellation), prior,
                               cancellation);
       },
       cancellation);
+  lookPastOccluders(image.observation, prior, cancellation, &result);
   if (result.outcome == Outcome::kRefined) last_ = {image.stamp_ns, result.T_O_C};
   return result;
 }
@@ -145,16 +145,18 @@ Refinement KeyframeRefiner::settle(const TimedObservation& image,
   anywhere.rotation_rad = M_PI;
   anywhere.translation = 1;
   Refinement result = refine(
-      anywhere,
+      image.observation, anywhere,
       [&]() -> HypothesisTable {
         if (!objectRegion(camera, anywhere, field_->field().metadata)) return {};
         waitForRenderings(cancellation);
         HypothesisTable starts;
+        std::vector<Pose> poses;
         for (const RoughPose& one : rough) {
-          if (isFar(one.T_O_C)) makeAt({camera, one.T_O_C}, cancellation);
+          poses.push_back(one.T_O_C);
           starts.emplace_back();
           starts.back().T_O_C = one.T_O_C;
         }
+        makeAt(camera, poses, cancellation);
         return withoutMistake(image.observation,
                               search_->from(image.observation, starts, cancellation), anywhere,
                               cancellation);
@@ -168,7 +170,7 @@ Refinement KeyframeRefiner::settle(const TimedObservation& image,
   return result;
 }
 
-Refinement KeyframeRefiner::refine(const Prior& prior,
+Refinement KeyframeRefiner::refine(const Observation& observation, const Prior& prior,
                                    const std::function<HypothesisTable()>& search,
                                    const CancellationToken& cancellation) {
   const auto begin = std::chrono::steady_clock::now();
@@ -178,6 +180,15 @@ Refinement KeyframeRefiner::refine(const Prior& prior,
   try {
     result = conclude(search(), prior);
     if (result.outcome == Outcome::kRefined) judge(prior, cancellation, &result);
+    if (!observation.beside.empty()) {
+      beside_->join(observation, prior, scores_, cancellation, &result);
+    }
+    if (result.outcome == Outcome::kRefined) considerDepth(observation, &result);
+    const FieldMetadata& object = field_->field().metadata;
+    if (result.outcome == Outcome::kNoOverlap && objectRegion(observation.camera, prior, object) &&
+        !fitsKeyframe({observation.camera, prior.T_O_C}, object)) {
+      result.outcome = Outcome::kBadSize;
+    }
   } catch (const Cancelled&) {
     result.outcome = Outcome::kCancelled;
   }
@@ -185,101 +196,10 @@ Refinement KeyframeRefiner::refine(const Prior& prior,
   return result;
 }
 
-bool KeyframeRefiner::isSure(const HypothesisTable& found) const {
-  return !found.empty() && found.front().state == HypothesisState::kLive &&
-         scoreProbability(found.front().score, scores_) >= 0.5;
-}
-
-/// Hypotheses of a first pose, with a better one first if the object was taken for itself.
-HypothesisTable KeyframeRefiner::withoutMistake(const Observation& observation,
-                                                const HypothesisTable& found, const Prior& prior,
-                                                const CancellationToken& cancellation) {
-  constexpr int kRounds = 3;  // a pose that is far off shows the way, the next one the place
-  sure_.reset();
-  was_sure_ = true;
-  if (!watch_ || !isSure(found)) return found;
-  HypothesisTable best = found;
-  for (int round = 0; round < kRounds; ++round) {
-    watch_->begin(observation, best.front().T_O_C, prior, cancellation);
-    const std::optional<Pose> motion = watch_->better();
-    if (!motion) break;
-    const Pose before = best.front().T_O_C;
-    best = corrected(observation, best, *motion, cancellation);
-    if (best.front().T_O_C.R == before.R) break;
-  }
-  return best;
-}
-
-/// Hypotheses with one that is aligned from where the best one was taken for, if the image shows
-/// the object there.
-HypothesisTable KeyframeRefiner::corrected(const Observation& observation,
-                                           const HypothesisTable& found, const Pose& motion,
-                                           const CancellationToken& cancellation) {
-  const Pose& mistaken = found.front().T_O_C;
-  const auto confirmed = watch_->confirmed(observation, mistaken, motion, cancellation);
-  if (!confirmed) return found;
-  HypothesisTable start(1);
-  start.front().T_O_C = *confirmed * mistaken;
-  if (isFar(start.front().T_O_C)) {
-    makeAt({observation.camera, start.front().T_O_C}, cancellation);
-  }
-  HypothesisTable better = search_->from(observation, start, cancellation);
-  if (better.empty() || better.front().state != HypothesisState::kLive) return found;
-  better.front().T_O_C = watch_->withTurnOf(start.front().T_O_C, better.front().T_O_C);
-  watch_->moveBy(*confirmed);
-  return better;
-}
-
-/// Hypotheses near a prior, and near the last pose that was sure if the prior is not.
-HypothesisTable KeyframeRefiner::followed(const TimedObservation& image, const Prior& prior,
-                                          const CancellationToken& cancellation) {
-  constexpr double kAsGood = 0.9;
-  HypothesisTable found = search_->near(image.observation, prior, cancellation);
-  if (found.empty()) return found;
-  if (!was_sure_ && sure_ && search_->distanceOfNearest(*sure_)) {
-    HypothesisTable start(1);
-    start.front().T_O_C = *sure_;
-    const HypothesisTable again = search_->from(image.observation, start, cancellation);
-    const bool lives = !again.empty() && again.front().state == HypothesisState::kLive;
-    // The object shows rather where it was than where it was looked for meanwhile.
-    if (lives && again.front().score > kAsGood * found.front().score) {
-      found.insert(found.begin(), again.front());
-    }
-  }
-  was_sure_ = isSure(found);
-  if (was_sure_) {
-    found.front().T_O_C =
-        steadyPose(*field_, image.observation, prior.T_O_C, found.front(), cancellation);
-  }
-  if (watch_ && found.front().state == HypothesisState::kLive) {
-    found = watched(image, found, prior, cancellation);
-  }
-  if (was_sure_) sure_ = found.front().T_O_C;
-  return found;
-}
-
-/// The hypotheses of a tracked image, turned to where the object is what it may be taken for.
-HypothesisTable KeyframeRefiner::watched(const TimedObservation& image, HypothesisTable found,
-                                         const Prior& prior,
-                                         const CancellationToken& cancellation) {
-  watch_->takeTest(image.stamp_ns, !settings_.real_time, &*renderer_, cancellation);
-  if (was_sure_) {
-    Pose& pose = found.front().T_O_C;
-    pose = watch_->steadied(image.observation, prior.T_O_C, pose, cancellation);
-  }
-  if (const std::optional<Pose> motion = was_sure_ ? watch_->better() : watch_->guess()) {
-    const HypothesisTable other = corrected(image.observation, found, *motion, cancellation);
-    if (isSure(other)) found = other;
-    was_sure_ = isSure(found);
-  }
-  watch_->goOn(image.stamp_ns, found.front().T_O_C, was_sure_);
-  watch_->maybeTest(image, found.front().T_O_C, was_sure_, &*renderer_);
-  return found;
-}
-
 void KeyframeRefiner::waitForRenderings(const CancellationToken& cancellation) {
   if (watch_) watch_->giveTestUp(&*renderer_);
   if (renderer_->busy()) search_->add(renderer_->wait(cancellation));
+  beside_->waitForRenderings(cancellation);
 }
 
 void KeyframeRefiner::takeRenewal(std::int64_t stamp_ns, const CancellationToken& cancellation) {
@@ -290,15 +210,29 @@ void KeyframeRefiner::takeRenewal(std::int64_t stamp_ns, const CancellationToken
   if (keyframe) search_->add(keyframe);
 }
 
-void KeyframeRefiner::makeAt(const View& view, const CancellationToken& cancellation) {
+/// Makes keyframes at those poses that are far from each that exists, and from those before them,
+/// where one is possible.
+void KeyframeRefiner::makeAt(const Camera& camera, const std::vector<Pose>& poses_T_O_C,
+                             const CancellationToken& cancellation) {
   waitForRenderings(cancellation);
-  renderer_->request(view);
-  search_->add(renderer_->wait(cancellation));
+  const Eigen::Vector3d& centre = field_->field().metadata.centre;
+  std::vector<View> views;
+  for (const Pose& T_O_C : poses_T_O_C) {
+    const bool is_new = std::all_of(views.begin(), views.end(), [&](const View& other) {
+      return isFar(viewDistance(other.T_O_C, T_O_C, centre));
+    });
+    const bool is_possible = fitsKeyframe({camera, T_O_C}, field_->field().metadata);
+    if (is_new && is_possible && isFar(search_->distanceOfNearest(T_O_C))) {
+      views.push_back({camera, T_O_C});
+    }
+  }
+  for (KeyframePoints& made : renderKeyframes(*field_, views, settings_.keyframe, cancellation)) {
+    search_->add(std::make_shared<const KeyframePoints>(std::move(made)));
+  }
 }
 
-/// Whether a pose wants a keyframe of its own.
-bool KeyframeRefiner::isFar(const Pose& T_O_C) {
-  const std::optional<ViewDistance> away = search_->distanceOfNearest(T_O_C);
+/// Whether a pose wants a keyframe of its own. @param away from the nearest one, if there is any.
+bool KeyframeRefiner::isFar(const std::optional<ViewDistance>& away) const {
   return !away || away->rotation_rad > settings_.renew_rotation_deg * kDegree ||
          away->scale > settings_.renew_distance;
 }
@@ -312,9 +246,13 @@ void KeyframeRefiner::renewFor(const View& view, std::int64_t stamp_ns) {
     ahead = extrapolated(last_->second, view.T_O_C, std::min(kMost, settings_.renewal_s / since_s));
   }
   last_ = {stamp_ns, view.T_O_C};
-  if (renderer_->busy() || !isFar(ahead)) return;
+  const View next = {view.camera, ahead};
+  if (renderer_->busy() || !isFar(search_->distanceOfNearest(ahead)) ||
+      !fitsKeyframe(next, field_->field().metadata)) {
+    return;
+  }
   due_ns_ = stamp_ns + static_cast<std::int64_t>(1e9 * settings_.renewal_s);
-  renderer_->request({view.camera, ahead});
+  renderer_->request(next);
 }
 
 /// Says how likely the best hypothesis is right, and how far off it may be.
@@ -333,6 +271,55 @@ void KeyframeRefiner::judge(const Prior& prior, const CancellationToken& cancell
   found->found_probability = by_both;
   found->score = by_both * withinProbability(found->covariance, object);
   if (watch_) watch_->judge(found);
+}
+
+/// Joins depth to what colours said.
+void KeyframeRefiner::considerDepth(const Observation& observation, Refinement* found) {
+  if (!observation.depth) return;
+  const FieldMetadata& object = field_->field().metadata;
+  const auto keyframe = search_->nearestTo(found->T_O_C);
+  const double odds = depth_.fuse(*observation.depth, keyframe, object, found);
+  constexpr double kSurest = 0.95;  // that no image of the object alone, on a poster say, misleads
+  if (odds < 1) {
+    found->found_probability = withOdds(std::min(kSurest, *found->found_probability), odds);
+  }
+  found->score = *found->found_probability * withinProbability(found->covariance, object) *
+                 found->unmistaken.value_or(1);
+  found->hypotheses.front().T_O_C = found->T_O_C;
+}
+
+/// The observation without what depth shows before the object. Nothing: there is no such thing.
+std::optional<Observation> KeyframeRefiner::withoutOccluders(const Observation& observation,
+                                                             const Prior& near) {
+  constexpr double kReach = 0.5;  // of the prior: what lies so near before the object may be itself
+  const FieldMetadata& object = field_->field().metadata;
+  const auto keyframe = search_->nearestTo(near.T_O_C);
+  if (!observation.depth || keyframe == nullptr || !(object.metres_per_unit > 0)) return {};
+  const double slack = kReach * near.translation * object.diameter * object.metres_per_unit;
+  auto weight =
+      weightWithoutOccluders(observation, *keyframe, near.T_O_C, {object.metres_per_unit, slack});
+  if (!weight) return std::nullopt;
+  Observation uncovered = observation;
+  uncovered.weight = std::move(*weight);
+  return uncovered;
+}
+
+/// Aligns once more without what hides the object, if the first pose shows that something does.
+void KeyframeRefiner::lookPastOccluders(const Observation& observation, const Prior& prior,
+                                        const CancellationToken& cancellation, Refinement* found) {
+  constexpr double kHidden = 0.05, kSlack = 0.04;  // of the surface; [diameters]
+  if (found->depth.use != DepthUse::kUsed || found->depth.nearer < kHidden) return;
+  Prior near = prior;
+  near.T_O_C = found->T_O_C;
+  near.translation = std::min(near.translation, kSlack);
+  const std::optional<Observation> uncovered = withoutOccluders(observation, near);
+  if (!uncovered) return;
+  near.translation = prior.translation;
+  Refinement again = refine(
+      *uncovered, near, [&] { return search_->near(*uncovered, near, cancellation); },
+      cancellation);
+  again.seconds += found->seconds;
+  if (again.outcome == Outcome::kRefined && again.score >= found->score) *found = again;
 }
 
 Refinement KeyframeRefiner::conclude(const HypothesisTable& found, const Prior& prior) const {

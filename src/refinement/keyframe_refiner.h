@@ -10,9 +10,11 @@
 
 #include "backend/backend.h"
 #include "backend/loaded_field.h"
+#include "refinement/depth_fusion.h"
 #include "refinement/field_refiner.h"
 #include "refinement/keyframe_search.h"
 #include "refinement/look_alike_watch.h"
+#include "refinement/side_views.h"
 #include "views/keyframe_renderer.h"
 
 namespace nerf_pose_refiner {
@@ -63,13 +65,19 @@ class KeyframeRefiner {
   void waitForRenderings(const CancellationToken& cancellation);
 
  private:
-  Refinement refine(const Prior& prior, const std::function<HypothesisTable()>& search,
+  Refinement refine(const Observation& observation, const Prior& prior,
+                    const std::function<HypothesisTable()>& search,
                     const CancellationToken& cancellation);
+  void considerDepth(const Observation& observation, Refinement* found);
+  std::optional<Observation> withoutOccluders(const Observation& observation, const Prior& near);
+  void lookPastOccluders(const Observation& observation, const Prior& prior,
+                         const CancellationToken& cancellation, Refinement* found);
   void begin();
   void adaptTo(const Observation& observation);
   void takeRenewal(std::int64_t stamp_ns, const CancellationToken& cancellation);
-  void makeAt(const View& view, const CancellationToken& cancellation);
-  bool isFar(const Pose& T_O_C);
+  void makeAt(const Camera& camera, const std::vector<Pose>& poses_T_O_C,
+              const CancellationToken& cancellation);
+  bool isFar(const std::optional<ViewDistance>& away) const;
   void renewFor(const View& view, std::int64_t stamp_ns);
   HypothesisTable withoutMistake(const Observation& observation, const HypothesisTable& found,
                                  const Prior& prior, const CancellationToken& cancellation);
@@ -93,7 +101,9 @@ class KeyframeRefiner {
   std::optional<LookAlikeWatch> watch_;  // nothing: the object is not taken for itself
   std::optional<Pose> sure_;             // of the last image that showed the object for certain
   bool was_sure_ = true;                 // that image is the last one
-  std::int64_t due_ns_ = 0;              // stamp from which on the keyframe under way is used
+  DepthFusion depth_;
+  std::optional<SideViews> beside_;
+  std::int64_t due_ns_ = 0;  // stamp from which on the keyframe under way is used
   std::optional<std::pair<std::int64_t, Pose>> last_;  // stamp and pose that were found last
 };
 

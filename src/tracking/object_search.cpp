@@ -126,7 +126,15 @@ Refinement RefinerSearch::find(const SearchRequest& request,
   std::unique_ptr<ProcessorTurn> turn;
   if (processor_.take_turn) turn = processor_.take_turn(cancellation);
   FieldRefiner& refiner = request.tracked ? *tracking_ : *initial_;
-  return refiner.refine(*field_, request.observation, request.prior, cancellation);
+  Refinement found = refiner.refine(*field_, request.observation, request.prior, cancellation);
+  if (request.observation.depth) {
+    found.depth.use = DepthUse::kRefused;
+    found.depth.message = "this preset renders the field and takes no depth; 'keyframes' does";
+  }
+  SideViewReport unused;
+  unused.message = "this preset renders the field and takes one image; 'keyframes' takes several";
+  found.beside.assign(request.observation.beside.size(), unused);
+  return found;
 }
 
 /// Poses that landmarks speak for and that agree with the prior; none while there are no landmarks.

@@ -68,6 +68,11 @@ Judgement judge(const Refinement& refinement, bool confirmed, const TrackingRule
       break;
     case TrustVerdict::kNoOverlap:
       return {TrackReason::kNoOverlap, "the start pose is outside the image"};
+    case TrustVerdict::kBadSize:
+      return {
+          TrackReason::kNoOverlap,
+          "the object would be far larger than the image, or only a few pixels wide: the camera is "
+          "too near or too far, or its focal length is wrong"};
     case TrustVerdict::kDiverged:
       return {TrackReason::kDiverged, "no hypothesis survived"};
     case TrustVerdict::kCancelled:

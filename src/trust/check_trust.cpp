@@ -9,6 +9,8 @@ TrustVerdict checkTrust(const Refinement& refinement, double least_score) {
   switch (refinement.outcome) {
     case Outcome::kNoOverlap:
       return TrustVerdict::kNoOverlap;
+    case Outcome::kBadSize:
+      return TrustVerdict::kBadSize;
     case Outcome::kDiverged:
       return TrustVerdict::kDiverged;
     case Outcome::kCancelled:

@@ -9,6 +9,7 @@ namespace nerf_pose_refiner {
 enum class TrustVerdict {
   kTrusted,
   kNoOverlap,   ///< the start pose lies outside of the image
+  kBadSize,     ///< the object would be far larger than the image, or only a few pixels wide
   kDiverged,    ///< no hypothesis survived
   kLowScore,    ///< the pose explains the image badly
   kUncertain,   ///< it is the right place, but the image does not fix the pose there
