@@ -6,6 +6,7 @@
 #include "backend/backend_lost.h"
 #include "detection/landmark_file.h"
 #include "trust/keyframe_scores.h"
+#include "trust/look_alikes.h"
 #include "trust/mask_agreement.h"
 
 namespace nerf_pose_refiner {
@@ -34,6 +35,7 @@ void RefinerSearch::use(std::shared_ptr<const Field> field) {
   }
   keyframes_.reset();
   scores_.reset();
+  look_alikes_.reset();
   detector_.reset();
   try {
     field_ = processor_.backend->load(field);
@@ -95,10 +97,18 @@ const KeyframeScores& RefinerSearch::scores(const CancellationToken& cancellatio
   return *scores_;
 }
 
+const LookAlikes& RefinerSearch::lookAlikes(const CancellationToken& cancellation) {
+  if (!look_alikes_) {
+    look_alikes_ = lookAlikesOf(processor_.backend.get(), *field_, cancellation);
+  }
+  return *look_alikes_;
+}
+
 void RefinerSearch::beginKeyframes(const CancellationToken& cancellation) {
   const KeyframeScores& scores = this->scores(cancellation);
   keyframes_.emplace(processor_.backend.get(), field_, tracking_settings_.keyframes);
   keyframes_->use(scores);
+  keyframes_->use(lookAlikes(cancellation));
 }
 
 Refinement RefinerSearch::find(const SearchRequest& request,
@@ -152,6 +162,7 @@ Refinement RefinerSearch::detect(const Observation& observation,
         landmarksFor(*field_, detection_.settings.landmarks, path, cancellation),
         detection_.settings);
     detector_->use(scores(cancellation));
+    detector_->use(lookAlikes(cancellation));
   }
   const Detections detections = detector_->detect(observation, {}, cancellation);
   Refinement best;  // diverged
