@@ -6,6 +6,7 @@
 #include <CLI/CLI.hpp>
 
 #include <algorithm>
+#include <chrono>
 #include <cstdio>
 #include <exception>
 #include <map>
@@ -16,6 +17,7 @@
 #include "backend/common/observed_colours.h"
 #include "backend/loaded_field.h"
 #include "backend/make_backend.h"
+#include "concurrency/seconds_since.h"
 #include "dataset/dataset.h"
 #include "detection/landmark_file.h"
 #include "detection/object_detector.h"
@@ -31,7 +33,10 @@ namespace nerf_pose_refiner {
 namespace {
 
 struct Options {
-  std::string model, data, condition = "placed";
+  std::string model, data;
+  std::vector<std::string> conditions = {"placed"};
+  std::string training;  // data; empty: landmarks of renderings alone
+  bool only_photos = false;
   std::vector<std::string> photos;
   int every = 1, first = 0, threads = 0, seeds = 1;
   DetectionSettings detection;
@@ -59,21 +64,30 @@ class Benchmark {
         backend_(makeBackend(BackendChoice{"cpu", options.threads, "auto", 0})),
         field_(backend_->load(std::make_shared<const Field>(loadField(options.model)))),
         object_(field_->field().metadata),
-        landmarks_(
-            landmarksFor(*field_, options.detection.landmarks, landmarkPathOf(options.model), {})),
+        model_(makeModel()),
+        landmarks_(model_.landmarks),
         matcher_(landmarks_, object_.diameter, options.detection.matching),
         scores_(keyframeScoresOf(backend_.get(), *field_, {})),
-        detector_(backend_.get(), field_, landmarks_, options.detection),
+        detector_(backend_.get(), field_, model_, options.detection),
         settled_(backend_.get(), field_, options.detection.keyframes) {
     detector_.use(scores_);
     settled_.use(scores_);
   }
 
   void run() {
-    std::printf("%d landmarks\n", landmarks_.size());
+    std::printf("%d landmarks%s\n", landmarks_.size(), model_.templates ? ", templates" : "");
     const Dataset dataset = loadDataset(options_.data);
+    for (const std::string& condition : options_.conditions) {
+      run(dataset, condition);
+      std::printf("%s: ", condition.c_str());
+      report();
+    }
+  }
+
+ private:
+  void run(const Dataset& dataset, const std::string& condition) {
     for (int seed = 1; seed <= options_.seeds; ++seed) {
-      TrialObservation how = TrialObservation::named(options_.condition, "alpha");
+      TrialObservation how = TrialObservation::named(condition, "alpha");
       how.photos = options_.photos;
       how.seed = static_cast<std::uint64_t>(seed);
       for (std::size_t i = options_.first; i < dataset.views.size(); i += options_.every) {
@@ -84,13 +98,32 @@ class Benchmark {
         look({how.of(view, i), view.T_O_C, width});
       }
     }
-    report();
   }
 
- private:
+  DetectionModel makeModel() const {
+    const DetectionModelSettings& settings = options_.detection.model;
+    const std::string path = landmarkPathOf(options_.model);
+    if (options_.training.empty()) return detectionModelFor(*field_, settings, path, {});
+    std::vector<LandmarkPhoto> photos;
+    for (const PosedView& view : loadDataset(options_.training).views) {
+      photos.push_back({view.rgba, {view.camera, view.T_O_C}});
+    }
+    const auto begin = std::chrono::steady_clock::now();
+    if (options_.only_photos) {
+      LandmarkMerger merger(settings.landmarks, object_.diameter);
+      for (const LandmarkPhoto& photo : photos) {
+        merger.add(landmarksOf(photo, *field_, settings.landmarks, {}));
+      }
+      saveLandmarks(merger.best(), landmarkKey(field_->field(), settings.landmarks), path);
+    } else {
+      makeDetectionModel(*field_, photos, settings, path, {});
+    }
+    std::printf("made in %.1f s\n", secondsSince(begin));
+    return detectionModelFor(*field_, settings, path, {});
+  }
+
   void look(const TrialImage& trial) {
     const Evidence evidence = evidenceIn(trial);
-    const ImageCandidates candidates = detector_.candidates(trial.observation, {}, {});
     const Detections found = detector_.detect(trial.observation, {}, {});
     seconds_.push_back(found.seconds);
     const bool is_published = !found.found.empty();
@@ -98,12 +131,12 @@ class Benchmark {
     std::string stage = is_right ? "found" : is_published ? "WRONG" : "";
     int rank = -1;
     Refinement settled;
-    if (!is_right) settled = settleNear(candidates.poses, trial, &rank);
+    if (!is_right) settled = settleNear(found.candidates, trial, &rank);
     if (stage.empty()) stage = stageOf(evidence, rank, settled, trial);
     ++stages_[stage];
     std::printf(": %4d features, %4d matches, %3d right, %3d vote right of %3d, rank %2d of %zu, ",
                 evidence.features, evidence.matches, evidence.right_matches, evidence.right_votes,
-                evidence.right_group, rank, candidates.poses.size());
+                evidence.right_group, rank, found.candidates.size());
     if (is_published) {
       describe(found.found.front(), trial);
     } else if (rank >= 0) {
@@ -153,7 +186,7 @@ class Benchmark {
         continue;
       }
       *rank = static_cast<int>(i);
-      std::printf(" [%.0f landmarks, %.1f deg, %.1f %%]", candidates[i].evidence,
+      std::printf(" [evidence %.2f, %.1f deg, %.1f %%]", candidates[i].evidence,
                   error.rotation_rad / kDegree, 100 * error.object_offset / object_.diameter);
       return settled_.settle({trial.observation, 0}, {{candidates[i].T_O_C, 1}}, {});
     }
@@ -163,6 +196,7 @@ class Benchmark {
   std::string stageOf(const Evidence& evidence, int rank, const Refinement& settled,
                       const TrialImage& trial) const {
     const int least = options_.detection.candidates.least_landmarks;
+    if (rank < 0 && model_.templates) return "lost: candidates";
     if (evidence.right_matches < least) return "lost: matches";
     if (evidence.right_votes < least) return "lost: votes";
     if (rank < 0) return "lost: poses";
@@ -173,10 +207,10 @@ class Benchmark {
   void describe(const Refinement& refined, const TrialImage& trial) const {
     const PoseError error = errorOf(refined.T_O_C, trial);
     const double raw = refined.hypotheses.empty() ? 0 : refined.hypotheses.front().score;
-    std::printf("%s %.2f (raw %.2f, visible %.2f), %.2f deg, %.1f %%",
-                isRight(refined.T_O_C, trial) ? "right" : "wrong", refined.score, raw,
-                refined.visible_fraction, error.rotation_rad / kDegree,
-                100 * error.object_offset / object_.diameter);
+    std::printf("%s %.2f (by image %.2f, raw %.2f, visible %.2f), %.2f deg, %.1f %%",
+                isRight(refined.T_O_C, trial) ? "right" : "wrong", refined.score,
+                refined.found_probability.value_or(0), raw, refined.visible_fraction,
+                error.rotation_rad / kDegree, 100 * error.object_offset / object_.diameter);
   }
 
   PoseError errorOf(const Pose& T_O_C, const TrialImage& trial) const {
@@ -189,12 +223,13 @@ class Benchmark {
     return error.rotation_rad < 5 * kDegree && error.object_offset < 0.05 * object_.diameter;
   }
 
-  void report() const {
+  void report() {
     int images = 0;
     for (const auto& [stage, count] : stages_) images += count;
     for (const auto& [stage, count] : stages_) {
-      std::printf("%s: %d of %d\n", stage.c_str(), count, images);
+      std::printf("%s %d of %d; ", stage.c_str(), count, images);
     }
+    stages_.clear();
     std::printf("median %.2f s, p95 %.2f s\n", percentile(seconds_, 0.5),
                 percentile(seconds_, 0.95));
   }
@@ -203,7 +238,8 @@ class Benchmark {
   std::unique_ptr<Backend> backend_;
   std::shared_ptr<const LoadedField> field_;
   const FieldMetadata& object_;
-  Landmarks landmarks_;
+  DetectionModel model_;
+  const Landmarks& landmarks_;
   LandmarkMatcher matcher_;
   KeyframeScores scores_;
   ObjectDetector detector_;
@@ -215,7 +251,10 @@ class Benchmark {
 void addOptions(CLI::App* app, Options* o) {
   app->add_option("model", o->model, "the object's .safetensors")->required();
   app->add_option("data", o->data, "a dataset's transforms.json")->required();
-  app->add_option("--condition", o->condition, "as those of the experiments");
+  app->add_option("--training", o->training,
+                  "photos whose features are landmarks, too; these are saved");
+  app->add_flag("--only-photos", o->only_photos, "no landmarks of renderings");
+  app->add_option("--condition", o->conditions, "as those of the experiments");
   app->add_option("--photos", o->photos, "put behind the views, in turn; none: drawn clutter");
   app->add_option("--first", o->first, "number of the first view");
   app->add_option("--every", o->every, "only every so many-th view");
@@ -225,6 +264,9 @@ void addOptions(CLI::App* app, Options* o) {
   app->add_option("--groups", o->detection.candidates.most_groups, "of votes");
   app->add_option("--candidates", o->detection.candidates.most_candidates, "at most");
   app->add_option("--landmarks", o->detection.candidates.least_landmarks, "that agree");
+  app->add_option("--plain", o->detection.model.plain_landmarks,
+                  "objects with fewer landmarks get templates");
+  app->add_option("--ranked", o->detection.max_ranked, "candidates of plain objects");
   app->add_option("--tried", o->detection.max_tried, "candidates, in a row");
 }
 
