@@ -160,7 +160,9 @@ HypothesisTable KeyframeSearch::around(const Observation& observation, const Pri
   constexpr std::size_t kMiddle = 32, kFinalists = 4;
   const FieldMetadata& object = field_->field().metadata;
   // A turn about each of three axes adds up to 1.7 of them.
-  for (const int number : bank_.around(prior.T_O_C, 1.4 * prior.rotation_rad)) {
+  const std::vector<int> sides = bank_.around(prior.T_O_C, 1.4 * prior.rotation_rad);
+  bank_.make(sides, cancellation);
+  for (const int number : sides) {
     if (is_loaded_[number]) continue;
     small_.add(bank_.view(number, cancellation));
     is_loaded_[number] = 1;

@@ -18,6 +18,8 @@ const char* outcomeText(Outcome outcome) {
       return "refined";
     case Outcome::kNoOverlap:
       return "no overlap";
+    case Outcome::kBadSize:
+      return "bad size";
     case Outcome::kDiverged:
       return "diverged";
     case Outcome::kCancelled:

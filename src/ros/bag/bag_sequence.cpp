@@ -229,10 +229,15 @@ void BagSequence::readInitialPoses() {
   rosbag::View view(bag_, rosbag::TopicQuery(topics_.initial_pose));
   for (const rosbag::MessageInstance& message : view) {
     TimedPose start;
-    if (const auto pose = message.instantiate<geometry_msgs::PoseStamped>()) {
-      start = initialPoseFrom(*pose);
-    } else if (const auto wide = message.instantiate<geometry_msgs::PoseWithCovarianceStamped>()) {
-      start = initialPoseFrom(*wide);
+    try {
+      if (const auto pose = message.instantiate<geometry_msgs::PoseStamped>()) {
+        start = initialPoseFrom(*pose);
+      } else if (const auto wide =
+                     message.instantiate<geometry_msgs::PoseWithCovarianceStamped>()) {
+        start = initialPoseFrom(*wide);
+      }
+    } catch (const InputError& e) {  // of the bag, not of the caller
+      throw std::runtime_error(topics_.initial_pose + " in '" + path_ + "': " + e.what());
     }
     if (start.stamp_ns == 0) start.stamp_ns = toNanoseconds(message.getTime());
     initial_poses_[toTime(start.stamp_ns)] = start;

@@ -40,7 +40,7 @@ struct BagFrame {
   sensor_msgs::ImagePtr image;
   sensor_msgs::CameraInfoConstPtr info;
   sensor_msgs::ImagePtr mask;  ///< null: none with this stamp
-  Companion depth;         ///< the nearest in time within the tolerance; or none
+  Companion depth;             ///< the nearest in time within the tolerance; or none
   Pose T_C_D;                  ///< of its camera in the image's [m]
 };
 

@@ -65,7 +65,7 @@ void CameraSubscription::listen() {
         [this, topic, take](const sensor_msgs::ImageConstPtr& mask) {
           diagnostics_->guard(topic, [&] { take(mask); });
         };
-    return nodes_.nh.subscribe<sensor_msgs::Image>(topic, 10, guarded);
+    return nodes_.nh.subscribe<sensor_msgs::Image>(nodes_.topic(topic), 10, guarded);
   };
   if (receiver->mask) masks_ = subscribe(topics::kMask, receiver->mask);
   ignore_masks_ = subscribe(topics::kIgnoreMask, receiver->ignore_mask);
@@ -76,7 +76,7 @@ void CameraSubscription::listenToPairs() {
   pairs_ = std::make_unique<Pairs>();
   pairs_->receiver = receiver_.get();
   pairs_->diagnostics = diagnostics_;
-  pairs_->image_topic = nodes_.nh.resolveName(topics::kImage);
+  pairs_->image_topic = nodes_.nh.resolveName(nodes_.topic(topics::kImage));
   pairs_->info_topic = image_transport::getCameraInfoTopic(pairs_->image_topic);
   // Counted first: an image that completes its pair is then no longer unpaired.
   pairs_->images.registerCallback(&Pairs::count, pairs_.get());
@@ -84,7 +84,7 @@ void CameraSubscription::listenToPairs() {
   pairs_->synchronizer.registerCallback(&Pairs::take, pairs_.get());
   const image_transport::TransportHints hints(transport_hint_, ros::TransportHints(), nodes_.pnh);
   // A queue, for camera_info comes before an image that is decoded on its way.
-  pairs_->images.subscribe(transport_, topics::kImage, 10, hints);
+  pairs_->images.subscribe(transport_, nodes_.topic(topics::kImage), 10, hints);
   pairs_->infos.subscribe(nodes_.nh, pairs_->info_topic, 10);
 }
 
