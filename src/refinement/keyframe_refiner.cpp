@@ -98,6 +98,7 @@ Refinement KeyframeRefiner::follow(const TimedObservation& image, const Prior& p
                         cancellation);
       },
       cancellation);
+  startFromDepth(image.observation, prior, cancellation, &result);
   if (result.outcome == Outcome::kRefined) renewFor({camera, result.T_O_C}, image.stamp_ns);
   return result;
 }
@@ -302,6 +303,27 @@ std::optional<Observation> KeyframeRefiner::withoutOccluders(const Observation& 
   Observation uncovered = observation;
   uncovered.weight = std::move(*weight);
   return uncovered;
+}
+
+/// Aligns once more from where depth alone puts the object, if depth has agreed with colours so far
+/// and contradicts them now: a plain object may look right in several places.
+void KeyframeRefiner::startFromDepth(const Observation& observation, const Prior& prior,
+                                     const CancellationToken& cancellation, Refinement* found) {
+  constexpr double kNearlyAsGood = 0.8;  // of the score
+  if (found->depth.use != DepthUse::kRefused || !depth_.isEstablished()) return;
+  const std::optional<Pose> by_depth = depth_.alone(
+      *observation.depth, search_->nearestTo(prior.T_O_C), field_->field().metadata, prior);
+  if (!by_depth) return;
+  Prior from = prior;
+  from.T_O_C = *by_depth;
+  Refinement again = refine(
+      observation, from, [&] { return search_->near(observation, from, cancellation); },
+      cancellation);
+  again.seconds += found->seconds;
+  if (again.outcome == Outcome::kRefined && again.depth.use == DepthUse::kUsed &&
+      again.hypotheses.front().score >= kNearlyAsGood * found->hypotheses.front().score) {
+    *found = again;
+  }
 }
 
 /// Aligns once more without what hides the object, if the first pose shows that something does.

@@ -70,6 +70,8 @@ class KeyframeRefiner {
                     const CancellationToken& cancellation);
   void considerDepth(const Observation& observation, Refinement* found);
   std::optional<Observation> withoutOccluders(const Observation& observation, const Prior& near);
+  void startFromDepth(const Observation& observation, const Prior& prior,
+                      const CancellationToken& cancellation, Refinement* found);
   void lookPastOccluders(const Observation& observation, const Prior& prior,
                          const CancellationToken& cancellation, Refinement* found);
   void begin();

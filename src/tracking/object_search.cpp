@@ -4,7 +4,6 @@
 #include <utility>
 
 #include "backend/backend_lost.h"
-#include "detection/landmark_file.h"
 #include "trust/keyframe_scores.h"
 #include "trust/look_alikes.h"
 #include "trust/mask_agreement.h"
@@ -159,7 +158,7 @@ Refinement RefinerSearch::detect(const Observation& observation,
         detection_.landmarks_path ? detection_.landmarks_path(object_) : std::string();
     detector_ = std::make_unique<ObjectDetector>(
         processor_.backend.get(), field_,
-        landmarksFor(*field_, detection_.settings.landmarks, path, cancellation),
+        detectionModelFor(*field_, detection_.settings.model, path, cancellation),
         detection_.settings);
     detector_->use(scores(cancellation));
     detector_->use(lookAlikes(cancellation));

@@ -157,7 +157,7 @@ class ConfusionSearch {
 /// How clearly an image from each direction tells the look-alikes apart.
 std::vector<double> toldFrom(const LoadedField& field, const LookAlikes& look_alikes,
                              const CancellationToken& cancellation) {
-  constexpr double kMostTold = 100;    // more says nothing more
+  constexpr double kMostTold = 100;     // more says nothing more
   constexpr double kOtherLight = 0.05;  // shading that was learned with the object is no evidence
   const FieldMetadata& object = field.field().metadata;
   std::vector<double> told;
