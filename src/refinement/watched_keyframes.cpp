@@ -30,6 +30,11 @@ HypothesisTable KeyframeRefiner::withoutMistake(const Observation& observation,
   was_sure_ = true;
   if (!watch_ || !isSure(found)) return found;
   HypothesisTable best = found;
+  Pose& first = best.front().T_O_C;
+  // Alignment may go far along the turn that it holds least: the prior says more of that.
+  if (priorOdds(first, prior, field_->field().metadata) < kWithinReach) {
+    first = watch_->withTurnOf(prior.T_O_C, first);
+  }
   for (int round = 0; round < kRounds; ++round) {
     watch_->begin(observation, best.front().T_O_C, prior, cancellation);
     const std::optional<Pose> motion = watch_->better();
