@@ -26,7 +26,7 @@ Pose steadyPose(const LoadedField& field, const Observation& observation, const 
   for (const Pose& pose : {found.T_O_C, expected}) {
     comparison.add(field.render({comparison.camera(), pose}, RenderOptions(), cancellation));
   }
-  return comparison.of(0, 1, noiseOf(object)) > kClearlyBetter ? found.T_O_C : expected;
+  return comparison.of(1, 0, noiseOf(object)) > kClearlyBetter ? expected : found.T_O_C;
 }
 
 }  // namespace nerf_pose_refiner

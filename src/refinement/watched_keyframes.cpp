@@ -24,16 +24,25 @@ bool KeyframeRefiner::isSure(const HypothesisTable& found) const {
 HypothesisTable KeyframeRefiner::withoutMistake(const Observation& observation,
                                                 const HypothesisTable& found, const Prior& prior,
                                                 const CancellationToken& cancellation) {
+  constexpr double kWithinReach = 0.5;
   constexpr int kRounds = 3;  // a pose that is far off shows the way, the next one the place
   sure_.reset();
   was_sure_ = true;
   if (!watch_ || !isSure(found)) return found;
   HypothesisTable best = found;
+  Pose& first = best.front().T_O_C;
+  // Alignment may go far along the turn that it holds least: the prior says more of that.
+  if (priorOdds(first, prior, field_->field().metadata) < kWithinReach) {
+    first = watch_->withTurnOf(prior.T_O_C, first);
+  }
   for (int round = 0; round < kRounds; ++round) {
     watch_->begin(observation, best.front().T_O_C, prior, cancellation);
     const std::optional<Pose> motion = watch_->better();
-    if (!motion) break;
     const Pose before = best.front().T_O_C;
+    // (What lies far beyond the prior is said by the belief, but not gone to.)
+    if (!motion || priorOdds(*motion * before, prior, field_->field().metadata) < kWithinReach) {
+      break;
+    }
     best = corrected(observation, best, *motion, cancellation);
     if (best.front().T_O_C.R == before.R) break;
   }
