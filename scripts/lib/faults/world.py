@@ -125,6 +125,14 @@ class World:
                 '%d right poses of %d refined images; the last status: %s'
                 % (right, len(after), in_words(self.watcher.last())))
 
+    def excuse_doubtful_poses(self):
+        """Wrong poses that have a score below `trust_score` are not counted."""
+        trust_score = rospy.get_param(NODE + '/tracker/trust_score')
+        with self.watcher.changed:
+            scores = {s.header.stamp.to_nsec(): s.score for s, _ in self.watcher.statuses}
+            self.watcher.poses = [p for p in self.watcher.poses
+                                  if p.right or scores.get(p.stamp_ns, 1) >= trust_score]
+
     def expect_no_pose(self, seconds):
         """Nothing is published for images from now on. Images under way may still be."""
         begin = self.player.now_s + 0.1
