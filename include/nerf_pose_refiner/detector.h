@@ -46,8 +46,8 @@ struct DetectionResult {
 
 /// How objects are detected.
 struct DetectorOptions {
-  /// File that keeps the object's landmarks, so that they are made once; empty: they are made by
-  /// each detector. @see landmarksBeside
+  /// File that keeps the object's landmarks, so that they are made once, and beside it the
+  /// templates of a plain object; empty: they are made by each detector. @see landmarksBeside
   std::string landmarks_path;
   double trust_score = 0.9;  ///< a pose that is less likely right is no detection, 0..1
   int max_instances = 10;    ///< of the object in one image
@@ -59,9 +59,9 @@ std::string landmarksBeside(const std::string& model_path);
 
 /// Finds the instances of an object in images, without an idea of where they are.
 ///
-/// The object needs texture: local features of the image are compared with landmarks, features of
-/// renderings from all around. A pose that looks like others by the object's symmetries is found
-/// once.
+/// Local features of the image are compared with landmarks, features of renderings from all around.
+/// An object without texture is looked for by its contours. A pose that looks like others by the
+/// object's symmetries is found once.
 ///
 /// Not thread-safe; detectors of several threads may share a backend.
 class Detector {

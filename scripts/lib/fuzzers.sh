@@ -41,11 +41,11 @@ pack_fuzzers() {
   # shellcheck disable=SC2064 # the folder's name is known now
   trap "rm -rf '$folder'" EXIT
   mkdir -p "$folder/nerf_pose_refiner_fuzz/"{fuzz_programs/lib,fuzz/corpus,scripts/lib}
-  cd "$folder/nerf_pose_refiner_fuzz"
+  cd "$folder/nerf_pose_refiner_fuzz" || return 1
   cp "$TOP/scripts/fuzz" scripts/
   cp "$TOP/scripts/lib/common.sh" "$TOP/scripts/lib/fuzzers.sh" scripts/lib/
   for target in "$@"; do
-    [ "$target" != bag ] && [ -x "$programs/fuzz_$target" ] || continue
+    if [ "$target" = bag ] || [ ! -x "$programs/fuzz_$target" ]; then continue; fi
     cp "$programs/fuzz_$target" fuzz_programs/
     cp -r "$TOP/fuzz/corpus/$target" fuzz/corpus/
     # What was found here is where the search goes on.

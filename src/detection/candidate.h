@@ -18,7 +18,8 @@ enum class CandidateSource {
 struct PoseCandidate {
   Pose T_O_C;           ///< [model units]
   double evidence = 0;  ///< higher is better; comparable only among candidates of one source:
-                        ///< landmarks that agree, or the mean response over a template's edges
+                        ///< landmarks that agree, or the mean response over a template's edges,
+                        ///< beyond what chance has at that distance
   CandidateSource source = CandidateSource::kLandmarks;
 };
 

@@ -8,16 +8,12 @@
 #include <stdexcept>
 #include <vector>
 
-#include "field/field.h"
+#include "detection/field_checksum.h"
 #include "files/atomic_file.h"
 #include "files/input_file.h"
-#include "math/checksum.h"
 
 namespace nerf_pose_refiner {
 namespace {
-
-static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__,
-              "numbers are written as they lie in memory");
 
 constexpr char kFormat[8] = {'N', 'P', 'R', 'L', 'M', 'K', '0', '1'};
 constexpr float kScale = 254;  // of a descriptor's numbers, which are rarely beyond a half
@@ -58,17 +54,12 @@ Landmark landmarkOf(const Place& place) {
   return landmark;
 }
 
-template <typename T>
-void add(const T& value, Checksum* checksum) {
-  checksum->add(&value, sizeof value);
-}
-
 std::uint64_t checksumOf(const Header& header, const std::vector<Place>& places,
                          const std::vector<std::int8_t>& rows) {
   Checksum checksum;
-  add(header.kind, &checksum);
-  add(header.count, &checksum);
-  add(header.numbers, &checksum);
+  addTo(header.kind, &checksum);
+  addTo(header.count, &checksum);
+  addTo(header.numbers, &checksum);
   checksum.add(places.data(), places.size() * sizeof(Place));
   checksum.add(rows.data(), rows.size());
   return checksum.value();
@@ -119,18 +110,15 @@ Landmarks read(const InputFile& file, std::uint64_t key) {
 std::uint64_t landmarkKey(const Field& field, const LandmarkSettings& settings) {
   constexpr std::uint32_t kVersion = 1;  // of how landmarks are made
   Checksum checksum;
-  add(kVersion, &checksum);
-  checksum.add(field.grid.data(), field.grid.size() * sizeof(std::uint16_t));
-  checksum.add(field.density_weights.data(), field.density_weights.size() * sizeof(float));
-  checksum.add(field.colour_weights.data(), field.colour_weights.size() * sizeof(float));
-  checksum.add(field.occupancy.bits.data(), field.occupancy.bits.size());
-  for (const double value : {field.metadata.diameter, settings.features.contrast, settings.distance,
-                             settings.least_support, settings.same_place, settings.same_look}) {
-    add(value, &checksum);
+  addTo(kVersion, &checksum);
+  addTo(field, &checksum);
+  for (const double value : {settings.features.contrast, settings.distance, settings.least_support,
+                             settings.same_place, settings.same_look}) {
+    addTo(value, &checksum);
   }
   for (const int value : {static_cast<int>(settings.features.kind), settings.features.max_features,
                           settings.views, settings.object_px, settings.max_landmarks}) {
-    add(value, &checksum);
+    addTo(value, &checksum);
   }
   return checksum.value();
 }

@@ -5,7 +5,6 @@
 #include <optional>
 #include <string>
 
-#include "backend/loaded_field.h"
 #include "detection/landmarks.h"
 
 namespace nerf_pose_refiner {
@@ -26,10 +25,5 @@ void saveLandmarks(const Landmarks& landmarks, std::uint64_t key, const std::str
 /// Reads landmarks; nothing if there is no such file, if they were made from something else, or if
 /// the file is damaged: they can be made again.
 std::optional<Landmarks> loadLandmarks(const std::string& path, std::uint64_t key);
-
-/// Landmarks from a file, or made and written there; where that cannot be written they are made
-/// again next time. @param path empty: no file. @throws Cancelled.
-Landmarks landmarksFor(const LoadedField& field, const LandmarkSettings& settings,
-                       const std::string& path, const CancellationToken& cancellation);
 
 }  // namespace nerf_pose_refiner

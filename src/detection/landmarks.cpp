@@ -106,6 +106,8 @@ void LandmarkSettings::validate() const {
   require(views >= 1 && views <= 10000, "LandmarkSettings::views", views);
   require(object_px >= 32, "LandmarkSettings::object_px", object_px);
   require(distance > 1, "LandmarkSettings::distance", distance);
+  require(photos >= 1, "LandmarkSettings::photos", photos);
+  require(photo_px >= 32, "LandmarkSettings::photo_px", photo_px);
   require(least_support >= 0 && least_support <= 1, "LandmarkSettings::least_support",
           least_support);
   require(same_place > 0, "LandmarkSettings::same_place", same_place);
@@ -230,15 +232,19 @@ Landmarks LandmarkMerger::best() const {
   return best;
 }
 
+void addRenderings(const LoadedField& field, const LandmarkSettings& settings,
+                   const CancellationToken& cancellation, LandmarkMerger* merger) {
+  for (const View& view :
+       viewsAround(field.field().metadata, settings.views, settings.object_px, settings.distance)) {
+    merger->add(landmarksOf(field.render(view, {}, cancellation), view, settings));
+  }
+}
+
 Landmarks makeLandmarks(const LoadedField& field, const LandmarkSettings& settings,
                         const CancellationToken& cancellation) {
   settings.validate();
-  const FieldMetadata& object = field.field().metadata;
-  LandmarkMerger merger(settings, object.diameter);
-  for (const View& view :
-       viewsAround(object, settings.views, settings.object_px, settings.distance)) {
-    merger.add(landmarksOf(field.render(view, {}, cancellation), view, settings));
-  }
+  LandmarkMerger merger(settings, field.field().metadata.diameter);
+  addRenderings(field, settings, cancellation, &merger);
   return merger.best();
 }
 

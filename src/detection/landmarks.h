@@ -38,6 +38,8 @@ struct LandmarkSettings {
   int views = 80;              ///< from all around: some 22 degrees apart
   int object_px = 320;         ///< that the object's diameter spans in them
   double distance = 3;         ///< of the camera from the object's centre [diameters]
+  int photos = 100;            ///< that are used of those at hand, at most
+  int photo_px = 400;          ///< that the object's diameter spans in them, at most
   double least_support = 0.7;  ///< of the area that a descriptor describes: on the object
   double same_place = 0.01;    ///< landmarks nearer than this may be the same [diameters]
   double same_look = 0.45;     ///< with descriptors nearer than this
@@ -47,7 +49,13 @@ struct LandmarkSettings {
   void validate() const;
 };
 
-/// Features of views of the object from all around, with their points on it. @throws Cancelled.
+class LandmarkMerger;
+
+/// Adds features of renderings from all around. @throws Cancelled.
+void addRenderings(const LoadedField& field, const LandmarkSettings& settings,
+                   const CancellationToken& cancellation, LandmarkMerger* merger);
+
+/// Features of renderings from all around, with their points on the object. @throws Cancelled.
 Landmarks makeLandmarks(const LoadedField& field, const LandmarkSettings& settings,
                         const CancellationToken& cancellation);
 

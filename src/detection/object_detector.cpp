@@ -23,10 +23,30 @@ double oddsOfLandmarks(double further) {
   return std::min(kMost, std::exp2(further));
 }
 
+/// Distances at which the object may be [diameters].
+DistanceRange distancesIn(const SearchArea& area, const Camera& part, double diameter) {
+  constexpr double kNearest = 0.8;
+  DistanceRange range = DistanceRange::usual(part);
+  if (area.distance) {
+    const double distance = *area.distance / diameter;
+    range = {std::max(kNearest, distance / SearchArea::kDistanceRatio),
+             std::max(kNearest, distance * SearchArea::kDistanceRatio)};
+  }
+  return range;
+}
+
+bool isAllowed(const Image8& allowed, const Camera& part, const Eigen::Vector3d& centre_C) {
+  if (allowed.empty()) return true;
+  const Eigen::Vector2d pixel = part.project(centre_C);
+  const long x = std::lround(pixel.x()), y = std::lround(pixel.y());
+  return x >= 0 && y >= 0 && x < allowed.width && y < allowed.height &&
+         allowed.at(static_cast<int>(x), static_cast<int>(y), 0) > 0;
+}
+
 }  // namespace
 
 void DetectionSettings::validate() const {
-  landmarks.validate();
+  model.validate();
   require(features.max_features >= 1, "DetectionSettings::features.max_features",
           features.max_features);
   require(candidates.least_landmarks >= 4, "DetectionSettings::candidates.least_landmarks",
@@ -40,13 +60,17 @@ void DetectionSettings::validate() const {
 }
 
 ObjectDetector::ObjectDetector(Backend* backend, std::shared_ptr<const LoadedField> field,
-                               Landmarks landmarks, const DetectionSettings& settings)
-    : field_(std::move(field)),
+                               DetectionModel model, const DetectionSettings& settings)
+    : backend_(backend),
+      field_(std::move(field)),
       settings_(settings),
-      landmarks_(std::make_unique<const Landmarks>(std::move(landmarks))),
+      landmarks_(std::make_unique<const Landmarks>(std::move(model.landmarks))),
       matcher_(*landmarks_, field_->field().metadata.diameter, settings.matching),
       refiner_(backend, field_, settings.keyframes) {
   settings_.validate();
+  if (model.templates) {
+    templates_.emplace(std::move(model.templates), field_->field().metadata, settings.templates);
+  }
 }
 
 ImageCandidates ObjectDetector::candidates(const Observation& observation, const SearchArea& area,
@@ -85,6 +109,43 @@ ImageCandidates ObjectDetector::candidates(const Observation& observation, const
   return result;
 }
 
+PoseCandidates ObjectDetector::templateCandidates(const Observation& observation,
+                                                  const SearchArea& area,
+                                                  const CancellationToken& cancellation) const {
+  const std::optional<Camera> part =
+      searchedPart(observation.camera, area, settings_.max_image_side_px);
+  if (!part || !templates_) return {};
+  const FieldMetadata& object = field_->field().metadata;
+  const Image colours = observedColours(observation);
+  const TemplateFindings findings =
+      templates_->find(resample(colours, observation.camera, *part), *part,
+                       distancesIn(area, *part, object.diameter), cancellation);
+  const Image8 allowed = allowedPixels(observation, *part);
+  PoseCandidates candidates;
+  for (const PoseCandidate& candidate : findings.candidates) {
+    if (isAllowed(allowed, *part, candidate.T_O_C.inverse() * object.centre)) {
+      candidates.push_back(candidate);
+    }
+  }
+  return candidates;
+}
+
+/// Candidates of both kinds in one list, as well as small views of the object explain the image.
+PoseCandidates ObjectDetector::rankedCandidates(const Observation& observation,
+                                                const SearchArea& area, PoseCandidates candidates,
+                                                const CancellationToken& cancellation) {
+  for (const PoseCandidate& one : templateCandidates(observation, area, cancellation)) {
+    candidates.push_back(one);
+  }
+  if (!ranking_) ranking_.emplace(backend_, field_, settings_.keyframes);
+  PoseCandidates ranked;
+  for (const AlignedCandidate& one : ranking_->rank(
+           observation, candidates, static_cast<std::size_t>(settings_.max_ranked), cancellation)) {
+    ranked.push_back(one.candidate);
+  }
+  return ranked;
+}
+
 Refinement ObjectDetector::takeBest(const Observation& observation, PoseCandidates* candidates,
                                     const CancellationToken& cancellation) {
   const int least = settings_.candidates.least_landmarks;
@@ -97,7 +158,8 @@ Refinement ObjectDetector::takeBest(const Observation& observation, PoseCandidat
                                           });
   std::vector<RoughPose> rough;
   for (auto one = same; one != candidates->end(); ++one) {
-    rough.push_back({one->T_O_C, oddsOfLandmarks(one->evidence - least)});
+    const bool has_landmarks = one->source == CandidateSource::kLandmarks;
+    rough.push_back({one->T_O_C, has_landmarks ? oddsOfLandmarks(one->evidence - least) : 1});
   }
   candidates->erase(same, candidates->end());
   const Refinement found = refiner_.settle({observation, 0}, rough, cancellation);
@@ -112,9 +174,13 @@ Detections ObjectDetector::detect(const Observation& observation, const SearchAr
   area.validate();
   ImageCandidates all = candidates(observation, area, cancellation);
   PoseCandidates& left = all.poses;
+  if (templates_) {
+    left = rankedCandidates(observation, area, std::move(left), cancellation);
+    if (!left.empty()) all.message.clear();
+  }
   Detections detections;
   detections.message = all.message;
-  detections.candidates = static_cast<int>(left.size());
+  detections.candidates = left;
   const FieldMetadata& object = field_->field().metadata;
   std::vector<Refinement>& found = detections.found;
   int refused = 0;

@@ -10,10 +10,12 @@
 #include "backend/backend.h"
 #include "backend/loaded_field.h"
 #include "detection/candidate.h"
+#include "detection/candidate_ranking.h"
+#include "detection/detection_model.h"
 #include "detection/landmark_candidates.h"
 #include "detection/landmark_matcher.h"
-#include "detection/landmarks.h"
 #include "detection/search_area.h"
+#include "detection/template_search.h"
 #include "nerf_pose_refiner/observation.h"
 #include "refinement/keyframe_refiner.h"
 
@@ -21,11 +23,13 @@ namespace nerf_pose_refiner {
 
 /// How an object is detected.
 struct DetectionSettings {
-  LandmarkSettings landmarks;
+  DetectionModelSettings model;
   FeatureSettings features = {bestFeatureKind(), 4000};  ///< of images, clutter and all
   MatchingSettings matching;
   LandmarkCandidateSettings candidates;
+  TemplateSearchSettings templates;
   KeyframeSearchSettings keyframes;
+  int max_ranked = 12;          ///< of the candidates of a plain object, after their ranking
   int max_image_side_px = 800;  ///< larger images are reduced to it for their features
   int max_instances = 10;       ///< that are returned
   int max_tried = 6;            ///< candidates in a row that alignment refuses end the search
@@ -37,7 +41,7 @@ struct DetectionSettings {
   void validate() const;
 };
 
-/// Poses that landmarks speak for.
+/// Poses that landmarks or templates speak for.
 struct ImageCandidates {
   PoseCandidates poses;  ///< best first
   std::string message;   ///< why there is none; empty if there is one
@@ -49,7 +53,7 @@ struct ImageCandidates {
 struct Detections {
   std::vector<Refinement> found;  ///< trusted poses of instances, best first
   std::string message;            ///< why there is none; empty if there is one
-  int candidates = 0;             ///< that landmarks spoke for
+  PoseCandidates candidates;      ///< that landmarks or templates spoke for, best first
   double seconds = 0;
 };
 
@@ -59,18 +63,25 @@ struct Detections {
 /// its renderings (@see SharedBackend).
 class ObjectDetector {
  public:
-  /// @param landmarks of the field. @throws std::invalid_argument for settings that are out of
-  /// range.
-  ObjectDetector(Backend* backend, std::shared_ptr<const LoadedField> field, Landmarks landmarks,
+  /// @param model of the field. @throws std::invalid_argument for settings that are out of range.
+  ObjectDetector(Backend* backend, std::shared_ptr<const LoadedField> field, DetectionModel model,
                  const DetectionSettings& settings);
 
   /// Judges poses by these scores, in place of the object's own.
   void use(const KeyframeScores& scores) { refiner_.use(scores); }
 
+  /// Tells poses apart that look like these, in place of the object's own.
+  void use(const LookAlikes& look_alikes) { refiner_.use(look_alikes); }
+
   /// Poses that landmarks speak for, in the part of the image that the area and the observation's
   /// mask leave. @throws as `detect`.
   ImageCandidates candidates(const Observation& observation, const SearchArea& area,
                              const CancellationToken& cancellation) const;
+
+  /// Poses that templates speak for, in the same part; none without templates.
+  /// @throws as `detect`.
+  PoseCandidates templateCandidates(const Observation& observation, const SearchArea& area,
+                                    const CancellationToken& cancellation) const;
 
   /// @throws std::invalid_argument for an observation that makes no sense, Cancelled.
   Detections detect(const Observation& observation, const SearchArea& area,
@@ -80,11 +91,17 @@ class ObjectDetector {
   Refinement takeBest(const Observation& observation, PoseCandidates* candidates,
                       const CancellationToken& cancellation);
 
+  PoseCandidates rankedCandidates(const Observation& observation, const SearchArea& area,
+                                  PoseCandidates candidates, const CancellationToken& cancellation);
+
+  Backend* backend_;
   std::shared_ptr<const LoadedField> field_;
   DetectionSettings settings_;
   std::unique_ptr<const Landmarks> landmarks_;  // the matcher points at them
   LandmarkMatcher matcher_;
   KeyframeRefiner refiner_;
+  std::optional<TemplateSearch> templates_;
+  std::optional<CandidateRanking> ranking_;  // made when it is needed first
 };
 
 /// Whether two poses are of one instance: its centre and its size are nearly the same.

@@ -54,9 +54,8 @@ Image8 allowedPixels(const Observation& observation, const Camera& part) {
 }
 
 bool isAtDistance(const SearchArea& area, double distance) {
-  constexpr double kRatio = 1.5;
-  return !area.distance ||
-         (distance < kRatio * *area.distance && kRatio * distance > *area.distance);
+  return !area.distance || (distance < SearchArea::kDistanceRatio * *area.distance &&
+                            SearchArea::kDistanceRatio * distance > *area.distance);
 }
 
 }  // namespace nerf_pose_refiner

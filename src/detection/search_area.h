@@ -12,6 +12,8 @@ namespace nerf_pose_refiner {
 
 /// What is known of where the object is. All of it may be left out.
 struct SearchArea {
+  static constexpr double kDistanceRatio = 1.5;  ///< of distances that agree, at most
+
   std::optional<Eigen::AlignedBox2d> box;  ///< the object is seen in it: borders of pixels [px]
   /// Of its centre from the camera, give or take a third [model units].
   std::optional<double> distance;

@@ -23,6 +23,23 @@ bool isBetterHit(const TemplateHit& a, const TemplateHit& b) {
          std::make_tuple(-b.score, b.level, b.view, b.rotation, b.pixel.y(), b.pixel.x());
 }
 
+/// What chance reaches at each distance: the median evidence of what was fitted there. Far objects
+/// are looked for at more places, near ones among coarser edges.
+std::vector<double> chanceAt(const std::vector<TemplateHit>& hits,
+                             const std::vector<TemplatePose>& poses, std::size_t levels) {
+  std::vector<std::vector<double>> evidence(levels);
+  for (std::size_t i = 0; i < hits.size(); ++i) {
+    evidence[static_cast<std::size_t>(hits[i].level)].push_back(poses[i].evidence);
+  }
+  std::vector<double> chance;
+  for (std::vector<double>& here : evidence) {
+    const auto middle = here.begin() + static_cast<std::ptrdiff_t>(here.size() / 2);
+    if (middle != here.end()) std::nth_element(here.begin(), middle, here.end());
+    chance.push_back(middle != here.end() ? *middle : 0);
+  }
+  return chance;
+}
+
 /// The same place in the same image, resized.
 Eigen::Vector2d movedTo(const Camera& to, const Camera& from, const Eigen::Vector2d& pixel) {
   return {(pixel.x() - from.cx) * to.fx / from.fx + to.cx,
@@ -107,7 +124,15 @@ TemplateFindings TemplateSearch::find(const Image& image, const Camera& camera,
   const std::vector<TemplateHit> hits = scan(part, cancellation, &findings.lookups);
   findings.scan_s = secondsSince(begin);
   begin = std::chrono::steady_clock::now();
-  findings.candidates = candidatesOf(part, fit(part, hits, cancellation, &findings.lookups));
+  std::vector<TemplatePose> poses = fit(part, hits, cancellation, &findings.lookups);
+  const std::vector<double> chance = chanceAt(hits, poses, part.distances.size());
+  for (std::size_t i = 0; i < hits.size(); ++i) {
+    double& evidence = poses[i].evidence;
+    evidence = evidence < settings_.min_evidence
+                   ? 0
+                   : evidence - chance[static_cast<std::size_t>(hits[i].level)];
+  }
+  findings.candidates = candidatesOf(part, std::move(poses));
   findings.fit_s = secondsSince(begin);
   return findings;
 }
@@ -118,10 +143,12 @@ std::vector<TemplateHit> TemplateSearch::scan(const ImagePart& part,
   const int threads = threadCount(settings_.threads);
   const int views = static_cast<int>(bank_->views.size());
   const TemplateSet templates = {*bank_, settings_.rotations};
-  std::vector<TemplateHit> all;
+  const int share = std::max(1, settings_.fitted / static_cast<int>(part.distances.size()));
+  std::vector<TemplateHit> all, here;
   for (int i = 0; i < static_cast<int>(part.distances.size()); ++i) {
     const TemplateLevel level = makeTemplateLevel(part.image, part.camera,
                                                   part.scale(i, settings_.scanned_px), kScanStride);
+    here.clear();
     std::vector<std::vector<TemplateHit>> of_views(views);
     parallelFor(threads, views, [&](int view) {
       cancellation.check();
@@ -134,14 +161,13 @@ std::vector<TemplateHit> TemplateSearch::scan(const ImagePart& part,
       *lookups += positions * settings_.rotations * bank_->views[view].edges.size() / 2;
       for (TemplateHit& hit : of_views[view]) {
         hit.level = i;
-        all.push_back(hit);
+        here.push_back(hit);
       }
     }
+    const auto best = std::min<std::ptrdiff_t>(share, static_cast<std::ptrdiff_t>(here.size()));
+    std::partial_sort(here.begin(), here.begin() + best, here.end(), isBetterHit);
+    all.insert(all.end(), here.begin(), here.begin() + best);
   }
-  const auto best =
-      std::min<std::ptrdiff_t>(settings_.fitted, static_cast<std::ptrdiff_t>(all.size()));
-  std::partial_sort(all.begin(), all.begin() + best, all.end(), isBetterHit);
-  all.resize(static_cast<std::size_t>(best));
   return all;
 }
 
@@ -187,7 +213,7 @@ PoseCandidates TemplateSearch::candidatesOf(const ImagePart& part,
   PoseCandidates candidates;
   for (const TemplatePose& pose : poses) {
     if (static_cast<int>(candidates.size()) == settings_.candidates) break;
-    if (pose.evidence < settings_.min_evidence) break;
+    if (!(pose.evidence > 0)) break;
     const TemplateView& view = bank_->views[static_cast<std::size_t>(pose.view)];
     TemplateScale scale;
     scale.camera = part.camera;

@@ -35,7 +35,7 @@ struct TemplateSearchSettings {
   double distance_step = 1.2;  ///< from a distance to the next, a factor
   int rotations = 20;          ///< of a view in the image, evenly over the circle
   int hits_per_template = 3;   ///< of each view, rotation and distance
-  int fitted = 4000;           ///< best hits, of all
+  int fitted = 4000;           ///< best hits, equally many of each distance
   int candidates = 200;        ///< that are returned, at most
   double min_evidence = 0.2;   ///< of them: mean response over a template's edges, 0..1
   int threads = 0;             ///< 0: all cores
@@ -68,6 +68,8 @@ struct TemplateFindings {
 ///   space, which are turned and projected when they are needed. A bank takes less than 1 MiB.
 /// - The best places of all templates are fitted with all edges: to neighbouring rotations,
 ///   distances and views (TemplateFitter).
+/// - Chance reaches more at some distances than at others. Each has its share of the hits that are
+///   fitted, and a candidate's evidence is what it has beyond their median.
 ///
 /// Candidates are starts for alignment, which decides. May be used by several threads at once.
 class TemplateSearch {

@@ -7,6 +7,7 @@
 
 #include "backend/backend.h"
 #include "backend/loaded_field.h"
+#include "detection/detection_model.h"
 #include "detection/landmark_file.h"
 #include "detection/object_detector.h"
 #include "field/field.h"
@@ -40,11 +41,11 @@ Detector::Detector(std::shared_ptr<Backend> backend, const Object& object,
   if (!backend) throw std::invalid_argument("Detector: the backend is null");
   const DetectionSettings settings = settingsOf(options);
   const std::shared_ptr<const LoadedField> field = backend->load(object.field());
-  parts_.reset(new Parts{
-      object, backend,
-      ObjectDetector(backend.get(), field,
-                     landmarksFor(*field, settings.landmarks, options.landmarks_path, cancellation),
-                     settings)});
+  parts_.reset(new Parts{object, backend,
+                         ObjectDetector(backend.get(), field,
+                                        detectionModelFor(*field, settings.model,
+                                                          options.landmarks_path, cancellation),
+                                        settings)});
   parts_->detector.use(keyframeScoresOf(backend.get(), *field, cancellation));
 }
 

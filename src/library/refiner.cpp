@@ -34,6 +34,8 @@ const char* textOf(TrustVerdict verdict) {
       return "the best pose explains the image badly";
     case TrustVerdict::kUncertain:
       return "the image does not fix the pose well enough";
+    case TrustVerdict::kMistakable:
+      return "the object looks the same in another pose";
     case TrustVerdict::kBadMask:
       return "the mask does not show the object where the image does";
     case TrustVerdict::kCancelled:

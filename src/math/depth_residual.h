@@ -1,6 +1,8 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cmath>
+
 #include "math/host_device.h"
 #include "math/vec.h"
 
@@ -21,6 +23,7 @@ struct SurfacePlace {
 template <typename T>
 struct PlaneDepth {
   T depth;
+  T slope;        ///< by which the depth changes with the ray's slope, at most: across the surface
   T jacobian[6];  ///< for motions (v, w) of the camera as in moveCamera
 };
 
@@ -39,6 +42,7 @@ NPR_HOST_DEVICE inline bool planeDepth(const SurfacePlace<T>& place, const Vec3<
   const T along = dot(n, ray);
   if (!(-along > kLeastCosine * norm(n) * norm(ray))) return false;
   out->depth = dot(n, q) / along;
+  out->slope = std::abs(out->depth / along) * std::sqrt(n.x * n.x + n.y * n.y);
   const Vec3<T> p = place.p + R * (out->depth * ray - q);
   const Vec3<T> turn = cross(p, place.n);  // n . (w x p) = w . (p x n)
   const T scale = -1 / along;

@@ -20,6 +20,9 @@ using Vector7 = Eigen::Matrix<double, 7, 1>;
 
 constexpr double kAgreeing = 3;          // residuals below it agree [deviations]
 constexpr double kSurfaceError = 0.004;  // deviation of the learned surface [diameters]
+// What a pixel shows lies beside it by so much (Nguyen, Izadi, Lovell 2012), the more on windows
+// that reach over edges.
+constexpr double kLateral_px = 0.8;
 constexpr int kMostSteps = 8;
 
 /// A place of the surface, compared with its pixel; lengths in model units.
@@ -115,7 +118,8 @@ void DepthFitter::comparePlace(const PointTransform<double>& in_depth, std::size
   const bool counts = depth_.format == DepthImage::Format::kUint16;
   const double noise_m =
       depth_.noise.deviation_m(compared.plane.depth * unit_m_, counts ? depth_.unit_m : 0);
-  compared.deviation = std::hypot(noise_m / unit_m_, kSurfaceError * object_.diameter);
+  compared.deviation = std::hypot(noise_m / unit_m_, kSurfaceError * object_.diameter,
+                                  kLateral_px * compared.plane.slope / K_.fx);
   compared.tile = surface_.tile[i];
   compared_.push_back(compared);
 }

@@ -12,7 +12,7 @@ namespace {
 // Images share most of their errors with those before: so many are worth one.
 constexpr double kImagesAlike = 30;
 constexpr double kMostGain = 0.1;    // of what a single image says
-constexpr double kMostLearnt = 0.3;  // of the bias' deviation is left at least
+constexpr double kMostLearnt = 0.1;  // of the bias' deviation is left at least
 constexpr int kFewestPlaces = 40;
 constexpr double kLeastMeasured = 0.1, kLeastAgreeing = 0.6, kLeastUncovered = 0.2;
 // Squared distances of six unknowns and the bias: one in a thousand is larger; twice the mean.
@@ -125,6 +125,39 @@ void DepthFusion::learn(const DepthFit& fit, const Bias& before, const DepthNois
   bias_->mean_m += gain * (seen - before.mean_m);
 }
 
+/// @return false: too little of the surface is known.
+bool DepthFusion::lookAt(const std::shared_ptr<const KeyframePoints>& keyframe) {
+  if (keyframe != keyframe_) {
+    keyframe_ = keyframe;
+    surface_ = keyframe ? depthSurfaceOf(*keyframe) : DepthSurface();
+  }
+  return surface_.places.size() >= static_cast<std::size_t>(kFewestPlaces);
+}
+
+std::optional<Pose> DepthFusion::alone(const DepthImage& depth,
+                                       const std::shared_ptr<const KeyframePoints>& keyframe,
+                                       const FieldMetadata& object, const Prior& prior) {
+  if (!(object.metres_per_unit > 0) || !lookAt(keyframe)) return std::nullopt;
+  const double unit_m = object.metres_per_unit;
+  const Bias bias = biasAt(depth.noise, unit_m * (prior.T_O_C.t - object.centre).norm());
+  DepthPrior from;
+  from.T_O_C = prior.T_O_C;
+  from.covariance.setZero();
+  from.covariance.diagonal() << Eigen::Vector3d::Constant(
+      std::pow(prior.translation * object.diameter, 2) / 3),
+      Eigen::Vector3d::Constant(std::pow(prior.rotation_rad, 2) / 3);
+  from.covariance = withoutFreeTurn(from.covariance, object);
+  from.bias = bias.mean_m / unit_m;
+  from.bias_variance = bias.variance_m2 / (unit_m * unit_m);
+  const DepthFit fit = fitDepth(surface_, depth, from, object);
+  const DepthCounts& counts = fit.counts;
+  const bool is_seen = counts.measured >= kLeastMeasured * counts.facing &&
+                       counts.agreeing >= kFewestPlaces &&
+                       share(counts.agreeing, counts.measured) > kLeastAgreeing;
+  if (!is_seen) return std::nullopt;
+  return Pose(nearestRotation(fit.T_O_C.R), fit.T_O_C.t);
+}
+
 double DepthFusion::fuse(const DepthImage& depth,
                          const std::shared_ptr<const KeyframePoints>& keyframe,
                          const FieldMetadata& object, Refinement* found) {
@@ -136,11 +169,7 @@ double DepthFusion::fuse(const DepthImage& depth,
     report.message = "the model has no scale, so depth cannot be compared with it";
     return 1;
   }
-  if (keyframe != keyframe_) {
-    keyframe_ = keyframe;
-    surface_ = keyframe ? depthSurfaceOf(*keyframe) : DepthSurface();
-  }
-  if (surface_.places.size() < static_cast<std::size_t>(kFewestPlaces)) {
+  if (!lookAt(keyframe)) {
     report.message = "too little of the object's surface is known here";
     return 1;
   }

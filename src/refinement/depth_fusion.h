@@ -26,6 +26,12 @@ class DepthFusion {
   double fuse(const DepthImage& depth, const std::shared_ptr<const KeyframePoints>& keyframe,
               const FieldMetadata& object, Refinement* found);
 
+  /// Where depth alone puts the object, near a prior that is nearly right. Nothing: it does not
+  /// say.
+  std::optional<Pose> alone(const DepthImage& depth,
+                            const std::shared_ptr<const KeyframePoints>& keyframe,
+                            const FieldMetadata& object, const Prior& prior);
+
   /// Whether depth has agreed with enough images to be believed before it is compared.
   bool isEstablished() const { return agreed_ >= kEstablished; }
 
@@ -37,6 +43,7 @@ class DepthFusion {
     double mean_m = 0, variance_m2 = 0;
   };
 
+  bool lookAt(const std::shared_ptr<const KeyframePoints>& keyframe);
   Bias biasAt(const DepthNoise& noise, double distance_m) const;
   std::string objection(const DepthFit& fit) const;
   void learn(const DepthFit& fit, const Bias& before, const DepthNoise& noise, double distance_m,

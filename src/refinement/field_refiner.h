@@ -61,6 +61,9 @@ struct Refinement {
   /// The same without regard to the covariance: how likely the search ended at the right place,
   /// even if the image does not say exactly where that is. Nothing: as the score.
   std::optional<double> found_probability;
+  /// Probability that it is the right one of the poses that look alike, @see LookAlikes. Nothing:
+  /// the object is not taken for itself.
+  std::optional<double> unmistaken;
   double visible_fraction = 0;           ///< 0..1
   std::optional<double> mask_agreement;  ///< @see maskAgreement; nothing: there was no mask
   DepthReport depth;                     ///< what became of the observation's depth

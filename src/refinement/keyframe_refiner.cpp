@@ -59,17 +59,20 @@ KeyframeRefiner::KeyframeRefiner(Backend* backend, std::shared_ptr<const LoadedF
     : backend_(backend),
       field_(std::move(field)),
       settings_(settings),
-      scores_(field_->field().metadata.pose.keyframes) {
+      scores_(field_->field().metadata.pose.keyframes),
+      look_alikes_(field_->field().metadata.look_alikes) {
   settings_.validate();
   begin();
 }
 
 /// Without keyframes.
 void KeyframeRefiner::begin() {
+  watch_.reset();
   renderer_.reset();
   search_.emplace(backend_, field_, settings_);
   beside_.emplace(backend_, field_, settings_);
   renderer_.emplace(field_, settings_.keyframe);
+  use(look_alikes_);
 }
 
 void KeyframeRefiner::adaptTo(const Observation& observation) {
@@ -91,9 +94,11 @@ Refinement KeyframeRefiner::follow(const TimedObservation& image, const Prior& p
         if (!search_->distanceOfNearest(prior.T_O_C)) makeAt(camera, {prior.T_O_C}, cancellation);
         std::optional<Observation> uncovered;
         if (depth_.isEstablished()) uncovered = withoutOccluders(image.observation, prior);
-        return search_->near(uncovered ? *uncovered : image.observation, prior, cancellation);
+        return followed({uncovered ? *uncovered : image.observation, image.stamp_ns}, prior,
+                        cancellation);
       },
       cancellation);
+  startFromDepth(image.observation, prior, cancellation, &result);
   if (result.outcome == Outcome::kRefined) renewFor({camera, result.T_O_C}, image.stamp_ns);
   return result;
 }
@@ -120,7 +125,9 @@ Refinement KeyframeRefiner::find(const TimedObservation& image, const Prior& pri
           starts.back().T_O_C = candidates_T_O_C[i];
         }
         makeAt(camera, rendered, cancellation);
-        return search_->from(image.observation, starts, cancellation);
+        return withoutMistake(image.observation,
+                              search_->from(image.observation, starts, cancellation), prior,
+                              cancellation);
       },
       cancellation);
   lookPastOccluders(image.observation, prior, cancellation, &result);
@@ -151,7 +158,9 @@ Refinement KeyframeRefiner::settle(const TimedObservation& image,
           starts.back().T_O_C = one.T_O_C;
         }
         makeAt(camera, poses, cancellation);
-        return search_->from(image.observation, starts, cancellation);
+        return withoutMistake(image.observation,
+                              search_->from(image.observation, starts, cancellation), anywhere,
+                              cancellation);
       },
       cancellation);
   if (result.outcome != Outcome::kRefined) return result;
@@ -189,6 +198,7 @@ Refinement KeyframeRefiner::refine(const Observation& observation, const Prior& 
 }
 
 void KeyframeRefiner::waitForRenderings(const CancellationToken& cancellation) {
+  if (watch_) watch_->giveTestUp(&*renderer_);
   if (renderer_->busy()) search_->add(renderer_->wait(cancellation));
   beside_->waitForRenderings(cancellation);
 }
@@ -261,6 +271,7 @@ void KeyframeRefiner::judge(const Prior& prior, const CancellationToken& cancell
   const double by_both = withOdds(by_image, odds);
   found->found_probability = by_both;
   found->score = by_both * withinProbability(found->covariance, object);
+  if (watch_) watch_->judge(found);
 }
 
 /// Joins depth to what colours said.
@@ -273,7 +284,8 @@ void KeyframeRefiner::considerDepth(const Observation& observation, Refinement* 
   if (odds < 1) {
     found->found_probability = withOdds(std::min(kSurest, *found->found_probability), odds);
   }
-  found->score = *found->found_probability * withinProbability(found->covariance, object);
+  found->score = *found->found_probability * withinProbability(found->covariance, object) *
+                 found->unmistaken.value_or(1);
   found->hypotheses.front().T_O_C = found->T_O_C;
 }
 
@@ -291,6 +303,27 @@ std::optional<Observation> KeyframeRefiner::withoutOccluders(const Observation& 
   Observation uncovered = observation;
   uncovered.weight = std::move(*weight);
   return uncovered;
+}
+
+/// Aligns once more from where depth alone puts the object, if depth has agreed with colours so far
+/// and contradicts them now: a plain object may look right in several places.
+void KeyframeRefiner::startFromDepth(const Observation& observation, const Prior& prior,
+                                     const CancellationToken& cancellation, Refinement* found) {
+  constexpr double kNearlyAsGood = 0.8;  // of the score
+  if (found->depth.use != DepthUse::kRefused || !depth_.isEstablished()) return;
+  const std::optional<Pose> by_depth = depth_.alone(
+      *observation.depth, search_->nearestTo(prior.T_O_C), field_->field().metadata, prior);
+  if (!by_depth) return;
+  Prior from = prior;
+  from.T_O_C = *by_depth;
+  Refinement again = refine(
+      observation, from, [&] { return search_->near(observation, from, cancellation); },
+      cancellation);
+  again.seconds += found->seconds;
+  if (again.outcome == Outcome::kRefined && again.depth.use == DepthUse::kUsed &&
+      again.hypotheses.front().score >= kNearlyAsGood * found->hypotheses.front().score) {
+    *found = again;
+  }
 }
 
 /// Aligns once more without what hides the object, if the first pose shows that something does.

@@ -8,8 +8,10 @@
 
 #include "backend/backend.h"
 #include "dataset/path_below.h"
+#include "detection/landmark_file.h"
 #include "registration/registration_hash.h"
 #include "registration/registration_options.h"
+#include "runtime/learned_detection.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -94,7 +96,22 @@ RegisteredObject ObjectRegistration::run(const RegistrationRequest& request,
       std::make_shared<Field>(learnField(backend.get(), dataset, settings, progress, cancellation));
   field->metadata.name = request.name;
   cancellation.check();  // from here on the model is saved
-  return {store_.save(field), false, dataset.notes};
+  const std::shared_ptr<const Field> saved = store_.save(field);
+  if (prepares_detection_) makeDetectionFiles(backend.get(), saved, dataset, cancellation);
+  return {saved, false, dataset.notes};
+}
+
+/// What is cut short here, detection makes when it needs it.
+void ObjectRegistration::makeDetectionFiles(Backend* backend,
+                                            const std::shared_ptr<const Field>& field,
+                                            const Dataset& photos,
+                                            const CancellationToken& cancellation) const {
+  const std::string path = store_.cache().pathOf(field);
+  if (path.empty()) return;
+  try {
+    nerf_pose_refiner::prepareDetection(backend, field, photos, landmarkPathOf(path), cancellation);
+  } catch (const Cancelled&) {
+  }
 }
 
 RegistrationQueue::Job ObjectRegistration::jobOf(const RegistrationRequest& request) const {

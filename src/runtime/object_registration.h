@@ -39,6 +39,9 @@ class ObjectRegistration {
                      const ObjectStore& store, BackendFactory make_backend,
                      ScheduleFactory find_schedule);
 
+  /// From now on, files for detection are made with models.
+  void prepareDetection() { prepares_detection_ = true; }
+
   /// Trains and saves a model, or loads the existing one if it was made from the same photos and
   /// settings. Training takes minutes.
   /// @throws std::invalid_argument for an invalid request, std::runtime_error, Cancelled. The
@@ -52,6 +55,8 @@ class ObjectRegistration {
   RegistrationQueue::Job jobOf(const RegistrationRequest& request) const;
 
  private:
+  void makeDetectionFiles(Backend* backend, const std::shared_ptr<const Field>& field,
+                          const Dataset& photos, const CancellationToken& cancellation) const;
   Dataset readPhotos(const RegistrationRequest& request,
                      const CancellationToken& cancellation) const;
   RegistrationOptions settingsOf(const RegistrationRequest& request, const Dataset& dataset) const;
@@ -61,6 +66,7 @@ class ObjectRegistration {
   ObjectStore store_;
   BackendFactory make_backend_;
   ScheduleFactory find_schedule_;
+  bool prepares_detection_ = false;
 };
 
 }  // namespace nerf_pose_refiner

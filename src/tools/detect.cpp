@@ -31,7 +31,7 @@ struct DetectOptions {
 void declare(CLI::App* app, DetectOptions* options) {
   app->description(
       "Finds an object in an image, without a rough pose: all instances of it that explain the\n"
-      "image well enough, best first. The object needs texture.\n\n"
+      "image well enough, best first.\n\n"
       "Poses are those of the object frame in <model>.yaml, if there is that file, in metres "
       "where\n"
       "the object knows its scale.");

@@ -13,6 +13,7 @@
 #include "backend/common/draw_overlay.h"
 #include "backend/loaded_field.h"
 #include "dataset/dataset.h"
+#include "detection/detection_model.h"
 #include "detection/landmark_file.h"
 #include "detection/object_detector.h"
 #include "evaluation/trial.h"
@@ -280,7 +281,7 @@ class Evaluation {
       const fs::path model = fs::path(options_.models) / (batch.scene.name + ".safetensors");
       detector = std::make_unique<ObjectDetector>(
           backend_.get(), field,
-          landmarksFor(*field, settings.landmarks, landmarkPathOf(model.string()), cancellation_),
+          detectionModelFor(*field, settings.model, landmarkPathOf(model.string()), cancellation_),
           settings);
       detector->use(keyframeScoresOf(backend_.get(), *field, cancellation_));
     }

@@ -1,16 +1,20 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
 #include <cstdio>
+#include <memory>
 #include <string>
 #include <type_traits>
 #include <vector>
 
 #include "dataset/dataset.h"
+#include "detection/landmark_file.h"
 #include "field/model_file.h"
 #include "field/object_metadata.h"
 #include "registration/registrar.h"
 #include "registration/registration_options.h"
+#include "runtime/learned_detection.h"
 #include "tools/tool.h"
+#include "trust/look_alikes.h"
 
 // Posed photos to a model file.
 
@@ -25,6 +29,7 @@ struct TrainOptions {
   RegistrationOptions settings;
   PhotoOptions photos;
   BackendOptions backend;
+  bool landmarks = false;
   bool json = false;
 };
 
@@ -62,6 +67,10 @@ void declare(CLI::App* app, TrainOptions* options) {
       ->expected(6);
   options->photos.addTo(app);
   options->backend.addTo(app);
+  app->add_flag(
+      "--landmarks", options->landmarks,
+      "Also write <name>.landmarks, for detection: features of the photos serve it better\n"
+      "than those of renderings, which it makes otherwise");
   app->add_flag("--json", options->json, "Print the result as JSON");
 }
 
@@ -85,6 +94,7 @@ void report(const TrainOptions& options, const Field& field, double seconds) {
                {"score_right", metadata.pose.right_score},
                {"score_wrong", metadata.pose.wrong_score},
                {"diameter", metadata.diameter},
+               {"look_alikes", describe(metadata.look_alikes)},
                {"metres_per_unit", metadata.metres_per_unit}});
     return;
   }
@@ -94,6 +104,9 @@ void report(const TrainOptions& options, const Field& field, double seconds) {
     std::printf(", PSNR %.2f dB on %d held-out views (colours of the object off by %.3f +- %.3f)",
                 metadata.psnr_db, metadata.score.views, metadata.score.mean_loss,
                 metadata.score.stddev_loss);
+  }
+  if (metadata.look_alikes.any()) {
+    std::printf(", may be taken for itself: %s", describe(metadata.look_alikes).c_str());
   }
   std::printf(", diameter %.4g units", metadata.diameter);
   if (metadata.metres_per_unit > 0) {
@@ -117,6 +130,7 @@ void train(const TrainOptions& options, const CancellationToken& cancellation) {
   settings.symmetries = said.symmetries.inFrame(said.T_O_U);
   double seconds = 0;
   Field field;
+  const std::shared_ptr<Backend> backend = options.backend.make();
   {
     ProgressLine line;
     const auto show = [&](const RegistrationProgress& progress) {
@@ -127,10 +141,14 @@ void train(const TrainOptions& options, const CancellationToken& cancellation) {
       line.show(progress.steps > 0 ? static_cast<double>(progress.step) / progress.steps : 0, text);
       seconds = progress.seconds;
     };
-    field = learnField(options.backend.make().get(), dataset, settings, show, cancellation);
+    field = learnField(backend.get(), dataset, settings, show, cancellation);
   }
   field.metadata.name = options.name.empty() ? fileStem(options.model) : options.name;
   saveModel(field, options.model);
+  if (options.landmarks) {
+    prepareDetection(backend.get(), std::make_shared<const Field>(field), dataset,
+                     landmarkPathOf(options.model), cancellation);
+  }
   report(options, field, seconds);
 }
 

@@ -4,8 +4,8 @@
 #include <utility>
 
 #include "backend/backend_lost.h"
-#include "detection/landmark_file.h"
 #include "trust/keyframe_scores.h"
+#include "trust/look_alikes.h"
 #include "trust/mask_agreement.h"
 
 namespace nerf_pose_refiner {
@@ -34,6 +34,7 @@ void RefinerSearch::use(std::shared_ptr<const Field> field) {
   }
   keyframes_.reset();
   scores_.reset();
+  look_alikes_.reset();
   detector_.reset();
   try {
     field_ = processor_.backend->load(field);
@@ -95,10 +96,18 @@ const KeyframeScores& RefinerSearch::scores(const CancellationToken& cancellatio
   return *scores_;
 }
 
+const LookAlikes& RefinerSearch::lookAlikes(const CancellationToken& cancellation) {
+  if (!look_alikes_) {
+    look_alikes_ = lookAlikesOf(processor_.backend.get(), *field_, cancellation);
+  }
+  return *look_alikes_;
+}
+
 void RefinerSearch::beginKeyframes(const CancellationToken& cancellation) {
   const KeyframeScores& scores = this->scores(cancellation);
   keyframes_.emplace(processor_.backend.get(), field_, tracking_settings_.keyframes);
   keyframes_->use(scores);
+  keyframes_->use(lookAlikes(cancellation));
 }
 
 Refinement RefinerSearch::find(const SearchRequest& request,
@@ -149,9 +158,10 @@ Refinement RefinerSearch::detect(const Observation& observation,
         detection_.landmarks_path ? detection_.landmarks_path(object_) : std::string();
     detector_ = std::make_unique<ObjectDetector>(
         processor_.backend.get(), field_,
-        landmarksFor(*field_, detection_.settings.landmarks, path, cancellation),
+        detectionModelFor(*field_, detection_.settings.model, path, cancellation),
         detection_.settings);
     detector_->use(scores(cancellation));
+    detector_->use(lookAlikes(cancellation));
   }
   const Detections detections = detector_->detect(observation, {}, cancellation);
   Refinement best;  // diverged

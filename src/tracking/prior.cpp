@@ -79,6 +79,9 @@ Judgement judge(const Refinement& refinement, bool confirmed, const TrackingRule
       return {TrackReason::kCancelled, "the refinement was interrupted"};
     case TrustVerdict::kUncertain:
       return {TrackReason::kLowScore, "the image does not fix the pose well enough", true};
+    case TrustVerdict::kMistakable:
+      return {TrackReason::kLowScore,
+              "the object looks the same in another pose, as after a turn (see hypotheses)", true};
     case TrustVerdict::kBadMask:
       return {TrackReason::kBadMask, "the mask does not show the object where the image does"};
     case TrustVerdict::kLowScore:

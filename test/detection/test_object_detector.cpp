@@ -41,7 +41,7 @@ class ObjectDetectorTest : public testing::Test, protected KeyframeScene {
   }
 
   ObjectDetector detectorWith(const DetectionSettings& settings) {
-    return {backend_.get(), scene_, *landmarks_, settings};
+    return {backend_.get(), scene_, {*landmarks_}, settings};
   }
 
   void expectTruth(const Refinement& found, const Pose& truth) const {
@@ -61,7 +61,7 @@ class ObjectDetectorTest : public testing::Test, protected KeyframeScene {
 
   static Landmarks* landmarks_;
   std::unique_ptr<Backend> backend_ = makeCpuBackend(2);
-  ObjectDetector detector_{backend_.get(), texturedScene(), *landmarks_, DetectionSettings()};
+  ObjectDetector detector_{backend_.get(), texturedScene(), {*landmarks_}, {}};
 };
 
 Landmarks* ObjectDetectorTest::landmarks_ = nullptr;
@@ -174,7 +174,7 @@ TEST_F(ObjectDetectorTest, ImagesWithoutFeaturesGiveAReason) {
     const Image image(kCamera.width, kCamera.height, 3, value);
     const Detections detections = detector_.detect(observed(image), {}, {});
     EXPECT_TRUE(detections.found.empty());
-    EXPECT_EQ(detections.candidates, 0);
+    EXPECT_TRUE(detections.candidates.empty());
     EXPECT_EQ(detections.message, "the image has no features");
   }
 }
@@ -193,22 +193,57 @@ TEST_F(ObjectDetectorTest, LandmarksOfAnotherObjectGiveNoPose) {
     const double turn = 40 * landmark.point.x();
     landmark.point = (expSO3({turn, 2 * turn, 1}) * landmark.point.cast<double>()).cast<float>();
   }
-  ObjectDetector detector(backend_.get(), scene_, other, {});
+  ObjectDetector detector(backend_.get(), scene_, {other}, {});
   EXPECT_TRUE(detector.detect(observed(imageOf(truth_)), {}, {}).found.empty());
 }
 
 TEST_F(ObjectDetectorTest, NoLandmarksNoPose) {
-  ObjectDetector detector(backend_.get(), scene_, Landmarks(), {});
+  ObjectDetector detector(backend_.get(), scene_, {}, {});
   const Detections detections = detector.detect(observed(imageOf(truth_)), {}, {});
   EXPECT_TRUE(detections.found.empty());
   EXPECT_NE(detections.message, "");
+}
+
+/// Templates find what has no landmarks.
+class PlainObjectTest : public ObjectDetectorTest {
+ protected:
+  static DetectionModel templatesAlone() {
+    return {{}, std::make_shared<const TemplateBank>(makeTemplateBank(*texturedScene(), {}, {}))};
+  }
+
+  ObjectDetector detector_{backend_.get(), scene_, templatesAlone(), {}};
+};
+
+TEST_F(PlainObjectTest, IsFoundByTemplates) {
+  const Observation image = observed(imageOf(truth_));
+  const Detections detections = detector_.detect(image, {}, {});
+  ASSERT_EQ(detections.found.size(), 1u) << detections.message;
+  expectTruth(detections.found[0], truth_);
+
+  SearchArea elsewhere, far;
+  elsewhere.box = Eigen::AlignedBox2d(Eigen::Vector2d(0, 0), Eigen::Vector2d(45, 45));
+  far.distance = 6 * object().diameter;  // it is 2.5 away
+  EXPECT_TRUE(detector_.detect(image, elsewhere, {}).found.empty());
+  EXPECT_TRUE(detector_.detect(image, far, {}).found.empty());
+  Observation masked = image;
+  masked.background = Background::kMask;
+  masked.alpha = Image(kCamera.width, kCamera.height, 1);  // the object is nowhere
+  EXPECT_TRUE(detector_.detect(masked, {}, {}).found.empty());
+}
+
+TEST_F(PlainObjectTest, IsNotFoundWhereItIsNot) {
+  const Image image = clutter(kCamera.width, kCamera.height, 3);
+  const Detections detections = detector_.detect(observed(image), {}, {});
+  EXPECT_TRUE(detections.found.empty());
+  EXPECT_FALSE(detections.candidates.empty());
+  EXPECT_EQ(detections.message, "no candidate explains the image well enough");
 }
 
 TEST_F(ObjectDetectorTest, NoCandidateIsTriedAfterTheBudget) {
   DetectionSettings settings;
   settings.budget_s = 1e-9;
   const Detections detections = detectorWith(settings).detect(observed(imageOf(truth_)), {}, {});
-  EXPECT_GT(detections.candidates, 0);
+  EXPECT_FALSE(detections.candidates.empty());
   EXPECT_TRUE(detections.found.empty());
 }
 

@@ -128,7 +128,7 @@ TEST(TemplateSearch, FindsALetterAtItsPlaceRotationAndSize) {
     ASSERT_FALSE(findings.candidates.empty());
     expectFound(findings.candidates.front(), place);
     EXPECT_EQ(findings.candidates.front().source, CandidateSource::kTemplates);
-    EXPECT_GT(findings.candidates.front().evidence, 0.6);
+    EXPECT_GT(findings.candidates.front().evidence, 0.4);
     EXPECT_GT(findings.lookups, 0u);
   }
 }

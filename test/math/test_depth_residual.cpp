@@ -31,6 +31,8 @@ TEST(DepthResidual, DepthOfATiltedPlane) {
   EXPECT_NEAR(found.jacobian[2], -2, 1e-12);
   EXPECT_NEAR(found.jacobian[0], 2, 1e-12);
   EXPECT_NEAR(found.jacobian[1], 0, 1e-12);
+  // 2 / (1 - s) on the ray (s, 0, 1): its derivative by s is 2 / (1 - s)^2.
+  EXPECT_NEAR(found.slope, 8, 1e-12);
 }
 
 TEST(DepthResidual, JacobianAgainstCentralDifferences) {

@@ -14,7 +14,7 @@ import unittest
 FOLDER, TRAIN, RENDER, DETECT = sys.argv[1:5]
 TOP = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 sys.path.insert(0, os.path.join(TOP, 'test', 'support'))
-from kiosk_model import put_kiosk_model  # noqa: E402
+from kiosk_model import PHOTOS, SHORT, put_kiosk_model  # noqa: E402
 
 POSE = (0.03, -0.02, 0.6, 0.63, 0.58, -0.36, 0.37)  # x y z qx qy qz qw
 INTRINSICS = ('--intrinsics', '500', '500', '159.5', '119.5')
@@ -68,6 +68,17 @@ class Detect(unittest.TestCase):
         made = os.stat(landmarks).st_mtime_ns
         self.detect()
         self.assertEqual(os.stat(landmarks).st_mtime_ns, made)
+
+    def test_landmarks_of_photos_are_made_by_train(self):
+        model, landmarks = path('own.safetensors'), path('own.landmarks')
+        result = run(TRAIN, PHOTOS, '-o', model, *SHORT, '--landmarks')
+        self.assertEqual(result.returncode, 0, result.stderr)
+        with open(landmarks, 'rb') as file:
+            made = file.read()
+        self.assertGreater(len(made), 100000)
+        run(DETECT, model, self.image, *INTRINSICS)
+        with open(landmarks, 'rb') as file:
+            self.assertEqual(file.read(), made)  # of renderings alone there would be fewer
 
     def test_looks_where_it_is_told(self):
         for arguments in (('--box', '0', '0', '40', '40'), ('--distance', '3')):

@@ -59,6 +59,7 @@ void CameraSubscription::update() {
 void CameraSubscription::listen() {
   const Receiver* receiver = receiver_.get();
   listenToPairs();
+  listenToCompanions();
   const auto subscribe = [&](const char* topic, const auto& take) {
     const boost::function<void(const sensor_msgs::ImageConstPtr&)> guarded =
         [this, topic, take](const sensor_msgs::ImageConstPtr& mask) {
@@ -87,6 +88,42 @@ void CameraSubscription::listenToPairs() {
   pairs_->infos.subscribe(nodes_.nh, pairs_->info_topic, 10);
 }
 
+/// Called with mutex_ held.
+void CameraSubscription::listenToCompanions() {
+  const Receiver* receiver = receiver_.get();
+  const ros::TransportHints of_ros;
+  if (receiver->depth) {
+    listenTo(topics::kDepth,
+             {receiver->depth_transport, of_ros, nodes_.pnh, "depth/image_transport"},
+             receiver->depth);
+  }
+  for (std::size_t i = 0; receiver->beside && i < receiver->beside_topics.size(); ++i) {
+    listenTo(
+        receiver->beside_topics[i], {transport_hint_, of_ros, nodes_.pnh},
+        [receiver, i](const auto& image, const auto& info) { receiver->beside(i, image, info); });
+  }
+}
+
+void CameraSubscription::CompanionPairs::taken(const sensor_msgs::ImageConstPtr& image,
+                                               const sensor_msgs::CameraInfoConstPtr& info) {
+  diagnostics->guard(topic.c_str(), [&] { take(image, info); });
+}
+
+/// Called with mutex_ held.
+void CameraSubscription::listenTo(const std::string& topic,
+                                  const image_transport::TransportHints& hints, Take take) {
+  companions_.push_back(std::make_unique<CompanionPairs>());
+  CompanionPairs& pairs = *companions_.back();
+  pairs.topic = topic;
+  pairs.take = std::move(take);
+  pairs.diagnostics = diagnostics_;
+  pairs.synchronizer.connectInput(pairs.images, pairs.infos);
+  pairs.synchronizer.registerCallback(&CompanionPairs::taken, &pairs);
+  pairs.images.subscribe(transport_, topic, 10, hints);
+  pairs.infos.subscribe(nodes_.nh,
+                        image_transport::getCameraInfoTopic(nodes_.nh.resolveName(topic)), 10);
+}
+
 /// An image has come: reports that no camera_info has come with the same stamp for a while.
 void CameraSubscription::Pairs::count(const sensor_msgs::ImageConstPtr& image) {
   diagnostics->imageIsThere(image->header.seq);
@@ -113,6 +150,11 @@ void CameraSubscription::unsubscribe() {
     pairs_->infos.unsubscribe();
     pairs_.reset();
   }
+  for (const auto& pairs : companions_) {
+    pairs->images.unsubscribe();
+    pairs->infos.unsubscribe();
+  }
+  companions_.clear();
   masks_.shutdown();
   ignore_masks_.shutdown();
 }

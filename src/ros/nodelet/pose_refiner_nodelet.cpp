@@ -10,6 +10,7 @@
 #include "backend/gpu_memory.h"
 #include "backend/make_backend.h"
 #include "concurrency/error_of.h"
+#include "detection/detection_model.h"
 #include "detection/landmark_file.h"
 #include "ros/conversions/pose_conversions.h"
 #include "ros/conversions/topics.h"
@@ -109,6 +110,16 @@ void PoseRefinerNodelet::startTracking() {
   CameraSubscription::Receiver receiver;
   receiver.wanted = [this] { return results_->wanted() || overlay_->wanted(); };
   receiver.image = [this](const auto& image, const auto& info) { worker_->addImage(image, info); };
+  if (parameters_.depth.use) {
+    receiver.depth = [this](const auto& image, const auto& info) {
+      worker_->addDepth({image, info});
+    };
+    receiver.depth_transport = parameters_.depth.image_transport;
+  }
+  receiver.beside_topics = parameters_.cameras.names();
+  receiver.beside = [this](std::size_t camera, const auto& image, const auto& info) {
+    worker_->addBeside(camera, {image, info});
+  };
   if (tracker.mask_mode != MaskMode::kNone) {
     receiver.mask = [this](const auto& mask) { worker_->addMask(mask); };
   }
@@ -151,11 +162,11 @@ void PoseRefinerNodelet::startObjectServices() {
   };
   objects_ =
       std::make_unique<ObjectServices>(getPrivateNodeHandle(), store(), tracked_.get(), p.object);
-  registrations_ = std::make_unique<RegistrationServices>(
-      getPrivateNodeHandle(),
-      ObjectRegistration({p.dataset_root, p.dataset_limits}, p.registration, store(), make_backend,
-                         find_schedule),
-      &process_->registrations, tracked_.get());
+  ObjectRegistration registration({p.dataset_root, p.dataset_limits}, p.registration, store(),
+                                  make_backend, find_schedule);
+  if (p.tracker.rules.start != TrackStart::kInitialPose) registration.prepareDetection();
+  registrations_ = std::make_unique<RegistrationServices>(getPrivateNodeHandle(), registration,
+                                                          &process_->registrations, tracked_.get());
 }
 
 void PoseRefinerNodelet::startReconfiguration() {
@@ -207,7 +218,7 @@ void PoseRefinerNodelet::prepareDetection(const std::shared_ptr<const Field>& fi
   if (path.empty()) return;
   const std::optional<std::string> error = errorOf([&] {
     const SearchProcessor processor = sharedProcessor()();
-    landmarksFor(*processor.backend->load(field), LandmarkSettings(), path, closing_);
+    detectionModelFor(*processor.backend->load(field), {}, path, closing_);
   });
   if (error) NODELET_WARN("no landmarks yet: %s", error->c_str());
 }

@@ -1,0 +1,54 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "backend/backend.h"
+#include "backend/loaded_field.h"
+#include "detection/candidate.h"
+#include "nerf_pose_refiner/cancellation_token.h"
+#include "nerf_pose_refiner/observation.h"
+#include "refinement/keyframe_set.h"
+#include "refinement/keyframe_settings.h"
+#include "views/view_bank.h"
+
+namespace nerf_pose_refiner {
+
+/// A candidate where small views of the object are aligned from it.
+struct AlignedCandidate {
+  PoseCandidate candidate;  ///< with the pose that alignment ends at
+  double score = 0;         ///< how well that explains the image, @see KeyframeAligner::align
+};
+
+/// Ranks candidates of all sources on common pixels: small views of the object are aligned with
+/// the image from each of them. Views are rendered when they are needed first.
+///
+/// Not thread-safe.
+class CandidateRanking {
+ public:
+  /// @param backend lives longer.
+  CandidateRanking(Backend* backend, std::shared_ptr<const LoadedField> field,
+                   const KeyframeSearchSettings& settings);
+
+  /// @return the best ones, best first, without those that end at the same pose as a better one.
+  /// @throws std::invalid_argument for an image that is smaller than four pixels, Cancelled.
+  std::vector<AlignedCandidate> rank(const Observation& observation,
+                                     const PoseCandidates& candidates, std::size_t most,
+                                     const CancellationToken& cancellation);
+
+ private:
+  void begin();
+  const KeyframeSet::Entry* viewFor(const Pose& T_O_C, const CancellationToken& cancellation);
+
+  Backend* backend_;
+  std::shared_ptr<const LoadedField> field_;
+  KeyframeSearchSettings settings_;
+  std::unique_ptr<KeyframeAligner> aligner_;
+  std::optional<ViewBank> bank_;
+  std::optional<KeyframeSet> views_;  // those of the bank that were needed
+  std::vector<char> is_loaded_;       // of the bank's views: whether it is in `views_`
+};
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,86 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "detection/detection_model.h"
+
+#include <optional>
+#include <stdexcept>
+#include <utility>
+
+#include "detection/landmark_file.h"
+#include "detection/template_file.h"
+#include "math/require.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+/// Keeps what can be made again. A folder may not be ours.
+template <typename Save>
+void keep(const std::string& path, const Save& save) {
+  if (path.empty()) return;
+  try {
+    save();
+  } catch (const std::runtime_error&) {
+  }
+}
+
+void keepLandmarks(const Landmarks& landmarks, std::uint64_t key, const std::string& path) {
+  keep(path, [&] { saveLandmarks(landmarks, key, path); });
+}
+
+/// With templates, if the landmarks are few.
+DetectionModel completed(const LoadedField& field, Landmarks landmarks,
+                         const DetectionModelSettings& settings, const std::string& landmark_path,
+                         const CancellationToken& cancellation) {
+  DetectionModel model = {std::move(landmarks), nullptr};
+  if (model.landmarks.size() >= settings.plain_landmarks) return model;
+  const std::uint64_t key = templateKey(field.field(), settings.templates);
+  const std::string path = landmark_path.empty() ? std::string() : templatePathOf(landmark_path);
+  std::optional<TemplateBank> bank;
+  if (!path.empty()) bank = loadTemplates(path, key);
+  if (!bank) {
+    bank = makeTemplateBank(field, settings.templates, cancellation);
+    keep(path, [&] { saveTemplates(*bank, key, path); });
+  }
+  model.templates = std::make_shared<const TemplateBank>(*std::move(bank));
+  return model;
+}
+
+}  // namespace
+
+void DetectionModelSettings::validate() const {
+  landmarks.validate();
+  templates.validate();
+  require(plain_landmarks >= 0, "DetectionModelSettings::plain_landmarks", plain_landmarks);
+}
+
+std::string templatePathOf(const std::string& landmark_path) {
+  const std::string::size_type dot = landmark_path.rfind('.');
+  const std::string::size_type slash = landmark_path.rfind('/');
+  const bool has_extension =
+      dot != std::string::npos && (slash == std::string::npos || dot > slash);
+  return (has_extension ? landmark_path.substr(0, dot) : landmark_path) + ".templates";
+}
+
+DetectionModel detectionModelFor(const LoadedField& field, const DetectionModelSettings& settings,
+                                 const std::string& landmark_path,
+                                 const CancellationToken& cancellation) {
+  const std::uint64_t key = landmarkKey(field.field(), settings.landmarks);
+  std::optional<Landmarks> landmarks;
+  if (!landmark_path.empty()) landmarks = loadLandmarks(landmark_path, key);
+  if (!landmarks) {
+    landmarks = makeLandmarks(field, settings.landmarks, cancellation);
+    keepLandmarks(*landmarks, key, landmark_path);
+  }
+  return completed(field, *std::move(landmarks), settings, landmark_path, cancellation);
+}
+
+DetectionModel makeDetectionModel(const LoadedField& field,
+                                  const std::vector<LandmarkPhoto>& photos,
+                                  const DetectionModelSettings& settings,
+                                  const std::string& landmark_path,
+                                  const CancellationToken& cancellation) {
+  Landmarks landmarks = makeLandmarks(field, photos, settings.landmarks, cancellation);
+  keepLandmarks(landmarks, landmarkKey(field.field(), settings.landmarks), landmark_path);
+  return completed(field, std::move(landmarks), settings, landmark_path, cancellation);
+}
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,125 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "detection/template_file.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <stdexcept>
+#include <vector>
+
+#include "detection/field_checksum.h"
+#include "files/atomic_file.h"
+#include "files/input_file.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+constexpr char kTemplateFormat[8] = {'N', 'P', 'R', 'T', 'P', 'L', '0', '1'};
+constexpr std::uint32_t kMostViews = 10000, kMostEdges = 4096;
+constexpr int kViewNumbers = 9;  // of R_O_V, column by column
+constexpr int kEdgeNumbers = 4;
+
+struct TemplateHeader {
+  char format[8];
+  std::uint64_t key;
+  std::uint64_t checksum;  // of all that follows
+  std::uint32_t views;
+  std::uint32_t edges;  // of each view that has any
+};
+
+/// The numbers of a view: its axes, whether it has edges, and these.
+void write(const TemplateView& view, std::uint32_t edges, std::vector<double>* numbers) {
+  numbers->insert(numbers->end(), view.R_O_V.data(), view.R_O_V.data() + kViewNumbers);
+  numbers->push_back(view.edges.empty() ? 0 : 1);
+  for (std::uint32_t i = 0; i < edges; ++i) {
+    const TemplateEdge edge = view.edges.empty() ? TemplateEdge{{0, 0, 0}, 0} : view.edges[i];
+    for (const float number : {edge.point.x(), edge.point.y(), edge.point.z(), edge.normal_rad}) {
+      numbers->push_back(number);
+    }
+  }
+}
+
+std::uint64_t checksumOf(const TemplateHeader& header, const std::vector<double>& numbers) {
+  Checksum checksum;
+  addTo(header.views, &checksum);
+  addTo(header.edges, &checksum);
+  checksum.add(numbers.data(), numbers.size() * sizeof(double));
+  return checksum.value();
+}
+
+TemplateView viewOf(const double* numbers, std::uint32_t edges) {
+  TemplateView view;
+  std::copy_n(numbers, kViewNumbers, view.R_O_V.data());
+  if (numbers[kViewNumbers] == 0) return view;
+  const double* edge = numbers + kViewNumbers + 1;
+  for (std::uint32_t i = 0; i < edges; ++i, edge += kEdgeNumbers) {
+    view.edges.push_back(
+        {Eigen::Vector3d(edge[0], edge[1], edge[2]).cast<float>(), static_cast<float>(edge[3])});
+  }
+  return view;
+}
+
+TemplateBank readBank(const InputFile& file, std::uint64_t key) {
+  TemplateHeader header;
+  file.read(0, &header, sizeof header);
+  const std::size_t of_view = kViewNumbers + 1 + std::size_t{kEdgeNumbers} * header.edges;
+  if (std::memcmp(header.format, kTemplateFormat, sizeof kTemplateFormat) != 0 ||
+      header.key != key || header.views > kMostViews || header.edges > kMostEdges ||
+      header.edges % (2 * TemplateView::kParts) != 0 ||
+      file.size() != sizeof header + header.views * of_view * sizeof(double)) {
+    throw std::runtime_error("no templates of this object");
+  }
+  std::vector<double> numbers(header.views * of_view);
+  file.read(sizeof header, numbers.data(), numbers.size() * sizeof(double));
+  const auto finite = [](double number) { return std::isfinite(number); };
+  if (checksumOf(header, numbers) != header.checksum ||
+      !std::all_of(numbers.begin(), numbers.end(), finite)) {
+    throw std::runtime_error("damaged");
+  }
+  TemplateBank bank;
+  for (std::uint32_t i = 0; i < header.views; ++i) {
+    bank.views.push_back(viewOf(numbers.data() + i * of_view, header.edges));
+  }
+  return bank;
+}
+
+}  // namespace
+
+std::uint64_t templateKey(const Field& field, const TemplateBankSettings& settings) {
+  constexpr std::uint32_t kTemplateVersion = 1;  // of how templates are made
+  Checksum checksum;
+  addTo(kTemplateVersion, &checksum);
+  addTo(field, &checksum);
+  for (const int value : {settings.views, settings.object_px, settings.edges}) {
+    addTo(value, &checksum);
+  }
+  addTo(settings.distance, &checksum);
+  return checksum.value();
+}
+
+void saveTemplates(const TemplateBank& bank, std::uint64_t key, const std::string& path) {
+  TemplateHeader header = {};
+  std::copy_n(kTemplateFormat, sizeof kTemplateFormat, header.format);
+  header.key = key;
+  header.views = static_cast<std::uint32_t>(bank.views.size());
+  for (const TemplateView& view : bank.views) {
+    header.edges = std::max(header.edges, static_cast<std::uint32_t>(view.edges.size()));
+  }
+  std::vector<double> numbers;
+  for (const TemplateView& view : bank.views) write(view, header.edges, &numbers);
+  header.checksum = checksumOf(header, numbers);
+  AtomicFile file(path);
+  file.write(&header, sizeof header);
+  file.write(numbers.data(), numbers.size() * sizeof(double));
+  file.commit();
+}
+
+std::optional<TemplateBank> loadTemplates(const std::string& path, std::uint64_t key) {
+  try {
+    return readBank(InputFile(path), key);
+  } catch (const std::runtime_error&) {
+    return std::nullopt;
+  }
+}
+
+}  // namespace nerf_pose_refiner
