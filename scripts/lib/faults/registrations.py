@@ -24,16 +24,10 @@ def leftovers(world):
     return sorted(set(os.listdir(world.models)) - set(os.listdir(world.graph.folder + '/intact')))
 
 
-def client():
-    c = actionlib.SimpleActionClient(NODE + '/register', RegisterAction)
-    c.wait_for_server()
-    return c
-
-
-def client_of_many():
-    """A client that itself drops no goals: by default it queues ten."""
+def client(kind=actionlib.SimpleActionClient):
+    # By default it queues ten goals, and drops the others; all clients of a process share the queue.
     rospy.set_param('/actionlib_client_pub_queue_size', 100)
-    c = actionlib.ActionClient(NODE + '/register', RegisterAction)
+    c = kind(NODE + '/register', RegisterAction)
     c.wait_for_server()
     return c
 
@@ -92,7 +86,7 @@ def goals(world):
     begin(c)
     threads = of_process(world.pid(), 'Threads')
     results = []
-    others = client_of_many()
+    others = client(actionlib.ActionClient)
     handles = [others.send_goal(RegisterGoal(name='other%d' % i, dataset=DATASET)) for i in range(40)]
     try:
         ended = wait_until(lambda: all(h.get_comm_state() == actionlib.CommState.DONE for h in handles),
@@ -114,7 +108,7 @@ def identical_goals(world):
     c = client()
     begin(c)
     threads = of_process(world.pid(), 'Threads')
-    others = client_of_many()
+    others = client(actionlib.ActionClient)
     goal = RegisterGoal(name='slow', dataset=DATASET, max_seconds=600, force_retrain=True)
     handles = [others.send_goal(goal) for _ in range(40)]
     try:
