@@ -46,7 +46,7 @@ pack_fuzzers() {
   cp "$TOP/scripts/lib/common.sh" "$TOP/scripts/lib/fuzzers.sh" scripts/lib/
   for target in "$@"; do
     if [ "$target" = bag ] || [ ! -x "$programs/fuzz_$target" ]; then continue; fi
-    cp "$programs/fuzz_$target" fuzz_programs/
+    strip --strip-debug -o "fuzz_programs/fuzz_$target" "$programs/fuzz_$target"
     cp -r "$TOP/fuzz/corpus/$target" fuzz/corpus/
     # What was found here is where the search goes on.
     if [ -d "$(dirname "$programs")/corpus/$target" ]; then

@@ -9,6 +9,7 @@ import signal
 import threading
 
 import actionlib
+import rospy
 from nerf_pose_refiner.msg import RegisterAction, RegisterGoal
 
 from faults.graph import NODE, of_process, wait_until
@@ -23,8 +24,10 @@ def leftovers(world):
     return sorted(set(os.listdir(world.models)) - set(os.listdir(world.graph.folder + '/intact')))
 
 
-def client():
-    c = actionlib.SimpleActionClient(NODE + '/register', RegisterAction)
+def client(kind=actionlib.SimpleActionClient):
+    # By default it queues ten goals, and drops the others; all clients of a process share the queue.
+    rospy.set_param('/actionlib_client_pub_queue_size', 100)
+    c = kind(NODE + '/register', RegisterAction)
     c.wait_for_server()
     return c
 
@@ -76,21 +79,20 @@ def cancelled(world):
     world.expect_back()
 
 
-@row('100 goals at once beside a registration', 'each is refused with the progress of the running one, or for '
-     'the goals that wait; threads as before; tracking goes on')
+@row('40 goals at once beside a registration (queues of actionlib hold 50)', 'each is refused with the progress of the '
+     'running one, or for the goals that wait; threads as before; tracking goes on')
 def goals(world):
     c = client()
     begin(c)
     threads = of_process(world.pid(), 'Threads')
     results = []
-    others = actionlib.ActionClient(NODE + '/register', RegisterAction)
-    others.wait_for_server()
-    handles = [others.send_goal(RegisterGoal(name='other%d' % i, dataset=DATASET)) for i in range(100)]
+    others = client(actionlib.ActionClient)
+    handles = [others.send_goal(RegisterGoal(name='other%d' % i, dataset=DATASET)) for i in range(40)]
     try:
         ended = wait_until(lambda: all(h.get_comm_state() == actionlib.CommState.DONE for h in handles),
                            10 * world.patience)
         results = [h for h in handles if h.get_comm_state() == actionlib.CommState.DONE]
-        require(ended, '%d of 100 goals have an answer' % len(results))
+        require(ended, '%d of 40 goals have an answer' % len(results))
         require(all(re.search('being registered|goals wait', h.get_result().message) for h in results), 'the reason is missing')
         more = of_process(world.pid(), 'Threads') - threads
         require(more < 5, '%d more threads' % more)
@@ -106,8 +108,7 @@ def identical_goals(world):
     c = client()
     begin(c)
     threads = of_process(world.pid(), 'Threads')
-    others = actionlib.ActionClient(NODE + '/register', RegisterAction)
-    others.wait_for_server()
+    others = client(actionlib.ActionClient)
     goal = RegisterGoal(name='slow', dataset=DATASET, max_seconds=600, force_retrain=True)
     handles = [others.send_goal(goal) for _ in range(40)]
     try:

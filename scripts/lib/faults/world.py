@@ -20,6 +20,7 @@ from nerf_pose_refiner import srv
 BACK_S = 2.0  # of stamps: right poses are back
 SETTLED_S = 1.0  # of stamps, after that: right poses stay
 RIGHT_SHARE = 0.9  # of the refined images in that time
+LATE_S = 0.3  # a pose arrives after the status of its image
 SPARE_MIB = 200  # a fault must not take more memory than this
 SERVICE_S = 20
 JUST_NOW_S = 0.25  # what was provoked before the call may have been answered by then
@@ -119,11 +120,22 @@ class World:
         begin = self.player.now_s
         self.wait(seconds)
         with self.watcher.changed:
-            after = [s for s, _ in self.watcher.statuses if s.latency_s > 0 and s.header.stamp.to_sec() >= begin]
-            right = sum(p.right and p.stamp_ns >= 1e9 * begin for p in self.watcher.poses)
-        require(right >= RIGHT_SHARE * len(after) - 1 and right > 0,
-                '%d right poses of %d refined images; the last status: %s'
-                % (right, len(after), in_words(self.watcher.last())))
+            refined = sum(s.latency_s > 0 and s.header.stamp.to_sec() >= begin for s, _ in self.watcher.statuses)
+
+        def right():
+            return sum(p.right and p.stamp_ns >= 1e9 * begin for p in self.watcher.poses)
+        # A pose may arrive later than the status of its image: each topic has a thread of its own here.
+        enough = self.watcher.wait(lambda: right() >= max(1, RIGHT_SHARE * refined - 1), LATE_S * self.patience)
+        require(enough, '%d right poses of %d refined images; the last status: %s'
+                % (right(), refined, in_words(self.watcher.last())))
+
+    def excuse_doubtful_poses(self):
+        """Wrong poses that have a score below `trust_score` are not counted."""
+        trust_score = rospy.get_param(NODE + '/tracker/trust_score')
+        with self.watcher.changed:
+            scores = {s.header.stamp.to_nsec(): s.score for s, _ in self.watcher.statuses}
+            self.watcher.poses = [p for p in self.watcher.poses
+                                  if p.right or scores.get(p.stamp_ns, 1) >= trust_score]
 
     def expect_no_pose(self, seconds):
         """Nothing is published for images from now on. Images under way may still be."""
