@@ -6,6 +6,8 @@ add_library(${ros_library} STATIC
   src/ros/capture/capture_node.cpp
   src/ros/capture/view_capture.cpp
   src/ros/conversions/camera_input.cpp
+  src/ros/conversions/companion_pairing.cpp
+  src/ros/conversions/depth_input.cpp
   src/ros/conversions/hypothesis_markers.cpp
   src/ros/conversions/mask_pairing.cpp
   src/ros/conversions/param_reader.cpp

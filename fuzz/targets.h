@@ -11,6 +11,7 @@ namespace nerf_pose_refiner {
 void fuzzBopScene(const std::uint8_t* data, std::size_t size);  ///< three files, zero bytes between
 void fuzzColmapBinary(const std::uint8_t* data, std::size_t size);
 void fuzzColmapText(const std::uint8_t* data, std::size_t size);
+void fuzzLandmarkFile(const std::uint8_t* data, std::size_t size);
 void fuzzModelFile(const std::uint8_t* data, std::size_t size);
 void fuzzObjectMetadata(const std::uint8_t* data, std::size_t size);
 void fuzzPhoneScan(const std::uint8_t* data, std::size_t size);

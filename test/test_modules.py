@@ -69,6 +69,7 @@ PUBLIC = {
     'backend.h': 'backend',
     'camera.h': 'geometry',
     'cancellation_token.h': 'concurrency',
+    'depth.h': 'image',
     'detector.h': 'library',
     'image.h': 'image',
     'object.h': 'views',

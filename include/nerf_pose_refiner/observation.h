@@ -3,9 +3,13 @@
 
 #include <Eigen/Core>
 #include <memory>
+#include <string>
+#include <vector>
 
 #include "nerf_pose_refiner/camera.h"
+#include "nerf_pose_refiner/depth.h"
 #include "nerf_pose_refiner/image.h"
+#include "nerf_pose_refiner/pose.h"
 #include "nerf_pose_refiner/undistorter.h"
 
 namespace nerf_pose_refiner {
@@ -18,6 +22,23 @@ enum class Background {
   kMask,  ///< `alpha` holds a segmentation: 1 on the object, 0 elsewhere, inexact at its edge
 };
 
+struct Observation;
+
+/// An image of another camera, or of the same one from elsewhere, at the moment of an observation.
+struct SideView {
+  std::shared_ptr<const Observation> observation;  ///< without side views or depth
+  Pose T_C_V;                        ///< of its camera V in the observation's camera C [m]
+  double position_dev_m = 0.0005;    ///< standard deviation of T_C_V, along each axis [m]
+  double rotation_dev_rad = 0.0005;  ///< the same about each axis [rad]
+};
+
+/// What became of a side view.
+struct SideViewReport {
+  bool used = false;    ///< it took part in the pose
+  std::string message;  ///< why it did not; empty if it did
+  double score = 0;     ///< how well the pose explains the image, 0..1, 1: perfectly
+};
+
 /// An undistorted camera image, and what is known about its background.
 struct Observation {
   Image image;  ///< [h][w][3] RGB, sRGB-encoded, 0..1; premultiplied by `alpha` for kKnownAlpha,
@@ -26,6 +47,8 @@ struct Observation {
   std::shared_ptr<const CameraPixels> pixels;
   Image alpha;   ///< [h][w][1], 0..1, for kKnownAlpha and kMask; empty otherwise
   Image weight;  ///< [h][w][1], 0..1, weight of each pixel (0: the robot's gripper); empty: all 1
+  std::shared_ptr<const DepthImage> depth;  ///< of the same moment; null: there is none
+  std::vector<SideView> beside;             ///< further cameras that see the object
   Camera camera;
   Background background = Background::kUnknown;
   Eigen::Vector3f background_colour = Eigen::Vector3f::Zero();  ///< for kKnownColour

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "nerf_pose_refiner/cancellation_token.h"
 #include "nerf_pose_refiner/object.h"
@@ -45,7 +46,9 @@ struct TrackResult {
   Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
   double score = 0;  ///< 0..1: probability that the pose is right, within 5 degrees and 5 %
   double visible_fraction = 0;  ///< of the object's silhouette that agrees with the image, 0..1
-  double seconds = 0;           ///< that the search in this image took
+  DepthReport depth;            ///< what became of the observation's depth
+  std::vector<SideViewReport> beside;  ///< of the observation's side views, in their order
+  double seconds = 0;                  ///< that the search in this image took
 };
 
 /// Tracks one object through the images of one camera: predicts its pose, refines it, decides

@@ -72,6 +72,9 @@ class ObjectDetector {
   /// Judges poses by these scores, in place of the object's own.
   void use(const KeyframeScores& scores) { refiner_.use(scores); }
 
+  /// Tells poses apart that look like these, in place of the object's own.
+  void use(const LookAlikes& look_alikes) { refiner_.use(look_alikes); }
+
   /// Poses that landmarks speak for, in the part of the image that the area and the observation's
   /// mask leave. @throws as `detect`.
   ImageCandidates candidates(const Observation& observation, const SearchArea& area,

@@ -17,6 +17,8 @@ const char* nameOf(Outcome outcome) {
       return "refined";
     case Outcome::kNoOverlap:
       return "no_overlap";
+    case Outcome::kBadSize:
+      return "bad_size";
     case Outcome::kDiverged:
       return "diverged";
     case Outcome::kCancelled:

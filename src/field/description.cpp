@@ -1,8 +1,10 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include "field/description.h"
 
+#include <algorithm>
 #include <stdexcept>
 #include <type_traits>
+#include <vector>
 
 #include "files/json.h"
 
@@ -66,6 +68,49 @@ void visitKeyframeScores(Scores& s, Visitor visit) {
   visit("right_low", s.right_low);
 }
 
+Json toJson(const LookAlikes& known) {
+  const auto numbers = [](const auto& matrix) {
+    return std::vector<double>(matrix.data(), matrix.data() + matrix.size());
+  };
+  Json json;
+  json["told"] = known.told;
+  json["motions"] = Json::array();
+  for (const Pose& motion : known.motions) {
+    json["motions"].push_back({{"R", numbers(motion.R)}, {"t", numbers(motion.t)}});
+  }
+  if (known.axis) {
+    json["axis"] = {{"direction", numbers(known.axis->direction)},
+                    {"point", numbers(known.axis->point)}};
+  }
+  return json;
+}
+
+template <typename Matrix>
+Matrix matrixOf(const Json& json) {
+  const auto numbers = json.get<std::vector<double>>();
+  Matrix matrix;
+  if (static_cast<Eigen::Index>(numbers.size()) != matrix.size()) {
+    throw std::runtime_error("look_alikes has vectors of another size");
+  }
+  std::copy(numbers.begin(), numbers.end(), matrix.data());
+  return matrix;
+}
+
+LookAlikes lookAlikesFrom(const Json& json) {
+  LookAlikes known;
+  known.measured = true;
+  known.told = json.at("told").get<std::vector<double>>();
+  for (const Json& motion : json.at("motions")) {
+    known.motions.emplace_back(matrixOf<Eigen::Matrix3d>(motion.at("R")),
+                               matrixOf<Eigen::Vector3d>(motion.at("t")));
+  }
+  if (json.contains("axis")) {
+    known.axis = SymmetryAxis{matrixOf<Eigen::Vector3d>(json.at("axis").at("direction")),
+                              matrixOf<Eigen::Vector3d>(json.at("axis").at("point"))};
+  }
+  return known;
+}
+
 template <typename BoxType, typename Visitor>
 void visitBox(BoxType& box, Visitor visit) {
   visit("min", box.min);
@@ -114,6 +159,9 @@ std::string describe(const Field& field) {
   visitMetadata(field.metadata, Writer(&json["metadata"]));
   visitPoseStatistics(field.metadata.pose, Writer(&json["pose_statistics"]));
   visitKeyframeScores(field.metadata.pose.keyframes, Writer(&json["keyframe_scores"]));
+  if (field.metadata.look_alikes.measured) {
+    json["look_alikes"] = toJson(field.metadata.look_alikes);
+  }
   visitBox(field.box, Writer(&json["box"]));
   json["has_occupancy"] = field.occupancy.resolution > 0;
   // A name that is no UTF-8 must not keep a model from being saved.
@@ -131,6 +179,9 @@ Field fieldFromDescription(const std::string& text) {
     }
     if (json.contains("keyframe_scores")) {
       visitKeyframeScores(field.metadata.pose.keyframes, Reader(json.at("keyframe_scores")));
+    }
+    if (json.contains("look_alikes")) {
+      field.metadata.look_alikes = lookAlikesFrom(json.at("look_alikes"));
     }
     visitBox(field.box, Reader(json.at("box")));
     field.config.validate();

@@ -160,6 +160,26 @@ std::size_t colourWeightCount(const FieldConfig& config) {
   return weightCount(colourNetwork(config));
 }
 
+namespace {
+
+void validateLookAlikes(const LookAlikes& known) {
+  require(known.motions.size() <= LookAlikes::kMaxMotions &&
+              known.told.size() <= LookAlikes::kMaxDirections,
+          "LookAlikes has too many entries");
+  for (const Pose& motion : known.motions) {
+    require(motion.isRigid() && motion.t.allFinite(),
+            "LookAlikes::motions has one that is not rigid");
+  }
+  for (const double told : known.told) {
+    require(told >= 0 && std::isfinite(told), "LookAlikes::told holds a value below 0");
+  }
+  if (!known.axis) return;
+  require(std::abs(known.axis->direction.norm() - 1) < 1e-6 && known.axis->point.allFinite(),
+          "LookAlikes::axis is no axis");
+}
+
+}  // namespace
+
 void Field::validate() const {
   config.validate();
   require(box.min.allFinite() && box.max.allFinite() && (box.min.array() < box.max.array()).all(),
@@ -179,6 +199,7 @@ void Field::validate() const {
         pose.keyframes.wrong_mean, pose.keyframes.wrong_deviation, pose.keyframes.right_low}) {
     require(value >= 0 && std::isfinite(value), "FieldMetadata::pose holds a value below 0");
   }
+  validateLookAlikes(metadata.look_alikes);
 
   const GridLevel last = gridLevels(config).back();
   requireSize(

@@ -108,6 +108,23 @@ struct PoseStatistics {
   KeyframeScores keyframes;
 };
 
+/// Motions of the object after which it may be taken for itself: it looks the same from some sides,
+/// or nearly so from all. A bottle looks the same at any turn while its label is out of sight.
+/// Unlike symmetries, which somebody declared, they make poses wrong.
+struct LookAlikes {
+  static constexpr std::size_t kMaxMotions = 16;
+  static constexpr std::size_t kMaxDirections = 1000;
+
+  bool measured = false;
+  std::optional<SymmetryAxis> axis;  ///< any turn about it, in O [model units]
+  std::vector<Pose> motions;         ///< others, in O [model units]
+  /// For directions from the object's centre to the camera (sphereDirections of as many): how
+  /// clearly an image from there tells these motions apart at least, logarithm of odds.
+  std::vector<double> told;
+
+  bool any() const { return axis || !motions.empty(); }
+};
+
 /// What is known of the object beside its looks.
 struct FieldMetadata {
   std::string name;
@@ -117,6 +134,7 @@ struct FieldMetadata {
   double psnr_db = 0;  ///< mean over held-out views on black; 0: none were held out
   ScoreStatistics score;
   PoseStatistics pose;
+  LookAlikes look_alikes;
   std::string data_hash;  ///< of the images, poses and settings it was trained from
   std::uint64_t seed = 0;
   std::uint64_t training_steps = 0;

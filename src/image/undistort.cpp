@@ -40,6 +40,13 @@ cv::Mat matrixOf(Image* image) {
   return cv::Mat(image->height, image->width, CV_32FC(image->channels), image->values.data());
 }
 
+/// Whether a camera can be one: what folds an image can leave a focal length below zero.
+bool isPinhole(const Camera& camera) {
+  const auto is_positive = [](double f) { return std::isfinite(f) && f > 0; };
+  return is_positive(camera.fx) && is_positive(camera.fy) && std::isfinite(camera.cx) &&
+         std::isfinite(camera.cy);
+}
+
 /// True if every pixel comes from inside of the distorted image, to `slack_px`.
 bool staysInside(const cv::Mat& map_xy, const Camera& camera, double slack_px) {
   for (int y = 0; y < map_xy.rows; ++y) {
@@ -70,7 +77,7 @@ cv::Mat polynomialMap(const Camera& camera, const Distortion& distortion, Camera
                               cv::noArray());
   // The widest filled image is found on a coarse grid: it may be off by a little at its rim.
   const double slack_px = 1 + 0.01 * std::max(camera.width, camera.height);
-  if (!staysInside(xy, camera, slack_px)) {
+  if (!isPinhole(*undistorted) || !staysInside(xy, camera, slack_px)) {
     throw std::invalid_argument(
         "the lens distortion folds the image over itself: its coefficients cannot belong to a "
         "camera of this size and focal length");

@@ -26,12 +26,16 @@ const char* textOf(TrustVerdict verdict) {
       return "";
     case TrustVerdict::kNoOverlap:
       return "the prior is outside the image";
+    case TrustVerdict::kBadSize:
+      return "the object would be far larger than the image, or only a few pixels wide";
     case TrustVerdict::kDiverged:
       return "no hypothesis survived";
     case TrustVerdict::kLowScore:
       return "the best pose explains the image badly";
     case TrustVerdict::kUncertain:
       return "the image does not fix the pose well enough";
+    case TrustVerdict::kMistakable:
+      return "the object looks the same in another pose";
     case TrustVerdict::kBadMask:
       return "the mask does not show the object where the image does";
     case TrustVerdict::kCancelled:
@@ -84,6 +88,8 @@ RefineResult Refiner::refine(const Observation& observation, const PosePrior& pr
   result.T_C_O = object.objectInCamera(refined.T_O_C);
   result.score = refined.score;
   result.visible_fraction = refined.visible_fraction;
+  result.depth = refined.depth;
+  result.beside = refined.beside;
   result.seconds = refined.seconds;
   if (refined.outcome != Outcome::kRefined) return result;
   const FieldMetadata& metadata = object.field()->metadata;

@@ -69,6 +69,8 @@ TrackResult Tracker::track(const Observation& observation, std::int64_t stamp_ns
   result.covariance = outcome.covariance;
   result.score = outcome.score;
   result.visible_fraction = outcome.refinement.visible_fraction;
+  result.depth = outcome.refinement.depth;
+  result.beside = outcome.refinement.beside;
   result.seconds = outcome.refinement.seconds;
   return result;
 }

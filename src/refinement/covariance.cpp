@@ -37,7 +37,12 @@ Vector6 priorVariance(const Prior& prior, const FieldMetadata& object) {
   return variance;
 }
 
-// Covariance of the model's error, as a twist about the object's centre along the axes of O.
+}  // namespace
+
+Eigen::Matrix3d lineOfSightAxes(const Eigen::Vector3d& point_C) {
+  return Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), point_C).toRotationMatrix();
+}
+
 Matrix6 modelCovariance(const Pose& T_O_C, const FieldMetadata& object) {
   const PoseStatistics& s = object.pose;
   const double lateral = s.lateral * object.diameter;
@@ -48,12 +53,6 @@ Matrix6 modelCovariance(const Pose& T_O_C, const FieldMetadata& object) {
   axes.topLeftCorner<3, 3>() = axes.bottomRightCorner<3, 3>() =
       T_O_C.R * lineOfSightAxes(T_O_C.inverse() * object.centre);
   return axes * deviation.cwiseAbs2().asDiagonal() * axes.transpose();
-}
-
-}  // namespace
-
-Eigen::Matrix3d lineOfSightAxes(const Eigen::Vector3d& point_C) {
-  return Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), point_C).toRotationMatrix();
 }
 
 double calibratedScore(double score, const PoseStatistics& statistics) {

@@ -63,6 +63,9 @@ std::vector<double> hypothesisWeights(const HypothesisTable& hypotheses);
 Matrix6 poseCovariance(const HypothesisTable& hypotheses, const Prior& prior,
                        const FieldMetadata& object);
 
+/// The part of it that is the model's error, and so that of all images of the object.
+Matrix6 modelCovariance(const Pose& T_O_C, const FieldMetadata& object);
+
 /// How well a pose explains an image, on the same scale for all objects: 0 as badly as wrong poses
 /// did when the object was registered, 1 as well as the right ones did.
 /// @param score of the backend; returned unchanged if the object has no statistics.

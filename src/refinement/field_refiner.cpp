@@ -17,13 +17,6 @@ double secondsBetween(std::chrono::steady_clock::time_point from,
   return std::chrono::duration<double>(to - from).count();
 }
 
-void requireWidth(const char* name, double value, double most) {
-  if (!(value >= 0 && value <= most)) {
-    throw std::invalid_argument(std::string("Prior::") + name + " is " + std::to_string(value) +
-                                ", must be 0.." + std::to_string(most));
-  }
-}
-
 constexpr double kMaxSamplesPerStep = 1 << 28;  // of a batch
 
 int countLive(const HypothesisTable& table) {
@@ -33,14 +26,6 @@ int countLive(const HypothesisTable& table) {
 }
 
 }  // namespace
-
-void Prior::validate() const {
-  if (!T_O_C.isFinite() || !T_O_C.isRigid()) {
-    throw std::invalid_argument("Prior::T_O_C is not a rigid transform");
-  }
-  requireWidth("rotation_rad", rotation_rad, 3.15);
-  requireWidth("translation", translation, 100);
-}
 
 void RefinementRun::trace(const std::vector<std::string>& names,
                           const std::vector<SolverSnapshot>& snapshots) {
@@ -77,11 +62,6 @@ void RefinementRun::finish(const HypothesisTable& table) {
   result->score = fieldScoreProbability(by_contrast ? calibratedScore(best.score, object.pose)
                                                     : scoreOfFraction(best.score));
   result->covariance = poseCovariance(result->hypotheses, prior, object);
-}
-
-bool Prior::isAsWideAs(const Prior& other) const {
-  return rotation_rad == other.rotation_rad && translation == other.translation &&
-         rotate_about_object == other.rotate_about_object;
 }
 
 FieldRefiner::FieldRefiner(std::shared_ptr<Backend> backend, const RefinerSettings& settings)

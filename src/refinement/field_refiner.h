@@ -36,6 +36,7 @@ struct Prior {
 enum class Outcome {
   kRefined,    ///< a pose was found; `score` says how well it explains the image
   kNoOverlap,  ///< the prior is entirely outside the image
+  kBadSize,    ///< the object would be far larger than the image, or only a few pixels wide
   kDiverged,   ///< no hypothesis survived
   kCancelled,  ///< a cancellation was requested
 };
@@ -60,8 +61,13 @@ struct Refinement {
   /// The same without regard to the covariance: how likely the search ended at the right place,
   /// even if the image does not say exactly where that is. Nothing: as the score.
   std::optional<double> found_probability;
+  /// Probability that it is the right one of the poses that look alike, @see LookAlikes. Nothing:
+  /// the object is not taken for itself.
+  std::optional<double> unmistaken;
   double visible_fraction = 0;           ///< 0..1
   std::optional<double> mask_agreement;  ///< @see maskAgreement; nothing: there was no mask
+  DepthReport depth;                     ///< what became of the observation's depth
+  std::vector<SideViewReport> beside;    ///< of the observation's side views, in their order
   Matrix6 covariance = Matrix6::Zero();  ///< of the best pose; @see poseCovariance
   HypothesisTable hypotheses;            ///< those of the last stage, best first;
                                          ///< @see nearestEquivalents

@@ -11,6 +11,7 @@
 
 #include "math/angle.h"
 #include "math/require.h"
+#include "refinement/depth_occlusion.h"
 #include "refinement/grey_image.h"
 #include "refinement/plan.h"
 #include "refinement/pose_probability.h"
@@ -58,16 +59,20 @@ KeyframeRefiner::KeyframeRefiner(Backend* backend, std::shared_ptr<const LoadedF
     : backend_(backend),
       field_(std::move(field)),
       settings_(settings),
-      scores_(field_->field().metadata.pose.keyframes) {
+      scores_(field_->field().metadata.pose.keyframes),
+      look_alikes_(field_->field().metadata.look_alikes) {
   settings_.validate();
   begin();
 }
 
 /// Without keyframes.
 void KeyframeRefiner::begin() {
+  watch_.reset();
   renderer_.reset();
   search_.emplace(backend_, field_, settings_);
+  beside_.emplace(backend_, field_, settings_);
   renderer_.emplace(field_, settings_.keyframe);
+  use(look_alikes_);
 }
 
 void KeyframeRefiner::adaptTo(const Observation& observation) {
@@ -81,15 +86,19 @@ Refinement KeyframeRefiner::follow(const TimedObservation& image, const Prior& p
                                    const CancellationToken& cancellation) {
   const Camera& camera = image.observation.camera;
   adaptTo(image.observation);
-  const Refinement result = refine(
-      prior,
+  Refinement result = refine(
+      image.observation, prior,
       [&]() -> HypothesisTable {
         if (!objectRegion(camera, prior, field_->field().metadata)) return {};
         takeRenewal(image.stamp_ns, cancellation);
-        if (!search_->distanceOfNearest(prior.T_O_C)) makeAt({camera, prior.T_O_C}, cancellation);
-        return search_->near(image.observation, prior, cancellation);
+        if (!search_->distanceOfNearest(prior.T_O_C)) makeAt(camera, {prior.T_O_C}, cancellation);
+        std::optional<Observation> uncovered;
+        if (depth_.isEstablished()) uncovered = withoutOccluders(image.observation, prior);
+        return followed({uncovered ? *uncovered : image.observation, image.stamp_ns}, prior,
+                        cancellation);
       },
       cancellation);
+  startFromDepth(image.observation, prior, cancellation, &result);
   if (result.outcome == Outcome::kRefined) renewFor({camera, result.T_O_C}, image.stamp_ns);
   return result;
 }
@@ -100,23 +109,28 @@ Refinement KeyframeRefiner::find(const TimedObservation& image, const Prior& pri
   constexpr std::size_t kRendered = 2;  // of the poses of either kind
   const Camera& camera = image.observation.camera;
   adaptTo(image.observation);
-  const Refinement result = refine(
-      prior,
+  Refinement result = refine(
+      image.observation, prior,
       [&]() -> HypothesisTable {
         if (!objectRegion(camera, prior, field_->field().metadata)) return {};
         waitForRenderings(cancellation);
         HypothesisTable starts = search_->around(image.observation, prior, cancellation);
+        std::vector<Pose> rendered;
         for (std::size_t i = 0; i < std::min(kRendered, starts.size()); ++i) {
-          if (isFar(starts[i].T_O_C)) makeAt({camera, starts[i].T_O_C}, cancellation);
+          rendered.push_back(starts[i].T_O_C);
         }
         for (std::size_t i = 0; i < std::min(kRendered, candidates_T_O_C.size()); ++i) {
-          if (isFar(candidates_T_O_C[i])) makeAt({camera, candidates_T_O_C[i]}, cancellation);
+          rendered.push_back(candidates_T_O_C[i]);
           starts.emplace_back();
           starts.back().T_O_C = candidates_T_O_C[i];
         }
-        return search_->from(image.observation, starts, cancellation);
+        makeAt(camera, rendered, cancellation);
+        return withoutMistake(image.observation,
+                              search_->from(image.observation, starts, cancellation), prior,
+                              cancellation);
       },
       cancellation);
+  lookPastOccluders(image.observation, prior, cancellation, &result);
   if (result.outcome == Outcome::kRefined) last_ = {image.stamp_ns, result.T_O_C};
   return result;
 }
@@ -132,17 +146,21 @@ Refinement KeyframeRefiner::settle(const TimedObservation& image,
   anywhere.rotation_rad = M_PI;
   anywhere.translation = 1;
   Refinement result = refine(
-      anywhere,
+      image.observation, anywhere,
       [&]() -> HypothesisTable {
         if (!objectRegion(camera, anywhere, field_->field().metadata)) return {};
         waitForRenderings(cancellation);
         HypothesisTable starts;
+        std::vector<Pose> poses;
         for (const RoughPose& one : rough) {
-          if (isFar(one.T_O_C)) makeAt({camera, one.T_O_C}, cancellation);
+          poses.push_back(one.T_O_C);
           starts.emplace_back();
           starts.back().T_O_C = one.T_O_C;
         }
-        return search_->from(image.observation, starts, cancellation);
+        makeAt(camera, poses, cancellation);
+        return withoutMistake(image.observation,
+                              search_->from(image.observation, starts, cancellation), anywhere,
+                              cancellation);
       },
       cancellation);
   if (result.outcome != Outcome::kRefined) return result;
@@ -153,7 +171,7 @@ Refinement KeyframeRefiner::settle(const TimedObservation& image,
   return result;
 }
 
-Refinement KeyframeRefiner::refine(const Prior& prior,
+Refinement KeyframeRefiner::refine(const Observation& observation, const Prior& prior,
                                    const std::function<HypothesisTable()>& search,
                                    const CancellationToken& cancellation) {
   const auto begin = std::chrono::steady_clock::now();
@@ -163,6 +181,15 @@ Refinement KeyframeRefiner::refine(const Prior& prior,
   try {
     result = conclude(search(), prior);
     if (result.outcome == Outcome::kRefined) judge(prior, cancellation, &result);
+    if (!observation.beside.empty()) {
+      beside_->join(observation, prior, scores_, cancellation, &result);
+    }
+    if (result.outcome == Outcome::kRefined) considerDepth(observation, &result);
+    const FieldMetadata& object = field_->field().metadata;
+    if (result.outcome == Outcome::kNoOverlap && objectRegion(observation.camera, prior, object) &&
+        !fitsKeyframe({observation.camera, prior.T_O_C}, object)) {
+      result.outcome = Outcome::kBadSize;
+    }
   } catch (const Cancelled&) {
     result.outcome = Outcome::kCancelled;
   }
@@ -171,7 +198,9 @@ Refinement KeyframeRefiner::refine(const Prior& prior,
 }
 
 void KeyframeRefiner::waitForRenderings(const CancellationToken& cancellation) {
+  if (watch_) watch_->giveTestUp(&*renderer_);
   if (renderer_->busy()) search_->add(renderer_->wait(cancellation));
+  beside_->waitForRenderings(cancellation);
 }
 
 void KeyframeRefiner::takeRenewal(std::int64_t stamp_ns, const CancellationToken& cancellation) {
@@ -182,15 +211,29 @@ void KeyframeRefiner::takeRenewal(std::int64_t stamp_ns, const CancellationToken
   if (keyframe) search_->add(keyframe);
 }
 
-void KeyframeRefiner::makeAt(const View& view, const CancellationToken& cancellation) {
+/// Makes keyframes at those poses that are far from each that exists, and from those before them,
+/// where one is possible.
+void KeyframeRefiner::makeAt(const Camera& camera, const std::vector<Pose>& poses_T_O_C,
+                             const CancellationToken& cancellation) {
   waitForRenderings(cancellation);
-  renderer_->request(view);
-  search_->add(renderer_->wait(cancellation));
+  const Eigen::Vector3d& centre = field_->field().metadata.centre;
+  std::vector<View> views;
+  for (const Pose& T_O_C : poses_T_O_C) {
+    const bool is_new = std::all_of(views.begin(), views.end(), [&](const View& other) {
+      return isFar(viewDistance(other.T_O_C, T_O_C, centre));
+    });
+    const bool is_possible = fitsKeyframe({camera, T_O_C}, field_->field().metadata);
+    if (is_new && is_possible && isFar(search_->distanceOfNearest(T_O_C))) {
+      views.push_back({camera, T_O_C});
+    }
+  }
+  for (KeyframePoints& made : renderKeyframes(*field_, views, settings_.keyframe, cancellation)) {
+    search_->add(std::make_shared<const KeyframePoints>(std::move(made)));
+  }
 }
 
-/// Whether a pose wants a keyframe of its own.
-bool KeyframeRefiner::isFar(const Pose& T_O_C) {
-  const std::optional<ViewDistance> away = search_->distanceOfNearest(T_O_C);
+/// Whether a pose wants a keyframe of its own. @param away from the nearest one, if there is any.
+bool KeyframeRefiner::isFar(const std::optional<ViewDistance>& away) const {
   return !away || away->rotation_rad > settings_.renew_rotation_deg * kDegree ||
          away->scale > settings_.renew_distance;
 }
@@ -204,9 +247,13 @@ void KeyframeRefiner::renewFor(const View& view, std::int64_t stamp_ns) {
     ahead = extrapolated(last_->second, view.T_O_C, std::min(kMost, settings_.renewal_s / since_s));
   }
   last_ = {stamp_ns, view.T_O_C};
-  if (renderer_->busy() || !isFar(ahead)) return;
+  const View next = {view.camera, ahead};
+  if (renderer_->busy() || !isFar(search_->distanceOfNearest(ahead)) ||
+      !fitsKeyframe(next, field_->field().metadata)) {
+    return;
+  }
   due_ns_ = stamp_ns + static_cast<std::int64_t>(1e9 * settings_.renewal_s);
-  renderer_->request({view.camera, ahead});
+  renderer_->request(next);
 }
 
 /// Says how likely the best hypothesis is right, and how far off it may be.
@@ -224,6 +271,77 @@ void KeyframeRefiner::judge(const Prior& prior, const CancellationToken& cancell
   const double by_both = withOdds(by_image, odds);
   found->found_probability = by_both;
   found->score = by_both * withinProbability(found->covariance, object);
+  if (watch_) watch_->judge(found);
+}
+
+/// Joins depth to what colours said.
+void KeyframeRefiner::considerDepth(const Observation& observation, Refinement* found) {
+  if (!observation.depth) return;
+  const FieldMetadata& object = field_->field().metadata;
+  const auto keyframe = search_->nearestTo(found->T_O_C);
+  const double odds = depth_.fuse(*observation.depth, keyframe, object, found);
+  constexpr double kSurest = 0.95;  // that no image of the object alone, on a poster say, misleads
+  if (odds < 1) {
+    found->found_probability = withOdds(std::min(kSurest, *found->found_probability), odds);
+  }
+  found->score = *found->found_probability * withinProbability(found->covariance, object) *
+                 found->unmistaken.value_or(1);
+  found->hypotheses.front().T_O_C = found->T_O_C;
+}
+
+/// The observation without what depth shows before the object. Nothing: there is no such thing.
+std::optional<Observation> KeyframeRefiner::withoutOccluders(const Observation& observation,
+                                                             const Prior& near) {
+  constexpr double kReach = 0.5;  // of the prior: what lies so near before the object may be itself
+  const FieldMetadata& object = field_->field().metadata;
+  const auto keyframe = search_->nearestTo(near.T_O_C);
+  if (!observation.depth || keyframe == nullptr || !(object.metres_per_unit > 0)) return {};
+  const double slack = kReach * near.translation * object.diameter * object.metres_per_unit;
+  auto weight =
+      weightWithoutOccluders(observation, *keyframe, near.T_O_C, {object.metres_per_unit, slack});
+  if (!weight) return std::nullopt;
+  Observation uncovered = observation;
+  uncovered.weight = std::move(*weight);
+  return uncovered;
+}
+
+/// Aligns once more from where depth alone puts the object, if depth has agreed with colours so far
+/// and contradicts them now: a plain object may look right in several places.
+void KeyframeRefiner::startFromDepth(const Observation& observation, const Prior& prior,
+                                     const CancellationToken& cancellation, Refinement* found) {
+  constexpr double kNearlyAsGood = 0.8;  // of the score
+  if (found->depth.use != DepthUse::kRefused || !depth_.isEstablished()) return;
+  const std::optional<Pose> by_depth = depth_.alone(
+      *observation.depth, search_->nearestTo(prior.T_O_C), field_->field().metadata, prior);
+  if (!by_depth) return;
+  Prior from = prior;
+  from.T_O_C = *by_depth;
+  Refinement again = refine(
+      observation, from, [&] { return search_->near(observation, from, cancellation); },
+      cancellation);
+  again.seconds += found->seconds;
+  if (again.outcome == Outcome::kRefined && again.depth.use == DepthUse::kUsed &&
+      again.hypotheses.front().score >= kNearlyAsGood * found->hypotheses.front().score) {
+    *found = again;
+  }
+}
+
+/// Aligns once more without what hides the object, if the first pose shows that something does.
+void KeyframeRefiner::lookPastOccluders(const Observation& observation, const Prior& prior,
+                                        const CancellationToken& cancellation, Refinement* found) {
+  constexpr double kHidden = 0.05, kSlack = 0.04;  // of the surface; [diameters]
+  if (found->depth.use != DepthUse::kUsed || found->depth.nearer < kHidden) return;
+  Prior near = prior;
+  near.T_O_C = found->T_O_C;
+  near.translation = std::min(near.translation, kSlack);
+  const std::optional<Observation> uncovered = withoutOccluders(observation, near);
+  if (!uncovered) return;
+  near.translation = prior.translation;
+  Refinement again = refine(
+      *uncovered, near, [&] { return search_->near(*uncovered, near, cancellation); },
+      cancellation);
+  again.seconds += found->seconds;
+  if (again.outcome == Outcome::kRefined && again.score >= found->score) *found = again;
 }
 
 Refinement KeyframeRefiner::conclude(const HypothesisTable& found, const Prior& prior) const {

@@ -10,17 +10,14 @@
 
 #include "backend/backend.h"
 #include "backend/loaded_field.h"
+#include "refinement/depth_fusion.h"
 #include "refinement/field_refiner.h"
 #include "refinement/keyframe_search.h"
+#include "refinement/look_alike_watch.h"
+#include "refinement/side_views.h"
 #include "views/keyframe_renderer.h"
 
 namespace nerf_pose_refiner {
-
-/// An image of a sequence.
-struct TimedObservation {
-  const Observation& observation;
-  std::int64_t stamp_ns = 0;  ///< when it was taken; says when a keyframe is due
-};
 
 /// A pose that was found otherwise than by keyframes.
 struct RoughPose {
@@ -61,18 +58,38 @@ class KeyframeRefiner {
   /// Judges poses by these scores, in place of the object's own.
   void use(const KeyframeScores& scores) { scores_ = scores; }
 
+  /// Watches over what the object may be taken for, in place of its own LookAlikes.
+  void use(const LookAlikes& look_alikes);
+
   /// Waits until nothing is rendered any more, so that the field is free for others.
   void waitForRenderings(const CancellationToken& cancellation);
 
  private:
-  Refinement refine(const Prior& prior, const std::function<HypothesisTable()>& search,
+  Refinement refine(const Observation& observation, const Prior& prior,
+                    const std::function<HypothesisTable()>& search,
                     const CancellationToken& cancellation);
+  void considerDepth(const Observation& observation, Refinement* found);
+  std::optional<Observation> withoutOccluders(const Observation& observation, const Prior& near);
+  void startFromDepth(const Observation& observation, const Prior& prior,
+                      const CancellationToken& cancellation, Refinement* found);
+  void lookPastOccluders(const Observation& observation, const Prior& prior,
+                         const CancellationToken& cancellation, Refinement* found);
   void begin();
   void adaptTo(const Observation& observation);
   void takeRenewal(std::int64_t stamp_ns, const CancellationToken& cancellation);
-  void makeAt(const View& view, const CancellationToken& cancellation);
-  bool isFar(const Pose& T_O_C);
+  void makeAt(const Camera& camera, const std::vector<Pose>& poses_T_O_C,
+              const CancellationToken& cancellation);
+  bool isFar(const std::optional<ViewDistance>& away) const;
   void renewFor(const View& view, std::int64_t stamp_ns);
+  HypothesisTable withoutMistake(const Observation& observation, const HypothesisTable& found,
+                                 const Prior& prior, const CancellationToken& cancellation);
+  HypothesisTable followed(const TimedObservation& image, const Prior& prior,
+                           const CancellationToken& cancellation);
+  HypothesisTable corrected(const Observation& observation, const HypothesisTable& found,
+                            const Pose& motion, const CancellationToken& cancellation);
+  HypothesisTable watched(const TimedObservation& image, HypothesisTable found, const Prior& prior,
+                          const CancellationToken& cancellation);
+  bool isSure(const HypothesisTable& found) const;
   Refinement conclude(const HypothesisTable& found, const Prior& prior) const;
   void judge(const Prior& prior, const CancellationToken& cancellation, Refinement* found);
 
@@ -82,6 +99,12 @@ class KeyframeRefiner {
   KeyframeScores scores_;
   std::optional<KeyframeSearch> search_;
   std::optional<KeyframeRenderer> renderer_;
+  LookAlikes look_alikes_;
+  std::optional<LookAlikeWatch> watch_;  // nothing: the object is not taken for itself
+  std::optional<Pose> sure_;             // of the last image that showed the object for certain
+  bool was_sure_ = true;                 // that image is the last one
+  DepthFusion depth_;
+  std::optional<SideViews> beside_;
   std::int64_t due_ns_ = 0;  // stamp from which on the keyframe under way is used
   std::optional<std::pair<std::int64_t, Pose>> last_;  // stamp and pose that were found last
 };

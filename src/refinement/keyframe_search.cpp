@@ -91,6 +91,11 @@ std::optional<ViewDistance> KeyframeSearch::distanceOfNearest(const Pose& T_O_C)
   return viewDistance(*nearest->keyframe, T_O_C);
 }
 
+std::shared_ptr<const KeyframePoints> KeyframeSearch::nearestTo(const Pose& T_O_C) {
+  const KeyframeSet::Entry* const nearest = kept_.nearest(T_O_C);
+  return nearest == nullptr ? nullptr : nearest->keyframe;
+}
+
 std::vector<KeyframeStart> KeyframeSearch::startsOf(const std::vector<Pose>& poses,
                                                     KeyframeSet* set) {
   std::vector<KeyframeStart> starts;
@@ -155,7 +160,9 @@ HypothesisTable KeyframeSearch::around(const Observation& observation, const Pri
   constexpr std::size_t kMiddle = 32, kFinalists = 4;
   const FieldMetadata& object = field_->field().metadata;
   // A turn about each of three axes adds up to 1.7 of them.
-  for (const int number : bank_.around(prior.T_O_C, 1.4 * prior.rotation_rad)) {
+  const std::vector<int> sides = bank_.around(prior.T_O_C, 1.4 * prior.rotation_rad);
+  bank_.make(sides, cancellation);
+  for (const int number : sides) {
     if (is_loaded_[number]) continue;
     small_.add(bank_.view(number, cancellation));
     is_loaded_[number] = 1;

@@ -29,6 +29,9 @@ class KeyframeSearch {
   /// How far the nearest keyframe is that can be aligned from a pose; null: there is none.
   std::optional<ViewDistance> distanceOfNearest(const Pose& T_O_C);
 
+  /// The nearest keyframe that can be aligned from a pose; null: there is none.
+  std::shared_ptr<const KeyframePoints> nearestTo(const Pose& T_O_C);
+
   /// Aligns the nearest keyframe from a prior that is nearly right; more widely if what is found is
   /// doubtful. @return best first; empty without a keyframe.
   HypothesisTable near(const Observation& observation, const Prior& prior,

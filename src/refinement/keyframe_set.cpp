@@ -9,11 +9,13 @@
 
 namespace nerf_pose_refiner {
 
+ViewDistance viewDistance(const Pose& a_T_O_C, const Pose& b_T_O_C, const Eigen::Vector3d& centre) {
+  const Eigen::Vector3d a = a_T_O_C.t - centre, b = b_T_O_C.t - centre;
+  return {std::atan2(b.cross(a).norm(), b.dot(a)), std::abs(std::log(b.norm() / a.norm()))};
+}
+
 ViewDistance viewDistance(const KeyframePoints& keyframe, const Pose& T_O_C) {
-  const Eigen::Vector3d then = keyframe.T_O_C.t - keyframe.centre;
-  const Eigen::Vector3d now = T_O_C.t - keyframe.centre;
-  return {std::atan2(now.cross(then).norm(), now.dot(then)),
-          std::abs(std::log(now.norm() / then.norm()))};
+  return viewDistance(keyframe.T_O_C, T_O_C, keyframe.centre);
 }
 
 void KeyframeSet::add(std::shared_ptr<const KeyframePoints> keyframe) {

@@ -15,6 +15,8 @@ struct ViewDistance {
   double scale = 0;         ///< |log| of the ratio of the distances to it
 };
 
+/// Between two poses of the camera. @param centre of the object.
+ViewDistance viewDistance(const Pose& a_T_O_C, const Pose& b_T_O_C, const Eigen::Vector3d& centre);
 ViewDistance viewDistance(const KeyframePoints& keyframe, const Pose& T_O_C);
 
 /// Keyframes of one object in the memory of an aligner.

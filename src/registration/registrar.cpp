@@ -13,6 +13,7 @@
 #include "registration/pose_correction.h"
 #include "registration/registration_hash.h"
 #include "registration/visual_hull.h"
+#include "trust/look_alikes.h"
 #include "trust/pose_statistics.h"
 
 namespace nerf_pose_refiner {
@@ -295,6 +296,8 @@ Field train(Backend* backend, const Dataset& dataset, const RegistrationOptions&
   measureQuality(backend, held_out, cancellation, &field);
   run.report("pose quality");
   field.metadata.symmetries = settings.symmetries;
+  field.metadata.look_alikes =
+      measureLookAlikes(backend, *backend->load(std::make_shared<Field>(field)), cancellation);
   const auto loaded = backend->load(std::make_shared<Field>(field));
   const std::vector<PosedView> searched = poseViews(views);
   field.metadata.pose = measurePoses(backend, *loaded, searched, cancellation);

@@ -2,6 +2,7 @@
 #include "runtime/tracked_object.h"
 
 #include <cstdio>
+#include <future>
 #include <utility>
 
 namespace nerf_pose_refiner {
@@ -26,9 +27,16 @@ std::string TrackedObject::track(std::shared_ptr<const Field> field) {
 
 void TrackedObject::renew(const std::shared_ptr<const Field>& before,
                           std::shared_ptr<const Field> field) {
+  std::future<void> in_use;
+  {
+    std::lock_guard<std::mutex> changing(changing_);
+    if (this->field() != before) return;
+    in_use = tracker_->offerModel(field, /*same_appearance=*/true);
+  }
+  // The refinement that runs ends first, which may take long: another object need not wait for it.
+  in_use.get();
   std::lock_guard<std::mutex> changing(changing_);
   if (this->field() != before) return;
-  tracker_->offerModel(field, /*same_appearance=*/true).get();
   log_("new metadata in use: " + describe(field->metadata));
   std::lock_guard<std::mutex> lock(mutex_);
   field_ = std::move(field);

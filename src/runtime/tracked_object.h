@@ -46,7 +46,7 @@ class TrackedObject {
   ObjectTracker* tracker_;
   std::function<void(const std::string&)> log_;
   Prepare prepare_;
-  std::mutex changing_;       ///< held while the tracker changes its model
+  std::mutex changing_;       ///< held while another object comes into use
   mutable std::mutex mutex_;  ///< guards field_
   std::shared_ptr<const Field> field_;
 };

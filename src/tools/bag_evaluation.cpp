@@ -18,6 +18,8 @@ const char* outcomeText(Outcome outcome) {
       return "refined";
     case Outcome::kNoOverlap:
       return "no overlap";
+    case Outcome::kBadSize:
+      return "bad size";
     case Outcome::kDiverged:
       return "diverged";
     case Outcome::kCancelled:
@@ -127,6 +129,9 @@ void BagEvaluation::evaluate(const BagFrame& frame, const CancellationToken& can
     return;
   }
   result_.masked += masked;
+  const DepthReport& depth = result.refinement.depth;
+  result_.with_depth += depth.use == DepthUse::kUsed;
+  if (depth.use == DepthUse::kRefused) ++result_.depth_refused[depth.message];
   EvaluatedFrame evaluated = compare(result, true_T_C_U);
   evaluated.index = frame.index;
   evaluated.stamp_ns = header.stamp.toNSec();
@@ -157,7 +162,11 @@ std::optional<Pose> BagEvaluation::startOf(const BagFrame& frame, const Pose& tr
 
 Observation BagEvaluation::observe(const BagFrame& frame) {
   try {
-    return input_.observe(frame.image, *frame.info, {frame.mask, nullptr});
+    Observation observation = input_.observe(frame.image, *frame.info, {frame.mask, nullptr});
+    if (frame.depth.image) {
+      observation.depth = depthFromMessage(frame.depth, frame.T_C_D, settings_.depth);
+    }
+    return observation;
   } catch (const std::exception& e) {
     throw std::runtime_error(bag_.topics().image + ", frame " + std::to_string(frame.index) + ": " +
                              e.what());

@@ -42,6 +42,7 @@ struct BagEvaluationSettings {
   TrackingRules rules;
   std::string landmarks_path;  ///< file that keeps the object's landmarks; empty: none
   bool image_is_rectified = false;
+  DepthSettings depth;
   int points = 1000;  ///< of the surface, for ADD, ADD-S and reprojection
   std::uint64_t seed = 1;
 
@@ -54,9 +55,11 @@ struct BagEvaluationSettings {
 
 struct BagEvaluationResult {
   std::vector<EvaluatedFrame> frames;
-  std::map<std::string, int> skipped;  ///< images that could not be evaluated, by reason
-  int masked = 0;                      ///< images that came with a mask
-  int points = 0;                      ///< of the surface, as many as were found
+  std::map<std::string, int> skipped;        ///< images that could not be evaluated, by reason
+  int masked = 0;                            ///< images that came with a mask
+  int with_depth = 0;                        ///< images in whose pose depth took part
+  std::map<std::string, int> depth_refused;  ///< images in which it did not, by reason
+  int points = 0;                            ///< of the surface, as many as were found
 };
 
 /// Tracks the object through the images of a recorded sequence, or refines them one by one, and

@@ -56,6 +56,13 @@ void declareBag(CLI::App* app, EvaluateOptions* options) {
   app->add_flag("--rectified", options->settings.image_is_rectified,
                 "The images are rectified: P applies, not K and D");
   app->add_option("--mask", topics.mask, "Topic of masks, not zero on the object, paired by stamp");
+  app->add_option("--depth", topics.depth,
+                  "Topic of depth images, 16UC1 or 32FC1, with camera_info beside it");
+  app->add_option("--depth-tolerance", topics.depth_tolerance_s,
+                  "Largest difference between the stamps of an image and its depth [s]")
+      ->capture_default_str();
+  app->add_flag("--depth-rectified", options->settings.depth.is_rectified,
+                "The depth images are rectified: P applies, not K");
   auto* truth = app->add_option("--truth", topics.truth,
                                 "Topic of true poses: PoseStamped, PoseWithCovarianceStamped or "
                                 "TransformStamped");
@@ -148,6 +155,7 @@ nlohmann::json settingsJson(const EvaluateOptions& options, const BagTopics& top
           {"bag", fs::absolute(options.bag).string()},
           {"image", topics.image},
           {"mask", topics.mask},
+          {"depth", topics.depth},
           {"truth", topics.truth.empty() ? "TF frame " + topics.truth_frame : topics.truth},
           {"every", s.every},
           {"first", s.first},

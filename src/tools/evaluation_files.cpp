@@ -82,6 +82,8 @@ Json summaryJson(const BagEvaluationResult& result, double diameter_m) {
           {"found", s.found},
           {"trusted", s.trusted},
           {"masked", result.masked},
+          {"with_depth", result.with_depth},
+          {"depth_refused", result.depth_refused},
           {"skipped", result.skipped},
           {"diameter_m", diameter_m},
           {"surface_points", result.points},

@@ -16,6 +16,8 @@
 #include "refinement/field_refiner.h"
 #include "tools/refine_case.h"
 #include "tools/tool.h"
+#include "tracking/settings.h"
+#include "trust/check_trust.h"
 
 // A model file, an image and a rough pose to a refined pose.
 
@@ -37,6 +39,7 @@ struct RefineOptions {
   double search_translation = 0.15;
   std::vector<float> background;  // r g b, 0..1
   std::string mask;
+  double min_score = TrackingRules().min_score;
   std::uint64_t seed = 1;
   bool json = false;
   BackendOptions backend;
@@ -80,12 +83,14 @@ void declare(CLI::App* app, RefineOptions* options) {
       "The background may be known: from --mask, from --background, or because the\n"
       "image has alpha. Otherwise nothing is assumed about it.\n\n"
       "Poses are those of the object frame in <model>.yaml, if there is that file.");
-  app->footer("Examples:\n  " + name +
-              " mug.safetensors photo.jpg --intrinsics 500 500 319.5 239.5"
-              " --pose 0.02 0 0.6 1 0 0 0 --json\n  " +
-              name +
-              " mug.safetensors --transforms photos/mug/transforms_test.json --view view_003\n\n" +
-              kExitCodes + "\nIt is a failure if no pose is found.");
+  app->footer(
+      "Examples:\n  " + name +
+      " mug.safetensors photo.jpg --intrinsics 500 500 319.5 239.5"
+      " --pose 0.02 0 0.6 1 0 0 0 --json\n  " +
+      name + " mug.safetensors --transforms photos/mug/transforms_test.json --view view_003\n\n" +
+      kExitCodes +
+      "\nIt is a failure if no pose is found, or its score is below --min-score: the pose is "
+      "printed,\nbut is not to be trusted.");
   declareInput(app, options);
   app->add_option("--preset", options->preset,
                   "How to search: align (coarse to fine), track (from a near pose), paper, "
@@ -104,6 +109,12 @@ void declare(CLI::App* app, RefineOptions* options) {
   app->add_option("--mask", options->mask, "Image of the same size, black where the object is not")
       ->check(CLI::ExistingFile)
       ->excludes(background);
+  app->add_option(
+         "--min-score", options->min_score,
+         "A pose with a lower score is a failure; the default is that of the node while it "
+         "tracks. 0: any score will do")
+      ->check(CLI::Range(0.0, 1.0))
+      ->capture_default_str();
   app->add_option("--seed", options->seed, "Same seed, same answer")->capture_default_str();
   options->backend.addTo(app);
   app->add_flag("--json", options->json, "Print the result as JSON");
@@ -148,6 +159,8 @@ const char* nameOf(Outcome outcome) {
       return "refined";
     case Outcome::kNoOverlap:
       return "no overlap: the start lies wholly outside of the image";
+    case Outcome::kBadSize:
+      return "bad size: the object would be far larger than the image, or only a few pixels wide";
     case Outcome::kDiverged:
       return "diverged: no hypothesis survived";
     case Outcome::kCancelled:
@@ -162,14 +175,19 @@ nlohmann::json errorJson(const PoseError& error, double diameter) {
           {"pixels", error.pixels}};
 }
 
+bool isTrusted(const Refinement& result, double min_score) {
+  return checkTrust(result, min_score) == TrustVerdict::kTrusted;
+}
+
 nlohmann::json resultJson(const RefineCase& input, const Refinement& result,
-                          const FieldMetadata& object) {
+                          const FieldMetadata& object, double min_score) {
   const ObjectFrame frame = ObjectFrame::inModelUnits(object);
   const Pose T_C_U = frame.objectInCamera(result.T_O_C);
   nlohmann::json document = {{"image", input.name},
                              {"outcome", nameOf(result.outcome)},
                              {"pose", poseNumbers(T_C_U)},
                              {"score", result.score},
+                             {"trusted", isTrusted(result, min_score)},
                              {"visible_fraction", result.visible_fraction},
                              {"seconds", result.seconds},
                              {"samples", result.work.samples}};
@@ -234,13 +252,18 @@ void refine(const RefineOptions& options, const CancellationToken& cancellation)
                        options.search_translation};
   const Refinement result =
       FieldRefiner(backend, settings).refine(*loaded, observation, prior, cancellation);
-  const nlohmann::json document = resultJson(input, result, object);
+  const nlohmann::json document = resultJson(input, result, object, options.min_score);
   if (options.json) {
     printJson(document);
   } else {
     printResult(document);
   }
   if (result.outcome != Outcome::kRefined) throw std::runtime_error(nameOf(result.outcome));
+  if (!isTrusted(result, options.min_score)) {
+    throw std::runtime_error("the score is " + std::to_string(result.score) +
+                             ", which is below --min-score " + std::to_string(options.min_score) +
+                             ": the pose is not to be trusted");
+  }
 }
 
 }  // namespace

@@ -14,6 +14,7 @@
 #include "registration/registration_options.h"
 #include "runtime/learned_detection.h"
 #include "tools/tool.h"
+#include "trust/look_alikes.h"
 
 // Posed photos to a model file.
 
@@ -93,6 +94,7 @@ void report(const TrainOptions& options, const Field& field, double seconds) {
                {"score_right", metadata.pose.right_score},
                {"score_wrong", metadata.pose.wrong_score},
                {"diameter", metadata.diameter},
+               {"look_alikes", describe(metadata.look_alikes)},
                {"metres_per_unit", metadata.metres_per_unit}});
     return;
   }
@@ -102,6 +104,9 @@ void report(const TrainOptions& options, const Field& field, double seconds) {
     std::printf(", PSNR %.2f dB on %d held-out views (colours of the object off by %.3f +- %.3f)",
                 metadata.psnr_db, metadata.score.views, metadata.score.mean_loss,
                 metadata.score.stddev_loss);
+  }
+  if (metadata.look_alikes.any()) {
+    std::printf(", may be taken for itself: %s", describe(metadata.look_alikes).c_str());
   }
   std::printf(", diameter %.4g units", metadata.diameter);
   if (metadata.metres_per_unit > 0) {

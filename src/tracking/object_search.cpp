@@ -5,6 +5,7 @@
 
 #include "backend/backend_lost.h"
 #include "trust/keyframe_scores.h"
+#include "trust/look_alikes.h"
 #include "trust/mask_agreement.h"
 
 namespace nerf_pose_refiner {
@@ -33,6 +34,7 @@ void RefinerSearch::use(std::shared_ptr<const Field> field) {
   }
   keyframes_.reset();
   scores_.reset();
+  look_alikes_.reset();
   detector_.reset();
   try {
     field_ = processor_.backend->load(field);
@@ -94,10 +96,18 @@ const KeyframeScores& RefinerSearch::scores(const CancellationToken& cancellatio
   return *scores_;
 }
 
+const LookAlikes& RefinerSearch::lookAlikes(const CancellationToken& cancellation) {
+  if (!look_alikes_) {
+    look_alikes_ = lookAlikesOf(processor_.backend.get(), *field_, cancellation);
+  }
+  return *look_alikes_;
+}
+
 void RefinerSearch::beginKeyframes(const CancellationToken& cancellation) {
   const KeyframeScores& scores = this->scores(cancellation);
   keyframes_.emplace(processor_.backend.get(), field_, tracking_settings_.keyframes);
   keyframes_->use(scores);
+  keyframes_->use(lookAlikes(cancellation));
 }
 
 Refinement RefinerSearch::find(const SearchRequest& request,
@@ -115,7 +125,15 @@ Refinement RefinerSearch::find(const SearchRequest& request,
   std::unique_ptr<ProcessorTurn> turn;
   if (processor_.take_turn) turn = processor_.take_turn(cancellation);
   FieldRefiner& refiner = request.tracked ? *tracking_ : *initial_;
-  return refiner.refine(*field_, request.observation, request.prior, cancellation);
+  Refinement found = refiner.refine(*field_, request.observation, request.prior, cancellation);
+  if (request.observation.depth) {
+    found.depth.use = DepthUse::kRefused;
+    found.depth.message = "this preset renders the field and takes no depth; 'keyframes' does";
+  }
+  SideViewReport unused;
+  unused.message = "this preset renders the field and takes one image; 'keyframes' takes several";
+  found.beside.assign(request.observation.beside.size(), unused);
+  return found;
 }
 
 /// Poses that landmarks speak for and that agree with the prior; none while there are no landmarks.
@@ -143,6 +161,7 @@ Refinement RefinerSearch::detect(const Observation& observation,
         detectionModelFor(*field_, detection_.settings.model, path, cancellation),
         detection_.settings);
     detector_->use(scores(cancellation));
+    detector_->use(lookAlikes(cancellation));
   }
   const Detections detections = detector_->detect(observation, {}, cancellation);
   Refinement best;  // diverged

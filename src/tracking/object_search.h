@@ -87,6 +87,7 @@ class RefinerSearch : public ObjectSearch {
  private:
   Refinement find(const SearchRequest& request, const CancellationToken& cancellation);
   const KeyframeScores& scores(const CancellationToken& cancellation);
+  const LookAlikes& lookAlikes(const CancellationToken& cancellation);
   void beginKeyframes(const CancellationToken& cancellation);
   Refinement searchOnce(const SearchRequest& request, const CancellationToken& cancellation);
   void replaceProcessor(const std::shared_ptr<const Field>& field);
@@ -102,6 +103,7 @@ class RefinerSearch : public ObjectSearch {
   std::shared_ptr<const Field> object_;
   std::shared_ptr<const LoadedField> field_;  ///< of object_
   std::optional<KeyframeScores> scores_;      ///< of field_; nothing: not asked for yet
+  std::optional<LookAlikes> look_alikes_;     ///< of field_; nothing: not asked for yet
   std::optional<KeyframeRefiner> keyframes_;  ///< of field_; created on first use
   DetectionSetup detection_;
   std::unique_ptr<ObjectDetector> detector_;  ///< of field_; null: not asked for yet

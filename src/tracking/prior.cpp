@@ -68,12 +68,20 @@ Judgement judge(const Refinement& refinement, bool confirmed, const TrackingRule
       break;
     case TrustVerdict::kNoOverlap:
       return {TrackReason::kNoOverlap, "the start pose is outside the image"};
+    case TrustVerdict::kBadSize:
+      return {
+          TrackReason::kNoOverlap,
+          "the object would be far larger than the image, or only a few pixels wide: the camera is "
+          "too near or too far, or its focal length is wrong"};
     case TrustVerdict::kDiverged:
       return {TrackReason::kDiverged, "no hypothesis survived"};
     case TrustVerdict::kCancelled:
       return {TrackReason::kCancelled, "the refinement was interrupted"};
     case TrustVerdict::kUncertain:
       return {TrackReason::kLowScore, "the image does not fix the pose well enough", true};
+    case TrustVerdict::kMistakable:
+      return {TrackReason::kLowScore,
+              "the object looks the same in another pose, as after a turn (see hypotheses)", true};
     case TrustVerdict::kBadMask:
       return {TrackReason::kBadMask, "the mask does not show the object where the image does"};
     case TrustVerdict::kLowScore:

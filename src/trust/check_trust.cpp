@@ -9,6 +9,8 @@ TrustVerdict checkTrust(const Refinement& refinement, double least_score) {
   switch (refinement.outcome) {
     case Outcome::kNoOverlap:
       return TrustVerdict::kNoOverlap;
+    case Outcome::kBadSize:
+      return TrustVerdict::kBadSize;
     case Outcome::kDiverged:
       return TrustVerdict::kDiverged;
     case Outcome::kCancelled:
@@ -20,6 +22,8 @@ TrustVerdict checkTrust(const Refinement& refinement, double least_score) {
   const double found = refinement.found_probability.value_or(refinement.score);
   if (!(found >= least_score)) return TrustVerdict::kLowScore;
   if (agreement && *agreement < kLeastMaskAgreement) return TrustVerdict::kBadMask;
+  constexpr double kLeastUnmistaken = 0.9;
+  if (refinement.unmistaken.value_or(1) < kLeastUnmistaken) return TrustVerdict::kMistakable;
   return refinement.score >= least_score ? TrustVerdict::kTrusted : TrustVerdict::kUncertain;
 }
 

@@ -152,6 +152,18 @@ class ScoreTrials {
            error.head<3>().norm() < kRightOffset * object_.diameter;
   }
 
+  /// Whether the object may be taken for itself so: which pose it is in is asked on its own.
+  bool isLookAlike(const Pose& T_O_C, const Pose& truth) const {
+    const LookAlikes& known = object_.look_alikes;
+    if (known.axis) {
+      const Symmetries turns(known.axis, {});
+      if (isRight(nearestEquivalent(T_O_C, truth, turns), truth)) return true;
+    }
+    return std::any_of(known.motions.begin(), known.motions.end(), [&](const Pose& motion) {
+      return isRight(motion.inverse() * T_O_C, truth);
+    });
+  }
+
   std::vector<Hypothesis> align(const Side& side, const Image& image,
                                 const std::vector<KeyframeStart>& starts) {
     Observation observation;
@@ -181,7 +193,9 @@ class ScoreTrials {
     }
     double best = 0;
     for (const Hypothesis& found : align(side, image, starts)) {
-      const bool is_wrong = !shows_object || !isRight(found.T_O_C, side.points->T_O_C);
+      const Pose& truth = side.points->T_O_C;
+      const bool is_wrong =
+          !shows_object || (!isRight(found.T_O_C, truth) && !isLookAlike(found.T_O_C, truth));
       if (found.state == HypothesisState::kLive && is_wrong) best = std::max(best, found.score);
     }
     wrong_.push_back(best);

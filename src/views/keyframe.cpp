@@ -3,8 +3,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <future>
 #include <stdexcept>
 #include <string>
+#include <utility>
 
 #include "backend/common/image_levels.h"
 #include "math/require.h"
@@ -12,6 +14,13 @@
 
 namespace nerf_pose_refiner {
 namespace {
+
+constexpr double kReach = 0.6;  // of the diameter, as the centre need not be in the middle
+
+/// Half the width of the window that contains the object [px].
+double reachInImage(const View& view, const FieldMetadata& object, double distance) {
+  return kReach * object.diameter * std::max(view.camera.fx, view.camera.fy) / distance;
+}
 
 // As cameras and OpenCV make grey of encoded colours (ITU-R BT.601).
 void makeGrey(Image* layers) {
@@ -21,44 +30,68 @@ void makeGrey(Image* layers) {
   }
 }
 
-// Premultiplied colour, alpha, and alpha times the point relative to the object's centre.
-Image layersOf(const Rendering& rendering, const Eigen::Vector3f& centre) {
-  Image layers(rendering.alpha.width, rendering.alpha.height, kKeyframeChannels);
-  for (std::size_t i = 0; i < layers.pixels(); ++i) {
-    float* pixel = layers.values.data() + kKeyframeChannels * i;
-    const float alpha = rendering.alpha.values[i];
-    for (std::size_t c = 0; c < 3; ++c) {
-      pixel[c] = rendering.colour.values[3 * i + c];
-      pixel[kKeyframePoint + c] = rendering.point.values[3 * i + c] - alpha * centre[c];
-    }
-    pixel[kKeyframeAlpha] = alpha;
-  }
-  return layers;
-}
+/// A rectangle of whole pixels.
+struct PixelBox {
+  int left, top, width, height;
+};
 
-// The part that shows the object, aligned to whole pixels of the coarsest level.
-Image cropped(const Image& layers, int step) {
-  int left = layers.width, right = 0, top = layers.height, bottom = 0;
-  for (int y = 0; y < layers.height; ++y) {
-    for (int x = 0; x < layers.width; ++x) {
-      if (layers.at(x, y, kKeyframeAlpha) < 0.5f) continue;
+// The part of a rendering that shows the object, in whole steps. One more on each side, because the
+// outline is compared with its outside.
+PixelBox shownPart(const Image& alpha, int step) {
+  int left = alpha.width, right = 0, top = alpha.height, bottom = 0;
+  for (int y = 0; y < alpha.height; ++y) {
+    for (int x = 0; x < alpha.width; ++x) {
+      if (alpha.at(x, y, 0) < 0.5f) continue;
       left = std::min(left, x);
       right = std::max(right, x + 1);
       top = std::min(top, y);
       bottom = std::max(bottom, y + 1);
     }
   }
-  // Plus one coarsest pixel on each side, because the outline is compared with its outside.
   left = std::max(0, std::min(left, right) / step * step - step);
   top = std::max(0, std::min(top, bottom) / step * step - step);
-  const int width = std::min((right - left + step - 1) / step * step + step, layers.width - left);
-  const int height = std::min((bottom - top + step - 1) / step * step + step, layers.height - top);
-  Image part(width, height, layers.channels);
-  for (int y = 0; y < height; ++y) {
-    const float* row = layers.pixel(left, top + y);
-    std::copy(row, row + static_cast<std::ptrdiff_t>(width) * layers.channels, part.pixel(0, y));
+  return {left, top, std::min((right - left + step - 1) / step * step + step, alpha.width - left),
+          std::min((bottom - top + step - 1) / step * step + step, alpha.height - top)};
+}
+
+// Premultiplied colour, alpha, and alpha times the point relative to the object's centre.
+Image layersOf(const Rendering& rendering, const PixelBox& part, const Eigen::Vector3f& centre) {
+  Image layers(part.width, part.height, kKeyframeChannels);
+  for (int y = 0; y < part.height; ++y) {
+    const float* alpha = rendering.alpha.pixel(part.left, part.top + y);
+    const float* colour = rendering.colour.pixel(part.left, part.top + y);
+    const float* point = rendering.point.pixel(part.left, part.top + y);
+    float* pixel = layers.pixel(0, y);
+    for (int x = 0; x < part.width; ++x, ++alpha, colour += 3, point += 3) {
+      for (std::size_t c = 0; c < 3; ++c) {
+        pixel[c] = colour[c];
+        pixel[kKeyframePoint + c] = point[c] - *alpha * centre[c];
+      }
+      pixel[kKeyframeAlpha] = *alpha;
+      pixel += kKeyframeChannels;
+    }
   }
-  return part;
+  return layers;
+}
+
+// From fine to coarse.
+std::vector<Image> pyramidOf(const Rendering& rendering, const Camera& camera,
+                             const FieldMetadata& object, const KeyframeSettings& settings) {
+  const int rays = rendering.alpha.width / camera.width;
+  const PixelBox part = shownPart(rendering.alpha, rays << (settings.levels - 1));
+  Image layers = layersOf(rendering, part, object.centre.cast<float>()), half;
+  if (settings.grey) makeGrey(&layers);
+  for (int n = rays; n > 1; n /= 2) {
+    halveImage(layers, &half);
+    std::swap(layers, half);
+  }
+  std::vector<Image> pyramid = {std::move(layers)};
+  while (static_cast<int>(pyramid.size()) < settings.levels) {
+    halveImage(pyramid.back(), &half);
+    pyramid.push_back(std::move(half));
+    half = Image();
+  }
+  return pyramid;
 }
 
 int windowOf(const KeyframeSettings& settings, int level) {
@@ -67,6 +100,34 @@ int windowOf(const KeyframeSettings& settings, int level) {
   return static_cast<int>(
       std::lround(settings.finest_window_px +
                   coarseness * (settings.coarsest_window_px - settings.finest_window_px)));
+}
+
+/// What is rendered for a keyframe.
+struct RenderedWindow {
+  Rendering rendering;
+  Camera camera;      // of the finest level
+  int reduction = 1;  // pixels of the image along one of the keyframe
+};
+
+RenderedWindow renderWindow(const LoadedField& field, const View& view,
+                            const KeyframeSettings& settings,
+                            const CancellationToken& cancellation) {
+  RenderedWindow window;
+  window.camera =
+      keyframeCamera(view.camera, view.T_O_C, field.field().metadata, settings, &window.reduction);
+  const int n = settings.rays_per_side;
+  const Camera finer = window.camera.resized(n * window.camera.width, n * window.camera.height);
+  window.rendering = field.render({finer, view.T_O_C}, RenderOptions(), cancellation);
+  return window;
+}
+
+KeyframePoints keyframeOf(const RenderedWindow& window, const View& view,
+                          const FieldMetadata& object, const KeyframeSettings& settings) {
+  KeyframePoints keyframe =
+      makeKeyframe(window.rendering, window.camera, view.T_O_C, object, settings);
+  keyframe.camera = view.camera;
+  keyframe.reduction = window.reduction;
+  return keyframe;
 }
 
 }  // namespace
@@ -85,15 +146,27 @@ void KeyframeSettings::validate() const {
   require(max_depth_step > 0, "keyframe: max_depth_step", max_depth_step);
 }
 
+bool fitsKeyframe(const View& view, const FieldMetadata& object) {
+  constexpr double kMaxImages = 16,
+                   kMin_px = 8;  // width of the window: in widths of the image, [px]
+  constexpr double kMaxAside_px = 1e8;
+  const Eigen::Vector3d centre_C = view.T_O_C.inverse() * object.centre;
+  if (!(centre_C.z() > kReach * object.diameter)) return false;
+  const double side = 2 * reachInImage(view, object, centre_C.z());
+  const Eigen::Vector2d middle = view.camera.project(centre_C);
+  return side >= kMin_px && side <= kMaxImages * std::max(view.camera.width, view.camera.height) &&
+         middle.cwiseAbs().maxCoeff() <= kMaxAside_px;
+}
+
 Camera keyframeCamera(const Camera& camera, const Pose& T_O_C, const FieldMetadata& object,
                       const KeyframeSettings& settings, int* reduction) {
-  constexpr double kReach = 0.6;  // of the diameter, as the centre need not be in the middle
-  const Eigen::Vector3d centre_C = T_O_C.inverse() * object.centre;
-  if (!(centre_C.z() > kReach * object.diameter)) {
-    throw std::invalid_argument("keyframe: the object is not in front of the camera");
+  if (!fitsKeyframe({camera, T_O_C}, object)) {
+    throw std::invalid_argument(
+        "keyframe: the object is not in front of the camera, or far too large or small in its "
+        "image");
   }
-  const double focal = std::max(camera.fx, camera.fy);
-  const double reach_px = kReach * object.diameter * focal / centre_C.z();
+  const Eigen::Vector3d centre_C = T_O_C.inverse() * object.centre;
+  const double reach_px = reachInImage({camera, T_O_C}, object, centre_C.z());
   *reduction = 1;
   while (2 * reach_px > *reduction * settings.max_side_px) *reduction *= 2;
   // Whole pixels of the coarsest level; the window may extend beyond the image.
@@ -106,21 +179,31 @@ Camera keyframeCamera(const Camera& camera, const Pose& T_O_C, const FieldMetada
   return camera.cropped(x, y, side, side).resized(side / *reduction, side / *reduction);
 }
 
+std::vector<KeyframePoints> renderKeyframes(const LoadedField& field,
+                                            const std::vector<View>& views,
+                                            const KeyframeSettings& settings,
+                                            const CancellationToken& cancellation) {
+  settings.validate();
+  std::vector<std::future<KeyframePoints>> underway;
+  for (const View& view : views) {
+    underway.push_back(std::async(
+        std::launch::async,
+        [&](const RenderedWindow& window) {
+          return keyframeOf(window, view, field.field().metadata, settings);
+        },
+        renderWindow(field, view, settings, cancellation)));
+  }
+  std::vector<KeyframePoints> keyframes;
+  for (std::future<KeyframePoints>& one : underway) keyframes.push_back(one.get());
+  return keyframes;
+}
+
 KeyframePoints renderKeyframe(const LoadedField& field, const View& view,
                               const KeyframeSettings& settings,
                               const CancellationToken& cancellation) {
   settings.validate();
-  const FieldMetadata& object = field.field().metadata;
-  int reduction = 1;
-  const Camera window = keyframeCamera(view.camera, view.T_O_C, object, settings, &reduction);
-  const int n = settings.rays_per_side;
-  const Camera finer = window.resized(n * window.width, n * window.height);
-  KeyframePoints keyframe =
-      makeKeyframe(field.render({finer, view.T_O_C}, RenderOptions(), cancellation), window,
-                   view.T_O_C, object, settings);
-  keyframe.camera = view.camera;
-  keyframe.reduction = reduction;
-  return keyframe;
+  return keyframeOf(renderWindow(field, view, settings, cancellation), view, field.field().metadata,
+                    settings);
 }
 
 KeyframePoints makeKeyframe(const Rendering& rendering, const Camera& camera, const Pose& T_O_C,
@@ -131,26 +214,25 @@ KeyframePoints makeKeyframe(const Rendering& rendering, const Camera& camera, co
   keyframe.T_O_C = T_O_C;
   keyframe.centre = object.centre;
   keyframe.diameter = object.diameter;
-  Image layers = layersOf(rendering, object.centre.cast<float>()), half;
-  if (settings.grey) makeGrey(&layers);
-  while (layers.width > camera.width) {
-    halveImage(layers, &half);
-    std::swap(layers, half);
-  }
-  layers = cropped(layers, 1 << (settings.levels - 1));
+  const std::vector<Image> pyramid = pyramidOf(rendering, camera, object, settings);
   KeyframeView view;
   view.right = T_O_C.R.col(0).cast<float>();
   view.down = T_O_C.R.col(1).cast<float>();
   view.forward = T_O_C.R.col(2).cast<float>();
   view.centre = (T_O_C.inverse() * object.centre).cast<float>();
-  for (int level = 0; level < settings.levels; ++level) {
-    if (level > 0) {
-      halveImage(layers, &half);
-      std::swap(layers, half);
-    }
-    view.focal_px = Eigen::Vector2d(camera.fx, camera.fy).cast<float>() / (1 << level);
-    keyframe.levels.push_back(makeLevel(layers, view, windowOf(settings, level), settings));
-  }
+  const auto makeOne = [&](int level) {
+    KeyframeView of_level = view;
+    of_level.focal_px = Eigen::Vector2d(camera.fx, camera.fy).cast<float>() / (1 << level);
+    return makeLevel(pyramid[level], of_level, windowOf(settings, level), settings);
+  };
+  // The finest level takes most of the time, and the others together a third of that.
+  auto others = std::async(std::launch::async, [&] {
+    std::vector<KeyframeLevel> levels;
+    for (int level = 1; level < settings.levels; ++level) levels.push_back(makeOne(level));
+    return levels;
+  });
+  keyframe.levels.push_back(makeOne(0));
+  for (KeyframeLevel& level : others.get()) keyframe.levels.push_back(std::move(level));
   return keyframe;
 }
 

@@ -1,6 +1,8 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <vector>
+
 #include "backend/keyframe_points.h"
 #include "backend/loaded_field.h"
 #include "field/field.h"
@@ -25,18 +27,29 @@ struct KeyframeSettings {
   void validate() const;
 };
 
+/// Whether a keyframe of a view can be compared with its image: the object is in front of the
+/// camera, at most a few times as large as the image, and more than a few pixels wide.
+bool fitsKeyframe(const View& view, const FieldMetadata& object);
+
 /// The camera of a keyframe: the window of `camera` that contains the object, reduced by a power of
 /// two until it is at most `max_side_px` wide, about.
 /// @param reduction set to the number of image pixels along a pixel of the keyframe.
-/// @throws std::invalid_argument if the object is not in front of the camera.
+/// @throws std::invalid_argument if `fitsKeyframe` does not hold.
 Camera keyframeCamera(const Camera& camera, const Pose& T_O_C, const FieldMetadata& object,
                       const KeyframeSettings& settings, int* reduction);
 
 /// Renders a keyframe of the object for images of a camera.
-/// @throws std::invalid_argument if the object is not in front of the camera.
+/// @throws std::invalid_argument if `fitsKeyframe` does not hold.
 KeyframePoints renderKeyframe(const LoadedField& field, const View& view,
                               const KeyframeSettings& settings = {},
                               const CancellationToken& cancellation = {});
+
+/// Keyframes of several views: the points of each are chosen in a thread of its own, while the next
+/// view is rendered. @throws as `renderKeyframe`.
+std::vector<KeyframePoints> renderKeyframes(const LoadedField& field,
+                                            const std::vector<View>& views,
+                                            const KeyframeSettings& settings = {},
+                                            const CancellationToken& cancellation = {});
 
 /// Makes a keyframe from a rendering.
 /// @param rendering has `rays_per_side` pixels along each pixel of `camera`.

@@ -7,6 +7,11 @@
 #include "concurrency/thread_priority.h"
 
 namespace nerf_pose_refiner {
+namespace {
+
+constexpr std::chrono::milliseconds kRendererTick(5);  // polled: a token does not notify anybody
+
+}  // namespace
 
 KeyframeRenderer::KeyframeRenderer(std::shared_ptr<const LoadedField> field,
                                    const KeyframeSettings& settings)
@@ -46,38 +51,91 @@ std::shared_ptr<const KeyframePoints> KeyframeRenderer::take() {
 
 std::shared_ptr<const KeyframePoints> KeyframeRenderer::wait(
     const CancellationToken& cancellation) {
-  constexpr std::chrono::milliseconds kTick(5);  // polled: a token does not notify anybody
   {
     std::unique_lock<std::mutex> lock(mutex_);
     while (busy_ && !done_ && !error_) {
       cancellation.check();
-      changed_.wait_for(lock, kTick);
+      changed_.wait_for(lock, kRendererTick);
     }
   }
   return take();
+}
+
+void KeyframeRenderer::doAside(AsideStep step) {
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    aside_ = std::move(step);
+  }
+  changed_.notify_all();
+}
+
+bool KeyframeRenderer::isAsideBusy() const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  return static_cast<bool>(aside_);
+}
+
+void KeyframeRenderer::waitForAside(const CancellationToken& cancellation) {
+  std::unique_lock<std::mutex> lock(mutex_);
+  while (aside_) {
+    cancellation.check();
+    changed_.wait_for(lock, kRendererTick);
+  }
+  if (aside_error_) std::rethrow_exception(std::exchange(aside_error_, nullptr));
+}
+
+void KeyframeRenderer::endAside() {
+  std::unique_lock<std::mutex> lock(mutex_);
+  aside_ = nullptr;
+  changed_.wait(lock, [this] { return !is_stepping_; });
+  aside_error_ = nullptr;
 }
 
 void KeyframeRenderer::work() {
   yieldToOtherThreads();
   std::unique_lock<std::mutex> lock(mutex_);
   while (true) {
-    changed_.wait(lock, [this] { return stopping_ || requested_; });
+    changed_.wait(lock, [this] { return stopping_ || requested_ || aside_; });
     if (stopping_) return;
-    const View view = *std::exchange(requested_, std::nullopt);
-    lock.unlock();
-    std::shared_ptr<const KeyframePoints> keyframe;
-    std::exception_ptr error;
-    try {
-      keyframe = std::make_shared<const KeyframePoints>(
-          renderKeyframe(*field_, view, settings_, cancellation_));
-    } catch (...) {
-      error = std::current_exception();
+    if (requested_) {
+      renderNext(&lock);
+    } else {
+      stepAside(&lock);
     }
-    lock.lock();
-    done_ = std::move(keyframe);
-    error_ = error;
     changed_.notify_all();
   }
+}
+
+void KeyframeRenderer::renderNext(std::unique_lock<std::mutex>* lock) {
+  const View view = *std::exchange(requested_, std::nullopt);
+  lock->unlock();
+  std::shared_ptr<const KeyframePoints> keyframe;
+  std::exception_ptr error;
+  try {
+    keyframe = std::make_shared<const KeyframePoints>(
+        renderKeyframe(*field_, view, settings_, cancellation_));
+  } catch (...) {
+    error = std::current_exception();
+  }
+  lock->lock();
+  done_ = std::move(keyframe);
+  error_ = error;
+}
+
+void KeyframeRenderer::stepAside(std::unique_lock<std::mutex>* lock) {
+  const AsideStep step = aside_;
+  is_stepping_ = true;
+  lock->unlock();
+  bool goes_on = false;
+  std::exception_ptr error;
+  try {
+    goes_on = step(cancellation_);
+  } catch (...) {
+    error = std::current_exception();
+  }
+  lock->lock();
+  is_stepping_ = false;
+  if (error) aside_error_ = error;
+  if (!goes_on) aside_ = nullptr;
 }
 
 }  // namespace nerf_pose_refiner

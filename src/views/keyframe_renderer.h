@@ -4,6 +4,7 @@
 #include <condition_variable>
 #include <cstdint>
 #include <exception>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -36,8 +37,22 @@ class KeyframeRenderer {
   /// Waits for the requested keyframe and takes it. @throws Cancelled, and as `take`.
   std::shared_ptr<const KeyframePoints> wait(const CancellationToken& cancellation);
 
+  /// Work with the field that may wait for keyframes: a step of it, false if it was the last one.
+  using AsideStep = std::function<bool(const CancellationToken&)>;
+
+  /// Does work in steps while no keyframe is requested. Requires `!isAsideBusy()`. Work that throws
+  /// is over.
+  void doAside(AsideStep step);
+  bool isAsideBusy() const;
+  /// Waits until that work is over. @throws Cancelled, and what the work threw.
+  void waitForAside(const CancellationToken& cancellation);
+  /// Gives that work up, and waits for its present step.
+  void endAside();
+
  private:
   void work();
+  void renderNext(std::unique_lock<std::mutex>* lock);
+  void stepAside(std::unique_lock<std::mutex>* lock);
 
   std::shared_ptr<const LoadedField> field_;
   KeyframeSettings settings_;
@@ -49,6 +64,9 @@ class KeyframeRenderer {
   bool stopping_ = false, busy_ = false;
   std::shared_ptr<const KeyframePoints> done_;
   std::exception_ptr error_;
+  AsideStep aside_;           ///< empty: there is no such work
+  bool is_stepping_ = false;  ///< one of its steps is under way
+  std::exception_ptr aside_error_;
 
   std::thread thread_;
 };

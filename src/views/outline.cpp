@@ -15,13 +15,16 @@ class OutlineFinder {
  public:
   OutlineFinder(const Image& layers, const KeyframeView& view) : layers_(layers), view_(view) {}
 
-  /// The place between a pixel and its neighbour, to the right or below, where the opacity crosses
-  /// 0.5. Only if the outline's normal is closer to that direction than to the other one.
+  /// Whether the opacity of a pixel is on one side of 0.5.
+  bool isInside(int x, int y) const { return layers_.at(x, y, kKeyframeAlpha) > 0.5f; }
+
+  /// The place between a pixel and its neighbour on the other side of 0.5, to the right or below,
+  /// where the opacity crosses 0.5. Only if the outline's normal is closer to that direction than
+  /// to the other one.
   std::optional<OutlinePoint> between(int x, int y, bool to_the_right) const {
     const int x2 = x + (to_the_right ? 1 : 0), y2 = y + (to_the_right ? 0 : 1);
     const float a = layers_.at(x, y, kKeyframeAlpha) - 0.5f;
     const float b = layers_.at(x2, y2, kKeyframeAlpha) - 0.5f;
-    if (!((a > 0) != (b > 0))) return std::nullopt;
     const float t = a / (a - b);
     const Eigen::Vector2f place(static_cast<float>(x) + (to_the_right ? t : 0),
                                 static_cast<float>(y) + (to_the_right ? 0 : t));
@@ -107,7 +110,11 @@ std::vector<OutlinePlace> outlineOf(const Image& layers, const KeyframeView& vie
   if (layers.width < 2 || layers.height < 2) return all;
   for (int y = 0; y + 1 < layers.height; ++y) {
     for (int x = 0; x + 1 < layers.width; ++x) {
+      const bool inside = finder.isInside(x, y);
       for (const bool to_the_right : {true, false}) {
+        if (inside == (to_the_right ? finder.isInside(x + 1, y) : finder.isInside(x, y + 1))) {
+          continue;
+        }
         if (const auto point = finder.between(x, y, to_the_right))
           all.push_back({*point, y * layers.width + x});
       }

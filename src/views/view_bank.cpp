@@ -5,6 +5,7 @@
 #include <cmath>
 #include <stdexcept>
 #include <string>
+#include <utility>
 
 #include "math/require.h"
 #include "views/sphere_directions.h"
@@ -45,22 +46,34 @@ std::vector<int> ViewBank::around(const Pose& T_O_C, double angle_rad) const {
   return numbers;
 }
 
-Pose ViewBank::poseOf(int number) const {
+View ViewBank::viewOf(int number) const {
   const FieldMetadata& object = field_->field().metadata;
-  return lookingAt(object.centre, directions_[number], settings_.distance * object.diameter);
+  const double focal = settings_.object_px * settings_.distance;
+  const int side = 2 * settings_.object_px;
+  const double middle = 0.5 * (side - 1);
+  return {{side, side, focal, focal, middle, middle},
+          lookingAt(object.centre, directions_[number], settings_.distance * object.diameter)};
+}
+
+void ViewBank::make(const std::vector<int>& numbers, const CancellationToken& cancellation) {
+  std::vector<int> missing;
+  std::vector<View> views;
+  for (const int number : numbers) {
+    if (views_.at(number)) continue;
+    missing.push_back(number);
+    views.push_back(viewOf(number));
+  }
+  std::vector<KeyframePoints> made =
+      renderKeyframes(*field_, views, settings_.keyframe, cancellation);
+  for (std::size_t i = 0; i < made.size(); ++i) {
+    views_[missing[i]] = std::make_shared<const KeyframePoints>(std::move(made[i]));
+  }
 }
 
 std::shared_ptr<const KeyframePoints> ViewBank::view(int number,
                                                      const CancellationToken& cancellation) {
-  std::shared_ptr<const KeyframePoints>& view = views_.at(number);
-  if (view) return view;
-  const double focal = settings_.object_px * settings_.distance;
-  const int side = 2 * settings_.object_px;
-  const double middle = 0.5 * (side - 1);
-  const Camera camera = {side, side, focal, focal, middle, middle};
-  view = std::make_shared<const KeyframePoints>(
-      renderKeyframe(*field_, {camera, poseOf(number)}, settings_.keyframe, cancellation));
-  return view;
+  make({number}, cancellation);
+  return views_[number];
 }
 
 std::size_t ViewBank::memory_bytes() const {

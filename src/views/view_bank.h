@@ -33,6 +33,9 @@ class ViewBank {
   /// at most an angle; at least the nearest one.
   std::vector<int> around(const Pose& T_O_C, double angle_rad) const;
 
+  /// Renders those of these views that were not yet. @throws Cancelled.
+  void make(const std::vector<int>& numbers, const CancellationToken& cancellation);
+
   /// A view, which is rendered on first use. @throws Cancelled.
   std::shared_ptr<const KeyframePoints> view(int number, const CancellationToken& cancellation);
 
@@ -40,7 +43,7 @@ class ViewBank {
   std::size_t memory_bytes() const;
 
  private:
-  Pose poseOf(int number) const;
+  View viewOf(int number) const;
 
   std::shared_ptr<const LoadedField> field_;
   ViewBankSettings settings_;

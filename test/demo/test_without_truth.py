@@ -31,7 +31,7 @@ BAG = os.path.join(DEMO, 'toy_kiosk.bag')
 TOPICS = {'/camera/image/compressed': CompressedImage, '/camera/camera_info': CameraInfo,
           '/initial_pose': PoseStamped, '/ground_truth/object_pose': PoseStamped, '/tf': TFMessage}
 FRAMES = 3
-TRAINING_S = 20  # at most, where other programs keep the cores busy
+TRAINING_S = 120  # at most: the steps decide, unless other programs keep the cores busy
 PATIENCE_S = 90
 
 

@@ -112,6 +112,12 @@ TEST(Undistort, RefusesWhatMakesNoSense) {
   expectRefused(std::vector<double>(14, 0.01), "14 coefficients");
   expectRefused({std::nan(""), 0, 0, 0}, "not finite");
   expectRefused({-30, 5, 0, 0}, "folds");
+  // Leaves a focal length below zero, which a fuzzer found.
+  expectError<std::invalid_argument>(
+      [] {
+        Undistorter({8, 6, 10, 10, 3.5, 2.5}, {{1e6, -1e6, 1e3, 1e3, 1e6}});
+      },
+      "folds");
   expectError<std::invalid_argument>([] { Undistorter(Camera(), {}); }, "Camera::width");
   expectError<std::invalid_argument>([] { Undistorter(kCamera, {}).undistort(Image8(10, 20, 3)); },
                                      "10 x 20", "160 x 120");

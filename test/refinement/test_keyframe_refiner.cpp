@@ -187,6 +187,50 @@ TEST_F(KeyframeRefinerTest, SaysThatTheObjectIsNotThere) {
   EXPECT_EQ(refiner.follow({empty, 1}, priorAt(beside, 5, 0.05)).outcome, Outcome::kNoOverlap);
 }
 
+TEST_F(KeyframeRefinerTest, RefusesACameraThatCannotShowTheObjectAndGoesOnAfterIt) {
+  const Pose truth = truthAt(0);
+  const Observation usual = imageAt(truth);
+  for (const double factor : {1e9, 1e200, 1e3, 1e-3, 1e-9}) {
+    SCOPED_TRACE(factor);
+    Observation unusual = usual;
+    unusual.camera.fx *= factor;
+    unusual.camera.fy *= factor;
+    KeyframeRefiner refiner(backend_.get(), field_, fromFile());
+    const int rendered = field_->arrived();
+    // (What is smaller than a pixel overlaps none.)
+    EXPECT_EQ(refiner.follow({unusual, 0}, priorAt(truth, 5, 0.05)).outcome,
+              factor > 1 ? Outcome::kBadSize : Outcome::kNoOverlap);
+    EXPECT_EQ(field_->arrived(), rendered);  // no keyframe of it
+    expectFound(refiner.follow({usual, kFrame_ns}, priorAt(truth, 5, 0.05)), truth, 0.5);
+    const Refinement between = refiner.follow({unusual, 2 * kFrame_ns}, priorAt(truth, 5, 0.05));
+    EXPECT_FALSE(between.outcome == Outcome::kRefined && between.score > 0.5);
+    const Refinement after =
+        refiner.follow({imageAt(truthAt(6)), 3 * kFrame_ns}, priorAt(truthAt(6), 5, 0.05));
+    expectFound(after, truthAt(6), 0.5);
+  }
+}
+
+TEST_F(KeyframeRefinerTest, AnObjectThatComesTooNearForANewKeyframeIsNoError) {
+  // Keyframes need 0.6 diameters of distance: where the motion leads nearer, the last one stays.
+  const auto at = [&](double distance) {
+    Pose pose = truthAt(0);
+    const Eigen::Vector3d sight = (pose.t - object().centre).normalized();
+    pose.t = object().centre + distance * object().diameter * sight;
+    return pose;
+  };
+  KeyframeRefiner refiner(backend_.get(), field_, fromFile());
+  std::int64_t stamp_ns = 0;
+  for (const double distance :
+       {0.90, 0.85, 0.80, 0.75, 0.70, 0.65, 0.62, 0.61, 0.605, 0.603, 0.602}) {
+    SCOPED_TRACE(distance);
+    const Observation observation = imageAt(at(distance));
+    const Refinement found =
+        refiner.follow({observation, stamp_ns += kFrame_ns}, priorAt(at(distance), 5, 0.05));
+    EXPECT_NE(found.outcome, Outcome::kBadSize);
+    if (distance > 0.78) expectFound(found, at(distance), 1);
+  }
+}
+
 TEST_F(KeyframeRefinerTest, APriorFarOutsideOfTheImageIsSearchedWithoutHarm) {
   KeyframeSearch search(backend_.get(), field_, fromFile());
   const Observation observation = imageAt(truthAt(0));

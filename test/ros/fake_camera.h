@@ -50,6 +50,12 @@ class FakeCamera {
     shift_ = ros::Duration(seconds);
   }
 
+  /// Takes no images, or goes on.
+  void pause(bool paused) {
+    std::lock_guard<std::mutex> lock(mutex_);
+    paused_ = paused;
+  }
+
   /// Stamps of the images taken so far.
   std::set<ros::Time> stamps() const {
     std::lock_guard<std::mutex> lock(mutex_);
@@ -66,8 +72,7 @@ class FakeCamera {
   void run() {
     auto next = std::chrono::steady_clock::now();
     while (!stopping_) {
-      {
-        std::lock_guard<std::mutex> lock(mutex_);
+      if (std::lock_guard<std::mutex> lock(mutex_); !paused_) {
         image_.header.stamp = info_.header.stamp = ros::Time::now() + shift_;
         stamps_.insert(image_.header.stamp);
         infos_.publish(info_);
@@ -83,6 +88,7 @@ class FakeCamera {
   sensor_msgs::CameraInfo info_;
   const std::chrono::microseconds period_;
   ros::Duration shift_;
+  bool paused_ = false;
   std::set<ros::Time> stamps_;
 
   ros::Publisher images_;

@@ -1,14 +1,17 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-// The node capture_views in a graph: a camera that moves around a board, and a service that says it
+// The node capture_views in a graph: a camera that moves around a board, and an action that says it
 // registers.
+#include <actionlib/server/simple_action_server.h>
 #include <gtest/gtest.h>
 #include <nerf_pose_refiner/CaptureStatus.h>
+#include <nerf_pose_refiner/RegisterAction.h>
 #include <nerf_pose_refiner/RegisterObject.h>
 #include <ros/ros.h>
 #include <std_srvs/Trigger.h>
 #include <tf2_msgs/TFMessage.h>
 
 #include <atomic>
+#include <optional>
 #include <string>
 
 #include "dataset/dataset.h"
@@ -26,21 +29,42 @@ class CaptureViews : public testing::Test {
       : images(nh.advertise<sensor_msgs::Image>("camera/image_raw", 10)),
         infos(nh.advertise<sensor_msgs::CameraInfo>("camera/camera_info", 10)),
         transforms(nh.advertise<tf2_msgs::TFMessage>("/tf", 10)),
-        server(pnh.advertiseService("register_object", &CaptureViews::onRegister, this)),
         status(nh, "capture_views/status"),
+        server(pnh.advertiseService("register_object", &CaptureViews::onService, this)),
+        action(
+            pnh, "register", [this](const RegisterGoalConstPtr& goal) { onRegister(*goal); },
+            false),
         spinner(2) {
     spinner.start();
+    action.start();
     EXPECT_TRUE(waitUntil([&] {
       return status.connected() && images.getNumSubscribers() > 0 &&
              infos.getNumSubscribers() > 0 && transforms.getNumSubscribers() > 0;
     }));
   }
 
-  bool onRegister(RegisterObject::Request& request, RegisterObject::Response& response) {
-    registered = request.name + " from " + request.dataset;
-    metres_per_unit = request.metres_per_unit;
-    response.success = true;
+  /// The node looks for it, and prefers the action.
+  bool onService(RegisterObject::Request&, RegisterObject::Response& response) {
+    response.message = "the action was to be used";
     return true;
+  }
+
+  /// Ends when its progress was seen.
+  void onRegister(const RegisterGoal& goal) {
+    RegisterFeedback feedback;
+    feedback.stage = "training";
+    feedback.step = 300;
+    feedback.steps = 5000;
+    feedback.seconds_left = 41.7f;
+    action.publishFeedback(feedback);
+    seen = status.wait([](const CaptureStatus& s) {
+      return s.message == "registering: training, step 300 of 5000, 42 s left";
+    });
+    registered = goal.name + " from " + goal.dataset;
+    metres_per_unit = goal.metres_per_unit;
+    RegisterResult result;
+    result.success = true;
+    action.setSucceeded(result);
   }
 
   std_srvs::Trigger::Response call(const std::string& service) {
@@ -78,10 +102,12 @@ class CaptureViews : public testing::Test {
   ros::NodeHandle nh;
   ros::NodeHandle pnh{"~"};
   ros::Publisher images, infos, transforms;
-  ros::ServiceServer server;
   Listener<CaptureStatus> status;
+  std::optional<CaptureStatus> seen;  ///< the status with the progress; after the end
   std::string registered;
   std::atomic<double> metres_per_unit{0};
+  ros::ServiceServer server;
+  actionlib::SimpleActionServer<RegisterAction> action;
   ros::AsyncSpinner spinner;
 };
 
@@ -117,6 +143,8 @@ TEST_F(CaptureViews, FromTheCameraToTheRegistration) {
   EXPECT_EQ(done->dataset, "mug");
   EXPECT_EQ(registered, "mug from mug");
   EXPECT_EQ(metres_per_unit, 1);
+  ASSERT_TRUE(seen);
+  EXPECT_EQ(int{seen->state}, int{CaptureStatus::STATE_REGISTERING});
   const Dataset dataset = loadDataset(ros::param::param<std::string>("~dataset_root", "") + "/mug");
   EXPECT_EQ(dataset.views.size(), 10u);
   EXPECT_TRUE(dataset.has_box);

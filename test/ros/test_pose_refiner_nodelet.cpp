@@ -112,7 +112,7 @@ TEST_F(PoseRefinerTest, NodeletAnswersOnceInTheFrameThatItIsAskedFor) {
   EXPECT_TRUE(unloadNodelet("/second"));
 }
 
-TEST_F(PoseRefinerTest, NodeletsOfOneManagerFractionTheirModels) {
+TEST_F(PoseRefinerTest, NodeletsOfOneManagerShareTheirModels) {
   setParametersOfSecond();
   const std::uint64_t read = ask<ListObjects>("list_objects").files_read;
   ros::NodeHandle second("second");

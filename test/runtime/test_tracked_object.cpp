@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <chrono>
 #include <future>
 #include <memory>
 #include <stdexcept>
@@ -26,7 +27,7 @@ class TrackedObjectTest : public testing::Test {
     tracker_ = std::make_unique<ObjectTracker>(std::move(search), TrackerSettings());
     thread_ = std::thread([this] {
       while (!ends_) {
-        tracker_->applyModels();
+        if (!refines_) tracker_->applyModels();
         std::this_thread::yield();
       }
     });
@@ -45,6 +46,7 @@ class TrackedObjectTest : public testing::Test {
   std::unique_ptr<ObjectTracker> tracker_;
   std::vector<std::string> log_;
   std::atomic<bool> ends_{false};
+  std::atomic<bool> refines_{false};  // no model is taken into use meanwhile
   std::thread thread_;
 };
 
@@ -91,6 +93,25 @@ TEST_F(TrackedObjectTest, NewMetadataOfAModelThatIsNoLongerInUseAreLeft) {
   const std::shared_ptr<const Field> renewed = fieldCalled("cup");
   tracked.renew(cup, renewed);
   EXPECT_EQ(tracked.field(), renewed);
+}
+
+TEST_F(TrackedObjectTest, AnotherObjectDoesNotWaitForNewMetadata) {
+  std::promise<void> cup_is_prepared;
+  TrackedObject tracked = trackedWith([&](const std::shared_ptr<const Field>& field) {
+    if (field->metadata.name == "cup") cup_is_prepared.set_value();
+  });
+  const std::shared_ptr<const Field> mug = fieldCalled("mug"), cup = fieldCalled("cup");
+  tracked.track(mug);
+  refines_ = true;
+  auto renewed = std::async(std::launch::async, [&] { tracked.renew(mug, fieldCalled("mug")); });
+  auto another = std::async(std::launch::async, [&] { tracked.track(cup); });
+  const auto prepared = cup_is_prepared.get_future().wait_for(std::chrono::seconds(30));
+  EXPECT_EQ(prepared, std::future_status::ready);
+  refines_ = false;
+  renewed.get();
+  another.get();
+  EXPECT_EQ(tracked.field(), cup);
+  EXPECT_EQ(search_->object, "cup");
 }
 
 }  // namespace

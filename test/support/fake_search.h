@@ -32,6 +32,8 @@ class FakeSearch : public ObjectSearch {
     priors.push_back(request.prior);
     was_tracked.push_back(request.tracked);
     width = request.observation.camera.width;
+    depth = request.observation.depth;
+    beside = request.observation.beside;
     if (throws) throw std::runtime_error("the backend broke");
     while (waits_to_be_stopped && !cancellation.cancelRequested()) {
       searching = true;
@@ -43,6 +45,8 @@ class FakeSearch : public ObjectSearch {
     refinement.visible_fraction = 0.75;
     refinement.T_O_C = T_O_C;
     refinement.covariance = covariance;
+    refinement.depth = depth_report;
+    refinement.beside = beside_reports;
     refinement.hypotheses.resize(2);
     for (Hypothesis& hypothesis : refinement.hypotheses) hypothesis.T_O_C = T_O_C;
     return refinement;
@@ -61,6 +65,10 @@ class FakeSearch : public ObjectSearch {
   std::vector<std::uint64_t> seeds;  ///< of the settings, once they were changed
   int detections = 0;
   int width = 0;
+  std::shared_ptr<const DepthImage> depth;  ///< of the last observation
+  DepthReport depth_report;                 ///< what is said of it
+  std::vector<SideView> beside;             ///< of the last observation
+  std::vector<SideViewReport> beside_reports;
   Pose T_O_C = {Eigen::Matrix3d::Identity(), {0, 0, -1}};  ///< what is found
   Matrix6 covariance = Matrix6::Zero();
   Outcome outcome = Outcome::kRefined;

@@ -12,16 +12,18 @@ namespace nerf_pose_refiner {
 
 /// An object whose image does not tell how far it is turned about its z axis, 1 unit long, in the
 /// place of a learned field: a banded bottle, or a banded cylinder that may stand on its head, too.
+/// (Only the label of a labelled bottle, around its +x side, tells.)
 class RevolvedScene final : public OpaqueScene {
  public:
-  enum class Shape { kBottle, kCylinder };
+  enum class Shape { kBottle, kCylinder, kLabelled };
 
   explicit RevolvedScene(Shape shape) : shape_(shape) {
     const SymmetryAxis x = {Eigen::Vector3d::UnitX(), Eigen::Vector3d::Zero()};
     FieldMetadata& object = field_.metadata;
-    object.name = shape == Shape::kBottle ? "bottle" : "cylinder";
+    object.name = shape == Shape::kCylinder ? "cylinder" : "bottle";
     object.diameter = 1.08;
-    if (shape == Shape::kBottle) object.centre.z() = -0.1;
+    if (shape != Shape::kCylinder) object.centre.z() = -0.1;
+    if (shape == Shape::kLabelled) return;
     object.symmetries = shape == Shape::kBottle
                             ? Symmetries(SymmetryAxis(), {})
                             : Symmetries(SymmetryAxis(), {turnAbout(x, 3.14159265358979)});
@@ -42,10 +44,15 @@ class RevolvedScene final : public OpaqueScene {
     return enter > 0 && enter < leave ? enter : kNowhere;
   }
 
+  static bool isLabel(const Eigen::Vector3f& p) {
+    constexpr float kHalfWidth_rad = 0.7f;
+    return std::abs(std::atan2(p.y(), p.x())) < kHalfWidth_rad && p.z() > -0.4f && p.z() < 0.05f;
+  }
+
   RayResult trace(const Ray& ray, const RenderOptions& options) const override {
     const Eigen::Vector3f o = Eigen::Map<const Eigen::Vector3f>(ray.origin);
     const Eigen::Vector3f d = Eigen::Map<const Eigen::Vector3f>(ray.direction);
-    const bool bottle = shape_ == Shape::kBottle;
+    const bool bottle = shape_ != Shape::kCylinder;
     float distance = hitCylinder(o, d, 0.2f, -0.5f, bottle ? 0.15f : 0.5f);
     if (bottle) distance = std::min(distance, hitCylinder(o, d, 0.08f, 0.15f, 0.5f));
     RayResult result = {};
@@ -56,6 +63,10 @@ class RevolvedScene final : public OpaqueScene {
       const float phase = static_cast<float>(c);
       result.rgb[c] = 0.5f + 0.2f * std::sin(25 * z + 2 * phase) + 0.2f * std::cos(30 * r + phase);
       result.point[c] = p[c];
+    }
+    if (shape_ == Shape::kLabelled && isLabel(p)) {
+      const bool dark = std::sin(40 * p.y()) * std::sin(50 * p.z()) > 0;
+      for (float& colour : result.rgb) colour = dark ? 0.1f : 0.95f;
     }
     result.alpha = 1;
     return result;

@@ -262,6 +262,7 @@ class WholePath(unittest.TestCase):
         self.assertEqual(result.returncode, 0, result.stderr)
         report = json.loads(result.stdout)
         self.assertEqual(report['outcome'], 'refined')
+        self.assertTrue(report['trusted'])
         self.assertEqual(len(report['pose']), 7)
         self.assertLess(report['error']['rotation_deg'], 3)
         self.assertLess(report['error']['diameters'], 0.05)
@@ -306,6 +307,21 @@ class WholePath(unittest.TestCase):
         self.assertEqual(result.returncode, 0, result.stderr)
         for found, expected in zip(json.loads(result.stdout)['pose'], truth['pose']):
             self.assertAlmostEqual(found, expected, delta=0.05)
+
+    def test_a_pose_with_a_low_score_is_a_failure(self):
+        """Started where the object is seen from behind."""
+        start = ('--transforms', TEST_VIEWS, '--view', 'view_003', '--start-rotation', '170', '--seed', '2', '--json')
+        result = run(REFINE, self.model, *start)
+        report = json.loads(result.stdout)
+        self.assertEqual(report['outcome'], 'refined')
+        self.assertLess(report['score'], 0.5)
+        self.assertFalse(report['trusted'])
+        self.assertEqual(result.returncode, 1, result.stderr)
+        self.assertIn('below --min-score 0.5', result.stderr)
+        anyhow = run(REFINE, self.model, *start, '--min-score', '0')
+        self.assertEqual(anyhow.returncode, 0, anyhow.stderr)
+        self.assertEqual(json.loads(anyhow.stdout)['pose'], report['pose'])
+        self.assertIn('--min-score', run(REFINE, '--help').stdout)
 
     def test_a_start_outside_of_the_image_is_a_failure(self):
         result = run(REFINE, self.model, os.path.join(PHOTOS, 'test', 'view_003.png'),

@@ -26,6 +26,17 @@ TEST(CheckTrust, AnUncertainPoseOfWhatIsThereIsNoWrongOne) {
   EXPECT_EQ(checkTrust(refinement, 0.5), TrustVerdict::kLowScore);
 }
 
+TEST(CheckTrust, OfPosesThatLookAlikeNoneIsTrusted) {
+  Refinement refinement = refinementWith(Outcome::kRefined, 0.89);
+  refinement.found_probability = 0.99;
+  refinement.unmistaken = 0.89;
+  EXPECT_EQ(checkTrust(refinement, 0.5), TrustVerdict::kMistakable);
+  refinement.unmistaken = 0.91;
+  EXPECT_EQ(checkTrust(refinement, 0.5), TrustVerdict::kTrusted);
+  refinement.found_probability = 0.4;  // it may not be there at all
+  EXPECT_EQ(checkTrust(refinement, 0.5), TrustVerdict::kLowScore);
+}
+
 TEST(CheckTrust, WithoutAPoseNoScoreHelps) {
   EXPECT_EQ(checkTrust(refinementWith(Outcome::kNoOverlap, 1), 0), TrustVerdict::kNoOverlap);
   EXPECT_EQ(checkTrust(refinementWith(Outcome::kDiverged, 1), 0), TrustVerdict::kDiverged);

@@ -7,6 +7,8 @@
 #include <cmath>
 #include <map>
 #include <set>
+#include <utility>
+#include <vector>
 
 #include "backend/loaded_field.h"
 #include "support/analytic_scene.h"
@@ -46,6 +48,30 @@ class KeyframeOfScene : public testing::Test {
   std::shared_ptr<const LoadedField> scene_ = makeAnalyticScene(1, cpuProcessor(2));
   Pose T_O_C_ = cameraAround(*scene_, 0.6, 0.5);
 };
+
+TEST_F(KeyframeOfScene, NeedsAnObjectOfUsefulSizeInTheImage) {
+  const FieldMetadata& object = scene_->field().metadata;
+  const double distance = (T_O_C_.t - object.centre).norm();
+  const auto cameraWith = [](double focal) { return Camera{320, 240, focal, focal, 159.5, 119.5}; };
+  // The window is 1.2 diameters wide: 8 pixels at least, 16 times the image at most.
+  const double least = 8 * distance / (1.2 * object.diameter);
+  const double most = 16 * 320 * distance / (1.2 * object.diameter);
+  const KeyframeSettings settings;
+  int reduction = 0;
+  for (const double focal : {1.01 * least, 0.99 * most}) {
+    EXPECT_TRUE(fitsKeyframe({cameraWith(focal), T_O_C_}, object)) << focal;
+    const Camera window = keyframeCamera(cameraWith(focal), T_O_C_, object, settings, &reduction);
+    EXPECT_GT(window.width, 8);
+    EXPECT_LT(window.width, 2 * settings.max_side_px);
+  }
+  for (const double focal : {0.99 * least, 1.01 * most, 1e-9, 1e9, 1e200, 1e308}) {
+    EXPECT_FALSE(fitsKeyframe({cameraWith(focal), T_O_C_}, object)) << focal;
+    EXPECT_THROW(keyframeCamera(cameraWith(focal), T_O_C_, object, settings, &reduction),
+                 std::invalid_argument);
+  }
+  const Pose behind = {T_O_C_.R, object.centre + 3 * T_O_C_.R.col(2)};
+  EXPECT_FALSE(fitsKeyframe({kCamera, behind}, object));
+}
 
 TEST_F(KeyframeOfScene, PointsLieOnTheSurface) {
   const KeyframePoints keyframe = render();
@@ -146,6 +172,26 @@ TEST_F(KeyframeOfScene, ReducesALargeImage) {
   EXPECT_EQ(keyframe.reduction, 2);
   EXPECT_LE(keyframe.levels[0].width, KeyframeSettings().max_side_px);
   EXPECT_EQ(render().reduction, 1);
+}
+
+TEST_F(KeyframeOfScene, SeveralAreAsOneByOne) {
+  const Pose other = cameraAround(*scene_, 2.0, -0.3);
+  const std::vector<KeyframePoints> both =
+      renderKeyframes(*scene_, {{kCamera, T_O_C_}, {kCamera, other}}, dense());
+  ASSERT_EQ(both.size(), 2u);
+  const KeyframePoints first = render();
+  T_O_C_ = other;
+  const KeyframePoints second = render();
+  for (const auto& [one, same] : {std::pair(&both[0], &first), std::pair(&both[1], &second)}) {
+    EXPECT_EQ(one->T_O_C.t, same->T_O_C.t);
+    ASSERT_EQ(one->levels.size(), same->levels.size());
+    EXPECT_EQ(one->levels[0].chosen.x, same->levels[0].chosen.x);
+    EXPECT_EQ(one->levels[0].outline.size(), same->levels[0].outline.size());
+  }
+  // One of them cannot be made: so none is.
+  EXPECT_THROW(renderKeyframes(*scene_, {{kCamera, other}, {kCamera, Pose()}}, dense()),
+               std::invalid_argument);
+  EXPECT_TRUE(renderKeyframes(*scene_, {}, dense()).empty());
 }
 
 TEST_F(KeyframeOfScene, RefusesWhatMakesNoSense) {

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <stdexcept>
 
 #include "support/analytic_scene.h"
@@ -56,6 +57,56 @@ TEST_F(KeyframeRendererTest, HandsOverErrors) {
   EXPECT_FALSE(renderer_.busy());
   renderer_.request(view_);
   EXPECT_NE(renderer_.wait({}), nullptr);
+}
+
+TEST_F(KeyframeRendererTest, DoesOtherWorkInSteps) {
+  int steps = 0;
+  renderer_.doAside([&steps](const CancellationToken&) { return ++steps < 5; });
+  renderer_.waitForAside({});
+  EXPECT_FALSE(renderer_.isAsideBusy());
+  EXPECT_EQ(steps, 5);
+}
+
+TEST_F(KeyframeRendererTest, OtherWorkWaitsForKeyframes) {
+  field_->close();
+  renderer_.request(view_);
+  field_->waitForArrivals(1);
+  std::shared_ptr<const KeyframePoints> before;
+  renderer_.doAside([&](const CancellationToken&) {
+    before = renderer_.take();
+    return false;
+  });
+  EXPECT_TRUE(renderer_.isAsideBusy());
+  EXPECT_THROW(
+      {
+        CancellationToken cancelled;
+        cancelled.requestCancel();
+        renderer_.waitForAside(cancelled);
+      },
+      Cancelled);
+  field_->open();
+  renderer_.waitForAside({});
+  EXPECT_NE(before, nullptr);
+}
+
+TEST_F(KeyframeRendererTest, OtherWorkCanBeGivenUp) {
+  std::atomic<int> steps{0};
+  renderer_.doAside([&](const CancellationToken&) {
+    ++steps;
+    return true;  // for ever
+  });
+  renderer_.endAside();
+  EXPECT_FALSE(renderer_.isAsideBusy());
+  const int done = steps;
+  renderer_.request(view_);
+  EXPECT_NE(renderer_.wait({}), nullptr);
+  EXPECT_EQ(steps, done);
+}
+
+TEST_F(KeyframeRendererTest, HandsOverErrorsOfOtherWork) {
+  renderer_.doAside([](const CancellationToken&) -> bool { throw std::runtime_error("no"); });
+  EXPECT_THROW(renderer_.waitForAside({}), std::runtime_error);
+  EXPECT_NO_THROW(renderer_.waitForAside({}));
 }
 
 TEST_F(KeyframeRendererTest, EndsWhileItRenders) {

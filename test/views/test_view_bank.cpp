@@ -58,6 +58,17 @@ TEST_F(ViewBankTest, MakesAViewOnce) {
   EXPECT_THROW(bank_.view(-1, {}), std::out_of_range);
 }
 
+TEST_F(ViewBankTest, MakesSeveralAtOnce) {
+  const auto third = bank_.view(3, {});
+  bank_.make({2, 3, 5}, {});
+  EXPECT_EQ(bank_.view(3, {}), third);  // it was there
+  const std::size_t bytes = bank_.memory_bytes();
+  EXPECT_GT(bytes, memoryBytes(*third));
+  ViewBank other(scene_, ViewBankSettings());
+  EXPECT_EQ(bank_.view(5, {})->levels[0].chosen.x, other.view(5, {})->levels[0].chosen.x);
+  EXPECT_EQ(bank_.memory_bytes(), bytes);  // nothing was made again
+}
+
 TEST_F(ViewBankTest, CanBeCancelled) {
   CancellationToken cancellation;
   cancellation.requestCancel();

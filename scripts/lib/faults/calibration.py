@@ -45,10 +45,25 @@ def focal_length(factor):
     return change
 
 
-@row('focal length 10^-6 of the true one', 'no pose; right poses within 2 s after it')
+BAD_CAMERA_INFO = '`REASON_BAD_CAMERA_INFO` within 1 s; right poses within 2 s after it'
+
+
+@row('focal length 10^-6 of the true one', BAD_CAMERA_INFO)
 def tiny_focal_length(world):
-    with world.player.altered(changed(focal_length(1e-6)), visible=False):
+    refused_images(world, focal_length(1e-6), Status.REASON_BAD_CAMERA_INFO, text='focal length')
+
+
+@row('focal length 10^9 times the true one', BAD_CAMERA_INFO)
+def vast_focal_length(world):
+    refused_images(world, focal_length(1e9), Status.REASON_BAD_CAMERA_INFO, text='focal length')
+
+
+@row('focal length 200 times the true one for 1 s, as of a telescope', 'no wrong pose; right poses within 2 s after it, '
+     'with a new initial pose')
+def long_focal_length(world):
+    with world.player.altered(changed(focal_length(200)), visible=False):
         world.wait(1)
+    world.track()
     world.expect_back()
 
 

@@ -12,7 +12,8 @@ int frameLevelFor(const KeyframePoints& keyframe, const Camera& camera, const Po
   };
   const double ratio = keyframe.reduction * pixel_width(keyframe.camera, keyframe.T_O_C) /
                        pixel_width(camera, T_O_C);
-  return static_cast<int>(std::lround(std::log2(ratio)));
+  constexpr double kMaxLevel = 30;  // pyramids end before that
+  return static_cast<int>(std::lround(std::clamp(std::log2(ratio), -kMaxLevel, kMaxLevel)));
 }
 
 FrameWindow frameWindowFor(const KeyframePoints& keyframe, const Camera& camera, const Pose& T_O_C,

@@ -3,8 +3,11 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <stdexcept>
 #include <string>
+
+#include "math/require.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -50,6 +53,24 @@ void requireImage(const char* name, const Image& image, const Camera& camera, in
                               std::to_string(wrong) + ", must be in 0..1");
 }
 
+void validateBeside(const SideView& view) {
+  if (view.observation == nullptr || !view.observation->beside.empty()) {
+    throw std::invalid_argument("a side view has no observation, or one with side views");
+  }
+  if (view.observation->depth) {
+    throw std::invalid_argument(
+        "a side view has depth: give it to the observation, with its T_C_D");
+  }
+  view.observation->validate();
+  if (!view.T_C_V.isFinite() || !view.T_C_V.isRigid()) {
+    throw std::invalid_argument("SideView::T_C_V is not a rigid transform");
+  }
+  require(view.position_dev_m >= 0 && std::isfinite(view.position_dev_m),
+          "SideView::position_dev_m", view.position_dev_m, "0 or more");
+  require(view.rotation_dev_rad >= 0 && std::isfinite(view.rotation_dev_rad),
+          "SideView::rotation_dev_rad", view.rotation_dev_rad, "0 or more");
+}
+
 }  // namespace
 
 void Observation::validate() const {
@@ -64,6 +85,8 @@ void Observation::validate() const {
   const bool needs_alpha = background == Background::kKnownAlpha || background == Background::kMask;
   if (needs_alpha || !alpha.empty()) requireImage("alpha", alpha, camera, 1);
   if (!weight.empty()) requireImage("weight", weight, camera, 1);
+  if (depth) depth->validate();
+  for (const SideView& view : beside) validateBeside(view);
   const auto colour = background_colour.array();
   if (background == Background::kKnownColour && !((colour >= 0) && (colour <= 1)).all()) {
     throw std::invalid_argument("Observation::background_colour is not in 0..1");

@@ -11,6 +11,8 @@
 #include <tf2_msgs/TFMessage.h>
 
 #include <algorithm>
+#include <cmath>
+#include <iterator>
 #include <stdexcept>
 
 #include "ros/conversions/pose_conversions.h"
@@ -52,6 +54,12 @@ sensor_msgs::ImagePtr decode(const rosbag::MessageInstance& message, const std::
   return image->toImageMsg();
 }
 
+/// The camera_info beside a topic of images.
+std::string siblingInfo(const std::string& topic) {
+  const std::string image = withoutTransport(topic);
+  return image.substr(0, image.find_last_of('/') + 1) + "camera_info";
+}
+
 ros::Time stampOf(const rosbag::MessageInstance& message) {
   if (const auto raw = message.instantiate<sensor_msgs::Image>()) return raw->header.stamp;
   const auto compressed = message.instantiate<sensor_msgs::CompressedImage>();
@@ -82,6 +90,7 @@ BagSequence::BagSequence(const std::string& path, const BagTopics& topics)
   readTransforms();
   readCameraInfos();
   readMasks();
+  readDepth();
   readInitialPoses();
   readTruth();
 }
@@ -91,6 +100,7 @@ std::string BagSequence::theOnlyImageTopic() {
   rosbag::View view(bag_);
   for (const rosbag::ConnectionInfo* connection : view.getConnections()) {
     if (!isImage(connection->datatype) || connection->topic == found) continue;
+    if (connection->topic == topics_.depth) continue;
     all += (all.empty() ? "" : ", ") + connection->topic;
     found = connection->topic;
   }
@@ -108,21 +118,21 @@ void BagSequence::completeTopics() {
   }
   if (topics_.image.empty()) topics_.image = theOnlyImageTopic();
   if (topics_.camera_info.empty()) {
-    const std::string image = withoutTransport(topics_.image);
-    topics_.camera_info = image.substr(0, image.find_last_of('/') + 1) + "camera_info";
+    topics_.camera_info = siblingInfo(topics_.image);
   }
 }
 
 void BagSequence::requireTopics() {
   for (const std::string* topic : {&topics_.image, &topics_.camera_info, &topics_.mask,
-                                   &topics_.initial_pose, &topics_.truth}) {
+                                   &topics_.depth, &topics_.initial_pose, &topics_.truth}) {
     if (topic->empty()) continue;
     rosbag::View view(bag_, rosbag::TopicQuery(*topic));
     if (view.size() == 0) {
       throw std::runtime_error("the bag '" + path_ + "' holds nothing on " + *topic);
     }
     const std::string& type = view.getConnections().front()->datatype;
-    const bool image_wanted = topic == &topics_.image || topic == &topics_.mask;
+    const bool image_wanted =
+        topic == &topics_.image || topic == &topics_.mask || topic == &topics_.depth;
     const bool good =
         image_wanted ? isImage(type)
         : topic == &topics_.camera_info
@@ -165,15 +175,69 @@ void BagSequence::readMasks() {
   }
 }
 
+void BagSequence::readDepth() {
+  if (topics_.depth.empty()) return;
+  depth_view_ = std::make_unique<rosbag::View>(bag_, rosbag::TopicQuery(topics_.depth));
+  for (const rosbag::MessageInstance& message : *depth_view_) {
+    depth_.emplace(stampOf(message), message);
+  }
+  rosbag::View infos(bag_, rosbag::TopicQuery(siblingInfo(topics_.depth)));
+  for (const rosbag::MessageInstance& message : infos) {
+    const auto info = message.instantiate<sensor_msgs::CameraInfo>();
+    if (info) depth_infos_[info->header.stamp] = info;
+  }
+  if (depth_infos_.empty()) {
+    throw std::runtime_error("the bag '" + path_ + "' holds nothing on " +
+                             siblingInfo(topics_.depth));
+  }
+}
+
+/// The depth that is nearest to an image in time, if it is near enough.
+void BagSequence::addDepth(BagFrame* frame) const {
+  const ros::Time stamp = frame->image->header.stamp;
+  auto nearest = depth_.lower_bound(stamp);
+  if (nearest != depth_.begin() &&
+      (nearest == depth_.end() || stamp - std::prev(nearest)->first < nearest->first - stamp)) {
+    --nearest;
+  }
+  if (nearest == depth_.end() ||
+      std::abs((nearest->first - stamp).toSec()) > topics_.depth_tolerance_s) {
+    return;
+  }
+  const auto info =
+      depth_infos_.size() == 1 ? depth_infos_.begin() : depth_infos_.find(nearest->first);
+  const auto image = nearest->second.instantiate<sensor_msgs::Image>();
+  if (info == depth_infos_.end() || !image) {
+    throw std::runtime_error(topics_.depth + ", " + frameText(frame->index, nearest->first) +
+                             (image ? ": no camera_info with its stamp" : ": is compressed"));
+  }
+  const std::string camera = frame->image->header.frame_id;
+  const std::string depth_camera = withoutSlash(image->header.frame_id);
+  try {
+    if (camera != depth_camera) {
+      frame->T_C_D =
+          fromMessage(transforms_.lookupTransform(camera, depth_camera, stamp).transform);
+    }
+  } catch (const tf2::TransformException& e) {
+    throw std::runtime_error(topics_.depth + ": " + e.what());
+  }
+  frame->depth = {image, info->second};
+}
+
 void BagSequence::readInitialPoses() {
   if (topics_.initial_pose.empty()) return;
   rosbag::View view(bag_, rosbag::TopicQuery(topics_.initial_pose));
   for (const rosbag::MessageInstance& message : view) {
     TimedPose start;
-    if (const auto pose = message.instantiate<geometry_msgs::PoseStamped>()) {
-      start = initialPoseFrom(*pose);
-    } else if (const auto wide = message.instantiate<geometry_msgs::PoseWithCovarianceStamped>()) {
-      start = initialPoseFrom(*wide);
+    try {
+      if (const auto pose = message.instantiate<geometry_msgs::PoseStamped>()) {
+        start = initialPoseFrom(*pose);
+      } else if (const auto wide =
+                     message.instantiate<geometry_msgs::PoseWithCovarianceStamped>()) {
+        start = initialPoseFrom(*wide);
+      }
+    } catch (const InputError& e) {  // of the bag, not of the caller
+      throw std::runtime_error(topics_.initial_pose + " in '" + path_ + "': " + e.what());
     }
     if (start.stamp_ns == 0) start.stamp_ns = toNanoseconds(message.getTime());
     initial_poses_[toTime(start.stamp_ns)] = start;
@@ -227,6 +291,7 @@ BagFrame BagSequence::frame(int index) const {
       throw std::runtime_error(topics_.mask + ", " + frameText(index, stamp) + ": " + e.what());
     }
   }
+  addDepth(&frame);
   return frame;
 }
 

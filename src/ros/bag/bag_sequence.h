@@ -14,16 +14,19 @@
 #include <vector>
 
 #include "nerf_pose_refiner/pose.h"
+#include "ros/conversions/depth_input.h"
 #include "tracking/timed_pose.h"
 
 namespace nerf_pose_refiner {
 
 /// The topics of a bag that make a sequence. Names are absolute, as in the bag.
 struct BagTopics {
-  std::string image;         ///< Image or CompressedImage; empty: the only one of the bag
-  std::string camera_info;   ///< empty: the image's sibling, as image_transport has it
-  std::string mask;          ///< Image or CompressedImage, paired by exact stamp; empty: none
-  std::string initial_pose;  ///< PoseStamped or PoseWithCovarianceStamped; empty: none
+  std::string image;        ///< Image or CompressedImage; empty: the only one of the bag
+  std::string camera_info;  ///< empty: the image's sibling, as image_transport has it
+  std::string mask;         ///< Image or CompressedImage, paired by exact stamp; empty: none
+  std::string depth;  ///< Image, 16UC1 or 32FC1 (REP-118), with its own camera_info; empty: none
+  double depth_tolerance_s = 0.015;  ///< between the stamps of an image and its depth
+  std::string initial_pose;          ///< PoseStamped or PoseWithCovarianceStamped; empty: none
   std::string truth;         ///< the same or TransformStamped: the true pose in any TF frame
   std::string truth_frame;   ///< TF frame of the object; alternative to `truth`
   std::string fixed_frame;   ///< where the object stands still between an initial pose and its
@@ -37,6 +40,8 @@ struct BagFrame {
   sensor_msgs::ImagePtr image;
   sensor_msgs::CameraInfoConstPtr info;
   sensor_msgs::ImagePtr mask;  ///< null: none with this stamp
+  Companion depth;             ///< the nearest in time within the tolerance; or none
+  Pose T_C_D;                  ///< of its camera in the image's [m]
 };
 
 /// A recorded sequence of images, read from the bag file: no image is dropped or late, and the TF
@@ -71,6 +76,8 @@ class BagSequence {
   void readTransforms();
   void readCameraInfos();
   void readMasks();
+  void readDepth();
+  void addDepth(BagFrame* frame) const;
   void readInitialPoses();
   void readTruth();
 
@@ -81,6 +88,9 @@ class BagSequence {
   std::vector<rosbag::MessageInstance> images_;  // in the order of their recording
   std::unique_ptr<rosbag::View> mask_view_;      // what masks_ refer to
   std::map<ros::Time, rosbag::MessageInstance> masks_;
+  std::unique_ptr<rosbag::View> depth_view_;  // what depth_ refers to
+  std::map<ros::Time, rosbag::MessageInstance> depth_;
+  std::map<ros::Time, sensor_msgs::CameraInfoConstPtr> depth_infos_;
   std::map<ros::Time, sensor_msgs::CameraInfoConstPtr> infos_;
   std::map<ros::Time, TimedPose> initial_poses_;
   std::vector<ros::Time> truth_stamps_;  // of topics_.truth, sorted

@@ -1,13 +1,19 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include "ros/capture/capture_node.h"
 
+#include <actionlib/client/simple_action_client.h>
 #include <image_transport/camera_common.h>
+#include <nerf_pose_refiner/RegisterAction.h>
 #include <nerf_pose_refiner/RegisterObject.h>
 
 #include <chrono>
+#include <cmath>
+#include <functional>
+#include <thread>
 
 #include "concurrency/error_of.h"
 #include "ros/conversions/pose_conversions.h"
+#include "ros/conversions/topics.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -25,10 +31,52 @@ CaptureParameters readParameters(const ros::NodeHandle& pnh) {
   return parameters;
 }
 
+using RegisterClient = actionlib::SimpleActionClient<RegisterAction>;
+
+std::string inWords(const RegisterFeedback& feedback) {
+  std::string text = "registering: " + feedback.stage;
+  if (feedback.steps > 0) {
+    text += ", step " + std::to_string(feedback.step) + " of " + std::to_string(feedback.steps) +
+            ", " + std::to_string(std::lround(feedback.seconds_left)) + " s left";
+  }
+  return text;
+}
+
+/// Waits by the wall clock: a simulated one may stand.
+bool isThere(const RegisterClient& client) {
+  constexpr std::chrono::seconds kPatience(2);
+  const auto deadline = std::chrono::steady_clock::now() + kPatience;
+  while (!client.isServerConnected()) {
+    if (!ros::ok() || std::chrono::steady_clock::now() > deadline) return false;
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  return true;
+}
+
+/// By the action beside the service, which tells of its progress, or by the service if there is
+/// none.
 /// @return why the object was not registered; empty: it was.
-std::string callRegistration(const std::string& service, RegisterObject::Request request) {
-  RegisterObject::Response response;
+std::string callRegistration(const std::string& service, const RegisterGoal& goal,
+                             const std::function<void(const std::string&)>& on_progress) {
   if (!ros::service::exists(service, false)) return "there is no service " + service;
+  RegisterClient client(
+      ros::names::append(ros::names::parentNamespace(service), topics::kRegister));
+  if (isThere(client)) {
+    client.sendGoal(
+        goal, RegisterClient::SimpleDoneCallback(), RegisterClient::SimpleActiveCallback(),
+        [&](const RegisterFeedbackConstPtr& feedback) { on_progress(inWords(*feedback)); });
+    if (!client.waitForResult()) return "the registration was interrupted";
+    const RegisterResultConstPtr result = client.getResult();
+    if (result->success) return "";
+    return result->message.empty() ? client.getState().toString() : result->message;
+  }
+  RegisterObject::Request request;
+  request.name = goal.name;
+  request.dataset = goal.dataset;
+  request.metres_per_unit = goal.metres_per_unit;
+  request.box_min = goal.box_min;
+  request.box_max = goal.box_max;
+  RegisterObject::Response response;
   if (!ros::service::call(service, request, response)) return "the call of " + service + " failed";
   return response.success ? "" : response.message;
 }
@@ -116,8 +164,14 @@ void CaptureNode::watchCapture() {
 }
 
 void CaptureNode::watchRegistration() {
-  if (!registration_.valid() ||
-      registration_.wait_for(std::chrono::seconds(0)) != std::future_status::ready) {
+  if (!registration_.valid()) return;
+  if (registration_.wait_for(std::chrono::seconds(0)) != std::future_status::ready) {
+    std::string progress;
+    {
+      std::lock_guard<std::mutex> lock(progress_mutex_);
+      progress.swap(progress_);
+    }
+    if (!progress.empty()) report(CaptureStatus::STATE_REGISTERING, progress);
     return;
   }
   const std::string problem = registration_.get();
@@ -136,9 +190,9 @@ void CaptureNode::finish() {
   }
 }
 
-/// The service blocks for as long as the training takes.
+/// In a thread of its own, for it takes as long as the training.
 void CaptureNode::learnField() {
-  RegisterObject::Request request;
+  RegisterGoal request;
   request.name = parameters_.name;
   request.dataset = capture_.status().dataset;
   request.metres_per_unit = 1;
@@ -146,8 +200,13 @@ void CaptureNode::learnField() {
     request.box_min = toPoint(parameters_.box_min);
     request.box_max = toPoint(parameters_.box_max);
   }
-  registration_ =
-      std::async(std::launch::async, callRegistration, parameters_.register_service, request);
+  registration_ = std::async(std::launch::async, [this, request] {
+    return callRegistration(ros::names::resolve(parameters_.register_service), request,
+                            [this](const std::string& progress) {
+                              std::lock_guard<std::mutex> lock(progress_mutex_);
+                              progress_ = progress;
+                            });
+  });
 }
 
 bool CaptureNode::onStart(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {

@@ -10,6 +10,7 @@
 
 #include <future>
 #include <memory>
+#include <mutex>
 #include <string>
 
 #include "ros/capture/view_capture.h"
@@ -55,7 +56,9 @@ class CaptureNode {
   CaptureStatus reported_;
   bool finish_failed_ = false;  ///< the capture waits for ~finish
   ros::Publisher status_;
-  std::future<std::string> registration_;  ///< error message; empty: registered
+  std::mutex progress_mutex_;              ///< guards progress_
+  std::string progress_;                   ///< of the registration, in words; empty: nothing new
+  std::future<std::string> registration_;  ///< error message; empty: registered. Uses those above
   sensor_msgs::CameraInfoConstPtr info_;   ///< the last one
 
   image_transport::ImageTransport transport_;

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cmath>
 #include <string>
+#include <utility>
 
 #include "image/colour.h"
 #include "ros/conversions/pose_conversions.h"
@@ -91,6 +92,18 @@ Distortion readDistortion(const sensor_msgs::CameraInfo& info) {
   return {info.D, fisheye ? Distortion::Model::kFisheye : Distortion::Model::kPolynomial};
 }
 
+/// A field of view of 0.06 to 179.9 degrees: beyond that, the calibration is wrong.
+void requirePlausible(const Camera& camera) {
+  constexpr double kMax = 1000;  // of the focal length, in widths of the image; and of its inverse
+  const double width = std::max(camera.width, camera.height);
+  const auto [low, high] = std::minmax(camera.fx, camera.fy);
+  if (low * kMax >= width && high <= kMax * width) return;
+  throw InputError(TrackReason::kBadCameraInfo,
+                   "the focal length of camera_info, " + std::to_string(camera.fx) + " x " +
+                       std::to_string(camera.fy) + " px, does not suit an image of " +
+                       sizeText(camera.width, camera.height) + " px");
+}
+
 /// Binning and region of interest (REP-104) are image_geometry's work.
 CameraModel readGeometry(const sensor_msgs::CameraInfo& info, bool rectified) {
   image_geometry::PinholeCameraModel geometry;
@@ -106,6 +119,7 @@ CameraModel readGeometry(const sensor_msgs::CameraInfo& info, bool rectified) {
     model.distortion = readDistortion(info);
   }
   model.camera.validate();
+  requirePlausible(model.camera);
   return model;
 }
 
@@ -191,7 +205,11 @@ void CameraInput::makeUndistorter(const CameraModel& model) {
   if (undistorter_ != nullptr && sameModel(model, model_)) return;
   undistorter_.reset();
   try {
-    undistorter_ = std::make_shared<const Undistorter>(model.camera, model.distortion);
+    auto undistorter = std::make_shared<const Undistorter>(model.camera, model.distortion);
+    requirePlausible(undistorter->camera());
+    undistorter_ = std::move(undistorter);
+  } catch (const InputError&) {
+    throw;
   } catch (const std::exception& e) {
     throw InputError(TrackReason::kBadCameraInfo, std::string("camera_info: ") + e.what());
   }

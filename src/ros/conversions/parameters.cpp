@@ -2,6 +2,7 @@
 #include "ros/conversions/parameters.h"
 
 #include <cmath>
+#include <iterator>
 #include <map>
 #include <sstream>
 #include <stdexcept>
@@ -155,6 +156,44 @@ void readFrames(ParamReader& read, FrameSettings& frames) {
   read.get("tf_cache_s", frames.tf_cache_s);
 }
 
+void readDepth(ParamReader& read, DepthSettings& depth) {
+  read.get("use", depth.use);
+  read.get("is_rectified", depth.is_rectified);
+  read.get("tolerance_s", depth.tolerance_s);
+  read.get("timeout_s", depth.timeout_s);
+  read.get("unit_m", depth.unit_m);
+  read.get("image_transport", depth.image_transport);
+  read.get("noise_m", depth.noise.constant_m);
+  read.get("noise_per_m", depth.noise.quadratic_per_m);
+  read.get("correlation_px", depth.noise.correlation_px);
+  read.get("bias_m", depth.noise.bias_m);
+  read.get("bias_fraction", depth.noise.bias_fraction);
+  read.rejectUnknown();
+}
+
+void validateDepth(const DepthSettings& depth) {
+  requireNotNegative("~depth/tolerance_s", depth.tolerance_s);
+  requireNotNegative("~depth/timeout_s", depth.timeout_s);
+  requirePositive("~depth/unit_m", depth.unit_m);
+  requirePositive("~depth/noise_m", depth.noise.constant_m);
+  requireNotNegative("~depth/noise_per_m", depth.noise.quadratic_per_m);
+  if (!(depth.noise.correlation_px >= 1) || !std::isfinite(depth.noise.correlation_px)) {
+    throwRange("~depth/correlation_px", depth.noise.correlation_px, ">= 1");
+  }
+  requirePositive("~depth/bias_m", depth.noise.bias_m);
+  requireNotNegative("~depth/bias_fraction", depth.noise.bias_fraction);
+}
+
+void readCameras(ParamReader& read, CameraSettings& cameras) {
+  read.get("topics", cameras.topics);
+  read.get("are_rectified", cameras.are_rectified);
+  read.get("tolerance_s", cameras.tolerance_s);
+  read.get("timeout_s", cameras.timeout_s);
+  read.get("position_dev_m", cameras.position_dev_m);
+  read.get("rotation_dev_deg", cameras.rotation_dev_deg);
+  read.rejectUnknown();
+}
+
 void readOverlay(ParamReader& read, OverlaySettings& overlay) {
   read.get("width_px", overlay.width_px);
   read.get("opacity", overlay.opacity);
@@ -196,6 +235,11 @@ void readRules(ParamReader& reader, TrackingRules& rules) {
 
 }  // namespace
 
+std::vector<std::string> CameraSettings::names() const {
+  std::istringstream words(topics);
+  return {std::istream_iterator<std::string>(words), std::istream_iterator<std::string>()};
+}
+
 BackendChoice PoseRefinerParameters::backendChoice() const {
   return {backend, threads, instruction_set, device};
 }
@@ -206,6 +250,11 @@ void PoseRefinerParameters::validate() const {
   requireNotNegative("~threads", threads);
   requireNotNegative("~device", device);
   requireNotNegative("~mask_timeout_s", mask_timeout_s);
+  validateDepth(depth);
+  requireNotNegative("~cameras/tolerance_s", cameras.tolerance_s);
+  requireNotNegative("~cameras/timeout_s", cameras.timeout_s);
+  requireNotNegative("~cameras/position_dev_m", cameras.position_dev_m);
+  requireNotNegative("~cameras/rotation_dev_deg", cameras.rotation_dev_deg);
   requireNotNegative("~tf_timeout_s", frames.tf_timeout_s);
   requirePositive("~tf_cache_s", frames.tf_cache_s);
   requirePositive("~initial_pose_max_age_s", rules.initial_pose_max_age_s);
@@ -262,6 +311,12 @@ PoseRefinerParameters readParameters(ParamReader& reader, const PoseRefinerParam
   tracker.get("max_failures", p.tracker.rules.max_failures);
   tracker.get("predict", p.tracker.rules.predict);
   tracker.rejectUnknown();
+
+  ParamReader depth = reader.group("depth");
+  readDepth(depth, p.depth);
+
+  ParamReader cameras = reader.group("cameras");
+  readCameras(cameras, p.cameras);
 
   ParamReader overlay = reader.group("overlay");
   readOverlay(overlay, p.overlay);

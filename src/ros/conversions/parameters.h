@@ -2,9 +2,11 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "backend/make_backend.h"
 #include "dataset/dataset.h"
+#include "nerf_pose_refiner/depth.h"
 #include "registration/registrar.h"
 #include "ros/conversions/param_reader.h"
 #include "tracking/settings.h"
@@ -33,6 +35,30 @@ struct FrameSettings {
   double tf_cache_s = 60;     ///< history of transforms [s], > 0
 };
 
+/// Depth images beside the colour images: group ~depth.
+struct DepthSettings {
+  bool use = false;
+  bool is_rectified = false;   ///< P of its camera_info applies, not K and D
+  double tolerance_s = 0.015;  ///< between the stamps of an image and its depth [s], >= 0
+  double timeout_s = 1;        ///< without depth for so long, images do not wait for it [s], >= 0
+  double unit_m = 0.001;       ///< of 16UC1 [m], > 0
+  std::string image_transport = "raw";
+  DepthNoise noise;
+};
+
+/// Further cameras that look at the object: group ~cameras.
+struct CameraSettings {
+  std::string topics;              ///< of their images, camera_info beside them; spaces between
+  bool are_rectified = false;      ///< P of their camera_info applies, not K and D
+  double tolerance_s = 0.015;      ///< between the stamps of an image and theirs [s], >= 0
+  double timeout_s = 1;            ///< without one for so long, images do not wait for it [s], >= 0
+  double position_dev_m = 0.0005;  ///< standard deviation of their places in TF [m], >= 0
+  double rotation_dev_deg = 0.03;  ///< alike [degrees], >= 0
+
+  /// One name for each camera.
+  std::vector<std::string> names() const;
+};
+
 /// All parameters of the nodelet. Meanings, ranges and advice: config/pose_refiner.yaml.
 struct PoseRefinerParameters {
   std::string object;      ///< loaded at the start; empty: none
@@ -47,6 +73,8 @@ struct PoseRefinerParameters {
   int threads = 0;                       ///< of the CPU backend; 0: all cores
   std::string instruction_set = "auto";  ///< of the CPU backend
   double mask_timeout_s = 1;  ///< without a mask for so long: as if there were none [s], >= 0
+  DepthSettings depth;
+  CameraSettings cameras;
   OverlaySettings overlay;
   DiagnosticSettings diagnostics;
   FrameSettings frames;

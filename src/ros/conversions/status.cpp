@@ -88,4 +88,14 @@ RefinementStatus toMessage(const TrackStatus& status) {
   return message;
 }
 
+void depthToMessage(const DepthReport& depth, const std::string& why_none,
+                    RefinementStatus* message) {
+  message->depth = depth.use == DepthUse::kUsed      ? Status::DEPTH_USED
+                   : depth.use == DepthUse::kRefused ? Status::DEPTH_REFUSED
+                                                     : Status::DEPTH_NONE;
+  message->depth_message = depth.use == DepthUse::kNone ? why_none : depth.message;
+  message->depth_agreement = static_cast<float>(depth.agreeing);
+  message->depth_bias_m = static_cast<float>(depth.bias_m);
+}
+
 }  // namespace nerf_pose_refiner

@@ -6,7 +6,9 @@
 #include <std_msgs/Header.h>
 
 #include <cstdint>
+#include <string>
 
+#include "nerf_pose_refiner/depth.h"
 #include "runtime/object_store.h"
 #include "tracking/status.h"
 
@@ -27,5 +29,9 @@ std_msgs::Header toHeader(const ImageStamp& image);
 
 /// Fields that the tracker does not know are zero: latency, age, dropped images.
 RefinementStatus toMessage(const TrackStatus& status);
+
+/// Fills in what became of an image's depth. @param why_none why it never reached the refinement.
+void depthToMessage(const DepthReport& depth, const std::string& why_none,
+                    RefinementStatus* message);
 
 }  // namespace nerf_pose_refiner

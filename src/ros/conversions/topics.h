@@ -3,12 +3,13 @@
 
 namespace nerf_pose_refiner {
 
-/// Every name of the ROS interface, relative (REP-135). "image", "camera_info", "mask" and
-/// "ignore_mask" are resolved in the node's namespace, all others in its private one.
+/// Every name of the ROS interface, relative (REP-135). "image", "camera_info", "image_depth",
+/// "mask" and "ignore_mask" are resolved in the node's namespace, all others in its private one.
 namespace topics {
 
 // subscribed
-constexpr char kImage[] = "image";  ///< with its sibling "camera_info"
+constexpr char kImage[] = "image";        ///< with its sibling "camera_info"
+constexpr char kDepth[] = "image_depth";  ///< with its own sibling "camera_info"
 constexpr char kMask[] = "mask";
 constexpr char kIgnoreMask[] = "ignore_mask";
 constexpr char kInitialPose[] = "initial_pose";

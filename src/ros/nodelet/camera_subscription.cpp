@@ -59,12 +59,13 @@ void CameraSubscription::update() {
 void CameraSubscription::listen() {
   const Receiver* receiver = receiver_.get();
   listenToPairs();
+  listenToCompanions();
   const auto subscribe = [&](const char* topic, const auto& take) {
     const boost::function<void(const sensor_msgs::ImageConstPtr&)> guarded =
         [this, topic, take](const sensor_msgs::ImageConstPtr& mask) {
           diagnostics_->guard(topic, [&] { take(mask); });
         };
-    return nodes_.nh.subscribe<sensor_msgs::Image>(topic, 10, guarded);
+    return nodes_.nh.subscribe<sensor_msgs::Image>(nodes_.topic(topic), 10, guarded);
   };
   if (receiver->mask) masks_ = subscribe(topics::kMask, receiver->mask);
   ignore_masks_ = subscribe(topics::kIgnoreMask, receiver->ignore_mask);
@@ -75,7 +76,7 @@ void CameraSubscription::listenToPairs() {
   pairs_ = std::make_unique<Pairs>();
   pairs_->receiver = receiver_.get();
   pairs_->diagnostics = diagnostics_;
-  pairs_->image_topic = nodes_.nh.resolveName(topics::kImage);
+  pairs_->image_topic = nodes_.nh.resolveName(nodes_.topic(topics::kImage));
   pairs_->info_topic = image_transport::getCameraInfoTopic(pairs_->image_topic);
   // Counted first: an image that completes its pair is then no longer unpaired.
   pairs_->images.registerCallback(&Pairs::count, pairs_.get());
@@ -83,8 +84,44 @@ void CameraSubscription::listenToPairs() {
   pairs_->synchronizer.registerCallback(&Pairs::take, pairs_.get());
   const image_transport::TransportHints hints(transport_hint_, ros::TransportHints(), nodes_.pnh);
   // A queue, for camera_info comes before an image that is decoded on its way.
-  pairs_->images.subscribe(transport_, topics::kImage, 10, hints);
+  pairs_->images.subscribe(transport_, nodes_.topic(topics::kImage), 10, hints);
   pairs_->infos.subscribe(nodes_.nh, pairs_->info_topic, 10);
+}
+
+/// Called with mutex_ held.
+void CameraSubscription::listenToCompanions() {
+  const Receiver* receiver = receiver_.get();
+  const ros::TransportHints of_ros;
+  if (receiver->depth) {
+    listenTo(topics::kDepth,
+             {receiver->depth_transport, of_ros, nodes_.pnh, "depth/image_transport"},
+             receiver->depth);
+  }
+  for (std::size_t i = 0; receiver->beside && i < receiver->beside_topics.size(); ++i) {
+    listenTo(
+        receiver->beside_topics[i], {transport_hint_, of_ros, nodes_.pnh},
+        [receiver, i](const auto& image, const auto& info) { receiver->beside(i, image, info); });
+  }
+}
+
+void CameraSubscription::CompanionPairs::taken(const sensor_msgs::ImageConstPtr& image,
+                                               const sensor_msgs::CameraInfoConstPtr& info) {
+  diagnostics->guard(topic.c_str(), [&] { take(image, info); });
+}
+
+/// Called with mutex_ held.
+void CameraSubscription::listenTo(const std::string& topic,
+                                  const image_transport::TransportHints& hints, Take take) {
+  companions_.push_back(std::make_unique<CompanionPairs>());
+  CompanionPairs& pairs = *companions_.back();
+  pairs.topic = topic;
+  pairs.take = std::move(take);
+  pairs.diagnostics = diagnostics_;
+  pairs.synchronizer.connectInput(pairs.images, pairs.infos);
+  pairs.synchronizer.registerCallback(&CompanionPairs::taken, &pairs);
+  pairs.images.subscribe(transport_, topic, 10, hints);
+  pairs.infos.subscribe(nodes_.nh,
+                        image_transport::getCameraInfoTopic(nodes_.nh.resolveName(topic)), 10);
 }
 
 /// An image has come: reports that no camera_info has come with the same stamp for a while.
@@ -113,6 +150,11 @@ void CameraSubscription::unsubscribe() {
     pairs_->infos.unsubscribe();
     pairs_.reset();
   }
+  for (const auto& pairs : companions_) {
+    pairs->images.unsubscribe();
+    pairs->infos.unsubscribe();
+  }
+  companions_.clear();
   masks_.shutdown();
   ignore_masks_.shutdown();
 }

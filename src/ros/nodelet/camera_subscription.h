@@ -13,6 +13,7 @@
 #include <memory>
 #include <mutex>
 #include <string>
+#include <vector>
 
 #include "ros/conversions/node_handles.h"
 #include "ros/nodelet/diagnostics.h"
@@ -27,6 +28,15 @@ class CameraSubscription {
     std::function<bool()> wanted;
     std::function<void(const sensor_msgs::ImageConstPtr&, const sensor_msgs::CameraInfoConstPtr&)>
         image;
+    /// Depth images; empty: they are not used.
+    std::function<void(const sensor_msgs::ImageConstPtr&, const sensor_msgs::CameraInfoConstPtr&)>
+        depth;
+    std::string depth_transport = "raw";  ///< name for image_transport
+    /// Images of further cameras, by the place of their topic in `beside_topics`.
+    std::function<void(std::size_t, const sensor_msgs::ImageConstPtr&,
+                       const sensor_msgs::CameraInfoConstPtr&)>
+        beside;
+    std::vector<std::string> beside_topics;
     std::function<void(const sensor_msgs::ImageConstPtr&)> mask;  ///< empty: masks are not used
     std::function<void(const sensor_msgs::ImageConstPtr&)> ignore_mask;
     std::function<void(const std::string& why)> unpaired;  ///< images come without camera_info
@@ -68,7 +78,25 @@ class CameraSubscription {
     ros::WallTime unpaired_since;  ///< arrival of the first image after the last pair; zero: none
   };
 
+  using Take = std::function<void(const sensor_msgs::ImageConstPtr&,
+                                  const sensor_msgs::CameraInfoConstPtr&)>;
+
+  /// Images of another camera and their camera_info, alike.
+  struct CompanionPairs {
+    void taken(const sensor_msgs::ImageConstPtr& image,
+               const sensor_msgs::CameraInfoConstPtr& info);
+
+    image_transport::SubscriberFilter images;
+    message_filters::Subscriber<sensor_msgs::CameraInfo> infos;
+    message_filters::TimeSynchronizer<sensor_msgs::Image, sensor_msgs::CameraInfo> synchronizer{10};
+    std::string topic;
+    Take take;
+    Diagnostics* diagnostics = nullptr;
+  };
+
   void listen();
+  void listenToCompanions();
+  void listenTo(const std::string& topic, const image_transport::TransportHints& hints, Take take);
   void listenToPairs();
   void unsubscribe();
 
@@ -79,8 +107,9 @@ class CameraSubscription {
 
   std::mutex mutex_;  ///< guards all below
   bool enabled_ = true;
-  std::unique_ptr<const Receiver> receiver_;  ///< null: none
-  std::unique_ptr<Pairs> pairs_;              ///< null: not subscribed
+  std::unique_ptr<const Receiver> receiver_;                 ///< null: none
+  std::unique_ptr<Pairs> pairs_;                             ///< null: not subscribed
+  std::vector<std::unique_ptr<CompanionPairs>> companions_;  ///< that are subscribed to
   ros::Subscriber masks_;
   ros::Subscriber ignore_masks_;
 };

@@ -4,6 +4,7 @@
 #include <ros/console.h>
 
 #include <algorithm>
+#include <cstdio>
 #include <limits>
 #include <optional>
 
@@ -36,6 +37,21 @@ StateText describe(std::uint8_t state) {
       return {Level::WARN, "lost"};
     default:
       return {Level::ERROR, "error"};
+  }
+}
+
+std::string describeDepth(const Status& status) {
+  switch (status.depth) {
+    case Status::DEPTH_USED: {
+      char text[100];
+      std::snprintf(text, sizeof text, "used: %.0f %% agrees, bias of the sensor %.1f mm",
+                    100 * status.depth_agreement, 1e3 * status.depth_bias_m);
+      return text;
+    }
+    case Status::DEPTH_REFUSED:
+      return "refused: " + status.depth_message;
+    default:
+      return status.depth_message.empty() ? "none" : "none: " + status.depth_message;
   }
 }
 
@@ -140,6 +156,9 @@ void Diagnostics::fillTracking(diagnostic_updater::DiagnosticStatusWrapper& repo
   const StateText state = describe(status_.state);
   report.summary(state.level,
                  std::string(state.name) + (status_.message.empty() ? "" : ": " + status_.message));
+  if (refined_.depth == Status::DEPTH_REFUSED) {
+    report.mergeSummary(Level::WARN, "depth is not used: " + refined_.depth_message);
+  }
   if (!failure_.empty()) report.mergeSummary(Level::ERROR, failure_);
   failure_.clear();
   const ros::WallTime now = ros::WallTime::now();
@@ -150,6 +169,10 @@ void Diagnostics::fillTracking(diagnostic_updater::DiagnosticStatusWrapper& repo
   report.addf("age of the image [s]", "%.3f", refined_.image_age_s);
   report.addf("score", "%.3f", refined_.score);
   report.addf("visible fraction", "%.3f", refined_.visible_fraction);
+  report.add("depth", describeDepth(refined_));
+  report.add("cameras in the last pose", std::to_string(refined_.cameras) +
+                                             (refined_.cameras_message.empty() ? "" : ": ") +
+                                             refined_.cameras_message);
   report.add("refined images", status_.processed);
   report.add("dropped images", status_.dropped);
   report.add("arrived images", counts_.arrived);

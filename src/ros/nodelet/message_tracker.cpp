@@ -3,6 +3,7 @@
 
 #include <utility>
 
+#include "math/angle.h"
 #include "ros/conversions/pose_conversions.h"
 #include "ros/conversions/status.h"
 
@@ -12,9 +13,13 @@ MessageTracker::MessageTracker(const PoseRefinerParameters& parameters,
                                std::unique_ptr<ObjectSearch> search, tf2::BufferCore* transforms,
                                Report report, Clock clock)
     : image_is_rectified_(parameters.image_is_rectified),
+      depth_(parameters.depth),
       clock_(std::move(clock)),
       tf_(std::make_shared<TfBridge>(*transforms, parameters.frames)),
       input_(parameters.image_is_rectified),
+      cameras_(parameters.cameras),
+      camera_names_(cameras_.names()),
+      beside_(camera_names_.size(), SideInput{CameraInput(parameters.cameras.are_rectified)}),
       tracker_(std::move(search), parameters.tracker,
                {tf_, [this] { return toNanoseconds(clock_()); },
                 [report = std::move(report)](const TrackStatus& status) {
@@ -33,12 +38,63 @@ std::optional<std::string> MessageTracker::refusal(const sensor_msgs::Image& ima
   }
 }
 
+/// A companion's camera in the image's, at their times [m].
+Pose MessageTracker::placeOf(const Companion& companion, const ImageStamp& at,
+                             bool* was_placed) const {
+  const ImageStamp of_companion = imageStampOf(companion.image->header);
+  TimedPose camera;
+  camera.frame_id = of_companion.camera_frame;
+  camera.stamp_ns = of_companion.stamp_ns;
+  // A transform that was missing before is not waited for: images would come late for nothing.
+  CancellationToken impatient;
+  if (!*was_placed) impatient.requestCancel();
+  *was_placed = false;
+  const Pose T_C_D = tf_->inCamera(camera, at, impatient);
+  *was_placed = true;
+  return T_C_D;
+}
+
+/// Null: there is none, or it cannot be used, and why.
+std::shared_ptr<const DepthImage> MessageTracker::depthOf(const CameraFrame& frame,
+                                                          const ImageStamp& at,
+                                                          std::string* why_not) {
+  *why_not = frame.depth.why_none;
+  if (!frame.depth.image) return nullptr;
+  try {
+    return depthFromMessage(frame.depth, placeOf(frame.depth, at, &depth_was_placed_), depth_);
+  } catch (const InputError& e) {
+    *why_not = e.what();
+    return nullptr;
+  }
+}
+
+/// Empty: it cannot be used, and why.
+std::optional<SideView> MessageTracker::sideView(const CameraFrame& frame, std::size_t i,
+                                                 const ImageStamp& at, std::string* why_not) {
+  const Companion& companion = frame.beside[i];
+  *why_not = companion.why_none;
+  if (!companion.image) return std::nullopt;
+  try {
+    SideView view;
+    view.T_C_V = placeOf(companion, at, &beside_[i].was_placed);
+    view.position_dev_m = cameras_.position_dev_m;
+    view.rotation_dev_rad = cameras_.rotation_dev_deg * kDegree;
+    view.observation = std::make_shared<const Observation>(
+        beside_[i].input.observe(companion.image, *companion.info));
+    return view;
+  } catch (const InputError& e) {
+    *why_not = e.what();
+    return std::nullopt;
+  }
+}
+
 std::optional<FrameResult> MessageTracker::process(const CameraFrame& frame) {
   TrackerImage image;
   image.at = imageStampOf(frame.image->header);
   image.clock_jumps = frame.clock_jumps;
   std::optional<Pose> T_W_C;
-  std::string no_transform;
+  std::string no_transform, no_depth, no_views;
+  std::vector<std::size_t> looked_at;  // of the further cameras
   image.observe = [&](bool use_mask) {
     // Looked up now: when the refinement is done, the buffer may have forgotten.
     try {
@@ -48,7 +104,16 @@ std::optional<FrameResult> MessageTracker::process(const CameraFrame& frame) {
     }
     ImageMasks masks = frame.masks;
     if (!use_mask) masks.object = nullptr;
-    return input_.observe(frame.image, *frame.info, masks);
+    Observation observation = input_.observe(frame.image, *frame.info, masks);
+    observation.depth = depthOf(frame, image.at, &no_depth);
+    for (std::size_t i = 0; i < beside_.size() && i < frame.beside.size(); ++i) {
+      std::string why_not;
+      if (auto view = sideView(frame, i, image.at, &why_not)) observation.beside.push_back(*view);
+      if (!why_not.empty())
+        no_views += (no_views.empty() ? "" : "; ") + camera_names_[i] + ": " + why_not;
+      if (why_not.empty()) looked_at.push_back(i);
+    }
+    return observation;
   };
   FrameResult result;
   result.track = tracker_.process(image);
@@ -67,6 +132,15 @@ std::optional<FrameResult> MessageTracker::process(const CameraFrame& frame) {
   result.status.latency_s = static_cast<float>((ros::WallTime::now() - frame.arrival).toSec());
   result.status.image_age_s =
       static_cast<float>(clock_().toSec() - frame.image->header.stamp.toSec());
+  depthToMessage(track.refinement.depth, no_depth, &result.status);
+  result.status.cameras = track.found ? 1 : 0;
+  for (std::size_t i = 0; i < track.refinement.beside.size() && i < looked_at.size(); ++i) {
+    const SideViewReport& view = track.refinement.beside[i];
+    result.status.cameras += view.used;
+    if (view.used) continue;
+    no_views += (no_views.empty() ? "" : "; ") + camera_names_[looked_at[i]] + ": " + view.message;
+  }
+  result.status.cameras_message = no_views;
   if (T_W_C && track.found) place(*T_W_C, &result);
   return result;
 }

@@ -12,8 +12,10 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "ros/conversions/camera_input.h"
+#include "ros/conversions/depth_input.h"
 #include "ros/conversions/parameters.h"
 #include "ros/conversions/tf_bridge.h"
 #include "tracking/object_tracker.h"
@@ -26,8 +28,10 @@ struct CameraFrame {
   sensor_msgs::ImageConstPtr image;
   sensor_msgs::CameraInfoConstPtr info;
   ros::WallTime arrival;
-  std::uint32_t clock_jumps = 0;  ///< ObjectTracker::readClock at its arrival
-  ImageMasks masks = {};          ///< with the same stamp
+  std::uint32_t clock_jumps = 0;       ///< ObjectTracker::readClock at its arrival
+  ImageMasks masks = {};               ///< with the same stamp
+  Companion depth = {};                ///< of about the same time
+  std::vector<Companion> beside = {};  ///< alike, of the cameras of ~cameras/topics
 };
 
 /// The result for one refined image.
@@ -66,14 +70,30 @@ class MessageTracker {
   std::optional<FrameResult> process(const CameraFrame& frame);
 
  private:
+  /// Another camera.
+  struct SideInput {
+    CameraInput input;
+    bool was_placed = true;  ///< TF knew its place in the last image
+  };
+
+  std::shared_ptr<const DepthImage> depthOf(const CameraFrame& frame, const ImageStamp& at,
+                                            std::string* why_not);
+  std::optional<SideView> sideView(const CameraFrame& frame, std::size_t i, const ImageStamp& at,
+                                   std::string* why_not);
+  Pose placeOf(const Companion& companion, const ImageStamp& at, bool* was_placed) const;
   void place(const Pose& T_W_C, FrameResult* result);
   void estimateVelocity(FrameResult* result);
 
   const bool image_is_rectified_;
+  const DepthSettings depth_;
   const Clock clock_;
   const std::shared_ptr<TfBridge> tf_;
   CameraInput input_;  ///< used by the tracking thread only
+  const CameraSettings cameras_;
+  const std::vector<std::string> camera_names_;
+  std::vector<SideInput> beside_;  ///< of ~cameras/topics
   ObjectTracker tracker_;
+  bool depth_was_placed_ = true;  ///< TF knew the last depth image's camera
   VelocityEstimator velocity_;
   std::weak_ptr<const Field> moving_;  ///< the object of velocity_
 };

@@ -110,6 +110,16 @@ void PoseRefinerNodelet::startTracking() {
   CameraSubscription::Receiver receiver;
   receiver.wanted = [this] { return results_->wanted() || overlay_->wanted(); };
   receiver.image = [this](const auto& image, const auto& info) { worker_->addImage(image, info); };
+  if (parameters_.depth.use) {
+    receiver.depth = [this](const auto& image, const auto& info) {
+      worker_->addDepth({image, info});
+    };
+    receiver.depth_transport = parameters_.depth.image_transport;
+  }
+  receiver.beside_topics = parameters_.cameras.names();
+  receiver.beside = [this](std::size_t camera, const auto& image, const auto& info) {
+    worker_->addBeside(camera, {image, info});
+  };
   if (tracker.mask_mode != MaskMode::kNone) {
     receiver.mask = [this](const auto& mask) { worker_->addMask(mask); };
   }

@@ -27,7 +27,39 @@ TrackingWorker::TrackingWorker(const PoseRefinerParameters& parameters,
                [this](const RefinementStatus& status) { report(status); }),
       pairing_(parameters.tracker.mask_mode, parameters.mask_timeout_s,
                [this](CameraFrame frame) { mailbox_.put(std::move(frame)); }),
-      thread_([this] { work(); }) {}
+      beside_(parameters.depth.use ? 1 : 0) {
+  if (parameters.depth.use) {
+    addPairing({parameters.depth.tolerance_s, parameters.depth.timeout_s, "depth image"},
+               [](CameraFrame* frame) { return &frame->depth; });
+  }
+  const CameraSettings& cameras = parameters.cameras;
+  const std::size_t count = cameras.names().size();
+  for (std::size_t i = 0; i < count; ++i) {
+    addPairing({cameras.tolerance_s, cameras.timeout_s, "image"}, [i, count](CameraFrame* frame) {
+      frame->beside.resize(count);
+      return &frame->beside[i];
+    });
+  }
+  thread_ = std::thread([this] { work(); });
+}
+
+void TrackingWorker::addPairing(const CompanionPairing::Settings& settings,
+                                CompanionPairing::Slot slot) {
+  const std::size_t next = companions_.size();
+  companions_.push_back(std::make_unique<CompanionPairing>(
+      settings, std::move(slot),
+      [this, next](CameraFrame frame) { pairUp(std::move(frame), next); }));
+}
+
+/// Hands a frame that has the companions from a number on to where it gets the others.
+void TrackingWorker::pairUp(CameraFrame frame, std::size_t companion) {
+  const ros::WallTime now = ros::WallTime::now();
+  if (companion > 0) {
+    companions_[companion - 1]->add(std::move(frame), now);
+  } else {
+    pairing_.add(frame, now);
+  }
+}
 
 TrackingWorker::~TrackingWorker() {
   stopping_ = true;
@@ -47,7 +79,7 @@ void TrackingWorker::addImage(const sensor_msgs::ImageConstPtr& image,
     wake();
     return;
   }
-  pairing_.add({image, info, arrival, clock_jumps}, arrival);
+  pairUp({image, info, arrival, clock_jumps}, companions_.size());
 }
 
 void TrackingWorker::addMask(const sensor_msgs::ImageConstPtr& mask) {
@@ -58,6 +90,14 @@ void TrackingWorker::addIgnoreMask(const sensor_msgs::ImageConstPtr& mask) {
   pairing_.addIgnoreMask(mask, ros::WallTime::now());
 }
 
+void TrackingWorker::addDepth(const Companion& depth) {
+  companions_.front()->addCompanion(depth, ros::WallTime::now());
+}
+
+void TrackingWorker::addBeside(std::size_t camera, const Companion& image) {
+  companions_.at(beside_ + camera)->addCompanion(image, ros::WallTime::now());
+}
+
 void TrackingWorker::work() {
   while (!stopping_) outputs_.diagnostics->guard("refinement", [this] { workOnce(); });
 }
@@ -65,6 +105,7 @@ void TrackingWorker::work() {
 void TrackingWorker::workOnce() {
   tracker().applyModels();
   const std::optional<CameraFrame> frame = mailbox_.take(kTick);
+  for (const auto& companion : companions_) companion->tick(ros::WallTime::now());
   pairing_.tick(ros::WallTime::now());
   tracker().readClock();
   if (!frame) {
@@ -89,6 +130,7 @@ void TrackingWorker::publish(const FrameResult& result) {
 void TrackingWorker::report(const RefinementStatus& status) {
   RefinementStatus full = status;
   full.dropped = mailbox_.dropped() + pairing_.dropped();
+  for (const auto& companion : companions_) full.dropped += companion->dropped();
   pairing_.setTracking(full.state == RefinementStatus::STATE_TRACKING);
   outputs_.diagnostics->statusIs(full);
   outputs_.results->publish(full);

@@ -9,6 +9,7 @@
 #include <thread>
 
 #include "concurrency/frame_mailbox.h"
+#include "ros/conversions/companion_pairing.h"
 #include "ros/conversions/mask_pairing.h"
 #include "ros/conversions/parameters.h"
 #include "ros/nodelet/diagnostics.h"
@@ -43,10 +44,15 @@ class TrackingWorker {
 
   void addImage(const sensor_msgs::ImageConstPtr& image,
                 const sensor_msgs::CameraInfoConstPtr& info);
+  /// Depth images, needed only with ~depth/use, and images of ~cameras/topics.
+  void addDepth(const Companion& depth);
+  void addBeside(std::size_t camera, const Companion& image);
   void addMask(const sensor_msgs::ImageConstPtr& mask);
   void addIgnoreMask(const sensor_msgs::ImageConstPtr& mask);
 
  private:
+  void addPairing(const CompanionPairing::Settings& settings, CompanionPairing::Slot slot);
+  void pairUp(CameraFrame frame, std::size_t companion);
   void work();
   void workOnce();
   void publish(const FrameResult& result);
@@ -56,6 +62,10 @@ class TrackingWorker {
   MessageTracker tracker_;
   FrameMailbox<CameraFrame> mailbox_;
   MaskPairing pairing_;  ///< its images go to mailbox_
+  /// Of depth, if it is used, and of ~cameras/topics: images go from the last one to the first one,
+  /// and from there to pairing_.
+  std::vector<std::unique_ptr<CompanionPairing>> companions_;
+  std::size_t beside_ = 0;  ///< the first of a camera among them
   std::atomic<bool> stopping_{false};
   std::thread thread_;  ///< last: it uses all above
 };

@@ -45,7 +45,7 @@ CameraImage imageOfCall(const CameraImage& given, const NodeHandles& nodes,
   image_transport::ImageTransport images(nh);
   const image_transport::TransportHints hints(transport, ros::TransportHints(), nodes.pnh);
   const image_transport::CameraSubscriber subscriber = images.subscribeCamera(
-      topics::kImage, 10,
+      nodes.topic(topics::kImage), 10,
       [&](const sensor_msgs::ImageConstPtr& image, const sensor_msgs::CameraInfoConstPtr& info) {
         if (!newest.image && image->header.stamp >= called) newest = {image, info};
       },
@@ -55,7 +55,7 @@ CameraImage imageOfCall(const CameraImage& given, const NodeHandles& nodes,
   if (newest.image) return newest;
   throw InputError(TrackReason::kNoImages,
                    "no image came that is not older than the call (topic '" +
-                       nh.resolveName(topics::kImage) + "')");
+                       nh.resolveName(nodes.topic(topics::kImage)) + "')");
 }
 
 CallEnd carryOut(double timeout_s, const CancellationToken& closing,

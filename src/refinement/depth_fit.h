@@ -1,0 +1,43 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include "field/field.h"
+#include "nerf_pose_refiner/depth.h"
+#include "refinement/covariance.h"
+#include "refinement/depth_surface.h"
+
+namespace nerf_pose_refiner {
+
+/// What is known before depth is looked at.
+struct DepthPrior {
+  Pose T_O_C;                            ///< where colours put the object [model units]
+  Matrix6 covariance = Matrix6::Zero();  ///< of it, @see poseCovariance
+  double bias = 0, bias_variance = 0;    ///< of the sensor [model units]
+};
+
+/// How the places of a surface compare with a depth image.
+struct DepthCounts {
+  int facing = 0;    ///< in the depth image and not hidden by the object itself
+  int measured = 0;  ///< of these: have a depth that is not at an edge
+  int agreeing = 0;  ///< of these: ... lies where the pose puts it
+  int nearer = 0;    ///< of these: ... something is before it
+  int farther = 0;   ///< of these: ... is seen through
+};
+
+/// The pose that depth and what is known before agree on.
+struct DepthFit {
+  Pose T_O_C;
+  Matrix6 covariance = Matrix6::Zero();  ///< as the prior's
+  double bias = 0, bias_variance = 0;
+  DepthCounts before, counts;   ///< at the prior's pose, at the fit's
+  double median_ratio = 1;      ///< measured by expected depth, at the prior's pose
+  double squared_distance = 0;  ///< from the prior, in its own deviations
+};
+
+/// Aligns a surface with a depth image near a prior. Each pixel's error is robust: what lies before
+/// the object or behind it has no say. The sensor's bias is an unknown of its own.
+/// @param object has a metric scale.
+DepthFit fitDepth(const DepthSurface& surface, const DepthImage& depth, const DepthPrior& prior,
+                  const FieldMetadata& object);
+
+}  // namespace nerf_pose_refiner

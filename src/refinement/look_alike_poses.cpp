@@ -1,0 +1,39 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "refinement/look_alike_poses.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "math/angle.h"
+
+namespace nerf_pose_refiner {
+
+double noiseOf(const FieldMetadata& object) {
+  constexpr double kLeast = 0.02;
+  return std::max(kLeast, object.score.mean_loss);
+}
+
+const std::vector<double>& triedTurns_rad() {
+  static const std::vector<double> turns = [] {
+    std::vector<double> all = {0};
+    for (const double deg : {4.0, 8.0, 15.0, 25.0, 40.0, 60.0, 85.0, 110.0, 135.0, 160.0, 180.0}) {
+      all.push_back(deg * kDegree);
+      all.push_back(-deg * kDegree);
+    }
+    std::sort(all.begin(), all.end());
+    return all;
+  }();
+  return turns;
+}
+
+std::vector<Pose> coarseMotions(const LookAlikes& look_alikes) {
+  constexpr int kTurns = 12;
+  std::vector<Pose> motions = look_alikes.motions;
+  if (!look_alikes.axis) return motions;
+  for (int k = 1; k < kTurns; ++k) {
+    motions.push_back(turnAbout(*look_alikes.axis, 2 * M_PI * k / kTurns));
+  }
+  return motions;
+}
+
+}  // namespace nerf_pose_refiner

@@ -1,0 +1,24 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <vector>
+
+#include "field/field.h"
+#include "nerf_pose_refiner/pose.h"
+
+namespace nerf_pose_refiner {
+
+/// Size of renderings that are compared with images, @see PoseEvidence [px a diameter].
+constexpr int kEvidence_px = 80;
+
+/// Deviation of colours that right poses of an object leave unexplained, @see PoseEvidence::of.
+double noiseOf(const FieldMetadata& object);
+
+/// Turns about an axis that are tried: coarse ones to find another pose, fine ones to see how well
+/// the image fixes the turn. Sorted, from -180 to 180 degrees, both of which are there; 0 is.
+const std::vector<double>& triedTurns_rad();
+
+/// Motions of an object to what it may be taken for, 30 degrees apart about an axis.
+std::vector<Pose> coarseMotions(const LookAlikes& look_alikes);
+
+}  // namespace nerf_pose_refiner

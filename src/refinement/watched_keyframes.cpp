@@ -1,0 +1,108 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "refinement/keyframe_refiner.h"
+#include "refinement/pose_probability.h"
+#include "refinement/steady_pose.h"
+
+// The part of KeyframeRefiner that doubts what alignment found: whether the object is taken for
+// itself, and whether what covers it has dragged its pose away.
+
+namespace nerf_pose_refiner {
+
+void KeyframeRefiner::use(const LookAlikes& look_alikes) {
+  if (watch_) watch_->giveTestUp(&*renderer_);
+  look_alikes_ = look_alikes;
+  watch_.reset();
+  if (look_alikes_.any()) watch_.emplace(field_, look_alikes_);
+}
+
+bool KeyframeRefiner::isSure(const HypothesisTable& found) const {
+  return !found.empty() && found.front().state == HypothesisState::kLive &&
+         scoreProbability(found.front().score, scores_) >= 0.5;
+}
+
+/// Hypotheses of a first pose, with a better one first if the object was taken for itself.
+HypothesisTable KeyframeRefiner::withoutMistake(const Observation& observation,
+                                                const HypothesisTable& found, const Prior& prior,
+                                                const CancellationToken& cancellation) {
+  constexpr int kRounds = 3;  // a pose that is far off shows the way, the next one the place
+  sure_.reset();
+  was_sure_ = true;
+  if (!watch_ || !isSure(found)) return found;
+  HypothesisTable best = found;
+  for (int round = 0; round < kRounds; ++round) {
+    watch_->begin(observation, best.front().T_O_C, prior, cancellation);
+    const std::optional<Pose> motion = watch_->better();
+    if (!motion) break;
+    const Pose before = best.front().T_O_C;
+    best = corrected(observation, best, *motion, cancellation);
+    if (best.front().T_O_C.R == before.R) break;
+  }
+  return best;
+}
+
+/// Hypotheses with one that is aligned from where the best one was taken for, if the image shows
+/// the object there.
+HypothesisTable KeyframeRefiner::corrected(const Observation& observation,
+                                           const HypothesisTable& found, const Pose& motion,
+                                           const CancellationToken& cancellation) {
+  const Pose& mistaken = found.front().T_O_C;
+  const auto confirmed = watch_->confirmed(observation, mistaken, motion, cancellation);
+  if (!confirmed) return found;
+  HypothesisTable start(1);
+  start.front().T_O_C = *confirmed * mistaken;
+  makeAt(observation.camera, {start.front().T_O_C}, cancellation);
+  HypothesisTable better = search_->from(observation, start, cancellation);
+  if (better.empty() || better.front().state != HypothesisState::kLive) return found;
+  better.front().T_O_C = watch_->withTurnOf(start.front().T_O_C, better.front().T_O_C);
+  watch_->moveBy(*confirmed);
+  return better;
+}
+
+/// Hypotheses near a prior, and near the last pose that was sure if the prior is not.
+HypothesisTable KeyframeRefiner::followed(const TimedObservation& image, const Prior& prior,
+                                          const CancellationToken& cancellation) {
+  constexpr double kAsGood = 0.9;
+  HypothesisTable found = search_->near(image.observation, prior, cancellation);
+  if (found.empty()) return found;
+  if (!was_sure_ && sure_ && search_->distanceOfNearest(*sure_)) {
+    HypothesisTable start(1);
+    start.front().T_O_C = *sure_;
+    const HypothesisTable again = search_->from(image.observation, start, cancellation);
+    const bool lives = !again.empty() && again.front().state == HypothesisState::kLive;
+    // The object shows rather where it was than where it was looked for meanwhile.
+    if (lives && again.front().score > kAsGood * found.front().score) {
+      found.insert(found.begin(), again.front());
+    }
+  }
+  was_sure_ = isSure(found);
+  if (was_sure_) {
+    found.front().T_O_C =
+        steadyPose(*field_, image.observation, prior.T_O_C, found.front(), cancellation);
+  }
+  if (watch_ && found.front().state == HypothesisState::kLive) {
+    found = watched(image, found, prior, cancellation);
+  }
+  if (was_sure_) sure_ = found.front().T_O_C;
+  return found;
+}
+
+/// The hypotheses of a tracked image, turned to where the object is what it may be taken for.
+HypothesisTable KeyframeRefiner::watched(const TimedObservation& image, HypothesisTable found,
+                                         const Prior& prior,
+                                         const CancellationToken& cancellation) {
+  watch_->takeTest(image.stamp_ns, !settings_.real_time, &*renderer_, cancellation);
+  if (was_sure_) {
+    Pose& pose = found.front().T_O_C;
+    pose = watch_->steadied(image.observation, prior.T_O_C, pose, cancellation);
+  }
+  if (const std::optional<Pose> motion = was_sure_ ? watch_->better() : watch_->guess()) {
+    const HypothesisTable other = corrected(image.observation, found, *motion, cancellation);
+    if (isSure(other)) found = other;
+    was_sure_ = isSure(found);
+  }
+  watch_->goOn(image.stamp_ns, found.front().T_O_C, was_sure_);
+  watch_->maybeTest(image, found.front().T_O_C, was_sure_, &*renderer_);
+  return found;
+}
+
+}  // namespace nerf_pose_refiner

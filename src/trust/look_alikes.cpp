@@ -1,0 +1,212 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "trust/look_alikes.h"
+
+#include <Eigen/Geometry>
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "backend/keyframe_aligner.h"
+#include "math/angle.h"
+#include "refinement/covariance.h"
+#include "refinement/look_alike_poses.h"
+#include "refinement/pose_evidence.h"
+#include "trust/clutter_blocks.h"
+#include "trust/look_alike_fit.h"
+#include "views/sphere_directions.h"
+#include "views/view_bank.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+constexpr int kSides = 42, kImages = 10, kRolls = 10, kObject_px = 80;
+constexpr double kDistance = 4;              // [diameters]
+constexpr double kApart_rad = 20 * kDegree;  // nearer poses are nearly right
+
+/// A side of the object, as a keyframe and as it is rendered.
+struct KnownSide {
+  std::shared_ptr<const KeyframePoints> points;
+  int keyframe;  ///< in the aligner
+};
+
+class ConfusionSearch {
+ public:
+  ConfusionSearch(Backend* backend, const LoadedField& field, const CancellationToken& cancellation)
+      : field_(field),
+        object_(field.field().metadata),
+        cancellation_(cancellation),
+        aligner_(backend->makeKeyframeAligner()) {
+    ViewBankSettings settings;
+    settings.views = kSides;
+    settings.object_px = kObject_px;
+    settings.distance = kDistance;
+    const std::shared_ptr<const LoadedField> borrowed(&field, [](const LoadedField*) {});
+    ViewBank bank(borrowed, settings);
+    for (int i = 0; i < kSides; ++i) {
+      KnownSide side;
+      side.points = bank.view(i, cancellation);
+      side.keyframe = aligner_->add(side.points);
+      sides_.push_back(side);
+    }
+  }
+
+  std::vector<Confusion> find() {
+    std::vector<Confusion> found;
+    for (int i = 0; i < kImages; ++i) {
+      for (const Pose& T_O_C : confusedIn(i * kSides / kImages)) {
+        const Pose& truth = sides_[i * kSides / kImages].points->T_O_C;
+        found.push_back({T_O_C * truth.inverse(), i});
+      }
+    }
+    return found;
+  }
+
+ private:
+  /// Poses far from the truth that explain an image of a side nearly as well.
+  std::vector<Pose> confusedIn(int number) {
+    constexpr double kLeastOfRight = 0.7;
+    constexpr std::size_t kFinalists = 24;
+    const KnownSide& side = sides_[number];
+    const Pose& truth = side.points->T_O_C;
+    Observation observation;
+    observation.camera = side.points->camera;
+    observation.image = imageOf(side);
+    aligner_->observe(observation, frameWindowFor(*side.points, observation.camera, truth, 0.5));
+    KeyframeAlignmentSettings rough;
+    rough.finest_level = 1;
+    rough.max_evaluations = 8;
+    rough.observed_fraction = rough.coarse_observed_fraction;
+    rough.convergence_px = rough.coarse_convergence_px;
+    std::vector<Hypothesis> found = aligner_->align(startsBeside(number), rough, cancellation_);
+    std::stable_sort(found.begin(), found.end(),
+                     [](const Hypothesis& a, const Hypothesis& b) { return a.score > b.score; });
+    std::vector<KeyframeStart> finalists = {{side.keyframe, truth}};
+    for (const Hypothesis& one : found) {
+      if (finalists.size() > kFinalists) break;
+      if (one.state == HypothesisState::kLive && isWrong(one.T_O_C, truth)) {
+        finalists.push_back({nearestTo(one.T_O_C), one.T_O_C});
+      }
+    }
+    found = aligner_->align(finalists, KeyframeAlignmentSettings(), cancellation_);
+    std::vector<Pose> confused;
+    for (std::size_t i = 1; i < found.size(); ++i) {
+      const bool explains = found[i].state == HypothesisState::kLive &&
+                            found[i].score >= kLeastOfRight * found.front().score;
+      if (explains && isWrong(found[i].T_O_C, truth)) {
+        confused.emplace_back(nearestRotation(found[i].T_O_C.R), found[i].T_O_C.t);
+      }
+    }
+    return confused;
+  }
+
+  Image imageOf(const KnownSide& side) const {
+    const Rendering rendering =
+        field_.render({side.points->camera, side.points->T_O_C}, RenderOptions(), cancellation_);
+    Image image = rendering.colour;
+    const Image behind =
+        clutterBlocks(side.points->camera, static_cast<std::uint64_t>(side.keyframe));
+    for (std::size_t i = 0; i < image.values.size(); ++i) {
+      image.values[i] += (1 - rendering.alpha.values[i / 3]) * behind.values[i];
+    }
+    return image;
+  }
+
+  /// The other sides in place of one, turned about the line of sight.
+  std::vector<KeyframeStart> startsBeside(int number) const {
+    std::vector<KeyframeStart> starts;
+    const Pose& truth = sides_[number].points->T_O_C;
+    for (int j = 0; j < kSides; ++j) {
+      const Pose& other = sides_[j].points->T_O_C;
+      for (int k = 0; k < kRolls; ++k) {
+        const Eigen::Matrix3d roll =
+            expSO3(Eigen::Vector3d(0, 0, 2 * M_PI * k / kRolls));  // about the camera's axis
+        const Pose start = {nearestRotation(other.R * roll), other.t};
+        if (isWrong(start, truth)) starts.push_back({sides_[j].keyframe, start});
+      }
+    }
+    return starts;
+  }
+
+  int nearestTo(const Pose& T_O_C) const {
+    const Eigen::Vector3d sight = (T_O_C.t - object_.centre).normalized();
+    const auto closeness = [&](const KnownSide& side) {
+      return (side.points->T_O_C.t - object_.centre).normalized().dot(sight);
+    };
+    return std::max_element(
+               sides_.begin(), sides_.end(),
+               [&](const KnownSide& a, const KnownSide& b) { return closeness(a) < closeness(b); })
+        ->keyframe;
+  }
+
+  bool isWrong(const Pose& T_O_C, const Pose& truth) const {
+    const Pose nearest = nearestEquivalent(T_O_C, truth, object_.symmetries);
+    return rotationDistance(nearest.R, truth.R) > kApart_rad;
+  }
+
+  const LoadedField& field_;
+  const FieldMetadata& object_;
+  const CancellationToken& cancellation_;
+  std::unique_ptr<KeyframeAligner> aligner_;
+  std::vector<KnownSide> sides_;
+};
+
+/// How clearly an image from each direction tells the look-alikes apart.
+std::vector<double> toldFrom(const LoadedField& field, const LookAlikes& look_alikes,
+                             const CancellationToken& cancellation) {
+  constexpr double kMostTold = 100;     // more says nothing more
+  constexpr double kOtherLight = 0.05;  // shading that was learned with the object is no evidence
+  const FieldMetadata& object = field.field().metadata;
+  std::vector<double> told;
+  for (const View& view : viewsAround(object, kSides, kEvidence_px, kDistance)) {
+    const Rendering truth = field.render(view, RenderOptions(), cancellation);
+    ObjectImage image;
+    image.camera = view.camera;
+    image.colour = truth.colour;
+    image.weight = Image(view.camera.width, view.camera.height, 1, 1.0f);
+    PoseEvidence evidence(std::move(image));
+    evidence.add(truth);
+    double least = kMostTold;
+    for (const Pose& motion : coarseMotions(look_alikes)) {
+      evidence.add(field.render({view.camera, motion * view.T_O_C}, RenderOptions(), cancellation));
+      least = std::min(least, evidence.of(0, evidence.poses() - 1, kOtherLight));
+    }
+    told.push_back(std::max(0.0, least));
+  }
+  return told;
+}
+
+}  // namespace
+
+LookAlikes measureLookAlikes(Backend* backend, const LoadedField& field,
+                             const CancellationToken& cancellation) {
+  LookAlikes found =
+      fitLookAlikes(ConfusionSearch(backend, field, cancellation).find(), field.field().metadata);
+  if (found.any()) found.told = toldFrom(field, found, cancellation);
+  return found;
+}
+
+std::string describe(const LookAlikes& known) {
+  constexpr double kClear = 5;  // of the logarithm of odds
+  std::string text = known.axis ? "any turn about an axis" : "";
+  if (!known.motions.empty()) {
+    text += (text.empty() ? "" : " and ") + std::to_string(known.motions.size()) + " other motions";
+  }
+  if (known.told.empty()) return text;
+  const auto hidden = std::count_if(known.told.begin(), known.told.end(),
+                                    [](double told) { return told < kClear; });
+  return text + ", which do not show from " +
+         std::to_string(100 * static_cast<std::size_t>(hidden) / known.told.size()) +
+         " % of all sides";
+}
+
+LookAlikes lookAlikesOf(Backend* backend, const LoadedField& field,
+                        const CancellationToken& cancellation) {
+  const LookAlikes& known = field.field().metadata.look_alikes;
+  return known.measured ? known : measureLookAlikes(backend, field, cancellation);
+}
+
+}  // namespace nerf_pose_refiner
