@@ -134,6 +134,7 @@ class Benchmark {
     if (!is_right) settled = settleNear(found.candidates, trial, &rank);
     if (stage.empty()) stage = stageOf(evidence, rank, settled, trial);
     ++stages_[stage];
+    if (!found.candidates.empty()) std::printf(" [first %.2f]", found.candidates[0].evidence);
     std::printf(": %4d features, %4d matches, %3d right, %3d vote right of %3d, rank %2d of %zu, ",
                 evidence.features, evidence.matches, evidence.right_matches, evidence.right_votes,
                 evidence.right_group, rank, found.candidates.size());
@@ -264,6 +265,8 @@ void addOptions(CLI::App* app, Options* o) {
   app->add_option("--groups", o->detection.candidates.most_groups, "of votes");
   app->add_option("--candidates", o->detection.candidates.most_candidates, "at most");
   app->add_option("--landmarks", o->detection.candidates.least_landmarks, "that agree");
+  app->add_option("--score", o->detection.least_score, "of what is published");
+  app->add_option("--widened", o->detection.max_widened, "candidates, where all are refused");
   app->add_option("--plain", o->detection.model.plain_landmarks,
                   "objects with fewer landmarks get templates");
   app->add_option("--ranked", o->detection.max_ranked, "candidates of plain objects");

@@ -13,6 +13,25 @@
 namespace nerf_pose_refiner {
 namespace {
 
+/// Of a landmark from its feature where the object is as large as that [px].
+double thresholdFor(double diameter_px, const LandmarkCandidateSettings& settings) {
+  return std::max(settings.least_threshold_px, settings.threshold * diameter_px);
+}
+
+/// Matches, each at a place of its own and of a landmark of its own.
+class DistinctMatches {
+ public:
+  void add(const Eigen::Vector2d& pixel, int landmark) {
+    pixels_.emplace(std::lround(pixel.x()), std::lround(pixel.y()));
+    landmarks_.insert(landmark);
+  }
+  int count() const { return static_cast<int>(std::min(pixels_.size(), landmarks_.size())); }
+
+ private:
+  std::set<std::pair<long, long>> pixels_;
+  std::set<int> landmarks_;
+};
+
 /// Makes the candidates of one image.
 class CandidateSearch {
  public:
@@ -54,8 +73,7 @@ class CandidateSearch {
 
  private:
   double thresholdOf(int vote) const {
-    return std::max(settings_.least_threshold_px,
-                    settings_.threshold * votes_[static_cast<std::size_t>(vote)].diameter_px);
+    return thresholdFor(votes_[static_cast<std::size_t>(vote)].diameter_px, settings_);
   }
 
   std::vector<PointMatch> pointsOf(const std::vector<int>& matches) const {
@@ -87,17 +105,14 @@ class CandidateSearch {
     return used;
   }
 
-  /// Places in the image that see different landmarks. @param left what inliers are numbers of.
+  /// @param left what inliers are numbers of.
   int landmarksIn(const PointPose& pose, const std::vector<int>& left) const {
-    std::set<std::pair<long, long>> pixels;
-    std::set<int> landmarks;
+    DistinctMatches matches;
     for (const int inlier : pose.inliers) {
       const auto match = static_cast<std::size_t>(left[static_cast<std::size_t>(inlier)]);
-      const Eigen::Vector2d& pixel = points_[match].pixel;
-      pixels.emplace(std::lround(pixel.x()), std::lround(pixel.y()));
-      landmarks.insert(landmarks_[match]);
+      matches.add(points_[match].pixel, landmarks_[match]);
     }
-    return static_cast<int>(std::min(pixels.size(), landmarks.size()));
+    return matches.count();
   }
 
   bool add(const PointPose& pose, const std::vector<int>& left, PoseCandidates* candidates) const {
@@ -121,6 +136,28 @@ class CandidateSearch {
 };
 
 }  // namespace
+
+int landmarksAt(const Pose& T_O_C, const MatchedImage& image, const FieldMetadata& object,
+                const LandmarkCandidateSettings& settings) {
+  const auto seen = voteFor(T_O_C, image.camera, object);
+  if (!seen) return 0;
+  const double threshold = thresholdFor(seen->diameter_px, settings);
+  const Pose T_C_O = T_O_C.inverse();
+  DistinctMatches matches;
+  for (const FeatureMatch& match : image.matches) {
+    const FeaturePlace& feature = image.features[static_cast<std::size_t>(match.feature)];
+    const Landmark& landmark = image.landmarks.places[static_cast<std::size_t>(match.landmark)];
+    const Eigen::Vector3d point_C = T_C_O * landmark.point.cast<double>();
+    // (What is on the far side of the object is not seen.)
+    const Eigen::Vector3d ray_O = T_O_C.R * point_C.normalized();
+    if (!(point_C.z() > 0) || ray_O.dot(landmark.R_O_F.col(2).cast<double>()) <= 0) continue;
+    const Eigen::Vector2d pixel(feature.x, feature.y);
+    if ((image.camera.project(point_C) - pixel).norm() <= threshold) {
+      matches.add(pixel, match.landmark);
+    }
+  }
+  return matches.count();
+}
 
 PoseCandidates landmarkCandidates(const MatchedImage& image, const FieldMetadata& object,
                                   const LandmarkCandidateSettings& settings,

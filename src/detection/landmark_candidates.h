@@ -18,19 +18,23 @@ struct FieldMetadata;
 struct LandmarkCandidateSettings {
   VoteTolerance votes;
   int least_landmarks = 4;          ///< that agree with a candidate
-  int most_candidates = 12;         ///< that are returned
-  int most_groups = 40;             ///< of votes that are looked at
+  int most_candidates = 24;         ///< that are returned
+  int most_groups = 150;            ///< of votes that are looked at
   double threshold = 0.02;          ///< of a landmark from its feature [diameters in the image]
   double least_threshold_px = 1.5;  ///< the same, at least
 };
 
 /// Features of an image and the landmarks that they match.
 struct MatchedImage {
-  const Camera& camera;
-  const std::vector<FeaturePlace>& features;
+  Camera camera;
+  std::vector<FeaturePlace> features;
   const Landmarks& landmarks;
   std::vector<FeatureMatch> matches;
 };
+
+/// How many landmarks are seen where a pose puts them, each at a place of its own.
+int landmarksAt(const Pose& T_O_C, const MatchedImage& image, const FieldMetadata& object,
+                const LandmarkCandidateSettings& settings);
 
 /// Poses that many matches agree with. Each match votes for a pose by the place, the size and the
 /// orientation of its feature; the pose of a group of votes is that of its points. A match belongs

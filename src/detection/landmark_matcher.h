@@ -17,7 +17,7 @@ struct FeatureMatch {
 };
 
 struct MatchingSettings {
-  double max_ratio = 0.85;    ///< of the distances to the best landmark and to the next place
+  double max_ratio = 0.9;     ///< of the distances to the best landmark and to the next place
   double other_place = 0.05;  ///< landmarks farther apart are other places [diameters]
   int neighbours = 6;         ///< that are looked at
   int checks = 64;            ///< leaves of the trees that a search looks at

@@ -10,7 +10,9 @@
 #include "concurrency/seconds_since.h"
 #include "field/field.h"
 #include "image/resample.h"
+#include "math/angle.h"
 #include "math/require.h"
+#include "refinement/pose_probability.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -20,7 +22,7 @@ namespace {
 /// @param further landmarks than are asked for.
 double oddsOfLandmarks(double further) {
   constexpr double kMost = 20;  // the image has to agree, too: parts of objects look alike
-  return std::min(kMost, std::exp2(further));
+  return std::min(kMost, std::exp2(std::max(0.0, further)));
 }
 
 /// Distances at which the object may be [diameters].
@@ -33,6 +35,22 @@ DistanceRange distancesIn(const SearchArea& area, const Camera& part, double dia
              std::max(kNearest, distance * SearchArea::kDistanceRatio)};
   }
   return range;
+}
+
+constexpr int kPosesAround = 9;
+
+/// A pose, then those that are turned about each axis and nearer or farther.
+/// @param number 0..kPosesAround - 1.
+Pose poseAround(const Pose& T_O_C, const Eigen::Vector3d& centre, int number) {
+  constexpr double kTurn = 11 * kDegree, kNearer = 0.1;
+  const double sign = number % 2 == 0 ? 1 : -1;
+  if (number == 0) return T_O_C;
+  if (number >= kPosesAround - 2) {
+    return {T_O_C.R, centre + (1 + sign * kNearer) * (T_O_C.t - centre)};
+  }
+  const Eigen::Vector3d axis = T_O_C.R.col((number - 1) / 2);  // of the camera
+  const Eigen::Matrix3d turn = expSO3(Eigen::Vector3d(sign * kTurn * axis));
+  return {turn * T_O_C.R, centre + turn * (T_O_C.t - centre)};
 }
 
 bool isAllowed(const Image8& allowed, const Camera& part, const Eigen::Vector3d& centre_C) {
@@ -54,6 +72,9 @@ void DetectionSettings::validate() const {
   require(max_image_side_px >= 32, "DetectionSettings::max_image_side_px", max_image_side_px);
   require(max_instances >= 1, "DetectionSettings::max_instances", max_instances);
   require(max_tried >= 1, "DetectionSettings::max_tried", max_tried);
+  require(max_ranked >= 1, "DetectionSettings::max_ranked", max_ranked);
+  require(max_widened >= 0, "DetectionSettings::max_widened", max_widened);
+  require(max_at_once >= 1, "DetectionSettings::max_at_once", max_at_once);
   require(max_tried_beside >= 1, "DetectionSettings::max_tried_beside", max_tried_beside);
   require(least_score >= 0 && least_score <= 1, "DetectionSettings::least_score", least_score);
   require(budget_s >= 0, "DetectionSettings::budget_s", budget_s);
@@ -91,12 +112,11 @@ ImageCandidates ObjectDetector::candidates(const Observation& observation, const
       findFeatures(luminance(is_whole ? colours : resample(colours, observation.camera, *part)),
                    allowedPixels(observation, *part), settings);
   cancellation.check();
-  const MatchedImage image = {*part, features.places, *landmarks_, matcher_.match(features)};
-  result.features = features.size();
-  result.matches = static_cast<int>(image.matches.size());
+  result.matched.emplace(
+      MatchedImage{*part, features.places, *landmarks_, matcher_.match(features)});
   const FieldMetadata& object = field_->field().metadata;
   for (const PoseCandidate& candidate :
-       landmarkCandidates(image, object, settings_.candidates, cancellation)) {
+       landmarkCandidates(*result.matched, object, settings_.candidates, cancellation)) {
     if (isAtDistance(area, (candidate.T_O_C.t - object.centre).norm())) {
       result.poses.push_back(candidate);
     }
@@ -130,41 +150,85 @@ PoseCandidates ObjectDetector::templateCandidates(const Observation& observation
   return candidates;
 }
 
-/// Candidates of both kinds in one list, as well as small views of the object explain the image.
-PoseCandidates ObjectDetector::rankedCandidates(const Observation& observation,
-                                                const SearchArea& area, PoseCandidates candidates,
-                                                const CancellationToken& cancellation) {
-  for (const PoseCandidate& one : templateCandidates(observation, area, cancellation)) {
-    candidates.push_back(one);
-  }
+/// The best candidates, as well as small views of the object explain the image.
+PoseCandidates ObjectDetector::ranked(const Observation& observation,
+                                      const PoseCandidates& candidates, int most,
+                                      const CancellationToken& cancellation) {
   if (!ranking_) ranking_.emplace(backend_, field_, settings_.keyframes);
-  PoseCandidates ranked;
-  for (const AlignedCandidate& one : ranking_->rank(
-           observation, candidates, static_cast<std::size_t>(settings_.max_ranked), cancellation)) {
-    ranked.push_back(one.candidate);
+  PoseCandidates best;
+  for (const AlignedCandidate& one :
+       ranking_->rank(observation, candidates, static_cast<std::size_t>(most), cancellation)) {
+    best.push_back(one.candidate);
   }
-  return ranked;
+  return best;
 }
 
-Refinement ObjectDetector::takeBest(const Observation& observation, PoseCandidates* candidates,
+/// Aligns what may be the same instance as the best candidate, and takes it from the list.
+Refinement ObjectDetector::takeBest(const Observation& observation, ImageCandidates* candidates,
                                     const CancellationToken& cancellation) {
-  const int least = settings_.candidates.least_landmarks;
-  // All that may be the same instance as the best one: alignment decides between them.
   const FieldMetadata& object = field_->field().metadata;
-  const Pose best = candidates->front().T_O_C;
-  const auto same = std::stable_partition(candidates->begin(), candidates->end(),
-                                          [&](const PoseCandidate& candidate) {
-                                            return !isSameInstance(candidate.T_O_C, best, object);
-                                          });
+  PoseCandidates& poses = candidates->poses;
+  const Pose best = poses.front().T_O_C;
+  const auto same =
+      std::stable_partition(poses.begin(), poses.end(), [&](const PoseCandidate& candidate) {
+        return !isSameInstance(candidate.T_O_C, best, object);
+      });
   std::vector<RoughPose> rough;
-  for (auto one = same; one != candidates->end(); ++one) {
-    const bool has_landmarks = one->source == CandidateSource::kLandmarks;
-    rough.push_back({one->T_O_C, has_landmarks ? oddsOfLandmarks(one->evidence - least) : 1});
+  for (auto one = same; one != poses.end(); ++one) {
+    if (static_cast<int>(rough.size()) < settings_.max_at_once) rough.push_back({one->T_O_C, 1});
   }
-  candidates->erase(same, candidates->end());
-  const Refinement found = refiner_.settle({observation, 0}, rough, cancellation);
+  poses.erase(same, poses.end());
+  Refinement found = refiner_.settle({observation, 0}, rough, cancellation);
   cancellation.check();
+  // Landmarks speak for the pose that the image leads to, whatever it was found by.
+  if (found.outcome == Outcome::kRefined && candidates->matched) {
+    const int landmarks =
+        landmarksAt(found.T_O_C, *candidates->matched, object, settings_.candidates);
+    const double odds = oddsOfLandmarks(landmarks - settings_.candidates.least_landmarks);
+    const double by_image = *found.found_probability;
+    found.found_probability = withOdds(by_image, odds);
+    found.score *= by_image > 0 ? *found.found_probability / by_image : 0;
+  }
   return found;
+}
+
+void ObjectDetector::settleAll(const Observation& observation,
+                               std::chrono::steady_clock::time_point begin,
+                               ImageCandidates* candidates, std::vector<Refinement>* found,
+                               const CancellationToken& cancellation) {
+  const FieldMetadata& object = field_->field().metadata;
+  int refused = 0;
+  while (!candidates->poses.empty() && static_cast<int>(found->size()) < settings_.max_instances) {
+    if (refused >= (found->empty() ? settings_.max_tried : settings_.max_tried_beside)) break;
+    if (settings_.budget_s > 0 && secondsSince(begin) > settings_.budget_s) break;
+    const Refinement one = takeBest(observation, candidates, cancellation);
+    const bool is_known = std::any_of(found->begin(), found->end(), [&](const Refinement& other) {
+      return isSameInstance(one.T_O_C, other.T_O_C, object);
+    });
+    if (is_known) continue;
+    if (one.outcome == Outcome::kRefined && one.score >= settings_.least_score) {
+      found->push_back(one);
+      refused = 0;
+    } else {
+      ++refused;
+    }
+  }
+}
+
+/// Candidates that landmarks speak for may be too far off for alignment: poses around the first.
+PoseCandidates ObjectDetector::candidatesAround(const Observation& observation,
+                                                const PoseCandidates& candidates,
+                                                const CancellationToken& cancellation) {
+  const FieldMetadata& object = field_->field().metadata;
+  PoseCandidates around;
+  for (const PoseCandidate& candidate : candidates) {
+    if (static_cast<int>(around.size()) >= kPosesAround * settings_.max_widened) break;
+    for (int i = 0; i < kPosesAround; ++i) {
+      around.push_back(candidate);
+      around.back().T_O_C = poseAround(candidate.T_O_C, object.centre, i);
+    }
+  }
+  return ranked(observation, around, settings_.max_widened, cancellation);
 }
 
 Detections ObjectDetector::detect(const Observation& observation, const SearchArea& area,
@@ -173,31 +237,21 @@ Detections ObjectDetector::detect(const Observation& observation, const SearchAr
   observation.validate();
   area.validate();
   ImageCandidates all = candidates(observation, area, cancellation);
-  PoseCandidates& left = all.poses;
   if (templates_) {
-    left = rankedCandidates(observation, area, std::move(left), cancellation);
-    if (!left.empty()) all.message.clear();
+    for (const PoseCandidate& one : templateCandidates(observation, area, cancellation)) {
+      all.poses.push_back(one);
+    }
+    all.poses = ranked(observation, all.poses, settings_.max_ranked, cancellation);
+    if (!all.poses.empty()) all.message.clear();
   }
   Detections detections;
   detections.message = all.message;
-  detections.candidates = left;
-  const FieldMetadata& object = field_->field().metadata;
+  detections.candidates = all.poses;
   std::vector<Refinement>& found = detections.found;
-  int refused = 0;
-  while (!left.empty() && static_cast<int>(found.size()) < settings_.max_instances) {
-    if (refused >= (found.empty() ? settings_.max_tried : settings_.max_tried_beside)) break;
-    if (settings_.budget_s > 0 && secondsSince(begin) > settings_.budget_s) break;
-    const Refinement one = takeBest(observation, &left, cancellation);
-    const bool is_known = std::any_of(found.begin(), found.end(), [&](const Refinement& other) {
-      return isSameInstance(one.T_O_C, other.T_O_C, object);
-    });
-    if (is_known) continue;
-    if (one.outcome == Outcome::kRefined && one.score >= settings_.least_score) {
-      found.push_back(one);
-      refused = 0;
-    } else {
-      ++refused;
-    }
+  settleAll(observation, begin, &all, &found, cancellation);
+  if (found.empty() && !templates_ && !detections.candidates.empty()) {
+    all.poses = candidatesAround(observation, detections.candidates, cancellation);
+    settleAll(observation, begin, &all, &found, cancellation);
   }
   std::stable_sort(found.begin(), found.end(),
                    [](const Refinement& a, const Refinement& b) { return a.score > b.score; });

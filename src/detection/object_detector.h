@@ -1,6 +1,7 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -30,8 +31,10 @@ struct DetectionSettings {
   TemplateSearchSettings templates;
   KeyframeSearchSettings keyframes;
   int max_ranked = 12;          ///< of the candidates of a plain object, after their ranking
+  int max_widened = 3;          ///< candidates around which others are tried if all are refused
   int max_image_side_px = 800;  ///< larger images are reduced to it for their features
   int max_instances = 10;       ///< that are returned
+  int max_at_once = 4;          ///< candidates of one place that are aligned
   int max_tried = 6;            ///< candidates in a row that alignment refuses end the search
   int max_tried_beside = 2;     ///< the same once an instance is found: others are as clear
   double least_score = 0.9;     ///< probability of a pose to be trusted, 0..1
@@ -41,12 +44,11 @@ struct DetectionSettings {
   void validate() const;
 };
 
-/// Poses that landmarks or templates speak for.
+/// Poses that landmarks speak for.
 struct ImageCandidates {
-  PoseCandidates poses;  ///< best first
-  std::string message;   ///< why there is none; empty if there is one
-  int features = 0;      ///< of the image
-  int matches = 0;       ///< of them that look like landmarks
+  PoseCandidates poses;                 ///< best first
+  std::string message;                  ///< why there is none; empty if there is one
+  std::optional<MatchedImage> matched;  ///< what of the image looks like landmarks
 };
 
 /// What came of an image.
@@ -88,11 +90,16 @@ class ObjectDetector {
                     const CancellationToken& cancellation);
 
  private:
-  Refinement takeBest(const Observation& observation, PoseCandidates* candidates,
+  Refinement takeBest(const Observation& observation, ImageCandidates* candidates,
                       const CancellationToken& cancellation);
 
-  PoseCandidates rankedCandidates(const Observation& observation, const SearchArea& area,
-                                  PoseCandidates candidates, const CancellationToken& cancellation);
+  void settleAll(const Observation& observation, std::chrono::steady_clock::time_point begin,
+                 ImageCandidates* candidates, std::vector<Refinement>* found,
+                 const CancellationToken& cancellation);
+  PoseCandidates ranked(const Observation& observation, const PoseCandidates& candidates, int most,
+                        const CancellationToken& cancellation);
+  PoseCandidates candidatesAround(const Observation& observation, const PoseCandidates& candidates,
+                                  const CancellationToken& cancellation);
 
   Backend* backend_;
   std::shared_ptr<const LoadedField> field_;

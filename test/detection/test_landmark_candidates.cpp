@@ -148,5 +148,22 @@ TEST_F(LandmarkCandidatesTest, CanBeCancelled) {
       Cancelled);
 }
 
+TEST_F(LandmarkCandidatesTest, LandmarksAreCountedWhereAPosePutsThem) {
+  const Pose right(expSO3({0.1, 0.2, 0.3}), {0.1, 0, 4});
+  const Pose beside(right.R, right.t + Eigen::Vector3d(0.3, 0, 0));
+  const Pose behind(right.R, -right.t);
+  const Pose turned(expSO3({0, M_PI, 0}) * right.R, right.t);
+  show(right, 0, 20);
+  const auto count = [this](const Pose& T_C_O) {
+    return landmarksAt(T_C_O.inverse(), {kCamera, features_, landmarks_, matches_}, object_, {});
+  };
+  EXPECT_EQ(count(right), 20);
+  EXPECT_LE(count(beside), 2);
+  EXPECT_EQ(count(behind), 0);
+  EXPECT_EQ(count(turned), 0) << "they are on the far side";
+  show(right, 0, 20);  // the same landmarks once more
+  EXPECT_EQ(count(right), 20);
+}
+
 }  // namespace
 }  // namespace nerf_pose_refiner

@@ -187,14 +187,16 @@ TEST_F(ObjectDetectorTest, ABoxOutsideOfTheImageGivesAReason) {
   EXPECT_EQ(detections.message, "the box leaves too little of the image");
 }
 
-TEST_F(ObjectDetectorTest, LandmarksOfAnotherObjectGiveNoPose) {
+TEST_F(ObjectDetectorTest, LandmarksOfAnotherObjectGiveNoWrongPose) {
   Landmarks other = *landmarks_;
   for (Landmark& landmark : other.places) {  // the same looks at other places
     const double turn = 40 * landmark.point.x();
     landmark.point = (expSO3({turn, 2 * turn, 1}) * landmark.point.cast<double>()).cast<float>();
   }
   ObjectDetector detector(backend_.get(), scene_, {other}, {});
-  EXPECT_TRUE(detector.detect(observed(imageOf(truth_)), {}, {}).found.empty());
+  for (const Refinement& found : detector.detect(observed(imageOf(truth_)), {}, {}).found) {
+    expectTruth(found, truth_);  // alignment may be led to it all the same
+  }
 }
 
 TEST_F(ObjectDetectorTest, NoLandmarksNoPose) {
