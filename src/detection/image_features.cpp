@@ -7,10 +7,10 @@
 #include <opencv2/features2d.hpp>
 #include <stdexcept>
 
+#include "math/angle.h"
+
 namespace nerf_pose_refiner {
 namespace {
-
-constexpr float kDegree = 0.017453293f;
 
 #if CV_VERSION_MAJOR > 4 || (CV_VERSION_MAJOR == 4 && CV_VERSION_MINOR >= 4)
 constexpr bool kHasSift = true;
@@ -83,7 +83,8 @@ ImageFeatures findFeatures(const Image8& grey, const Image8& where,
   for (const int i : strongest) {
     const cv::KeyPoint& point = keypoints[static_cast<std::size_t>(i)];
     std::copy_n(rows.ptr<float>(i), rows.cols, features.descriptors.row(features.size()).data());
-    features.places.push_back({point.pt.x, point.pt.y, point.size, kDegree * point.angle});
+    const auto angle_rad = static_cast<float>(kDegree) * point.angle;
+    features.places.push_back({point.pt.x, point.pt.y, point.size, angle_rad});
   }
   normalise(settings.kind, &features.descriptors);
   return features;
