@@ -34,7 +34,8 @@ add_dependencies(${ros_library}
   ${PROJECT_NAME}_gencfg ${PROJECT_NAME}_generate_messages_cpp ${catkin_EXPORTED_TARGETS})
 npr_set_warnings(${ros_library})
 npr_precompile(${ros_library} <ros/ros.h> <sensor_msgs/CameraInfo.h> <sensor_msgs/Image.h>)
-npr_join_sources(${ros_library} src/ros/services/reconfiguration.cpp)
+npr_join_sources(${ros_library}
+  src/ros/capture/capture_node.cpp src/ros/services/reconfiguration.cpp)
 set_target_properties(${ros_library} PROPERTIES POSITION_INDEPENDENT_CODE ON)  # of the nodelets
 # Private to this package.
 #catkin_lint: ignore_once external_interface_path
