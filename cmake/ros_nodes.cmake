@@ -36,6 +36,9 @@ npr_set_warnings(${ros_library})
 npr_precompile(${ros_library} <ros/ros.h> <sensor_msgs/CameraInfo.h> <sensor_msgs/Image.h>)
 npr_join_sources(${ros_library}
   src/ros/capture/capture_node.cpp src/ros/services/reconfiguration.cpp)
+# GCC 12 takes Boost's precompiled headers for the package's own, and warns of them.
+set_source_files_properties(src/ros/capture/capture_node.cpp PROPERTIES
+  SKIP_PRECOMPILE_HEADERS ON)
 set_target_properties(${ros_library} PROPERTIES POSITION_INDEPENDENT_CODE ON)  # of the nodelets
 # Private to this package.
 #catkin_lint: ignore_once external_interface_path
