@@ -63,9 +63,9 @@ bool CompanionPairing::takeCompanion(const ros::WallTime& now, CameraFrame* fram
   *slot = {};
   if (!is_over) return false;
   char text[200];
-  if (std::isfinite(least_s)) {
-    std::snprintf(text, sizeof text, "no %s with the image's stamp: the nearest is %.3f s away",
-                  settings_.what.c_str(), least_s);
+  if (std::isfinite(least_s) && isExpected(now)) {
+    std::snprintf(text, sizeof text, "no %s with the image's stamp: the nearest is %.3f s %s it",
+                  settings_.what.c_str(), std::abs(least_s), least_s < 0 ? "before" : "after");
   } else {
     std::snprintf(text, sizeof text, "no %s comes", settings_.what.c_str());
   }
