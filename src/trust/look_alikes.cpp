@@ -190,17 +190,11 @@ LookAlikes measureLookAlikes(Backend* backend, const LoadedField& field,
 }
 
 std::string describe(const LookAlikes& known) {
-  constexpr double kClear = 5;  // of the logarithm of odds
   std::string text = known.axis ? "any turn about an axis" : "";
   if (!known.motions.empty()) {
     text += (text.empty() ? "" : " and ") + std::to_string(known.motions.size()) + " other motions";
   }
-  if (known.told.empty()) return text;
-  const auto hidden = std::count_if(known.told.begin(), known.told.end(),
-                                    [](double told) { return told < kClear; });
-  return text + ", which do not show from " +
-         std::to_string(100 * static_cast<std::size_t>(hidden) / known.told.size()) +
-         " % of all sides";
+  return text;
 }
 
 LookAlikes lookAlikesOf(Backend* backend, const LoadedField& field,
