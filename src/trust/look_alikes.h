@@ -23,7 +23,7 @@ LookAlikes measureLookAlikes(Backend* backend, const LoadedField& field,
 LookAlikes lookAlikesOf(Backend* backend, const LoadedField& field,
                         const CancellationToken& cancellation);
 
-/// Such as "any turn about an axis, which do not show from 40 % of all sides"; empty for none.
+/// Such as "any turn about an axis and 1 other motions"; empty for none.
 std::string describe(const LookAlikes& known);
 
 }  // namespace nerf_pose_refiner
