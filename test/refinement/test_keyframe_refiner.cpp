@@ -16,6 +16,7 @@
 #include "support/analytic_scene.h"
 #include "support/cpu_processor.h"
 #include "support/gated_field.h"
+#include "support/scene_before_clutter.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -31,17 +32,7 @@ class KeyframeRefinerTest : public testing::Test {
   Pose truthAt(int frame) const { return cameraAround(*field_, 0.5 + 0.03 * frame, 0.4); }
 
   Observation imageAt(const Pose& T_O_C) const {
-    const Observation scene = observeScene(*scene_, kCamera, T_O_C);
-    Observation observation;
-    observation.camera = kCamera;
-    observation.image = clutter(kCamera.width, kCamera.height, 7);
-    for (std::size_t i = 0; i < scene.alpha.values.size(); ++i) {
-      for (std::size_t c = 0; c < 3; ++c) {
-        float& value = observation.image.values[3 * i + c];
-        value = scene.image.values[3 * i + c] + (1 - scene.alpha.values[i]) * value;
-      }
-    }
-    return observation;
+    return sceneBeforeClutter(*scene_, kCamera, T_O_C);
   }
 
   Prior priorAt(const Pose& T_O_C, double deg, double fraction) const {

@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "backend/make_backend.h"
-#include "evaluation/clutter.h"
 #include "math/angle.h"
 #include "refinement/keyframe_refiner.h"
 #include "refinement/look_alike_belief.h"
@@ -14,6 +13,7 @@
 #include "refinement/pose_evidence.h"
 #include "support/analytic_scene.h"
 #include "support/revolved_scene.h"
+#include "support/scene_before_clutter.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -41,17 +41,7 @@ class LabelledBottle : public testing::Test {
   Pose seenFrom(double azimuth_rad) const { return cameraAround(*scene_, azimuth_rad, 0.3); }
 
   Observation imageAt(const Pose& T_O_C, float gain = 1) const {
-    const Observation scene = observeScene(*scene_, kCamera, T_O_C);
-    Observation observation;
-    observation.camera = kCamera;
-    observation.image = clutter(kCamera.width, kCamera.height, 7);
-    for (std::size_t i = 0; i < scene.alpha.values.size(); ++i) {
-      for (std::size_t c = 0; c < 3; ++c) {
-        float& value = observation.image.values[3 * i + c];
-        value = gain * scene.image.values[3 * i + c] + (1 - scene.alpha.values[i]) * value;
-      }
-    }
-    return observation;
+    return sceneBeforeClutter(*scene_, kCamera, T_O_C, gain);
   }
 
   /// Evidence of an image for a pose against the same one after a turn of the object.

@@ -7,13 +7,13 @@
 #include <utility>
 
 #include "backend/make_backend.h"
-#include "evaluation/clutter.h"
 #include "math/angle.h"
 #include "math/random.h"
 #include "nerf_pose_refiner/depth.h"
 #include "support/analytic_scene.h"
 #include "support/cpu_processor.h"
 #include "support/metric_field.h"
+#include "support/scene_before_clutter.h"
 #include "views/keyframe.h"
 
 namespace nerf_pose_refiner {
@@ -74,17 +74,7 @@ class DepthScene {
 
   /// The colour image before clutter.
   Observation imageAt(const Pose& T_O_C) const {
-    const Observation scene = observeScene(*field_, kColour, T_O_C);
-    Observation observation;
-    observation.camera = kColour;
-    observation.image = clutter(kColour.width, kColour.height, 7);
-    for (std::size_t i = 0; i < scene.alpha.values.size(); ++i) {
-      for (std::size_t c = 0; c < 3; ++c) {
-        float& value = observation.image.values[3 * i + c];
-        value = scene.image.values[3 * i + c] + (1 - scene.alpha.values[i]) * value;
-      }
-    }
-    return observation;
+    return sceneBeforeClutter(*field_, kColour, T_O_C);
   }
 
   /// Moved along the line of sight, away from the camera [m].
