@@ -79,6 +79,7 @@ struct World {
   Listener<RefinementStatus> status;
   Listener<PoseHypothesisArray> hypotheses;
   Listener<tf2_msgs::TFMessage> transforms;
+  ros::ServiceClient list_objects;
 };
 
 inline std::unique_ptr<World> world;
@@ -91,9 +92,19 @@ typename Service::Response ask(const std::string& name, typename Service::Reques
   return response;
 }
 
+/// Calls ~list_objects over a connection that stays: tests poll it, and roscpp now and then loses a
+/// call whose connection is made for it alone.
+inline ListObjects::Response listObjects() {
+  ros::ServiceClient& client = world->list_objects;
+  if (!client.isValid()) client = world->pnh.serviceClient<ListObjects>("list_objects", true);
+  ListObjects call;
+  EXPECT_TRUE(client.call(call));
+  return call.response;
+}
+
 /// What ~list_objects says of an object; nothing: it does not name it.
 inline std::optional<ObjectInfo> infoOf(const std::string& name) {
-  for (const ObjectInfo& info : ask<ListObjects>("list_objects").objects) {
+  for (const ObjectInfo& info : listObjects().objects) {
     if (info.name == name) return info;
   }
   return std::nullopt;

@@ -114,13 +114,13 @@ TEST_F(PoseRefinerTest, NodeletAnswersOnceInTheFrameThatItIsAskedFor) {
 
 TEST_F(PoseRefinerTest, NodeletsOfOneManagerShareTheirModels) {
   setParametersOfSecond();
-  const std::uint64_t read = ask<ListObjects>("list_objects").files_read;
+  const std::uint64_t read = listObjects().files_read;
   ros::NodeHandle second("second");
   Listener<RefinementStatus> status(second, "status");
   ASSERT_TRUE(loadNodelet("/second"));
   ASSERT_TRUE(
       status.wait([](const RefinementStatus& s) { return s.state == Status::STATE_WAITING; }));
-  const ListObjects::Response list = ask<ListObjects>("list_objects");
+  const ListObjects::Response list = listObjects();
   EXPECT_EQ(list.files_read, read) << "what the first one has learned was not read again";
   EXPECT_EQ(list.memory_bytes, infoOf("toy")->bytes);
   EXPECT_TRUE(unloadNodelet("/second"));

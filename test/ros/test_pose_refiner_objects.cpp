@@ -54,7 +54,7 @@ TEST_F(ObjectsTest, AreListedLoadedChosenAndUnloaded) {
   info = infoOf("toy");
   ASSERT_TRUE(info);
   EXPECT_TRUE(info->in_memory && info->in_use && info->tracked) << *info;
-  EXPECT_GE(ask<ListObjects>("list_objects").memory_bytes, info->bytes);
+  EXPECT_GE(listObjects().memory_bytes, info->bytes);
 
   const LoadObject load = loadField("spare");
   EXPECT_TRUE(load.response.success) << load.response.message;
@@ -84,7 +84,7 @@ TEST_F(ObjectsTest, WhatIsSaidOfItIsReadAgain) {
   fs::copy_file(modelFile("toy"), modelFile("spare"));
   ASSERT_TRUE(setObject("spare").success);
   ASSERT_TRUE(track());
-  const std::uint64_t read = ask<ListObjects>("list_objects").files_read;
+  const std::uint64_t read = listObjects().files_read;
   world->status.clear();
   std::ofstream(metadataFile("spare"))
       << "frame_in_model: {position: [0, 0, 1], orientation: [0, 0, 1, 0]}\n"
@@ -109,7 +109,7 @@ TEST_F(ObjectsTest, WhatIsSaidOfItIsReadAgain) {
   const auto pose = world->poses.wait();
   ASSERT_TRUE(pose);
   EXPECT_TRUE(isMoved(*pose)) << "the last that was good serves";
-  EXPECT_EQ(ask<ListObjects>("list_objects").files_read, read);
+  EXPECT_EQ(listObjects().files_read, read);
   EXPECT_FALSE(setObject("spare").success) << "asked for, it is an error";
   EXPECT_EQ(world->status.last()->state, Status::STATE_TRACKING) << "all the time";
 }
@@ -118,13 +118,13 @@ TEST_F(ObjectsTest, AModelFileIsSwappedUnderIt) {
   fs::copy_file(modelFile("toy"), modelFile("spare"));
   ASSERT_TRUE(setObject("spare").success);
   ASSERT_TRUE(track());
-  const std::uint64_t read = ask<ListObjects>("list_objects").files_read;
+  const std::uint64_t read = listObjects().files_read;
   putInPlace(modelFile("toy"), modelFile("spare"));
   world->poses.clear();
   ASSERT_TRUE(world->poses.wait()) << "the one in use stays whole";
-  EXPECT_EQ(ask<ListObjects>("list_objects").files_read, read);
+  EXPECT_EQ(listObjects().files_read, read);
   ASSERT_TRUE(setObject("spare").success);
-  EXPECT_EQ(ask<ListObjects>("list_objects").files_read, read + 1) << "read again";
+  EXPECT_EQ(listObjects().files_read, read + 1) << "read again";
   world->poses.clear();
   EXPECT_TRUE(track());
   fs::resize_file(modelFile("spare"), 1000);

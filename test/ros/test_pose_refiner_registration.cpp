@@ -168,7 +168,7 @@ TEST_F(PatientTest, AllElseAnswersMeanwhileAndACancelLeavesNothing) {
   LoadObject::Request load;
   load.name = "toy";
   EXPECT_TRUE(ask<LoadObject>("load_object", load).success);
-  EXPECT_TRUE(ask<ListObjects>("list_objects").success);
+  EXPECT_TRUE(listObjects().success);
   EXPECT_TRUE(caller.running());
 
   caller.cancel();
