@@ -73,7 +73,6 @@ Json toJson(const LookAlikes& known) {
     return std::vector<double>(matrix.data(), matrix.data() + matrix.size());
   };
   Json json;
-  json["told"] = known.told;
   json["motions"] = Json::array();
   for (const Pose& motion : known.motions) {
     json["motions"].push_back({{"R", numbers(motion.R)}, {"t", numbers(motion.t)}});
@@ -99,7 +98,6 @@ Matrix matrixOf(const Json& json) {
 LookAlikes lookAlikesFrom(const Json& json) {
   LookAlikes known;
   known.measured = true;
-  known.told = json.at("told").get<std::vector<double>>();
   for (const Json& motion : json.at("motions")) {
     known.motions.emplace_back(matrixOf<Eigen::Matrix3d>(motion.at("R")),
                                matrixOf<Eigen::Vector3d>(motion.at("t")));

@@ -163,15 +163,10 @@ std::size_t colourWeightCount(const FieldConfig& config) {
 namespace {
 
 void validateLookAlikes(const LookAlikes& known) {
-  require(known.motions.size() <= LookAlikes::kMaxMotions &&
-              known.told.size() <= LookAlikes::kMaxDirections,
-          "LookAlikes has too many entries");
+  require(known.motions.size() <= LookAlikes::kMaxMotions, "LookAlikes has too many motions");
   for (const Pose& motion : known.motions) {
     require(motion.isRigid() && motion.t.allFinite(),
             "LookAlikes::motions has one that is not rigid");
-  }
-  for (const double told : known.told) {
-    require(told >= 0 && std::isfinite(told), "LookAlikes::told holds a value below 0");
   }
   if (!known.axis) return;
   require(std::abs(known.axis->direction.norm() - 1) < 1e-6 && known.axis->point.allFinite(),

@@ -113,14 +113,10 @@ struct PoseStatistics {
 /// Unlike symmetries, which somebody declared, they make poses wrong.
 struct LookAlikes {
   static constexpr std::size_t kMaxMotions = 16;
-  static constexpr std::size_t kMaxDirections = 1000;
 
   bool measured = false;
   std::optional<SymmetryAxis> axis;  ///< any turn about it, in O [model units]
   std::vector<Pose> motions;         ///< others, in O [model units]
-  /// For directions from the object's centre to the camera (sphereDirections of as many): how
-  /// clearly an image from there tells these motions apart at least, logarithm of odds.
-  std::vector<double> told;
 
   bool any() const { return axis || !motions.empty(); }
 };

@@ -13,11 +13,8 @@
 #include "backend/keyframe_aligner.h"
 #include "math/angle.h"
 #include "refinement/covariance.h"
-#include "refinement/look_alike_poses.h"
-#include "refinement/pose_evidence.h"
 #include "trust/clutter_blocks.h"
 #include "trust/look_alike_fit.h"
-#include "views/sphere_directions.h"
 #include "views/view_bank.h"
 
 namespace nerf_pose_refiner {
@@ -154,39 +151,12 @@ class ConfusionSearch {
   std::vector<KnownSide> sides_;
 };
 
-/// How clearly an image from each direction tells the look-alikes apart.
-std::vector<double> toldFrom(const LoadedField& field, const LookAlikes& look_alikes,
-                             const CancellationToken& cancellation) {
-  constexpr double kMostTold = 100;     // more says nothing more
-  constexpr double kOtherLight = 0.05;  // shading that was learned with the object is no evidence
-  const FieldMetadata& object = field.field().metadata;
-  std::vector<double> told;
-  for (const View& view : viewsAround(object, kSides, kEvidence_px, kDistance)) {
-    const Rendering truth = field.render(view, RenderOptions(), cancellation);
-    ObjectImage image;
-    image.camera = view.camera;
-    image.colour = truth.colour;
-    image.weight = Image(view.camera.width, view.camera.height, 1, 1.0f);
-    PoseEvidence evidence(std::move(image));
-    evidence.add(truth);
-    double least = kMostTold;
-    for (const Pose& motion : coarseMotions(look_alikes)) {
-      evidence.add(field.render({view.camera, motion * view.T_O_C}, RenderOptions(), cancellation));
-      least = std::min(least, evidence.of(0, evidence.poses() - 1, kOtherLight));
-    }
-    told.push_back(std::max(0.0, least));
-  }
-  return told;
-}
-
 }  // namespace
 
 LookAlikes measureLookAlikes(Backend* backend, const LoadedField& field,
                              const CancellationToken& cancellation) {
-  LookAlikes found =
-      fitLookAlikes(ConfusionSearch(backend, field, cancellation).find(), field.field().metadata);
-  if (found.any()) found.told = toldFrom(field, found, cancellation);
-  return found;
+  return fitLookAlikes(ConfusionSearch(backend, field, cancellation).find(),
+                       field.field().metadata);
 }
 
 std::string describe(const LookAlikes& known) {

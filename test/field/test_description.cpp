@@ -21,7 +21,6 @@ Field mistakableField() {
   known.measured = true;
   known.axis = SymmetryAxis{{0.6, 0, 0.8}, {1.0 / 3, 0, 1e-9}};
   known.motions = {{expSO3({0, 0.1, 2}), {0.25, 1.0 / 7, -1}}};
-  known.told = {0, 1.0 / 3, 100};
   return field;
 }
 
@@ -35,7 +34,6 @@ TEST(Description, KeepsLookAlikes) {
   ASSERT_EQ(after.motions.size(), 1u);
   EXPECT_EQ(before.motions[0].R, after.motions[0].R);
   EXPECT_EQ(before.motions[0].t, after.motions[0].t);
-  EXPECT_EQ(before.told, after.told);
 }
 
 TEST(Description, OfBeforeThereWereLookAlikesHasNone) {
@@ -65,9 +63,6 @@ TEST(Description, RefusesLookAlikesThatMakeNoSense) {
   EXPECT_THROW(field.validate(), std::invalid_argument);
   field = mistakableField();
   field.metadata.look_alikes.motions[0].R(0, 0) = 3;
-  EXPECT_THROW(field.validate(), std::invalid_argument);
-  field = mistakableField();
-  field.metadata.look_alikes.told[1] = -1;
   EXPECT_THROW(field.validate(), std::invalid_argument);
   field = mistakableField();
   field.metadata.look_alikes.motions.resize(LookAlikes::kMaxMotions + 1);
