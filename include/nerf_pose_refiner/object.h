@@ -54,9 +54,11 @@ class Object {
 /// @throws std::runtime_error naming the file and what is wrong with it.
 Object loadObject(const std::string& path);
 
-/// Writes the model file (.safetensors). A concurrent reader sees the old file or the complete new
-/// one.
-/// @throws std::runtime_error naming the file and the system's reason.
+/// Writes the model file (.safetensors) and, if the object has a frame, a box or symmetries of its
+/// own, the YAML file of the same name beside it. A concurrent reader sees each as it was or
+/// complete.
+/// @throws std::runtime_error naming the file and the system's reason, or a YAML file that says
+/// otherwise, which is never overwritten.
 void saveObject(const Object& object, const std::string& path);
 
 }  // namespace nerf_pose_refiner

@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "field/model_file.h"
+#include "files/atomic_file.h"
 #include "files/input_file.h"
 
 namespace nerf_pose_refiner {
@@ -210,6 +211,102 @@ bool hasMoreDocuments(const std::string& content) {
 }
 
 }  // namespace
+
+namespace {
+
+template <typename Vector>
+void emitList(YAML::Emitter* out, const Vector& values) {
+  *out << YAML::Flow << YAML::BeginSeq;
+  for (Eigen::Index i = 0; i < values.size(); ++i) *out << values[i];
+  *out << YAML::EndSeq;
+}
+
+void emitPose(YAML::Emitter* out, const Pose& pose) {
+  *out << YAML::BeginMap << YAML::Key << "position" << YAML::Value;
+  emitList(out, pose.t);
+  *out << YAML::Key << "orientation" << YAML::Value;
+  emitList(out, Eigen::Quaterniond(pose.R).coeffs());  // x, y, z, w
+  *out << YAML::EndMap;
+}
+
+void emitSymmetries(YAML::Emitter* out, const Symmetries& symmetries) {
+  *out << YAML::BeginMap;
+  if (symmetries.axis()) {
+    *out << YAML::Key << "continuous" << YAML::Value << YAML::BeginMap << YAML::Key << "axis";
+    emitList(out, symmetries.axis()->direction);
+    *out << YAML::Key << "point";
+    emitList(out, symmetries.axis()->point);
+    *out << YAML::EndMap;
+  }
+  if (symmetries.motions().size() > 1) {
+    *out << YAML::Key << "discrete" << YAML::Value << YAML::BeginSeq;
+    for (std::size_t i = 1; i < symmetries.motions().size(); ++i) {
+      emitPose(out, symmetries.motions()[i]);
+    }
+    *out << YAML::EndSeq;
+  }
+  *out << YAML::EndMap;
+}
+
+bool nearlySame(const Pose& a, const Pose& b) {
+  constexpr double kRounding = 1e-9;
+  return a.R.isApprox(b.R, kRounding) && (a.t - b.t).norm() <= kRounding * (1 + a.t.norm());
+}
+
+bool sameSymmetries(const Symmetries& a, const Symmetries& b) {
+  if (a.axis().has_value() != b.axis().has_value()) return false;
+  if (a.axis() && !nearlySame(turnAbout(*a.axis(), 1), turnAbout(*b.axis(), 1))) return false;
+  const auto has = [&](const Pose& motion) {
+    return std::any_of(b.motions().begin(), b.motions().end(),
+                       [&](const Pose& other) { return nearlySame(motion, other); });
+  };
+  return a.motions().size() == b.motions().size() &&
+         std::all_of(a.motions().begin(), a.motions().end(), has);
+}
+
+}  // namespace
+
+void writeObjectMetadata(const ObjectMetadata& metadata, const std::string& path) {
+  YAML::Emitter out;
+  out.SetDoublePrecision(17);
+  out << YAML::BeginMap;
+  if (metadata.metres_per_unit > 0) {
+    out << YAML::Key << "metres_per_unit" << YAML::Value << metadata.metres_per_unit;
+  }
+  out << YAML::Key << "frame_in_model" << YAML::Value;
+  emitPose(&out, metadata.T_O_U);
+  if (metadata.box) {
+    out << YAML::Key << "bounding_box" << YAML::Value << YAML::BeginMap << YAML::Key << "min";
+    emitList(&out, metadata.box->min);
+    out << YAML::Key << "max";
+    emitList(&out, metadata.box->max);
+    out << YAML::EndMap;
+  }
+  if (metadata.symmetries.any()) {
+    out << YAML::Key << "symmetries" << YAML::Value;
+    emitSymmetries(&out, metadata.symmetries);
+  }
+  out << YAML::EndMap << YAML::Newline;
+  AtomicFile file(path);
+  file.write(out.c_str(), out.size());
+  file.commit();
+}
+
+ObjectMetadata metadataBesideModel(const FieldMetadata& object) {
+  ObjectMetadata metadata;
+  metadata.T_O_U = object.T_O_U;
+  metadata.box = object.box;
+  metadata.symmetries = object.symmetries.inFrame(object.T_O_U.inverse());
+  return metadata;
+}
+
+bool sameFrame(const ObjectMetadata& a, const ObjectMetadata& b) {
+  constexpr double kRounding = 1e-9;
+  const bool same_box = a.box.has_value() == b.box.has_value() &&
+                        (!a.box || (a.box->min.isApprox(b.box->min, kRounding) &&
+                                    a.box->max.isApprox(b.box->max, kRounding)));
+  return same_box && nearlySame(a.T_O_U, b.T_O_U) && sameSymmetries(a.symmetries, b.symmetries);
+}
 
 std::string metadataPathOf(const std::string& model_path) {
   return std::filesystem::path(model_path).replace_extension(".yaml").string();

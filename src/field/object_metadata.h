@@ -27,6 +27,15 @@ std::string metadataPathOf(const std::string& model_path);
 /// @throws std::runtime_error naming file and line, what is wrong and what was expected.
 ObjectMetadata readObjectMetadata(const std::string& path);
 
+/// Writes such a file. @throws std::runtime_error naming the file and the system's reason.
+void writeObjectMetadata(const ObjectMetadata& metadata, const std::string& path);
+
+/// What a model file does not hold of an object.
+ObjectMetadata metadataBesideModel(const FieldMetadata& object);
+
+/// Whether both mean the same frame, box and symmetries. (Scales are not compared.)
+bool sameFrame(const ObjectMetadata& a, const ObjectMetadata& b);
+
 /// An object's metadata takes precedence over what its model knows.
 void apply(const ObjectMetadata& metadata, FieldMetadata* object);
 

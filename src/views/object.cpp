@@ -1,6 +1,7 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include "nerf_pose_refiner/object.h"
 
+#include <filesystem>
 #include <stdexcept>
 #include <utility>
 
@@ -50,6 +51,19 @@ Object loadObject(const std::string& path) {
   return Object(std::make_shared<const Field>(loadField(path)));
 }
 
-void saveObject(const Object& object, const std::string& path) { saveModel(*object.field(), path); }
+void saveObject(const Object& object, const std::string& path) {
+  const Field& field = *object.field();
+  const ObjectMetadata known = metadataBesideModel(field.metadata);
+  const std::string beside = metadataPathOf(path);
+  if (!sameFrame(known, readObjectMetadata(beside))) {
+    if (std::filesystem::exists(beside)) {
+      throw std::runtime_error("cannot save '" + path + "': '" + beside +
+                               "' has another frame, box or symmetries; remove it, or choose "
+                               "another name");
+    }
+    writeObjectMetadata(known, beside);
+  }
+  saveModel(field, path);
+}
 
 }  // namespace nerf_pose_refiner

@@ -72,6 +72,29 @@ TEST_F(ObjectMetadataTest, ReadsTheExampleOfTheReadme) {
   EXPECT_EQ(m.symmetries.motions().size(), 2u);
 }
 
+TEST_F(ObjectMetadataTest, ReadsWhatItWrites) {
+  ObjectMetadata written;
+  written.metres_per_unit = 1.0 / 3;
+  written.T_O_U = {expSO3({0.1, -2, 0.3}), {1, 1.0 / 7, -1e-6}};
+  written.box = Box{{-1, -2, -3}, {1, 2, 1.0 / 3}};
+  written.symmetries = Symmetries(SymmetryAxis{{0.6, 0, 0.8}, {0.5, 0, 0}},
+                                  {turnAbout({{0, 1, 0}, {0.5, 0, 0}}, kPi)});
+  writeObjectMetadata(written, path);
+  const ObjectMetadata read = readObjectMetadata(path);
+  EXPECT_EQ(read.metres_per_unit, written.metres_per_unit);
+  EXPECT_TRUE(sameFrame(read, written));
+  EXPECT_EQ(read.symmetries.motions().size(), 2u);
+  ObjectMetadata other = read;
+  other.T_O_U.t.x() += 1e-6;
+  EXPECT_FALSE(sameFrame(other, written));
+  other = read;
+  other.box.reset();
+  EXPECT_FALSE(sameFrame(other, written));
+  other = read;
+  other.symmetries = Symmetries(written.symmetries.axis(), {});
+  EXPECT_FALSE(sameFrame(other, written));
+}
+
 TEST_F(ObjectMetadataTest, AllMayBeLeftOut) {
   for (const char* text : {"", "# nothing\n", "---\n", "symmetries: {}\n"}) {
     const ObjectMetadata m = read(text);
