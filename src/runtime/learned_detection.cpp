@@ -8,9 +8,9 @@
 
 namespace nerf_pose_refiner {
 
-void prepareDetection(Backend* backend, const std::shared_ptr<const Field>& field,
-                      const Dataset& photos, const std::string& landmark_path,
-                      const CancellationToken& cancellation) {
+void learnDetection(Backend* backend, const std::shared_ptr<const Field>& field,
+                    const Dataset& photos, const std::string& landmark_path,
+                    const CancellationToken& cancellation) {
   std::vector<LandmarkPhoto> views;
   for (const PosedView& view : photos.views) {
     views.push_back({view.rgba, {view.camera, view.T_O_C}});

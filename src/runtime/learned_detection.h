@@ -14,8 +14,8 @@ namespace nerf_pose_refiner {
 /// Makes what detection knows an object by when it is learned: its photos, which show more than the
 /// field, are at hand then. Where the files cannot be written, detection makes it of the field.
 /// @param landmark_path templates are beside it. @throws Cancelled.
-void prepareDetection(Backend* backend, const std::shared_ptr<const Field>& field,
-                      const Dataset& photos, const std::string& landmark_path,
-                      const CancellationToken& cancellation);
+void learnDetection(Backend* backend, const std::shared_ptr<const Field>& field,
+                    const Dataset& photos, const std::string& landmark_path,
+                    const CancellationToken& cancellation);
 
 }  // namespace nerf_pose_refiner

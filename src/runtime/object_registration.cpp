@@ -97,21 +97,29 @@ RegisteredObject ObjectRegistration::run(const RegistrationRequest& request,
   field->metadata.name = request.name;
   cancellation.check();  // from here on the model is saved
   const std::shared_ptr<const Field> saved = store_.save(field);
-  if (prepares_detection_) makeDetectionFiles(backend.get(), saved, dataset, cancellation);
-  return {saved, false, dataset.notes};
+  RegisteredObject result = {saved, false, dataset.notes};
+  if (makes_detection_files_) {
+    const std::string error = makeDetectionFiles(backend.get(), saved, dataset, cancellation);
+    if (!error.empty()) result.notes.push_back(error);
+  }
+  return result;
 }
 
-/// What is cut short here, detection makes when it needs it.
-void ObjectRegistration::makeDetectionFiles(Backend* backend,
-                                            const std::shared_ptr<const Field>& field,
-                                            const Dataset& photos,
-                                            const CancellationToken& cancellation) const {
+/// The model is saved by now: what is cut short or fails here, detection makes when it needs it.
+/// @return why they were not made; empty if nothing went wrong.
+std::string ObjectRegistration::makeDetectionFiles(Backend* backend,
+                                                   const std::shared_ptr<const Field>& field,
+                                                   const Dataset& photos,
+                                                   const CancellationToken& cancellation) const {
   const std::string path = store_.cache().pathOf(field);
-  if (path.empty()) return;
+  if (path.empty()) return {};
   try {
-    nerf_pose_refiner::prepareDetection(backend, field, photos, landmarkPathOf(path), cancellation);
+    learnDetection(backend, field, photos, landmarkPathOf(path), cancellation);
   } catch (const Cancelled&) {
+  } catch (const std::exception& e) {
+    return std::string("what detection needs is not made yet: ") + e.what();
   }
+  return {};
 }
 
 RegistrationQueue::Job ObjectRegistration::jobOf(const RegistrationRequest& request) const {

@@ -40,7 +40,7 @@ class ObjectRegistration {
                      ScheduleFactory find_schedule);
 
   /// From now on, files for detection are made with models.
-  void prepareDetection() { prepares_detection_ = true; }
+  void makeDetectionFilesToo() { makes_detection_files_ = true; }
 
   /// Trains and saves a model, or loads the existing one if it was made from the same photos and
   /// settings. Training takes minutes.
@@ -55,8 +55,9 @@ class ObjectRegistration {
   RegistrationQueue::Job jobOf(const RegistrationRequest& request) const;
 
  private:
-  void makeDetectionFiles(Backend* backend, const std::shared_ptr<const Field>& field,
-                          const Dataset& photos, const CancellationToken& cancellation) const;
+  std::string makeDetectionFiles(Backend* backend, const std::shared_ptr<const Field>& field,
+                                 const Dataset& photos,
+                                 const CancellationToken& cancellation) const;
   Dataset readPhotos(const RegistrationRequest& request,
                      const CancellationToken& cancellation) const;
   RegistrationOptions settingsOf(const RegistrationRequest& request, const Dataset& dataset) const;
@@ -66,7 +67,7 @@ class ObjectRegistration {
   ObjectStore store_;
   BackendFactory make_backend_;
   ScheduleFactory find_schedule_;
-  bool prepares_detection_ = false;
+  bool makes_detection_files_ = false;
 };
 
 }  // namespace nerf_pose_refiner

@@ -146,8 +146,8 @@ void train(const TrainOptions& options, const CancellationToken& cancellation) {
   field.metadata.name = options.name.empty() ? fileStem(options.model) : options.name;
   saveModel(field, options.model);
   if (options.landmarks) {
-    prepareDetection(backend.get(), std::make_shared<const Field>(field), dataset,
-                     landmarkPathOf(options.model), cancellation);
+    learnDetection(backend.get(), std::make_shared<const Field>(field), dataset,
+                   landmarkPathOf(options.model), cancellation);
   }
   report(options, field, seconds);
 }
