@@ -107,11 +107,13 @@ std::shared_ptr<RegistrationQueue::Running> RegistrationQueue::join(const Job& j
     throw RegistrationBusy(describe(running_->name, running_->update.progress));
   }
   if (!running_) {
-    running_ = std::make_shared<Running>();
-    running_->queue = this;
-    running_->name = job.name;
-    running_->key = job.key;
-    running_->thread = std::thread([running = running_.get(), job] { work(running, job); });
+    const auto running = std::make_shared<Running>();
+    running->queue = this;
+    running->name = job.name;
+    running->key = job.key;
+    // If there are no more threads, this throws, and nothing runs.
+    running->thread = std::thread([running = running.get(), job] { work(running, job); });
+    running_ = running;
   }
   running_->listeners.push_front(listener);
   return running_;
