@@ -266,7 +266,6 @@ void addOptions(CLI::App* app, Options* o) {
   app->add_option("--candidates", o->detection.candidates.most_candidates, "at most");
   app->add_option("--landmarks", o->detection.candidates.least_landmarks, "that agree");
   app->add_option("--score", o->detection.least_score, "of what is published");
-  app->add_option("--widened", o->detection.max_widened, "candidates, where all are refused");
   app->add_option("--plain", o->detection.model.plain_landmarks,
                   "objects with fewer landmarks get templates");
   app->add_option("--ranked", o->detection.max_ranked, "candidates of plain objects");

@@ -15,18 +15,27 @@ struct Cancelled : std::runtime_error {
 };
 
 /// Asks a long operation to end, or to pause. Copies share one state, which any thread and any
-/// signal handler may change.
+/// signal handler may change. A child ends and pauses with its parent, and can end alone.
 class CancellationToken {
  public:
   CancellationToken() : state_(std::make_shared<State>()) {}
   void requestCancel() const { state_->cancelled.store(true, std::memory_order_relaxed); }
-  bool cancelRequested() const { return state_->cancelled.load(std::memory_order_relaxed); }
+  bool cancelRequested() const {
+    return anyOf([](const State& s) { return s.cancelled.load(std::memory_order_relaxed); });
+  }
+  /// A token for one part of the operation.
+  CancellationToken child() const {
+    CancellationToken token;
+    token.state_->parent = state_;
+    return token;
+  }
   /// While paused, `check` blocks the threads of the operation.
   void setPaused(bool paused) const { state_->paused.store(paused, std::memory_order_relaxed); }
   /// Waits while the operation is paused. @throws Cancelled if a cancellation was requested.
   void check() const {
     // Polled, because a signal handler cannot notify a condition variable.
-    while (state_->paused.load(std::memory_order_relaxed) && !cancelRequested()) {
+    const auto is_paused = [](const State& s) { return s.paused.load(std::memory_order_relaxed); };
+    while (anyOf(is_paused) && !cancelRequested()) {
       std::this_thread::sleep_for(std::chrono::milliseconds(1));
     }
     if (cancelRequested()) throw Cancelled();
@@ -36,7 +45,17 @@ class CancellationToken {
   struct State {
     std::atomic<bool> cancelled{false};
     std::atomic<bool> paused{false};
+    std::shared_ptr<const State> parent;  ///< null: none
   };
+
+  template <typename Predicate>
+  bool anyOf(const Predicate& holds) const {
+    for (const State* s = state_.get(); s; s = s->parent.get()) {
+      if (holds(*s)) return true;
+    }
+    return false;
+  }
+
   std::shared_ptr<State> state_;
 };
 

@@ -17,7 +17,7 @@ namespace nerf_pose_refiner {
 
 class Backend;
 
-/// Settings of a tracker. The defaults are those of the ROS node.
+/// Settings of a tracker. The defaults are those of the ROS node, but for `real_time`.
 struct TrackerOptions {
   /// Half width of the search around an initial pose, per axis [rad].
   double search_rotation_rad = 0.26179938779914941;
@@ -38,7 +38,11 @@ struct TrackerOptions {
 struct TrackResult {
   TrackState state = TrackState::kWaiting;
   TrackReason reason = TrackReason::kNone;
-  std::string message;   ///< the reason in words; empty if there is none
+  std::string message;  ///< the reason in words; empty if there is none
+  /// The object was looked for. False: there was no pose to start from, or the image is older than
+  /// one before.
+  bool processed = false;
+  bool found = false;    ///< there is a pose, trusted or not; else T_C_O is the identity
   bool trusted = false;  ///< the pose explains the image well enough to be used
   Pose T_C_O;            ///< the object in the camera's optical frame [m]
   /// Covariance of T_C_O: position of O's origin, then rotation, both along and about the axes of
@@ -72,7 +76,8 @@ class Tracker {
   /// Processes the next image.
   /// @param stamp_ns time of the image on any clock, increasing. An image that is older than the
   /// last one is ignored; one that is older by more than 0.5 s ends the track.
-  /// @throws std::invalid_argument for an invalid image, Cancelled.
+  /// @throws std::invalid_argument for an invalid image; std::runtime_error if the processor fails,
+  /// after which the next image may be tried; Cancelled.
   TrackResult track(const Observation& observation, std::int64_t stamp_ns,
                     const CancellationToken& cancellation = {});
 

@@ -10,7 +10,6 @@
 #include "concurrency/seconds_since.h"
 #include "field/field.h"
 #include "image/resample.h"
-#include "math/angle.h"
 #include "math/require.h"
 #include "refinement/pose_probability.h"
 
@@ -37,22 +36,6 @@ DistanceRange distancesIn(const SearchArea& area, const Camera& part, double dia
   return range;
 }
 
-constexpr int kPosesAround = 9;
-
-/// A pose, then those that are turned about each axis and nearer or farther.
-/// @param number 0..kPosesAround - 1.
-Pose poseAround(const Pose& T_O_C, const Eigen::Vector3d& centre, int number) {
-  constexpr double kTurn = 11 * kDegree, kNearer = 0.1;
-  const double sign = number % 2 == 0 ? 1 : -1;
-  if (number == 0) return T_O_C;
-  if (number >= kPosesAround - 2) {
-    return {T_O_C.R, centre + (1 + sign * kNearer) * (T_O_C.t - centre)};
-  }
-  const Eigen::Vector3d axis = T_O_C.R.col((number - 1) / 2);  // of the camera
-  const Eigen::Matrix3d turn = expSO3(Eigen::Vector3d(sign * kTurn * axis));
-  return {turn * T_O_C.R, centre + turn * (T_O_C.t - centre)};
-}
-
 bool isAllowed(const Image8& allowed, const Camera& part, const Eigen::Vector3d& centre_C) {
   if (allowed.empty()) return true;
   const Eigen::Vector2d pixel = part.project(centre_C);
@@ -73,7 +56,6 @@ void DetectionSettings::validate() const {
   require(max_instances >= 1, "DetectionSettings::max_instances", max_instances);
   require(max_tried >= 1, "DetectionSettings::max_tried", max_tried);
   require(max_ranked >= 1, "DetectionSettings::max_ranked", max_ranked);
-  require(max_widened >= 0, "DetectionSettings::max_widened", max_widened);
   require(max_at_once >= 1, "DetectionSettings::max_at_once", max_at_once);
   require(max_tried_beside >= 1, "DetectionSettings::max_tried_beside", max_tried_beside);
   require(least_score >= 0 && least_score <= 1, "DetectionSettings::least_score", least_score);
@@ -215,22 +197,6 @@ void ObjectDetector::settleAll(const Observation& observation,
   }
 }
 
-/// Candidates that landmarks speak for may be too far off for alignment: poses around the first.
-PoseCandidates ObjectDetector::candidatesAround(const Observation& observation,
-                                                const PoseCandidates& candidates,
-                                                const CancellationToken& cancellation) {
-  const FieldMetadata& object = field_->field().metadata;
-  PoseCandidates around;
-  for (const PoseCandidate& candidate : candidates) {
-    if (static_cast<int>(around.size()) >= kPosesAround * settings_.max_widened) break;
-    for (int i = 0; i < kPosesAround; ++i) {
-      around.push_back(candidate);
-      around.back().T_O_C = poseAround(candidate.T_O_C, object.centre, i);
-    }
-  }
-  return ranked(observation, around, settings_.max_widened, cancellation);
-}
-
 Detections ObjectDetector::detect(const Observation& observation, const SearchArea& area,
                                   const CancellationToken& cancellation) {
   const auto begin = std::chrono::steady_clock::now();
@@ -249,10 +215,6 @@ Detections ObjectDetector::detect(const Observation& observation, const SearchAr
   detections.candidates = all.poses;
   std::vector<Refinement>& found = detections.found;
   settleAll(observation, begin, &all, &found, cancellation);
-  if (found.empty() && !templates_ && !detections.candidates.empty()) {
-    all.poses = candidatesAround(observation, detections.candidates, cancellation);
-    settleAll(observation, begin, &all, &found, cancellation);
-  }
   std::stable_sort(found.begin(), found.end(),
                    [](const Refinement& a, const Refinement& b) { return a.score > b.score; });
   if (found.empty() && detections.message.empty()) {

@@ -31,7 +31,6 @@ struct DetectionSettings {
   TemplateSearchSettings templates;
   KeyframeSearchSettings keyframes;
   int max_ranked = 12;          ///< of the candidates of a plain object, after their ranking
-  int max_widened = 3;          ///< candidates around which others are tried if all are refused
   int max_image_side_px = 800;  ///< larger images are reduced to it for their features
   int max_instances = 10;       ///< that are returned
   int max_at_once = 4;          ///< candidates of one place that are aligned
@@ -69,6 +68,9 @@ class ObjectDetector {
   ObjectDetector(Backend* backend, std::shared_ptr<const LoadedField> field, DetectionModel model,
                  const DetectionSettings& settings);
 
+  /// @param trust_score a pose that is less likely right is no detection, 0..1.
+  void setTrustScore(double trust_score) { settings_.least_score = trust_score; }
+
   /// Judges poses by these scores, in place of the object's own.
   void use(const KeyframeScores& scores) { refiner_.use(scores); }
 
@@ -98,8 +100,6 @@ class ObjectDetector {
                  const CancellationToken& cancellation);
   PoseCandidates ranked(const Observation& observation, const PoseCandidates& candidates, int most,
                         const CancellationToken& cancellation);
-  PoseCandidates candidatesAround(const Observation& observation, const PoseCandidates& candidates,
-                                  const CancellationToken& cancellation);
 
   Backend* backend_;
   std::shared_ptr<const LoadedField> field_;

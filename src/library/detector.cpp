@@ -12,7 +12,7 @@
 #include "detection/object_detector.h"
 #include "field/field.h"
 #include "field/object_frame.h"
-#include "trust/keyframe_scores.h"
+#include "trust/calibrate_detector.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -31,7 +31,7 @@ DetectionSettings settingsOf(const DetectorOptions& options) {
 struct Detector::Parts {
   Object object;
   std::shared_ptr<Backend> backend;  ///< outlives what it made
-  ObjectDetector detector;
+  std::unique_ptr<ObjectDetector> detector;
 };
 
 std::string landmarksBeside(const std::string& model_path) { return landmarkPathOf(model_path); }
@@ -41,12 +41,11 @@ Detector::Detector(std::shared_ptr<Backend> backend, const Object& object,
   if (!backend) throw std::invalid_argument("Detector: the backend is null");
   const DetectionSettings settings = settingsOf(options);
   const std::shared_ptr<const LoadedField> field = backend->load(object.field());
-  parts_.reset(new Parts{object, backend,
-                         ObjectDetector(backend.get(), field,
-                                        detectionModelFor(*field, settings.model,
-                                                          options.landmarks_path, cancellation),
-                                        settings)});
-  parts_->detector.use(keyframeScoresOf(backend.get(), *field, cancellation));
+  auto detector = std::make_unique<ObjectDetector>(
+      backend.get(), field,
+      detectionModelFor(*field, settings.model, options.landmarks_path, cancellation), settings);
+  calibrate(detector.get(), backend.get(), *field, cancellation);
+  parts_.reset(new Parts{object, std::move(backend), std::move(detector)});
 }
 
 Detector::~Detector() = default;
@@ -63,7 +62,7 @@ DetectionResult Detector::detect(const Observation& observation, const Detection
                                    Eigen::Vector2d(hint.box->x_max, hint.box->y_max));
   }
   if (hint.distance) area.distance = *hint.distance / frame.lengthPerUnit();
-  const Detections found = parts_->detector.detect(observation, area, cancellation);
+  const Detections found = parts_->detector->detect(observation, area, cancellation);
   DetectionResult result;
   result.message = found.message;
   result.seconds = found.seconds;

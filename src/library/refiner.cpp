@@ -7,6 +7,7 @@
 #include "backend/backend.h"
 #include "field/field.h"
 #include "field/object_frame.h"
+#include "math/require.h"
 #include "refinement/covariance.h"
 #include "tracking/object_search.h"
 #include "trust/check_trust.h"
@@ -18,30 +19,6 @@ RefinerSettings settingsOf(const RefinerOptions& options) {
   RefinerSettings settings = RefinerSettings::named(options.preset);
   settings.seed = options.seed;
   return settings;
-}
-
-const char* textOf(TrustVerdict verdict) {
-  switch (verdict) {
-    case TrustVerdict::kTrusted:
-      return "";
-    case TrustVerdict::kNoOverlap:
-      return "the prior is outside the image";
-    case TrustVerdict::kBadSize:
-      return "the object would be far larger than the image, or only a few pixels wide";
-    case TrustVerdict::kDiverged:
-      return "no hypothesis survived";
-    case TrustVerdict::kLowScore:
-      return "the best pose explains the image badly";
-    case TrustVerdict::kUncertain:
-      return "the image does not fix the pose well enough";
-    case TrustVerdict::kMistakable:
-      return "the object looks the same in another pose";
-    case TrustVerdict::kBadMask:
-      return "the mask does not show the object where the image does";
-    case TrustVerdict::kCancelled:
-      break;
-  }
-  return "cancelled";
 }
 
 }  // namespace
@@ -63,6 +40,8 @@ struct Refiner::Parts {
 Refiner::Refiner(std::shared_ptr<Backend> backend, const Object& object,
                  const RefinerOptions& options) {
   if (!backend) throw std::invalid_argument("Refiner: the backend is null");
+  require(options.trust_score >= 0 && options.trust_score <= 1, "trust_score", options.trust_score,
+          "0..1");
   parts_ = std::make_unique<Parts>(std::move(backend), object, options);
 }
 

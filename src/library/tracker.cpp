@@ -1,11 +1,13 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include "nerf_pose_refiner/tracker.h"
 
+#include <cmath>
 #include <stdexcept>
 #include <utility>
 
 #include "backend/backend.h"
 #include "math/angle.h"
+#include "math/require.h"
 #include "tracking/object_tracker.h"
 
 namespace nerf_pose_refiner {
@@ -14,6 +16,10 @@ namespace {
 const char kCameraFrame[] = "camera";  // the only frame
 
 TrackerSettings settingsOf(const TrackerOptions& options) {
+  require(options.search_rotation_rad > 0 && options.search_rotation_rad <= M_PI,
+          "search_rotation_rad", options.search_rotation_rad, "above 0 and at most pi");
+  require(options.search_translation > 0 && options.search_translation <= 100, "search_translation",
+          options.search_translation, "above 0 and at most 100");
   TrackerSettings settings;
   settings.initial.rotation_deg = kDegreesPerRad * options.search_rotation_rad;
   settings.initial.translation = options.search_translation;
@@ -51,6 +57,7 @@ void Tracker::setInitialPose(const Pose& T_C_O) {
   TimedPose pose;
   pose.T_P_U = T_C_O;
   pose.frame_id = kCameraFrame;
+  parts_->tracker.reset();
   parts_->tracker.offer(pose);
 }
 
@@ -58,9 +65,14 @@ TrackResult Tracker::track(const Observation& observation, std::int64_t stamp_ns
                            const CancellationToken& cancellation) {
   observation.validate();
   const TrackOutcome outcome = parts_->tracker.track(
-      {{kCameraFrame, stamp_ns}, [&](bool) { return observation; }, cancellation});
+      {{kCameraFrame, stamp_ns}, [&](bool) { return observation; }, cancellation.child()});
   cancellation.check();
+  if (outcome.refined && outcome.reason == TrackReason::kInternal) {
+    throw std::runtime_error(outcome.message);
+  }
   TrackResult result;
+  result.processed = outcome.refined;
+  result.found = outcome.found;
   result.state = outcome.state;
   result.reason = outcome.reason;
   result.message = outcome.message;

@@ -34,11 +34,7 @@ void BagEvaluationSettings::validate() const {
   require(most >= 0, "most", most, "0 (all) or more");
   require(points >= 1, "points", points, "1 or more");
   require(start_max_age_s >= 0, "start_max_age_s", start_max_age_s, "0 or more");
-  require(rules.trust_score >= 0 && rules.trust_score <= 1, "trust_score", rules.trust_score,
-          "0..1");
-  require(rules.min_score >= 0 && rules.min_score <= rules.trust_score, "min_score",
-          rules.min_score, "0..trust_score");
-  require(rules.max_failures >= 0, "max_failures", rules.max_failures, "0 or more");
+  rules.validate();
 }
 
 TrackerSettings BagEvaluationSettings::tracker() const {
@@ -68,7 +64,6 @@ BagEvaluation::BagEvaluation(const BagSequence& bag, std::shared_ptr<Backend> ba
       input_(settings.image_is_rectified) {
   settings_.validate();
   DetectionSetup detection;
-  detection.settings.least_score = settings_.rules.trust_score;
   detection.settings.keyframes.real_time = false;
   detection.landmarks_path = [path = settings_.landmarks_path](const auto&) { return path; };
   tracker_ =
@@ -118,7 +113,8 @@ void BagEvaluation::evaluate(const BagFrame& frame, const CancellationToken& can
   Observation observation = observe(frame);
   const bool masked = observation.background == Background::kMask;
   const auto hand_over = [&](bool) { return std::move(observation); };
-  const TrackOutcome result = tracker_->track({imageStampOf(header), hand_over, cancellation});
+  const TrackOutcome result =
+      tracker_->track({imageStampOf(header), hand_over, cancellation.child()});
   cancellation.check();
   if (result.state == TrackState::kError) {
     throw std::runtime_error(bag_.topics().image + ", frame " + std::to_string(frame.index) + ": " +

@@ -23,7 +23,7 @@
 #include "image/io.h"
 #include "tools/tool.h"
 #include "tools/trial_shard.h"
-#include "trust/keyframe_scores.h"
+#include "trust/calibrate_detector.h"
 
 // Runs the trials of a plan on the scenes of a data folder. What is there already is not run again.
 
@@ -283,7 +283,7 @@ class Evaluation {
           backend_.get(), field,
           detectionModelFor(*field, settings.model, landmarkPathOf(model.string()), cancellation_),
           settings);
-      detector->use(keyframeScoresOf(backend_.get(), *field, cancellation_));
+      calibrate(detector.get(), backend_.get(), *field, cancellation_);
     }
     const Detections detections = detector->detect(image, {}, cancellation_);
     Refinement best;

@@ -25,6 +25,7 @@ RefinerSearch::RefinerSearch(ProcessorFactory find_processor, const RefinerSetti
     : find_processor_(std::move(find_processor)),
       initial_settings_(initial),
       tracking_settings_(tracking),
+      keyframe_settings_(tracking.keyframes),
       detection_(std::move(detection)) {}
 
 void RefinerSearch::use(std::shared_ptr<const Field> field) {
@@ -48,19 +49,37 @@ void RefinerSearch::configure(const RefinerSettings& initial, const RefinerSetti
   initial_settings_ = initial;
   tracking_settings_ = tracking;
   if (!processor_.backend) return;
-  keyframes_.reset();
   initial_.emplace(processor_.backend, initial_settings_);
   tracking_.emplace(processor_.backend, tracking_settings_);
 }
 
+/// Calls a search, again with another processor if this one is lost.
+template <typename Call>
+Refinement RefinerSearch::onProcessor(const Call& call, const CancellationToken& cancellation) {
+  const auto in_turn = [&] {
+    std::unique_ptr<ProcessorTurn> turn;
+    if (processor_.take_turn) turn = processor_.take_turn(cancellation);
+    return call();
+  };
+  try {
+    try {
+      return in_turn();
+    } catch (const BackendLost&) {
+      replaceProcessor(object_);
+      return in_turn();
+    }
+  } catch (const Cancelled&) {
+    Refinement nothing;
+    nothing.outcome = Outcome::kCancelled;
+    return nothing;
+  }
+}
+
 Refinement RefinerSearch::search(const SearchRequest& request,
                                  const CancellationToken& cancellation) {
-  try {
-    return searchOnce(request, cancellation);
-  } catch (const BackendLost&) {
-    replaceProcessor(object_);
-    return searchOnce(request, cancellation);
-  }
+  Refinement found = onProcessor([&] { return searchOnce(request, cancellation); }, cancellation);
+  if (found.outcome == Outcome::kCancelled) found.T_O_C = request.prior.T_O_C;
+  return found;
 }
 
 void RefinerSearch::replaceProcessor(const std::shared_ptr<const Field>& field) {
@@ -75,18 +94,11 @@ void RefinerSearch::replaceProcessor(const std::shared_ptr<const Field>& field) 
 
 Refinement RefinerSearch::searchOnce(const SearchRequest& request,
                                      const CancellationToken& cancellation) {
-  Refinement result;
-  try {
-    result = find(request, cancellation);
-    const bool has_mask = request.observation.background == Background::kMask;
-    if (has_mask && result.outcome == Outcome::kRefined) {
-      if (keyframes_) keyframes_->waitForRenderings(cancellation);
-      result.mask_agreement =
-          maskAgreement(*field_, request.observation, result.T_O_C, cancellation);
-    }
-  } catch (const Cancelled&) {
-    result.outcome = Outcome::kCancelled;
-    result.T_O_C = request.prior.T_O_C;
+  Refinement result = find(request, cancellation);
+  const bool has_mask = request.observation.background == Background::kMask;
+  if (has_mask && result.outcome == Outcome::kRefined) {
+    if (keyframes_) keyframes_->waitForRenderings(cancellation);
+    result.mask_agreement = maskAgreement(*field_, request.observation, result.T_O_C, cancellation);
   }
   return result;
 }
@@ -104,10 +116,12 @@ const LookAlikes& RefinerSearch::lookAlikes(const CancellationToken& cancellatio
 }
 
 void RefinerSearch::beginKeyframes(const CancellationToken& cancellation) {
+  // Both first: they may be cancelled, and poses are not judged without them.
   const KeyframeScores& scores = this->scores(cancellation);
-  keyframes_.emplace(processor_.backend.get(), field_, tracking_settings_.keyframes);
+  const LookAlikes& look_alikes = lookAlikes(cancellation);
+  keyframes_.emplace(processor_.backend.get(), field_, keyframe_settings_);
   keyframes_->use(scores);
-  keyframes_->use(lookAlikes(cancellation));
+  keyframes_->use(look_alikes);
 }
 
 Refinement RefinerSearch::find(const SearchRequest& request,
@@ -120,10 +134,8 @@ Refinement RefinerSearch::find(const SearchRequest& request,
     return keyframes_->find(image, request.prior, cancellation,
                             candidatesNear(request, cancellation));
   }
-  // A processor that is not shared has no turns, so a rendering must end before the search begins.
+  // A rendering must end before the search begins: a processor that is not shared has no turns.
   if (keyframes_) keyframes_->waitForRenderings(cancellation);
-  std::unique_ptr<ProcessorTurn> turn;
-  if (processor_.take_turn) turn = processor_.take_turn(cancellation);
   FieldRefiner& refiner = request.tracked ? *tracking_ : *initial_;
   Refinement found = refiner.refine(*field_, request.observation, request.prior, cancellation);
   if (request.observation.depth) {
@@ -150,19 +162,29 @@ std::vector<Pose> RefinerSearch::candidatesNear(const SearchRequest& request,
   return near;
 }
 
-Refinement RefinerSearch::detect(const Observation& observation,
+void RefinerSearch::beginDetection(const CancellationToken& cancellation) {
+  const KeyframeScores& scores = this->scores(cancellation);
+  const LookAlikes& look_alikes = lookAlikes(cancellation);
+  const std::string path =
+      detection_.landmarks_path ? detection_.landmarks_path(object_) : std::string();
+  DetectionModel model = detectionModelFor(*field_, detection_.settings.model, path, cancellation);
+  detector_ = std::make_unique<ObjectDetector>(processor_.backend.get(), field_, std::move(model),
+                                               detection_.settings);
+  detector_->use(scores);
+  detector_->use(look_alikes);
+}
+
+Refinement RefinerSearch::detect(const Observation& observation, double trust_score,
                                  const CancellationToken& cancellation) {
+  return onProcessor([&] { return detectOnce(observation, trust_score, cancellation); },
+                     cancellation);
+}
+
+Refinement RefinerSearch::detectOnce(const Observation& observation, double trust_score,
+                                     const CancellationToken& cancellation) {
   if (keyframes_) keyframes_->waitForRenderings(cancellation);
-  if (!detector_) {
-    const std::string path =
-        detection_.landmarks_path ? detection_.landmarks_path(object_) : std::string();
-    detector_ = std::make_unique<ObjectDetector>(
-        processor_.backend.get(), field_,
-        detectionModelFor(*field_, detection_.settings.model, path, cancellation),
-        detection_.settings);
-    detector_->use(scores(cancellation));
-    detector_->use(lookAlikes(cancellation));
-  }
+  if (!detector_) beginDetection(cancellation);
+  detector_->setTrustScore(trust_score);
   const Detections detections = detector_->detect(observation, {}, cancellation);
   Refinement best;  // diverged
   if (!detections.found.empty()) best = detections.found.front();

@@ -32,14 +32,15 @@ class ObjectSearch {
   /// Sets the object to search for.
   virtual void use(std::shared_ptr<const Field> field) = 0;
 
-  /// Replaces the settings.
+  /// Replaces the settings of what renders the field. Keyframes keep those that they began with.
   virtual void configure(const RefinerSettings& initial, const RefinerSettings& tracking) = 0;
 
   virtual Refinement search(const SearchRequest& request,
                             const CancellationToken& cancellation) = 0;
 
   /// The best instance of the object in the whole image.
-  virtual Refinement detect(const Observation& observation,
+  /// @param trust_score a pose that is less likely right is none, 0..1.
+  virtual Refinement detect(const Observation& observation, double trust_score,
                             const CancellationToken& cancellation) = 0;
 };
 
@@ -67,8 +68,8 @@ struct DetectionSetup {
   std::function<std::string(const std::shared_ptr<const Field>&)> landmarks_path = {};
 };
 
-/// Searches with a backend: widely around an initial pose, narrowly around the last one. Tracking
-/// by keyframes takes no turn, only the rendering of a keyframe does.
+/// Searches with a backend: widely around an initial pose, narrowly around the last one. Each
+/// search takes a turn, so that trainings pause meanwhile.
 ///
 /// If the processor fails for good (BackendLost), the search asks for another one and goes on with
 /// that.
@@ -82,13 +83,19 @@ class RefinerSearch : public ObjectSearch {
   void configure(const RefinerSettings& initial, const RefinerSettings& tracking) override;
   Refinement search(const SearchRequest& request, const CancellationToken& cancellation) override;
   /// The first time for an object, its landmarks may have to be made.
-  Refinement detect(const Observation& observation, const CancellationToken& cancellation) override;
+  Refinement detect(const Observation& observation, double trust_score,
+                    const CancellationToken& cancellation) override;
 
  private:
+  template <typename Call>
+  Refinement onProcessor(const Call& call, const CancellationToken& cancellation);
   Refinement find(const SearchRequest& request, const CancellationToken& cancellation);
   const KeyframeScores& scores(const CancellationToken& cancellation);
   const LookAlikes& lookAlikes(const CancellationToken& cancellation);
   void beginKeyframes(const CancellationToken& cancellation);
+  void beginDetection(const CancellationToken& cancellation);
+  Refinement detectOnce(const Observation& observation, double trust_score,
+                        const CancellationToken& cancellation);
   Refinement searchOnce(const SearchRequest& request, const CancellationToken& cancellation);
   void replaceProcessor(const std::shared_ptr<const Field>& field);
   std::vector<Pose> candidatesNear(const SearchRequest& request,
@@ -97,6 +104,7 @@ class RefinerSearch : public ObjectSearch {
   ProcessorFactory find_processor_;
   RefinerSettings initial_settings_;
   RefinerSettings tracking_settings_;
+  const KeyframeSearchSettings keyframe_settings_;
   SearchProcessor processor_;
   std::optional<FieldRefiner> initial_;
   std::optional<FieldRefiner> tracking_;

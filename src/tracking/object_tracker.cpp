@@ -39,7 +39,9 @@ ObjectTracker::ObjectTracker(std::unique_ptr<ObjectSearch> search, const Tracker
     : connections_(std::move(connections)),
       search_(std::move(search)),
       settings_(settings),
-      state_(settings.rules) {}
+      state_(settings.rules) {
+  settings_.validate();
+}
 
 /// Called with mutex_ held.
 std::uint32_t ObjectTracker::updateClock(std::int64_t now_ns) {
@@ -214,7 +216,7 @@ std::optional<ImageDecision> ObjectTracker::decide(const TrackerImage& image) {
   }
   if (image.clock_jumps != clock_jumps_) return std::nullopt;
   const ImageDecision decision = state_.decide(image.at);
-  running_ = image.cancel;
+  if (decision.start || decision.detect) running_ = image.cancel;
   if (stopping_) image.cancel.requestCancel();
   if (decision.clock_jumped) connections_.transforms->clear();
   return decision;
@@ -256,7 +258,7 @@ void ObjectTracker::concludeStatus(const ImageStamp& at, const ImageDecision& de
     status.message = "the object is tracked: an initial pose was ignored (initial_pose_policy)";
   }
   std::lock_guard<std::mutex> lock(mutex_);
-  running_ = CancellationToken();  // the image's token belongs to the caller again
+  running_ = CancellationToken();
 }
 
 /// The prior of the search. Empty if the start pose cannot be used; the state then gives the
@@ -306,7 +308,7 @@ void ObjectTracker::refine(const TrackerImage& image, const ImageDecision& decis
       std::make_shared<const Observation>(image.observe(settings_.usesMask(tracked)));
   const Observation& observation = *result->observation;
   result->refinement =
-      decision.detect ? search_->detect(observation, image.cancel)
+      decision.detect ? search_->detect(observation, settings_.rules.trust_score, image.cancel)
                       : search_->search({observation, *result->prior, tracked, image.at.stamp_ns},
                                         image.cancel);
   conclude(decision, result);

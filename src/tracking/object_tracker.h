@@ -29,7 +29,7 @@ struct TrackerImage {
   /// @param use_mask whether to use a mask of the object, if there is one.
   /// @throws InputError if the image cannot be used.
   std::function<Observation(bool use_mask)> observe;
-  CancellationToken cancel = {};  ///< interrupts the refinement of this image
+  CancellationToken cancel = {};  ///< of this image alone: the tracker cancels it, too
   std::uint32_t clock_jumps = 0;  ///< for `process`: readClock at the image's arrival
 };
 
@@ -158,7 +158,7 @@ class ObjectTracker {
   mutable std::mutex mutex_;  ///< guards all below; only the tracking thread writes field_
   TrackerState state_;
   std::uint32_t clock_jumps_ = 0;
-  CancellationToken running_;  ///< of the running refinement
+  CancellationToken running_;  ///< of the image that is being refined
   bool stopping_ = false;
   std::optional<TrackerSettings> changed_;  ///< settings for the next image
   std::shared_ptr<const Field> field_;      ///< in use

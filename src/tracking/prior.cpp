@@ -63,31 +63,27 @@ Prior priorFrom(const TimedPose& start, const Pose& T_C_U, const FieldMetadata& 
 constexpr double kWorthFollowing = 0.05;
 
 Judgement judge(const Refinement& refinement, bool confirmed, const TrackingRules& rules) {
-  switch (checkTrust(refinement, confirmed ? rules.min_score : rules.trust_score)) {
+  const TrustVerdict verdict =
+      checkTrust(refinement, confirmed ? rules.min_score : rules.trust_score);
+  const std::string text = textOf(verdict);
+  switch (verdict) {
     case TrustVerdict::kTrusted:
       break;
     case TrustVerdict::kNoOverlap:
-      return {TrackReason::kNoOverlap, "the start pose is outside the image"};
     case TrustVerdict::kBadSize:
-      return {
-          TrackReason::kNoOverlap,
-          "the object would be far larger than the image, or only a few pixels wide: the camera is "
-          "too near or too far, or its focal length is wrong"};
+      return {TrackReason::kNoOverlap, text};
     case TrustVerdict::kDiverged:
-      return {TrackReason::kDiverged, "no hypothesis survived"};
+      return {TrackReason::kDiverged, text};
     case TrustVerdict::kCancelled:
-      return {TrackReason::kCancelled, "the refinement was interrupted"};
+      return {TrackReason::kCancelled, text};
     case TrustVerdict::kUncertain:
-      return {TrackReason::kLowScore, "the image does not fix the pose well enough", true};
     case TrustVerdict::kMistakable:
-      return {TrackReason::kLowScore,
-              "the object looks the same in another pose, as after a turn (see hypotheses)", true};
+      return {TrackReason::kLowScore, text, true};
     case TrustVerdict::kBadMask:
-      return {TrackReason::kBadMask, "the mask does not show the object where the image does"};
+      return {TrackReason::kBadMask, text};
     case TrustVerdict::kLowScore:
       return {TrackReason::kLowScore,
-              std::string("the pose explains the image badly (below ") +
-                  (confirmed ? "min_score)" : "trust_score)"),
+              text + (confirmed ? " (below min_score)" : " (below trust_score)"),
               refinement.found_probability.value_or(0) >= kWorthFollowing, true};
   }
   return {};

@@ -23,13 +23,16 @@ enum class TrackStart {
 /// How a refinement searches, and how far from its start pose.
 struct SearchSettings {
   std::string preset;       ///< name of the preset of `refiner`, see RefinerSettings::named
-  double rotation_deg = 0;  ///< half width of the search per axis, about the object's centre, > 0
-  double translation = 0;   ///< half width of the search per axis [object diameters], > 0
+  double rotation_deg = 0;  ///< half width of the search per axis, about the centre, > 0, <= 180
+  double translation = 0;   ///< half width of the search per axis [object diameters], > 0, <= 100
   RefinerSettings refiner;
 
   static SearchSettings named(const std::string& preset, double rotation_deg, double translation) {
     return {preset, rotation_deg, translation, RefinerSettings::named(preset)};
   }
+
+  /// @throws std::invalid_argument naming the setting and the value that is out of range.
+  void validate() const;
 };
 
 /// When a track begins, continues and ends.
@@ -45,6 +48,9 @@ struct TrackingRules {
   InitialPosePolicy initial_pose_policy = InitialPosePolicy::kWhenNotTracking;
   double initial_pose_max_age_s = 10;  ///< of an initial pose, when it is used [s], > 0
   double image_timeout_s = 2;  ///< without an image for this time, the object is lost [s]; 0: never
+
+  /// @throws std::invalid_argument naming the setting and the value that is out of range.
+  void validate() const;
 };
 
 /// Which refinements use a mask of the object.
@@ -60,6 +66,9 @@ struct TrackerSettings {
   SearchSettings tracking = SearchSettings::named("keyframes", 5, 0.05);  ///< from the last pose
   TrackingRules rules;
   MaskMode mask_mode = MaskMode::kNone;
+
+  /// @throws std::invalid_argument naming the setting and the value that is out of range.
+  void validate() const;
 
   const SearchSettings& search(bool tracked) const { return tracked ? tracking : initial; }
   /// Whether a refinement uses the object's mask. @param tracked it starts from the last pose.

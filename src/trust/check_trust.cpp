@@ -27,4 +27,29 @@ TrustVerdict checkTrust(const Refinement& refinement, double least_score) {
   return refinement.score >= least_score ? TrustVerdict::kTrusted : TrustVerdict::kUncertain;
 }
 
+const char* textOf(TrustVerdict verdict) {
+  switch (verdict) {
+    case TrustVerdict::kTrusted:
+      return "";
+    case TrustVerdict::kNoOverlap:
+      return "the start pose is outside the image";
+    case TrustVerdict::kBadSize:
+      return "the object would be far larger than the image, or only a few pixels wide: the camera "
+             "is too near or too far, or its focal length is wrong";
+    case TrustVerdict::kDiverged:
+      return "no hypothesis survived";
+    case TrustVerdict::kLowScore:
+      return "the pose explains the image badly";
+    case TrustVerdict::kUncertain:
+      return "the image does not fix the pose well enough";
+    case TrustVerdict::kMistakable:
+      return "the object looks the same in another pose, as after a turn (see hypotheses)";
+    case TrustVerdict::kBadMask:
+      return "the mask does not show the object where the image does";
+    case TrustVerdict::kCancelled:
+      break;
+  }
+  return "the refinement was interrupted";
+}
+
 }  // namespace nerf_pose_refiner

@@ -23,4 +23,7 @@ enum class TrustVerdict {
 /// @param least_score that a pose to be trusted has, 0..1.
 TrustVerdict checkTrust(const Refinement& refinement, double least_score);
 
+/// The reason in words; empty for kTrusted.
+const char* textOf(TrustVerdict verdict);
+
 }  // namespace nerf_pose_refiner

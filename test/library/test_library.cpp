@@ -14,6 +14,8 @@
 #include "nerf_pose_refiner/tracker.h"
 #include "support/expect_error.h"
 #include "support/keyframe_scene.h"
+#include "support/small_field.h"
+#include "support/temporary_folder.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -95,7 +97,7 @@ TEST_F(LibraryTest, RefinerSaysWhyThereIsNoPose) {
   behind.t.z() *= -1;
   const RefineResult found = refiner.refine(observed(imageOf(truth_)), {behind, 0.1, 0.1});
   EXPECT_FALSE(found.trusted);
-  EXPECT_EQ(found.message, "the prior is outside the image");
+  EXPECT_EQ(found.message, "the start pose is outside the image");
 }
 
 TEST_F(LibraryTest, RefinerRefusesWhatIsInvalid) {
@@ -136,6 +138,73 @@ TEST_F(LibraryTest, TrackerRefusesWhatIsInvalid) {
   Tracker tracker(backend_, object_);
   EXPECT_THROW(tracker.setInitialPose(not_finite_), std::invalid_argument);
   EXPECT_THROW(tracker.track(Observation(), kFrame_ns), std::invalid_argument);
+}
+
+TEST_F(LibraryTest, TrackerRefusesOptionsOutOfRange) {
+  const auto expect_refused = [this](const char* name, const auto& change) {
+    TrackerOptions options;
+    change(&options);
+    expectError<std::invalid_argument>([&] { Tracker(backend_, object_, options); }, name);
+  };
+  expect_refused("search_rotation_rad", [](auto* o) { o->search_rotation_rad = -0.1; });
+  expect_refused("search_translation", [](auto* o) { o->search_translation = 0; });
+  expect_refused("trust_score", [](auto* o) { o->trust_score = 7; });
+  expect_refused("min_score", [](auto* o) { o->min_score = 0.95; });
+  RefinerOptions untrusting;
+  untrusting.trust_score = 1.1;
+  expectError<std::invalid_argument>([&] { Refiner(backend_, object_, untrusting); },
+                                     "trust_score");
+}
+
+TEST_F(LibraryTest, OneTokenServesAllImages) {
+  Tracker tracker(backend_, object_);
+  const CancellationToken token;
+  EXPECT_FALSE(tracker.track(observed(imageOf(around(0))), kFrame_ns, token).processed);
+  tracker.reset();
+  tracker.setInitialPose(inCamera(around(1)));
+  EXPECT_TRUE(tracker.track(observed(imageOf(around(1))), 2 * kFrame_ns, token).trusted);
+  tracker.reset();
+  EXPECT_FALSE(token.cancelRequested());
+  token.requestCancel();
+  tracker.setInitialPose(inCamera(around(2)));
+  EXPECT_THROW(tracker.track(observed(imageOf(around(2))), 3 * kFrame_ns, token), Cancelled);
+}
+
+TEST_F(LibraryTest, AnInitialPoseEndsTheTrack) {
+  Tracker tracker(backend_, object_);
+  tracker.setInitialPose(inCamera(around(0)));
+  ASSERT_TRUE(tracker.track(observed(imageOf(around(0))), kFrame_ns).trusted);
+  Pose beside = inCamera(around(0));
+  beside.t.x() += 3 * kMetresPerUnit;  // outside of the image
+  tracker.setInitialPose(beside);
+  EXPECT_FALSE(tracker.track(observed(imageOf(around(0))), 2 * kFrame_ns).trusted);
+  EXPECT_FALSE(tracker.track(observed(imageOf(around(0))), 3 * kFrame_ns).found)
+      << "the old place is forgotten";
+}
+
+TEST_F(LibraryTest, AnObjectIsSavedWithItsFrame) {
+  const TemporaryFolder folder;
+  const std::string path = folder.file("scene.safetensors");
+  auto field = std::make_shared<Field>(smallField());
+  field->metadata.metres_per_unit = kMetresPerUnit;
+  field->metadata.T_O_U = T_O_U_;
+  field->metadata.box = Box{{-1, -2, -3}, {1, 2, 3}};
+  field->metadata.symmetries =
+      Symmetries(SymmetryAxis{}, {turnAbout({Eigen::Vector3d::UnitX(), {}}, M_PI)});
+  const Object before(field);
+  saveObject(before, path);
+  const Object after = loadObject(path);
+  const Pose pose = {expSO3({0.1, 0.2, 0.3}), {0.4, 0.5, 0.6}};
+  const Pose through_both = after.objectInCamera(before.cameraInField(pose));
+  EXPECT_LT(rotationDistance(through_both.R, pose.R), 1e-9);
+  EXPECT_LT((through_both.t - pose.t).norm(), 1e-9);
+  for (int i = 0; i < 8; ++i)
+    EXPECT_LT((after.boxCorners()[i] - before.boxCorners()[i]).norm(), 1e-9);
+  EXPECT_EQ(describe(after.symmetries()), describe(before.symmetries()));
+  saveObject(after, path);  // the file beside it says the same
+  expectError<std::runtime_error>(
+      [&] { saveObject(Object(std::make_shared<Field>(smallField())), path); }, "scene.yaml",
+      "another frame");
 }
 
 TEST_F(LibraryTest, OverlayHasTheSizeOfTheImage) {

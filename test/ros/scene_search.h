@@ -31,7 +31,7 @@ class SceneSearch final : public ObjectSearch {
     return refiner.refine(scene_, request.observation, request.prior, cancellation);
   }
   /// Finds nothing.
-  Refinement detect(const Observation&, const CancellationToken&) override { return {}; }
+  Refinement detect(const Observation&, double, const CancellationToken&) override { return {}; }
 
  private:
   const LoadedField& scene_;

@@ -52,9 +52,10 @@ class FakeSearch : public ObjectSearch {
     return refinement;
   }
 
-  Refinement detect(const Observation& observation,
+  Refinement detect(const Observation& observation, double trust_score,
                     const CancellationToken& cancellation) override {
     ++detections;
+    least_score = trust_score;
     return search({observation, Prior(), false, 0}, cancellation);
   }
 
@@ -64,6 +65,7 @@ class FakeSearch : public ObjectSearch {
   std::vector<bool> was_tracked;
   std::vector<std::uint64_t> seeds;  ///< of the settings, once they were changed
   int detections = 0;
+  double least_score = 0;  ///< of the last detection
   int width = 0;
   std::shared_ptr<const DepthImage> depth;  ///< of the last observation
   DepthReport depth_report;                 ///< what is said of it

@@ -128,6 +128,24 @@ TEST_P(LostProcessor, IsAnErrorWhereThereIsNoOther) {
   EXPECT_THROW(searchWith(search.get()), std::runtime_error);
 }
 
+TEST_P(LostProcessor, IsReplacedForADetection) {
+  const auto search = makeSearch();
+  search->use(object_);
+  first_fails_ = true;
+  const Observation image = observeScene(*scene_, kCamera, truth_);
+  EXPECT_NO_THROW(search->detect(image, 0.9, {}));
+  EXPECT_EQ(found_, 2);
+}
+
+TEST_P(LostProcessor, ADetectionThatIsCancelledSaysSo) {
+  const auto search = makeSearch();
+  search->use(object_);
+  const CancellationToken cancelled;
+  cancelled.requestCancel();
+  const Observation image = observeScene(*scene_, kCamera, truth_);
+  EXPECT_EQ(search->detect(image, 0.9, cancelled).outcome, Outcome::kCancelled);
+}
+
 INSTANTIATE_TEST_SUITE_P(RefinerSearch, LostProcessor, testing::Values("keyframes", "track"));
 
 }  // namespace

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "backend/make_backend.h"
+#include "support/expect_error.h"
 #include "support/fake_search.h"
 
 namespace nerf_pose_refiner {
@@ -221,6 +222,15 @@ TEST_F(TrackerTest, AnImagesTokenIsItsCallersAgainAfterwards) {
   EXPECT_FALSE(first.cancel.cancelRequested());
 }
 
+TEST_F(TrackerTest, TheTokenOfAnImageThatIsSkippedIsLeftAlone) {
+  const TrackerImage skipped = image(0);
+  EXPECT_FALSE(tracker_->track(skipped).refined);
+  tracker_->reset();
+  tracker_->setEnabled(false);
+  tracker_->stop();
+  EXPECT_FALSE(skipped.cancel.cancelRequested());
+}
+
 TEST_F(TrackerTest, ARefinementIsInterruptedByItsToken) {
   offer();
   TrackerImage cancelled = image(0);
@@ -286,6 +296,32 @@ TEST_F(TrackerTest, WithoutAPoseItDetectsWhereItIsTold) {
   const TrackOutcome second = track(0.1);
   EXPECT_EQ(search_->detections, 1);
   EXPECT_TRUE(second.from_last);
+}
+
+TEST_F(TrackerTest, DetectionIsToldTheTrustScoreOfNow) {
+  settings_.rules.start = TrackStart::kDetect;
+  restart();
+  settings_.rules.trust_score = 0.8;
+  tracker_->change(settings_);
+  track(0);
+  EXPECT_EQ(search_->least_score, 0.8);
+}
+
+TEST_F(TrackerTest, SettingsOutOfRangeAreRefused) {
+  const auto expect_refused = [](const char* name, const auto& change) {
+    TrackerSettings settings;
+    change(&settings);
+    expectError<std::invalid_argument>(
+        [&] { ObjectTracker(std::make_unique<FakeSearch>(), settings); }, name);
+  };
+  using Settings = TrackerSettings*;
+  expect_refused("trust_score", [](Settings s) { s->rules.trust_score = 7; });
+  expect_refused("min_score", [](Settings s) { s->rules.min_score = 0.95; });
+  expect_refused("max_failures", [](Settings s) { s->rules.max_failures = -1; });
+  expect_refused("recover_s", [](Settings s) { s->rules.recover_s = NAN; });
+  expect_refused("detect_rate_hz", [](Settings s) { s->rules.detect_rate_hz = 0; });
+  expect_refused("rotation_deg", [](Settings s) { s->initial.rotation_deg = 181; });
+  expect_refused("translation", [](Settings s) { s->tracking.translation = -0.1; });
 }
 
 TEST_F(TrackerTest, AnObjectThatIsNotDetectedIsWaitedFor) {

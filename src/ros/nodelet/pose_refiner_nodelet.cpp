@@ -132,7 +132,7 @@ void PoseRefinerNodelet::startTracking() {
   images_ = std::make_unique<CameraSubscription::Connection>(camera_.get(), std::move(receiver));
   tracked_ = std::make_unique<TrackedObject>(
       &worker_->tracker(), [](const std::string& text) { ROS_INFO("%s", text.c_str()); },
-      [this](const std::shared_ptr<const Field>& field) { prepareDetection(field); });
+      [this](const std::shared_ptr<const Field>& field) { makeLandmarksFile(field); });
 }
 
 void PoseRefinerNodelet::startImageServices() {
@@ -164,7 +164,7 @@ void PoseRefinerNodelet::startObjectServices() {
       std::make_unique<ObjectServices>(getPrivateNodeHandle(), store(), tracked_.get(), p.object);
   ObjectRegistration registration({p.dataset_root, p.dataset_limits}, p.registration, store(),
                                   make_backend, find_schedule);
-  if (p.tracker.rules.start != TrackStart::kInitialPose) registration.prepareDetection();
+  if (p.tracker.rules.start != TrackStart::kInitialPose) registration.makeDetectionFilesToo();
   registrations_ = std::make_unique<RegistrationServices>(getPrivateNodeHandle(), registration,
                                                           &process_->registrations, tracked_.get());
 }
@@ -203,7 +203,6 @@ std::string PoseRefinerNodelet::landmarksPathOf(const std::shared_ptr<const Fiel
 
 DetectionSetup PoseRefinerNodelet::detectionSetup() const {
   DetectionSetup setup;
-  setup.settings.least_score = parameters_.tracker.rules.trust_score;
   setup.landmarks_path = [this](const std::shared_ptr<const Field>& field) {
     return landmarksPathOf(field);
   };
@@ -212,7 +211,7 @@ DetectionSetup PoseRefinerNodelet::detectionSetup() const {
 
 /// Makes the file of a model's landmarks if tracking begins with detection, so that no image waits
 /// for them. If that fails, tracking makes them.
-void PoseRefinerNodelet::prepareDetection(const std::shared_ptr<const Field>& field) const {
+void PoseRefinerNodelet::makeLandmarksFile(const std::shared_ptr<const Field>& field) const {
   if (parameters_.tracker.rules.start == TrackStart::kInitialPose) return;
   const std::string path = landmarksPathOf(field);
   if (path.empty()) return;

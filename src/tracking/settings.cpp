@@ -1,0 +1,40 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "tracking/settings.h"
+
+#include <cmath>
+
+#include "math/require.h"
+
+namespace nerf_pose_refiner {
+
+void SearchSettings::validate() const {
+  require(rotation_deg > 0 && rotation_deg <= 180, "rotation_deg", rotation_deg,
+          "above 0 and at most 180");
+  require(translation > 0 && translation <= 100, "translation", translation,
+          "above 0 and at most 100 object diameters");
+  refiner.validate();
+}
+
+void TrackingRules::validate() const {
+  const auto require_at_least_0 = [](double value, const char* name) {
+    require(value >= 0 && std::isfinite(value), name, value, "0 or more");
+  };
+  const auto require_positive = [](double value, const char* name) {
+    require(value > 0 && std::isfinite(value), name, value, "above 0");
+  };
+  require(trust_score >= 0 && trust_score <= 1, "trust_score", trust_score, "0..1");
+  require(min_score >= 0 && min_score <= trust_score, "min_score", min_score, "0..trust_score");
+  require_at_least_0(max_failures, "max_failures");
+  require_at_least_0(recover_s, "recover_s");
+  require_at_least_0(image_timeout_s, "image_timeout_s");
+  require_positive(detect_rate_hz, "detect_rate_hz");
+  require_positive(initial_pose_max_age_s, "initial_pose_max_age_s");
+}
+
+void TrackerSettings::validate() const {
+  rules.validate();
+  initial.validate();
+  tracking.validate();
+}
+
+}  // namespace nerf_pose_refiner
