@@ -12,10 +12,11 @@
 
 #include <Eigen/Geometry>
 #include <cstdio>
-#include <cstdlib>
 #include <exception>
 #include <opencv2/imgcodecs.hpp>
+#include <string>
 
+#include "numbers.h"
 #include "opencv_images.h"
 
 using namespace nerf_pose_refiner;
@@ -26,7 +27,7 @@ int main(int argc, char** argv) try {
     return 2;
   }
   double number[11];
-  for (int i = 0; i < 11; ++i) number[i] = std::atof(argv[4 + i]);
+  for (int i = 0; i < 11; ++i) number[i] = numberOf(argv[4 + i]);
 
   Camera camera;
   camera.fx = number[0];
@@ -54,7 +55,9 @@ int main(int argc, char** argv) try {
   std::printf("score %.2f, standard deviation along the view %.4f, %.0f ms\n", found.score,
               std::sqrt(found.covariance(2, 2)), 1e3 * found.seconds);
   Overlay overlay(backend, object);
-  cv::imwrite(argv[3], bgrImage(overlay.draw(observation, found.T_C_O)));
+  if (!cv::imwrite(argv[3], bgrImage(overlay.draw(observation, found.T_C_O)))) {
+    throw std::runtime_error(std::string("cannot write ") + argv[3]);
+  }
   return 0;
 } catch (const std::exception& e) {
   std::fprintf(stderr, "%s\n", e.what());

@@ -20,6 +20,7 @@
 #include <opencv2/videoio.hpp>
 #include <string>
 
+#include "numbers.h"
 #include "opencv_images.h"
 
 using namespace nerf_pose_refiner;
@@ -42,7 +43,7 @@ int main(int argc, char** argv) try {
     return 2;
   }
   double number[11];
-  for (int i = 0; i < 11; ++i) number[i] = std::atof(argv[3 + i]);
+  for (int i = 0; i < 11; ++i) number[i] = numberOf(argv[3 + i]);
   Camera camera;
   camera.fx = number[0];
   camera.fy = number[1];
@@ -80,8 +81,9 @@ int main(int argc, char** argv) try {
       if (cv::waitKey(1) >= 0) break;
       continue;
     }
-    if (!writer.isOpened()) {
-      writer.open(argv[14], cv::VideoWriter::fourcc('M', 'J', 'P', 'G'), 10, frame.size());
+    const int codec = cv::VideoWriter::fourcc('M', 'J', 'P', 'G');
+    if (!writer.isOpened() && !writer.open(argv[14], codec, 10, frame.size())) {
+      throw std::runtime_error(std::string("cannot write ") + argv[14]);
     }
     writer.write(frame);
   }

@@ -50,9 +50,10 @@ struct RefineResult {
 /// How a pose is searched for.
 struct RefinerOptions {
   /// "keyframes": aligns renderings from around the object with the image, the fastest on a CPU.
-  /// They are kept for the next images. Ignores masks. "align": renders the field for each step,
-  /// coarse to fine; uses masks. "track": the same with fewer stages, for a prior that is nearly
-  /// right. "paper", "paper_single": parallel inversion (Lin et al., ICRA 2023).
+  /// They are kept for the next images. Searches without masks, and does not trust a pose that a
+  /// mask contradicts. "align": renders the field for each step, coarse to fine; uses masks.
+  /// "track": the same with fewer stages, for a prior that is nearly right. "paper",
+  /// "paper_single": parallel inversion (Lin et al., ICRA 2023).
   std::string preset = "keyframes";
   double trust_score = 0.9;  ///< a pose with a lower score is not trusted, 0..1
   std::uint64_t seed = 1;    ///< the same seed, backend and calls give the same results

@@ -82,13 +82,27 @@ class Examples(unittest.TestCase):
         self.assertEqual(drawn.shape, self.frames[0].shape)
         self.assertGreater(np.count_nonzero(drawn != self.frames[0]), 1000)
 
-    def test_track_video(self):
-        video, output = os.path.join(WORK, 'short.avi'), os.path.join(WORK, 'tracked.avi')
+    def write_video(self):
+        video = os.path.join(WORK, 'short.avi')
         size = self.frames[0].shape[1::-1]
         writer = cv2.VideoWriter(video, cv2.VideoWriter_fourcc(*'MJPG'), 10, size)
         for frame in self.frames:
             writer.write(frame)
         writer.release()
+        return video
+
+    def test_an_output_that_cannot_be_written_is_said(self):
+        image, nowhere = os.path.join(WORK, 'first.png'), os.path.join(WORK, 'nowhere')
+        cv2.imwrite(image, self.frames[0])
+        pose = [*CAMERA, *pose_of_docs()]
+        for call in (['refine_image', self.model, image, nowhere + '/overlay.png', *pose],
+                     ['track_video', self.model, self.write_video(), *pose, nowhere + '/tracked.avi']):
+            result = run(*call)
+            self.assertEqual(result.returncode, 1, call[0])
+            self.assertIn(nowhere, result.stderr)
+
+    def test_track_video(self):
+        video, output = self.write_video(), os.path.join(WORK, 'tracked.avi')
         result = run('track_video', self.model, video, *CAMERA, *pose_of_docs(), output)
         self.assertEqual(result.returncode, 0, result.stderr)
         lines = re.findall(r'^ *(\d+) tracking: (\S+) (\S+) (\S+), score', result.stdout, re.MULTILINE)
@@ -105,6 +119,8 @@ class Examples(unittest.TestCase):
             self.assertEqual(result.returncode, 1, program)
             self.assertTrue(result.stderr.strip(), program)
             self.assertEqual(run(program).returncode, 2, program)
+        words = run('refine_image', 'nowhere', 'frame.png', 'out.png', *['1'] * 10, 'x')
+        self.assertIn("'x' is not a number", words.stderr)
 
 
 if __name__ == '__main__':
