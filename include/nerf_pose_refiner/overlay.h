@@ -24,6 +24,7 @@ class Overlay {
   /// @param T_C_O the object in the camera's optical frame [m; model units if it has no scale].
   /// @param opacity of the rendering, 0..1; 0 draws only the outline.
   /// @return RGB image of the observation's size.
+  /// @throws std::invalid_argument for an invalid image, pose or opacity.
   Image8 draw(const Observation& observation, const Pose& T_C_O, double opacity = 1);
 
  private:

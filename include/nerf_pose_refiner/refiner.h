@@ -61,6 +61,9 @@ struct RefinerOptions {
 
 /// Finds the pose of an object in one image, near a prior.
 ///
+/// It keeps the keyframes of earlier images and what these have shown of a depth sensor's bias, so
+/// that images of one place and one sensor are best given to one refiner.
+///
 /// Not thread-safe; refiners of several threads may share a backend.
 class Refiner {
  public:

@@ -75,7 +75,8 @@ class Tracker {
 
   /// Processes the next image.
   /// @param stamp_ns time of the image on any clock, increasing. An image that is older than the
-  /// last one is ignored; one that is older by more than 0.5 s ends the track.
+  /// last one is ignored; one that is older by more than 0.5 s ends the track, and so does a gap of
+  /// more than 2 s.
   /// @throws std::invalid_argument for an invalid image; std::runtime_error if the processor fails,
   /// after which the next image may be tried; Cancelled.
   TrackResult track(const Observation& observation, std::int64_t stamp_ns,

@@ -7,6 +7,7 @@
 #include "backend/common/draw_overlay.h"
 #include "backend/common/observed_colours.h"
 #include "backend/loaded_field.h"
+#include "math/require.h"
 
 namespace nerf_pose_refiner {
 
@@ -27,6 +28,11 @@ Overlay::Overlay(Overlay&&) noexcept = default;
 Overlay& Overlay::operator=(Overlay&&) noexcept = default;
 
 Image8 Overlay::draw(const Observation& observation, const Pose& T_C_O, double opacity) {
+  observation.validate();
+  require(opacity >= 0 && opacity <= 1, "opacity", opacity, "0..1");
+  if (!T_C_O.isFinite() || !T_C_O.isRigid()) {
+    throw std::invalid_argument("Overlay: the pose is not a rigid transform");
+  }
   const View view{observation.camera, parts_->object.cameraInField(T_C_O)};
   return drawOverlay(observedColours(observation),
                      parts_->field->render(view, RenderOptions(), CancellationToken()), opacity);

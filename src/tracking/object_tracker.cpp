@@ -26,8 +26,10 @@ ObjectTracker::ObjectTracker(std::shared_ptr<Backend> backend, std::shared_ptr<c
                         settings.initial.refiner, settings.tracking.refiner, std::move(detection)),
                     settings) {
   if (!(object->metadata.metres_per_unit > 0)) {
-    throw std::invalid_argument("the model '" + object->metadata.name +
-                                "' does not know its scale: train it with --metres-per-unit");
+    throw std::invalid_argument(
+        "the model '" + object->metadata.name +
+        "' does not know its scale: learn it with one, or give metres_per_unit in "
+        "the YAML file beside the model");
   }
   std::future<void> in_use = offerModel(std::move(object));
   applyModels();
@@ -255,7 +257,7 @@ void ObjectTracker::concludeStatus(const ImageStamp& at, const ImageDecision& de
   reported_ = status;
   if (status.reason == TrackReason::kNone && decision.initial_pose_ignored) {
     status.reason = TrackReason::kPriorIgnored;
-    status.message = "the object is tracked: an initial pose was ignored (initial_pose_policy)";
+    status.message = "the object is tracked: an initial pose was ignored";
   }
   std::lock_guard<std::mutex> lock(mutex_);
   running_ = CancellationToken();

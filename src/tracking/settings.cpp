@@ -19,16 +19,14 @@ void TrackingRules::validate() const {
   const auto require_at_least_0 = [](double value, const char* name) {
     require(value >= 0 && std::isfinite(value), name, value, "0 or more");
   };
-  const auto require_positive = [](double value, const char* name) {
-    require(value > 0 && std::isfinite(value), name, value, "above 0");
-  };
   require(trust_score >= 0 && trust_score <= 1, "trust_score", trust_score, "0..1");
   require(min_score >= 0 && min_score <= trust_score, "min_score", min_score, "0..trust_score");
   require_at_least_0(max_failures, "max_failures");
   require_at_least_0(recover_s, "recover_s");
   require_at_least_0(image_timeout_s, "image_timeout_s");
-  require_positive(detect_rate_hz, "detect_rate_hz");
-  require_positive(initial_pose_max_age_s, "initial_pose_max_age_s");
+  require(detect_rate_hz > 0 && std::isfinite(detect_rate_hz), "detect_rate_hz", detect_rate_hz,
+          "above 0");
+  require(initial_pose_max_age_s > 0, "initial_pose_max_age_s", initial_pose_max_age_s, "above 0");
 }
 
 void TrackerSettings::validate() const {

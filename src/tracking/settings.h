@@ -46,7 +46,8 @@ struct TrackingRules {
   double recover_s = 5;       ///< a lost object is searched for during this time [s]; 0: never
   bool once = false;          ///< after one trusted pose, wait for the next initial pose
   InitialPosePolicy initial_pose_policy = InitialPosePolicy::kWhenNotTracking;
-  double initial_pose_max_age_s = 10;  ///< of an initial pose, when it is used [s], > 0
+  double initial_pose_max_age_s =
+      10;                      ///< of an initial pose, when it is used [s], > 0; infinite: any
   double image_timeout_s = 2;  ///< without an image for this time, the object is lost [s]; 0: never
 
   /// @throws std::invalid_argument naming the setting and the value that is out of range.

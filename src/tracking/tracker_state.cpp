@@ -2,6 +2,7 @@
 #include "tracking/tracker_state.h"
 
 #include <algorithm>
+#include <cstdio>
 #include <utility>
 
 namespace nerf_pose_refiner {
@@ -112,7 +113,9 @@ bool TrackerState::updateClock(std::int64_t now_ns) {
   clock_ns_ = now_ns;
   if (!jumped && last_ && rules_.image_timeout_s > 0 &&
       secondsBetween(last_arrival_ns_, clock_ns_) > rules_.image_timeout_s) {
-    lose(TrackReason::kNoImages, "no image arrived for image_timeout_s");
+    char text[60];
+    std::snprintf(text, sizeof text, "no image came for %g s", rules_.image_timeout_s);
+    lose(TrackReason::kNoImages, text);
   }
   return jumped;
 }
@@ -159,7 +162,7 @@ bool TrackerState::initialPoseIsDue(std::int64_t stamp_ns, ImageDecision* decisi
     decision->initial_pose_ignored = true;
   } else if (too_old) {
     setCondition(last_ ? TrackState::kTracking : TrackState::kWaiting, TrackReason::kPriorTooOld,
-                 "the initial pose is older than the image by more than initial_pose_max_age_s");
+                 "the initial pose is too old: it was taken too long before the image");
   } else {
     return true;
   }

@@ -207,13 +207,36 @@ TEST_F(LibraryTest, AnObjectIsSavedWithItsFrame) {
       "another frame");
 }
 
-TEST_F(LibraryTest, OverlayHasTheSizeOfTheImage) {
-  expectError<std::invalid_argument>([&] { Overlay(nullptr, object_); }, "null");
+TEST_F(LibraryTest, OverlayIsGreyBesideTheObjectAndColouredOnIt) {
   Overlay overlay(backend_, object_);
   const Image8 drawn = overlay.draw(observed(imageOf(truth_)), inCamera(truth_));
-  EXPECT_EQ(drawn.width, kCamera.width);
-  EXPECT_EQ(drawn.height, kCamera.height);
-  EXPECT_EQ(drawn.channels, 3);
+  ASSERT_EQ(drawn.width, kCamera.width);
+  ASSERT_EQ(drawn.height, kCamera.height);
+  ASSERT_EQ(drawn.channels, 3);
+  const auto is_grey = [&](int x, int y) {
+    return drawn.at(x, y, 0) == drawn.at(x, y, 1) && drawn.at(x, y, 1) == drawn.at(x, y, 2);
+  };
+  const Image alpha = observeScene(*scene_, kCamera, truth_).alpha;
+  int on = 0, coloured_on = 0, beside = 0, coloured_beside = 0;
+  for (int y = 0; y < kCamera.height; ++y) {
+    for (int x = 0; x < kCamera.width; ++x) {
+      (alpha.at(x, y, 0) > 0.5f ? on : beside) += 1;
+      if (!is_grey(x, y)) (alpha.at(x, y, 0) > 0.5f ? coloured_on : coloured_beside) += 1;
+    }
+  }
+  EXPECT_GT(coloured_on, 0.8 * on);
+  EXPECT_GT(coloured_beside, 0) << "the outline";
+  EXPECT_LT(coloured_beside, 0.05 * beside);
+}
+
+TEST_F(LibraryTest, OverlayRefusesWhatIsInvalid) {
+  expectError<std::invalid_argument>([&] { Overlay(nullptr, object_); }, "null");
+  Overlay overlay(backend_, object_);
+  const Observation image = observed(imageOf(truth_));
+  EXPECT_THROW(overlay.draw(Observation(), inCamera(truth_)), std::invalid_argument);
+  expectError<std::invalid_argument>([&] { overlay.draw(image, not_finite_); }, "pose");
+  expectError<std::invalid_argument>([&] { overlay.draw(image, inCamera(truth_), NAN); },
+                                     "opacity");
 }
 
 TEST(Observe, RefusesOtherChannelsAndSizes) {
