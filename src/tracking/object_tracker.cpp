@@ -39,7 +39,9 @@ ObjectTracker::ObjectTracker(std::unique_ptr<ObjectSearch> search, const Tracker
     : connections_(std::move(connections)),
       search_(std::move(search)),
       settings_(settings),
-      state_(settings.rules) {}
+      state_(settings.rules) {
+  window_.configure(settings.window);
+}
 
 /// Called with mutex_ held.
 std::uint32_t ObjectTracker::updateClock(std::int64_t now_ns) {
@@ -156,6 +158,7 @@ void ObjectTracker::applyChange() {
     state_.setRules(changed->rules);
   }
   settings_ = *changed;
+  window_.configure(settings_.window);
   search_->configure(settings_.initial.refiner, settings_.tracking.refiner);
 }
 
@@ -302,14 +305,19 @@ void ObjectTracker::refine(const TrackerImage& image, const ImageDecision& decis
     if (!result->prior) return;
   }
   result->field = field_;
-  result->observation =
-      std::make_shared<const Observation>(image.observe(settings_.usesMask(tracked)));
+  auto own = std::make_shared<Observation>(image.observe(settings_.usesMask(tracked)));
+  if (!tracked) window_.clear();
+  window_.addTo(image.at.stamp_ns, own.get());
+  result->observation = std::move(own);
   const Observation& observation = *result->observation;
   result->refinement =
       decision.detect ? search_->detect(observation, image.cancel)
                       : search_->search({observation, *result->prior, tracked, image.at.stamp_ns},
                                         image.cancel);
   conclude(decision, result);
+  if (result->trusted) {
+    window_.learn(observation, image.at.stamp_ns, field_->metadata, result->refinement);
+  }
 }
 
 /// Called with mutex_ held. @return false: the result is obsolete.
