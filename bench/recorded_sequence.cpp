@@ -45,6 +45,7 @@ RecordedSequence readSequence(const std::string& folder) {
       recorded.stamp_ns = static_cast<std::int64_t>(
           1e9 * frame.value("time_s", 0.1 * frame.at("index").get<int>()));
       recorded.T_C_O = poseFrom(frame.at("T_C_O"));
+      if (frame.contains("T_W_C")) recorded.T_W_C = poseFrom(frame.at("T_W_C"));
       recorded.label_visible = frame.value("label_visible", true);
       sequence.frames.push_back(recorded);
     }

@@ -16,6 +16,7 @@ struct RecordedFrame {
   std::string file;
   std::int64_t stamp_ns = 0;
   Pose T_C_O;                 ///< [m]
+  Pose T_W_C;                 ///< of a rig or a sweep: the camera in the room [m]
   bool label_visible = true;  ///< false: the object looks alike from all around its axis z
 };
 

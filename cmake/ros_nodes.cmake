@@ -18,6 +18,7 @@ add_library(${ros_library} STATIC
   src/ros/nodelet/camera_subscription.cpp
   src/ros/nodelet/diagnostics.cpp
   src/ros/nodelet/frame_conflict.cpp
+  src/ros/nodelet/frame_input.cpp
   src/ros/nodelet/initial_pose_marker.cpp
   src/ros/nodelet/message_tracker.cpp
   src/ros/nodelet/overlay_publisher.cpp

@@ -1,5 +1,6 @@
 # Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-"""The four kinds of recordings: what differs in light, exposure, noise and what passes in front."""
+"""The kinds of recordings: what differs in light, exposure, noise and what passes in front; rig.py says how those with
+several cameras move."""
 import numpy as np
 
 
@@ -16,6 +17,8 @@ KINDS = {
     "light": Kind(noise=0.004, moving_lights=True),
     "noise": Kind(noise=0.04, exposure_s=1 / 60),
     "occlusion": Kind(noise=0.004, occluder=True),
+    "rig": Kind(noise=0.004),
+    "sweep": Kind(noise=0.004),
 }
 
 

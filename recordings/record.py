@@ -26,6 +26,7 @@ import kinds  # noqa: E402
 import lights  # noqa: E402
 import motion  # noqa: E402
 import render as demo  # noqa: E402
+import rig  # noqa: E402
 import room  # noqa: E402
 from stage import OBJECTS, Stage, build, restrict  # noqa: E402
 from visibility import Surface, View  # noqa: E402
@@ -82,16 +83,22 @@ def photo(scene, points, view, name, folder):
 
 
 def write_truth(args):
+    several = args.kind in rig.CAMERAS
+    clock = rig if several else motion
     sequence = {"object": args.object, "kind": args.kind, "seed": args.seed, "seconds": args.seconds}
+    if several:
+        sequence["camera"] = args.camera
     stage = Stage(sequence)
     path, view = stage.trajectory, View(motion.WIDTH, motion.HEIGHT, motion.FOCAL_PX)
     frames = []
-    for i, t in enumerate(motion.frame_times(args.seconds)):
+    for i, t in enumerate(clock.frame_times(args.seconds)):
         T_C_O = path.T_C_O(t)
         visible, label, label_px = view.visibility(stage.surface, T_C_O, stage.cover, stage.T_C_X(t))
         frame = {"index": i, "file": "frames/frame_%03d.jpg" % i, "time_s": round(float(t), 6),
                  "T_C_O": np.round(T_C_O, 9).tolist(), "size": round(float(path.size(t)), 4),
                  "visible_fraction": round(visible, 4)}
+        if several:
+            frame["T_W_C"] = np.round(path.T_W_C(t), 9).tolist()
         if OBJECTS[args.object].LABEL:
             frame.update(label_fraction=round(label, 4), label_px=round(label_px), label_visible=label >= LABEL_VISIBLE)
         frames.append(frame)
@@ -100,7 +107,7 @@ def write_truth(args):
     demo.write_json(os.path.join(args.out, "sequence.json"), {
         **sequence, "diameter": round(path.diameter, 4), "centre_O": np.round(path.centre_O, 5).tolist(),
         "width": motion.WIDTH, "height": motion.HEIGHT, "fx": motion.FOCAL_PX, "fy": motion.FOCAL_PX,
-        "cx": motion.CX, "cy": motion.CY, "rate_hz": motion.RATE_HZ, "frames": frames})
+        "cx": motion.CX, "cy": motion.CY, "rate_hz": clock.RATE_HZ, "frames": frames})
 
 
 def render_room(args):
@@ -136,7 +143,8 @@ def render_frames(args):
         behind = behind * stage.lights.gain_bgr(frame["time_s"])
         image = background.composed(cv2.imread(raw, cv2.IMREAD_UNCHANGED), behind)
         path = os.path.join(args.out, frame["file"])
-        cv2.imwrite(path + ".part.jpg", kinds.with_noise(image, stage.kind.noise, (sequence["seed"], frame["index"])),
+        seeds = (sequence["seed"], frame["index"]) + ((sequence["camera"],) if "camera" in sequence else ())
+        cv2.imwrite(path + ".part.jpg", kinds.with_noise(image, stage.kind.noise, seeds),
                     [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
         os.replace(path + ".part.jpg", path)
         print(frame["file"], flush=True)
@@ -154,6 +162,7 @@ def main():
     photos.add_argument("--size", type=int, default=400, help="width and height [px]")
     truth.add_argument("--kind", choices=sorted(kinds.KINDS), required=True)
     truth.add_argument("--seconds", type=float, default=10.0)
+    truth.add_argument("--camera", type=int, choices=range(3), default=0, help="which one of a rig")
     for command in (truth, room_only):
         command.add_argument("--seed", type=int, required=True)
     room_only.add_argument("--file", required=True, help="PNG to write")

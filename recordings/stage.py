@@ -12,6 +12,7 @@ import desk_lamp
 import kinds
 import motion
 import render as demo
+import rig
 from lights import Lights
 from room import add_occluder
 from scene import toy_kiosk
@@ -62,7 +63,7 @@ def _carried(parts, name):
 
 class Stage:
     def __init__(self, sequence):
-        """@param sequence: what sequence.json says of a recording: its object, kind, seed and seconds"""
+        """@param sequence: what sequence.json says of a recording: its object, kind, seed, seconds and camera"""
         thing, seed = OBJECTS[sequence["object"]], sequence["seed"]
         self.kind = kinds.KINDS[sequence["kind"]]
         self.scene = demo.start(motion.WIDTH, motion.HEIGHT, motion.FOCAL_PX, MOST_SAMPLES, transparent=True)
@@ -70,8 +71,12 @@ class Stage:
         self.surface, self.cover, self.occluder = Surface(parts, thing.LABEL), None, None
         points = self.surface.points()
         centre = (points.min(axis=0) + points.max(axis=0)) / 2
-        self.trajectory = motion.Trajectory(seed, demo.diameter_m(points), centre, thing.ELEVATIONS_DEG,
-                                            sequence["seconds"])
+        if sequence["kind"] in rig.CAMERAS:
+            self.trajectory = rig.Seat(sequence["kind"], sequence["camera"], seed, demo.diameter_m(points), centre,
+                                       sequence["seconds"])
+        else:
+            self.trajectory = motion.Trajectory(seed, demo.diameter_m(points), centre, thing.ELEVATIONS_DEG,
+                                                sequence["seconds"])
         self.movers = [(self.scene.camera, lambda t: self.trajectory.T_W_C(t) @ demo.OPTICAL_FROM_OPENGL),
                        (_carried(parts, thing.NAME), lambda t: self.trajectory.T_W_C(t) @ self.trajectory.T_C_O(t))]
         if self.kind.occluder:

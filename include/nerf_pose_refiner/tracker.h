@@ -31,6 +31,9 @@ struct TrackerOptions {
   /// True for a live camera: no image waits for a keyframe that is rendered late. False for a file,
   /// whose images may be passed faster than they were taken: the same images give the same poses.
   bool real_time = false;
+  /// Past images that act as further cameras while the object stands still and the camera moves,
+  /// at most; 0: none. Needs Observation::T_W_C.
+  int window = 0;
   std::uint64_t seed = 1;  ///< the same seed and backend give the same poses
 };
 

@@ -30,6 +30,7 @@ TrackerSettings settingsOf(const TrackerOptions& options) {
   settings.rules.max_failures = options.max_failures;
   settings.rules.predict = options.predict;
   settings.rules.recover_s = options.recover_s;
+  settings.window.views = options.window;
   settings.rules.initial_pose_policy = InitialPosePolicy::kAlways;
   return settings;
 }

@@ -53,6 +53,12 @@ struct TraceEntry {
 
 struct RefinementRun;  // refinement/schedule.h
 
+/// A pose by one of several images.
+struct LonePose {
+  Pose T_O_C;                            ///< [model units]
+  Matrix6 covariance = Matrix6::Zero();  ///< @see poseCovariance
+};
+
 struct Refinement {
   Outcome outcome = Outcome::kDiverged;
   Pose T_O_C;  ///< best pose [model units]; among symmetric poses, the nearest to the prior
@@ -68,6 +74,8 @@ struct Refinement {
   std::optional<double> mask_agreement;  ///< @see maskAgreement; nothing: there was no mask
   DepthReport depth;                     ///< what became of the observation's depth
   std::vector<SideViewReport> beside;    ///< of the observation's side views, in their order
+  /// By the observation's own image alone, if there are side views and it shows the object.
+  std::optional<LonePose> own;
   Matrix6 covariance = Matrix6::Zero();  ///< of the best pose; @see poseCovariance
   HypothesisTable hypotheses;            ///< those of the last stage, best first;
                                          ///< @see nearestEquivalents

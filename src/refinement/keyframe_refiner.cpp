@@ -87,7 +87,7 @@ Refinement KeyframeRefiner::follow(const TimedObservation& image, const Prior& p
   const Camera& camera = image.observation.camera;
   adaptTo(image.observation);
   Refinement result = refine(
-      image.observation, prior,
+      image, prior,
       [&]() -> HypothesisTable {
         if (!objectRegion(camera, prior, field_->field().metadata)) return {};
         takeRenewal(image.stamp_ns, cancellation);
@@ -98,7 +98,7 @@ Refinement KeyframeRefiner::follow(const TimedObservation& image, const Prior& p
                         cancellation);
       },
       cancellation);
-  startFromDepth(image.observation, prior, cancellation, &result);
+  startFromDepth(image, prior, cancellation, &result);
   if (result.outcome == Outcome::kRefined) renewFor({camera, result.T_O_C}, image.stamp_ns);
   return result;
 }
@@ -110,7 +110,7 @@ Refinement KeyframeRefiner::find(const TimedObservation& image, const Prior& pri
   const Camera& camera = image.observation.camera;
   adaptTo(image.observation);
   Refinement result = refine(
-      image.observation, prior,
+      image, prior,
       [&]() -> HypothesisTable {
         if (!objectRegion(camera, prior, field_->field().metadata)) return {};
         waitForRenderings(cancellation);
@@ -130,7 +130,7 @@ Refinement KeyframeRefiner::find(const TimedObservation& image, const Prior& pri
                               cancellation);
       },
       cancellation);
-  lookPastOccluders(image.observation, prior, cancellation, &result);
+  lookPastOccluders(image, prior, cancellation, &result);
   if (result.outcome == Outcome::kRefined) last_ = {image.stamp_ns, result.T_O_C};
   return result;
 }
@@ -146,7 +146,7 @@ Refinement KeyframeRefiner::settle(const TimedObservation& image,
   anywhere.rotation_rad = M_PI;
   anywhere.translation = 1;
   Refinement result = refine(
-      image.observation, anywhere,
+      image, anywhere,
       [&]() -> HypothesisTable {
         if (!objectRegion(camera, anywhere, field_->field().metadata)) return {};
         waitForRenderings(cancellation);
@@ -171,9 +171,19 @@ Refinement KeyframeRefiner::settle(const TimedObservation& image,
   return result;
 }
 
-Refinement KeyframeRefiner::refine(const Observation& observation, const Prior& prior,
+/// How the object moves towards a prior, as the camera's twist a second; zero: it is not known.
+Vector6 KeyframeRefiner::expectedMotion(std::int64_t stamp_ns, const Prior& prior) const {
+  constexpr double kLongest_s = 0.5;
+  if (!last_ || stamp_ns <= last_->first) return Vector6::Zero();
+  const double since_s = 1e-9 * static_cast<double>(stamp_ns - last_->first);
+  if (since_s > kLongest_s) return Vector6::Zero();
+  return cameraTwist(last_->second, prior.T_O_C, field_->field().metadata.centre) / since_s;
+}
+
+Refinement KeyframeRefiner::refine(const TimedObservation& image, const Prior& prior,
                                    const std::function<HypothesisTable()>& search,
                                    const CancellationToken& cancellation) {
+  const Observation& observation = image.observation;
   const auto begin = std::chrono::steady_clock::now();
   prior.validate();
   Refinement result;
@@ -182,7 +192,8 @@ Refinement KeyframeRefiner::refine(const Observation& observation, const Prior& 
     result = conclude(search(), prior);
     if (result.outcome == Outcome::kRefined) judge(prior, cancellation, &result);
     if (!observation.beside.empty()) {
-      beside_->join(observation, prior, scores_, cancellation, &result);
+      const Vector6 motion = expectedMotion(image.stamp_ns, prior);
+      beside_->join(observation, {prior, scores_, &*search_, motion}, cancellation, &result);
     }
     if (result.outcome == Outcome::kRefined) considerDepth(observation, &result);
     const FieldMetadata& object = field_->field().metadata;
@@ -307,8 +318,9 @@ std::optional<Observation> KeyframeRefiner::withoutOccluders(const Observation& 
 
 /// Aligns once more from where depth alone puts the object, if depth has agreed with colours so far
 /// and contradicts them now: a plain object may look right in several places.
-void KeyframeRefiner::startFromDepth(const Observation& observation, const Prior& prior,
+void KeyframeRefiner::startFromDepth(const TimedObservation& image, const Prior& prior,
                                      const CancellationToken& cancellation, Refinement* found) {
+  const Observation& observation = image.observation;
   constexpr double kNearlyAsGood = 0.8;  // of the score
   if (found->depth.use != DepthUse::kRefused || !depth_.isEstablished()) return;
   const std::optional<Pose> by_depth = depth_.alone(
@@ -317,8 +329,7 @@ void KeyframeRefiner::startFromDepth(const Observation& observation, const Prior
   Prior from = prior;
   from.T_O_C = *by_depth;
   Refinement again = refine(
-      observation, from, [&] { return search_->near(observation, from, cancellation); },
-      cancellation);
+      image, from, [&] { return search_->near(observation, from, cancellation); }, cancellation);
   again.seconds += found->seconds;
   if (again.outcome == Outcome::kRefined && again.depth.use == DepthUse::kUsed &&
       again.hypotheses.front().score >= kNearlyAsGood * found->hypotheses.front().score) {
@@ -327,19 +338,19 @@ void KeyframeRefiner::startFromDepth(const Observation& observation, const Prior
 }
 
 /// Aligns once more without what hides the object, if the first pose shows that something does.
-void KeyframeRefiner::lookPastOccluders(const Observation& observation, const Prior& prior,
+void KeyframeRefiner::lookPastOccluders(const TimedObservation& image, const Prior& prior,
                                         const CancellationToken& cancellation, Refinement* found) {
   constexpr double kHidden = 0.05, kSlack = 0.04;  // of the surface; [diameters]
   if (found->depth.use != DepthUse::kUsed || found->depth.nearer < kHidden) return;
   Prior near = prior;
   near.T_O_C = found->T_O_C;
   near.translation = std::min(near.translation, kSlack);
-  const std::optional<Observation> uncovered = withoutOccluders(observation, near);
+  const std::optional<Observation> uncovered = withoutOccluders(image.observation, near);
   if (!uncovered) return;
   near.translation = prior.translation;
   Refinement again = refine(
-      *uncovered, near, [&] { return search_->near(*uncovered, near, cancellation); },
-      cancellation);
+      {*uncovered, image.stamp_ns}, near,
+      [&] { return search_->near(*uncovered, near, cancellation); }, cancellation);
   again.seconds += found->seconds;
   if (again.outcome == Outcome::kRefined && again.score >= found->score) *found = again;
 }

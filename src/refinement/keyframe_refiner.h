@@ -65,15 +65,16 @@ class KeyframeRefiner {
   void waitForRenderings(const CancellationToken& cancellation);
 
  private:
-  Refinement refine(const Observation& observation, const Prior& prior,
+  Refinement refine(const TimedObservation& image, const Prior& prior,
                     const std::function<HypothesisTable()>& search,
                     const CancellationToken& cancellation);
   void considerDepth(const Observation& observation, Refinement* found);
   std::optional<Observation> withoutOccluders(const Observation& observation, const Prior& near);
-  void startFromDepth(const Observation& observation, const Prior& prior,
+  void startFromDepth(const TimedObservation& image, const Prior& prior,
                       const CancellationToken& cancellation, Refinement* found);
-  void lookPastOccluders(const Observation& observation, const Prior& prior,
+  void lookPastOccluders(const TimedObservation& image, const Prior& prior,
                          const CancellationToken& cancellation, Refinement* found);
+  Vector6 expectedMotion(std::int64_t stamp_ns, const Prior& prior) const;
   void begin();
   void adaptTo(const Observation& observation);
   void takeRenewal(std::int64_t stamp_ns, const CancellationToken& cancellation);

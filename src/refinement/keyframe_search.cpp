@@ -127,6 +127,22 @@ HypothesisTable KeyframeSearch::near(const Observation& observation, const Prior
   return found;
 }
 
+HypothesisTable KeyframeSearch::close(const Observation& observation, const Pose& T_O_C,
+                                      const CancellationToken& cancellation) {
+  constexpr int kFine = 1;
+  const KeyframeSet::Entry* const nearest = kept_.nearest(T_O_C);
+  if (nearest == nullptr) return {};
+  aligner_->observe(observation,
+                    frameWindowFor(*nearest->keyframe, observation.camera, T_O_C, kWindowMargin));
+  KeyframeAlignmentSettings fine = settings_.alignment;
+  fine.coarsest_level = std::max(fine.finest_level, std::min(fine.coarsest_level, kFine));
+  HypothesisTable found = aligner_->align({{nearest->number, T_O_C}}, fine, cancellation);
+  const bool doubtful = found.front().state != HypothesisState::kLive ||
+                        found.front().score < settings_.doubtful_score;
+  if (!doubtful) return found;
+  return aligner_->align({{nearest->number, T_O_C}}, settings_.alignment, cancellation);
+}
+
 std::optional<SecondOpinion> KeyframeSearch::secondOpinion(const Hypothesis& found,
                                                            const CancellationToken& cancellation) {
   constexpr double kLeastBeside_rad = 4 * kDegree, kLeastScore = 0.6;  // of the pose's own

@@ -37,6 +37,11 @@ class KeyframeSearch {
   HypothesisTable near(const Observation& observation, const Prior& prior,
                        const CancellationToken& cancellation);
 
+  /// Aligns the nearest keyframe from a pose that another image shows: finely, and from coarse on
+  /// if that ends badly; never widely. @return as `near`.
+  HypothesisTable close(const Observation& observation, const Pose& T_O_C,
+                        const CancellationToken& cancellation);
+
   /// Looks everywhere in a wide prior with small views of the object. @return best first: poses
   /// that are nearly right, if one is.
   HypothesisTable around(const Observation& observation, const Prior& prior,

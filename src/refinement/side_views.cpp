@@ -1,9 +1,6 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include "refinement/side_views.h"
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
-
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -11,6 +8,8 @@
 #include <string>
 #include <utility>
 
+#include "concurrency/parallel.h"
+#include "field/object_frame.h"
 #include "math/angle.h"
 #include "refinement/grey_image.h"
 #include "refinement/plan.h"
@@ -19,50 +18,35 @@
 namespace nerf_pose_refiner {
 namespace {
 
-// Of six unknowns: one in a thousand is larger.
-constexpr double kMostApart = 22.5;
+// Of six unknowns: one in a thousand is farther away [standard deviations].
+constexpr double kMostApart = 4.74;
 constexpr double kNear_rad = 5 * kDegree, kNear = 0.05;  // where others look; [diameters]
 constexpr double kLeastScore = 0.35;  // of keyframes: what explains an image worse has no say
+constexpr double kUnsteady = 0.3;     // of a motion, from one image to the next
 
-/// Of a symmetric positive semidefinite matrix.
-Matrix6 rootOf(const Matrix6& matrix) {
-  const Eigen::SelfAdjointEigenSolver<Matrix6> eigen(matrix);
-  return eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal() *
-         eigen.eigenvectors().transpose();
-}
-
-Matrix6 inverseOf(const Matrix6& matrix) { return matrix.ldlt().solve(Matrix6::Identity()); }
-
-Eigen::Matrix3d crossOf(const Eigen::Vector3d& a) {
-  Eigen::Matrix3d m;
-  m << 0, -a.z(), a.y(), a.z(), 0, -a.x(), -a.y(), a.x(), 0;
-  return m;
-}
-
-/// What an error of a camera's place among the others does to a twist about the object's centre.
-Matrix6 placeCovariance(const SideView& view, const Pose& T_O_V, const FieldMetadata& object) {
-  const Eigen::Matrix3d lever = crossOf(object.centre - T_O_V.t);
-  const double position = view.position_dev_m / object.metres_per_unit;
-  const double turn = view.rotation_dev_rad;
-  Matrix6 covariance;
-  covariance << position * position * Eigen::Matrix3d::Identity() - turn * turn * lever * lever,
-      turn * turn * lever, -turn * turn * lever, turn * turn * Eigen::Matrix3d::Identity();
-  return covariance;
-}
-
-Pose movedBy(const Vector6& twist, const Pose& T_O_C, const Eigen::Vector3d& centre) {
-  const Eigen::Matrix3d turn = expSO3(Eigen::Vector3d(twist.tail<3>()));
-  return {nearestRotation(turn * T_O_C.R), centre + twist.head<3>() + turn * (T_O_C.t - centre)};
-}
-
-double squaredDistance(const ViewOpinion& a, const ViewOpinion& b) {
-  const Vector6 apart = a.twist - b.twist;
-  const Matrix6 covariance = a.noise + a.model + b.noise + b.model;
-  return apart.dot(covariance.ldlt().solve(apart));
-}
+bool isPast(const SideView& view) { return view.camera == 0; }
 
 double explained(const Refinement& found) {
   return found.hypotheses.empty() ? 0 : found.hypotheses.front().score;
+}
+
+bool isLive(const HypothesisTable& found) {
+  return !found.empty() && found.front().state == HypothesisState::kLive;
+}
+
+/// Takes an opinion in, unless it is too far from what is there. @return whether it did.
+bool takeIn(const ViewOpinion& opinion, std::vector<ViewOpinion>* opinions, double* away) {
+  *away = opinions->empty() ? 0 : apart(joined(*opinions), opinion);
+  if (!(*away < kMostApart)) return false;
+  opinions->push_back(opinion);
+  return true;
+}
+
+std::string contradiction(double away, const char* advice) {
+  char text[120];
+  std::snprintf(text, sizeof text, "it shows another pose, %.1f standard deviations away: %s", away,
+                advice);
+  return text;
 }
 
 }  // namespace
@@ -82,29 +66,18 @@ struct SideViews::Found {
   SideViewReport report;
   HypothesisTable hypotheses;  // empty: nothing
   Prior prior;
+  Vector6 unsteady = Vector6::Zero();  // how far the object may have moved otherwise than expected
 };
 
-ViewOpinion joined(const std::vector<ViewOpinion>& opinions) {
-  ViewOpinion all;
-  Matrix6 information = Matrix6::Zero();
-  Vector6 sum = Vector6::Zero();
-  for (const ViewOpinion& one : opinions) {
-    const Matrix6 of_one = inverseOf(one.noise);
-    information += of_one;
-    sum += of_one * one.twist;
-  }
-  all.noise = inverseOf(information);
-  all.twist = all.noise * sum;
-  Matrix6 root = Matrix6::Zero();
-  for (const ViewOpinion& one : opinions) {
-    root += all.noise * inverseOf(one.noise) * rootOf(one.model);
-  }
-  all.model = root * root.transpose();
-  return all;
-}
+/// What was found so far.
+struct SideViews::Group {
+  Prior start;
+  std::vector<ViewOpinion> opinions;
+  double probability = 0;
+};
 
 void SideViews::waitForRenderings(const CancellationToken& cancellation) {
-  for (const auto& camera : cameras_) {
+  for (const auto& [number, camera] : cameras_) {
     if (camera->renderer.busy()) camera->search.add(camera->renderer.wait(cancellation));
   }
 }
@@ -126,75 +99,189 @@ bool SideViews::haveKeyframe(const View& view, const CancellationToken& cancella
   return camera->search.distanceOfNearest(view.T_O_C).has_value();
 }
 
-SideViews::Found SideViews::look(const SideView& view, const Prior& prior,
-                                 const CancellationToken& cancellation, Camera* camera) {
-  const Observation& observation = *view.observation;
+/// Where a side view is expected to show the object.
+SideViews::Found SideViews::expected(const SideView& view, const Own& own,
+                                     const Prior& start) const {
   const FieldMetadata& object = field_->field().metadata;
   Found found;
-  found.prior = prior;
-  found.prior.T_O_C = prior.T_O_C * Pose(view.T_C_V.R, view.T_C_V.t / object.metres_per_unit);
-  const std::optional<bool> grey = isGrey(observation);
-  if (grey && *grey != settings_.keyframe.grey) {
-    found.report.message = "its image is grey where the others are coloured, or the reverse";
-    return found;
-  }
-  if (!objectRegion(observation.camera, found.prior, object) ||
-      !haveKeyframe({observation.camera, found.prior.T_O_C}, cancellation, camera)) {
-    found.report.message = "the object is outside of its image";
-    return found;
-  }
-  found.hypotheses = camera->search.near(observation, found.prior, cancellation);
-  if (found.hypotheses.empty() || found.hypotheses.front().state != HypothesisState::kLive) {
-    found.hypotheses.clear();
-    found.report.message = "the object is not seen in its image";
-    return found;
-  }
-  found.report.score = found.hypotheses.front().score;
-  if (found.report.score < kLeastScore) {
-    found.hypotheses.clear();
-    found.report.message = "its image does not show the object as rendered: covered, perhaps";
-  }
+  found.prior = start;
+  const Vector6 motion = (isPast(view) ? 0 : view.after_s) * own.motion_per_s;
+  const Pose T_O_C = motion.isZero() ? start.T_O_C : movedBy(motion, start.T_O_C, object.centre);
+  found.prior.T_O_C = T_O_C * Pose(view.T_C_V.R, view.T_C_V.t / object.metres_per_unit);
+  found.unsteady = kUnsteady * motion;
   return found;
 }
 
-/// What an image of another camera says of all cameras' motion.
+/// @param closely the prior is what another image shows: nothing is searched for widely.
+void SideViews::look(const SideView& view, bool closely, const CancellationToken& cancellation,
+                     Camera* camera, Found* found) {
+  const Observation& observation = *view.observation;
+  const FieldMetadata& object = field_->field().metadata;
+  const std::optional<bool> grey = isGrey(observation);
+  if (grey && *grey != settings_.keyframe.grey) {
+    found->report.message = "its image is grey where the others are coloured, or the reverse";
+    return;
+  }
+  if (!objectRegion(observation.camera, found->prior, object) ||
+      !haveKeyframe({observation.camera, found->prior.T_O_C}, cancellation, camera)) {
+    found->report.message = "the object is outside of its image";
+    return;
+  }
+  found->hypotheses = closely ? camera->search.close(observation, found->prior.T_O_C, cancellation)
+                              : camera->search.near(observation, found->prior, cancellation);
+}
+
+/// In a past view, which is looked at once.
+void SideViews::lookBack(const SideView& view, KeyframeSearch* search,
+                         const CancellationToken& cancellation, Found* found) {
+  known_.erase(std::remove_if(known_.begin(), known_.end(),
+                              [](const Known& one) { return one.observation.expired(); }),
+               known_.end());
+  for (const Known& one : known_) {
+    if (one.observation.lock() == view.observation) {
+      found->hypotheses = one.hypotheses;
+      return;
+    }
+  }
+  if (!search->distanceOfNearest(found->prior.T_O_C)) return;
+  found->hypotheses = search->close(*view.observation, found->prior.T_O_C, cancellation);
+  known_.push_back({view.observation, found->hypotheses});
+}
+
+/// Fills in what an image of another camera shows by itself, and what keeps it from having a say.
+void SideViews::report(const SideView& view, Found* side) const {
+  SideViewReport& report = side->report;
+  if (!isLive(side->hypotheses)) {
+    side->hypotheses.clear();
+    if (report.message.empty()) report.message = "the object is not seen in its image";
+    return;
+  }
+  const FieldMetadata& object = field_->field().metadata;
+  report.score = side->hypotheses.front().score;
+  side->hypotheses = nearestEquivalents(side->hypotheses, side->prior, object);
+  const Pose& T_O_V = side->hypotheses.front().T_O_C;
+  const ObjectFrame frame = ObjectFrame::inMetres(object);
+  Matrix6 covariance = poseCovariance(side->hypotheses, side->prior, object);
+  covariance += systematicCovariance(covariance, T_O_V, object);
+  report.T_V_O = frame.objectInCamera({nearestRotation(T_O_V.R), T_O_V.t});
+  report.covariance = covarianceInCamera(covariance, T_O_V, object, frame);
+  if (report.score >= kLeastScore) return;
+  side->hypotheses.clear();
+  report.message = isPast(view)
+                       ? "the past image does not show the object there"
+                       : "its image does not show the object as rendered: covered, perhaps";
+}
+
+/// What an image of another camera says of all cameras' motion. Of past views, without the error
+/// of the present place.
 ViewOpinion SideViews::opinionOf(const SideView& view, const Found& side) const {
   const FieldMetadata& object = field_->field().metadata;
-  const HypothesisTable nearest = nearestEquivalents(side.hypotheses, side.prior, object);
-  const Pose& T_O_V = nearest.front().T_O_C;
+  const Pose& T_O_V = side.hypotheses.front().T_O_C;
   const Matrix6 model = modelCovariance(T_O_V, object);
-  Matrix6 noise = poseCovariance(nearest, side.prior, object);
-  noise += systematicCovariance(noise, T_O_V, object) + placeCovariance(view, T_O_V, object);
+  Matrix6 noise = poseCovariance(side.hypotheses, side.prior, object);
+  noise += systematicCovariance(noise, T_O_V, object) +
+           placeCovariance(T_O_V, view.position_dev_m / object.metres_per_unit,
+                           view.rotation_dev_rad, object) +
+           side.unsteady * side.unsteady.transpose();
   return {cameraTwist(side.prior.T_O_C, T_O_V, object.centre), noise - model, model};
 }
 
-SideViews::Camera* SideViews::camera(std::size_t i) {
-  while (cameras_.size() <= i) {
-    cameras_.push_back(std::make_shared<Camera>(backend_, field_, settings_));
-  }
-  return cameras_[i].get();
+SideViews::Camera* SideViews::camera(int number) {
+  std::shared_ptr<Camera>& camera = cameras_[number];
+  if (!camera) camera = std::make_shared<Camera>(backend_, field_, settings_);
+  return camera.get();
 }
 
-/// Adds an opinion to others, unless they are too far apart.
-bool SideViews::agrees(const ViewOpinion& opinion, std::vector<ViewOpinion>* opinions,
-                       SideViewReport* report) {
-  const double apart = opinions->empty() ? 0 : squaredDistance(joined(*opinions), opinion);
-  if (!(apart < kMostApart)) {
-    char text[120];
-    std::snprintf(text, sizeof text,
-                  "it shows another pose, %.1f standard deviations away: check its place and stamp",
-                  std::sqrt(apart));
-    report->message = text;
-    return false;
+/// Looks at the images of other cameras, side by side where they have cameras of their own.
+void SideViews::lookAll(const Observation& observation, bool closely,
+                        const CancellationToken& cancellation, std::vector<Found>* sides) {
+  std::map<int, std::vector<std::size_t>> of_camera;
+  for (std::size_t i = 0; i < sides->size(); ++i) {
+    const int number = observation.beside[i].camera;
+    if (number != 0) of_camera[number > 0 ? number : -1 - static_cast<int>(i)].push_back(i);
   }
-  opinions->push_back(opinion);
-  report->used = true;
-  return true;
+  std::vector<std::pair<Camera*, std::vector<std::size_t>>> jobs;
+  for (auto& [number, views] : of_camera) jobs.emplace_back(camera(number), std::move(views));
+  parallelFor(threadCount(0), static_cast<int>(jobs.size()), [&](int job) {
+    for (const std::size_t i : jobs[job].second) {
+      look(observation.beside[i], closely, cancellation, jobs[job].first, &(*sides)[i]);
+    }
+  });
 }
 
-void SideViews::join(const Observation& observation, const Prior& prior,
-                     const KeyframeScores& scores, const CancellationToken& cancellation,
-                     Refinement* found) {
+/// Joins past views. They share the error of the present place, and speak of the object only where
+/// a present image shows it.
+void SideViews::joinPast(const Observation& observation, const std::vector<Found>& past,
+                         Group* group, Refinement* found) const {
+  const FieldMetadata& object = field_->field().metadata;
+  std::vector<ViewOpinion> opinions;
+  std::vector<std::size_t> members;
+  const SideView* newest = nullptr;
+  for (std::size_t i = 0; i < past.size(); ++i) {
+    const SideView& view = observation.beside[i];
+    if (!isPast(view) || past[i].hypotheses.empty()) continue;
+    SideViewReport& report = found->beside[i];
+    if (takeIn(opinionOf(view, past[i]), &opinions, &report.apart)) {
+      members.push_back(i);
+      if (newest == nullptr || view.after_s > newest->after_s) newest = &view;
+    } else {
+      report.message = contradiction(report.apart, "the object was moved, or the camera's place");
+    }
+  }
+  if (members.empty()) return;
+  ViewOpinion together = joined(opinions);
+  together.noise += placeCovariance(found->T_O_C, newest->position_dev_m / object.metres_per_unit,
+                                    newest->rotation_dev_rad, object);
+  double away = 0;
+  const bool seen = !group->opinions.empty();
+  const bool used = seen && takeIn(together, &group->opinions, &away);
+  for (const std::size_t i : members) {
+    found->beside[i].apart = away;
+    found->beside[i].used = used;
+    if (used) continue;
+    found->beside[i].message =
+        seen ? contradiction(away, "the object was moved since") : "no present image shows it";
+  }
+}
+
+/// Joins other cameras.
+void SideViews::joinCameras(const Observation& observation, const KeyframeScores& scores,
+                            const std::vector<Found>& sides, Group* group,
+                            Refinement* found) const {
+  for (std::size_t i = 0; i < sides.size(); ++i) {
+    const SideView& view = observation.beside[i];
+    SideViewReport& report = found->beside[i] = sides[i].report;
+    if (isPast(view) || sides[i].hypotheses.empty()) continue;
+    report.used = takeIn(opinionOf(view, sides[i]), &group->opinions, &report.apart);
+    if (!report.used) {
+      report.message = contradiction(report.apart, "check its place and stamp");
+      continue;
+    }
+    group->probability = std::max(group->probability, scoreProbability(report.score, scores));
+    if (group->opinions.size() > 1) continue;
+    found->hypotheses = {sides[i].hypotheses.front()};
+    found->visible_fraction = sides[i].hypotheses.front().visible_fraction;
+  }
+}
+
+/// What the observation's own image says, if anything.
+SideViews::Group SideViews::begin(const Prior& prior, Refinement* found) const {
+  const FieldMetadata& object = field_->field().metadata;
+  Group group;
+  group.start = prior;
+  if (found->outcome != Outcome::kRefined || explained(*found) < kLeastScore) return group;
+  group.start.T_O_C = found->T_O_C;
+  group.start.rotation_rad = std::min(prior.rotation_rad, kNear_rad);
+  group.start.translation = std::min(prior.translation, kNear);
+  const Matrix6 model = modelCovariance(found->T_O_C, object);
+  group.opinions.push_back({Vector6::Zero(), found->covariance - model, model});
+  group.probability = *found->found_probability;
+  found->own = LonePose{found->T_O_C, found->covariance};
+  return group;
+}
+
+void SideViews::join(const Observation& observation, const Own& own,
+                     const CancellationToken& cancellation, Refinement* found) {
   const FieldMetadata& object = field_->field().metadata;
   found->beside.assign(observation.beside.size(), {});
   if (!(object.metres_per_unit > 0)) {
@@ -203,38 +290,29 @@ void SideViews::join(const Observation& observation, const Prior& prior,
     }
     return;
   }
-  std::vector<ViewOpinion> opinions;
-  Prior start = prior;
-  double probability = 0;
-  if (found->outcome == Outcome::kRefined && explained(*found) >= kLeastScore) {
-    start.T_O_C = found->T_O_C;
-    start.rotation_rad = std::min(start.rotation_rad, kNear_rad);
-    start.translation = std::min(start.translation, kNear);
-    const Matrix6 model = modelCovariance(found->T_O_C, object);
-    opinions.push_back({Vector6::Zero(), found->covariance - model, model});
-    probability = *found->found_probability;
+  Group group = begin(own.prior, found);
+  const bool own_sees = !group.opinions.empty();
+  std::vector<Found> sides;
+  for (const SideView& view : observation.beside) {
+    sides.push_back(expected(view, own, group.start));
   }
-  const std::size_t own = opinions.size();
-  for (std::size_t i = 0; i < observation.beside.size(); ++i) {
+  lookAll(observation, own_sees, cancellation, &sides);
+  for (std::size_t i = 0; i < sides.size(); ++i) {
     const SideView& view = observation.beside[i];
-    const Found side = look(view, start, cancellation, camera(i));
-    found->beside[i] = side.report;
-    if (side.hypotheses.empty() || !agrees(opinionOf(view, side), &opinions, &found->beside[i])) {
-      continue;
-    }
-    probability = std::max(probability, scoreProbability(side.report.score, scores));
-    if (own > 0 || opinions.size() > 1) continue;
-    found->hypotheses = {side.hypotheses.front()};
-    found->visible_fraction = side.hypotheses.front().visible_fraction;
+    if (isPast(view)) lookBack(view, own.search, cancellation, &sides[i]);
+    report(view, &sides[i]);
   }
-  if (opinions.size() == own) return;
-  const ViewOpinion all = joined(opinions);
+  joinCameras(observation, own.scores, sides, &group, found);
+  joinPast(observation, sides, &group, found);
+  if (group.opinions.size() == (own_sees ? 1 : 0)) return;
+  const ViewOpinion all = joined(group.opinions);
   found->outcome = Outcome::kRefined;
-  found->T_O_C = movedBy(all.twist, start.T_O_C, object.centre);
+  found->T_O_C = movedBy(all.twist, group.start.T_O_C, object.centre);
   found->hypotheses.front().T_O_C = found->T_O_C;
   found->covariance = all.noise + all.model;
-  found->found_probability = probability;
-  found->score = probability * withinProbability(found->covariance, object);
+  found->found_probability = group.probability;
+  found->score = group.probability * withinProbability(found->covariance, object) *
+                 found->unmistaken.value_or(1);
 }
 
 }  // namespace nerf_pose_refiner

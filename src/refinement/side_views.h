@@ -1,39 +1,38 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <map>
 #include <memory>
 #include <vector>
 
 #include "refinement/field_refiner.h"
 #include "refinement/keyframe_search.h"
+#include "refinement/view_opinion.h"
 #include "views/keyframe_renderer.h"
 
 namespace nerf_pose_refiner {
 
-/// What one image says of the pose, as a motion of all cameras from a common pose: cameras that
-/// stand fixed to each other move by one twist about the object's centre, in the axes of O.
-struct ViewOpinion {
-  Vector6 twist = Vector6::Zero();
-  Matrix6 noise = Matrix6::Identity();  ///< covariance of this image alone
-  Matrix6 model = Matrix6::Zero();      ///< that of the model's error, which images share
-};
-
-/// What images say together: their normal equations are added. Errors of the model count as the
-/// same in all of them, so that more images do not lessen them.
-ViewOpinion joined(const std::vector<ViewOpinion>& opinions);
-
-/// The further cameras of an observation, each with its keyframes.
+/// The further cameras of an observation, each with its keyframes, and past views of its own.
 class SideViews {
  public:
+  /// What is known of the observation's own image.
+  struct Own {
+    Prior prior;  ///< of the search in it
+    const KeyframeScores& scores;
+    KeyframeSearch* search;  ///< its camera's keyframes
+    /// How the object is expected to move, as the camera's twist a second (@see cameraTwist).
+    Vector6 motion_per_s = Vector6::Zero();
+  };
+
   SideViews(Backend* backend, std::shared_ptr<const LoadedField> field,
             const KeyframeSearchSettings& settings)
       : backend_(backend), field_(std::move(field)), settings_(settings) {}
 
   /// Joins what side views say to what the observation's own image says. Where that shows the
-  /// object badly, the others find it from the prior.
-  /// @param found of the own image, its probability by `scores` included.
-  void join(const Observation& observation, const Prior& prior, const KeyframeScores& scores,
-            const CancellationToken& cancellation, Refinement* found);
+  /// object badly, other cameras find it from the prior.
+  /// @param found of the own image, its probability by `own.scores` included.
+  void join(const Observation& observation, const Own& own, const CancellationToken& cancellation,
+            Refinement* found);
 
   /// Waits until nothing is rendered any more.
   void waitForRenderings(const CancellationToken& cancellation);
@@ -41,19 +40,35 @@ class SideViews {
  private:
   struct Camera;
   struct Found;
+  struct Group;
+  /// What was found in a past view, which does not change.
+  struct Known {
+    std::weak_ptr<const Observation> observation;
+    HypothesisTable hypotheses;
+  };
 
-  Camera* camera(std::size_t i);
+  Camera* camera(int number);
   ViewOpinion opinionOf(const SideView& view, const Found& side) const;
-  static bool agrees(const ViewOpinion& opinion, std::vector<ViewOpinion>* opinions,
-                     SideViewReport* report);
-  Found look(const SideView& view, const Prior& prior, const CancellationToken& cancellation,
-             Camera* camera);
+  void report(const SideView& view, Found* side) const;
+  Found expected(const SideView& view, const Own& own, const Prior& start) const;
+  void look(const SideView& view, bool closely, const CancellationToken& cancellation,
+            Camera* camera, Found* found);
+  void lookBack(const SideView& view, KeyframeSearch* search, const CancellationToken& cancellation,
+                Found* found);
+  void lookAll(const Observation& observation, bool closely, const CancellationToken& cancellation,
+               std::vector<Found>* sides);
+  Group begin(const Prior& prior, Refinement* found) const;
+  void joinCameras(const Observation& observation, const KeyframeScores& scores,
+                   const std::vector<Found>& sides, Group* group, Refinement* found) const;
+  void joinPast(const Observation& observation, const std::vector<Found>& past, Group* group,
+                Refinement* found) const;
   bool haveKeyframe(const View& view, const CancellationToken& cancellation, Camera* camera);
 
   Backend* backend_;
   std::shared_ptr<const LoadedField> field_;
   KeyframeSearchSettings settings_;
-  std::vector<std::shared_ptr<Camera>> cameras_;  // in the order of the observation's views
+  std::map<int, std::shared_ptr<Camera>> cameras_;  // by SideView::camera, or -1 - place
+  std::vector<Known> known_;                        // of past views that are still used
 };
 
 }  // namespace nerf_pose_refiner

@@ -43,6 +43,7 @@ ObjectTracker::ObjectTracker(std::unique_ptr<ObjectSearch> search, const Tracker
       settings_(settings),
       state_(settings.rules) {
   settings_.validate();
+  window_.configure(settings.window);
 }
 
 /// Called with mutex_ held.
@@ -160,6 +161,7 @@ void ObjectTracker::applyChange() {
     state_.setRules(changed->rules);
   }
   settings_ = *changed;
+  window_.configure(settings_.window);
   search_->configure(settings_.initial.refiner, settings_.tracking.refiner);
 }
 
@@ -306,14 +308,19 @@ void ObjectTracker::refine(const TrackerImage& image, const ImageDecision& decis
     if (!result->prior) return;
   }
   result->field = field_;
-  result->observation =
-      std::make_shared<const Observation>(image.observe(settings_.usesMask(tracked)));
+  auto own = std::make_shared<Observation>(image.observe(settings_.usesMask(tracked)));
+  if (!tracked) window_.clear();
+  window_.addTo(image.at.stamp_ns, own.get());
+  result->observation = std::move(own);
   const Observation& observation = *result->observation;
   result->refinement =
       decision.detect ? search_->detect(observation, settings_.rules.trust_score, image.cancel)
                       : search_->search({observation, *result->prior, tracked, image.at.stamp_ns},
                                         image.cancel);
   conclude(decision, result);
+  if (result->trusted) {
+    window_.learn(observation, image.at.stamp_ns, field_->metadata, result->refinement);
+  }
 }
 
 /// Called with mutex_ held. @return false: the result is obsolete.

@@ -17,6 +17,7 @@
 #include "tracking/status.h"
 #include "tracking/tracker_state.h"
 #include "tracking/transforms.h"
+#include "tracking/view_window.h"
 
 namespace nerf_pose_refiner {
 
@@ -152,6 +153,7 @@ class ObjectTracker {
   // Used by the tracking thread only.
   std::unique_ptr<ObjectSearch> search_;
   TrackerSettings settings_;
+  ViewWindow window_;
   std::optional<TrackCondition> reported_;
   std::uint32_t processed_ = 0;
 

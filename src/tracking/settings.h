@@ -4,6 +4,7 @@
 #include <string>
 
 #include "refinement/settings.h"
+#include "tracking/view_window.h"
 
 namespace nerf_pose_refiner {
 
@@ -45,6 +46,8 @@ struct TrackingRules {
   bool predict = true;        ///< predict from the last two poses, see predictConstantVelocity
   double recover_s = 5;       ///< a lost object is searched for during this time [s]; 0: never
   bool once = false;          ///< after one trusted pose, wait for the next initial pose
+  /// Images may come from another camera than before: transforms carry poses from one to another.
+  bool cameras_change = false;
   InitialPosePolicy initial_pose_policy = InitialPosePolicy::kWhenNotTracking;
   double initial_pose_max_age_s =
       10;                      ///< of an initial pose, when it is used [s], > 0; infinite: any
@@ -67,6 +70,7 @@ struct TrackerSettings {
   SearchSettings tracking = SearchSettings::named("keyframes", 5, 0.05);  ///< from the last pose
   TrackingRules rules;
   MaskMode mask_mode = MaskMode::kNone;
+  ViewWindowSettings window;
 
   /// @throws std::invalid_argument naming the setting and the value that is out of range.
   void validate() const;

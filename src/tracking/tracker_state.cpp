@@ -235,7 +235,7 @@ ImageDecision TrackerState::decide(const ImageStamp& image) {
   if (!takesStamp(image.stamp_ns, &decision)) return decision;
   if (!has_model_ || !enabled_) return decision;
   // Another camera: the object's pose in its frame is not known.
-  if (last_ && last_->frame_id != image.camera_frame) {
+  if (!rules_.cameras_change && last_ && last_->frame_id != image.camera_frame) {
     last_.reset();
     recovery_start_.reset();
     waitWithReason(TrackReason::kReset,

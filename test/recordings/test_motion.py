@@ -10,6 +10,7 @@ import numpy as np
 TOP = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 sys.path.insert(0, os.path.join(TOP, 'recordings'))
 import motion  # noqa: E402
+import rig  # noqa: E402
 
 CENTRE_O, DIAMETER = np.array([0.01, -0.02, 0.08]), 0.2
 ELEVATIONS_DEG = (-10, 75)
@@ -117,6 +118,46 @@ class OccluderMotion(unittest.TestCase):
             apart *= centre_C[:, 2] / DIAMETER
             self.assertLess(apart.min(), 0.45, seed)
             self.assertGreater(apart.max(), 0.45, seed)
+
+
+class Rigs(unittest.TestCase):
+    def seats(self, seed, duration_s=5.0):
+        return [rig.Seat('rig', camera, seed, DIAMETER, CENTRE_O, duration_s) for camera in range(3)]
+
+    def test_a_camera_looks_at_its_target_with_z_upwards(self):
+        T = rig.looking_at([0, -2.0, 0.5], np.array([0, 1.0, 0.5]), 0.0)
+        np.testing.assert_allclose(T[:3, :3] @ [0, 0, 1], [0, 1, 0], atol=1e-12)  # forward
+        np.testing.assert_allclose(T[:3, :3] @ [0, 1, 0], [0, 0, -1], atol=1e-12)  # down
+        np.testing.assert_allclose(T[:3, 3], [0, -2, 0.5])
+
+    def test_cameras_stand_still_and_60_to_90_degrees_apart(self):
+        for seed in SEEDS:
+            first, second, third = self.seats(seed)
+            for other in (second, third):
+                a, b = first.T_W_C(0.0)[:3, 3], other.T_W_C(0.0)[:3, 3]
+                flat = [v[:2] / np.linalg.norm(v[:2]) for v in (a, b)]
+                angle = np.degrees(np.arccos(flat[0] @ flat[1]))
+                self.assertTrue(60 - 1e-6 < angle < 90 + 1e-6, angle)
+                np.testing.assert_allclose(other.T_W_C(3.0), other.T_W_C(0.0), atol=1e-12)
+
+    def test_all_cameras_see_one_object_in_the_middle_of_their_images(self):
+        t_s = rig.frame_times(5.0)
+        for seed in SEEDS:
+            seats = self.seats(seed)
+            for seat in seats:
+                np.testing.assert_allclose(seat.T_W_C(t_s) @ seat.T_C_O(t_s), seats[0].T_W_O(t_s), atol=1e-12)
+                T = seat.T_C_O(t_s)
+                centre = T[:, :3, :3] @ CENTRE_O + T[:, :3, 3]
+                self.assertLess(np.abs(centre[:, :2] / centre[:, 2:]).max() * motion.FOCAL_PX, 0.3 * motion.WIDTH)
+                self.assertTrue((seat.size(t_s) > 0.25).all() and (seat.size(t_s) < 0.5).all())
+
+    def test_a_sweep_passes_an_object_that_stands_still(self):
+        for seed in SEEDS:
+            seat = rig.Seat('sweep', 0, seed, DIAMETER, CENTRE_O, 4.0)
+            np.testing.assert_allclose(seat.T_W_O(3.0), seat.T_W_O(0.0), atol=1e-12)
+            ends = [seat.T_W_C(t)[:2, 3] for t in (0.0, rig.frame_times(4.0)[-1])]
+            cosine = ends[0] @ ends[1] / np.linalg.norm(ends[0]) / np.linalg.norm(ends[1])
+            self.assertAlmostEqual(np.degrees(np.arccos(cosine)), 45, delta=1e-6)
 
 
 if __name__ == '__main__':

@@ -9,6 +9,8 @@
 #include <utility>
 #include <vector>
 
+#include "ros/conversions/lead_camera.h"
+
 namespace nerf_pose_refiner {
 namespace {
 
@@ -22,7 +24,7 @@ class CompanionPairingTest : public testing::Test {
     return image;
   }
 
-  static CompanionPairing::Settings settings() { return {0.02, 1, "depth image"}; }
+  static CompanionPairing::Settings settings() { return {0.02, 1, 1, "depth image"}; }
 
   /// @param seconds stamp. @param now on the wall clock.
   void image(double seconds, double now, std::uint32_t clock_jumps = 0) {
@@ -111,6 +113,40 @@ TEST_F(CompanionPairingTest, WithoutDepthImagesPassAfterTheTimeOut) {
   EXPECT_EQ(take(), Pairs());
   depth(0.1, 1.32);
   EXPECT_EQ(take(), (Pairs{{100, 100}}));
+}
+
+TEST_F(CompanionPairingTest, AnImageWaitsNoLongerThanItMay) {
+  CompanionPairing impatient(
+      {0.02, 1, 0.1, "image"}, [](CameraFrame* frame) { return &frame->depth; },
+      [this](CameraFrame frame) { passed_.push_back(std::move(frame)); });
+  const auto at = [](double now) { return ros::WallTime(100 + now); };
+  impatient.addCompanion({stamped(-0.2), nullptr}, at(0));  // it lives, and is late
+  impatient.add({stamped(0), nullptr, at(0), 0}, at(0));
+  impatient.tick(at(0.09));
+  EXPECT_EQ(take(), Pairs());
+  impatient.tick(at(0.11));
+  EXPECT_EQ(take(), (Pairs{{0, -1}}));
+}
+
+TEST_F(CompanionPairingTest, AnImageOfTheSameCameraNeedsNone) {
+  CompanionPairing of_lead(
+      settings(), [](CameraFrame*) -> Companion* { return nullptr; },
+      [this](CameraFrame frame) { passed_.push_back(std::move(frame)); });
+  of_lead.add({stamped(0), nullptr, ros::WallTime(100), 0}, ros::WallTime(100));
+  EXPECT_EQ(passed_.size(), 1u);
+}
+
+TEST(LeadCamera, TheFirstOneThatLivesLeads) {
+  LeadCamera lead(3, 1.0);
+  const auto at = [](double now) { return ros::WallTime(100 + now); };
+  EXPECT_FALSE(lead.leads(1, at(0)));  // the first may still come
+  EXPECT_TRUE(lead.leads(0, at(0.5)));
+  EXPECT_FALSE(lead.leads(1, at(1.4)));
+  EXPECT_FALSE(lead.leads(2, at(1.6)));  // the second lives
+  EXPECT_TRUE(lead.leads(1, at(1.6)));   // the first is dead
+  EXPECT_TRUE(lead.leads(2, at(3.0)));   // the second, too
+  EXPECT_TRUE(lead.leads(0, at(3.1)));
+  EXPECT_FALSE(lead.leads(2, at(3.2)));
 }
 
 TEST_F(CompanionPairingTest, AJumpOfTheClockForgetsAll) {

@@ -96,56 +96,5 @@ TEST_F(MessageTrackerDepthTest, SaysThatNoneCame) {
   EXPECT_EQ(process(frame).status.depth_message, "no depth image comes");
 }
 
-class MessageTrackerCamerasTest : public MessageTrackerDepthTest {
- protected:
-  MessageTrackerCamerasTest() {
-    parameters_.cameras.topics = "left/image_raw  right/image_raw";
-    parameters_.cameras.position_dev_m = 0.003;
-    restart();
-  }
-
-  /// A frame with an image of the left camera, 5 ms later; the right one is dead.
-  static CameraFrame withLeft() {
-    CameraFrame frame = frameAt(0);
-    const CameraFrame left = frameAt(0.005, "left_camera");
-    frame.beside = {{left.image, left.info}, {nullptr, nullptr, "no image comes"}};
-    return frame;
-  }
-};
-
-TEST_F(MessageTrackerCamerasTest, HandsOnTheirImagesAndPlaces) {
-  addTransform("camera", "left_camera", 0, -0.4);
-  addTransform("camera", "left_camera", 1, -0.4);
-  search_->beside_reports.resize(1);
-  search_->beside_reports[0].used = true;
-  const FrameResult result = process(withLeft());
-  ASSERT_EQ(search_->beside.size(), 1u);
-  EXPECT_NEAR(search_->beside[0].T_C_V.t.x(), -0.4, 1e-12);
-  EXPECT_EQ(search_->beside[0].position_dev_m, 0.003);
-  EXPECT_EQ(search_->beside[0].observation->camera.width, 4);
-  EXPECT_EQ(int{result.status.cameras}, 2);
-  EXPECT_EQ(result.status.cameras_message, "right/image_raw: no image comes");
-}
-
-TEST_F(MessageTrackerCamerasTest, SaysWhyOneHadNoPart) {
-  addTransform("camera", "left_camera", 0, -0.4);
-  addTransform("camera", "left_camera", 1, -0.4);
-  search_->beside_reports.resize(1);
-  search_->beside_reports[0].message = "covered";
-  const FrameResult result = process(withLeft());
-  EXPECT_EQ(int{result.status.cameras}, 1);
-  EXPECT_EQ(result.status.cameras_message,
-            "right/image_raw: no image comes; left/image_raw: covered");
-}
-
-TEST_F(MessageTrackerCamerasTest, TracksOnWhereOneHasNoTransform) {
-  const FrameResult result = process(withLeft());
-  EXPECT_TRUE(search_->beside.empty());
-  EXPECT_TRUE(result.pose);
-  EXPECT_EQ(int{result.status.cameras}, 1);
-  EXPECT_NE(result.status.cameras_message.find("left/image_raw: no transform"), std::string::npos)
-      << result.status.cameras_message;
-}
-
 }  // namespace
 }  // namespace nerf_pose_refiner

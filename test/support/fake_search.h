@@ -47,8 +47,12 @@ class FakeSearch : public ObjectSearch {
     refinement.covariance = covariance;
     refinement.depth = depth_report;
     refinement.beside = beside_reports;
+    if (own_sees && !beside.empty()) refinement.own = LonePose{T_O_C, covariance};
     refinement.hypotheses.resize(2);
-    for (Hypothesis& hypothesis : refinement.hypotheses) hypothesis.T_O_C = T_O_C;
+    for (Hypothesis& hypothesis : refinement.hypotheses) {
+      hypothesis.T_O_C = T_O_C;
+      hypothesis.score = score;
+    }
     return refinement;
   }
 
@@ -71,6 +75,7 @@ class FakeSearch : public ObjectSearch {
   DepthReport depth_report;                 ///< what is said of it
   std::vector<SideView> beside;             ///< of the last observation
   std::vector<SideViewReport> beside_reports;
+  bool own_sees = true;  ///< the observation's own image took part
   Pose T_O_C = {Eigen::Matrix3d::Identity(), {0, 0, -1}};  ///< what is found
   Matrix6 covariance = Matrix6::Zero();
   Outcome outcome = Outcome::kRefined;

@@ -2,7 +2,7 @@
 # Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 """Evaluates the demo's bag as a user does: model and bag to a table, a summary and a page, and to the trust in poses.
 
-    test_evaluate_bag.py FOLDER_FOR_FILES TRAIN EVALUATE_BAG CHECK_TRUST [unittest arguments]
+    test_evaluate_bag.py FOLDER_FOR_FILES TRAIN RENDER EVALUATE_BAG CHECK_TRUST [unittest arguments]
 """
 import csv
 import json
@@ -11,9 +11,12 @@ import subprocess
 import sys
 import unittest
 
+import cv2
 import rosbag
+import rospy
+from sensor_msgs.msg import CameraInfo, Image
 
-FOLDER, TRAIN, EVALUATE, CHECK_TRUST = sys.argv[1:5]
+FOLDER, TRAIN, RENDER, EVALUATE, CHECK_TRUST = sys.argv[1:6]
 TOP = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 sys.path.insert(0, os.path.join(TOP, 'test', 'support'))
 from kiosk_model import put_kiosk_model  # noqa: E402
@@ -149,6 +152,75 @@ def write_part(name, first, last):
                 part.write(topic, message, stamp)
 
 
+def render_depth(truth, info, name):
+    """The model's depth at a pose, 16 bit. @param truth of geometry_msgs. @param info of its camera."""
+    position, turn = truth.position, truth.orientation
+    numbers = [position.x, position.y, position.z, turn.x, turn.y, turn.z, turn.w]
+    result = run(RENDER, MODEL, '--pose', *map(str, numbers), '--intrinsics',
+                 *(str(info.K[i]) for i in (0, 4, 2, 5)), '--size', str(info.width), str(info.height), '--depth',
+                 '-o', name + '.png')
+    assert result.returncode == 0, result.stderr
+    return cv2.imread(name + '_depth.png', cv2.IMREAD_UNCHANGED)
+
+
+def write_with_depth(name, images, factor=1):
+    """The bag's first images, with the model's depth beside them, as a camera of the same frame takes it."""
+    number, infos = 0, {}
+    with rosbag.Bag(BAG) as bag, rosbag.Bag(name, 'w') as part:
+        for topic, message, stamp in bag.read_messages():
+            if topic == '/camera/camera_info':
+                infos[stamp] = message
+            if topic == IMAGE:
+                number += 1
+            if topic != IMAGE or number <= images:
+                part.write(topic, message, stamp)
+            if topic != TRUTH[1] or number > images:
+                continue
+            depth = render_depth(message.pose, infos[stamp], path('depth_%d' % number))
+            picture, info = Image(), CameraInfo(**{key: getattr(infos[stamp], key) for key in CameraInfo.__slots__})
+            picture.header = info.header
+            picture.height, picture.width = depth.shape
+            picture.encoding, picture.step = '16UC1', 2 * depth.shape[1]
+            picture.data = (depth * factor).astype('<u2').tobytes()
+            later = stamp + rospy.Duration.from_sec(0.001)
+            part.write('/depth/image', picture, later)
+            part.write('/depth/camera_info', info, later)
+
+
+class Depth(unittest.TestCase):
+    """Keyframes, with depth that agrees with them and with depth that does not."""
+
+    OPTIONS = (*TRUTH, '--track', '--frames', '4', '--start-rotation', '2', '--start-translation', '0.02', '--points',
+               '200', '--min-score', '0', '--trust-score', '0', '--no-plots', '--image', IMAGE)
+
+    def evaluate(self, name, bag, *options):
+        result = run(EVALUATE, MODEL, bag, '-o', path(name), *self.OPTIONS, *options)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        return without_latency(*read(path(name)))
+
+    def test_depth_of_a_bag_takes_part(self):
+        write_with_depth(path('deep.bag'), 4)
+        rows, summary = self.evaluate('deep', path('deep.bag'), '--depth', '/depth/image')
+        self.assertEqual(summary['with_depth'], 4, summary['depth_refused'])
+        self.assertEqual(summary['settings']['depth'], '/depth/image')
+        alone, _ = self.evaluate('flat', path('deep.bag'))
+        self.assertNotEqual(rows, alone)
+
+    def test_depth_of_another_unit_is_refused_and_changes_nothing(self):
+        write_with_depth(path('tenths.bag'), 4, 10)
+        rows, summary = self.evaluate('tenths', path('tenths.bag'), '--depth', '/depth/image')
+        self.assertEqual(summary['with_depth'], 0)
+        self.assertEqual(sum(summary['depth_refused'].values()), 4)
+        self.assertTrue(all('times the distance' in why for why in summary['depth_refused']), summary['depth_refused'])
+        alone, _ = self.evaluate('alone', path('tenths.bag'))
+        self.assertEqual(rows, alone)
+
+    def test_a_topic_that_is_missing_is_named(self):
+        result = run(EVALUATE, MODEL, BAG, '-o', path('none'), *self.OPTIONS, '--depth', '/no/depth')
+        self.assertEqual(result.returncode, 1, result)
+        self.assertIn('/no/depth', result.stderr)
+
+
 class Trust(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
@@ -185,4 +257,4 @@ class Trust(unittest.TestCase):
 
 
 if __name__ == '__main__':
-    sys.exit(unittest.main(argv=sys.argv[:1] + sys.argv[5:]))
+    sys.exit(unittest.main(argv=sys.argv[:1] + sys.argv[6:]))

@@ -69,6 +69,7 @@ void validateBeside(const SideView& view) {
           "SideView::position_dev_m", view.position_dev_m, "0 or more");
   require(view.rotation_dev_rad >= 0 && std::isfinite(view.rotation_dev_rad),
           "SideView::rotation_dev_rad", view.rotation_dev_rad, "0 or more");
+  require(std::isfinite(view.after_s), "SideView::after_s", view.after_s, "finite");
 }
 
 }  // namespace
@@ -87,6 +88,9 @@ void Observation::validate() const {
   if (!weight.empty()) requireImage("weight", weight, camera, 1);
   if (depth) depth->validate();
   for (const SideView& view : beside) validateBeside(view);
+  if (T_W_C && !(T_W_C->isFinite() && T_W_C->isRigid())) {
+    throw std::invalid_argument("Observation::T_W_C is not a rigid transform");
+  }
   const auto colour = background_colour.array();
   if (background == Background::kKnownColour && !((colour >= 0) && (colour <= 1)).all()) {
     throw std::invalid_argument("Observation::background_colour is not in 0..1");

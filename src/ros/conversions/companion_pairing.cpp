@@ -50,8 +50,9 @@ bool CompanionPairing::isExpected(const ros::WallTime& now) const {
 bool CompanionPairing::takeCompanion(const ros::WallTime& now, CameraFrame* frame) const {
   const ros::Time stamp = frame->image->header.stamp;
   Companion* const slot = slot_(frame);
+  if (slot == nullptr) return true;
   double least_s = HUGE_VAL;
-  bool is_over = !isExpected(now);
+  bool is_over = !isExpected(now) || (now - frame->arrival).toSec() > settings_.wait_s;
   for (const Companion& companion : companions_) {
     const double after_s = (companion.image->header.stamp - stamp).toSec();
     is_over = is_over || after_s > settings_.tolerance_s;

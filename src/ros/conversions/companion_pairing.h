@@ -9,7 +9,7 @@
 #include <mutex>
 #include <string>
 
-#include "ros/nodelet/message_tracker.h"
+#include "ros/conversions/camera_frame.h"
 
 namespace nerf_pose_refiner {
 
@@ -23,12 +23,13 @@ namespace nerf_pose_refiner {
 class CompanionPairing {
  public:
   using Emit = std::function<void(CameraFrame)>;
-  /// Where a frame keeps this companion.
+  /// Where a frame keeps this companion; null: it needs none.
   using Slot = std::function<Companion*(CameraFrame*)>;
 
   struct Settings {
     double tolerance_s;  ///< between the stamps
     double timeout_s;
+    double wait_s;     ///< a frame waits no longer than this from its arrival, by the wall clock
     std::string what;  ///< "depth image"
   };
 

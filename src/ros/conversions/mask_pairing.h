@@ -8,7 +8,7 @@
 #include <functional>
 #include <mutex>
 
-#include "ros/nodelet/message_tracker.h"
+#include "ros/conversions/camera_frame.h"
 #include "tracking/settings.h"
 
 namespace nerf_pose_refiner {

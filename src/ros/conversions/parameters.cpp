@@ -189,9 +189,41 @@ void readCameras(ParamReader& read, CameraSettings& cameras) {
   read.get("are_rectified", cameras.are_rectified);
   read.get("tolerance_s", cameras.tolerance_s);
   read.get("timeout_s", cameras.timeout_s);
+  read.get("wait_s", cameras.wait_s);
   read.get("position_dev_m", cameras.position_dev_m);
   read.get("rotation_dev_deg", cameras.rotation_dev_deg);
   read.rejectUnknown();
+}
+
+void readWindow(ParamReader& read, ViewWindowSettings& window) {
+  read.get("views", window.views);
+  read.get("apart_deg", window.apart_deg);
+  read.get("position_dev_m", window.position_dev_m);
+  read.get("rotation_dev_deg", window.rotation_dev_deg);
+  read.get("time_dev_s", window.time_dev_s);
+  read.get("renewal_s", window.renewal_s);
+  read.rejectUnknown();
+}
+
+void validateCameras(const CameraSettings& cameras) {
+  requireNotNegative("~cameras/tolerance_s", cameras.tolerance_s);
+  requireNotNegative("~cameras/timeout_s", cameras.timeout_s);
+  requireNotNegative("~cameras/wait_s", cameras.wait_s);
+  requireNotNegative("~cameras/position_dev_m", cameras.position_dev_m);
+  requireNotNegative("~cameras/rotation_dev_deg", cameras.rotation_dev_deg);
+}
+
+void validateWindow(const ViewWindowSettings& window, const FrameSettings& frames) {
+  requireNotNegative("~window/views", window.views);
+  requirePositive("~window/apart_deg", window.apart_deg);
+  requireNotNegative("~window/position_dev_m", window.position_dev_m);
+  requireNotNegative("~window/rotation_dev_deg", window.rotation_dev_deg);
+  requireNotNegative("~window/time_dev_s", window.time_dev_s);
+  requirePositive("~window/renewal_s", window.renewal_s);
+  if (window.views > 0 && frames.fixed_frame.empty()) {
+    throw std::invalid_argument(
+        "~window/views needs ~fixed_frame: a frame in which the object stands still");
+  }
 }
 
 void readOverlay(ParamReader& read, OverlaySettings& overlay) {
@@ -251,10 +283,8 @@ void PoseRefinerParameters::validate() const {
   requireNotNegative("~device", device);
   requireNotNegative("~mask_timeout_s", mask_timeout_s);
   validateDepth(depth);
-  requireNotNegative("~cameras/tolerance_s", cameras.tolerance_s);
-  requireNotNegative("~cameras/timeout_s", cameras.timeout_s);
-  requireNotNegative("~cameras/position_dev_m", cameras.position_dev_m);
-  requireNotNegative("~cameras/rotation_dev_deg", cameras.rotation_dev_deg);
+  validateCameras(cameras);
+  validateWindow(tracker.window, frames);
   requireNotNegative("~tf_timeout_s", frames.tf_timeout_s);
   requirePositive("~tf_cache_s", frames.tf_cache_s);
   requirePositive("~initial_pose_max_age_s", rules.initial_pose_max_age_s);
@@ -317,6 +347,10 @@ PoseRefinerParameters readParameters(ParamReader& reader, const PoseRefinerParam
 
   ParamReader cameras = reader.group("cameras");
   readCameras(cameras, p.cameras);
+  p.tracker.rules.cameras_change = !p.cameras.names().empty();
+
+  ParamReader window = reader.group("window");
+  readWindow(window, p.tracker.window);
 
   ParamReader overlay = reader.group("overlay");
   readOverlay(overlay, p.overlay);

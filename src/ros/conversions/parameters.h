@@ -52,6 +52,7 @@ struct CameraSettings {
   bool are_rectified = false;      ///< P of their camera_info applies, not K and D
   double tolerance_s = 0.015;      ///< between the stamps of an image and theirs [s], >= 0
   double timeout_s = 1;            ///< without one for so long, images do not wait for it [s], >= 0
+  double wait_s = 0.1;             ///< images wait so long for one that is late [s], >= 0
   double position_dev_m = 0.0005;  ///< standard deviation of their places in TF [m], >= 0
   double rotation_dev_deg = 0.03;  ///< alike [degrees], >= 0
 

@@ -65,6 +65,20 @@ Pose TfBridge::cameraInOutput(const ImageStamp& image,
       cancellation);
 }
 
+std::optional<Pose> TfBridge::cameraInFixed(const ImageStamp& image) const {
+  if (frames_.fixed_frame.empty()) return std::nullopt;
+  try {
+    return wait("no transform to " + frames_.fixed_frame,
+                [&] {
+                  return buffer_.lookupTransform(frames_.fixed_frame, image.camera_frame,
+                                                 toTime(image.stamp_ns));
+                },
+                {});
+  } catch (const InputError&) {
+    return std::nullopt;
+  }
+}
+
 Pose TfBridge::inCamera(const TimedPose& estimate, const ImageStamp& image,
                         const CancellationToken& cancellation) const {
   const std::int64_t since_ns = estimate.stamp_ns == 0 ? image.stamp_ns : estimate.stamp_ns;

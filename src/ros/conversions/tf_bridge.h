@@ -9,6 +9,7 @@
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 
 #include "nerf_pose_refiner/cancellation_token.h"
@@ -28,6 +29,10 @@ class TfBridge : public Transforms {
   /// The camera in ~output_frame (T_W_C, metres) at an image's time.
   /// @throws InputError if TF does not say it in time.
   Pose cameraInOutput(const ImageStamp& image, const CancellationToken& cancellation) const;
+
+  /// The camera in ~fixed_frame at an image's time [m]; nothing: there is no such frame, or TF does
+  /// not know it in time.
+  std::optional<Pose> cameraInFixed(const ImageStamp& image) const;
 
   /// Between the times of the estimate and the image, the object stands still in ~fixed_frame, or
   /// in the frame of the pose if that is not set.

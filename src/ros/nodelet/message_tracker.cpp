@@ -13,13 +13,11 @@ MessageTracker::MessageTracker(const PoseRefinerParameters& parameters,
                                std::unique_ptr<ObjectSearch> search, tf2::BufferCore* transforms,
                                Report report, Clock clock)
     : image_is_rectified_(parameters.image_is_rectified),
-      depth_(parameters.depth),
+      others_are_rectified_(parameters.cameras.are_rectified),
+      output_in_camera_(parameters.frames.output_frame.empty()),
       clock_(std::move(clock)),
       tf_(std::make_shared<TfBridge>(*transforms, parameters.frames)),
-      input_(parameters.image_is_rectified),
-      cameras_(parameters.cameras),
-      camera_names_(cameras_.names()),
-      beside_(camera_names_.size(), SideInput{CameraInput(parameters.cameras.are_rectified)}),
+      input_(parameters, tf_),
       tracker_(std::move(search), parameters.tracker,
                {tf_, [this] { return toNanoseconds(clock_()); },
                 [report = std::move(report)](const TrackStatus& status) {
@@ -27,9 +25,11 @@ MessageTracker::MessageTracker(const PoseRefinerParameters& parameters,
                 }}) {}
 
 std::optional<std::string> MessageTracker::refusal(const sensor_msgs::Image& image,
-                                                   const sensor_msgs::CameraInfo& info) {
+                                                   const sensor_msgs::CameraInfo& info,
+                                                   std::size_t camera) {
   try {
-    checkImage(image, cameraFromMessage(info, image_is_rectified_).camera);
+    const bool is_rectified = camera == 0 ? image_is_rectified_ : others_are_rectified_;
+    checkImage(image, cameraFromMessage(info, is_rectified).camera);
     tracker_.imageArrived();
     return std::nullopt;
   } catch (const InputError& e) {
@@ -38,54 +38,20 @@ std::optional<std::string> MessageTracker::refusal(const sensor_msgs::Image& ima
   }
 }
 
-/// A companion's camera in the image's, at their times [m].
-Pose MessageTracker::placeOf(const Companion& companion, const ImageStamp& at,
-                             bool* was_placed) const {
-  const ImageStamp of_companion = imageStampOf(companion.image->header);
+/// Where poses of a camera are published: in the frame of `image`, though another camera leads.
+std::string MessageTracker::outputFrame(const std::string& camera_frame) const {
+  if (output_in_camera_ && !first_frame_.empty()) return first_frame_;
+  return tf_->outputFrame(camera_frame);
+}
+
+/// The camera in that frame. @throws InputError if TF does not say it in time.
+Pose MessageTracker::cameraInOutput(const ImageStamp& at,
+                                    const CancellationToken& cancellation) const {
+  if (!output_in_camera_ || first_frame_.empty()) return tf_->cameraInOutput(at, cancellation);
   TimedPose camera;
-  camera.frame_id = of_companion.camera_frame;
-  camera.stamp_ns = of_companion.stamp_ns;
-  // A transform that was missing before is not waited for: images would come late for nothing.
-  CancellationToken impatient;
-  if (!*was_placed) impatient.requestCancel();
-  *was_placed = false;
-  const Pose T_C_D = tf_->inCamera(camera, at, impatient);
-  *was_placed = true;
-  return T_C_D;
-}
-
-/// Null: there is none, or it cannot be used, and why.
-std::shared_ptr<const DepthImage> MessageTracker::depthOf(const CameraFrame& frame,
-                                                          const ImageStamp& at,
-                                                          std::string* why_not) {
-  *why_not = frame.depth.why_none;
-  if (!frame.depth.image) return nullptr;
-  try {
-    return depthFromMessage(frame.depth, placeOf(frame.depth, at, &depth_was_placed_), depth_);
-  } catch (const InputError& e) {
-    *why_not = e.what();
-    return nullptr;
-  }
-}
-
-/// Empty: it cannot be used, and why.
-std::optional<SideView> MessageTracker::sideView(const CameraFrame& frame, std::size_t i,
-                                                 const ImageStamp& at, std::string* why_not) {
-  const Companion& companion = frame.beside[i];
-  *why_not = companion.why_none;
-  if (!companion.image) return std::nullopt;
-  try {
-    SideView view;
-    view.T_C_V = placeOf(companion, at, &beside_[i].was_placed);
-    view.position_dev_m = cameras_.position_dev_m;
-    view.rotation_dev_rad = cameras_.rotation_dev_deg * kDegree;
-    view.observation = std::make_shared<const Observation>(
-        beside_[i].input.observe(companion.image, *companion.info));
-    return view;
-  } catch (const InputError& e) {
-    *why_not = e.what();
-    return std::nullopt;
-  }
+  camera.frame_id = at.camera_frame;
+  camera.stamp_ns = at.stamp_ns;
+  return tf_->inCamera(camera, {first_frame_, at.stamp_ns}, cancellation);
 }
 
 std::optional<FrameResult> MessageTracker::process(const CameraFrame& frame) {
@@ -93,27 +59,16 @@ std::optional<FrameResult> MessageTracker::process(const CameraFrame& frame) {
   image.at = imageStampOf(frame.image->header);
   image.clock_jumps = frame.clock_jumps;
   std::optional<Pose> T_W_C;
-  std::string no_transform, no_depth, no_views;
-  std::vector<std::size_t> looked_at;  // of the further cameras
+  std::string no_transform;
+  if (frame.camera == 0) first_frame_ = image.at.camera_frame;
   image.observe = [&](bool use_mask) {
     // Looked up now: when the refinement is done, the buffer may have forgotten.
     try {
-      T_W_C = tf_->cameraInOutput(image.at, image.cancel);
+      T_W_C = cameraInOutput(image.at, image.cancel);
     } catch (const InputError& e) {
       no_transform = e.what();
     }
-    ImageMasks masks = frame.masks;
-    if (!use_mask) masks.object = nullptr;
-    Observation observation = input_.observe(frame.image, *frame.info, masks);
-    observation.depth = depthOf(frame, image.at, &no_depth);
-    for (std::size_t i = 0; i < beside_.size() && i < frame.beside.size(); ++i) {
-      std::string why_not;
-      if (auto view = sideView(frame, i, image.at, &why_not)) observation.beside.push_back(*view);
-      if (!why_not.empty())
-        no_views += (no_views.empty() ? "" : "; ") + camera_names_[i] + ": " + why_not;
-      if (why_not.empty()) looked_at.push_back(i);
-    }
-    return observation;
+    return input_.observe(frame, image.at, use_mask);
   };
   FrameResult result;
   result.track = tracker_.process(image);
@@ -132,15 +87,7 @@ std::optional<FrameResult> MessageTracker::process(const CameraFrame& frame) {
   result.status.latency_s = static_cast<float>((ros::WallTime::now() - frame.arrival).toSec());
   result.status.image_age_s =
       static_cast<float>(clock_().toSec() - frame.image->header.stamp.toSec());
-  depthToMessage(track.refinement.depth, no_depth, &result.status);
-  result.status.cameras = track.found ? 1 : 0;
-  for (std::size_t i = 0; i < track.refinement.beside.size() && i < looked_at.size(); ++i) {
-    const SideViewReport& view = track.refinement.beside[i];
-    result.status.cameras += view.used;
-    if (view.used) continue;
-    no_views += (no_views.empty() ? "" : "; ") + camera_names_[looked_at[i]] + ": " + view.message;
-  }
-  result.status.cameras_message = no_views;
+  input_.report(frame, track, &result.status);
   if (T_W_C && track.found) place(*T_W_C, &result);
   return result;
 }
@@ -150,7 +97,7 @@ void MessageTracker::place(const Pose& T_W_C, FrameResult* result) {
   const TrackOutcome& track = result->track;
   const FieldMetadata& object = track.field->metadata;
   std_msgs::Header header = toHeader(track.image);
-  header.frame_id = tf_->outputFrame(track.image.camera_frame);
+  header.frame_id = outputFrame(track.image.camera_frame);
   result->hypotheses = toMessage(track.refinement.hypotheses, T_W_C, object);
   result->hypotheses.object = object.name;
   result->hypotheses.header = header;
@@ -172,9 +119,23 @@ void MessageTracker::estimateVelocity(FrameResult* result) {
       velocity_.add(result->track.image.stamp_ns, fromMessage(pose.pose),
                     Eigen::Map<const Covariance>(pose.covariance.data()));
   if (!velocity) return;
+  const double newest_s = input_.newestAfter_s(result->track);
+  if (newest_s > 0) moveOn(newest_s, *velocity, result);
   result->twist.emplace();
   result->twist->header = result->pose->header;
   result->twist->twist = toMessage(*velocity);
+}
+
+/// Moves the pose on to the stamp of the newest image that took part in it.
+void MessageTracker::moveOn(double seconds, const Velocity& velocity, FrameResult* result) const {
+  geometry_msgs::PoseWithCovarianceStamped& message = *result->pose;
+  Pose pose = fromMessage(message.pose.pose);
+  pose.t += seconds * velocity.linear;
+  pose.R = nearestRotation(expSO3(Eigen::Vector3d(seconds * velocity.angular)) * pose.R);
+  message.pose.pose = toMessage(pose);
+  message.header.stamp += ros::Duration(seconds);
+  using Covariance = Eigen::Matrix<double, 6, 6, Eigen::RowMajor>;
+  Eigen::Map<Covariance>(message.pose.covariance.data()) += seconds * seconds * velocity.covariance;
 }
 
 }  // namespace nerf_pose_refiner

@@ -14,30 +14,19 @@
 #include <string>
 #include <vector>
 
-#include "ros/conversions/camera_input.h"
-#include "ros/conversions/depth_input.h"
+#include "ros/conversions/camera_frame.h"
 #include "ros/conversions/parameters.h"
 #include "ros/conversions/tf_bridge.h"
+#include "ros/nodelet/frame_input.h"
 #include "tracking/object_tracker.h"
 #include "tracking/velocity.h"
 
 namespace nerf_pose_refiner {
 
-/// An image as it arrived.
-struct CameraFrame {
-  sensor_msgs::ImageConstPtr image;
-  sensor_msgs::CameraInfoConstPtr info;
-  ros::WallTime arrival;
-  std::uint32_t clock_jumps = 0;       ///< ObjectTracker::readClock at its arrival
-  ImageMasks masks = {};               ///< with the same stamp
-  Companion depth = {};                ///< of about the same time
-  std::vector<Companion> beside = {};  ///< alike, of the cameras of ~cameras/topics
-};
-
 /// The result for one refined image.
 struct FrameResult {
   RefinementStatus status;
-  /// In ~output_frame, if it is trusted.
+  /// In ~output_frame, if it is trusted, at the stamp of the newest image that took part.
   std::optional<geometry_msgs::PoseWithCovarianceStamped> pose;
   /// From the last trusted pose to this one, in ~output_frame; empty if there was none shortly
   /// before, or if it was of another model.
@@ -61,39 +50,29 @@ class MessageTracker {
   ObjectTracker& tracker() { return tracker_; }
 
   /// Checks an image and reports its arrival to the tracker. Any thread.
+  /// @param camera that took it, @see CameraFrame.
   /// @return empty if it may be processed, else the reason, which ~status shows, too.
   std::optional<std::string> refusal(const sensor_msgs::Image& image,
-                                     const sensor_msgs::CameraInfo& info);
+                                     const sensor_msgs::CameraInfo& info, std::size_t camera = 0);
 
   /// Refines an image, as ObjectTracker::process does. Only the tracking thread may call it.
   /// @return empty if the image was skipped.
   std::optional<FrameResult> process(const CameraFrame& frame);
 
  private:
-  /// Another camera.
-  struct SideInput {
-    CameraInput input;
-    bool was_placed = true;  ///< TF knew its place in the last image
-  };
-
-  std::shared_ptr<const DepthImage> depthOf(const CameraFrame& frame, const ImageStamp& at,
-                                            std::string* why_not);
-  std::optional<SideView> sideView(const CameraFrame& frame, std::size_t i, const ImageStamp& at,
-                                   std::string* why_not);
-  Pose placeOf(const Companion& companion, const ImageStamp& at, bool* was_placed) const;
+  Pose cameraInOutput(const ImageStamp& at, const CancellationToken& cancellation) const;
+  std::string outputFrame(const std::string& camera_frame) const;
   void place(const Pose& T_W_C, FrameResult* result);
   void estimateVelocity(FrameResult* result);
+  void moveOn(double seconds, const Velocity& velocity, FrameResult* result) const;
 
-  const bool image_is_rectified_;
-  const DepthSettings depth_;
+  const bool image_is_rectified_, others_are_rectified_;
+  const bool output_in_camera_;  ///< ~output_frame is empty
   const Clock clock_;
   const std::shared_ptr<TfBridge> tf_;
-  CameraInput input_;  ///< used by the tracking thread only
-  const CameraSettings cameras_;
-  const std::vector<std::string> camera_names_;
-  std::vector<SideInput> beside_;  ///< of ~cameras/topics
+  FrameInput input_;         ///< used by the tracking thread only
+  std::string first_frame_;  ///< of `image`; empty: it was not seen yet
   ObjectTracker tracker_;
-  bool depth_was_placed_ = true;  ///< TF knew the last depth image's camera
   VelocityEstimator velocity_;
   std::weak_ptr<const Field> moving_;  ///< the object of velocity_
 };

@@ -27,18 +27,21 @@ TrackingWorker::TrackingWorker(const PoseRefinerParameters& parameters,
                [this](const RefinementStatus& status) { report(status); }),
       pairing_(parameters.tracker.mask_mode, parameters.mask_timeout_s,
                [this](CameraFrame frame) { mailbox_.put(std::move(frame)); }),
-      beside_(parameters.depth.use ? 1 : 0) {
+      beside_(parameters.depth.use ? 1 : 0),
+      lead_(1 + parameters.cameras.names().size(), parameters.cameras.timeout_s) {
   if (parameters.depth.use) {
-    addPairing({parameters.depth.tolerance_s, parameters.depth.timeout_s, "depth image"},
+    const DepthSettings& depth = parameters.depth;
+    addPairing({depth.tolerance_s, depth.timeout_s, depth.timeout_s, "depth image"},
                [](CameraFrame* frame) { return &frame->depth; });
   }
   const CameraSettings& cameras = parameters.cameras;
   const std::size_t count = cameras.names().size();
   for (std::size_t i = 0; i < count; ++i) {
-    addPairing({cameras.tolerance_s, cameras.timeout_s, "image"}, [i, count](CameraFrame* frame) {
-      frame->beside.resize(count);
-      return &frame->beside[i];
-    });
+    addPairing({cameras.tolerance_s, cameras.timeout_s, cameras.wait_s, "image"},
+               [i, count](CameraFrame* frame) {
+                 frame->beside.resize(count);
+                 return frame->camera == i + 1 ? nullptr : &frame->beside[i];
+               });
   }
   thread_ = std::thread([this] { work(); });
 }
@@ -70,16 +73,25 @@ TrackingWorker::~TrackingWorker() {
 
 void TrackingWorker::addImage(const sensor_msgs::ImageConstPtr& image,
                               const sensor_msgs::CameraInfoConstPtr& info) {
-  const ros::WallTime arrival = ros::WallTime::now();
-  const std::uint32_t clock_jumps = tracker().readClock();
-  outputs_.diagnostics->imageArrived(image->header.stamp);
-  if (const auto reason = tracker_.refusal(*image, *info)) {
+  CameraFrame frame;
+  frame.image = image;
+  frame.info = info;
+  frame.arrival = ros::WallTime::now();
+  lead_.leads(0, frame.arrival);
+  addFrame(std::move(frame));
+}
+
+/// Begins to track in an image of the camera that leads.
+void TrackingWorker::addFrame(CameraFrame frame) {
+  frame.clock_jumps = tracker().readClock();
+  outputs_.diagnostics->imageArrived(frame.image->header.stamp);
+  if (const auto reason = tracker_.refusal(*frame.image, *frame.info, frame.camera)) {
     ROS_ERROR_THROTTLE(5.0, "image: %s", reason->c_str());
     outputs_.diagnostics->count(&ImageCounts::refused);
     wake();
     return;
   }
-  pairUp({image, info, arrival, clock_jumps}, companions_.size());
+  pairUp(std::move(frame), companions_.size());
 }
 
 void TrackingWorker::addMask(const sensor_msgs::ImageConstPtr& mask) {
@@ -95,7 +107,15 @@ void TrackingWorker::addDepth(const Companion& depth) {
 }
 
 void TrackingWorker::addBeside(std::size_t camera, const Companion& image) {
-  companions_.at(beside_ + camera)->addCompanion(image, ros::WallTime::now());
+  const ros::WallTime now = ros::WallTime::now();
+  companions_.at(beside_ + camera)->addCompanion(image, now);
+  if (!lead_.leads(camera + 1, now)) return;
+  CameraFrame frame;
+  frame.image = image.image;
+  frame.info = image.info;
+  frame.arrival = now;
+  frame.camera = camera + 1;
+  addFrame(std::move(frame));
 }
 
 void TrackingWorker::work() {

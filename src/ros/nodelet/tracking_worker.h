@@ -10,6 +10,7 @@
 
 #include "concurrency/frame_mailbox.h"
 #include "ros/conversions/companion_pairing.h"
+#include "ros/conversions/lead_camera.h"
 #include "ros/conversions/mask_pairing.h"
 #include "ros/conversions/parameters.h"
 #include "ros/nodelet/diagnostics.h"
@@ -51,6 +52,7 @@ class TrackingWorker {
   void addIgnoreMask(const sensor_msgs::ImageConstPtr& mask);
 
  private:
+  void addFrame(CameraFrame frame);
   void addPairing(const CompanionPairing::Settings& settings, CompanionPairing::Slot slot);
   void pairUp(CameraFrame frame, std::size_t companion);
   void work();
@@ -66,6 +68,7 @@ class TrackingWorker {
   /// and from there to pairing_.
   std::vector<std::unique_ptr<CompanionPairing>> companions_;
   std::size_t beside_ = 0;  ///< the first of a camera among them
+  LeadCamera lead_;
   std::atomic<bool> stopping_{false};
   std::thread thread_;  ///< last: it uses all above
 };

@@ -1,0 +1,314 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+//
+// Several cameras, and one that moves as several, on recordings of the kinds `rig` and `sweep`
+// (recordings/README.md). A rig is tracked by its first camera alone, by its second one alone and
+// by both; a sweep with and without a window of past views. What is stated of the cameras' places
+// is wrong by as much as the options say. Frames count as in depth_tracking.
+
+#include <CLI/CLI.hpp>
+#include <Eigen/Cholesky>
+
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <exception>
+#include <memory>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "backend/make_backend.h"
+#include "evaluation/clutter.h"
+#include "evaluation/pose_error.h"
+#include "evaluation/statistics.h"
+#include "field/object_frame.h"
+#include "field/object_metadata.h"
+#include "image/io.h"
+#include "math/angle.h"
+#include "recorded_sequence.h"
+#include "runtime/shared_backend.h"
+#include "tracking/object_tracker.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+struct Options {
+  std::string model, folder;
+  BackendChoice backend;
+  double position_mm = 0.5, rotation_deg = 0.03, late_ms = 0;
+  int cover_from = -1, cover_to = -1;  // frames in which the second camera is covered
+  int window = 0;
+  std::uint64_t seed = 1;
+  bool verbose = false;
+};
+
+/// A place that is stated a little wrongly.
+Pose disturbed(const Pose& pose, const Options& options, std::mt19937_64* random) {
+  std::normal_distribution<double> normal;
+  const auto drawn = [&](double deviation) {
+    return Eigen::Vector3d(deviation * normal(*random), deviation * normal(*random),
+                           deviation * normal(*random));
+  };
+  const Eigen::Vector3d turn = drawn(options.rotation_deg * kDegree);
+  return {nearestRotation(pose.R * expSO3(turn)), pose.t + drawn(1e-3 * options.position_mm)};
+}
+
+double percentileOf(const std::vector<double>& values, double part) {
+  return values.empty() ? 0 : percentile(values, part);
+}
+
+/// Errors of one way to track.
+struct Tally {
+  std::vector<double> along, sideways, along_second, squared_error, milliseconds, deviation, jump;
+  int frames = 0, right = 0, trusted = 0, others = 0;
+
+  void print(const std::string& name) const {
+    double squared = 0;
+    for (const double value : squared_error) squared += value / 6;
+    std::printf(
+        "%-22s right %d of %d, trusted %d; along the first view %.3f %% (95th %.3f), sideways %.3f "
+        "%%; along the second view %.3f %%; error^2/6 %.2f; deviation along %.3f %%; jump 95th "
+        "%.3f %%; %.2f ms; other images used %.2f a frame\n",
+        name.c_str(), right, frames, trusted, percentileOf(along, 0.5), percentileOf(along, 0.95),
+        percentileOf(sideways, 0.5), percentileOf(along_second, 0.5),
+        squared / static_cast<double>(std::max<std::size_t>(1, squared_error.size())),
+        percentileOf(deviation, 0.5), percentileOf(jump, 0.95), percentileOf(milliseconds, 0.5),
+        static_cast<double>(others) / frames);
+    std::fflush(stdout);
+  }
+};
+
+/// Tracks by some cameras of a rig, or by the one of a sweep.
+class RigTracking {
+ public:
+  RigTracking(const Options& options, const std::vector<RecordedSequence>& cameras, int window)
+      : options_(options),
+        cameras_(cameras),
+        random_(options.seed),
+        field_(fieldWithScale(options.model)),
+        frame_(ObjectFrame::inMetres(field_->metadata)),
+        tracker_(std::make_shared<SharedBackend>(makeBackend(options.backend)), field_,
+                 settingsFor(options, window)) {
+    for (const RecordedSequence& camera : cameras) {
+      T_W_C_.push_back(disturbed(camera.frames.front().T_W_C, options_, &random_));
+    }
+  }
+
+  void run(const RecordedSequence* second, Tally* tally) {
+    tellPose(0);
+    for (std::size_t i = 0; i < cameras_.front().frames.size(); ++i) {
+      const Observation observation = observationOf(i);
+      const auto begin = std::chrono::steady_clock::now();
+      const TrackOutcome outcome = tracker_.track(
+          {{"camera", cameras_.front().frames[i].stamp_ns}, [&](bool) { return observation; }});
+      const std::chrono::duration<double, std::milli> spent =
+          std::chrono::steady_clock::now() - begin;
+      tally->milliseconds.push_back(spent.count());
+      judge(i, outcome, second, tally);
+    }
+  }
+
+ private:
+  static std::shared_ptr<const Field> fieldWithScale(const std::string& model) {
+    auto field = std::make_shared<Field>(loadField(model));
+    if (!(field->metadata.metres_per_unit > 0)) field->metadata.metres_per_unit = 1;
+    return field;
+  }
+
+  static TrackerSettings settingsFor(const Options& options, int window) {
+    TrackerSettings settings;
+    settings.tracking.refiner.keyframes.real_time = false;
+    settings.window.views = window;
+    settings.window.position_dev_m = 1e-3 * options.position_mm;
+    settings.window.rotation_dev_deg = options.rotation_deg;
+    settings.window.time_dev_s = 1e-3 * options.late_ms;
+    return settings;
+  }
+
+  void tellPose(std::size_t i) {
+    tracker_.reset();
+    tracker_.offer({cameras_.front().frames[i].T_C_O, "camera", 0, false, {}});
+  }
+
+  bool isSweep() const { return options_.window > 0; }
+
+  /// Where a sweep's camera is said to be: at another moment, and a little beside that.
+  Pose placeInSweep(std::size_t i) {
+    const std::vector<RecordedFrame>& frames = cameras_.front().frames;
+    const std::size_t next = std::min(i + 1, frames.size() - 1), before = next - 1;
+    const double step_s =
+        1e-9 * static_cast<double>(frames[next].stamp_ns - frames[before].stamp_ns);
+    const double part = 1e-3 * options_.late_ms / step_s;
+    const Pose& a = frames[before].T_W_C;
+    const Pose& b = frames[next].T_W_C;
+    const Eigen::Matrix3d turn = expSO3(Eigen::Vector3d(part * logSO3(b.R * a.R.transpose())));
+    const Pose moved(nearestRotation(turn * frames[i].T_W_C.R),
+                     frames[i].T_W_C.t + part * (b.t - a.t));
+    return disturbed(moved, options_, &random_);
+  }
+
+  void cover(std::size_t i, const RecordedSequence& camera, Image8* image) const {
+    const Eigen::Vector3d centre =
+        camera.frames[i].T_C_O * (field_->metadata.metres_per_unit * field_->metadata.centre);
+    const Eigen::Vector2d at = camera.camera.project(centre);
+    const double half = 0.6 * field_->metadata.metres_per_unit * field_->metadata.diameter *
+                        camera.camera.fx / centre.z();
+    const Image colours = clutter(image->width, image->height, 5);
+    for (int y = 0; y < image->height; ++y) {
+      for (int x = 0; x < image->width; ++x) {
+        if (std::abs(x - at.x()) > half || std::abs(y - at.y()) > half) continue;
+        for (int c = 0; c < 3; ++c) {
+          image->at(x, y, c) = static_cast<std::uint8_t>(255 * colours.at(x, y, c));
+        }
+      }
+    }
+  }
+
+  Observation observationOf(std::size_t i) {
+    const RecordedSequence& first = cameras_.front();
+    Observation observation = observe(readImage(first.frames[i].file), first.camera);
+    if (isSweep()) observation.T_W_C = placeInSweep(i);
+    const int frame = static_cast<int>(i);
+    for (std::size_t k = 1; k < cameras_.size(); ++k) {
+      Image8 image = readImage(cameras_[k].frames[i].file);
+      if (k == 1 && frame >= options_.cover_from && frame < options_.cover_to) {
+        cover(i, cameras_[k], &image);
+      }
+      SideView view;
+      view.observation =
+          std::make_shared<const Observation>(observe(std::move(image), cameras_[k].camera));
+      view.T_C_V = T_W_C_[0].inverse() * T_W_C_[k];
+      // Both places are off.
+      view.position_dev_m = std::sqrt(2.0) * 1e-3 * options_.position_mm;
+      view.rotation_dev_rad = std::sqrt(2.0) * options_.rotation_deg * kDegree;
+      observation.beside.push_back(std::move(view));
+    }
+    return observation;
+  }
+
+  Symmetries symmetriesAt(const RecordedFrame& frame) const {
+    if (frame.label_visible) return field_->metadata.symmetries;
+    return Symmetries(SymmetryAxis{Eigen::Vector3d::UnitZ(), Eigen::Vector3d::Zero()}, {});
+  }
+
+  void judge(std::size_t i, const TrackOutcome& outcome, const RecordedSequence* second,
+             Tally* tally) {
+    const RecordedSequence& first = cameras_.front();
+    const FieldMetadata& object = field_->metadata;
+    const Refinement& found = outcome.refinement;
+    const Pose truth = frame_.cameraInModel(first.frames[i].T_C_O);
+    const PoseError error =
+        poseError(found.T_O_C, truth, object.centre, first.camera, symmetriesAt(first.frames[i]));
+    const bool is_right = outcome.found && error.rotation_rad < 5 * kDegree &&
+                          error.object_offset < 0.05 * object.diameter;
+    ++tally->frames;
+    tally->right += is_right;
+    tally->trusted += outcome.trusted;
+    for (const SideViewReport& report : found.beside) tally->others += report.used;
+    const double percent = 100 / object.diameter;
+    const Eigen::Vector3d true_C = truth.inverse() * object.centre;
+    const Eigen::Vector3d away = found.T_O_C.inverse() * object.centre - true_C;
+    const Eigen::Vector3d sight = true_C.normalized();
+    const double along = away.dot(sight);
+    if (options_.verbose) {
+      std::printf("%3zu: along %.3f %%, sideways %.3f %%, score %.3f;", i, percent * along,
+                  percent * (away - along * sight).norm(), outcome.score);
+      for (const SideViewReport& report : found.beside) {
+        std::printf(" [%d %.2f %.1f %s]", report.used, report.score, report.apart,
+                    report.message.c_str());
+      }
+      std::printf("\n");
+    }
+    if (!is_right) {
+      last_away_.reset();
+      tellPose(i);
+      return;
+    }
+    tally->along.push_back(percent * std::abs(along));
+    // Of two directions, the mean one.
+    tally->sideways.push_back(percent * (away - along * sight).norm() / std::sqrt(2.0));
+    if (second != nullptr) {
+      const Pose T_V_C = second->frames[i].T_W_C.inverse() * first.frames[i].T_W_C;
+      const Eigen::Vector3d sight_V = (T_V_C * (object.metres_per_unit * true_C)).normalized();
+      tally->along_second.push_back(percent * std::abs((T_V_C.R * away).dot(sight_V)));
+    }
+    if (last_away_) tally->jump.push_back(percent * (away - *last_away_).norm());
+    last_away_ = away;
+    const Eigen::Vector3d sight_O = truth.R * sight;
+    tally->deviation.push_back(
+        percent * std::sqrt(sight_O.dot(found.covariance.topLeftCorner<3, 3>() * sight_O)));
+    const Vector6 twist = cameraTwist(found.T_O_C, truth, object.centre);
+    tally->squared_error.push_back(
+        std::min(100.0, twist.dot(found.covariance.ldlt().solve(twist))));
+  }
+
+  const Options& options_;
+  std::vector<RecordedSequence> cameras_;
+  std::mt19937_64 random_;
+  std::vector<Pose> T_W_C_;  // as stated, of a rig
+  std::shared_ptr<const Field> field_;
+  ObjectFrame frame_;
+  ObjectTracker tracker_;
+  std::optional<Eigen::Vector3d> last_away_;
+};
+
+void trackRig(const Options& options) {
+  std::vector<RecordedSequence> all;
+  for (int k = 0; k < 3; ++k) {
+    all.push_back(readSequence(options.folder + "/camera_" + std::to_string(k)));
+  }
+  Tally first, second, both, three;
+  RigTracking(options, {all[0]}, 0).run(&all[1], &first);
+  RigTracking(options, {all[1]}, 0).run(&all[0], &second);
+  RigTracking(options, {all[0], all[1]}, 0).run(&all[1], &both);
+  RigTracking(options, all, 0).run(&all[1], &three);
+  first.print("first camera");
+  second.print("second camera");
+  both.print("first and second");
+  three.print("all three");
+}
+
+void trackSweep(const Options& options) {
+  const RecordedSequence sweep = readSequence(options.folder);
+  Tally alone, window;
+  RigTracking(options, {sweep}, 0).run(nullptr, &alone);
+  RigTracking(options, {sweep}, options.window).run(nullptr, &window);
+  alone.print("one image");
+  window.print("window");
+}
+
+void addOptions(CLI::App* app, Options* options) {
+  app->add_option("model", options->model, "the object's .safetensors")->required();
+  app->add_option("folder", options->folder, "a recording of the kind rig or, with --window, sweep")
+      ->required();
+  app->add_option("--backend", options->backend.backend, "auto, cpu or cuda");
+  app->add_option("--threads", options->backend.threads, "of the CPU; 0: all cores");
+  app->add_option("--window", options->window, "past views, of a sweep");
+  app->add_option("--position-mm", options->position_mm, "deviation of stated places, per axis");
+  app->add_option("--rotation-deg", options->rotation_deg, "the same of their rotations");
+  app->add_option("--late-ms", options->late_ms, "places of a sweep are stated so much later");
+  app->add_option("--cover-from", options->cover_from,
+                  "frame: covers the second camera from there");
+  app->add_option("--cover-to", options->cover_to, "frame: uncovers it");
+  app->add_option("--seed", options->seed, "of the errors");
+  app->add_flag("--verbose", options->verbose, "a line for each frame");
+}
+
+int run(int argc, char** argv) {
+  CLI::App app("Tracks an object by several cameras, or by one that moves.");
+  Options options;
+  addOptions(&app, &options);
+  CLI11_PARSE(app, argc, argv);
+  try {
+    options.window > 0 ? trackSweep(options) : trackRig(options);
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "camera_rig: %s\n", error.what());
+    return 1;
+  }
+  return 0;
+}
+
+}  // namespace
+}  // namespace nerf_pose_refiner
+
+int main(int argc, char** argv) { return nerf_pose_refiner::run(argc, argv); }

@@ -1,0 +1,74 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "refinement/view_opinion.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <cmath>
+
+#include "math/so3.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+/// Of a symmetric positive semidefinite matrix.
+Matrix6 rootOf(const Matrix6& matrix) {
+  const Eigen::SelfAdjointEigenSolver<Matrix6> eigen(matrix);
+  return eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal() *
+         eigen.eigenvectors().transpose();
+}
+
+Matrix6 inverseOf(const Matrix6& matrix) { return matrix.ldlt().solve(Matrix6::Identity()); }
+
+Eigen::Matrix3d crossOf(const Eigen::Vector3d& a) {
+  Eigen::Matrix3d m;
+  m << 0, -a.z(), a.y(), a.z(), 0, -a.x(), -a.y(), a.x(), 0;
+  return m;
+}
+
+}  // namespace
+
+ViewOpinion joined(const std::vector<ViewOpinion>& opinions) {
+  if (opinions.size() == 1) return opinions.front();
+  ViewOpinion all;
+  Matrix6 information = Matrix6::Zero();
+  Vector6 sum = Vector6::Zero();
+  for (const ViewOpinion& one : opinions) {
+    const Matrix6 of_one = inverseOf(one.noise + one.model);
+    information += of_one;
+    sum += of_one * one.twist;
+  }
+  const Matrix6 spread = inverseOf(information);
+  all.twist = spread * sum;
+  all.noise.setZero();
+  Matrix6 root = Matrix6::Zero();
+  for (const ViewOpinion& one : opinions) {
+    const Matrix6 weight = spread * inverseOf(one.noise + one.model);
+    all.noise += weight * one.noise * weight.transpose();
+    root += weight * rootOf(one.model);
+  }
+  all.model = root * root.transpose();
+  return all;
+}
+
+double apart(const ViewOpinion& a, const ViewOpinion& b) {
+  const Vector6 away = a.twist - b.twist;
+  const Matrix6 covariance = a.noise + a.model + b.noise + b.model;
+  return std::sqrt(away.dot(covariance.ldlt().solve(away)));
+}
+
+Pose movedBy(const Vector6& twist, const Pose& T_O_C, const Eigen::Vector3d& centre) {
+  const Eigen::Matrix3d turn = expSO3(Eigen::Vector3d(twist.tail<3>()));
+  return {nearestRotation(turn * T_O_C.R), centre + twist.head<3>() + turn * (T_O_C.t - centre)};
+}
+
+Matrix6 placeCovariance(const Pose& T_O_V, double position_dev, double rotation_dev_rad,
+                        const FieldMetadata& object) {
+  const Eigen::Matrix3d lever = crossOf(object.centre - T_O_V.t);
+  const double position = position_dev * position_dev, turn = rotation_dev_rad * rotation_dev_rad;
+  Matrix6 covariance;
+  covariance << position * Eigen::Matrix3d::Identity() - turn * lever * lever, turn * lever,
+      -turn * lever, turn * Eigen::Matrix3d::Identity();
+  return covariance;
+}
+
+}  // namespace nerf_pose_refiner

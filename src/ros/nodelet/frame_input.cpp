@@ -1,0 +1,149 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "ros/nodelet/frame_input.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "math/angle.h"
+#include "ros/conversions/depth_input.h"
+#include "ros/conversions/status.h"
+#include "ros/conversions/topics.h"
+
+namespace nerf_pose_refiner {
+
+FrameInput::FrameInput(const PoseRefinerParameters& parameters,
+                       std::shared_ptr<TfBridge> transforms)
+    : depth_(parameters.depth),
+      cameras_(parameters.cameras),
+      keeps_views_(parameters.tracker.window.views > 0),
+      tf_(std::move(transforms)),
+      names_(cameras_.names()),
+      input_(parameters.image_is_rectified),
+      beside_(names_.size(), SideInput{CameraInput(parameters.cameras.are_rectified)}) {}
+
+/// @param camera 0: `image`; others as in CameraFrame::camera.
+std::string FrameInput::nameOf(std::size_t camera) const {
+  return camera == 0 ? topics::kImage : names_.at(camera - 1);
+}
+
+void FrameInput::note(std::string* notes, std::size_t camera, const std::string& why) const {
+  *notes += (notes->empty() ? "" : "; ") + nameOf(camera) + ": " + why;
+}
+
+/// A companion's camera in the image's, at the time of `at` [m].
+Pose FrameInput::placeOf(const Companion& companion, const ImageStamp& at, bool* was_placed) const {
+  const ImageStamp of_companion = imageStampOf(companion.image->header);
+  TimedPose camera;
+  camera.frame_id = of_companion.camera_frame;
+  camera.stamp_ns = of_companion.stamp_ns;
+  // A transform that was missing before is not waited for: images would come late for nothing.
+  CancellationToken impatient;
+  if (!*was_placed) impatient.requestCancel();
+  *was_placed = false;
+  const Pose T_C_D = tf_->inCamera(camera, at, impatient);
+  *was_placed = true;
+  return T_C_D;
+}
+
+/// Null: there is none, or it cannot be used; `no_depth_` says why.
+std::shared_ptr<const DepthImage> FrameInput::depthOf(const CameraFrame& frame,
+                                                      const ImageStamp& at) {
+  no_depth_ = frame.depth.why_none;
+  if (!frame.depth.image) return nullptr;
+  try {
+    return depthFromMessage(frame.depth, placeOf(frame.depth, at, &depth_was_placed_), depth_);
+  } catch (const InputError& e) {
+    no_depth_ = e.what();
+    return nullptr;
+  }
+}
+
+/// Empty: it cannot be used, and why.
+std::optional<SideView> FrameInput::sideView(const CameraFrame& frame, std::size_t i,
+                                             const ImageStamp& at, std::string* why_not) {
+  const Companion& companion = frame.beside[i];
+  *why_not = companion.why_none;
+  if (!companion.image) return std::nullopt;
+  try {
+    SideView view;
+    const std::int64_t stamp_ns = toNanoseconds(companion.image->header.stamp);
+    // Both at the time of this image: the tracker knows how the object moves in between.
+    view.T_C_V = placeOf(companion, {at.camera_frame, stamp_ns}, &beside_[i].was_placed);
+    view.after_s = 1e-9 * static_cast<double>(stamp_ns - at.stamp_ns);
+    view.camera = static_cast<int>(i) + 1;
+    view.position_dev_m = cameras_.position_dev_m;
+    view.rotation_dev_rad = cameras_.rotation_dev_deg * kDegree;
+    view.observation = std::make_shared<const Observation>(
+        beside_[i].input.observe(companion.image, *companion.info));
+    return view;
+  } catch (const InputError& e) {
+    *why_not = e.what();
+    return std::nullopt;
+  }
+}
+
+Observation FrameInput::observe(const CameraFrame& frame, const ImageStamp& at, bool use_mask) {
+  no_depth_.clear();
+  no_views_.clear();
+  looked_at_.clear();
+  after_s_.clear();
+  ImageMasks masks = frame.masks;
+  if (!use_mask) masks.object = nullptr;
+  CameraInput& input = frame.camera == 0 ? input_ : beside_.at(frame.camera - 1).input;
+  Observation observation = input.observe(frame.image, *frame.info, masks);
+  if (keeps_views_) observation.T_W_C = tf_->cameraInFixed(at);
+  observation.depth = depthOf(frame, at);
+  if (frame.camera != 0) note(&no_views_, 0, "no image comes");
+  for (std::size_t i = 0; i < beside_.size() && i < frame.beside.size(); ++i) {
+    if (frame.camera == i + 1) continue;
+    std::string why_not;
+    if (auto view = sideView(frame, i, at, &why_not)) {
+      looked_at_.push_back(i + 1);
+      after_s_.push_back(view->after_s);
+      observation.beside.push_back(std::move(*view));
+    } else if (!why_not.empty()) {
+      note(&no_views_, i + 1, why_not);
+    }
+  }
+  return observation;
+}
+
+void FrameInput::report(const CameraFrame& frame, const TrackOutcome& track,
+                        RefinementStatus* status) const {
+  const Refinement& found = track.refinement;
+  depthToMessage(found.depth, no_depth_, status);
+  status->cameras_message = no_views_;
+  if (!track.found) return;
+  std::vector<std::size_t> used;
+  if (found.beside.empty() || found.own) {
+    used.push_back(frame.camera);
+  } else {
+    note(&status->cameras_message, frame.camera, "its image does not show the object as rendered");
+  }
+  for (std::size_t i = 0; i < found.beside.size(); ++i) {
+    const SideViewReport& view = found.beside[i];
+    if (i >= looked_at_.size()) {  // a past view
+      status->window += view.used;
+    } else if (view.used) {
+      used.push_back(looked_at_[i]);
+    } else {
+      note(&status->cameras_message, looked_at_[i], view.message);
+    }
+  }
+  std::sort(used.begin(), used.end());
+  status->cameras = static_cast<std::uint8_t>(used.size());
+  for (const std::size_t camera : used) {
+    status->cameras_used += (status->cameras_used.empty() ? "" : " ") + nameOf(camera);
+  }
+}
+
+double FrameInput::newestAfter_s(const TrackOutcome& track) const {
+  const std::vector<SideViewReport>& beside = track.refinement.beside;
+  double newest_s = 0;
+  for (std::size_t i = 0; i < std::min(after_s_.size(), beside.size()); ++i) {
+    if (beside[i].used) newest_s = std::max(newest_s, after_s_[i]);
+  }
+  return newest_s;
+}
+
+}  // namespace nerf_pose_refiner

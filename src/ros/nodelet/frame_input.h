@@ -1,0 +1,64 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <nerf_pose_refiner/RefinementStatus.h>
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "ros/conversions/camera_frame.h"
+#include "ros/conversions/camera_input.h"
+#include "ros/conversions/parameters.h"
+#include "ros/conversions/tf_bridge.h"
+#include "tracking/object_tracker.h"
+
+namespace nerf_pose_refiner {
+
+/// Makes observations of what all cameras saw at about one time, and says what became of it. Used
+/// by the tracking thread only.
+class FrameInput {
+ public:
+  FrameInput(const PoseRefinerParameters& parameters, std::shared_ptr<TfBridge> transforms);
+
+  /// @param at of the frame's image. @throws InputError if that image cannot be used.
+  Observation observe(const CameraFrame& frame, const ImageStamp& at, bool use_mask);
+
+  /// Fills in what became of the frame that was observed last.
+  void report(const CameraFrame& frame, const TrackOutcome& track, RefinementStatus* status) const;
+
+  /// How much later than the frame's image the newest image was taken that took part in the pose of
+  /// the last observation [s].
+  double newestAfter_s(const TrackOutcome& track) const;
+
+ private:
+  /// A further camera.
+  struct SideInput {
+    CameraInput input;
+    bool was_placed = true;  ///< TF knew its place in the last image
+  };
+
+  Pose placeOf(const Companion& companion, const ImageStamp& at, bool* was_placed) const;
+  std::shared_ptr<const DepthImage> depthOf(const CameraFrame& frame, const ImageStamp& at);
+  std::optional<SideView> sideView(const CameraFrame& frame, std::size_t i, const ImageStamp& at,
+                                   std::string* why_not);
+  void note(std::string* notes, std::size_t camera, const std::string& why) const;
+  std::string nameOf(std::size_t camera) const;
+
+  const DepthSettings depth_;
+  const CameraSettings cameras_;
+  const bool keeps_views_;
+  const std::shared_ptr<TfBridge> tf_;
+  const std::vector<std::string> names_;  // of ~cameras/topics
+  CameraInput input_;
+  std::vector<SideInput> beside_;  // of ~cameras/topics
+  bool depth_was_placed_ = true;   // TF knew the last depth image's camera
+
+  // Of the last observation.
+  std::string no_depth_, no_views_;
+  std::vector<std::size_t> looked_at_;  // numbers of the side views' cameras
+  std::vector<double> after_s_;         // of the side views
+};
+
+}  // namespace nerf_pose_refiner
