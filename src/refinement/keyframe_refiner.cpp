@@ -195,7 +195,10 @@ Refinement KeyframeRefiner::refine(const TimedObservation& image, const Prior& p
       const Vector6 motion = expectedMotion(image.stamp_ns, prior);
       beside_->join(observation, {prior, scores_, &*search_, motion}, cancellation, &result);
     }
-    if (result.outcome == Outcome::kRefined) considerDepth(observation, &result);
+    if (result.outcome == Outcome::kRefined) {
+      considerDepth(observation, &result);
+      rate(&result);
+    }
     const FieldMetadata& object = field_->field().metadata;
     if (result.outcome == Outcome::kNoOverlap && objectRegion(observation.camera, prior, object) &&
         !fitsKeyframe({observation.camera, prior.T_O_C}, object)) {
@@ -278,11 +281,15 @@ void KeyframeRefiner::judge(const Prior& prior, const CancellationToken& cancell
         disagreement(cameraTwist(best.T_O_C, other->T_O_C, object.centre), other->beside_rad);
   }
   const double by_image = scoreProbability(best.score, scores_);
-  const double odds = priorOdds(found->T_O_C, prior, object);
-  const double by_both = withOdds(by_image, odds);
-  found->found_probability = by_both;
-  found->score = by_both * withinProbability(found->covariance, object);
+  found->found_probability = withOdds(by_image, priorOdds(found->T_O_C, prior, object));
+}
+
+/// Sets the score, once all that sees the object has been heard.
+void KeyframeRefiner::rate(Refinement* found) const {
   if (watch_) watch_->judge(found);
+  found->score = *found->found_probability *
+                 withinProbability(found->covariance, field_->field().metadata) *
+                 found->unmistaken.value_or(1);
 }
 
 /// Joins depth to what colours said.
@@ -295,8 +302,6 @@ void KeyframeRefiner::considerDepth(const Observation& observation, Refinement* 
   if (odds < 1) {
     found->found_probability = withOdds(std::min(kSurest, *found->found_probability), odds);
   }
-  found->score = *found->found_probability * withinProbability(found->covariance, object) *
-                 found->unmistaken.value_or(1);
   found->hypotheses.front().T_O_C = found->T_O_C;
 }
 

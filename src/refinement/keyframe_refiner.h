@@ -93,6 +93,7 @@ class KeyframeRefiner {
   bool isSure(const HypothesisTable& found) const;
   Refinement conclude(const HypothesisTable& found, const Prior& prior) const;
   void judge(const Prior& prior, const CancellationToken& cancellation, Refinement* found);
+  void rate(Refinement* found) const;
 
   Backend* backend_;
   std::shared_ptr<const LoadedField> field_;

@@ -206,11 +206,13 @@ void LookAlikeWatch::moveBy(const Pose& motion) {
 }
 
 void LookAlikeWatch::judge(Refinement* found) const {
-  if (!belief_) return;
+  if (!belief_) {  // no image has shown which way it is turned
+    found->unmistaken = 0;
+    return;
+  }
   constexpr double kLossTemperature = 0.05;  // @see hypothesisWeights
   const FieldMetadata& object = field_->field().metadata;
   found->unmistaken = belief_->right();
-  found->score *= *found->unmistaken;
   if (look_alikes_.axis) {
     Vector6 turn;
     const SymmetryAxis& axis = *look_alikes_.axis;

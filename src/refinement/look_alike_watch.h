@@ -63,7 +63,8 @@ class LookAlikeWatch {
   const std::optional<Pose>& guess() const { return guess_; }
   void moveBy(const Pose& motion);
 
-  /// Adds to a result what is uncertain for look-alikes.
+  /// Adds to a result what is uncertain for look-alikes: `unmistaken`, the turn's variance, and the
+  /// other poses.
   void judge(Refinement* found) const;
 
  private:

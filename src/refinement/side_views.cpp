@@ -311,8 +311,6 @@ void SideViews::join(const Observation& observation, const Own& own,
   found->hypotheses.front().T_O_C = found->T_O_C;
   found->covariance = all.noise + all.model;
   found->found_probability = group.probability;
-  found->score = group.probability * withinProbability(found->covariance, object) *
-                 found->unmistaken.value_or(1);
 }
 
 }  // namespace nerf_pose_refiner

@@ -147,6 +147,26 @@ TEST_F(SideViewsTest, ASecondCameraTellsTheDistance) {
   EXPECT_LT(both_m, alone_m);
 }
 
+TEST_F(SideViewsTest, WhatOnlyTheyShowMayBeALookAlike) {
+  KeyframeSearchSettings settings;
+  settings.real_time = false;
+  KeyframeRefiner refiner(backend_.get(), field_, settings);
+  LookAlikes look_alikes;
+  look_alikes.measured = true;
+  look_alikes.axis = SymmetryAxis();
+  refiner.use(look_alikes);
+  Observation observation = nothing();
+  observation.beside = {side(noisy(imageAt(sideTruth()), 1))};
+  Prior prior;
+  prior.T_O_C = truth_;
+  prior.rotation_rad = 5 * kDegree;
+  prior.translation = 0.05;
+  const Refinement found = refiner.follow({observation, 0}, prior);
+  ASSERT_EQ(found.outcome, Outcome::kRefined);
+  ASSERT_TRUE(found.beside[0].used) << found.beside[0].message;
+  EXPECT_TRUE(found.unmistaken) << "an object with look-alikes is never trusted unchecked";
+}
+
 TEST_F(SideViewsTest, ACoveredCameraHasNoSay) {
   Observation observation = imageAt(truth_);
   const Refinement alone = follow(observation);
