@@ -6,7 +6,6 @@ import os
 import numpy as np
 
 from photos import poses
-from photos.board import corner_points, parse_board
 from photos.common import locked, require, whole_folder
 from photos.dataset import posed_photos, write_dataset
 from photos.job import Job
@@ -16,6 +15,7 @@ from photos.object_region import find_region
 from photos.point_cloud import with_points
 from photos.quality import measure
 from photos.report import write_report
+from photos.targets import parse_target
 from photos.tools import find_tool, run_tool
 
 RENDERED_SIDE = 480  # of renderings beside photos [px]
@@ -51,13 +51,13 @@ def without_distortion(photos, reconstruction):
 
 def find_object(job, reconstruction, facts):
     """Frame, scale, box and masks; writes the dataset. @return what is known of them."""
-    board = {}, {}
+    target = {}, None
     if job.options.board:
-        board = poses.board_corners(job), corner_points(parse_board(job.options.board))
+        target = poses.board_corners(job), parse_target(job.options.board)
     photos = posed_photos(reconstruction, job.path('photos'), job.sources())
     if job.options.poses == 'board':
         reconstruction = with_points(without_distortion(photos, reconstruction), [photo.image for photo in photos])
-    region = find_region(job, reconstruction, board)
+    region = find_region(job, reconstruction, target)
     moved = region.reconstruction
     for photo, R, t in zip(photos, moved.R, moved.t):
         photo.R, photo.t = R, t
