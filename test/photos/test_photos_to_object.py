@@ -18,6 +18,7 @@ import cv2
 import numpy as np
 
 import scenes
+from photos import turntable
 from photos.board import Board, text_of
 from photos.masks import agreement
 
@@ -226,6 +227,16 @@ class OneObject(Command):
         self.assertGreater(np.mean([row['psnr_object_db'] for row in report['quality'] if row['held_out']]), 12)
         self.assertEqual(report['model']['metres_per_unit'], 1)
         self.assertIn('PSNR on the object, 2 held-out photos', result.stdout)
+        strip = cv2.imread(os.path.join(self.output, 'turntable.jpg'))
+        self.assertEqual(strip.shape, (turntable.SIDE, turntable.FRAMES * turntable.SIDE, 3))
+        seen = [np.mean(np.abs(view.astype(int) - turntable.GREY) > 40)
+                for view in np.split(strip, turntable.FRAMES, axis=1)]
+        self.assertGreater(min(seen), 0.05)  # from each side, and not cut off
+        self.assertLess(max(seen), 0.8)
+        with open(os.path.join(self.output, 'report.html'), encoding='utf-8') as file:
+            page = file.read()
+        self.assertEqual(page.count('class="turntable"'), 1)
+        self.assertNotRegex(page, 'src="(?!data:)|href=|<script')
 
 
 class ManyObjects(Command):

@@ -17,6 +17,7 @@ from photos.quality import measure
 from photos.report import write_report
 from photos.targets import parse_target
 from photos.tools import find_tool, run_tool
+from photos.turntable import render_strip
 
 RENDERED_SIDE = 480  # of renderings beside photos [px]
 
@@ -38,6 +39,7 @@ def run_steps(job):
     if options.learn:
         facts = {**facts, 'model': learn(job), 'quality': job.steps.run('quality', [], [job.path('renderings')],
                                                                         lambda: compare(job))}
+        job.steps.run('turntable', [], [job.path('turntable.jpg')], lambda: turntable(job, facts['box']))
     facts = {'name': options.name, **facts, 'seconds': job.steps.seconds}
     write_report(job, facts)
     return facts
@@ -88,10 +90,20 @@ def learn(job):
         tool, [job.path('dataset'), '-o', model, '--name', job.options.name, *job.options.train]))
 
 
+def renderer(job):
+    """The program render and how it is to be called."""
+    backend = [word for word in job.options.train if 'backend' in word]
+    require(not backend or '=' in backend[0], 'write --backend=NAME')
+    return [find_tool('render', job.options.tools), *backend]
+
+
+def turntable(job, box):
+    return render_strip(renderer(job), job.path(job.options.name + '.safetensors'), box, job.path('turntable.jpg'))
+
+
 def compare(job):
     """Renders all photos and measures how well each is shown."""
-    tool, backend = find_tool('render', job.options.tools), [word for word in job.options.train if 'backend' in word]
-    require(not backend or '=' in backend[0], 'write --backend=NAME')
+    tool, *backend = renderer(job)
     model = job.path(job.options.name + '.safetensors')
     with whole_folder(job.path('renderings')) as folder:
         for part in ('train', 'test'):
