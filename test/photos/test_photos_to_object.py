@@ -176,12 +176,18 @@ class OneObject(Command):
         """A camera of 640 x 480 at 0.8 m: poses within 2 mm, though the lens is not known."""
         board = Board(12, 12, 40.0, 30.0, '4X4_100')
         camera = scenes.Camera(640, 480, np.array([620.0, 620, 320, 240, 0, 0, 0, 0]))
-        self.poses = scenes.rounds(10, (35, 60))
+        upright = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1.0]])  # as every third photo is taken
+        self.poses = [(upright @ R, upright @ t) if i % 3 == 0 else (R, t)
+                      for i, (R, t) in enumerate(scenes.rounds(10, (35, 60)))]
         self.take_photos(camera=camera, painted=scenes.on_board(board))
         result = self.run_program('--no-training', '--poses', 'board', '--board', text_of(board))
         self.assertEqual(result.returncode, 0, result.stderr)
         self.assertEqual(self.calls(), [])
         report, train = self.read('report.json'), self.read('dataset', 'transforms_train.json')
+        self.assertEqual(result.stdout.count('board ..'), 1)
+        again = self.run_program('--no-training', '--poses', 'board', '--board', text_of(board))
+        self.assertEqual(again.returncode, 0, again.stderr)
+        self.assertNotIn(' ..\n', again.stdout)  # no step was done again
         self.assertEqual((report['posed'], train['metres_per_unit']), (20, 1))
         for frame in train['frames']:
             R, t = self.poses[int(frame['source'][4:6])]
@@ -210,6 +216,14 @@ class OneObject(Command):
             self.assertEqual(result.returncode, 0, result.stderr)
             frame = self.read('dataset', 'transforms_train.json')['frames'][0]
             self.assertAlmostEqual(frame['cx'], scenes.WIDTH / 2 + kept)
+
+    def test_photos_without_overlap(self):
+        self.take_photos()
+        result = self.run_program('--no-training', COLMAP_UNLIKE='1')
+        self.assertEqual(result.returncode, 1)
+        self.assertIn('no two photos show the same thing from two places: take photos that overlap', result.stderr)
+        self.assertEqual(result.stderr.count('\n'), 1)
+        self.assertEqual(sorted(os.listdir(self.output)), ['.lock', 'colmap', 'photos', 'steps.json'])
 
     def test_what_cannot_be_used(self):
         self.take_photos()

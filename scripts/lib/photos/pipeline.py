@@ -34,11 +34,15 @@ def run_steps(job):
         find_tool('train', options.tools)  # before hours of work
     job.take_photos()
     reconstruction, facts = poses.find_poses(job)
+    if options.board:
+        poses.board_corners(job)
     facts = job.steps.run('object', [options.board, options.length, options.box, options.metres_per_unit, facts],
                           [job.path('dataset')], lambda: find_object(job, reconstruction, facts))
     if options.learn:
-        facts = {**facts, 'model': learn(job), 'quality': job.steps.run('quality', [], [job.path('renderings')],
-                                                                        lambda: compare(job))}
+        model = learn(job)
+        quality = job.steps.run('quality', [], [job.path('renderings')],
+                                lambda: compare(job, model.get('exposure_spread', 0) == 0))
+        facts = {**facts, 'model': model, 'quality': quality}
         job.steps.run('turntable', [], [job.path('turntable.jpg')], lambda: turntable(job, facts['box']))
     facts = {'name': options.name, **facts, 'seconds': job.steps.seconds}
     write_report(job, facts)
@@ -101,8 +105,8 @@ def turntable(job, box):
     return render_strip(renderer(job), job.path(job.options.name + '.safetensors'), box, job.path('turntable.jpg'))
 
 
-def compare(job):
-    """Renders all photos and measures how well each is shown."""
+def compare(job, are_equal):
+    """Renders all photos and measures how well each is shown. @param are_equal: the photos' exposures"""
     tool, *backend = renderer(job)
     model = job.path(job.options.name + '.safetensors')
     with whole_folder(job.path('renderings')) as folder:
@@ -110,4 +114,4 @@ def compare(job):
             transforms = job.path('dataset', f'transforms_{part}.json')
             if os.path.exists(transforms):
                 run_tool(tool, [model, '--transforms', transforms, '-o', folder, '--max-size', RENDERED_SIDE, *backend])
-        return measure(job.path('dataset'), folder)
+        return measure(job.path('dataset'), folder, are_equal)

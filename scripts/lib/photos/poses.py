@@ -124,7 +124,9 @@ def read_copy(job, name):
 
 
 def board_corners(job):
-    """{name of a copy: {number: xy}} for all copies; a step."""
+    """{name of a copy: {number: xy}} for all copies; a step, which is done once and not within another one."""
+    if job.corners is not None:
+        return job.corners
     target = parse_target(job.options.board)
 
     def find():
@@ -132,7 +134,8 @@ def board_corners(job):
                 for copy in job.copies}
 
     found = job.steps.run('board', [job.options.board], [], find)
-    return {name: {number: (x, y) for number, x, y in corners} for name, corners in found.items()}
+    job.corners = {name: {number: (x, y) for number, x, y in corners} for name, corners in found.items()}
+    return job.corners
 
 
 def poses_of_board(job):
