@@ -2,16 +2,16 @@
 #include "registration/registrar.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <sstream>
 #include <stdexcept>
 
-#include "concurrency/seconds_since.h"
 #include "image/colour.h"
 #include "registration/data_check.h"
+#include "registration/photo_gains.h"
 #include "registration/pose_correction.h"
 #include "registration/registration_hash.h"
+#include "registration/training_run.h"
 #include "registration/visual_hull.h"
 #include "trust/look_alikes.h"
 #include "trust/pose_statistics.h"
@@ -19,12 +19,7 @@
 namespace nerf_pose_refiner {
 namespace {
 
-using Clock = std::chrono::steady_clock;
-
-constexpr double kProgressInterval_s = 0.5;
-constexpr double kQualityInterval = 0.1;  // of the training, between looks at the held-out views
-constexpr double kMaxPsnr_db = 100;       // of two images that are equal
-constexpr double kPreviewSize_px = 320;
+constexpr double kMaxPsnr_db = 100;  // of two images that are equal
 
 // Rounds of a rough training and an alignment of the views with its model, and how far silhouettes
 // may be out of place before each (@see visualHull) and after the last.
@@ -32,10 +27,14 @@ constexpr double kRoundSlack[] = {0.1, 0.03};
 constexpr double kSlackAfter = 0.015;
 constexpr int kRoughFraction = 4;  // a rough training has so much fewer steps, and time
 
-/// The views of a dataset: those that the field learns from, and those held out for its quality.
-struct SplitViews {
-  std::vector<PosedView> training, held_out;
-};
+// Photos of different exposure are compared with a model that knows no directions: with them it
+// could show each photo in its own colours. kGainSpread is above what such models of photos of one
+// exposure give; rounds end when what is left is small.
+constexpr int kMattFraction = 16;        // of steps and time
+constexpr int kMattSamples = 1 << 21;    // at least, where that is no more than a rough training
+constexpr double kMinMattSamples = 1e6;  // models of fewer samples say nothing of photos
+constexpr double kGainSpread = 0.04, kGainSettled = 0.01;
+constexpr int kGainRounds = 3;
 
 /// Every k-th view is held out, so that they are spread over the path.
 SplitViews split(const std::vector<PosedView>& views, int held_out) {
@@ -136,82 +135,6 @@ bool isTelling(const PosedView& view, const Box& box) {
   return false;
 }
 
-/// One run of a trainer: steps until the time, the steps or the quality are reached.
-class TrainingRun {
- public:
-  TrainingRun(Backend* backend, FieldTrainer* trainer, const RegistrationOptions& settings,
-              const SplitViews& views,
-              const std::function<void(const RegistrationProgress&)>& progress)
-      : backend_(backend),
-        trainer_(trainer),
-        settings_(settings),
-        views_(views),
-        progress_(progress) {}
-
-  void run(const char* stage, const CancellationToken& cancellation) {
-    double next_look = kQualityInterval;
-    while (done() < 1) {
-      cancellation.check();
-      loss_ = trainer_->step(done());
-      report(stage, [&] { return preview(cancellation); });
-      if (settings_.target_psnr_db > 0 && !views_.held_out.empty() && done() >= next_look) {
-        next_look += kQualityInterval;
-        const auto field =
-            backend_->load(std::make_shared<Field>(trainer_->snapshot(cancellation)));
-        psnr_db_ = meanPsnr(*field, views_.held_out, cancellation);
-        if (psnr_db_ >= settings_.target_psnr_db) break;
-      }
-    }
-  }
-
-  void report(const char* stage, const std::function<Image8()>& preview = {}) {
-    if (!progress_) return;
-    const double seconds = secondsSince(start_);
-    if (seconds - last_report_s_ < kProgressInterval_s && last_stage_ == stage) return;
-    last_report_s_ = seconds;
-    last_stage_ = stage;
-    RegistrationProgress progress;
-    progress.stage = stage;
-    progress.step = trainer_->stepsDone();
-    progress.steps = settings_.steps;
-    progress.loss = loss_;
-    progress.psnr_db = psnr_db_;
-    progress.seconds = seconds;
-    progress.seconds_left = done() > 0 ? std::max(0.0, seconds * (1 / done() - 1)) : 0;
-    progress.preview = preview;
-    progress_(progress);
-  }
-
- private:
-  Image8 preview(const CancellationToken& cancellation) {
-    const PosedView& view = views_.training.front();
-    const Camera& full = view.camera;
-    const double scale = std::min(1.0, kPreviewSize_px / std::max(full.width, full.height));
-    const auto field = backend_->load(std::make_shared<Field>(trainer_->snapshot(cancellation)));
-    const Rendering rendering =
-        field->render({full.scaled(scale), view.T_O_C}, RenderOptions(), cancellation);
-    return toBytes(rendering.colour);  // premultiplied: on black
-  }
-
-  /// Fraction of the training that is done, by steps or by time.
-  double done() const {
-    const double by_steps = static_cast<double>(trainer_->stepsDone()) / settings_.steps;
-    const double by_time =
-        settings_.max_seconds > 0 ? secondsSince(start_) / settings_.max_seconds : 0;
-    return std::min(1.0, std::max(by_steps, by_time));
-  }
-
-  Backend* backend_;
-  FieldTrainer* trainer_;
-  const RegistrationOptions& settings_;
-  const SplitViews& views_;
-  const std::function<void(const RegistrationProgress&)>& progress_;
-  Clock::time_point start_ = Clock::now();
-  std::string last_stage_;
-  double last_report_s_ = -1e9;
-  double loss_ = 0, psnr_db_ = 0;
-};
-
 /// How well held-out views are shown at their true poses.
 void measureQuality(Backend* backend, const std::vector<PosedView>& held_out,
                     const CancellationToken& cancellation, Field* field) {
@@ -240,23 +163,29 @@ void requireBox(const Dataset& dataset) {
   throw std::invalid_argument(text.str());
 }
 
+struct TrainerKind {
+  bool has_alpha;        ///< of the views
+  bool is_matt = false;  ///< colours do not depend on the direction
+};
+
 /// Before backgrounds that change only what is opaque looks right: objects where their photos say
 /// so, and scenes everywhere. (An object in a box may end before the background that is seen in the
 /// box, too.)
 std::unique_ptr<FieldTrainer> trainerOf(Backend* backend, const std::vector<PosedView>& training,
-                                        bool has_alpha, const RegistrationOptions& settings,
-                                        Hull hull) {
+                                        const TrainerKind& kind,
+                                        const RegistrationOptions& settings, Hull hull) {
   TrainingPlan plan;
   plan.samples_per_step = settings.samples_per_step;
   plan.learning_rate = settings.learning_rate;
   plan.final_learning_rate_factor = settings.final_learning_rate_factor;
   plan.region = std::move(hull.region);
-  plan.random_background = has_alpha || fillsViews(hull.box, training);
+  plan.random_background = kind.has_alpha || fillsViews(hull.box, training);
   plan.seed = settings.seed;
   std::vector<TrainingView> views;
   for (const PosedView& view : training) views.push_back({view.rgba, view.camera, view.T_O_C});
-  return backend->makeTrainer(FieldConfig::named(settings.profile), hull.box, std::move(views),
-                              plan);
+  FieldConfig config = FieldConfig::named(settings.profile);
+  if (kind.is_matt) config.sh_degree = 1;
+  return backend->makeTrainer(config, hull.box, std::move(views), plan);
 }
 
 Hull hullOf(const Dataset& dataset, const RegistrationOptions& settings, double slack,
@@ -287,7 +216,7 @@ Field train(Backend* backend, const Dataset& dataset, const RegistrationOptions&
                                 [&](const PosedView& view) { return !isTelling(view, hull.box); }),
                  held_out.end());
   const auto trainer =
-      trainerOf(backend, views.training, dataset.has_alpha, settings, std::move(hull));
+      trainerOf(backend, views.training, {dataset.has_alpha}, settings, std::move(hull));
   TrainingRun run(backend, trainer.get(), settings, views, progress);
   run.run("training", cancellation);
   run.report("occupancy");
@@ -320,7 +249,7 @@ Dataset withCorrectedPoses(Backend* backend, const Dataset& dataset,
   for (const PosedView& view : dataset.views) measured.push_back(view.T_O_C);
   Dataset corrected = dataset;
   for (const double slack : kRoundSlack) {
-    const auto trainer = trainerOf(backend, corrected.views, dataset.has_alpha, rough,
+    const auto trainer = trainerOf(backend, corrected.views, {dataset.has_alpha}, rough,
                                    hullOf(corrected, rough, slack, cancellation));
     const SplitViews views = {corrected.views, {}};
     TrainingRun run(backend, trainer.get(), rough, views, progress);
@@ -335,6 +264,46 @@ Dataset withCorrectedPoses(Backend* backend, const Dataset& dataset,
   return corrected;
 }
 
+/// A dataset of views of one exposure.
+struct EqualColours {
+  Dataset dataset;
+  double spread = 0;  ///< of the exposures before (@see gainSpread); 0: they are left as they are
+};
+
+/// Makes the views' exposures equal, if they differ (@see photoGains).
+EqualColours withEqualColours(Backend* backend, const Dataset& dataset,
+                              const RegistrationOptions& settings,
+                              const std::function<void(const RegistrationProgress&)>& progress,
+                              const CancellationToken& cancellation) {
+  EqualColours equal = {dataset};
+  RegistrationOptions rough = settings;
+  rough.steps = std::clamp(kMattSamples / settings.samples_per_step, settings.steps / kMattFraction,
+                           settings.steps / kRoughFraction);
+  rough.max_seconds = settings.max_seconds / kMattFraction;
+  rough.target_psnr_db = 0;
+  if (settings.keep_colours) return equal;
+  if (static_cast<double>(rough.steps) * rough.samples_per_step < kMinMattSamples) return equal;
+  const Hull hull =
+      hullOf(dataset, settings, settings.refine_poses ? kSlackAfter : 0, cancellation);
+  std::vector<PhotoGain> total(dataset.views.size());
+  for (int round = 0; round < kGainRounds; ++round) {
+    const auto trainer =
+        trainerOf(backend, equal.dataset.views, {dataset.has_alpha, true}, rough, hull);
+    const SplitViews views = {equal.dataset.views, {}};
+    TrainingRun run(backend, trainer.get(), rough, views, progress);
+    run.run("rough training", cancellation);
+    run.report("exposure");
+    const auto field =
+        backend->load(std::make_shared<Field>(finished(trainer.get(), dataset, cancellation)));
+    const std::vector<PhotoGain> gains = photoGains(*field, equal.dataset.views, cancellation);
+    if (gainSpread(gains) < (round == 0 ? kGainSpread : kGainSettled)) break;
+    for (std::size_t i = 0; i < total.size(); ++i) total[i] = combined(total[i], gains[i]);
+    equal.spread = gainSpread(total);
+    equal.dataset.views = withGains(dataset.views, total);
+  }
+  return equal;
+}
+
 }  // namespace
 
 Field learnField(Backend* backend, const Dataset& dataset, const RegistrationOptions& settings,
@@ -343,16 +312,16 @@ Field learnField(Backend* backend, const Dataset& dataset, const RegistrationOpt
   settings.validate();
   requireBox(dataset);
   if (!settings.accept_poor_data) requireDifferentViews(dataset);
-  Field field;
+  Dataset corrected = dataset;
+  RegistrationOptions rest = settings;
   if (settings.refine_poses) {
-    const Dataset corrected =
-        withCorrectedPoses(backend, dataset, settings, progress, cancellation);
-    RegistrationOptions rest = settings;
+    corrected = withCorrectedPoses(backend, dataset, settings, progress, cancellation);
     rest.max_seconds = 0.5 * settings.max_seconds;
-    field = train(backend, corrected, rest, progress, cancellation);
-  } else {
-    field = train(backend, dataset, settings, progress, cancellation);
   }
+  const EqualColours equal = withEqualColours(backend, corrected, rest, progress, cancellation);
+  if (!settings.keep_colours) rest.max_seconds *= 1 - 1.0 / kMattFraction;
+  Field field = train(backend, equal.dataset, rest, progress, cancellation);
+  field.metadata.exposure_spread = equal.spread;
   field.metadata.metres_per_unit =
       settings.metres_per_unit > 0 ? settings.metres_per_unit : dataset.metres_per_unit;
   field.metadata.data_hash = registrationHash(dataset, settings, cancellation);

@@ -29,6 +29,8 @@ void visitSettings(Settings& settings, Visitor&& visit) {
         "The photos' poses are not exact: correct them first");
   visit("accept_poor_data", settings.accept_poor_data,
         "Register photos and models that are too poor to be tracked, too");
+  visit("keep_colours", settings.keep_colours,
+        "Take the photos' colours as they are, also where their exposures differ");
 }
 
 }  // namespace nerf_pose_refiner

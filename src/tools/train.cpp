@@ -86,6 +86,7 @@ void report(const TrainOptions& options, const Field& field, double seconds) {
                {"held_out_views", metadata.score.views},
                {"colour_error", metadata.score.mean_loss},
                {"colour_error_stddev", metadata.score.stddev_loss},
+               {"exposure_spread", metadata.exposure_spread},
                {"pose_views", metadata.pose.views},
                {"pose_error_lateral_diameters", metadata.pose.lateral},
                {"pose_error_depth_share", metadata.pose.depth},
@@ -104,6 +105,10 @@ void report(const TrainOptions& options, const Field& field, double seconds) {
     std::printf(", PSNR %.2f dB on %d held-out views (colours of the object off by %.3f +- %.3f)",
                 metadata.psnr_db, metadata.score.views, metadata.score.mean_loss,
                 metadata.score.stddev_loss);
+  }
+  if (metadata.exposure_spread > 0) {
+    std::printf(", photos of different exposure (%.0f %%) made equal",
+                100 * metadata.exposure_spread);
   }
   if (metadata.look_alikes.any()) {
     std::printf(", may be taken for itself: %s", describe(metadata.look_alikes).c_str());

@@ -18,6 +18,7 @@ import cv2
 import numpy as np
 
 import scenes
+from photos import turntable
 from photos.board import Board, text_of
 from photos.masks import agreement
 
@@ -100,7 +101,7 @@ class OneObject(Command):
         self.assertEqual(result.returncode, 0, result.stderr)
         self.assertIn('2 of 16 photos have no pose: 2 their place does not agree with the others (IMG 03.png, IMG 09.png)',
                       result.stdout)
-        self.assertEqual(self.calls(), ['feature_extractor', 'matches_importer', 'mapper'])
+        self.assertEqual(self.calls(), ['feature_extractor', 'matches_importer', 'mapper', 'bundle_adjuster'])
         self.check_dataset()
         report = self.read('report.json')
         self.assertEqual((report['posed'], report['photos'], report['wrong'], report['folded']), (14, 16, {}, []))
@@ -110,7 +111,7 @@ class OneObject(Command):
         self.assertEqual(page.count('src="data:image/jpeg;base64,'), 14)
         self.assertNotRegex(page, 'src="(?!data:)|href=')  # nothing outside of the file
         again = self.run_program('--no-training')
-        self.assertEqual((again.returncode, len(self.calls())), (0, 3), again.stderr)
+        self.assertEqual((again.returncode, len(self.calls())), (0, 4), again.stderr)
         self.assertNotIn(' ..\n', again.stdout)  # no step was done
 
     def check_dataset(self):
@@ -132,7 +133,7 @@ class OneObject(Command):
         self.assertFalse([name for name in os.listdir(os.path.join(self.output, 'colmap')) if 'parts' in name])
         result = self.run_program('--no-training')
         self.assertEqual(result.returncode, 0, result.stderr)
-        self.assertEqual(self.calls(), ['feature_extractor', 'matches_importer', 'mapper', 'mapper'])
+        self.assertEqual(self.calls(), ['feature_extractor', 'matches_importer', 'mapper', 'mapper', 'bundle_adjuster'])
 
     def test_a_known_length_gives_the_scale(self):
         self.take_photos()
@@ -168,19 +169,25 @@ class OneObject(Command):
         result = self.run_program('--no-training')
         self.assertIn('the model was folded: 10 photos (IMG 12.png, IMG 13.png, IMG 14.png ..)', result.stdout,
                       result.stderr)
-        self.assertEqual(self.calls()[2:], ['mapper', 'mapper'])
+        self.assertEqual(self.calls()[2:], 2 * ['mapper', 'bundle_adjuster'])
         self.assertEqual(self.read('report.json')['posed'], n)
 
     def test_a_board_gives_poses_and_scale_without_colmap(self):
         """A camera of 640 x 480 at 0.8 m: poses within 2 mm, though the lens is not known."""
         board = Board(12, 12, 40.0, 30.0, '4X4_100')
         camera = scenes.Camera(640, 480, np.array([620.0, 620, 320, 240, 0, 0, 0, 0]))
-        self.poses = scenes.rounds(10, (35, 60))
+        upright = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1.0]])  # as every third photo is taken
+        self.poses = [(upright @ R, upright @ t) if i % 3 == 0 else (R, t)
+                      for i, (R, t) in enumerate(scenes.rounds(10, (35, 60)))]
         self.take_photos(camera=camera, painted=scenes.on_board(board))
         result = self.run_program('--no-training', '--poses', 'board', '--board', text_of(board))
         self.assertEqual(result.returncode, 0, result.stderr)
         self.assertEqual(self.calls(), [])
         report, train = self.read('report.json'), self.read('dataset', 'transforms_train.json')
+        self.assertEqual(result.stdout.count('board ..'), 1)
+        again = self.run_program('--no-training', '--poses', 'board', '--board', text_of(board))
+        self.assertEqual(again.returncode, 0, again.stderr)
+        self.assertNotIn(' ..\n', again.stdout)  # no step was done again
         self.assertEqual((report['posed'], train['metres_per_unit']), (20, 1))
         for frame in train['frames']:
             R, t = self.poses[int(frame['source'][4:6])]
@@ -198,8 +205,25 @@ class OneObject(Command):
         self.assertEqual(result.returncode, 0, result.stderr)
         # From 1 to 1.15; the median is 1.075.
         self.assertIn('the model in sparse/0 is not used: focal lengths of one camera differ by 14 %', result.stdout)
-        self.assertEqual(self.calls(), ['feature_extractor', 'matches_importer', 'mapper'])
+        self.assertEqual(self.calls(), ['feature_extractor', 'matches_importer', 'mapper', 'bundle_adjuster'])
         self.assertEqual(self.read('report.json')['posed'], 16)
+
+    def test_a_principal_point_is_found_if_it_is_likely(self):
+        self.take_photos()
+        for moved, kept in ((3, 3), (30, 0)):  # 320 px wide: of no lens is it 30 px off
+            shutil.rmtree(self.output, ignore_errors=True)
+            result = self.run_program('--no-training', COLMAP_MOVES=str(moved))
+            self.assertEqual(result.returncode, 0, result.stderr)
+            frame = self.read('dataset', 'transforms_train.json')['frames'][0]
+            self.assertAlmostEqual(frame['cx'], scenes.WIDTH / 2 + kept)
+
+    def test_photos_without_overlap(self):
+        self.take_photos()
+        result = self.run_program('--no-training', COLMAP_UNLIKE='1')
+        self.assertEqual(result.returncode, 1)
+        self.assertIn('no two photos show the same thing from two places: take photos that overlap', result.stderr)
+        self.assertEqual(result.stderr.count('\n'), 1)
+        self.assertEqual(sorted(os.listdir(self.output)), ['.lock', 'colmap', 'photos', 'steps.json'])
 
     def test_what_cannot_be_used(self):
         self.take_photos()
@@ -226,6 +250,16 @@ class OneObject(Command):
         self.assertGreater(np.mean([row['psnr_object_db'] for row in report['quality'] if row['held_out']]), 12)
         self.assertEqual(report['model']['metres_per_unit'], 1)
         self.assertIn('PSNR on the object, 2 held-out photos', result.stdout)
+        strip = cv2.imread(os.path.join(self.output, 'turntable.jpg'))
+        self.assertEqual(strip.shape, (turntable.SIDE, turntable.FRAMES * turntable.SIDE, 3))
+        seen = [np.mean(np.abs(view.astype(int) - turntable.GREY) > 40)
+                for view in np.split(strip, turntable.FRAMES, axis=1)]
+        self.assertGreater(min(seen), 0.05)  # from each side, and not cut off
+        self.assertLess(max(seen), 0.8)
+        with open(os.path.join(self.output, 'report.html'), encoding='utf-8') as file:
+            page = file.read()
+        self.assertEqual(page.count('class="turntable"'), 1)
+        self.assertNotRegex(page, 'src="(?!data:)|href=|<script')
 
 
 class ManyObjects(Command):

@@ -56,6 +56,7 @@ TEST(RegistrationHash, ChangesWithWhateverChangesTheModelOrWhatIsMeasuredOfIt) {
       [](D*, S* s) { s->final_learning_rate_factor *= 2; },
       [](D*, S* s) { s->refine_poses = true; },
       [](D*, S* s) { s->accept_poor_data = true; },
+      [](D*, S* s) { s->keep_colours = true; },
       [](D*, S* s) { s->symmetries = Symmetries(SymmetryAxis(), {}); },
       [](D*, S* s) {
         s->symmetries = Symmetries(SymmetryAxis{{1, 0, 0}, {0, 0, 0}}, {});

@@ -84,4 +84,5 @@ def write_overview(folder, names):
     links = ''.join(f'<li><a href="{html.escape(row["name"])}/report.html">{html.escape(row["name"])}</a></li>'
                     for row in rows if row['state'] == 'done')
     write_json(os.path.join(folder, 'index.json'), rows)
-    write_text(os.path.join(folder, 'index.html'), PAGE.format(title=f'{len(names)} objects', body=f'{body}<ul>{links}</ul>'))
+    write_text(os.path.join(folder, 'index.html'), PAGE.format(title=f'{len(names)} objects', body=f'{body}<ul>{links}</ul>',
+                                                              style=''))

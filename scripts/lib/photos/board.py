@@ -46,7 +46,11 @@ def text_of(board):
 
 
 def dictionary_of(board):
-    number = getattr(cv2.aruco, 'DICT_' + board.dictionary)
+    return aruco_dictionary(board.dictionary)
+
+
+def aruco_dictionary(name):
+    number = getattr(cv2.aruco, 'DICT_' + name)
     if hasattr(cv2.aruco, 'getPredefinedDictionary'):
         return cv2.aruco.getPredefinedDictionary(number)
     return cv2.aruco.Dictionary_get(number)

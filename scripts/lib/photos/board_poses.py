@@ -1,11 +1,12 @@
 # Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 """Cameras and poses from a board in the photos, without structure from motion: intrinsics and all poses are found
-together, which for a board of known size is bundle adjustment (Zhang 2000)."""
+together, by bundle adjustment from what OpenCV begins with (Zhang 2000)."""
 import collections
 
 import cv2
 import numpy as np
 
+from photos.bundle import Observed, adjusted, projected
 from photos.common import count, require
 from photos.reconstruction import Camera, Reconstruction
 
@@ -16,13 +17,12 @@ MIN_PHOTOS = 5
 OUTLIER = 3.0            # times the median photo's error
 MIN_OUTLIER_PX = 1.0
 MAX_ERROR_PX = 3.0
-# Lenses, each with more that is free than the one before; the richer one must lower the error by MIN_GAIN, for what is
-# free and not needed makes poses worse.
-SIMPLE = cv2.CALIB_FIX_ASPECT_RATIO | cv2.CALIB_FIX_PRINCIPAL_POINT | cv2.CALIB_ZERO_TANGENT_DIST | cv2.CALIB_FIX_K3
-LENSES = (SIMPLE | cv2.CALIB_FIX_K2, SIMPLE, SIMPLE & ~cv2.CALIB_FIX_PRINCIPAL_POINT, cv2.CALIB_FIX_K3)
+# With what OpenCV begins: all that is not needed is fixed, for without priors what is free and not seen goes astray.
+SIMPLE = (cv2.CALIB_FIX_ASPECT_RATIO | cv2.CALIB_FIX_PRINCIPAL_POINT | cv2.CALIB_ZERO_TANGENT_DIST | cv2.CALIB_FIX_K2 |
+          cv2.CALIB_FIX_K3)
 GIVEN = (cv2.CALIB_FIX_FOCAL_LENGTH | cv2.CALIB_FIX_PRINCIPAL_POINT | cv2.CALIB_FIX_K1 | cv2.CALIB_FIX_K2 |
          cv2.CALIB_FIX_K3 | cv2.CALIB_FIX_TANGENT_DIST)
-MIN_GAIN = 0.03
+MIN_SIGMA_PX = 0.05
 
 
 def calibrated(corners, points, camera, flags):
@@ -37,19 +37,26 @@ def calibrated(corners, points, camera, flags):
     return rms, parameters, [(cv2.Rodrigues(r)[0], t.ravel()) for r, t in zip(rotations, translations)], errors.ravel()
 
 
-def best_lens(corners, points, camera):
-    """The same with the lens that the photos need. @param camera {width, height, parameters: given ones or None}."""
+def observed(corners, points):
+    return Observed(len(corners), np.repeat(np.arange(len(corners)), [len(found) for found in corners]),
+                    np.array([points[number] for found in corners for number in found]),
+                    np.array([xy for found in corners for xy in found.values()], dtype=float))
+
+
+def solved(corners, points, camera):
+    """The same as `calibrated`, with the lens that is likeliest. @param camera {width, height, parameters: given ones or
+    None}"""
     width, height = camera['width'], camera['height']
     if camera['parameters'] is not None:
         return calibrated(corners, points, Camera(width, height, np.array(camera['parameters'], dtype=float)), GIVEN)
     focal = float(max(width, height))
     start = Camera(width, height, np.array([focal, focal, width / 2, height / 2, 0, 0, 0, 0]))
-    best = calibrated(corners, points, start, LENSES[0])
-    for flags in LENSES[1:]:
-        richer = calibrated(corners, points, start, flags)
-        if richer[0] < (1 - MIN_GAIN) * best[0]:
-            best = richer
-    return best
+    rms, parameters, poses, _ = calibrated(corners, points, start, SIMPLE)
+    seen = observed(corners, points)
+    best, poses = adjusted(seen, Camera(width, height, parameters), poses, max(MIN_SIGMA_PX, rms / np.sqrt(2)))
+    squares = ((projected(seen, best, poses) - seen.xy) ** 2).sum(axis=1)
+    of_photos = np.bincount(seen.photo, squares) / np.bincount(seen.photo)
+    return float(np.sqrt(squares.mean())), best.parameters, poses, np.sqrt(of_photos)
 
 
 def poses_from_board(names, corners, points, camera):
@@ -60,7 +67,7 @@ def poses_from_board(names, corners, points, camera):
     while True:
         require(len(kept) >= MIN_PHOTOS, f'the board was found in {count(len(kept), "photo")}: at least {MIN_PHOTOS} are '
                 'needed. Is it the board that --board names, flat, sharp and not covered?')
-        error_px, parameters, poses, errors = best_lens([corners[i] for i in kept], points, camera)
+        error_px, parameters, poses, errors = solved([corners[i] for i in kept], points, camera)
         limit = max(MIN_OUTLIER_PX, OUTLIER * float(np.median(errors)))
         if np.all(errors <= limit):
             break

@@ -54,6 +54,7 @@ class Job:
         self.options = options
         self.steps = Steps(self.path('steps.json'))
         self.copies, self.cameras, self.is_sequence = [], [], False
+        self.corners = None  # of the board, once they were looked for
 
     def path(self, *names):
         return os.path.join(self.options.output, *names)

@@ -8,8 +8,9 @@ from photos.common import InputError, require
 from photos.geometry import focus
 from photos.intake import pixel_of_copy
 from photos.reconstruction import Reconstruction
-from photos.scale import scale_from_board, scale_from_length
+from photos.scale import scale_from_length
 from photos.supporting_plane import Plane, bounds, box_of, find_plane, is_supported, points_above
+from photos.targets import scale_from_target
 
 DEPTH = 0.12            # below a plane that may not be the table, of the object's size: the object may reach so far
 UNIT_OF_UNSCALED = 1.0  # the longest side of the box, where no scale is known
@@ -80,16 +81,16 @@ def marks_of(job, reconstruction):
 
 
 def find_region(job, reconstruction, board):
-    """@param board ({name of a copy: {number: xy}}, {number: point [m]}) of its corners; empty without one."""
+    """@param board ({name of a copy: {number: xy}} of its corners, the board or tags); ({}, None) without one."""
     options, sigma, origin = job.options, 0.0, ''
-    corners, board_points = board
+    corners, target = board
     if options.poses == 'board':
         region = on_board(reconstruction)
-    elif board_points:
-        found = scale_from_board(reconstruction, [(i, corners[name]) for i, name in enumerate(reconstruction.names)
-                                                  if corners[name]], board_points)
+    elif target:
+        found = scale_from_target(reconstruction, [(i, corners[name]) for i, name in enumerate(reconstruction.names)
+                                                   if corners[name]], target)
         region = on_board(reconstruction.moved(found.metres_per_unit, found.R, found.t))
-        sigma, origin = found.sigma, f'scale and frame are those of the board ({found.corners} corners)'
+        sigma, origin = found.sigma, f'scale and frame are those of the board or tags ({found.corners} corners)'
     else:
         region = within_box(reconstruction, options.box) if options.box else on_found_table(reconstruction)
         scale = options.metres_per_unit

@@ -6,7 +6,6 @@ import os
 import numpy as np
 
 from photos import poses
-from photos.board import corner_points, parse_board
 from photos.common import locked, require, whole_folder
 from photos.dataset import posed_photos, write_dataset
 from photos.job import Job
@@ -16,7 +15,9 @@ from photos.object_region import find_region
 from photos.point_cloud import with_points
 from photos.quality import measure
 from photos.report import write_report
+from photos.targets import parse_target
 from photos.tools import find_tool, run_tool
+from photos.turntable import render_strip
 
 RENDERED_SIDE = 480  # of renderings beside photos [px]
 
@@ -33,11 +34,16 @@ def run_steps(job):
         find_tool('train', options.tools)  # before hours of work
     job.take_photos()
     reconstruction, facts = poses.find_poses(job)
+    if options.board:
+        poses.board_corners(job)
     facts = job.steps.run('object', [options.board, options.length, options.box, options.metres_per_unit, facts],
                           [job.path('dataset')], lambda: find_object(job, reconstruction, facts))
     if options.learn:
-        facts = {**facts, 'model': learn(job), 'quality': job.steps.run('quality', [], [job.path('renderings')],
-                                                                        lambda: compare(job))}
+        model = learn(job)
+        quality = job.steps.run('quality', [], [job.path('renderings')],
+                                lambda: compare(job, model.get('exposure_spread', 0) == 0))
+        facts = {**facts, 'model': model, 'quality': quality}
+        job.steps.run('turntable', [], [job.path('turntable.jpg')], lambda: turntable(job, facts['box']))
     facts = {'name': options.name, **facts, 'seconds': job.steps.seconds}
     write_report(job, facts)
     return facts
@@ -51,13 +57,13 @@ def without_distortion(photos, reconstruction):
 
 def find_object(job, reconstruction, facts):
     """Frame, scale, box and masks; writes the dataset. @return what is known of them."""
-    board = {}, {}
+    target = {}, None
     if job.options.board:
-        board = poses.board_corners(job), corner_points(parse_board(job.options.board))
+        target = poses.board_corners(job), parse_target(job.options.board)
     photos = posed_photos(reconstruction, job.path('photos'), job.sources())
     if job.options.poses == 'board':
         reconstruction = with_points(without_distortion(photos, reconstruction), [photo.image for photo in photos])
-    region = find_region(job, reconstruction, board)
+    region = find_region(job, reconstruction, target)
     moved = region.reconstruction
     for photo, R, t in zip(photos, moved.R, moved.t):
         photo.R, photo.t = R, t
@@ -88,14 +94,24 @@ def learn(job):
         tool, [job.path('dataset'), '-o', model, '--name', job.options.name, *job.options.train]))
 
 
-def compare(job):
-    """Renders all photos and measures how well each is shown."""
-    tool, backend = find_tool('render', job.options.tools), [word for word in job.options.train if 'backend' in word]
+def renderer(job):
+    """The program render and how it is to be called."""
+    backend = [word for word in job.options.train if 'backend' in word]
     require(not backend or '=' in backend[0], 'write --backend=NAME')
+    return [find_tool('render', job.options.tools), *backend]
+
+
+def turntable(job, box):
+    return render_strip(renderer(job), job.path(job.options.name + '.safetensors'), box, job.path('turntable.jpg'))
+
+
+def compare(job, are_equal):
+    """Renders all photos and measures how well each is shown. @param are_equal: the photos' exposures"""
+    tool, *backend = renderer(job)
     model = job.path(job.options.name + '.safetensors')
     with whole_folder(job.path('renderings')) as folder:
         for part in ('train', 'test'):
             transforms = job.path('dataset', f'transforms_{part}.json')
             if os.path.exists(transforms):
                 run_tool(tool, [model, '--transforms', transforms, '-o', folder, '--max-size', RENDERED_SIDE, *backend])
-        return measure(job.path('dataset'), folder)
+        return measure(job.path('dataset'), folder, are_equal)

@@ -7,10 +7,11 @@ import cv2
 import numpy as np
 
 from photos import colmap, colmap_database, missing, pose_checks
-from photos.board import corner_points, find_corners, parse_board
+from photos.board import Board, corner_points
 from photos.board_poses import poses_from_board
 from photos.common import InputError, count, require, say
 from photos.reconstruction import read_reconstruction
+from photos.targets import find_corners, parse_target
 
 MIN_POSED = 8
 MAX_FOLDS = 2  # so often a folded model is solved again with its largest group
@@ -123,23 +124,28 @@ def read_copy(job, name):
 
 
 def board_corners(job):
-    """{name of a copy: {number: xy}} for all copies; a step."""
-    board = parse_board(job.options.board)
+    """{name of a copy: {number: xy}} for all copies; a step, which is done once and not within another one."""
+    if job.corners is not None:
+        return job.corners
+    target = parse_target(job.options.board)
 
     def find():
-        return {copy.name: [[number, *xy] for number, xy in find_corners(board, read_copy(job, copy.name)).items()]
+        return {copy.name: [[number, *xy] for number, xy in find_corners(target, read_copy(job, copy.name)).items()]
                 for copy in job.copies}
 
     found = job.steps.run('board', [job.options.board], [], find)
-    return {name: {number: (x, y) for number, x, y in corners} for name, corners in found.items()}
+    job.corners = {name: {number: (x, y) for number, x, y in corners} for name, corners in found.items()}
+    return job.corners
 
 
 def poses_of_board(job):
     require(job.options.board, '--poses board needs --board: what make_board printed')
+    board = parse_target(job.options.board)
+    require(isinstance(board, Board), '--poses board needs a ChArUco board: tags alone do not give exact poses')
     require(len(job.cameras) == 1, f'--poses board needs photos of one camera and size, these are of {len(job.cameras)}')
     corners = board_corners(job)
     names = [copy.name for copy in job.copies]
-    found = poses_from_board(names, [corners[name] for name in names], corner_points(parse_board(job.options.board)),
+    found = poses_from_board(names, [corners[name] for name in names], corner_points(board),
                              {**job.cameras[0], 'parameters': None})
     sources = job.sources()
     left_out = {sources[name]: why for name, why in found.left_out.items()}

@@ -9,6 +9,9 @@ import numpy as np
 from photos.common import InputError, read_json
 
 MAX_PSNR_DB = 60
+MIN_PIXELS = 50        # of the object, from which a gain is taken
+REWEIGHTINGS = 6
+MIN_RESIDUAL = 5.0     # of 255
 
 
 def blended(image, alpha):
@@ -18,6 +21,22 @@ def blended(image, alpha):
 
 def psnr_db(error_squares):
     return float(min(MAX_PSNR_DB, -10 * math.log10(max(1e-9, float(np.mean(error_squares))))))
+
+
+def with_gain(photo, rendering, inside):
+    """The photo with a gain and a bias for each channel that make it like the rendering on the object: where photos differ
+    in exposure, the model shows that of the median one. Robust: what is wrong in the model counts little."""
+    changed = photo.astype(float)
+    for channel in range(3):
+        x, y = (image[:, :, channel][inside].astype(float) for image in (photo, rendering))
+        lines, weights = np.column_stack((x, np.ones(len(x)))), np.ones(len(x))
+        for _ in range(REWEIGHTINGS):
+            root = np.sqrt(weights)
+            gain, bias = np.linalg.lstsq(lines * root[:, None], y * root, rcond=None)[0]
+            residual = np.abs(gain * x + bias - y)
+            weights = (1 + (residual / max(MIN_RESIDUAL, 2 * np.median(residual))) ** 2) ** -2
+        changed[:, :, channel] = gain * photo[:, :, channel] + bias
+    return np.clip(np.round(changed), 0, 255).astype(np.uint8)
 
 
 def compared(rendering, photo, mask):
@@ -32,9 +51,9 @@ def compared(rendering, photo, mask):
             'alpha_outside': float(alpha[far].mean()) if far.any() else 0.0}
 
 
-def measure(dataset, renderings):
+def measure(dataset, renderings, are_equal=True):
     """Each frame of the dataset's two files against its rendering, at the rendering's size. @param renderings folder with
-    the frames' names. @return [{name, source, held_out, ..}] in the order of the names."""
+    the frames' names; are_equal: the photos have one exposure, else each gets a gain first. @return [{name, source, held_out, ..}] in the order of the names."""
     rows = []
     for part, held_out in (('train', False), ('test', True)):
         path = os.path.join(dataset, f'transforms_{part}.json')
@@ -47,5 +66,8 @@ def measure(dataset, renderings):
             photo = cv2.resize(cv2.imread(os.path.join(dataset, frame['file_path'])), size, interpolation=cv2.INTER_AREA)
             mask = cv2.resize(cv2.imread(os.path.join(dataset, frame['mask_path']), cv2.IMREAD_GRAYSCALE), size,
                               interpolation=cv2.INTER_AREA)
+            inside = (mask >= 250) & (rendering[:, :, 3] >= 250)
+            if not are_equal and np.count_nonzero(inside) >= MIN_PIXELS:
+                photo = with_gain(photo, rendering, inside)
             rows.append({'name': name, 'source': frame['source'], 'held_out': held_out, **compared(rendering, photo, mask)})
     return sorted(rows, key=lambda row: row['name'])

@@ -11,6 +11,7 @@ import numpy as np
 from photos.common import write_json, write_text
 from photos.dataset import is_held_out
 from photos.summary import advice, figures
+from photos.turntable import STYLE, html_of
 
 THUMB_SIDE = 240
 JPEG_QUALITY = 80
@@ -24,7 +25,7 @@ td, th {{ border: 1px solid #ccc; padding: .25em .6em; text-align: left; vertica
 .sheet figure {{ margin: 0; font-size: 12px; }}
 .sheet img {{ display: block; }}
 .held {{ outline: 3px solid #2166ac; }}
-</style></head><body>
+{style}</style></head><body>
 <h1>{title}</h1>
 {body}
 </body></html>
@@ -120,14 +121,24 @@ def photo_table(facts):
                   'azimuth [deg]', 'elevation [deg]'), rows)
 
 
+def turning(job):
+    """The model on a turntable, or nothing where none was learned."""
+    path = job.path('turntable.jpg')
+    if not os.path.exists(path):
+        return ''
+    with open(path, 'rb') as file:
+        return html_of('data:image/jpeg;base64,' + base64.b64encode(file.read()).decode('ascii'))
+
+
 def write_report(job, facts):
     sentences = advice(facts) or ['Nothing: all is well.']
     body = '\n'.join((
         table((), figures(facts)),
+        turning(job),
         '<h2>What to do better</h2><ul>' + ''.join(f'<li>{html.escape(text)}</li>' for text in sentences) + '</ul>',
         '<h2>Directions of the photos</h2>' + directions_drawing(facts['views']),
         '<h2>Photos, masks and renderings</h2><p>Green: the mask. Right: the model, rendered where the photo was taken. '
         'Framed in blue: held out, the model has not seen it.</p>' + contact_sheet(job, facts),
         '<h2>Each photo</h2>' + photo_table(facts)))
     write_json(job.path('report.json'), {**facts, 'advice': sentences})
-    write_text(job.path('report.html'), PAGE.format(title=html.escape(facts['name']), body=body))
+    write_text(job.path('report.html'), PAGE.format(title=html.escape(facts['name']), body=body, style=STYLE))

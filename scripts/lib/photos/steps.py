@@ -5,7 +5,7 @@ import json
 import os
 import time
 
-from photos.common import InputError, read_json, say, write_json
+from photos.common import InputError, read_json, require, say, write_json
 
 
 class Steps:
@@ -22,13 +22,14 @@ class Steps:
     def run(self, name, inputs, outputs, function):
         """What `function` returns (JSON), or returned in an earlier run. @param outputs paths that it makes."""
         text = json.dumps([self.key, name, inputs], sort_keys=True)
-        self.key = hashlib.sha256(text.encode()).hexdigest()
+        key = self.key = hashlib.sha256(text.encode()).hexdigest()
         entry = self.done.get(name, {})
-        if entry.get('key') != self.key or not all(os.path.exists(output) for output in outputs):
+        if entry.get('key') != key or not all(os.path.exists(output) for output in outputs):
             say(f'{name} ..')
             start = time.monotonic()
             result = json.loads(json.dumps(function()))  # the same, whether from memory or from the file
-            entry = {'key': self.key, 'seconds': round(time.monotonic() - start, 1), 'result': result}
+            require(self.key == key, f'a step within the step {name}')
+            entry = {'key': key, 'seconds': round(time.monotonic() - start, 1), 'result': result}
             self.done[name] = entry
             write_json(self.path, self.done)
         self.seconds[name] = entry['seconds']

@@ -13,6 +13,7 @@ POOR_AGREEMENT = 0.85     # of a mask with what the others say
 UNLIKE_DB = 6             # below the median photo: something is wrong with this one
 HIGH_ERROR_PX = 1.5
 HIGH_SIGMA = 0.003
+LARGE_SPREAD = 0.1        # of the exposures
 
 
 def held_out_psnr_db(facts):
@@ -61,6 +62,9 @@ def advice(facts):
     if poor:
         sentences.append(f"The masks of {count(len(poor), 'photo')} do not agree with the others ({named(poor)}): look at "
                          'them below. A background of another colour helps.')
+    if facts.get('model', {}).get('exposure_spread', 0) > LARGE_SPREAD:
+        sentences.append('The exposure of the photos differs, or the object was turned in the light: fix exposure and white '
+                         'balance, and move the camera instead of the object.')
     unlike = unlike_photos(facts)
     if unlike:
         sentences.append(f'The model does not look like {named(unlike)}: take these photos out if the object, the light or '
@@ -94,6 +98,10 @@ def figures(facts):
         held_out = sum(row['held_out'] for row in facts['quality'])
         rows.append((f'PSNR on the object, {count(held_out, "held-out photo")}', f'{psnr:.1f} dB'))
         rows.append(('opacity beside the object', f"{100 * np.mean([r['alpha_outside'] for r in facts['quality']]):.1f} %"))
+    spread = facts.get('model', {}).get('exposure_spread', 0)
+    if spread > 0:
+        rows.append(('exposure of the photos', f'differed by {100 * spread:.0f} %: each got a gain; the figures above are '
+                     'with it'))
     rows.append(('time', ', '.join(f'{step} {seconds:.0f} s' for step, seconds in facts['seconds'].items())))
     return rows
 
