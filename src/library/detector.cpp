@@ -12,7 +12,7 @@
 #include "detection/object_detector.h"
 #include "field/field.h"
 #include "field/object_frame.h"
-#include "trust/calibrate_detector.h"
+#include "tracking/calibrate_detector.h"
 
 namespace nerf_pose_refiner {
 namespace {

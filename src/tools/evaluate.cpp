@@ -23,7 +23,7 @@
 #include "image/io.h"
 #include "tools/tool.h"
 #include "tools/trial_shard.h"
-#include "trust/calibrate_detector.h"
+#include "tracking/calibrate_detector.h"
 
 // Runs the trials of a plan on the scenes of a data folder. What is there already is not run again.
 

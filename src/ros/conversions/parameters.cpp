@@ -265,6 +265,16 @@ void readRules(ParamReader& reader, TrackingRules& rules) {
   reader.get("recover_s", rules.recover_s);
 }
 
+void readProcessor(ParamReader& reader, PoseRefinerParameters& p) {
+  getChoice<std::string>(reader, "backend", {{"auto", "auto"}, {"cpu", "cpu"}, {"cuda", "cuda"}},
+                         p.backend);
+  reader.get("device", p.device);
+  reader.get("threads", p.threads);
+  getChoice<std::string>(reader, "instruction_set",
+                         {{"auto", "auto"}, {"avx2", "avx2"}, {"baseline", "baseline"}},
+                         p.instruction_set);
+}
+
 }  // namespace
 
 std::vector<std::string> CameraSettings::names() const {
@@ -320,13 +330,7 @@ PoseRefinerParameters readParameters(ParamReader& reader, const PoseRefinerParam
                        {"every_frame", MaskMode::kEveryFrame}},
                       p.tracker.mask_mode);
   reader.get("mask_timeout_s", p.mask_timeout_s);
-  getChoice<std::string>(reader, "backend", {{"auto", "auto"}, {"cpu", "cpu"}, {"cuda", "cuda"}},
-                         p.backend);
-  reader.get("device", p.device);
-  reader.get("threads", p.threads);
-  getChoice<std::string>(reader, "instruction_set",
-                         {{"auto", "auto"}, {"avx2", "avx2"}, {"baseline", "baseline"}},
-                         p.instruction_set);
+  readProcessor(reader, p);
   readFrames(reader, p.frames);
   readRules(reader, p.tracker.rules);
 

@@ -1,5 +1,5 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "trust/calibrate_detector.h"
+#include "tracking/calibrate_detector.h"
 
 #include "trust/keyframe_scores.h"
 #include "trust/look_alikes.h"
