@@ -29,8 +29,8 @@ struct RegistrationOptions {
   /// Accepts photos and models that are otherwise refused because the object could not be tracked:
   /// fewer than three different photos or poses, or a model that does not look like its photos.
   bool accept_poor_data = false;
-  /// Takes the photos' colours as they are. Otherwise photos whose exposure or white balance differs
-  /// get a gain and a bias for each channel, which make them look like the median photo.
+  /// Takes the photos' colours as they are. Otherwise photos whose exposure or white balance
+  /// differs get a gain and a bias for each channel, which make them look like the median photo.
   bool keep_colours = false;
   /// Symmetries of the object, in the frame of the photos [model units]. Pose statistics of the
   /// model are taken modulo these; the field does not depend on them.
