@@ -282,7 +282,8 @@ EqualColours withEqualColours(Backend* backend, const Dataset& dataset,
   rough.max_seconds = settings.max_seconds / kMattFraction;
   rough.target_psnr_db = 0;
   if (settings.keep_colours) return equal;
-  if (static_cast<double>(rough.steps) * rough.samples_per_step < kMinMattSamples) return equal;
+  const int least = static_cast<int>(kMinMattSamples / rough.samples_per_step);
+  if (rough.steps <= least) return equal;
   const Hull hull =
       hullOf(dataset, settings, settings.refine_poses ? kSlackAfter : 0, cancellation);
   std::vector<PhotoGain> total(dataset.views.size());
@@ -292,6 +293,7 @@ EqualColours withEqualColours(Backend* backend, const Dataset& dataset,
     const SplitViews views = {equal.dataset.views, {}};
     TrainingRun run(backend, trainer.get(), rough, views, progress);
     run.run("rough training", cancellation);
+    if (trainer->stepsDone() <= least) break;  // the time was too short
     run.report("exposure");
     const auto field =
         backend->load(std::make_shared<Field>(finished(trainer.get(), dataset, cancellation)));

@@ -28,8 +28,9 @@ def find_poses(job):
             f'only {count(len(reconstruction.names), "photo")} of {len(job.copies)} have a pose, at least {MIN_POSED} are '
             'needed: take 40 to 100 that overlap by two thirds, sharp, all around the object')
     facts['posed'], facts['photos'] = len(reconstruction.names), len(job.copies)
-    facts['error_px'] = float(np.median(reconstruction.errors()))
-    facts['focal_px'] = [camera.focal for camera in reconstruction.cameras]
+    # Rounded: OpenCV's threads add up in any order, and facts are what later steps are made from.
+    facts['error_px'] = round(float(np.median(reconstruction.errors())), 4)
+    facts['focal_px'] = [round(camera.focal, 3) for camera in reconstruction.cameras]
     return reconstruction, facts
 
 
