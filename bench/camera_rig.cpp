@@ -26,6 +26,7 @@
 #include "image/io.h"
 #include "math/angle.h"
 #include "recorded_sequence.h"
+#include "refinement/sighting_log.h"
 #include "runtime/shared_backend.h"
 #include "tracking/object_tracker.h"
 
@@ -39,6 +40,9 @@ struct Options {
   int cover_from = -1, cover_to = -1;  // frames in which the second camera is covered
   int window = 0;
   std::uint64_t seed = 1;
+  bool calibrate = false;
+  bool steady = false;  // the errors of a sweep's places are those of one hand-eye calibration
+  double told = 1;      // what the window is told of them, in their deviations
   bool verbose = false;
 };
 
@@ -50,7 +54,8 @@ Pose disturbed(const Pose& pose, const Options& options, std::mt19937_64* random
                            deviation * normal(*random));
   };
   const Eigen::Vector3d turn = drawn(options.rotation_deg * kDegree);
-  return {nearestRotation(pose.R * expSO3(turn)), pose.t + drawn(1e-3 * options.position_mm)};
+  return {nearestRotation(pose.R * expSO3(turn)),
+          pose.t + pose.R * drawn(1e-3 * options.position_mm)};
 }
 
 double percentileOf(const std::vector<double>& values, double part) {
@@ -94,6 +99,31 @@ class RigTracking {
     }
   }
 
+  /// States a camera's place wrongly by 5 mm and half a degree.
+  void misplace(std::size_t camera) {
+    const Eigen::Vector3d way = Eigen::Vector3d(0.6, -0.4, 0.7).normalized();
+    T_W_C_[camera].t += 0.005 * way;
+    T_W_C_[camera].R = expSO3(Eigen::Vector3d(-0.5 * kDegree * way)) * T_W_C_[camera].R;
+  }
+
+  /// Refines a camera's place from what was tracked, and tells how far off it is.
+  void calibrate(std::size_t camera) const {
+    const CameraCalibration found = log_.calibrate(camera, {});
+    const std::vector<RecordedFrame>& first = cameras_.front().frames;
+    const Pose truth = first.front().T_W_C.inverse() * cameras_[camera].frames.front().T_W_C;
+    Vector6 error;
+    error << found.T_C_V.t - truth.t, logSO3(Eigen::Matrix3d(found.T_C_V.R * truth.R.transpose()));
+    const Vector6 deviation = found.covariance.diagonal().cwiseSqrt();
+    std::printf(
+        "camera %zu from %d of %zu poses: off by %.3f mm, %.4f deg (deviations up to %.3f mm, %.4f "
+        "deg, error^2/6 %.2f), misfit %.2f, unseen %zu %s\n",
+        camera, found.sightings, log_.size(), 1e3 * error.head<3>().norm(),
+        error.tail<3>().norm() / kDegree, 1e3 * deviation.head<3>().maxCoeff(),
+        deviation.tail<3>().maxCoeff() / kDegree,
+        error.dot(found.covariance.ldlt().solve(error)) / 6, found.misfit, found.unseen.size(),
+        found.message.c_str());
+  }
+
   void run(const RecordedSequence* second, Tally* tally) {
     tellPose(0);
     for (std::size_t i = 0; i < cameras_.front().frames.size(); ++i) {
@@ -119,9 +149,9 @@ class RigTracking {
     TrackerSettings settings;
     settings.tracking.refiner.keyframes.real_time = false;
     settings.window.views = window;
-    settings.window.position_dev_m = 1e-3 * options.position_mm;
-    settings.window.rotation_dev_deg = options.rotation_deg;
-    settings.window.time_dev_s = 1e-3 * options.late_ms;
+    settings.window.position_dev_m = 1e-3 * options.told * options.position_mm;
+    settings.window.rotation_dev_deg = options.told * options.rotation_deg;
+    settings.window.time_dev_s = 1e-3 * options.told * options.late_ms;
     return settings;
   }
 
@@ -144,7 +174,8 @@ class RigTracking {
     const Eigen::Matrix3d turn = expSO3(Eigen::Vector3d(part * logSO3(b.R * a.R.transpose())));
     const Pose moved(nearestRotation(turn * frames[i].T_W_C.R),
                      frames[i].T_W_C.t + part * (b.t - a.t));
-    return disturbed(moved, options_, &random_);
+    std::mt19937_64 same(options_.seed);
+    return disturbed(moved, options_, options_.steady ? &same : &random_);
   }
 
   void cover(std::size_t i, const RecordedSequence& camera, Image8* image) const {
@@ -191,6 +222,18 @@ class RigTracking {
     return Symmetries(SymmetryAxis{Eigen::Vector3d::UnitZ(), Eigen::Vector3d::Zero()}, {});
   }
 
+  void remember(const Refinement& found) {
+    std::vector<Pose> places;
+    std::vector<std::size_t> numbers;
+    for (std::size_t k = 0; k < T_W_C_.size(); ++k) {
+      places.push_back(T_W_C_[0].inverse() * T_W_C_[k]);
+      if (k > 0) numbers.push_back(k);
+    }
+    const FieldMetadata& object = field_->metadata;
+    log_.add(sightingOf(found, object, numbers, places.size()), places,
+             object.metres_per_unit * object.diameter);
+  }
+
   void judge(std::size_t i, const TrackOutcome& outcome, const RecordedSequence* second,
              Tally* tally) {
     const RecordedSequence& first = cameras_.front();
@@ -205,6 +248,7 @@ class RigTracking {
     tally->right += is_right;
     tally->trusted += outcome.trusted;
     for (const SideViewReport& report : found.beside) tally->others += report.used;
+    if (options_.calibrate && outcome.trusted) remember(found);
     const double percent = 100 / object.diameter;
     const Eigen::Vector3d true_C = truth.inverse() * object.centre;
     const Eigen::Vector3d away = found.T_O_C.inverse() * object.centre - true_C;
@@ -250,6 +294,7 @@ class RigTracking {
   ObjectFrame frame_;
   ObjectTracker tracker_;
   std::optional<Eigen::Vector3d> last_away_;
+  SightingLog log_;
 };
 
 void trackRig(const Options& options) {
@@ -266,6 +311,20 @@ void trackRig(const Options& options) {
   second.print("second camera");
   both.print("first and second");
   three.print("all three");
+}
+
+/// The third camera's place is stated wrongly, the others' as the options say.
+void calibrateRig(const Options& options) {
+  std::vector<RecordedSequence> all;
+  for (int k = 0; k < 3; ++k) {
+    all.push_back(readSequence(options.folder + "/camera_" + std::to_string(k)));
+  }
+  RigTracking tracking(options, all, 0);
+  tracking.misplace(2);
+  Tally tally;
+  tracking.run(&all[1], &tally);
+  tally.print("all three");
+  tracking.calibrate(2);
 }
 
 void trackSweep(const Options& options) {
@@ -287,10 +346,15 @@ void addOptions(CLI::App* app, Options* options) {
   app->add_option("--position-mm", options->position_mm, "deviation of stated places, per axis");
   app->add_option("--rotation-deg", options->rotation_deg, "the same of their rotations");
   app->add_option("--late-ms", options->late_ms, "places of a sweep are stated so much later");
+  app->add_flag("--steady", options->steady, "places of a sweep have one error, not one each");
+  app->add_option("--told", options->told,
+                  "what the window is told of errors, in their deviations");
   app->add_option("--cover-from", options->cover_from,
                   "frame: covers the second camera from there");
   app->add_option("--cover-to", options->cover_to, "frame: uncovers it");
   app->add_option("--seed", options->seed, "of the errors");
+  app->add_flag("--calibrate", options->calibrate,
+                "states the third camera's place wrongly, and finds it");
   app->add_flag("--verbose", options->verbose, "a line for each frame");
 }
 
@@ -300,7 +364,11 @@ int run(int argc, char** argv) {
   addOptions(&app, &options);
   CLI11_PARSE(app, argc, argv);
   try {
-    options.window > 0 ? trackSweep(options) : trackRig(options);
+    if (options.calibrate) {
+      calibrateRig(options);
+    } else {
+      options.window > 0 ? trackSweep(options) : trackRig(options);
+    }
   } catch (const std::exception& error) {
     std::fprintf(stderr, "camera_rig: %s\n", error.what());
     return 1;

@@ -25,6 +25,7 @@ add_library(${ros_library} STATIC
   src/ros/nodelet/result_publisher.cpp
   src/ros/nodelet/tracking_worker.cpp
   src/ros/nodelet/transform_input.cpp
+  src/ros/services/calibration_service.cpp
   src/ros/services/detection_service.cpp
   src/ros/services/image_call.cpp
   src/ros/services/object_services.cpp

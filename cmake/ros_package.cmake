@@ -16,6 +16,7 @@ add_message_files(FILES
   PoseHypothesisArray.msg
   RefinementStatus.msg)
 add_service_files(FILES
+  CalibrateCamera.srv
   DetectObject.srv
   ListObjects.srv
   LoadObject.srv

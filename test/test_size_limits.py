@@ -19,7 +19,7 @@ SUFFIXES = ('.h', '.cpp', '.inl', '.cuh', '.cu', '.py')
 MAX_FILE_LINES = 400
 MAX_FUNCTION_LINES = 60
 MAX_PARAMETERS = 5
-MAX_PUBLIC_HEADERS = 16
+MAX_PUBLIC_HEADERS = 17
 
 # Files that do not keep the limits yet.
 NOT_YET = ()
@@ -231,7 +231,7 @@ class Limits(unittest.TestCase):
         with tempfile.TemporaryDirectory() as top:
             folder = os.path.join(top, 'include', 'nerf_pose_refiner')
             os.makedirs(folder)
-            for i in range(17):
+            for i in range(MAX_PUBLIC_HEADERS + 1):
                 self.assertEqual(list(violations(top)), [])
                 with open(os.path.join(folder, f'{i}.h'), 'w', encoding='utf-8'):
                     pass

@@ -4,7 +4,6 @@
 #include <string>
 
 #include "refinement/settings.h"
-#include "tracking/view_window.h"
 
 namespace nerf_pose_refiner {
 
@@ -62,6 +61,16 @@ enum class MaskMode {
   kNone,
   kInitial,     ///< only those that start from an initial pose
   kEveryFrame,  ///< all
+};
+
+/// Past images that act as further cameras.
+struct ViewWindowSettings {
+  int views = 0;                  ///< at most, >= 0; 0: none
+  double apart_deg = 8;           ///< lines of sight of two views are so far apart at least, > 0
+  double position_dev_m = 0.001;  ///< standard deviation of a place of the camera [m], >= 0
+  double rotation_dev_deg = 0.1;  ///< alike [degrees], >= 0
+  double time_dev_s = 0.005;      ///< of the stamps of places against those of images [s], >= 0
+  double renewal_s = 10;          ///< a newer image replaces one that is older, from about there
 };
 
 /// How an object is tracked; the defaults are the node's.

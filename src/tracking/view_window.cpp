@@ -11,6 +11,7 @@
 namespace nerf_pose_refiner {
 namespace {
 
+constexpr int kMoved = 3;            // images that contradict: the object was moved
 constexpr double kLeastScore = 0.5;  // of the own image's keyframe: what it shows is worth keeping
 
 bool isPast(const SideView& view) { return view.camera == 0; }
@@ -25,6 +26,7 @@ void ViewWindow::configure(const ViewWindowSettings& settings) {
 void ViewWindow::clear() {
   views_.clear();
   centre_W_.reset();
+  contradictions_ = 0;
   last_T_W_C_.reset();
 }
 
@@ -73,11 +75,13 @@ void ViewWindow::learn(const Observation& observation, std::int64_t stamp_ns,
     compared = compared || found.beside[i].apart > 0;
     used = used || found.beside[i].used;
   }
-  if (compared && !used) views_.clear();  // the object was moved
+  contradictions_ = used || !compared ? 0 : contradictions_ + 1;
+  if (contradictions_ >= kMoved) clear();
   const ObjectFrame frame = ObjectFrame::inMetres(object);
   const Pose T_W_U = *observation.T_W_C * frame.objectInCamera(found.T_O_C);
   centre_W_ = T_W_U * frame.point(object.centre);
   const bool own_sees = observation.beside.empty() || found.own.has_value();
+  if (contradictions_ > 0) return;
   if (!own_sees || found.hypotheses.empty() || found.hypotheses.front().score < kLeastScore) return;
   const auto is_near = [&](const View& view) {
     return angleBetween(view.T_W_V, *observation.T_W_C) < settings_.apart_deg * kDegree;

@@ -8,18 +8,9 @@
 
 #include "nerf_pose_refiner/observation.h"
 #include "refinement/field_refiner.h"
+#include "tracking/settings.h"
 
 namespace nerf_pose_refiner {
-
-/// Past images that act as further cameras.
-struct ViewWindowSettings {
-  int views = 0;                  ///< at most, >= 0; 0: none
-  double apart_deg = 8;           ///< lines of sight of two views are so far apart at least, > 0
-  double position_dev_m = 0.001;  ///< standard deviation of a place of the camera [m], >= 0
-  double rotation_dev_deg = 0.1;  ///< alike [degrees], >= 0
-  double time_dev_s = 0.005;      ///< of the stamps of places against those of images [s], >= 0
-  double renewal_s = 10;          ///< a newer image replaces one that is older, from about there
-};
 
 /// One moving camera as several: past images of an object that stands still, spread over the
 /// directions that it was seen from, beside the present one. Not thread-safe.
@@ -28,7 +19,8 @@ struct ViewWindowSettings {
 ///     const Refinement found = refiner.follow({observation, stamp_ns}, prior);
 ///     window.learn(observation, stamp_ns, object, found);
 ///
-/// Once a present image contradicts the past ones together, the object was moved: they are dropped.
+/// Once some present images in a row contradict the past ones together, the object was moved: these
+/// are dropped.
 class ViewWindow {
  public:
   void configure(const ViewWindowSettings& settings);
@@ -63,6 +55,7 @@ class ViewWindow {
   std::optional<Eigen::Vector3d> centre_W_;  // of the object, as it was found last [m]
   std::optional<Pose> last_T_W_C_;
   std::int64_t last_ns_ = 0;
+  int contradictions_ = 0;                    // in a row
   double speed_m_s_ = 0, turning_rad_s_ = 0;  // of the camera
 };
 

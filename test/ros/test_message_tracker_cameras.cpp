@@ -148,6 +148,36 @@ TEST_F(MessageTrackerCamerasTest, SaysThatOthersFoundTheObject) {
             std::string::npos);
 }
 
+/// The left camera stands 3 mm beside where TF has it.
+TEST_F(MessageTrackerCamerasTest, CalibratesACameraFromWhatWasTracked) {
+  placeLeft();
+  begin();
+  const Pose T_C_V(Eigen::Matrix3d::Identity(), {-0.4, 0.003, 0});
+  search_->covariance = covarianceOf(0.001, 0.002);  // of the model's unit, 0.1 m
+  search_->beside_reports.resize(1);
+  Pose stated;
+  EXPECT_EQ(tracker_->calibrate(1, {}, &stated).sightings, 0);
+  for (int i = 0; i < 30; ++i) {
+    const Pose T_C_U(expSO3({0.3 * (i % 5), 0.5 * (i % 3), 0.2 * i}),
+                     {0.05 * (i % 4) - 0.1, 0.06 * (i % 3) - 0.06, 0.4 + 0.05 * (i % 7)});
+    Pose T_O_C = T_C_U.inverse();
+    T_O_C.t /= 0.1;
+    search_->T_O_C = T_O_C;
+    SideViewReport& report = search_->beside_reports[0];
+    report.score = 0.9;
+    report.T_V_O = T_C_V.inverse() * T_C_U;
+    report.covariance = covarianceOf(0.001, 0.0002);
+    setClock(0.1 * i);
+    tracker_->process(withLeft(0.1 * i));
+  }
+  const CameraCalibration found = tracker_->calibrate(1, {}, &stated);
+  EXPECT_TRUE(found.success) << found.message;
+  EXPECT_GE(found.sightings, 20);
+  EXPECT_NEAR(stated.t.y(), 0, 1e-9);
+  EXPECT_NEAR((found.T_C_V.t - T_C_V.t).norm(), 0, 1e-4);
+  EXPECT_THROW(tracker_->calibrate(7, {}, &stated), std::exception);
+}
+
 /// A camera in the hand, and a frame in which the object stands still.
 class MessageTrackerWindowTest : public MessageTrackerTest {
  protected:

@@ -1,6 +1,7 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 // Two cameras in a ROS graph: one is covered, falls silent, or has to do alone.
 #include <gtest/gtest.h>
+#include <nerf_pose_refiner/CalibrateCamera.h>
 #include <tf2_msgs/TFMessage.h>
 
 #include <algorithm>
@@ -144,6 +145,27 @@ TEST_F(PoseRefinerCamerasTest, EachMayFailAlone) {
       [](const auto& s) { return s.cameras_message == "side_camera/image: no image comes"; });
   ASSERT_TRUE(silent) << lastMessage();
   EXPECT_EQ(int{silent->state}, int{Status::STATE_TRACKING});
+}
+
+TEST_F(PoseRefinerCamerasTest, CalibrationSaysWhatIsMissing) {
+  begin();
+  ASSERT_TRUE(waitForStatus([](const auto& s) { return s.cameras == 2; })) << lastMessage();
+  ros::ServiceClient calibrate = rig_.serviceClient<CalibrateCamera>("calibrate");
+  CalibrateCamera call;
+  ASSERT_TRUE(calibrate.call(call));
+  EXPECT_FALSE(call.response.success);
+  EXPECT_NE(call.response.message.find("20 are needed"), std::string::npos)
+      << call.response.message;
+  call.request.camera = "nobody/image";
+  ASSERT_TRUE(calibrate.call(call));
+  EXPECT_NE(call.response.message.find("nobody/image"), std::string::npos);
+  // One pose of an object that stands still.
+  call.request.camera = "side_camera/image";
+  call.request.min_poses = 1;
+  ASSERT_TRUE(calibrate.call(call));
+  EXPECT_EQ(call.response.poses, 1u);
+  EXPECT_FALSE(call.response.unseen.empty());
+  EXPECT_GT(call.response.covariance[0], 0);
 }
 
 TEST_F(PoseRefinerCamerasTest, TheSecondOneLeadsWhileTheFirstIsSilent) {

@@ -96,8 +96,14 @@ TEST_F(ViewWindowTest, DropsThemOnceTheObjectWasMoved) {
   track(0, 0);
   track(10, 0.1);
   track(20, 0.2, true);
+  track(20, 0.3, true);
+  EXPECT_EQ(window_.size(), 2) << "one image may be wrong, and adds nothing";
+  track(20, 0.4);
+  track(30, 0.5, true);
+  track(30, 0.6, true);
+  track(30, 0.7, true);
   EXPECT_EQ(window_.size(), 1) << "the image that showed it";
-  EXPECT_EQ(look(40, 0.3).beside.size(), 1u);
+  EXPECT_EQ(look(50, 0.8).beside.size(), 1u);
 }
 
 TEST_F(ViewWindowTest, ANewImageReplacesAnOldOne) {

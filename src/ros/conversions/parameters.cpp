@@ -351,11 +351,9 @@ PoseRefinerParameters readParameters(ParamReader& reader, const PoseRefinerParam
 
   ParamReader cameras = reader.group("cameras");
   readCameras(cameras, p.cameras);
-  p.tracker.rules.cameras_change = !p.cameras.names().empty();
 
   ParamReader window = reader.group("window");
   readWindow(window, p.tracker.window);
-
   ParamReader overlay = reader.group("overlay");
   readOverlay(overlay, p.overlay);
 
@@ -368,6 +366,7 @@ PoseRefinerParameters readParameters(ParamReader& reader, const PoseRefinerParam
 
   ParamReader dataset = reader.group("dataset");
   readLimits(dataset, p.dataset_limits);
+  p.tracker.rules.cameras_change = !p.cameras.names().empty();
   p.validate();
   return p;
 }

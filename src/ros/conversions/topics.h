@@ -34,6 +34,7 @@ constexpr char kListObjects[] = "list_objects";
 constexpr char kSetObject[] = "set_object";
 constexpr char kRefine[] = "refine";
 constexpr char kDetect[] = "detect";
+constexpr char kCalibrate[] = "calibrate";
 constexpr char kReset[] = "reset";
 constexpr char kEnable[] = "enable";
 

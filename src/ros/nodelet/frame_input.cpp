@@ -19,7 +19,8 @@ FrameInput::FrameInput(const PoseRefinerParameters& parameters,
       tf_(std::move(transforms)),
       names_(cameras_.names()),
       input_(parameters.image_is_rectified),
-      beside_(names_.size(), SideInput{CameraInput(parameters.cameras.are_rectified)}) {}
+      beside_(names_.size(), SideInput{CameraInput(parameters.cameras.are_rectified)}),
+      places_(1 + names_.size()) {}
 
 /// @param camera 0: `image`; others as in CameraFrame::camera.
 std::string FrameInput::nameOf(std::size_t camera) const {
@@ -69,6 +70,7 @@ std::optional<SideView> FrameInput::sideView(const CameraFrame& frame, std::size
     const std::int64_t stamp_ns = toNanoseconds(companion.image->header.stamp);
     // Both at the time of this image: the tracker knows how the object moves in between.
     view.T_C_V = placeOf(companion, {at.camera_frame, stamp_ns}, &beside_[i].was_placed);
+    if (frame.camera == 0) places_[i + 1] = view.T_C_V;
     view.after_s = 1e-9 * static_cast<double>(stamp_ns - at.stamp_ns);
     view.camera = static_cast<int>(i) + 1;
     view.position_dev_m = cameras_.position_dev_m;
@@ -135,6 +137,11 @@ void FrameInput::report(const CameraFrame& frame, const TrackOutcome& track,
   for (const std::size_t camera : used) {
     status->cameras_used += (status->cameras_used.empty() ? "" : " ") + nameOf(camera);
   }
+}
+
+RigSighting FrameInput::sightings(const CameraFrame& frame, const TrackOutcome& track) const {
+  if (frame.camera != 0 || !track.trusted) return RigSighting(places_.size());
+  return sightingOf(track.refinement, track.field->metadata, looked_at_, places_.size());
 }
 
 double FrameInput::newestAfter_s(const TrackOutcome& track) const {

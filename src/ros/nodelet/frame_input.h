@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "refinement/sighting_log.h"
 #include "ros/conversions/camera_frame.h"
 #include "ros/conversions/camera_input.h"
 #include "ros/conversions/parameters.h"
@@ -31,6 +32,11 @@ class FrameInput {
   /// How much later than the frame's image the newest image was taken that took part in the pose of
   /// the last observation [s].
   double newestAfter_s(const TrackOutcome& track) const;
+
+  /// What each camera saw alone in the last observation, by its number (CameraFrame::camera).
+  RigSighting sightings(const CameraFrame& frame, const TrackOutcome& track) const;
+  /// Places of all cameras in the first one, as TF told them last [m].
+  const std::vector<Pose>& places() const { return places_; }
 
  private:
   /// A further camera.
@@ -59,6 +65,7 @@ class FrameInput {
   std::string no_depth_, no_views_;
   std::vector<std::size_t> looked_at_;  // numbers of the side views' cameras
   std::vector<double> after_s_;         // of the side views
+  std::vector<Pose> places_;            // T_C_V, by the cameras' numbers
 };
 
 }  // namespace nerf_pose_refiner

@@ -88,8 +88,32 @@ std::optional<FrameResult> MessageTracker::process(const CameraFrame& frame) {
   result.status.image_age_s =
       static_cast<float>(clock_().toSec() - frame.image->header.stamp.toSec());
   input_.report(frame, track, &result.status);
+  if (track.trusted) remember(frame, track);
   if (T_W_C && track.found) place(*T_W_C, &result);
   return result;
+}
+
+/// Keeps what the cameras saw, for their calibration.
+void MessageTracker::remember(const CameraFrame& frame, const TrackOutcome& track) {
+  if (frame.beside.empty()) return;
+  const FieldMetadata& object = track.field->metadata;
+  const RigSighting seen = input_.sightings(frame, track);
+  std::lock_guard<std::mutex> lock(sightings_mutex_);
+  if (sighted_.lock() != track.field) sightings_.clear();
+  sighted_ = track.field;
+  sightings_.add(seen, input_.places(), object.metres_per_unit * object.diameter);
+}
+
+CameraCalibration MessageTracker::calibrate(std::size_t camera, const CalibrationSettings& settings,
+                                            Pose* stated) const {
+  std::lock_guard<std::mutex> lock(sightings_mutex_);
+  if (sightings_.size() == 0) {
+    CameraCalibration nothing;
+    nothing.message = "no two cameras have seen the object at once";
+    return nothing;
+  }
+  *stated = sightings_.places().at(camera);
+  return sightings_.calibrate(camera, settings);
 }
 
 /// @param T_W_C the camera in ~output_frame [m].

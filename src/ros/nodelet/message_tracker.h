@@ -10,10 +10,12 @@
 
 #include <functional>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "refinement/sighting_log.h"
 #include "ros/conversions/camera_frame.h"
 #include "ros/conversions/parameters.h"
 #include "ros/conversions/tf_bridge.h"
@@ -59,19 +61,29 @@ class MessageTracker {
   /// @return empty if the image was skipped.
   std::optional<FrameResult> process(const CameraFrame& frame);
 
+  /// Refines the place of a camera from what was tracked so far. Any thread.
+  /// @param camera its number, 1 or more, @see CameraFrame. @throws std::invalid_argument if there
+  /// is none.
+  CameraCalibration calibrate(std::size_t camera, const CalibrationSettings& settings,
+                              Pose* stated) const;
+
  private:
   Pose cameraInOutput(const ImageStamp& at, const CancellationToken& cancellation) const;
   std::string outputFrame(const std::string& camera_frame) const;
   void place(const Pose& T_W_C, FrameResult* result);
   void estimateVelocity(FrameResult* result);
+  void remember(const CameraFrame& frame, const TrackOutcome& track);
   void moveOn(double seconds, const Velocity& velocity, FrameResult* result) const;
 
   const bool image_is_rectified_, others_are_rectified_;
   const bool output_in_camera_;  ///< ~output_frame is empty
   const Clock clock_;
   const std::shared_ptr<TfBridge> tf_;
-  FrameInput input_;         ///< used by the tracking thread only
-  std::string first_frame_;  ///< of `image`; empty: it was not seen yet
+  FrameInput input_;                    ///< used by the tracking thread only
+  mutable std::mutex sightings_mutex_;  ///< guards sightings_
+  SightingLog sightings_;
+  std::weak_ptr<const Field> sighted_;  ///< the object of sightings_; for the tracking thread
+  std::string first_frame_;             ///< of `image`; empty: it was not seen yet
   ObjectTracker tracker_;
   VelocityEstimator velocity_;
   std::weak_ptr<const Field> moving_;  ///< the object of velocity_

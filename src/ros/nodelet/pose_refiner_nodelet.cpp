@@ -136,6 +136,13 @@ void PoseRefinerNodelet::startTracking() {
 }
 
 void PoseRefinerNodelet::startImageServices() {
+  if (const auto cameras = parameters_.cameras.names(); !cameras.empty()) {
+    calibration_ = std::make_unique<CalibrationService>(
+        getPrivateNodeHandle(), cameras,
+        [this](std::size_t camera, const CalibrationSettings& settings, Pose* stated) {
+          return worker_->calibrate(camera, settings, stated);
+        });
+  }
   const auto make_search = [find_shared = sharedProcessor()](const TrackerSettings& settings) {
     return std::make_unique<RefinerSearch>(find_shared, settings.initial.refiner,
                                            settings.tracking.refiner);

@@ -18,6 +18,7 @@
 #include "ros/nodelet/result_publisher.h"
 #include "ros/nodelet/tracking_worker.h"
 #include "ros/nodelet/transform_input.h"
+#include "ros/services/calibration_service.h"
 #include "ros/services/detection_service.h"
 #include "ros/services/object_services.h"
 #include "ros/services/pose_service.h"
@@ -77,6 +78,7 @@ class PoseRefinerNodelet : public nodelet::Nodelet {
   std::unique_ptr<TrackingWorker> worker_;
   std::unique_ptr<CameraSubscription::Connection> images_;  ///< to worker_
   std::unique_ptr<TrackedObject> tracked_;
+  std::unique_ptr<CalibrationService> calibration_;  ///< null: there is one camera
   std::unique_ptr<PoseService> poses_;
   std::unique_ptr<DetectionService> detections_;
   std::unique_ptr<ObjectServices> objects_;

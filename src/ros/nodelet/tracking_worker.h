@@ -48,6 +48,11 @@ class TrackingWorker {
   /// Depth images, needed only with ~depth/use, and images of ~cameras/topics.
   void addDepth(const Companion& depth);
   void addBeside(std::size_t camera, const Companion& image);
+  /// @see MessageTracker::calibrate
+  CameraCalibration calibrate(std::size_t camera, const CalibrationSettings& settings,
+                              Pose* stated) const {
+    return tracker_.calibrate(camera, settings, stated);
+  }
   void addMask(const sensor_msgs::ImageConstPtr& mask);
   void addIgnoreMask(const sensor_msgs::ImageConstPtr& mask);
 
