@@ -80,11 +80,10 @@ PUBLIC = {
     'registration.h': 'registration',
     'symmetry.h': 'geometry',
     'track_status.h': 'tracking',
-    'calibration.h': 'refinement',
     'tracker.h': 'library',
     'undistorter.h': 'image',
 }
-MAX_PUBLIC_HEADERS = 17
+MAX_PUBLIC_HEADERS = 16
 
 # Files of src/ros that stand there without a ROS header: the names of the ROS interface.
 ROS_NAMES = ('src/ros/conversions/topics.h',)

@@ -19,7 +19,7 @@ SUFFIXES = ('.h', '.cpp', '.inl', '.cuh', '.cu', '.py')
 MAX_FILE_LINES = 400
 MAX_FUNCTION_LINES = 60
 MAX_PARAMETERS = 5
-MAX_PUBLIC_HEADERS = 17
+MAX_PUBLIC_HEADERS = 16
 
 # Files that do not keep the limits yet.
 NOT_YET = ()

@@ -1,5 +1,5 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "nerf_pose_refiner/calibration.h"
+#include "refinement/calibration.h"
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>

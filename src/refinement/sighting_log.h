@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "nerf_pose_refiner/calibration.h"
+#include "refinement/calibration.h"
 #include "refinement/field_refiner.h"
 
 namespace nerf_pose_refiner {

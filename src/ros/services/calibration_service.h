@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "nerf_pose_refiner/calibration.h"
+#include "refinement/calibration.h"
 
 namespace nerf_pose_refiner {
 
