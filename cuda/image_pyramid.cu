@@ -48,8 +48,8 @@ __global__ void halveKernel(const __grid_constant__ PyramidLevel half) {
 /// Pixels that are covered in part show what the rest of them does; mostly covered ones show
 /// nothing.
 __device__ float4 dividedByWeight(const float4& pixel) {
-  constexpr float kLeastWeight = 0.5f;
-  if (pixel.w < kLeastWeight) return make_float4(0, 0, 0, 0);
+  constexpr float kMinWeight = 0.5f;
+  if (pixel.w < kMinWeight) return make_float4(0, 0, 0, 0);
   return make_float4(pixel.x / pixel.w, pixel.y / pixel.w, pixel.z / pixel.w, 1);
 }
 

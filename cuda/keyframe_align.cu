@@ -34,14 +34,14 @@ int rowBytes(int row_cells) { return kRowPlanes * row_cells * static_cast<int>(s
 }  // namespace
 
 KeyframeDevice keyframeDevice() {
-  constexpr int kMostBlocks = 8;  // of a cluster, on every device that has them
+  constexpr int kMaxBlocks = 8;  // of a cluster, on every device that has them
   constexpr int kClusterCapability = 9;
   cudaFuncAttributes kernel;
   NPR_CUDA_CHECK(cudaFuncGetAttributes(&kernel, alignKernel));
   KeyframeDevice device;
   device.processors = attributeOf(cudaDevAttrMultiProcessorCount);
   const bool has_clusters = attributeOf(cudaDevAttrComputeCapabilityMajor) >= kClusterCapability;
-  device.most_blocks = has_clusters ? kMostBlocks : 1;
+  device.most_blocks = has_clusters ? kMaxBlocks : 1;
   device.shared_bytes = attributeOf(cudaDevAttrMaxSharedMemoryPerBlockOptin) -
                         static_cast<int>(kernel.sharedSizeBytes);
   NPR_CUDA_CHECK(cudaFuncSetAttribute(alignKernel, cudaFuncAttributeMaxDynamicSharedMemorySize,

@@ -74,11 +74,11 @@ __device__ inline int splitCoordinate(float x, int last, float* rest) {
 __device__ inline PointInImage projectPoint(const CudaFrameLevel& image,
                                             const PointTransform<float>& pose,
                                             const Vec3<float>& p) {
-  constexpr float kLeastDepth = 1e-6f;
+  constexpr float kMinDepth = 1e-6f;
   PointInImage point;
   point.q = inCamera(pose, p);
-  const bool before = point.q.z > kLeastDepth;
-  if (!before) point.q.z = kLeastDepth;
+  const bool before = point.q.z > kMinDepth;
+  if (!before) point.q.z = kMinDepth;
   const float inverse_depth = 1 / point.q.z;
   const float x = image.K.fx * point.q.x * inverse_depth + image.K.cx;
   const float y = image.K.fy * point.q.y * inverse_depth + image.K.cy;

@@ -17,7 +17,7 @@ namespace {
 
 constexpr char kFormat[8] = {'N', 'P', 'R', 'L', 'M', 'K', '0', '1'};
 constexpr float kScale = 254;  // of a descriptor's numbers, which are rarely beyond a half
-constexpr std::uint32_t kMostLandmarks = 1000000;
+constexpr std::uint32_t kMaxLandmarks = 1000000;
 
 struct Header {
   char format[8];
@@ -86,7 +86,7 @@ Landmarks read(const InputFile& file, std::uint64_t key) {
   const std::uint64_t rows_bytes = std::uint64_t{header.count} * header.numbers;
   const std::uint64_t places_bytes = std::uint64_t{header.count} * sizeof(Place);
   if (std::memcmp(header.format, kFormat, sizeof kFormat) != 0 || header.key != key ||
-      header.count > kMostLandmarks || !isOfKind(header) ||
+      header.count > kMaxLandmarks || !isOfKind(header) ||
       file.size() != sizeof header + places_bytes + rows_bytes) {
     throw std::runtime_error("no landmarks of this object");
   }

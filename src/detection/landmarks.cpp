@@ -68,10 +68,10 @@ Image beforeMeanColour(const Rendering& rendering) {
 
 // The point that a pixel shows, if it shows one for certain.
 bool pointAt(const Rendering& rendering, int x, int y, Eigen::Vector3f* point) {
-  constexpr float kLeastAlpha = 0.95f;
+  constexpr float kMinAlpha = 0.95f;
   if (x < 0 || y < 0 || x >= rendering.alpha.width || y >= rendering.alpha.height) return false;
   const float alpha = rendering.alpha.at(x, y, 0);
-  if (alpha < kLeastAlpha) return false;
+  if (alpha < kMinAlpha) return false;
   const float* sum = rendering.point.pixel(x, y);
   *point = Eigen::Vector3f(sum[0], sum[1], sum[2]) / alpha;
   return true;

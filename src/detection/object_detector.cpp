@@ -20,8 +20,8 @@ namespace {
 /// the candidates in images without the object, each further one halves the number.
 /// @param further landmarks than are asked for.
 double oddsOfLandmarks(double further) {
-  constexpr double kMost = 20;  // the image has to agree, too: parts of objects look alike
-  return std::min(kMost, std::exp2(std::max(0.0, further)));
+  constexpr double kMax = 20;  // the image has to agree, too: parts of objects look alike
+  return std::min(kMax, std::exp2(std::max(0.0, further)));
 }
 
 /// Distances at which the object may be [diameters].

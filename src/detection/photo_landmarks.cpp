@@ -12,7 +12,7 @@ namespace nerf_pose_refiner {
 
 std::optional<Camera> objectPart(const View& view, const FieldMetadata& object, int object_px) {
   constexpr double kReach = 0.6;  // around the centre [diameters]
-  constexpr int kLeastSide_px = 32;
+  constexpr int kMinSide_px = 32;
   const Eigen::Vector3d centre_C = view.T_O_C.inverse() * object.centre;
   const double reach = kReach * object.diameter;
   if (!(centre_C.z() > 1.2 * reach)) return std::nullopt;
@@ -27,7 +27,7 @@ std::optional<Camera> objectPart(const View& view, const FieldMetadata& object, 
   const int right = inside(middle.x() + half_px, camera.width);
   const int top = inside(middle.y() - half_px, camera.height);
   const int bottom = inside(middle.y() + half_px, camera.height);
-  if (std::min(right - left, bottom - top) < kLeastSide_px) return std::nullopt;
+  if (std::min(right - left, bottom - top) < kMinSide_px) return std::nullopt;
   const Camera part = camera.cropped(left, top, right - left, bottom - top);
   const double scale = object_px * centre_C.z() / (object.diameter * camera.fx);
   return scale < 1 ? part.scaled(scale) : part;

@@ -14,7 +14,7 @@ namespace nerf_pose_refiner {
 namespace {
 
 constexpr std::uint64_t kSeed = 1;
-constexpr int kLeast = 4;  // three points have up to four poses
+constexpr int kMin = 4;  // three points have up to four poses
 
 /// Points and pixels as OpenCV takes them.
 struct Correspondences {
@@ -67,10 +67,10 @@ std::array<int, 3> drawThree(std::uint32_t count, std::uint64_t trial) {
 // So many draws find three inliers, almost certainly.
 int trialsFor(double inlier_fraction) {
   constexpr double kMiss = 1e-3;
-  constexpr int kMost = 500;
+  constexpr int kMax = 500;
   const double hit = std::pow(inlier_fraction, 3);
   if (hit >= 1 - kMiss) return 1;
-  return static_cast<int>(std::min<double>(kMost, std::ceil(std::log(kMiss) / std::log1p(-hit))));
+  return static_cast<int>(std::min<double>(kMax, std::ceil(std::log(kMiss) / std::log1p(-hit))));
 }
 
 }  // namespace
@@ -90,7 +90,7 @@ std::vector<int> inliersOf(const Pose& T_C_O, const std::vector<PointMatch>& mat
 
 std::optional<PointPose> poseOfMost(const std::vector<PointMatch>& matches, const Camera& camera,
                                     double threshold_px) {
-  if (matches.size() < kLeast) return std::nullopt;
+  if (matches.size() < kMin) return std::nullopt;
   PointPose best;
   int trials = trialsFor(0);
   for (int trial = 0; trial < trials; ++trial) {
@@ -103,7 +103,7 @@ std::optional<PointPose> poseOfMost(const std::vector<PointMatch>& matches, cons
       trials = trialsFor(static_cast<double>(best.inliers.size()) / matches.size());
     }
   }
-  if (best.inliers.size() < kLeast) return std::nullopt;
+  if (best.inliers.size() < kMin) return std::nullopt;
   return best;
 }
 
@@ -113,7 +113,7 @@ std::optional<PointPose> refinedPose(const Pose& T_C_O, const std::vector<PointM
   Pose pose = T_C_O;
   for (int round = 0; round < kRounds; ++round) {
     const std::vector<int> inliers = inliersOf(pose, matches, camera, threshold_px);
-    if (inliers.size() < kLeast) return std::nullopt;
+    if (inliers.size() < kMin) return std::nullopt;
     const Correspondences all(matches, inliers.data(), inliers.size());
     const Eigen::Vector3d w = logSO3(pose.R);
     cv::Mat rotation = (cv::Mat_<double>(3, 1) << w.x(), w.y(), w.z());
@@ -125,7 +125,7 @@ std::optional<PointPose> refinedPose(const Pose& T_C_O, const std::vector<PointM
     pose = next;
   }
   PointPose refined = {pose, inliersOf(pose, matches, camera, threshold_px)};
-  if (refined.inliers.size() < kLeast) return std::nullopt;
+  if (refined.inliers.size() < kMin) return std::nullopt;
   return refined;
 }
 

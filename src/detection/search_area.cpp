@@ -19,7 +19,7 @@ void SearchArea::validate() const {
 }
 
 std::optional<Camera> searchedPart(const Camera& camera, const SearchArea& area, int max_side_px) {
-  constexpr int kLeastSide_px = 32;
+  constexpr int kMinSide_px = 32;
   int left = 0, top = 0, right = camera.width, bottom = camera.height;
   if (area.box) {
     constexpr double kMargin = 0.1;  // boxes of detectors are tight, and descriptors look around
@@ -31,7 +31,7 @@ std::optional<Camera> searchedPart(const Camera& camera, const SearchArea& area,
     bottom = static_cast<int>(std::min<double>(bottom, std::ceil(last.y() + 0.5)));
   }
   const int width = right - left, height = bottom - top;
-  if (std::min(width, height) < kLeastSide_px) return std::nullopt;
+  if (std::min(width, height) < kMinSide_px) return std::nullopt;
   const Camera part = camera.cropped(left, top, width, height);
   const double scale = std::min(1.0, static_cast<double>(max_side_px) / std::max(width, height));
   return scale < 1 ? part.scaled(scale) : part;

@@ -50,7 +50,7 @@ void TrustTable::offerStart(const TrustScene& scene, double rotation_rad, double
 
 TrustSample TrustTable::judged(const TrustImage& image, const TrustScene& scene,
                                const TrackOutcome& outcome) const {
-  constexpr double kMostDegrees = 5, kMostOffset = 0.05;
+  constexpr double kMaxDegrees = 5, kMaxOffset = 0.05;
   const FieldMetadata& object = object_->metadata;
   const Pose& T_O_C = outcome.refinement.T_O_C;
   const PoseError error =
@@ -58,8 +58,8 @@ TrustSample TrustTable::judged(const TrustImage& image, const TrustScene& scene,
   TrustSample sample = {
       image, 0,    outcome, error.rotation_rad / kDegree, error.object_offset / object.diameter,
       0,     false};
-  sample.right = outcome.found && image.shows_object && sample.rotation_deg <= kMostDegrees &&
-                 sample.offset <= kMostOffset;
+  sample.right = outcome.found && image.shows_object && sample.rotation_deg <= kMaxDegrees &&
+                 sample.offset <= kMaxOffset;
   if (sample.right) {
     const Vector6 away =
         cameraTwist(T_O_C, nearestEquivalent(scene.T_O_C, T_O_C, object.symmetries), object.centre);

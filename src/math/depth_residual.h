@@ -37,10 +37,10 @@ struct PlaneDepth {
 template <typename T>
 NPR_HOST_DEVICE inline bool planeDepth(const SurfacePlace<T>& place, const Vec3<T>& q,
                                        const Mat3<T>& R, const Vec3<T>& ray, PlaneDepth<T>* out) {
-  constexpr T kLeastCosine = T(0.2);
+  constexpr T kMinCosine = T(0.2);
   const Vec3<T> n = transposedTimes(R, place.n);
   const T along = dot(n, ray);
-  if (!(-along > kLeastCosine * norm(n) * norm(ray))) return false;
+  if (!(-along > kMinCosine * norm(n) * norm(ray))) return false;
   out->depth = dot(n, q) / along;
   out->slope = std::abs(out->depth / along) * std::sqrt(n.x * n.x + n.y * n.y);
   const Vec3<T> p = place.p + R * (out->depth * ray - q);

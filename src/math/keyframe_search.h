@@ -99,10 +99,10 @@ NPR_HOST_DEVICE inline KeyframeStep proposeKeyframeStep(const CameraPose<double>
                                                         double damping,
                                                         const KeyframeLevelRules& rules,
                                                         const KeyframeObject& object) {
-  constexpr double kLeastPivot = 1e-9;
+  constexpr double kMinPivot = 1e-9;
   double x[6];
   KeyframeStep step;
-  step.exists = solve6(equationsOf(sums), damping, kLeastPivot, x);
+  step.exists = solve6(equationsOf(sums), damping, kMinPivot, x);
   if (!step.exists) return step;
   const Vec3<double> v = {x[0], x[1], x[2]}, w = {x[3], x[4], x[5]};
   const double factor =
@@ -119,16 +119,16 @@ constexpr double kFirstKeyframeDamping = 0.01;
 
 /// Damping behind a trial. @param accepted whether its loss was lower.
 NPR_HOST_DEVICE inline double nextDamping(double damping, bool accepted) {
-  constexpr double kLeast = 1e-4;
-  return accepted ? std::max(0.2 * damping, kLeast) : 10 * damping;
+  constexpr double kMin = 1e-4;
+  return accepted ? std::max(0.2 * damping, kMin) : 10 * damping;
 }
 
 /// Local colours of the weighted sums around a pixel, @see kLocalWeight. Where nothing is seen,
 /// black without contrast.
 template <typename T>
 NPR_HOST_DEVICE inline LocalColours<T> weightedLocalColours(const T sums[kLocalWeight + 1]) {
-  constexpr T kLeastWeight = T(1e-3);
-  return localColours(sums, 1 / std::max(sums[kLocalWeight], kLeastWeight));
+  constexpr T kMinWeight = T(1e-3);
+  return localColours(sums, 1 / std::max(sums[kLocalWeight], kMinWeight));
 }
 
 /// A keyframe's colour, normalised by all of its neighbours, normalised by those alone that are

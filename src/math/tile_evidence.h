@@ -8,7 +8,7 @@ namespace nerf_pose_refiner {
 
 /// Agreement of a tile, 1 where it looks as rendered and 0 by chance, from which on it is taken to
 /// show the object in part, and wholly.
-constexpr double kLeastSeenAgreement = 0.15, kWhollySeenAgreement = 0.4;
+constexpr double kMinSeenAgreement = 0.15, kWhollySeenAgreement = 0.4;
 /// A tile with less to compare, of what full contrast gives, says in part whether it is seen.
 constexpr double kJudgedContrast = 0.2;
 
@@ -25,7 +25,7 @@ struct TileEvidence {
     const double weight = tile.weight * (contrast < 1 ? contrast : 1);
     const double agreement = 1 - tile.explained / tile.chance;
     const double share =
-        (agreement - kLeastSeenAgreement) / (kWhollySeenAgreement - kLeastSeenAgreement);
+        (agreement - kMinSeenAgreement) / (kWhollySeenAgreement - kMinSeenAgreement);
     judged += weight;
     seen += weight * (share < 0 ? 0 : share > 1 ? 1 : share);
   }

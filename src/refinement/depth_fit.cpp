@@ -23,7 +23,7 @@ constexpr double kSurfaceError = 0.004;  // deviation of the learned surface [di
 // What a pixel shows lies beside it by so much (Nguyen, Izadi, Lovell 2012), the more on windows
 // that reach over edges.
 constexpr double kLateral_px = 0.8;
-constexpr int kMostSteps = 8;
+constexpr int kMaxSteps = 8;
 
 /// A place of the surface, compared with its pixel; lengths in model units.
 struct ComparedDepth {
@@ -173,13 +173,13 @@ DepthCounts DepthFitter::count(double bias) const {
 
 // How much larger errors are than the noise model says; never smaller.
 double DepthFitter::noiseScale(double bias) const {
-  constexpr double kOutlier = 8, kOfMedian = 0.6745, kMost = 3;
+  constexpr double kOutlier = 8, kOfMedian = 0.6745, kMax = 3;
   std::vector<double> errors;
   for (const ComparedDepth& c : compared_) {
     const double error = std::abs(c.plane.depth + bias - c.measured) / c.deviation;
     if (error < kOutlier) errors.push_back(error);
   }
-  return std::clamp(medianOf(errors) / kOfMedian, 1.0, kMost);
+  return std::clamp(medianOf(errors) / kOfMedian, 1.0, kMax);
 }
 
 /// What a place says, beside what it would if its error were its own.
@@ -280,7 +280,7 @@ DepthFit DepthFitter::fit(const DepthPrior& prior) {
       std::sqrt(sight.dot(prior.covariance.topLeftCorner<3, 3>() * sight) + prior.bias_variance);
   // All that the prior leaves open counts at first.
   double scale = kAgreeing + 2 * along / compared_.front().deviation;
-  for (int i = 0; i < kMostSteps; ++i) {
+  for (int i = 0; i < kMaxSteps; ++i) {
     const bool goes_on = step(prior, information, scale, &fit);
     if (!goes_on && scale == kAgreeing) break;
     scale = scale < 1.2 * kAgreeing ? kAgreeing : 0.5 * (scale + kAgreeing);

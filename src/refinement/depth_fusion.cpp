@@ -11,15 +11,15 @@ namespace {
 
 // Images share most of their errors with those before: so many are worth one.
 constexpr double kImagesAlike = 30;
-constexpr double kMostGain = 0.1;    // of what a single image says
-constexpr double kMostLearnt = 0.1;  // of the bias' deviation is left at least
+constexpr double kMaxGain = 0.1;    // of what a single image says
+constexpr double kMaxLearnt = 0.1;  // of the bias' deviation is left at least
 constexpr int kFewestPlaces = 40;
-constexpr double kLeastMeasured = 0.1, kLeastAgreeing = 0.6, kLeastUncovered = 0.2;
+constexpr double kMinMeasured = 0.1, kMinAgreeing = 0.6, kMinUncovered = 0.2;
 // Squared distances of six unknowns and the bias: one in a thousand is larger; twice the mean. Of
 // plain objects, colours are less sure of themselves than they say by as much as kModesty.
-constexpr double kModesty = 3, kMostDistance = 24.3 * kModesty, kMostSurprise = 14 * kModesty;
+constexpr double kModesty = 3, kMaxDistance = 24.3 * kModesty, kMaxSurprise = 14 * kModesty;
 constexpr double kSurpriseMemory = 0.9;
-constexpr double kMostRatio = 1.5;
+constexpr double kMaxRatio = 1.5;
 
 std::string text(const char* format, double value) {
   char line[160];
@@ -27,22 +27,22 @@ std::string text(const char* format, double value) {
   return line;
 }
 
-double share(int part, int whole) {
+double fraction(int part, int whole) {
   return whole > 0 ? static_cast<double>(part) / static_cast<double>(whole) : 0;
 }
 
 DepthReport reportOf(const DepthCounts& counts) {
   DepthReport report;
-  report.measured = share(counts.measured, counts.facing);
-  report.agreeing = share(counts.agreeing, counts.measured);
-  report.nearer = share(counts.nearer, counts.measured);
-  report.farther = share(counts.farther, counts.measured);
+  report.measured = fraction(counts.measured, counts.facing);
+  report.agreeing = fraction(counts.agreeing, counts.measured);
+  report.nearer = fraction(counts.nearer, counts.measured);
+  report.farther = fraction(counts.farther, counts.measured);
   return report;
 }
 
 /// Of what something nearer does not cover.
 double uncoveredAgreement(const DepthCounts& counts) {
-  return share(counts.agreeing, counts.agreeing + counts.farther);
+  return fraction(counts.agreeing, counts.agreeing + counts.farther);
 }
 
 /// The covariance that alignment may move a pose by: a free axis of symmetry is not for depth to
@@ -75,33 +75,33 @@ std::string DepthFusion::objection(const DepthFit& fit) const {
     return "the depth image does not show the place where the object is";
   }
   const double ratio = fit.median_ratio;
-  if (ratio > kMostRatio * 100 || ratio < 0.01 / kMostRatio) {
+  if (ratio > kMaxRatio * 100 || ratio < 0.01 / kMaxRatio) {
     return text(
         "depth measures %.4g times the distance that the colour image shows: its unit is "
         "wrong (metres or millimetres?)",
         ratio);
   }
-  if (at_colours.measured < std::max<double>(kFewestPlaces, kLeastMeasured * at_colours.facing)) {
+  if (at_colours.measured < std::max<double>(kFewestPlaces, kMinMeasured * at_colours.facing)) {
     return text("depth is missing on %.0f %% of the object",
-                100 * (1 - share(at_colours.measured, at_colours.facing)));
+                100 * (1 - fraction(at_colours.measured, at_colours.facing)));
   }
-  if (ratio > kMostRatio || ratio < 1 / kMostRatio) {
+  if (ratio > kMaxRatio || ratio < 1 / kMaxRatio) {
     return text("depth measures %.2f times the distance that the colour image shows", ratio);
   }
   const DepthCounts& counts = fit.counts;
-  if (uncoveredAgreement(counts) < kLeastAgreeing) {
+  if (uncoveredAgreement(counts) < kMinAgreeing) {
     return text("depth sees through %.0f %% of the place where the colour image shows the object",
-                100 * share(counts.farther, counts.measured));
+                100 * fraction(counts.farther, counts.measured));
   }
-  if (share(counts.agreeing, counts.measured) < kLeastUncovered) {
+  if (fraction(counts.agreeing, counts.measured) < kMinUncovered) {
     return text("something hides %.0f %% of the object from the depth camera",
-                100 * share(counts.nearer, counts.measured));
+                100 * fraction(counts.nearer, counts.measured));
   }
-  if (!(fit.squared_distance < kMostDistance)) {
+  if (!(fit.squared_distance < kMaxDistance)) {
     return text("depth shows another pose than the colour image, %.1f standard deviations away",
                 std::sqrt(fit.squared_distance));
   }
-  if (surprise_ > kMostSurprise) {
+  if (surprise_ > kMaxSurprise) {
     return "depth and colour images disagree from image to image: check their stamps, cameras and "
            "the transform between them";
   }
@@ -119,9 +119,9 @@ void DepthFusion::learn(const DepthFit& fit, const Bias& before, const DepthNois
   const double seen =
       before.mean_m + (fit.bias * metres_per_unit - before.mean_m) / (gained * variance);
   const double first = noise.biasDeviation_m(distance_m);
-  const double least = kMostLearnt * kMostLearnt * first * first;
+  const double least = kMaxLearnt * kMaxLearnt * first * first;
   const double gain = std::min(
-      kMostGain, before.variance_m2 * gained / (kImagesAlike + before.variance_m2 * gained));
+      kMaxGain, before.variance_m2 * gained / (kImagesAlike + before.variance_m2 * gained));
   bias_->variance_m2 = std::max(least, (1 - gain) * before.variance_m2);
   bias_->mean_m += gain * (seen - before.mean_m);
 }
@@ -152,9 +152,9 @@ std::optional<Pose> DepthFusion::alone(const DepthImage& depth,
   from.bias_variance = bias.variance_m2 / (unit_m * unit_m);
   const DepthFit fit = fitDepth(surface_, depth, from, object);
   const DepthCounts& counts = fit.counts;
-  const bool is_seen = counts.measured >= kLeastMeasured * counts.facing &&
+  const bool is_seen = counts.measured >= kMinMeasured * counts.facing &&
                        counts.agreeing >= kFewestPlaces &&
-                       share(counts.agreeing, counts.measured) > kLeastAgreeing;
+                       fraction(counts.agreeing, counts.measured) > kMinAgreeing;
   if (!is_seen) return std::nullopt;
   return Pose(nearestRotation(fit.T_O_C.R), fit.T_O_C.t);
 }
@@ -191,12 +191,12 @@ double DepthFusion::fuse(const DepthImage& depth,
   report.bias_dev_m = std::sqrt(bias.variance_m2);
   if (fit.counts.agreeing >= kFewestPlaces) {
     surprise_ = kSurpriseMemory * surprise_ +
-                (1 - kSurpriseMemory) * std::min(fit.squared_distance, 2 * kMostDistance);
+                (1 - kSurpriseMemory) * std::min(fit.squared_distance, 2 * kMaxDistance);
   }
   if (!why_not.empty()) {
     report.use = DepthUse::kRefused;
     report.message = why_not;
-    const bool sees_through = report.farther > 1 - kLeastAgreeing && report.farther > report.nearer;
+    const bool sees_through = report.farther > 1 - kMinAgreeing && report.farther > report.nearer;
     return was_established && sees_through ? kSeenThrough : 1;
   }
   report.use = DepthUse::kUsed;

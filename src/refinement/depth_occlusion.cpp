@@ -97,7 +97,7 @@ class Occluders {
 
   const std::vector<Eigen::Vector3d>& points_D() const { return points_D_; }
   /// Of the pixels that have a depth.
-  double share() const {
+  double fraction() const {
     return measured_ > 0 ? static_cast<double>(points_D_.size()) / measured_ : 0;
   }
 
@@ -132,7 +132,7 @@ class Occluders {
 std::optional<Image> weightWithoutOccluders(const Observation& observation,
                                             const KeyframePoints& keyframe, const Pose& T_O_C,
                                             const OcclusionSlack& slack) {
-  constexpr double kMost = 0.7;  // if more is hidden, depth may be wrong: colours must tell
+  constexpr double kMax = 0.7;  // if more is hidden, depth may be wrong: colours must tell
   const DepthImage& depth = *observation.depth;
   const Pose T_C_O = T_O_C.inverse(), T_D_C = depth.T_C_D.inverse();
   // Of points relative to the object's centre, in model units: its rotation has their scale.
@@ -140,7 +140,7 @@ std::optional<Image> weightWithoutOccluders(const Observation& observation,
                         T_D_C * (slack.metres_per_unit * (T_C_O * keyframe.centre))};
   const NearestDepth nearest(keyframe, T_D_O_m, depth);
   const Occluders occluders(nearest, depth, slack.slack_m);
-  if (occluders.points_D().empty() || occluders.share() > kMost) return std::nullopt;
+  if (occluders.points_D().empty() || occluders.fraction() > kMax) return std::nullopt;
   Image weight = weightOf(observation);
   for (const Eigen::Vector3d& p_D : occluders.points_D()) {
     cover(depth, observation.camera, p_D, &weight);

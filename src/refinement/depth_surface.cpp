@@ -10,8 +10,8 @@
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr int kMostPlaces = 800, kFewestShown = 60;
-constexpr double kLeastFacing = 0.25;  // cosine to the line of sight
+constexpr int kMaxPlaces = 800, kFewestShown = 60;
+constexpr double kMinFacing = 0.25;  // cosine to the line of sight
 
 class SurfaceMaker {
  public:
@@ -29,7 +29,7 @@ class SurfaceMaker {
     const auto known = std::count_if(at_.begin(), at_.end(), [](int i) { return i >= 0; });
     if (known < kFewestShown) return {};
     const int stride =
-        static_cast<int>(std::ceil(std::sqrt(static_cast<double>(known) / kMostPlaces)));
+        static_cast<int>(std::ceil(std::sqrt(static_cast<double>(known) / kMaxPlaces)));
     double width = 0;
     for (int y = 1; y + 1 < level_.height; y += stride) {
       for (int x = 1; x + 1 < level_.width; x += stride) width += add(x, y);
@@ -66,7 +66,7 @@ class SurfaceMaker {
     const int cell = y * level_.width + x;
     const Vec3<double> p = pointAt(at_[cell]);
     const Vec3<double> n = cross(down, right), to_eye = eye_ - p;
-    if (!(dot(n, to_eye) > kLeastFacing * norm(n) * norm(to_eye))) return 0;
+    if (!(dot(n, to_eye) > kMinFacing * norm(n) * norm(to_eye))) return 0;
     surface_.places.push_back({p, normalized(n)});
     surface_.cell.push_back(cell);
     surface_.tile.push_back(y * level_.spacing / kTileSide * tilesAcross() +

@@ -26,7 +26,7 @@ Image rowOf(const Observation& observation, int y) {
 }  // namespace
 
 std::optional<bool> isGrey(const Observation& observation) {
-  constexpr float kSameColour = 0.5f / 255, kLeastContrast = 0.05f;
+  constexpr float kSameColour = 0.5f / 255, kMinContrast = 0.05f;
   const bool in_bytes = observation.pixels != nullptr;
   if (!in_bytes && (observation.image.empty() || observation.image.channels != 3)) return {};
   const int height = in_bytes ? observation.pixels->height() : observation.image.height;
@@ -42,7 +42,7 @@ std::optional<bool> isGrey(const Observation& observation) {
       brightest = std::max(brightest, rgb[0]);
     }
   }
-  if (brightest - darkest < kLeastContrast) return std::nullopt;
+  if (brightest - darkest < kMinContrast) return std::nullopt;
   return true;
 }
 

@@ -256,9 +256,9 @@ bool KeyframeRefiner::isFar(const std::optional<ViewDistance>& away) const {
 void KeyframeRefiner::renewFor(const View& view, std::int64_t stamp_ns) {
   Pose ahead = view.T_O_C;
   if (last_ && stamp_ns > last_->first) {
-    constexpr double kMost = 10;  // the motion of so many images, at most
+    constexpr double kMax = 10;  // the motion of so many images, at most
     const double since_s = 1e-9 * static_cast<double>(stamp_ns - last_->first);
-    ahead = extrapolated(last_->second, view.T_O_C, std::min(kMost, settings_.renewal_s / since_s));
+    ahead = extrapolated(last_->second, view.T_O_C, std::min(kMax, settings_.renewal_s / since_s));
   }
   last_ = {stamp_ns, view.T_O_C};
   const View next = {view.camera, ahead};

@@ -145,14 +145,14 @@ HypothesisTable KeyframeSearch::close(const Observation& observation, const Pose
 
 std::optional<SecondOpinion> KeyframeSearch::secondOpinion(const Hypothesis& found,
                                                            const CancellationToken& cancellation) {
-  constexpr double kLeastBeside_rad = 4 * kDegree, kLeastScore = 0.6;  // of the pose's own
-  const KeyframeSet::Entry* const other = kept_.beside(found.T_O_C, kLeastBeside_rad);
+  constexpr double kMinBeside_rad = 4 * kDegree, kMinScore = 0.6;  // of the pose's own
+  const KeyframeSet::Entry* const other = kept_.beside(found.T_O_C, kMinBeside_rad);
   if (other == nullptr) return std::nullopt;
   KeyframeAlignmentSettings finest = settings_.alignment;
   finest.coarsest_level = finest.finest_level;
   const Hypothesis says =
       aligner_->align({{other->number, found.T_O_C}}, finest, cancellation).front();
-  if (says.state != HypothesisState::kLive || says.score < kLeastScore * found.score) {
+  if (says.state != HypothesisState::kLive || says.score < kMinScore * found.score) {
     return std::nullopt;
   }
   return SecondOpinion{says.T_O_C, viewDistance(*other->keyframe, found.T_O_C).rotation_rad};

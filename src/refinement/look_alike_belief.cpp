@@ -21,10 +21,10 @@ double turnOfCell(int cell) { return kCell_rad * (cell <= kCells / 2 ? cell : ce
 /// What remains of evidence: errors of the model and of its shading make small differences, which
 /// do not add up from image to image; and no image says all.
 double soberly(double log_odds) {
-  constexpr double kDeadZone = 3, kMost = 30;
+  constexpr double kDeadZone = 3, kMax = 30;
   const double size = std::abs(log_odds);
   if (size <= kDeadZone) return 0;
-  return std::copysign(std::min(size - kDeadZone * kDeadZone / size, kMost), log_odds);
+  return std::copysign(std::min(size - kDeadZone * kDeadZone / size, kMax), log_odds);
 }
 
 /// Evidence at a turn between those that were tried.

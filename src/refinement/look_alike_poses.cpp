@@ -9,8 +9,8 @@
 namespace nerf_pose_refiner {
 
 double noiseOf(const FieldMetadata& object) {
-  constexpr double kLeast = 0.02;
-  return std::max(kLeast, object.score.mean_loss);
+  constexpr double kMin = 0.02;
+  return std::max(kMin, object.score.mean_loss);
 }
 
 const std::vector<double>& triedTurns_rad() {

@@ -44,7 +44,7 @@ std::vector<float> detailOf(const Image& colour, const std::vector<char>& is_obj
 /// The gain of rendered details that explains the observed ones best, without outliers.
 float gainOf(const std::vector<float>& rendered, const std::vector<float>& observed) {
   constexpr int kRounds = 3;
-  constexpr float kLeast = 0.3f, kMost = 3, kOutlier = 0.1f;
+  constexpr float kMin = 0.3f, kMax = 3, kOutlier = 0.1f;
   float gain = 1;
   for (int round = 0; round < kRounds; ++round) {
     double both = 1e-4, squares = 1e-4;
@@ -53,7 +53,7 @@ float gainOf(const std::vector<float>& rendered, const std::vector<float>& obser
       both += static_cast<double>(rendered[i]) * observed[i];
       squares += static_cast<double>(rendered[i]) * rendered[i];
     }
-    gain = std::clamp(static_cast<float>(both / squares), kLeast, kMost);
+    gain = std::clamp(static_cast<float>(both / squares), kMin, kMax);
   }
   return gain;
 }
@@ -63,7 +63,7 @@ float gainOf(const std::vector<float>& rendered, const std::vector<float>& obser
 std::optional<ObjectImage> objectImage(const Observation& observation, const Pose& T_O_C,
                                        const FieldMetadata& object, int object_px) {
   constexpr double kMargin = 1.1;
-  constexpr int kLeast_px = 8;
+  constexpr int kMin_px = 8;
   const Camera& camera = observation.camera;
   const Eigen::Vector3d centre_C = T_O_C.inverse() * object.centre;
   if (!(centre_C.z() > 0.5 * object.diameter)) return std::nullopt;
@@ -77,11 +77,11 @@ std::optional<ObjectImage> objectImage(const Observation& observation, const Pos
   const int right = clampTo(std::ceil(middle.x() + half) + 1, camera.width);
   const int top = clampTo(std::floor(middle.y() - half), camera.height);
   const int bottom = clampTo(std::ceil(middle.y() + half) + 1, camera.height);
-  if (right - left < kLeast_px || bottom - top < kLeast_px) return std::nullopt;
+  if (right - left < kMin_px || bottom - top < kMin_px) return std::nullopt;
   const Camera part = camera.cropped(left, top, right - left, bottom - top);
   ObjectImage image;
   image.camera = part.scaled(std::min(1.0, object_px / diameter_px));
-  if (std::min(image.camera.width, image.camera.height) < kLeast_px) return std::nullopt;
+  if (std::min(image.camera.width, image.camera.height) < kMin_px) return std::nullopt;
   image.colour = resample(observedColours(observation, {left, top, right - left, bottom - top}),
                           part, image.camera);
   image.weight = observation.weight.empty()

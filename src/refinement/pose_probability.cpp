@@ -31,23 +31,23 @@ double smallerThan(double bound, const Eigen::Matrix3d& covariance) {
 
 double scoreProbability(double score, const KeyframeScores& scores) {
   constexpr double kDeviations = 2;  // above the mean of wrong ones a pose is as likely right
-  constexpr double kLeastMiddle = 0.2, kMostOfRight = 0.9, kLeastWidth = 0.02;
+  constexpr double kMinMiddle = 0.2, kMaxOfRight = 0.9, kMinWidth = 0.02;
   const double odds_of_mean = std::log(99.0);  // one in a hundred is right at the wrong ones' mean
   const KeyframeScores known = scores.poses > 0 ? scores : unknownScores();
   const double above = known.wrong_mean + kDeviations * known.wrong_deviation;
-  const double middle = std::max(kLeastMiddle, std::min(above, kMostOfRight * known.right_low));
-  const double width = std::max(kLeastWidth, (middle - known.wrong_mean) / odds_of_mean);
+  const double middle = std::max(kMinMiddle, std::min(above, kMaxOfRight * known.right_low));
+  const double width = std::max(kMinWidth, (middle - known.wrong_mean) / odds_of_mean);
   return logistic((score - middle) / width);
 }
 
 double priorOdds(const Pose& T_O_C, const Prior& prior, const FieldMetadata& object) {
   constexpr double kReach = 3, kSoftness = 0.5;  // [half widths]
-  constexpr double kLeastRotation_rad = 0.09, kLeastTranslation = 0.05;
+  constexpr double kMinRotation_rad = 0.09, kMinTranslation = 0.05;
   const Pose nearest = nearestEquivalent(T_O_C, prior.T_O_C, object.symmetries);
   const Vector6 away = cameraTwist(prior.T_O_C, nearest, object.centre);
-  const double rotation = away.tail<3>().norm() / std::max(prior.rotation_rad, kLeastRotation_rad);
+  const double rotation = away.tail<3>().norm() / std::max(prior.rotation_rad, kMinRotation_rad);
   const double translation =
-      away.head<3>().norm() / object.diameter / std::max(prior.translation, kLeastTranslation);
+      away.head<3>().norm() / object.diameter / std::max(prior.translation, kMinTranslation);
   const double beyond = std::max(rotation, translation) - kReach;
   return beyond > 0 ? std::exp(-beyond / kSoftness) : 1;
 }
@@ -76,9 +76,9 @@ Matrix6 systematicCovariance(const Matrix6& of_twist, const Pose& T_O_C,
 }
 
 Matrix6 disagreement(const Vector6& away, double beside_rad) {
-  constexpr double kLeastHeld = 0.1;
+  constexpr double kMinHeld = 0.1;
   const double taken_along = beside_rad > 0 ? away.tail<3>().norm() / beside_rad : 0;
-  const Vector6 error = away / std::max(kLeastHeld, 1 - taken_along);
+  const Vector6 error = away / std::max(kMinHeld, 1 - taken_along);
   return error * error.transpose();
 }
 

@@ -19,10 +19,10 @@ namespace nerf_pose_refiner {
 namespace {
 
 // Of six unknowns: one in a thousand is farther away [standard deviations].
-constexpr double kMostApart = 4.74;
+constexpr double kMaxApart = 4.74;
 constexpr double kNear_rad = 5 * kDegree, kNear = 0.05;  // where others look; [diameters]
-constexpr double kLeastScore = 0.35;  // of keyframes: what explains an image worse has no say
-constexpr double kUnsteady = 0.3;     // of a motion, from one image to the next
+constexpr double kMinScore = 0.35;  // of keyframes: what explains an image worse has no say
+constexpr double kUnsteady = 0.3;   // of a motion, from one image to the next
 
 bool isPast(const SideView& view) { return view.camera == 0; }
 
@@ -37,7 +37,7 @@ bool isLive(const HypothesisTable& found) {
 /// Takes an opinion in, unless it is too far from what is there. @return whether it did.
 bool takeIn(const ViewOpinion& opinion, std::vector<ViewOpinion>* opinions, double* away) {
   *away = opinions->empty() ? 0 : apart(joined(*opinions), opinion);
-  if (!(*away < kMostApart)) return false;
+  if (!(*away < kMaxApart)) return false;
   opinions->push_back(opinion);
   return true;
 }
@@ -165,7 +165,7 @@ void SideViews::report(const SideView& view, Found* side) const {
   covariance += systematicCovariance(covariance, T_O_V, object);
   report.T_V_O = frame.objectInCamera({nearestRotation(T_O_V.R), T_O_V.t});
   report.covariance = covarianceInCamera(covariance, T_O_V, object, frame);
-  if (report.score >= kLeastScore) return;
+  if (report.score >= kMinScore) return;
   side->hypotheses.clear();
   report.message = isPast(view)
                        ? "the past image does not show the object there"
@@ -269,7 +269,7 @@ SideViews::Group SideViews::begin(const Prior& prior, Refinement* found) const {
   const FieldMetadata& object = field_->field().metadata;
   Group group;
   group.start = prior;
-  if (found->outcome != Outcome::kRefined || explained(*found) < kLeastScore) return group;
+  if (found->outcome != Outcome::kRefined || explained(*found) < kMinScore) return group;
   group.start.T_O_C = found->T_O_C;
   group.start.rotation_rad = std::min(prior.rotation_rad, kNear_rad);
   group.start.translation = std::min(prior.translation, kNear);

@@ -12,7 +12,7 @@ namespace {
 // Sightings that are nearer to each other share their errors.
 constexpr double kApart = 0.1, kApart_rad = 6 * kDegree;  // [diameters]
 constexpr double kSamePlace_m = 1e-4, kSamePlace_rad = 1e-4;
-constexpr std::size_t kMost = 300;
+constexpr std::size_t kMax = 300;
 
 bool areAlike(const Pose& a, const Pose& b, double position, double rotation_rad) {
   return (a.t - b.t).norm() < position && rotationDistance(a.R, b.R) < rotation_rad;
@@ -22,7 +22,7 @@ bool areAlike(const Pose& a, const Pose& b, double position, double rotation_rad
 
 RigSighting sightingOf(const Refinement& found, const FieldMetadata& object,
                        const std::vector<std::size_t>& numbers, std::size_t cameras) {
-  constexpr double kLeastScore = 0.5;  // of an image that shows the object well
+  constexpr double kMinScore = 0.5;  // of an image that shows the object well
   RigSighting seen(cameras);
   if (!found.own) return seen;
   const ObjectFrame frame = ObjectFrame::inMetres(object);
@@ -31,7 +31,7 @@ RigSighting sightingOf(const Refinement& found, const FieldMetadata& object,
                      covarianceInCamera(found.own->covariance, found.own->T_O_C, object, frame)};
   for (std::size_t i = 0; i < std::min(numbers.size(), found.beside.size()); ++i) {
     const SideViewReport& view = found.beside[i];
-    if (view.score < kLeastScore) continue;
+    if (view.score < kMinScore) continue;
     seen.at(numbers[i]) = CameraSighting{view.T_V_O, view.covariance};
   }
   return seen;
@@ -58,7 +58,7 @@ void SightingLog::add(const RigSighting& sighting, const std::vector<Pose>& T_C_
   const bool known = std::any_of(poses_.begin(), poses_.end(), [&](const Pose& other) {
     return areAlike(T_C_O, other, kApart * diameter_m, kApart_rad);
   });
-  if (known || kept_.size() >= kMost) return;
+  if (known || kept_.size() >= kMax) return;
   kept_.push_back(sighting);
   poses_.push_back(T_C_O);
 }

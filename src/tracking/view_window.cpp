@@ -11,8 +11,8 @@
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr int kMoved = 3;            // images that contradict: the object was moved
-constexpr double kLeastScore = 0.5;  // of the own image's keyframe: what it shows is worth keeping
+constexpr int kMoved = 3;          // images that contradict: the object was moved
+constexpr double kMinScore = 0.5;  // of the own image's keyframe: what it shows is worth keeping
 
 bool isPast(const SideView& view) { return view.camera == 0; }
 
@@ -82,7 +82,7 @@ void ViewWindow::learn(const Observation& observation, std::int64_t stamp_ns,
   centre_W_ = T_W_U * frame.point(object.centre);
   const bool own_sees = observation.beside.empty() || found.own.has_value();
   if (contradictions_ > 0) return;
-  if (!own_sees || found.hypotheses.empty() || found.hypotheses.front().score < kLeastScore) return;
+  if (!own_sees || found.hypotheses.empty() || found.hypotheses.front().score < kMinScore) return;
   const auto is_near = [&](const View& view) {
     return angleBetween(view.T_W_V, *observation.T_W_C) < settings_.apart_deg * kDegree;
   };

@@ -21,9 +21,9 @@ TrustVerdict checkTrust(const Refinement& refinement, double least_score) {
   const std::optional<double>& agreement = refinement.mask_agreement;
   const double found = refinement.found_probability.value_or(refinement.score);
   if (!(found >= least_score)) return TrustVerdict::kLowScore;
-  if (agreement && *agreement < kLeastMaskAgreement) return TrustVerdict::kBadMask;
-  constexpr double kLeastUnmistaken = 0.9;
-  if (refinement.unmistaken.value_or(1) < kLeastUnmistaken) return TrustVerdict::kMistakable;
+  if (agreement && *agreement < kMinMaskAgreement) return TrustVerdict::kBadMask;
+  constexpr double kMinUnmistaken = 0.9;
+  if (refinement.unmistaken.value_or(1) < kMinUnmistaken) return TrustVerdict::kMistakable;
   return refinement.score >= least_score ? TrustVerdict::kTrusted : TrustVerdict::kUncertain;
 }
 

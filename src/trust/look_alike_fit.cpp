@@ -78,7 +78,7 @@ bool isSame(const Pose& a, const Pose& b, const FieldMetadata& object) {
 /// Motions that images from several sides show, those that most show first.
 std::vector<Pose> singleMotions(const std::vector<Confusion>& confusions,
                                 const FieldMetadata& object) {
-  constexpr std::size_t kLeastViews = 2;
+  constexpr std::size_t kMinViews = 2;
   std::vector<std::pair<std::size_t, Pose>> clusters;
   std::vector<char> is_taken(confusions.size(), 0);
   for (std::size_t i = 0; i < confusions.size(); ++i) {
@@ -89,7 +89,7 @@ std::vector<Pose> singleMotions(const std::vector<Confusion>& confusions,
       is_taken[j] = 1;
       views.insert(confusions[j].view);
     }
-    if (views.size() >= kLeastViews) clusters.emplace_back(views.size(), confusions[i].motion);
+    if (views.size() >= kMinViews) clusters.emplace_back(views.size(), confusions[i].motion);
   }
   std::stable_sort(clusters.begin(), clusters.end(),
                    [](const auto& a, const auto& b) { return a.first > b.first; });
@@ -102,10 +102,10 @@ std::vector<Pose> singleMotions(const std::vector<Confusion>& confusions,
 }  // namespace
 
 LookAlikes fitLookAlikes(const std::vector<Confusion>& confusions, const FieldMetadata& object) {
-  constexpr int kLeastAngles = 5;  // of twelve: a sixfold symmetry has three
+  constexpr int kMinAngles = 5;  // of twelve: a sixfold symmetry has three
   LookAlikes found;
   found.measured = true;
-  int most = kLeastAngles - 1;
+  int most = kMinAngles - 1;
   Eigen::Vector3d best = Eigen::Vector3d::Zero();
   for (const Confusion& confusion : confusions) {
     const Eigen::Vector3d axis = turnOf(confusion.motion).axis;
@@ -115,7 +115,7 @@ LookAlikes fitLookAlikes(const std::vector<Confusion>& confusions, const FieldMe
     best = axis;
   }
   std::vector<Confusion> others = confusions;
-  if (most >= kLeastAngles) {
+  if (most >= kMinAngles) {
     found.axis = fittedAxis(best, confusions, object.centre);
     others.erase(
         std::remove_if(others.begin(), others.end(),

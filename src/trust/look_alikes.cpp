@@ -65,7 +65,7 @@ class ConfusionSearch {
  private:
   /// Poses far from the truth that explain an image of a side nearly as well.
   std::vector<Pose> confusedIn(int number) {
-    constexpr double kLeastOfRight = 0.7;
+    constexpr double kMinOfRight = 0.7;
     constexpr std::size_t kFinalists = 24;
     const KnownSide& side = sides_[number];
     const Pose& truth = side.points->T_O_C;
@@ -92,7 +92,7 @@ class ConfusionSearch {
     std::vector<Pose> confused;
     for (std::size_t i = 1; i < found.size(); ++i) {
       const bool explains = found[i].state == HypothesisState::kLive &&
-                            found[i].score >= kLeastOfRight * found.front().score;
+                            found[i].score >= kMinOfRight * found.front().score;
       if (explains && isWrong(found[i].T_O_C, truth)) {
         confused.emplace_back(nearestRotation(found[i].T_O_C.R), found[i].T_O_C.t);
       }

@@ -8,7 +8,7 @@ namespace nerf_pose_refiner {
 
 /// A mask that agrees less with a pose was made of something else than the object: it is empty,
 /// inverted, or lies beside it. (A mask that leaves out what hides the object agrees less, too.)
-constexpr double kLeastMaskAgreement = 0.25;
+constexpr double kMinMaskAgreement = 0.25;
 
 /// How far a mask and the object as a pose shows it are the same pixels: those of both over those
 /// of either, 0..1.

@@ -23,7 +23,7 @@ TEST(TileEvidence, TilesThatAgreeAreSeen) {
 
 TEST(TileEvidence, HalfwayAgreementIsSeenInPart) {
   TileEvidence evidence;
-  evidence.addTile(tileWith(0.5f * (kLeastSeenAgreement + kWhollySeenAgreement)), kFull);
+  evidence.addTile(tileWith(0.5f * (kMinSeenAgreement + kWhollySeenAgreement)), kFull);
   EXPECT_NEAR(evidence.visibleFraction(), 0.5, 1e-6);
 }
 

@@ -46,7 +46,7 @@ TEST_F(MaskAgreement, IsLowForOneBesideTheObject) {
   const auto beside = [](const Image& mask, int x, int y) {
     return x >= 60 ? mask.at(x - 60, y, 0) : 0.0f;
   };
-  EXPECT_LT(after(beside), kLeastMaskAgreement);
+  EXPECT_LT(after(beside), kMinMaskAgreement);
 }
 
 TEST_F(MaskAgreement, IsThePartThatAMaskLeaves) {
@@ -65,9 +65,9 @@ TEST_F(MaskAgreement, ALowOneIsNotTrusted) {
   refinement.outcome = Outcome::kRefined;
   refinement.score = 1;
   EXPECT_EQ(checkTrust(refinement, 0.5), TrustVerdict::kTrusted);
-  refinement.mask_agreement = 0.9 * kLeastMaskAgreement;
+  refinement.mask_agreement = 0.9 * kMinMaskAgreement;
   EXPECT_EQ(checkTrust(refinement, 0.5), TrustVerdict::kBadMask);
-  refinement.mask_agreement = 1.1 * kLeastMaskAgreement;
+  refinement.mask_agreement = 1.1 * kMinMaskAgreement;
   EXPECT_EQ(checkTrust(refinement, 0.5), TrustVerdict::kTrusted);
 }
 

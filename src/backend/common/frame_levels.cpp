@@ -8,13 +8,13 @@
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr int kLeastPixels = 2;  // of a level, for interpolation
+constexpr int kMinPixels = 2;  // of a level, for interpolation
 
 // Whole steps that cover a range as far as [0, size) has whole steps: first and number of pixels.
 std::pair<int, int> wholeSteps(int first, int count, int size, int step) {
   const int most = size / step;
-  const int begin = std::clamp(first / step, 0, most - kLeastPixels);
-  const int end = std::clamp((first + count + step - 1) / step, begin + kLeastPixels, most);
+  const int begin = std::clamp(first / step, 0, most - kMinPixels);
+  const int end = std::clamp((first + count + step - 1) / step, begin + kMinPixels, most);
   return {begin * step, (end - begin) * step};
 }
 
@@ -23,7 +23,7 @@ std::pair<int, int> wholeSteps(int first, int count, int size, int step) {
 FrameLevels::FrameLevels(const Observation& observation, const FrameWindow& window)
     : camera_(observation.camera), finest_(window.finest), count_(window.levels) {
   const int step = 1 << (finest_ + count_ - 1);
-  if (std::min(camera_.width, camera_.height) < kLeastPixels * step) {
+  if (std::min(camera_.width, camera_.height) < kMinPixels * step) {
     throw std::invalid_argument("alignment to a keyframe needs a larger image");
   }
   const auto [x, width] = wholeSteps(window.pixels.x, window.pixels.width, camera_.width, step);

@@ -24,11 +24,11 @@ HypothesisState stateOf(const Pose& T_O_C, const KeyframePoints& keyframe,
 // How much less the image differs than by chance, where there is anything to differ: a wall is no
 // evidence for a plain object.
 double scoreOf(const AlignedKeyframe& aligned, double robust_scale) {
-  constexpr double kLeastEvidence = 0.15;  // of what points of full contrast would give
+  constexpr double kMinEvidence = 0.15;  // of what points of full contrast would give
   const double explained = aligned.evidence.explained, chance = aligned.evidence.chance;
   if (!(chance > 0)) return 0;
   const double evidence = chance / (aligned.most_weight * chanceLoss(robust_scale));
-  return std::max(0.0, 1 - explained / chance) * std::min(1.0, evidence / kLeastEvidence);
+  return std::max(0.0, 1 - explained / chance) * std::min(1.0, evidence / kMinEvidence);
 }
 
 }  // namespace

@@ -14,12 +14,12 @@ constexpr int kChannels = 4;
 // Pixels that are covered in part show what the rest of them does; mostly covered ones show
 // nothing.
 void divideByWeight(Image* image) {
-  constexpr float kLeastWeight = 0.5f;
+  constexpr float kMinWeight = 0.5f;
   for (std::size_t i = 0; i < image->pixels(); ++i) {
     float* pixel = image->values.data() + kChannels * i;
     const float weight = pixel[3];
-    for (int c = 0; c < 3; ++c) pixel[c] = weight < kLeastWeight ? 0 : pixel[c] / weight;
-    pixel[3] = weight < kLeastWeight ? 0.0f : 1.0f;
+    for (int c = 0; c < 3; ++c) pixel[c] = weight < kMinWeight ? 0 : pixel[c] / weight;
+    pixel[3] = weight < kMinWeight ? 0.0f : 1.0f;
   }
 }
 

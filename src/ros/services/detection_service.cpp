@@ -17,10 +17,10 @@ namespace {
 /// @throws std::invalid_argument.
 DetectorOptions optionsOf(const DetectObject::Request& request,
                           const PoseRefinerParameters& parameters) {
-  constexpr std::uint32_t kMostInstances = 1000;
-  if (request.max_instances > kMostInstances) {
+  constexpr std::uint32_t kMaxInstances = 1000;
+  if (request.max_instances > kMaxInstances) {
     throw std::invalid_argument("max_instances is " + std::to_string(request.max_instances) +
-                                " but may be at most " + std::to_string(kMostInstances));
+                                " but may be at most " + std::to_string(kMaxInstances));
   }
   DetectorOptions options;
   options.trust_score = parameters.tracker.rules.trust_score;
