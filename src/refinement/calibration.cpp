@@ -19,6 +19,7 @@ using Vector6 = Eigen::Matrix<double, 6, 1>;
 
 constexpr double kRobust = 3;  // sightings that are farther off weigh less [standard deviations]
 constexpr int kIterations = 20;
+constexpr double kPosesAlike = 8;  // sightings share errors of the model: so many are worth one
 
 Eigen::Matrix3d crossOf(const Eigen::Vector3d& a) {
   Eigen::Matrix3d m;
@@ -180,7 +181,7 @@ Seen refineBy(const std::vector<Pair>& pairs, const CalibrationSettings& setting
     if (pass == 0) seen = directionsOf(unit * at.information * unit / scale);
     if (seen.unseen.empty()) break;
   }
-  result->covariance = unit * seen.covariance * unit;
+  result->covariance = kPosesAlike * unit * seen.covariance * unit;
   return seen;
 }
 
