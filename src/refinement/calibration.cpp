@@ -10,22 +10,14 @@
 
 #include "math/require.h"
 #include "math/so3.h"
+#include "refinement/covariance.h"
 
 namespace nerf_pose_refiner {
 namespace {
 
-using Matrix6 = Eigen::Matrix<double, 6, 6>;
-using Vector6 = Eigen::Matrix<double, 6, 1>;
-
 constexpr double kRobust = 3;  // sightings that are farther off weigh less [standard deviations]
 constexpr int kIterations = 20;
 constexpr double kPosesAlike = 8;  // sightings share errors of the model: so many are worth one
-
-Eigen::Matrix3d crossOf(const Eigen::Vector3d& a) {
-  Eigen::Matrix3d m;
-  m << 0, -a.z(), a.y(), a.z(), 0, -a.x(), -a.y(), a.x(), 0;
-  return m;
-}
 
 Matrix6 turned(const Matrix6& covariance, const Eigen::Matrix3d& R) {
   Matrix6 axes = Matrix6::Zero();

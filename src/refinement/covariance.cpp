@@ -174,4 +174,10 @@ Matrix6 covarianceInCamera(const Matrix6& of_twist, const Pose& T_O_C, const Fie
          unit.asDiagonal();
 }
 
+Eigen::Matrix3d crossOf(const Eigen::Vector3d& a) {
+  Eigen::Matrix3d m;
+  m << 0, -a.z(), a.y(), a.z(), 0, -a.x(), -a.y(), a.x(), 0;
+  return m;
+}
+
 }  // namespace nerf_pose_refiner

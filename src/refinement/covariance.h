@@ -86,4 +86,7 @@ Matrix6 covarianceInCamera(const Matrix6& of_twist, const Pose& T_O_C,
 Matrix6 covarianceInCamera(const Matrix6& of_twist, const Pose& T_O_C, const FieldMetadata& object,
                            const ObjectFrame& frame);
 
+/// The matrix of a cross product: crossOf(a) * b is a x b.
+Eigen::Matrix3d crossOf(const Eigen::Vector3d& a);
+
 }  // namespace nerf_pose_refiner

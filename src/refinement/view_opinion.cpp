@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "math/so3.h"
+#include "refinement/covariance.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -18,12 +19,6 @@ Matrix6 rootOf(const Matrix6& matrix) {
 }
 
 Matrix6 inverseOf(const Matrix6& matrix) { return matrix.ldlt().solve(Matrix6::Identity()); }
-
-Eigen::Matrix3d crossOf(const Eigen::Vector3d& a) {
-  Eigen::Matrix3d m;
-  m << 0, -a.z(), a.y(), a.z(), 0, -a.x(), -a.y(), a.x(), 0;
-  return m;
-}
 
 }  // namespace
 
