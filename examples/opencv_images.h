@@ -8,16 +8,25 @@
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 
-/// The image of OpenCV that a camera took, 8-bit BGR, for a refiner or a tracker. It must not be
-/// written to meanwhile. @throws std::runtime_error if it is empty.
+/// The image of OpenCV that a camera took, 8-bit grey, BGR or BGRA, for a refiner, a tracker or a
+/// detector. The observation refers to its pixels: what overwrites them, such as the next
+/// `video.read(bgr)`, changes it. @throws std::runtime_error for an image of another kind, or none.
 inline nerf_pose_refiner::Observation observe(const cv::Mat& bgr,
                                               nerf_pose_refiner::Camera camera) {
+  using nerf_pose_refiner::PixelFormat;
+  const int channels = bgr.channels();
   if (bgr.empty()) throw std::runtime_error("there is no image");
+  if (bgr.depth() != CV_8U || channels == 2 || channels > 4) {
+    throw std::runtime_error("the image is not 8-bit grey, BGR or BGRA");
+  }
+  const PixelFormat format = channels == 1   ? PixelFormat::kGrey
+                             : channels == 3 ? PixelFormat::kBgr
+                                             : PixelFormat::kBgra;
   camera.width = bgr.cols;
   camera.height = bgr.rows;
   const auto kept = std::make_shared<const cv::Mat>(bgr);  // shares the pixels
-  return nerf_pose_refiner::observe({kept->data, kept->cols, kept->rows, 3, kept->step[0]},
-                                    nerf_pose_refiner::PixelFormat::kBgr, camera, kept);
+  return nerf_pose_refiner::observe({kept->data, kept->cols, kept->rows, channels, kept->step[0]},
+                                    format, camera, kept);
 }
 
 /// An image of OpenCV: 8-bit BGR of RGB.

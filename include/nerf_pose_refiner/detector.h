@@ -66,7 +66,7 @@ std::string landmarksBeside(const std::string& model_path);
 /// Not thread-safe; detectors of several threads may share a backend.
 class Detector {
  public:
-  /// Makes the landmarks if their file does not have them: that takes some seconds.
+  /// Makes the landmarks if their file does not have them: up to a minute on a CPU.
   /// @throws std::invalid_argument for options out of their range, std::runtime_error where the
   /// backend has no memory for the object, Cancelled.
   Detector(std::shared_ptr<Backend> backend, const Object& object,

@@ -18,7 +18,7 @@ class Backend;
 struct RegistrationOptions {
   std::string profile = "cpu";  ///< shape of the field: "cpu" (small, fast), "gpu" or "paper"
   int steps = 4000;             ///< of training, at most
-  double max_seconds = 0;       ///< of training; 0: no limit
+  double max_seconds = 0;       ///< of training; what follows takes up to a minute; 0: no limit
   double target_psnr_db = 0;    ///< training ends when the held-out photos reach it; 0: never
   int held_out = 4;             ///< photos that only measure the quality; at most a tenth of all
   double metres_per_unit = 0;   ///< 0: as the photos' file says, or unknown
@@ -55,14 +55,15 @@ struct RegistrationProgress {
   double loss = 0;     ///< of the last step
   double psnr_db = 0;  ///< 0: not measured yet
   double seconds = 0;  ///< so far
-  double seconds_left = 0;  ///< estimated
+  double seconds_left = 0;  ///< of training, estimated
   /// Renders the present model from the viewpoint of one of the photos: RGB on black, at most
   /// 320 x 320 pixels. Empty except during training. Call it only within the `progress` callback;
   /// it may take a second.
   std::function<Image8()> preview;
 };
 
-/// Learns an object from posed photos.
+/// Learns an object from posed photos. After training it is tried on renderings ("pose quality"),
+/// which gives its scores their meaning and takes up to a minute on a CPU.
 /// @param photos a folder with posed photos in any format of docs/photo_formats.md, or a
 /// transforms.json; the photos have an alpha channel or masks, or there is a box.
 /// @param progress called in this thread, about twice a second; may be empty.

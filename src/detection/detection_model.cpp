@@ -67,7 +67,8 @@ DetectionModel detectionModelFor(const LoadedField& field, const DetectionModelS
   std::optional<Landmarks> landmarks;
   if (!landmark_path.empty()) landmarks = loadLandmarks(landmark_path, key);
   if (!landmarks) {
-    landmarks = makeLandmarks(field, settings.landmarks, cancellation);
+    // Rounded, so that the same image gives the same poses with and without a file.
+    landmarks = asStored(makeLandmarks(field, settings.landmarks, cancellation));
     keepLandmarks(*landmarks, key, landmark_path);
   }
   return completed(field, *std::move(landmarks), settings, landmark_path, cancellation);
@@ -78,7 +79,7 @@ DetectionModel makeDetectionModel(const LoadedField& field,
                                   const DetectionModelSettings& settings,
                                   const std::string& landmark_path,
                                   const CancellationToken& cancellation) {
-  Landmarks landmarks = makeLandmarks(field, photos, settings.landmarks, cancellation);
+  Landmarks landmarks = asStored(makeLandmarks(field, photos, settings.landmarks, cancellation));
   keepLandmarks(landmarks, landmarkKey(field.field(), settings.landmarks), landmark_path);
   return completed(field, std::move(landmarks), settings, landmark_path, cancellation);
 }

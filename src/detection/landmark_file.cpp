@@ -80,6 +80,42 @@ bool isFinite(const Place& place) {
          std::all_of(std::begin(place.R_O_F), std::end(place.R_O_F), finite) && finite(place.size);
 }
 
+/// Descriptors, a byte a number.
+std::vector<std::int8_t> rowsOf(const Landmarks& landmarks) {
+  std::vector<std::int8_t> rows;
+  for (Eigen::Index i = 0; i < landmarks.descriptors.size(); ++i) {
+    const float value = std::round(kScale * landmarks.descriptors.data()[i]);
+    rows.push_back(static_cast<std::int8_t>(std::max(-127.0f, std::min(127.0f, value))));
+  }
+  return rows;
+}
+
+Landmarks landmarksFrom(const Header& header, const std::vector<Place>& places,
+                        const std::vector<std::int8_t>& rows) {
+  Landmarks landmarks;
+  landmarks.kind = static_cast<FeatureKind>(header.kind);
+  for (const Place& place : places) landmarks.places.push_back(landmarkOf(place));
+  using Rows = Eigen::Matrix<std::int8_t, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  landmarks.descriptors =
+      Eigen::Map<const Rows>(rows.data(), header.count, header.numbers).cast<float>() / kScale;
+  return landmarks;
+}
+
+/// Its key, checksum and format are not set.
+Header headerOf(const Landmarks& landmarks) {
+  Header header = {};
+  header.kind = static_cast<std::uint64_t>(landmarks.kind);
+  header.count = static_cast<std::uint32_t>(landmarks.places.size());
+  header.numbers = static_cast<std::uint32_t>(landmarks.descriptors.cols());
+  return header;
+}
+
+std::vector<Place> placesOf(const Landmarks& landmarks) {
+  std::vector<Place> places;
+  for (const Landmark& landmark : landmarks.places) places.push_back(placeOf(landmark));
+  return places;
+}
+
 Landmarks read(const InputFile& file, std::uint64_t key) {
   Header header;
   file.read(0, &header, sizeof header);
@@ -95,14 +131,8 @@ Landmarks read(const InputFile& file, std::uint64_t key) {
   file.read(sizeof header, places.data(), places_bytes);
   file.read(sizeof header + places_bytes, rows.data(), rows.size());
   if (checksumOf(header, places, rows) != header.checksum) throw std::runtime_error("damaged");
-  Landmarks landmarks;
-  landmarks.kind = static_cast<FeatureKind>(header.kind);
   if (!std::all_of(places.begin(), places.end(), isFinite)) throw std::runtime_error("not finite");
-  for (const Place& place : places) landmarks.places.push_back(landmarkOf(place));
-  using Rows = Eigen::Matrix<std::int8_t, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-  landmarks.descriptors =
-      Eigen::Map<const Rows>(rows.data(), header.count, header.numbers).cast<float>() / kScale;
-  return landmarks;
+  return landmarksFrom(header, places, rows);
 }
 
 }  // namespace
@@ -132,25 +162,21 @@ std::string landmarkPathOf(const std::string& model_path) {
 }
 
 void saveLandmarks(const Landmarks& landmarks, std::uint64_t key, const std::string& path) {
-  std::vector<Place> places;
-  for (const Landmark& landmark : landmarks.places) places.push_back(placeOf(landmark));
-  std::vector<std::int8_t> rows;
-  for (Eigen::Index i = 0; i < landmarks.descriptors.size(); ++i) {
-    const float value = std::round(kScale * landmarks.descriptors.data()[i]);
-    rows.push_back(static_cast<std::int8_t>(std::max(-127.0f, std::min(127.0f, value))));
-  }
-  Header header = {};
+  const std::vector<Place> places = placesOf(landmarks);
+  const std::vector<std::int8_t> rows = rowsOf(landmarks);
+  Header header = headerOf(landmarks);
   std::copy_n(kFormat, sizeof kFormat, header.format);
   header.key = key;
-  header.kind = static_cast<std::uint64_t>(landmarks.kind);
-  header.count = static_cast<std::uint32_t>(places.size());
-  header.numbers = static_cast<std::uint32_t>(landmarks.descriptors.cols());
   header.checksum = checksumOf(header, places, rows);
   AtomicFile file(path);
   file.write(&header, sizeof header);
   file.write(places.data(), places.size() * sizeof(Place));
   file.write(rows.data(), rows.size());
   file.commit();
+}
+
+Landmarks asStored(const Landmarks& landmarks) {
+  return landmarksFrom(headerOf(landmarks), placesOf(landmarks), rowsOf(landmarks));
 }
 
 std::optional<Landmarks> loadLandmarks(const std::string& path, std::uint64_t key) {

@@ -22,6 +22,9 @@ std::string landmarkPathOf(const std::string& model_path);
 /// system's reason.
 void saveLandmarks(const Landmarks& landmarks, std::uint64_t key, const std::string& path);
 
+/// Landmarks as a file gives them back, their numbers rounded.
+Landmarks asStored(const Landmarks& landmarks);
+
 /// Reads landmarks; nothing if there is no such file, if they were made from something else, or if
 /// the file is damaged: they can be made again.
 std::optional<Landmarks> loadLandmarks(const std::string& path, std::uint64_t key);

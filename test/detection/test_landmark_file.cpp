@@ -72,6 +72,8 @@ TEST_F(LandmarkFileTest, DescriptorsAreKeptToAByte) {
   EXPECT_NEAR(read(0, 0), 0.26, 0.5 / 254);
   EXPECT_NEAR(read(1, 2), -0.125, 0.5 / 254);
   EXPECT_FLOAT_EQ(read(2, 3), 0.5f);
+  EXPECT_EQ(asStored(landmarks).descriptors, read) << "as if there had been a file";
+  EXPECT_EQ(asStored(landmarks).places[1].point, landmarks.places[1].point);
 }
 
 TEST_F(LandmarkFileTest, OfAnotherObjectIsNone) { EXPECT_FALSE(loadLandmarks(path_, 8)); }
