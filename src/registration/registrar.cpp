@@ -30,9 +30,10 @@ constexpr int kRoughFraction = 4;  // a rough training has so much fewer steps, 
 // Photos of different exposure are compared with a model that knows no directions: with them it
 // could show each photo in its own colours. kGainSpread is above what such models of photos of one
 // exposure give; rounds end when what is left is small.
-constexpr int kMattFraction = 16;        // of steps and time
-constexpr int kMattSamples = 1 << 21;    // at least, where that is no more than a rough training
-constexpr double kMinMattSamples = 1e6;  // models of fewer samples say nothing of photos
+constexpr int kMattFraction = 16;         // of steps and time
+constexpr int kMattSamples = 1 << 21;     // at least, where that is no more than a rough training
+constexpr int kMaxMattSamples = 1 << 24;  // more show exposures no better
+constexpr double kMinMattSamples = 1e6;   // models of fewer samples say nothing of photos
 constexpr double kGainSpread = 0.04, kGainSettled = 0.01;
 constexpr int kGainRounds = 3;
 
@@ -279,6 +280,7 @@ EqualColours withEqualColours(Backend* backend, const Dataset& dataset,
   RegistrationOptions rough = settings;
   rough.steps = std::clamp(kMattSamples / settings.samples_per_step, settings.steps / kMattFraction,
                            settings.steps / kRoughFraction);
+  rough.steps = std::min(rough.steps, kMaxMattSamples / settings.samples_per_step);
   rough.max_seconds = settings.max_seconds / kMattFraction;
   rough.target_psnr_db = 0;
   if (settings.keep_colours) return equal;
@@ -295,8 +297,9 @@ EqualColours withEqualColours(Backend* backend, const Dataset& dataset,
     run.run("rough training", cancellation);
     if (trainer->stepsDone() <= least) break;  // the time was too short
     run.report("exposure");
-    const auto field =
-        backend->load(std::make_shared<Field>(finished(trainer.get(), dataset, cancellation)));
+    const auto model = std::make_shared<Field>(trainer->finish(cancellation));
+    if (!(model->metadata.diameter > 0)) break;  // nothing is opaque yet
+    const auto field = backend->load(model);
     const std::vector<PhotoGain> gains = photoGains(*field, equal.dataset.views, cancellation);
     if (gainSpread(gains) < (round == 0 ? kGainSpread : kGainSettled)) break;
     for (std::size_t i = 0; i < total.size(); ++i) total[i] = combined(total[i], gains[i]);
