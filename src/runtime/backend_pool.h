@@ -32,7 +32,7 @@ class BackendPool {
   /// for a GPU takes time.
   std::shared_ptr<ProcessorSchedule> scheduleOf(const BackendChoice& choice);
 
-  /// The shared backend; trainings are paused while it is used. @throws as makeBackend.
+  /// The shared backend; trainings are paused during its users' turns. @throws as makeBackend.
   SearchProcessor searchProcessor(const BackendChoice& choice);
 
  private:

@@ -55,10 +55,11 @@ void RefinerSearch::configure(const RefinerSettings& initial, const RefinerSetti
 
 /// Calls a search, again with another processor if this one is lost.
 template <typename Call>
-Refinement RefinerSearch::onProcessor(const Call& call, const CancellationToken& cancellation) {
+Refinement RefinerSearch::onProcessor(const Call& call, bool takes_turn,
+                                      const CancellationToken& cancellation) {
   const auto in_turn = [&] {
     std::unique_ptr<ProcessorTurn> turn;
-    if (processor_.take_turn) turn = processor_.take_turn(cancellation);
+    if (takes_turn && processor_.take_turn) turn = processor_.take_turn(cancellation);
     return call();
   };
   try {
@@ -77,7 +78,11 @@ Refinement RefinerSearch::onProcessor(const Call& call, const CancellationToken&
 
 Refinement RefinerSearch::search(const SearchRequest& request,
                                  const CancellationToken& cancellation) {
-  Refinement found = onProcessor([&] { return searchOnce(request, cancellation); }, cancellation);
+  // Following by keyframes takes a few milliseconds: a training that stopped for each image would
+  // take several times as long.
+  const bool takes_turn = !request.tracked || tracking_settings_.method != Method::kKeyframes;
+  Refinement found =
+      onProcessor([&] { return searchOnce(request, cancellation); }, takes_turn, cancellation);
   if (found.outcome == Outcome::kCancelled) found.T_O_C = request.prior.T_O_C;
   return found;
 }
@@ -177,7 +182,7 @@ void RefinerSearch::beginDetection(const CancellationToken& cancellation) {
 Refinement RefinerSearch::detect(const Observation& observation, double trust_score,
                                  const CancellationToken& cancellation) {
   return onProcessor([&] { return detectOnce(observation, trust_score, cancellation); },
-                     cancellation);
+                     /*takes_turn=*/true, cancellation);
 }
 
 Refinement RefinerSearch::detectOnce(const Observation& observation, double trust_score,

@@ -68,8 +68,8 @@ struct DetectionSetup {
   std::function<std::string(const std::shared_ptr<const Field>&)> landmarks_path = {};
 };
 
-/// Searches with a backend: widely around an initial pose, narrowly around the last one. Each
-/// search takes a turn, so that trainings pause meanwhile.
+/// Searches with a backend: widely around an initial pose, narrowly around the last one.
+/// Trainings pause meanwhile, but not for tracking by keyframes, which takes a few milliseconds.
 ///
 /// If the processor fails for good (BackendLost), the search asks for another one and goes on with
 /// that.
@@ -88,7 +88,7 @@ class RefinerSearch : public ObjectSearch {
 
  private:
   template <typename Call>
-  Refinement onProcessor(const Call& call, const CancellationToken& cancellation);
+  Refinement onProcessor(const Call& call, bool takes_turn, const CancellationToken& cancellation);
   Refinement find(const SearchRequest& request, const CancellationToken& cancellation);
   const KeyframeScores& scores(const CancellationToken& cancellation);
   const LookAlikes& lookAlikes(const CancellationToken& cancellation);
