@@ -189,8 +189,8 @@ TEST_F(LibraryTest, AnObjectIsSavedWithItsFrame) {
   field->metadata.metres_per_unit = kMetresPerUnit;
   field->metadata.T_O_U = T_O_U_;
   field->metadata.box = Box{{-1, -2, -3}, {1, 2, 3}};
-  field->metadata.symmetries =
-      Symmetries(SymmetryAxis{}, {turnAbout({Eigen::Vector3d::UnitX(), {}}, M_PI)});
+  field->metadata.symmetries = Symmetries(
+      SymmetryAxis{}, {turnAbout({Eigen::Vector3d::UnitX(), Eigen::Vector3d::Zero()}, M_PI)});
   const Object before(field);
   saveObject(before, path);
   const Object after = loadObject(path);

@@ -138,7 +138,7 @@ TEST_F(MessageTrackerTest, TellsThatAnInitialPoseIsIgnored) {
   EXPECT_TRUE(result->pose);
   EXPECT_EQ(int{result->status.state}, int{Status::STATE_TRACKING});
   EXPECT_EQ(int{result->status.reason}, int{Status::REASON_PRIOR_IGNORED});
-  EXPECT_NE(result->status.message.find("initial_pose_policy"), std::string::npos);
+  EXPECT_NE(result->status.message.find("an initial pose was ignored"), std::string::npos);
   EXPECT_EQ(int{tracker_->process(frameAt(0.2))->status.reason}, int{Status::REASON_NONE});
 }
 

@@ -47,9 +47,10 @@ TEST(LookAlikes, TurnsAboutABesideAxisMakeIt) {
   const SymmetryAxis axis = {Eigen::Vector3d(1, 2, 3).normalized(), Eigen::Vector3d(0.1, 0, 0)};
   std::vector<Confusion> confusions;
   for (int i = 0; i < 10; ++i) confusions.push_back({turnAbout(axis, 0.4 + 0.25 * i), i});
-  confusions.push_back({turnAbout({Eigen::Vector3d::UnitX(), {}}, M_PI), 0});
-  confusions.push_back({turnAbout({Eigen::Vector3d::UnitX(), {}}, M_PI), 1});
-  confusions.push_back({turnAbout({Eigen::Vector3d::UnitY(), {}}, 2), 1});  // one image alone
+  confusions.push_back({turnAbout({Eigen::Vector3d::UnitX(), Eigen::Vector3d::Zero()}, M_PI), 0});
+  confusions.push_back({turnAbout({Eigen::Vector3d::UnitX(), Eigen::Vector3d::Zero()}, M_PI), 1});
+  confusions.push_back(
+      {turnAbout({Eigen::Vector3d::UnitY(), Eigen::Vector3d::Zero()}, 2), 1});  // one image alone
   const LookAlikes found = fitLookAlikes(confusions, object);
   ASSERT_TRUE(found.axis);
   EXPECT_GT(std::abs(found.axis->direction.dot(axis.direction)), 1 - 1e-9);
