@@ -30,6 +30,13 @@ void TrackingRules::validate() const {
 }
 
 void TrackerSettings::validate() const {
+  require(window.views >= 0, "window.views", window.views, "0 or more");
+  require(window.apart_deg > 0, "window.apart_deg", window.apart_deg, "above 0");
+  require(window.position_dev_m >= 0, "window.position_dev_m", window.position_dev_m, "0 or more");
+  require(window.rotation_dev_deg >= 0, "window.rotation_dev_deg", window.rotation_dev_deg,
+          "0 or more");
+  require(window.time_dev_s >= 0, "window.time_dev_s", window.time_dev_s, "0 or more");
+  require(window.renewal_s > 0, "window.renewal_s", window.renewal_s, "above 0");
   rules.validate();
   initial.validate();
   tracking.validate();

@@ -322,6 +322,8 @@ TEST_F(TrackerTest, SettingsOutOfRangeAreRefused) {
   expect_refused("detect_rate_hz", [](Settings s) { s->rules.detect_rate_hz = 0; });
   expect_refused("rotation_deg", [](Settings s) { s->initial.rotation_deg = 181; });
   expect_refused("translation", [](Settings s) { s->tracking.translation = -0.1; });
+  expect_refused("window.views", [](Settings s) { s->window.views = -1; });
+  expect_refused("window.apart_deg", [](Settings s) { s->window.apart_deg = NAN; });
 }
 
 TEST_F(TrackerTest, AnObjectThatIsNotDetectedIsWaitedFor) {
