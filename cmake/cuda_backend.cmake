@@ -83,4 +83,4 @@ target_link_libraries(${npr_cuda} PRIVATE Eigen3::Eigen CUDA::cudart_static Open
 target_sources(${PROJECT_NAME} PRIVATE $<TARGET_OBJECTS:${npr_cuda}>)
 set_target_properties(${PROJECT_NAME} PROPERTIES CUDA_ARCHITECTURES "${CMAKE_CUDA_ARCHITECTURES}")
 target_link_libraries(${PROJECT_NAME} PRIVATE CUDA::cudart_static)
-target_compile_definitions(${PROJECT_NAME} PRIVATE NPR_HAVE_CUDA)
+target_compile_definitions(${PROJECT_NAME}_backend PRIVATE NPR_HAVE_CUDA)
