@@ -6,7 +6,7 @@
 
 #include "concurrency/seconds_since.h"
 #include "image/colour.h"
-#include "registration/registrar.h"
+#include "registration/view_quality.h"
 
 namespace nerf_pose_refiner {
 namespace {

@@ -10,6 +10,7 @@
 #include "image/colour.h"
 #include "math/half.h"
 #include "registration/registrar.h"
+#include "registration/view_quality.h"
 #include "registration/visual_hull.h"
 #include "support/analytic_dataset.h"
 

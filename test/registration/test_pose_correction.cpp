@@ -9,7 +9,8 @@
 #include "backend/make_backend.h"
 #include "math/angle.h"
 #include "math/random.h"
-#include "registration/registrar.h"
+#include "registration/field_training.h"
+#include "registration/view_quality.h"
 #include "support/analytic_dataset.h"
 #include "support/analytic_scene.h"
 #include "support/cpu_processor.h"
@@ -131,8 +132,8 @@ TEST(RefinePoses, AModelOfNoisyPosesIsBetterWithIt) {
   settings.steps = 320;  // of which the rough trainings have a quarter each
   settings.samples_per_step = 4096;
   const auto psnr = [&] {
-    const auto field =
-        std::make_shared<Field>(learnField(backend.get(), withNoise(truth), settings, {}, {}));
+    const auto field = std::make_shared<Field>(
+        trainField(backend.get(), withNoise(truth), settings, {}, {}).field);
     return meanPsnr(*backend->load(field), truth.views, {});
   };
   const double without = psnr();

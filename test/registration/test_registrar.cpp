@@ -1,5 +1,6 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include "registration/registrar.h"
+#include "registration/view_quality.h"
 
 #include <gtest/gtest.h>
 
@@ -259,11 +260,32 @@ TEST(RegisterObject, RefusesWhatHasNoMatter) {
                                   "grey: training found nothing opaque");
 }
 
+TEST(RegisterObject, RefusesAPoorModelUnlessItIsAccepted) {
+  ScriptedBackend backend;
+  backend.error = [](int, const Pose&) { return 0.5; };
+  RegistrationOptions settings = fewSteps(1);
+  settings.held_out = 2;
+  Dataset dataset = greyDataset(20);
+  dataset.has_box = true;  // near to the cameras, which see it from different directions
+  dataset.box_min = {4, -1, 2};
+  dataset.box_max = {16, 1, 4};
+  for (std::size_t i = 0; i < 20; ++i) {  // photos that differ
+    auto photo = std::make_shared<Image8>(*dataset.views[i].rgba);
+    photo->values[0] = static_cast<std::uint8_t>(photo->values[0] + i);
+    dataset.views[i].rgba = photo;
+  }
+  EXPECT_NO_THROW(registerWith(&backend, dataset, settings));
+  settings.accept_poor_data = false;
+  expectError<std::runtime_error>([&] { registerWith(&backend, dataset, settings); }, "PSNR 6.",
+                                  "accept_poor_data");
+}
+
 // --- the CPU backend
 
 TEST(RegisterObject, OnTheCpu) {
-  const auto backend = makeCpuBackend(1);
+  const auto backend = makeCpuBackend(2);
   RegistrationOptions settings = fewSteps(80);
+  settings.accept_poor_data = false;  // good photos are not refused
   settings.samples_per_step = 4096;
   const Field field = registerWith(backend.get(), analyticDataset(24, 40), settings);
   EXPECT_NO_THROW(field.validate());
@@ -278,8 +300,9 @@ TEST(RegisterObject, OnTheCpu) {
 // at the token are is a matter of its tests.)
 TEST(RegisterObject, StopsAtOnceOnTheCpu) {
   for (const std::string stage : {"training", "occupancy", "quality"}) {
-    const auto backend = makeCpuBackend(1);
+    const auto backend = makeCpuBackend(2);
     RegistrationOptions settings = fewSteps(80);  // enough for something opaque
+    settings.keep_colours = true;
     settings.samples_per_step = 4096;
     const CancellationToken cancellation;
     std::uint64_t samples = 0;
