@@ -36,7 +36,8 @@ struct SideView {
   double after_s = 0;
   /// Number of its camera. Views of one number share keyframes; 0 is the observation's own camera,
   /// from elsewhere, while the object stood still: such views never show alone where the object is,
-  /// and the deviations are those of both places. -1: the place in `Observation::beside` counts.
+  /// and the deviations are those of both places. -1: the place in `Observation::side_views`
+  /// counts.
   int camera = -1;
 };
 
@@ -60,7 +61,7 @@ struct Observation {
   Image alpha;   ///< [h][w][1], 0..1, for kKnownAlpha and kMask; empty otherwise
   Image weight;  ///< [h][w][1], 0..1, weight of each pixel (0: the robot's gripper); empty: all 1
   std::shared_ptr<const DepthImage> depth;  ///< of the same moment; null: there is none
-  std::vector<SideView> beside;             ///< further cameras that see the object
+  std::vector<SideView> side_views;         ///< further cameras that see the object
   /// The camera in a frame in which the object stands still [m]: a tracker that keeps past views
   /// needs it (TrackerOptions::window).
   std::optional<Pose> T_W_C;

@@ -42,9 +42,9 @@ struct RefineResult {
   double score = 0;  ///< 0..1: probability that the pose is right, within 5 degrees and 5 %
   double visible_fraction = 0;  ///< of the object's silhouette that agrees with the image, 0..1
   DepthReport depth;            ///< what became of the observation's depth
-  std::vector<SideViewReport> beside;    ///< of the observation's side views, in their order
-  double seconds = 0;                    ///< that the search took
-  std::vector<WeightedPose> hypotheses;  ///< those of the last stage, best first
+  std::vector<SideViewReport> side_views;  ///< of the observation's side views, in their order
+  double seconds = 0;                      ///< that the search took
+  std::vector<WeightedPose> hypotheses;    ///< those of the last stage, best first
 };
 
 /// How a pose is searched for.

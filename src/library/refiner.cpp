@@ -68,7 +68,7 @@ RefineResult Refiner::refine(const Observation& observation, const PosePrior& pr
   result.score = refined.score;
   result.visible_fraction = refined.visible_fraction;
   result.depth = refined.depth;
-  result.beside = refined.beside;
+  result.side_views = refined.side_views;
   result.seconds = refined.seconds;
   if (refined.outcome != Outcome::kRefined) return result;
   const FieldMetadata& metadata = object.field()->metadata;

@@ -83,7 +83,7 @@ TrackResult Tracker::track(const Observation& observation, std::int64_t stamp_ns
   result.score = outcome.score;
   result.visible_fraction = outcome.refinement.visible_fraction;
   result.depth = outcome.refinement.depth;
-  result.beside = outcome.refinement.beside;
+  result.side_views = outcome.refinement.side_views;
   result.seconds = outcome.refinement.seconds;
   return result;
 }

@@ -70,7 +70,7 @@ void KeyframeRefiner::begin() {
   watch_.reset();
   renderer_.reset();
   search_.emplace(backend_, field_, settings_);
-  beside_.emplace(backend_, field_, settings_);
+  side_views_.emplace(backend_, field_, settings_);
   renderer_.emplace(field_, settings_.keyframe);
   use(look_alikes_);
 }
@@ -191,9 +191,9 @@ Refinement KeyframeRefiner::refine(const TimedObservation& image, const Prior& p
   try {
     result = conclude(search(), prior);
     if (result.outcome == Outcome::kRefined) judge(prior, cancellation, &result);
-    if (!observation.beside.empty()) {
+    if (!observation.side_views.empty()) {
       const Vector6 motion = expectedMotion(image.stamp_ns, prior);
-      beside_->join(observation, {prior, scores_, &*search_, motion}, cancellation, &result);
+      side_views_->join(observation, {prior, scores_, &*search_, motion}, cancellation, &result);
     }
     if (result.outcome == Outcome::kRefined) {
       considerDepth(observation, &result);
@@ -214,7 +214,7 @@ Refinement KeyframeRefiner::refine(const TimedObservation& image, const Prior& p
 void KeyframeRefiner::waitForRenderings(const CancellationToken& cancellation) {
   if (watch_) watch_->giveTestUp(&*renderer_);
   if (renderer_->busy()) search_->add(renderer_->wait(cancellation));
-  beside_->waitForRenderings(cancellation);
+  side_views_->waitForRenderings(cancellation);
 }
 
 void KeyframeRefiner::takeRenewal(std::int64_t stamp_ns, const CancellationToken& cancellation) {

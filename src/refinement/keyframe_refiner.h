@@ -106,7 +106,7 @@ class KeyframeRefiner {
   std::optional<Pose> sure_;             // of the last image that showed the object for certain
   bool was_sure_ = true;                 // that image is the last one
   DepthFusion depth_;
-  std::optional<SideViews> beside_;
+  std::optional<SideViews> side_views_;
   std::int64_t due_ns_ = 0;  // stamp from which on the keyframe under way is used
   std::optional<std::pair<std::int64_t, Pose>> last_;  // stamp and pose that were found last
 };

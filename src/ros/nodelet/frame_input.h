@@ -58,8 +58,8 @@ class FrameInput {
   const std::shared_ptr<TfBridge> tf_;
   const std::vector<std::string> names_;  // of ~cameras/topics
   CameraInput input_;
-  std::vector<SideInput> beside_;  // of ~cameras/topics
-  bool depth_was_placed_ = true;   // TF knew the last depth image's camera
+  std::vector<SideInput> side_inputs_;  // of ~cameras/topics
+  bool depth_was_placed_ = true;        // TF knew the last depth image's camera
 
   // Of the last observation.
   std::string no_depth_, no_views_;

@@ -95,7 +95,7 @@ std::optional<FrameResult> MessageTracker::process(const CameraFrame& frame) {
 
 /// Keeps what the cameras saw, for their calibration.
 void MessageTracker::remember(const CameraFrame& frame, const TrackOutcome& track) {
-  if (frame.beside.empty()) return;
+  if (frame.side_views.empty()) return;
   const FieldMetadata& object = track.field->metadata;
   const RigSighting seen = input_.sightings(frame, track);
   std::lock_guard<std::mutex> lock(sightings_mutex_);

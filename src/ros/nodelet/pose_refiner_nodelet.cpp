@@ -116,9 +116,9 @@ void PoseRefinerNodelet::startTracking() {
     };
     receiver.depth_transport = parameters_.depth.image_transport;
   }
-  receiver.beside_topics = parameters_.cameras.names();
-  receiver.beside = [this](std::size_t camera, const auto& image, const auto& info) {
-    worker_->addBeside(camera, {image, info});
+  receiver.side_topics = parameters_.cameras.names();
+  receiver.side_view = [this](std::size_t camera, const auto& image, const auto& info) {
+    worker_->addSideView(camera, {image, info});
   };
   if (tracker.mask_mode != MaskMode::kNone) {
     receiver.mask = [this](const auto& mask) { worker_->addMask(mask); };
