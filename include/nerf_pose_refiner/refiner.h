@@ -20,9 +20,9 @@ class Backend;
 struct PosePrior {
   Pose T_C_O;  ///< the object in the camera's optical frame [m; model units if it has no scale]
   /// Half width of the search about each axis through the object's centre [rad].
-  double rotation_rad = 0.26;
+  double rotation_rad = kSearchRotation_rad;
   /// Half width of the search along each axis [diameters of the object].
-  double translation = 0.15;
+  double translation = kSearchTranslation;
 };
 
 /// One of the poses that a search found, with its probability.

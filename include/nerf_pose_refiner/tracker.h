@@ -20,9 +20,9 @@ class Backend;
 /// Settings of a tracker. The defaults are those of the ROS node, but for `real_time`.
 struct TrackerOptions {
   /// Half width of the search around an initial pose, per axis [rad].
-  double search_rotation_rad = 0.26179938779914941;
+  double search_rotation_rad = kSearchRotation_rad;
   /// Half width of the search around an initial pose, per axis [object diameters].
-  double search_translation = 0.15;
+  double search_translation = kSearchTranslation;
   double trust_score = 0.9;  ///< score at which tracking begins, 0..1
   double min_score = 0.5;    ///< while tracking, a lower score is not trusted, 0..trust_score
   int max_failures = 2;      ///< number of untrusted images in a row that are bridged

@@ -21,8 +21,8 @@ namespace nerf_pose_refiner {
 struct Prior {
   Pose T_O_C;  ///< camera in the object's model frame, model units
   /// Half width of the search per axis [rad]; alignment may move up to twice as far.
-  double rotation_rad = 0.26;
-  double translation = 0.15;        ///< the same for the position [object diameters]
+  double rotation_rad = kSearchRotation_rad;
+  double translation = kSearchTranslation;  ///< the same for the position [object diameters]
   bool rotate_about_object = true;  ///< the rotation is about the object's centre, in the axes of
                                     ///< O; false: about the camera, in its own (the paper's)
 

@@ -39,6 +39,10 @@ double oddsOf(const Pose& T_O_C, const std::vector<RoughPose>& rough, const Fiel
 
 }  // namespace
 
+bool KeyframeSearchSettings::wantsKeyframe(const std::optional<ViewDistance>& away) const {
+  return !away || away->rotation_rad > renew_rotation_deg * kDegree || away->scale > renew_distance;
+}
+
 void KeyframeSearchSettings::validate() const {
   keyframe.validate();
   bank.validate();
@@ -234,22 +238,16 @@ void KeyframeRefiner::makeAt(const Camera& camera, const std::vector<Pose>& pose
   std::vector<View> views;
   for (const Pose& T_O_C : poses_T_O_C) {
     const bool is_new = std::all_of(views.begin(), views.end(), [&](const View& other) {
-      return isFar(viewDistance(other.T_O_C, T_O_C, centre));
+      return settings_.wantsKeyframe(viewDistance(other.T_O_C, T_O_C, centre));
     });
     const bool is_possible = fitsKeyframe({camera, T_O_C}, field_->field().metadata);
-    if (is_new && is_possible && isFar(search_->distanceOfNearest(T_O_C))) {
+    if (is_new && is_possible && settings_.wantsKeyframe(search_->distanceOfNearest(T_O_C))) {
       views.push_back({camera, T_O_C});
     }
   }
   for (KeyframePoints& made : renderKeyframes(*field_, views, settings_.keyframe, cancellation)) {
     search_->add(std::make_shared<const KeyframePoints>(std::move(made)));
   }
-}
-
-/// Whether a pose wants a keyframe of its own. @param away from the nearest one, if there is any.
-bool KeyframeRefiner::isFar(const std::optional<ViewDistance>& away) const {
-  return !away || away->rotation_rad > settings_.renew_rotation_deg * kDegree ||
-         away->scale > settings_.renew_distance;
 }
 
 /// Asks for a keyframe where the object will be when it is done, if there is none near.
@@ -262,7 +260,7 @@ void KeyframeRefiner::renewFor(const View& view, std::int64_t stamp_ns) {
   }
   last_ = {stamp_ns, view.T_O_C};
   const View next = {view.camera, ahead};
-  if (renderer_->busy() || !isFar(search_->distanceOfNearest(ahead)) ||
+  if (renderer_->busy() || !settings_.wantsKeyframe(search_->distanceOfNearest(ahead)) ||
       !fitsKeyframe(next, field_->field().metadata)) {
     return;
   }

@@ -80,7 +80,6 @@ class KeyframeRefiner {
   void takeRenewal(std::int64_t stamp_ns, const CancellationToken& cancellation);
   void makeAt(const Camera& camera, const std::vector<Pose>& poses_T_O_C,
               const CancellationToken& cancellation);
-  bool isFar(const std::optional<ViewDistance>& away) const;
   void renewFor(const View& view, std::int64_t stamp_ns);
   HypothesisTable withoutMistake(const Observation& observation, const HypothesisTable& found,
                                  const Prior& prior, const CancellationToken& cancellation);

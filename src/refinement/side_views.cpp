@@ -92,9 +92,7 @@ bool SideViews::haveKeyframe(const View& view, const CancellationToken& cancella
     if (keyframe) camera->search.add(keyframe);
   }
   const std::optional<ViewDistance> away = camera->search.distanceOfNearest(view.T_O_C);
-  const bool is_far = !away || away->rotation_rad > settings_.renew_rotation_deg * kDegree ||
-                      away->scale > settings_.renew_distance;
-  if (is_far && !camera->renderer.busy()) camera->renderer.request(view);
+  if (settings_.wantsKeyframe(away) && !camera->renderer.busy()) camera->renderer.request(view);
   if (!away) camera->search.add(camera->renderer.wait(cancellation));
   return camera->search.distanceOfNearest(view.T_O_C).has_value();
 }

@@ -28,12 +28,9 @@ DetectorOptions optionsOf(const DetectObject::Request& request,
 
 /// @param T_W_C the camera in the frame of the result [m].
 ObjectDetection messageOf(const Detection& found, const Pose& T_W_C) {
-  Eigen::Matrix<double, 6, 6> turn = Eigen::Matrix<double, 6, 6>::Zero();
-  turn.topLeftCorner<3, 3>() = turn.bottomRightCorner<3, 3>() = T_W_C.R;
   ObjectDetection message;
   message.pose.pose = toMessage(T_W_C * found.T_C_O);
-  Eigen::Map<Eigen::Matrix<double, 6, 6, Eigen::RowMajor>>(message.pose.covariance.data()) =
-      turn * found.covariance * turn.transpose();
+  message.pose.covariance = toMessage(rotated(found.covariance, T_W_C.R));
   message.score = static_cast<float>(found.score);
   message.visible_fraction = static_cast<float>(found.visible_fraction);
   return message;

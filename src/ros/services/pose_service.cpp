@@ -23,10 +23,7 @@ TrackerSettings settingsForOneImage(TrackerSettings settings) {
 TimedPose seenFrom(const ImageStamp& image, const TimedPose& estimate, const Pose& T_C_U) {
   TimedPose seen = {T_C_U, image.camera_frame, image.stamp_ns, false, estimate.covariance};
   if (seen.covariance && T_C_U.R != estimate.T_P_U.R) {
-    const Eigen::Matrix3d R_C_P = T_C_U.R * estimate.T_P_U.R.transpose();
-    Matrix6 turn = Matrix6::Zero();
-    turn.topLeftCorner<3, 3>() = turn.bottomRightCorner<3, 3>() = R_C_P;
-    seen.covariance = turn * *estimate.covariance * turn.transpose();
+    seen.covariance = rotated(*estimate.covariance, T_C_U.R * estimate.T_P_U.R.transpose());
   }
   return seen;
 }
