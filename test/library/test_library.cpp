@@ -16,6 +16,7 @@
 #include "support/keyframe_scene.h"
 #include "support/small_field.h"
 #include "support/temporary_folder.h"
+#include "views/object_inside.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -52,7 +53,7 @@ class LibraryTest : public testing::Test, protected KeyframeScene {
     field->metadata.name = "scene";
     field->metadata.metres_per_unit = metres_per_unit;
     field->metadata.T_O_U = T_O_U_;
-    return Object(field);
+    return ObjectInside::make(field);
   }
 
   /// The pose that users get for a camera pose [m].
@@ -191,11 +192,12 @@ TEST_F(LibraryTest, AnObjectIsSavedWithItsFrame) {
   field->metadata.box = Box{{-1, -2, -3}, {1, 2, 3}};
   field->metadata.symmetries = Symmetries(
       SymmetryAxis{}, {turnAbout({Eigen::Vector3d::UnitX(), Eigen::Vector3d::Zero()}, M_PI)});
-  const Object before(field);
+  const Object before = ObjectInside::make(field);
   saveObject(before, path);
   const Object after = loadObject(path);
   const Pose pose = {expSO3({0.1, 0.2, 0.3}), {0.4, 0.5, 0.6}};
-  const Pose through_both = after.objectInCamera(before.cameraInField(pose));
+  const Pose through_both =
+      ObjectInside::frame(after).objectInCamera(ObjectInside::frame(before).cameraInModel(pose));
   EXPECT_LT(rotationDistance(through_both.R, pose.R), 1e-9);
   EXPECT_LT((through_both.t - pose.t).norm(), 1e-9);
   for (int i = 0; i < 8; ++i)
@@ -203,8 +205,8 @@ TEST_F(LibraryTest, AnObjectIsSavedWithItsFrame) {
   EXPECT_EQ(describe(after.symmetries()), describe(before.symmetries()));
   saveObject(after, path);  // the file beside it says the same
   expectError<std::runtime_error>(
-      [&] { saveObject(Object(std::make_shared<Field>(smallField())), path); }, "scene.yaml",
-      "another frame");
+      [&] { saveObject(ObjectInside::make(std::make_shared<Field>(smallField())), path); },
+      "scene.yaml", "another frame");
 }
 
 TEST_F(LibraryTest, OverlayIsGreyBesideTheObjectAndColouredOnIt) {
