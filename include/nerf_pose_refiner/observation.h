@@ -83,8 +83,9 @@ Observation observe(Image8 rgb, const Camera& camera, const Image8& mask = {});
 
 /// The same of bytes that are held elsewhere, without a copy: a cv::Mat has the format kBgr.
 /// @param owner keeps the bytes alive. They must not change as long as the observation exists.
-/// @throws std::invalid_argument if the bytes do not fit the format or the camera.
+/// @param mask as above; it is copied.
+/// @throws std::invalid_argument if the bytes or the mask do not fit the format or the camera.
 Observation observe(const Image8View& bytes, PixelFormat format, const Camera& camera,
-                    std::shared_ptr<const void> owner);
+                    std::shared_ptr<const void> owner, const Image8& mask = {});
 
 }  // namespace nerf_pose_refiner

@@ -251,5 +251,24 @@ TEST(Observe, RefusesOtherChannelsAndSizes) {
   EXPECT_THROW(observe(rgb, kCamera, Image8(3, 3, 1)), std::invalid_argument);
 }
 
+TEST(Observe, TakesAMaskOfBytesHeldElsewhere) {
+  const auto bgr = std::make_shared<const Image8>(kCamera.width, kCamera.height, 3);
+  const auto with = [&](const Image8& mask) {
+    return observe(viewOf(*bgr), PixelFormat::kBgr, kCamera, bgr, mask);
+  };
+  EXPECT_EQ(with({}).background, Background::kUnknown);
+  Image8 mask(kCamera.width, kCamera.height, 1);
+  mask.at(2, 1, 0) = 7;
+  const Observation masked = with(mask);
+  EXPECT_EQ(masked.background, Background::kMask);
+  EXPECT_EQ(masked.alpha.at(2, 1, 0), 1);
+  EXPECT_EQ(masked.alpha.at(1, 2, 0), 0);
+  expectError<std::invalid_argument>([&] { with(Image8(3, 3, 1)); }, "alpha");
+  mask.values.push_back(1);
+  expectError<std::invalid_argument>([&] { with(mask); }, "alpha", "values");
+  expectError<std::invalid_argument>([&] { with(Image8(kCamera.width, kCamera.height, 3)); },
+                                     "one channel");
+}
+
 }  // namespace
 }  // namespace nerf_pose_refiner
