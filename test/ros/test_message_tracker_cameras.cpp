@@ -2,8 +2,10 @@
 // Several cameras, and one that moves as several.
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <optional>
 #include <string>
+#include <thread>
 
 #include "message_tracker_fixture.h"
 
@@ -82,6 +84,20 @@ TEST_F(MessageTrackerCamerasTest, TracksOnWhereOneHasNoTransform) {
   EXPECT_EQ(int{result.status.cameras}, 1);
   EXPECT_NE(result.status.cameras_message.find("left/image_raw: no transform"), std::string::npos)
       << result.status.cameras_message;
+}
+
+TEST_F(MessageTrackerCamerasTest, AStopEndsTheWaitForATransform) {
+  parameters_.frames.tf_timeout_s = 60;
+  restart();
+  begin();
+  std::thread stopping([this] {
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    tracker_->tracker().stop();
+  });
+  const auto start = std::chrono::steady_clock::now();
+  process(withLeft());
+  EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(20));
+  stopping.join();
 }
 
 /// Somebody else says where a camera stands at each moment.

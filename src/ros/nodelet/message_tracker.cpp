@@ -68,7 +68,7 @@ std::optional<FrameResult> MessageTracker::process(const CameraFrame& frame) {
     } catch (const InputError& e) {
       no_transform = e.what();
     }
-    return input_.observe(frame, image.at, use_mask);
+    return input_.observe(frame, image.at, use_mask, image.cancel);
   };
   FrameResult result;
   result.track = tracker_.process(image);
