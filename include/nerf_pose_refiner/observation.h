@@ -27,12 +27,13 @@ struct Observation;
 
 /// An image of another camera, or of the same one from elsewhere, at the moment of an observation.
 struct SideView {
-  std::shared_ptr<const Observation> observation;  ///< without side views or depth
-  /// Of its camera V in the observation's camera C, both at the moment of this view [m].
+  std::shared_ptr<const Observation> observation;  ///< the image; without side views or depth
+  /// The view's camera V in the observation's camera C, both at the moment of this view [m].
   Pose T_C_V;
   double position_dev_m = 0.0005;    ///< standard deviation of T_C_V, along each axis [m]
-  double rotation_dev_rad = 0.0005;  ///< the same about each axis [rad]
-  /// Taken so long after the observation's own image [s]: a tracker moves the object on in between.
+  double rotation_dev_rad = 0.0005;  ///< standard deviation of T_C_V, about each axis [rad]
+  /// Time from the observation's own image to this one [s]: a tracker moves the object on in
+  /// between.
   double after_s = 0;
   /// Number of its camera. Views of one number share keyframes; 0 is the observation's own camera,
   /// from elsewhere, while the object stood still: such views never show alone where the object is,
@@ -46,9 +47,10 @@ struct SideViewReport {
   bool used = false;    ///< it took part in the pose
   std::string message;  ///< why it did not; empty if it did
   double score = 0;     ///< how well the pose explains the image, 0..1, 1: perfectly
-  double apart = 0;     ///< from what the others show [standard deviations]; 0: not compared
+  double apart = 0;     ///< distance from what others show [standard deviations]; 0: not compared
   Pose T_V_O;           ///< the object in its camera by this image alone [m], where `score` > 0
-  /// Of T_V_O, without the error of T_C_V; in the order of RefineResult::covariance [m^2, rad^2].
+  /// Covariance of T_V_O, without the error of T_C_V, in the order of RefineResult::covariance
+  /// [m^2, rad^2].
   Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
 };
 
@@ -60,8 +62,8 @@ struct Observation {
   std::shared_ptr<const CameraPixels> pixels;
   Image alpha;   ///< [h][w][1], 0..1, for kKnownAlpha and kMask; empty otherwise
   Image weight;  ///< [h][w][1], 0..1, weight of each pixel (0: the robot's gripper); empty: all 1
-  std::shared_ptr<const DepthImage> depth;  ///< of the same moment; null: there is none
-  std::vector<SideView> side_views;         ///< further cameras that see the object
+  std::shared_ptr<const DepthImage> depth;  ///< depth at the same moment; null: there is none
+  std::vector<SideView> side_views;         ///< images of further cameras that see the object
   /// The camera in a frame in which the object stands still [m]: a tracker that keeps past views
   /// needs it (TrackerOptions::window).
   std::optional<Pose> T_W_C;
