@@ -12,6 +12,7 @@
 #include "detection/object_detector.h"
 #include "field/field.h"
 #include "field/object_frame.h"
+#include "math/require.h"
 #include "tracking/calibrate_detector.h"
 #include "views/object_inside.h"
 
@@ -19,11 +20,14 @@ namespace nerf_pose_refiner {
 namespace {
 
 DetectionSettings settingsOf(const DetectorOptions& options) {
+  require(options.trust_score >= 0 && options.trust_score <= 1, "trust_score", options.trust_score,
+          "0..1");
+  require(options.max_instances >= 1, "max_instances", options.max_instances, "1 or more");
+  require(options.budget_s >= 0, "budget_s", options.budget_s, "0 or more");
   DetectionSettings settings;
   settings.least_score = options.trust_score;
   settings.max_instances = options.max_instances;
   settings.budget_s = options.budget_s;
-  settings.validate();
   return settings;
 }
 

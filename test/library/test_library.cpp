@@ -5,15 +5,13 @@
 #include <limits>
 #include <stdexcept>
 
-#include "backend/loaded_field.h"
-#include "backend/make_backend.h"
-#include "backend/training.h"
 #include "field/field.h"
 #include "nerf_pose_refiner/overlay.h"
 #include "nerf_pose_refiner/refiner.h"
 #include "nerf_pose_refiner/tracker.h"
 #include "support/expect_error.h"
 #include "support/keyframe_scene.h"
+#include "support/scene_backend.h"
 #include "support/small_field.h"
 #include "support/temporary_folder.h"
 #include "views/object_inside.h"
@@ -23,27 +21,6 @@ namespace {
 
 constexpr double kMetresPerUnit = 0.2;
 constexpr std::int64_t kFrame_ns = 33000000;
-
-/// Has one field, whatever is loaded.
-class SceneBackend final : public Backend {
- public:
-  explicit SceneBackend(std::shared_ptr<const LoadedField> scene) : scene_(std::move(scene)) {}
-
-  BackendInfo info() const override { return {}; }
-  std::shared_ptr<const LoadedField> load(std::shared_ptr<const Field>) override { return scene_; }
-  std::unique_ptr<KeyframeAligner> makeKeyframeAligner() override {
-    return makeCpuKeyframeAligner(2);
-  }
-  std::unique_ptr<FieldTrainer> makeTrainer(const FieldConfig&, const Box&,
-                                            std::vector<TrainingView>,
-                                            const TrainingPlan&) override {
-    throw std::logic_error("a scene is not trained");
-  }
-  CostCounters costs() const override { return {}; }
-
- private:
-  std::shared_ptr<const LoadedField> scene_;
-};
 
 class LibraryTest : public testing::Test, protected KeyframeScene {
  protected:
@@ -73,7 +50,8 @@ class LibraryTest : public testing::Test, protected KeyframeScene {
 
   const Pose T_O_U_ = {expSO3({0, 0, 90 * kDegree}), {0.1, 0.2, 0.3}};
   const Object object_ = objectWith(kMetresPerUnit);
-  const std::shared_ptr<Backend> backend_ = std::make_shared<SceneBackend>(scene_);
+  const std::shared_ptr<Backend> backend_ = std::make_shared<SceneBackend>(
+      std::make_shared<DescribedScene>(scene_, judged(scene_->field().metadata)));
   const Pose not_finite_ = {Eigen::Matrix3d::Identity(),
                             Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN())};
 };
