@@ -212,7 +212,7 @@ class RigTracking {
       // Both places are off.
       view.position_dev_m = std::sqrt(2.0) * 1e-3 * options_.position_mm;
       view.rotation_dev_rad = std::sqrt(2.0) * options_.rotation_deg * kDegree;
-      observation.beside.push_back(std::move(view));
+      observation.side_views.push_back(std::move(view));
     }
     return observation;
   }
@@ -247,7 +247,7 @@ class RigTracking {
     ++tally->frames;
     tally->right += is_right;
     tally->trusted += outcome.trusted;
-    for (const SideViewReport& report : found.beside) tally->others += report.used;
+    for (const SideViewReport& report : found.side_views) tally->others += report.used;
     if (options_.calibrate && outcome.trusted) remember(found);
     const double percent = 100 / object.diameter;
     const Eigen::Vector3d true_C = truth.inverse() * object.centre;
@@ -257,7 +257,7 @@ class RigTracking {
     if (options_.verbose) {
       std::printf("%3zu: along %.3f %%, sideways %.3f %%, score %.3f;", i, percent * along,
                   percent * (away - along * sight).norm(), outcome.score);
-      for (const SideViewReport& report : found.beside) {
+      for (const SideViewReport& report : found.side_views) {
         std::printf(" [%d %.2f %.1f %s]", report.used, report.score, report.apart,
                     report.message.c_str());
       }

@@ -24,6 +24,7 @@
 #include "image/io.h"
 #include "math/angle.h"
 #include "recorded_sequence.h"
+#include "refinement/keyframe_settings.h"
 #include "tracking/prediction.h"
 #include "views/keyframe.h"
 
@@ -191,11 +192,10 @@ class Benchmark {
 
  private:
   bool isFar(const Pose& T_O_C) const {
-    const Eigen::Vector3d now = T_O_C.t - object_.centre;
-    const Eigen::Vector3d then = keyframe_->T_O_C.t - object_.centre;
-    const double angle = std::atan2(now.cross(then).norm(), now.dot(then));
-    return angle > options_.renew_deg * kDegree ||
-           std::abs(now.norm() / then.norm() - 1) > options_.renew_distance;
+    KeyframeSearchSettings limits;
+    limits.renew_rotation_deg = options_.renew_deg;
+    limits.renew_distance = options_.renew_distance;
+    return limits.wantsKeyframe(viewDistance(*keyframe_, T_O_C));
   }
 
   void renew(const Pose& T_O_C) {

@@ -159,7 +159,8 @@ class RecordedTracking {
       settings.tracking = SearchSettings::named(options.track_preset, 5, 0.05);
     }
     if (!options.initial_preset.empty()) {
-      settings.initial = SearchSettings::named(options.initial_preset, 15, 0.15);
+      settings.initial =
+          SearchSettings::named(options.initial_preset, kSearchRotation_deg, kSearchTranslation);
     }
     settings.rules.predict = options.predict;
     settings.tracking.refiner.keyframes.real_time = options.paced;

@@ -27,7 +27,7 @@ add_library(${ros_library} STATIC
   src/ros/nodelet/transform_input.cpp
   src/ros/services/calibration_service.cpp
   src/ros/services/detection_service.cpp
-  src/ros/services/image_call.cpp
+  src/ros/services/image_service.cpp
   src/ros/services/object_services.cpp
   src/ros/services/pose_service.cpp
   src/ros/services/reconfiguration.cpp

@@ -16,7 +16,7 @@ struct BackendInfo {
   std::string name;              ///< "cpu" or "cuda"
   std::string description;       ///< for logs: processor, instruction set, threads or memory
   std::size_t memory_bytes = 0;  ///< the processor's own memory; 0: it uses the host's
-  int searches_at_once = 1;      ///< number of inversions of one image that use it fully
+  int searches_at_once = 1;      ///< number of concurrent inversions that use the processor fully
   bool warms_up = false;         ///< the first calls allocate memory and take longer
 };
 
@@ -26,6 +26,7 @@ struct BackendInfo {
 /// not work here.
 std::shared_ptr<Backend> makeBackend(const std::string& processor = "auto", int threads = 0);
 
+/// The processor of a backend.
 BackendInfo backendInfo(const Backend& backend);
 
 }  // namespace nerf_pose_refiner

@@ -16,7 +16,8 @@ namespace nerf_pose_refiner {
 
 class Backend;
 
-/// A part of an image: borders of pixels, the centre of the first pixel being (0, 0) [px].
+/// A part of an image [px]. The centre of the first pixel is (0, 0): the whole image is
+/// [-0.5, width - 0.5] x [-0.5, height - 0.5].
 struct ImageBox {
   double x_min = 0, y_min = 0, x_max = 0, y_max = 0;
 };
@@ -24,24 +25,26 @@ struct ImageBox {
 /// What is known of where an object is in an image, beside the observation's own mask. All of it
 /// may be left out.
 struct DetectionHint {
-  std::optional<ImageBox> box;     ///< the object is seen in it, as a 2-D detector says
-  std::optional<double> distance;  ///< of its centre from the camera, give or take a third [m]
+  std::optional<ImageBox> box;  ///< part of the image that shows the object (a 2-D detector's)
+  /// Distance of the object's centre from the camera, up to 1.5 times too far or too near [m; model
+  /// units if the object has no scale].
+  std::optional<double> distance;
 };
 
 /// An instance of an object in an image.
 struct Detection {
-  Pose T_C_O;  ///< object in the camera's optical frame [m]
-  /// As RefineResult::covariance.
+  Pose T_C_O;  ///< object in the camera's optical frame [m; model units if it has no scale]
+  /// Covariance of T_C_O, as RefineResult::covariance.
   Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
   double score = 0;             ///< how likely the pose is right, 0..1
-  double visible_fraction = 0;  ///< of the object's silhouette that agrees with the image, 0..1
+  double visible_fraction = 0;  ///< fraction of the silhouette that agrees with the image, 0..1
 };
 
-/// What came of an image.
+/// The instances of an object that were found in an image.
 struct DetectionResult {
-  std::vector<Detection> detections;  ///< that explain the image well enough, best first
+  std::vector<Detection> detections;  ///< instances that explain the image well enough, best first
   std::string message;                ///< why there is none; empty if there is one
-  double seconds = 0;
+  double seconds = 0;                 ///< duration of the search
 };
 
 /// How objects are detected.
@@ -50,8 +53,8 @@ struct DetectorOptions {
   /// templates of a plain object; empty: they are made by each detector. @see landmarksBeside
   std::string landmarks_path;
   double trust_score = 0.9;  ///< a pose that is less likely right is no detection, 0..1
-  int max_instances = 10;    ///< of the object in one image
-  double budget_s = 0;       ///< after it no further candidate is tried; 0: there is no limit
+  int max_instances = 10;    ///< largest number of instances in one image
+  double budget_s = 0;       ///< time after which no further candidate is tried; 0: no limit
 };
 
 /// Where landmarks of a model file are kept: <name>.landmarks beside <name>.safetensors.

@@ -13,16 +13,13 @@ namespace nerf_pose_refiner {
 
 struct Field;
 
-/// A learned object: its radiance field and metadata. Immutable; copies share the data, and any
-/// thread may use them.
+/// A learned object: its radiance field and metadata. `loadObject` and `registerObject` make one.
+/// Immutable; copies share the data, and any thread may use them.
 ///
 /// O is the object's own frame: `frame_in_model` of its YAML file, or without that the frame of the
 /// photos. Lengths are in metres if the object has a scale, in model units otherwise.
 class Object {
  public:
-  /// For the library itself; users call `loadObject` or `registerObject`. @param field not null.
-  explicit Object(std::shared_ptr<const Field> field);
-
   const std::string& name() const;
   /// Whether the length of the model unit in metres is known.
   bool hasScale() const;
@@ -38,14 +35,10 @@ class Object {
   /// Mean PSNR over the held-out photos [dB]; 0: none were held out.
   double psnr_db() const;
 
-  /// For the library itself, as is all that follows.
-  const std::shared_ptr<const Field>& field() const { return field_; }
-  /// Converts the pose of O in the camera to the pose of the camera in the field's frame [model
-  /// units], and back.
-  Pose cameraInField(const Pose& T_C_O) const;
-  Pose objectInCamera(const Pose& T_field_C) const;
-
  private:
+  friend struct ObjectInside;
+  explicit Object(std::shared_ptr<const Field> field);
+
   std::shared_ptr<const Field> field_;
 };
 

@@ -27,16 +27,18 @@ struct Observation;
 
 /// An image of another camera, or of the same one from elsewhere, at the moment of an observation.
 struct SideView {
-  std::shared_ptr<const Observation> observation;  ///< without side views or depth
-  /// Of its camera V in the observation's camera C, both at the moment of this view [m].
+  std::shared_ptr<const Observation> observation;  ///< the image; without side views or depth
+  /// The view's camera V in the observation's camera C, both at the moment of this view [m].
   Pose T_C_V;
   double position_dev_m = 0.0005;    ///< standard deviation of T_C_V, along each axis [m]
-  double rotation_dev_rad = 0.0005;  ///< the same about each axis [rad]
-  /// Taken so long after the observation's own image [s]: a tracker moves the object on in between.
+  double rotation_dev_rad = 0.0005;  ///< standard deviation of T_C_V, about each axis [rad]
+  /// Time from the observation's own image to this one [s]: a tracker moves the object on in
+  /// between.
   double after_s = 0;
   /// Number of its camera. Views of one number share keyframes; 0 is the observation's own camera,
   /// from elsewhere, while the object stood still: such views never show alone where the object is,
-  /// and the deviations are those of both places. -1: the place in `Observation::beside` counts.
+  /// and the deviations are those of both places. -1: the place in `Observation::side_views`
+  /// counts.
   int camera = -1;
 };
 
@@ -45,9 +47,10 @@ struct SideViewReport {
   bool used = false;    ///< it took part in the pose
   std::string message;  ///< why it did not; empty if it did
   double score = 0;     ///< how well the pose explains the image, 0..1, 1: perfectly
-  double apart = 0;     ///< from what the others show [standard deviations]; 0: not compared
+  double apart = 0;     ///< distance from what others show [standard deviations]; 0: not compared
   Pose T_V_O;           ///< the object in its camera by this image alone [m], where `score` > 0
-  /// Of T_V_O, without the error of T_C_V; in the order of RefineResult::covariance [m^2, rad^2].
+  /// Covariance of T_V_O, without the error of T_C_V, in the order of RefineResult::covariance
+  /// [m^2, rad^2].
   Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
 };
 
@@ -59,8 +62,8 @@ struct Observation {
   std::shared_ptr<const CameraPixels> pixels;
   Image alpha;   ///< [h][w][1], 0..1, for kKnownAlpha and kMask; empty otherwise
   Image weight;  ///< [h][w][1], 0..1, weight of each pixel (0: the robot's gripper); empty: all 1
-  std::shared_ptr<const DepthImage> depth;  ///< of the same moment; null: there is none
-  std::vector<SideView> beside;             ///< further cameras that see the object
+  std::shared_ptr<const DepthImage> depth;  ///< depth at the same moment; null: there is none
+  std::vector<SideView> side_views;         ///< images of further cameras that see the object
   /// The camera in a frame in which the object stands still [m]: a tracker that keeps past views
   /// needs it (TrackerOptions::window).
   std::optional<Pose> T_W_C;
@@ -82,8 +85,9 @@ Observation observe(Image8 rgb, const Camera& camera, const Image8& mask = {});
 
 /// The same of bytes that are held elsewhere, without a copy: a cv::Mat has the format kBgr.
 /// @param owner keeps the bytes alive. They must not change as long as the observation exists.
-/// @throws std::invalid_argument if the bytes do not fit the format or the camera.
+/// @param mask as above; it is copied.
+/// @throws std::invalid_argument if the bytes or the mask do not fit the format or the camera.
 Observation observe(const Image8View& bytes, PixelFormat format, const Camera& camera,
-                    std::shared_ptr<const void> owner);
+                    std::shared_ptr<const void> owner, const Image8& mask = {});
 
 }  // namespace nerf_pose_refiner

@@ -46,4 +46,10 @@ double rotationDistance(const Eigen::Matrix3d& R_a, const Eigen::Matrix3d& R_b);
 /// The same orientation with R made orthonormal again (nearest rotation, by SVD).
 Eigen::Matrix3d nearestRotation(const Eigen::Matrix3d& R);
 
+/// Default half widths of the search around a rough pose: about each axis, and along each axis in
+/// diameters of the object.
+constexpr double kSearchRotation_deg = 15;
+constexpr double kSearchRotation_rad = kSearchRotation_deg * 3.14159265358979323846 / 180;
+constexpr double kSearchTranslation = 0.15;
+
 }  // namespace nerf_pose_refiner

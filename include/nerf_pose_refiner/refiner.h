@@ -16,35 +16,38 @@ namespace nerf_pose_refiner {
 
 class Backend;
 
+// Lengths in this header are in metres if the object has a scale (Object::hasScale), else in model
+// units; so are the lengths in covariances.
+
 /// A rough pose, and how far it may be from the true one.
 struct PosePrior {
-  Pose T_C_O;  ///< the object in the camera's optical frame [m; model units if it has no scale]
+  Pose T_C_O;  ///< the object in the camera's optical frame
   /// Half width of the search about each axis through the object's centre [rad].
-  double rotation_rad = 0.26;
+  double rotation_rad = kSearchRotation_rad;
   /// Half width of the search along each axis [diameters of the object].
-  double translation = 0.15;
+  double translation = kSearchTranslation;
 };
 
 /// One of the poses that a search found, with its probability.
 struct WeightedPose {
-  Pose T_C_O;         ///< [m]
-  double weight = 0;  ///< 0..1; the weights of one image sum to 1
+  Pose T_C_O;         ///< the object in the camera's optical frame
+  double weight = 0;  ///< probability, 0..1; the weights of one image sum to 1
 };
 
 /// The result of a search.
 struct RefineResult {
   bool trusted = false;  ///< the pose explains the image well enough to be used
   std::string message;   ///< why it is not trusted; empty if it is
-  Pose T_C_O;            ///< the best pose: object in the camera's optical frame [m]
+  Pose T_C_O;            ///< the best pose: the object in the camera's optical frame
   /// Covariance of T_C_O: position of O's origin, then rotation, both along and about the axes of
-  /// C, in the order x, y, z, about x, about y, about z [m^2, rad^2] (as geometry_msgs has it).
+  /// C, in the order x, y, z, about x, about y, about z [length^2, rad^2] (as in geometry_msgs).
   Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
   double score = 0;  ///< 0..1: probability that the pose is right, within 5 degrees and 5 %
-  double visible_fraction = 0;  ///< of the object's silhouette that agrees with the image, 0..1
+  double visible_fraction = 0;  ///< fraction of the silhouette that agrees with the image, 0..1
   DepthReport depth;            ///< what became of the observation's depth
-  std::vector<SideViewReport> beside;    ///< of the observation's side views, in their order
-  double seconds = 0;                    ///< that the search took
-  std::vector<WeightedPose> hypotheses;  ///< those of the last stage, best first
+  std::vector<SideViewReport> side_views;  ///< what became of its side views, in their order
+  double seconds = 0;                      ///< duration of the search
+  std::vector<WeightedPose> hypotheses;    ///< poses of the last stage, best first
 };
 
 /// How a pose is searched for.

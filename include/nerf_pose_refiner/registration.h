@@ -17,11 +17,12 @@ class Backend;
 /// How an object is registered.
 struct RegistrationOptions {
   std::string profile = "cpu";  ///< shape of the field: "cpu" (small, fast), "gpu" or "paper"
-  int steps = 4000;             ///< of training, at most
-  double max_seconds = 0;       ///< of training; what follows takes up to a minute; 0: no limit
-  double target_psnr_db = 0;    ///< training ends when the held-out photos reach it; 0: never
-  int held_out = 4;             ///< photos that only measure the quality; at most a tenth of all
-  double metres_per_unit = 0;   ///< 0: as the photos' file says, or unknown
+  int steps = 4000;             ///< largest number of training steps
+  double max_seconds = 0;      ///< limit of the training's time; what follows takes up to a minute;
+                               ///< 0: no limit
+  double target_psnr_db = 0;   ///< training ends when the held-out photos reach it; 0: never
+  int held_out = 4;            ///< photos that only measure the quality; at most a tenth of all
+  double metres_per_unit = 0;  ///< 0: as the photos' file says, or unknown
   /// Corrects the photos' poses before training, for poses that are inexact (a robot's kinematics):
   /// two rough models are trained, with which the photos are aligned. Takes at least half as long
   /// again; half of `max_seconds` is left for the training itself.
@@ -36,10 +37,10 @@ struct RegistrationOptions {
   /// model are taken modulo these; the field does not depend on them.
   Symmetries symmetries;
   int samples_per_step = 1 << 15;  ///< approximate number of samples per training step, >= 1024
-  double learning_rate = 1e-2;     ///< of the first step (Adam)
+  double learning_rate = 1e-2;     ///< learning rate of the first step (Adam)
   double final_learning_rate_factor = 0.03;  ///< last learning rate / first learning rate
-  std::uint64_t seed = 1;
-  /// For reading and checking photos; 0: one for each core. Does not change the result.
+  std::uint64_t seed = 1;                    ///< seed of all random numbers
+  /// Threads that read and check photos; 0: one for each core. Does not change the result.
   int threads = 0;
 
   /// @throws std::invalid_argument naming the setting and its value.
@@ -50,12 +51,12 @@ struct RegistrationOptions {
 struct RegistrationProgress {
   std::string stage;   ///< "training", "occupancy", "quality", "pose quality"; before, if poses are
                        ///< corrected: "rough training", "poses"
-  int step = 0;        ///< of training, so far
-  int steps = 0;       ///< of training, at most
-  double loss = 0;     ///< of the last step
-  double psnr_db = 0;  ///< 0: not measured yet
-  double seconds = 0;  ///< so far
-  double seconds_left = 0;  ///< of training, estimated
+  int step = 0;        ///< training steps so far
+  int steps = 0;       ///< training steps at most
+  double loss = 0;     ///< loss of the last step
+  double psnr_db = 0;  ///< mean PSNR over the held-out photos [dB]; 0: not measured yet
+  double seconds = 0;  ///< time since the training began
+  double seconds_left = 0;  ///< estimated time until the training ends
   /// Renders the present model from the viewpoint of one of the photos: RGB on black, at most
   /// 320 x 320 pixels. Empty except during training. Call it only within the `progress` callback;
   /// it may take a second.

@@ -20,12 +20,18 @@ const char* toString(TrackState state);
 /// The cause of an unwanted state.
 enum class TrackReason {
   kNone,
-  // of the refinement
-  kNoOverlap,  ///< the start pose is outside the image
-  kDiverged,   ///< no hypothesis survived
-  kLowScore,   ///< the best pose explains the image badly
-  kCancelled,  ///< cancelled on request or by a new model
-  // of the initial pose
+  // What a `Tracker` gives.
+  kNoOverlap,    ///< the start pose is outside the image
+  kDiverged,     ///< no hypothesis survived
+  kLowScore,     ///< the best pose explains the image badly
+  kBadMask,      ///< the mask shows something else than the pose; the node: its size is wrong
+  kBadImage,     ///< the image's stamp does not follow the last one; the node: unusable data
+  kNoImages,     ///< no image arrived for some time
+  kClockJumped,  ///< time went back: all poses were forgotten
+  kReset,        ///< reset on request
+  kCancelled,    ///< cancelled on request; the node: or by a new model
+  kInternal,     ///< an exception
+  // What only the ROS node gives. Of the initial pose:
   kPriorNotFinite,      ///< NaN or infinity in position, orientation or covariance
   kPriorNotUnit,        ///< the quaternion is not of unit length
   kPriorBadCovariance,  ///< a negative variance, or one too large for a search
@@ -33,22 +39,14 @@ enum class TrackReason {
   kPriorTooOld,         ///< older than the image by more than the limit
   kPriorInFuture,       ///< newer than all images so far: waiting for one that is not older
   kPriorIgnored,        ///< the object is tracked; not an error
-  // of the image
+  // Of the camera:
   kUncalibrated,   ///< the camera has no intrinsics
   kBadCameraInfo,  ///< the calibration does not fit the image or is not supported
-  kBadImage,       ///< unknown encoding, or data of the wrong size
-  kNoImages,       ///< no image arrived for some time
-  kClockJumped,    ///< time went back: all poses were forgotten
   kNoTransform,    ///< a transform is not known at the image's time
-  kBadMask,        ///< wrong encoding or size of a mask
-  // of the model
+  // Of the model and the operator:
   kModelUnreadable,  ///< the file is missing, damaged or of another kind
   kModelNoScale,     ///< the length of the model unit in metres is unknown
-  // of the operator
-  kReset,
-  kDisabled,
-  // of the program
-  kInternal,  ///< an exception
+  kDisabled,         ///< switched off
 };
 
 }  // namespace nerf_pose_refiner

@@ -20,9 +20,9 @@ class Backend;
 /// Settings of a tracker. The defaults are those of the ROS node, but for `real_time`.
 struct TrackerOptions {
   /// Half width of the search around an initial pose, per axis [rad].
-  double search_rotation_rad = 0.26179938779914941;
+  double search_rotation_rad = kSearchRotation_rad;
   /// Half width of the search around an initial pose, per axis [object diameters].
-  double search_translation = 0.15;
+  double search_translation = kSearchTranslation;
   double trust_score = 0.9;  ///< score at which tracking begins, 0..1
   double min_score = 0.5;    ///< while tracking, a lower score is not trusted, 0..trust_score
   int max_failures = 2;      ///< number of untrusted images in a row that are bridged
@@ -31,8 +31,8 @@ struct TrackerOptions {
   /// True for a live camera: no image waits for a keyframe that is rendered late. False for a file,
   /// whose images may be passed faster than they were taken: the same images give the same poses.
   bool real_time = false;
-  /// Past images that act as further cameras while the object stands still and the camera moves,
-  /// at most; 0: none. Needs Observation::T_W_C.
+  /// Largest number of past images that act as further cameras while the object stands still and
+  /// the camera moves; 0: none. Needs Observation::T_W_C.
   int window = 0;
   std::uint64_t seed = 1;  ///< the same seed and backend give the same poses
 };
@@ -52,10 +52,10 @@ struct TrackResult {
   /// C, in the order x, y, z, about x, about y, about z [m^2, rad^2] (as geometry_msgs has it).
   Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
   double score = 0;  ///< 0..1: probability that the pose is right, within 5 degrees and 5 %
-  double visible_fraction = 0;  ///< of the object's silhouette that agrees with the image, 0..1
+  double visible_fraction = 0;  ///< fraction of the silhouette that agrees with the image, 0..1
   DepthReport depth;            ///< what became of the observation's depth
-  std::vector<SideViewReport> beside;  ///< of the observation's side views, in their order
-  double seconds = 0;                  ///< that the search in this image took
+  std::vector<SideViewReport> side_views;  ///< what became of its side views, in their order
+  double seconds = 0;                      ///< duration of the search in this image
 };
 
 /// Tracks one object through the images of one camera: predicts its pose, refines it, decides

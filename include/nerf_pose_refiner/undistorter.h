@@ -52,7 +52,7 @@ enum class PixelFormat { kGrey, kRgb, kBgr, kRgba, kBgra };
 /// thread-safe.
 class CameraPixels {
  public:
-  /// @param bytes with the channels of `format`. @param owner keeps their memory alive.
+  /// @param bytes the image, with the channels of `format`. @param owner keeps their memory alive.
   /// @param undistorter of the camera; null: there is no distortion.
   /// @throws std::invalid_argument if the bytes do not fit the format or the undistorter.
   CameraPixels(const Image8View& bytes, PixelFormat format, std::shared_ptr<const void> owner,

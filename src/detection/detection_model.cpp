@@ -1,6 +1,7 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include "detection/detection_model.h"
 
+#include <filesystem>
 #include <optional>
 #include <stdexcept>
 #include <utility>
@@ -53,11 +54,7 @@ void DetectionModelSettings::validate() const {
 }
 
 std::string templatePathOf(const std::string& landmark_path) {
-  const std::string::size_type dot = landmark_path.rfind('.');
-  const std::string::size_type slash = landmark_path.rfind('/');
-  const bool has_extension =
-      dot != std::string::npos && (slash == std::string::npos || dot > slash);
-  return (has_extension ? landmark_path.substr(0, dot) : landmark_path) + ".templates";
+  return std::filesystem::path(landmark_path).replace_extension(".templates").string();
 }
 
 DetectionModel detectionModelFor(const LoadedField& field, const DetectionModelSettings& settings,

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <filesystem>
 #include <iterator>
 #include <stdexcept>
 #include <vector>
@@ -154,11 +155,7 @@ std::uint64_t landmarkKey(const Field& field, const LandmarkSettings& settings) 
 }
 
 std::string landmarkPathOf(const std::string& model_path) {
-  const std::string::size_type dot = model_path.rfind('.');
-  const std::string::size_type slash = model_path.rfind('/');
-  const bool has_extension =
-      dot != std::string::npos && (slash == std::string::npos || dot > slash);
-  return (has_extension ? model_path.substr(0, dot) : model_path) + ".landmarks";
+  return std::filesystem::path(model_path).replace_extension(".landmarks").string();
 }
 
 void saveLandmarks(const Landmarks& landmarks, std::uint64_t key, const std::string& path) {

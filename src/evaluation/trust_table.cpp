@@ -14,8 +14,7 @@ namespace nerf_pose_refiner {
 namespace {
 
 constexpr std::int64_t kInterval_ns = 100000000;
-// Starts of first poses, and of tracks.
-constexpr double kHint_rad = 15 * kDegree, kHint = 0.15;
+// Starts of tracks; those of first poses follow the width of a search.
 constexpr double kNear_rad = 2 * kDegree, kNear = 0.02;
 
 TrackerSettings fromFiles(TrackerSettings settings) {
@@ -74,7 +73,8 @@ TrustCounts TrustTable::show(const TrustRow& row, const TrustScene& scene, const
   int number = 0;
   for (const TrustImage& image : row.images(scene)) {
     if (!row.tracked) {
-      offerStart(scene, row.start_factor * kHint_rad, row.start_factor * kHint);
+      offerStart(scene, row.start_factor * kSearchRotation_rad,
+                 row.start_factor * kSearchTranslation);
     } else if (number == 0) {
       offerStart(scene, kNear_rad, kNear);
     }

@@ -12,17 +12,22 @@
 #include "detection/object_detector.h"
 #include "field/field.h"
 #include "field/object_frame.h"
+#include "math/require.h"
 #include "tracking/calibrate_detector.h"
+#include "views/object_inside.h"
 
 namespace nerf_pose_refiner {
 namespace {
 
 DetectionSettings settingsOf(const DetectorOptions& options) {
+  require(options.trust_score >= 0 && options.trust_score <= 1, "trust_score", options.trust_score,
+          "0..1");
+  require(options.max_instances >= 1, "max_instances", options.max_instances, "1 or more");
+  require(options.budget_s >= 0, "budget_s", options.budget_s, "0 or more");
   DetectionSettings settings;
   settings.least_score = options.trust_score;
   settings.max_instances = options.max_instances;
   settings.budget_s = options.budget_s;
-  settings.validate();
   return settings;
 }
 
@@ -40,7 +45,7 @@ Detector::Detector(std::shared_ptr<Backend> backend, const Object& object,
                    const DetectorOptions& options, const CancellationToken& cancellation) {
   if (!backend) throw std::invalid_argument("Detector: the backend is null");
   const DetectionSettings settings = settingsOf(options);
-  const std::shared_ptr<const LoadedField> field = backend->load(object.field());
+  const std::shared_ptr<const LoadedField> field = backend->load(ObjectInside::field(object));
   auto detector = std::make_unique<ObjectDetector>(
       backend.get(), field,
       detectionModelFor(*field, settings.model, options.landmarks_path, cancellation), settings);
@@ -54,8 +59,8 @@ Detector& Detector::operator=(Detector&&) noexcept = default;
 
 DetectionResult Detector::detect(const Observation& observation, const DetectionHint& hint,
                                  const CancellationToken& cancellation) {
-  const FieldMetadata& metadata = parts_->object.field()->metadata;
-  const ObjectFrame frame = ObjectFrame::ofUsers(metadata);
+  const FieldMetadata& metadata = ObjectInside::field(parts_->object)->metadata;
+  const ObjectFrame frame = ObjectInside::frame(parts_->object);
   SearchArea area;
   if (hint.box) {
     area.box = Eigen::AlignedBox2d(Eigen::Vector2d(hint.box->x_min, hint.box->y_min),
@@ -68,7 +73,7 @@ DetectionResult Detector::detect(const Observation& observation, const Detection
   result.seconds = found.seconds;
   for (const Refinement& one : found.found) {
     Detection detection;
-    detection.T_C_O = parts_->object.objectInCamera(one.T_O_C);
+    detection.T_C_O = frame.objectInCamera(one.T_O_C);
     detection.covariance = covarianceInCamera(one.covariance, one.T_O_C, metadata, frame);
     detection.score = one.score;
     detection.visible_fraction = one.visible_fraction;

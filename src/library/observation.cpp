@@ -1,6 +1,7 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include "nerf_pose_refiner/observation.h"
 
+#include <cstdint>
 #include <memory>
 #include <stdexcept>
 #include <string>
@@ -13,27 +14,25 @@ Observation observe(Image8 rgb, const Camera& camera, const Image8& mask) {
     throw std::invalid_argument("observe: the image has " + std::to_string(rgb.channels) +
                                 " channels, must have 3 (RGB)");
   }
-  Observation observation;
   const auto kept = std::make_shared<const Image8>(std::move(rgb));
-  observation.pixels = std::make_shared<CameraPixels>(viewOf(*kept), PixelFormat::kRgb, kept);
+  return observe(viewOf(*kept), PixelFormat::kRgb, camera, kept, mask);
+}
+
+Observation observe(const Image8View& bytes, PixelFormat format, const Camera& camera,
+                    std::shared_ptr<const void> owner, const Image8& mask) {
+  Observation observation;
+  observation.pixels = std::make_shared<CameraPixels>(bytes, format, std::move(owner));
   observation.camera = camera;
   if (!mask.empty()) {
     if (mask.channels != 1) throw std::invalid_argument("observe: a mask has one channel");
     observation.background = Background::kMask;
-    observation.alpha = Image(mask.width, mask.height, 1);
-    for (std::size_t i = 0; i < mask.values.size(); ++i) {
-      observation.alpha.values[i] = mask.values[i] != 0 ? 1.0f : 0.0f;
+    observation.alpha.width = mask.width;
+    observation.alpha.height = mask.height;
+    observation.alpha.channels = 1;
+    for (const std::uint8_t value : mask.values) {
+      observation.alpha.values.push_back(value != 0 ? 1.0f : 0.0f);
     }
   }
-  observation.validate();
-  return observation;
-}
-
-Observation observe(const Image8View& bytes, PixelFormat format, const Camera& camera,
-                    std::shared_ptr<const void> owner) {
-  Observation observation;
-  observation.pixels = std::make_shared<CameraPixels>(bytes, format, std::move(owner));
-  observation.camera = camera;
   observation.validate();
   return observation;
 }

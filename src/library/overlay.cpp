@@ -8,6 +8,7 @@
 #include "backend/common/observed_colours.h"
 #include "backend/loaded_field.h"
 #include "math/require.h"
+#include "views/object_inside.h"
 
 namespace nerf_pose_refiner {
 
@@ -19,7 +20,7 @@ struct Overlay::Parts {
 
 Overlay::Overlay(std::shared_ptr<Backend> backend, const Object& object) {
   if (!backend) throw std::invalid_argument("Overlay: the backend is null");
-  std::shared_ptr<const LoadedField> field = backend->load(object.field());
+  std::shared_ptr<const LoadedField> field = backend->load(ObjectInside::field(object));
   parts_ = std::make_unique<Parts>(Parts{object, std::move(backend), std::move(field)});
 }
 
@@ -33,7 +34,7 @@ Image8 Overlay::draw(const Observation& observation, const Pose& T_C_O, double o
   if (!T_C_O.isFinite() || !T_C_O.isRigid()) {
     throw std::invalid_argument("Overlay: the pose is not a rigid transform");
   }
-  const View view{observation.camera, parts_->object.cameraInField(T_C_O)};
+  const View view{observation.camera, ObjectInside::frame(parts_->object).cameraInModel(T_C_O)};
   return drawOverlay(observedColours(observation),
                      parts_->field->render(view, RenderOptions(), CancellationToken()), opacity);
 }

@@ -11,6 +11,7 @@
 #include "refinement/covariance.h"
 #include "tracking/object_search.h"
 #include "trust/check_trust.h"
+#include "views/object_inside.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -29,7 +30,7 @@ struct Refiner::Parts {
         trust_score(options.trust_score),
         search([backend = std::move(backend)] { return SearchProcessor{backend}; },
                settingsOf(options), settingsOf(options)) {
-    search.use(object.field());
+    search.use(ObjectInside::field(object));
   }
 
   Object object;
@@ -54,7 +55,8 @@ RefineResult Refiner::refine(const Observation& observation, const PosePrior& pr
   observation.validate();
   const Object& object = parts_->object;
   SearchRequest request{observation, {}};
-  request.prior.T_O_C = object.cameraInField(prior.T_C_O);
+  const ObjectFrame frame = ObjectInside::frame(object);
+  request.prior.T_O_C = frame.cameraInModel(prior.T_C_O);
   request.prior.rotation_rad = prior.rotation_rad;
   request.prior.translation = prior.translation;
   const Refinement refined = parts_->search.search(request, cancellation);
@@ -64,19 +66,18 @@ RefineResult Refiner::refine(const Observation& observation, const PosePrior& pr
   const TrustVerdict verdict = checkTrust(refined, parts_->trust_score);
   result.trusted = verdict == TrustVerdict::kTrusted;
   result.message = textOf(verdict);
-  result.T_C_O = object.objectInCamera(refined.T_O_C);
+  result.T_C_O = frame.objectInCamera(refined.T_O_C);
   result.score = refined.score;
   result.visible_fraction = refined.visible_fraction;
   result.depth = refined.depth;
-  result.beside = refined.beside;
+  result.side_views = refined.side_views;
   result.seconds = refined.seconds;
   if (refined.outcome != Outcome::kRefined) return result;
-  const FieldMetadata& metadata = object.field()->metadata;
-  result.covariance = covarianceInCamera(refined.covariance, refined.T_O_C, metadata,
-                                         ObjectFrame::ofUsers(metadata));
+  result.covariance = covarianceInCamera(refined.covariance, refined.T_O_C,
+                                         ObjectInside::field(object)->metadata, frame);
   const std::vector<double> weights = hypothesisWeights(refined.hypotheses);
   for (std::size_t i = 0; i < weights.size(); ++i) {
-    result.hypotheses.push_back({object.objectInCamera(refined.hypotheses[i].T_O_C), weights[i]});
+    result.hypotheses.push_back({frame.objectInCamera(refined.hypotheses[i].T_O_C), weights[i]});
   }
   return result;
 }

@@ -7,6 +7,7 @@
 #include "dataset/dataset.h"
 #include "field/field.h"
 #include "registration/registrar.h"
+#include "views/object_inside.h"
 
 namespace nerf_pose_refiner {
 
@@ -21,7 +22,7 @@ Object registerObject(Backend& backend, const std::string& photos,
   if (field.metadata.name.empty()) {
     field.metadata.name = std::filesystem::path(dataset.folder).filename().string();
   }
-  return Object(std::make_shared<const Field>(std::move(field)));
+  return ObjectInside::make(std::make_shared<const Field>(std::move(field)));
 }
 
 }  // namespace nerf_pose_refiner

@@ -9,6 +9,7 @@
 #include "math/angle.h"
 #include "math/require.h"
 #include "tracking/object_tracker.h"
+#include "views/object_inside.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -44,7 +45,8 @@ struct Tracker::Parts {
 Tracker::Tracker(std::shared_ptr<Backend> backend, const Object& object,
                  const TrackerOptions& options) {
   if (!backend) throw std::invalid_argument("Tracker: the backend is null");
-  parts_.reset(new Parts{ObjectTracker(std::move(backend), object.field(), settingsOf(options))});
+  parts_.reset(new Parts{
+      ObjectTracker(std::move(backend), ObjectInside::field(object), settingsOf(options))});
 }
 
 Tracker::~Tracker() = default;
@@ -83,7 +85,7 @@ TrackResult Tracker::track(const Observation& observation, std::int64_t stamp_ns
   result.score = outcome.score;
   result.visible_fraction = outcome.refinement.visible_fraction;
   result.depth = outcome.refinement.depth;
-  result.beside = outcome.refinement.beside;
+  result.side_views = outcome.refinement.side_views;
   result.seconds = outcome.refinement.seconds;
   return result;
 }

@@ -19,12 +19,6 @@ constexpr double kRobust = 3;  // sightings that are farther off weigh less [sta
 constexpr int kIterations = 20;
 constexpr double kPosesAlike = 8;  // sightings share errors of the model: so many are worth one
 
-Matrix6 turned(const Matrix6& covariance, const Eigen::Matrix3d& R) {
-  Matrix6 axes = Matrix6::Zero();
-  axes.topLeftCorner<3, 3>() = axes.bottomRightCorner<3, 3>() = R;
-  return axes * covariance * axes.transpose();
-}
-
 /// From one pose to another: position and rotation, both along and about the fixed axes.
 Vector6 difference(const Pose& from, const Pose& to) {
   Vector6 away;
@@ -43,7 +37,7 @@ std::optional<CameraSighting> byOthers(const RigSighting& sighting, const std::v
     const Pose T_C_O = T_C_V[i] * sighting[i]->T_V_O;
     if (!all) all = CameraSighting{T_C_O, Matrix6::Zero()};
     const Matrix6 of_one =
-        turned(sighting[i]->covariance, T_C_V[i].R).ldlt().solve(Matrix6::Identity());
+        rotated(sighting[i]->covariance, T_C_V[i].R).ldlt().solve(Matrix6::Identity());
     information += of_one;
     sum += of_one * difference(all->T_V_O, T_C_O);
   }
@@ -73,7 +67,7 @@ Equations equationsAt(const std::vector<Pair>& pairs, const Pose& T_C_V) {
   for (const Pair& pair : pairs) {
     const Pose T_C_O = T_C_V * pair.own.T_V_O;
     const Vector6 residual = difference(T_C_O, pair.others.T_V_O);
-    const Matrix6 covariance = turned(pair.own.covariance, T_C_V.R) + pair.others.covariance;
+    const Matrix6 covariance = rotated(pair.own.covariance, T_C_V.R) + pair.others.covariance;
     const Eigen::LDLT<Matrix6> solver(covariance);
     Matrix6 jacobian = Matrix6::Identity();  // of the object's pose by the motion
     jacobian.topRightCorner<3, 3>() = -crossOf(T_C_O.t - T_C_V.t);

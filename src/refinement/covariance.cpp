@@ -49,10 +49,19 @@ Matrix6 modelCovariance(const Pose& T_O_C, const FieldMetadata& object) {
   const double depth = s.depth * (T_O_C.inverse() * object.centre).norm();
   const Vector6 deviation =
       (Vector6() << lateral, lateral, depth, s.tilt_rad, s.tilt_rad, s.roll_rad).finished();
-  Matrix6 axes = Matrix6::Zero();
-  axes.topLeftCorner<3, 3>() = axes.bottomRightCorner<3, 3>() =
-      T_O_C.R * lineOfSightAxes(T_O_C.inverse() * object.centre);
-  return axes * deviation.cwiseAbs2().asDiagonal() * axes.transpose();
+  return rotated(deviation.cwiseAbs2().asDiagonal(),
+                 T_O_C.R * lineOfSightAxes(T_O_C.inverse() * object.centre));
+}
+
+Matrix6 rotationOfTwists(const Eigen::Matrix3d& R) {
+  Matrix6 both = Matrix6::Zero();
+  both.topLeftCorner<3, 3>() = both.bottomRightCorner<3, 3>() = R;
+  return both;
+}
+
+Matrix6 rotated(const Matrix6& covariance, const Eigen::Matrix3d& R) {
+  const Matrix6 both = rotationOfTwists(R);
+  return both * covariance * both.transpose();
 }
 
 double calibratedScore(double score, const PoseStatistics& statistics) {
@@ -74,8 +83,7 @@ Vector6 cameraTwist(const Pose& from_T_O_C, const Pose& to_T_O_C, const Eigen::V
 
 Hypothesis moved(const Hypothesis& hypothesis, const Pose& motion, const Eigen::Vector3d& centre) {
   // The motion takes the centre c to c*; a twist about c* with rotation w moves c by w x (c - c*).
-  Matrix6 twist = Matrix6::Zero();  // converts a twist before the motion to one after it
-  twist.topLeftCorner<3, 3>() = twist.bottomRightCorner<3, 3>() = motion.R;
+  Matrix6 twist = rotationOfTwists(motion.R);  // converts one before the motion to one after it
   twist.topRightCorner<3, 3>() = -crossMatrix(centre - motion * centre) * motion.R;
   const Matrix6 back = twist.inverse();
   Hypothesis result = hypothesis;

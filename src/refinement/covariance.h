@@ -30,6 +30,12 @@ Hypothesis moved(const Hypothesis& hypothesis, const Pose& motion, const Eigen::
 HypothesisTable nearestEquivalents(const HypothesisTable& hypotheses, const Prior& prior,
                                    const FieldMetadata& object);
 
+/// diag(R, R): rotates both halves of a twist, or of a position and a rotation.
+Matrix6 rotationOfTwists(const Eigen::Matrix3d& R);
+
+/// The same covariance along rotated axes. @param R from the present axes to the new ones.
+Matrix6 rotated(const Matrix6& covariance, const Eigen::Matrix3d& R);
+
 /// Transfers a covariance of (position of a point, rotation), along the same axes, to another point
 /// of the same body.
 /// @param offset from the first point to the other.

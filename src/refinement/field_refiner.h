@@ -21,8 +21,8 @@ namespace nerf_pose_refiner {
 struct Prior {
   Pose T_O_C;  ///< camera in the object's model frame, model units
   /// Half width of the search per axis [rad]; alignment may move up to twice as far.
-  double rotation_rad = 0.26;
-  double translation = 0.15;        ///< the same for the position [object diameters]
+  double rotation_rad = kSearchRotation_rad;
+  double translation = kSearchTranslation;  ///< the same for the position [object diameters]
   bool rotate_about_object = true;  ///< the rotation is about the object's centre, in the axes of
                                     ///< O; false: about the camera, in its own (the paper's)
 
@@ -70,10 +70,10 @@ struct Refinement {
   /// Probability that it is the right one of the poses that look alike, @see LookAlikes. Nothing:
   /// the object is not taken for itself.
   std::optional<double> unmistaken;
-  double visible_fraction = 0;           ///< 0..1
-  std::optional<double> mask_agreement;  ///< @see maskAgreement; nothing: there was no mask
-  DepthReport depth;                     ///< what became of the observation's depth
-  std::vector<SideViewReport> beside;    ///< of the observation's side views, in their order
+  double visible_fraction = 0;             ///< 0..1
+  std::optional<double> mask_agreement;    ///< @see maskAgreement; nothing: there was no mask
+  DepthReport depth;                       ///< what became of the observation's depth
+  std::vector<SideViewReport> side_views;  ///< of the observation's side views, in their order
   /// By the observation's own image alone, if there are side views and it shows the object.
   std::optional<LonePose> own;
   Matrix6 covariance = Matrix6::Zero();  ///< of the best pose; @see poseCovariance

@@ -39,6 +39,10 @@ double oddsOf(const Pose& T_O_C, const std::vector<RoughPose>& rough, const Fiel
 
 }  // namespace
 
+bool KeyframeSearchSettings::wantsKeyframe(const std::optional<ViewDistance>& away) const {
+  return !away || away->rotation_rad > renew_rotation_deg * kDegree || away->scale > renew_distance;
+}
+
 void KeyframeSearchSettings::validate() const {
   keyframe.validate();
   bank.validate();
@@ -70,7 +74,7 @@ void KeyframeRefiner::begin() {
   watch_.reset();
   renderer_.reset();
   search_.emplace(backend_, field_, settings_);
-  beside_.emplace(backend_, field_, settings_);
+  side_views_.emplace(backend_, field_, settings_);
   renderer_.emplace(field_, settings_.keyframe);
   use(look_alikes_);
 }
@@ -191,9 +195,9 @@ Refinement KeyframeRefiner::refine(const TimedObservation& image, const Prior& p
   try {
     result = conclude(search(), prior);
     if (result.outcome == Outcome::kRefined) judge(prior, cancellation, &result);
-    if (!observation.beside.empty()) {
+    if (!observation.side_views.empty()) {
       const Vector6 motion = expectedMotion(image.stamp_ns, prior);
-      beside_->join(observation, {prior, scores_, &*search_, motion}, cancellation, &result);
+      side_views_->join(observation, {prior, scores_, &*search_, motion}, cancellation, &result);
     }
     if (result.outcome == Outcome::kRefined) {
       considerDepth(observation, &result);
@@ -214,7 +218,7 @@ Refinement KeyframeRefiner::refine(const TimedObservation& image, const Prior& p
 void KeyframeRefiner::waitForRenderings(const CancellationToken& cancellation) {
   if (watch_) watch_->giveTestUp(&*renderer_);
   if (renderer_->busy()) search_->add(renderer_->wait(cancellation));
-  beside_->waitForRenderings(cancellation);
+  side_views_->waitForRenderings(cancellation);
 }
 
 void KeyframeRefiner::takeRenewal(std::int64_t stamp_ns, const CancellationToken& cancellation) {
@@ -234,22 +238,16 @@ void KeyframeRefiner::makeAt(const Camera& camera, const std::vector<Pose>& pose
   std::vector<View> views;
   for (const Pose& T_O_C : poses_T_O_C) {
     const bool is_new = std::all_of(views.begin(), views.end(), [&](const View& other) {
-      return isFar(viewDistance(other.T_O_C, T_O_C, centre));
+      return settings_.wantsKeyframe(viewDistance(other.T_O_C, T_O_C, centre));
     });
     const bool is_possible = fitsKeyframe({camera, T_O_C}, field_->field().metadata);
-    if (is_new && is_possible && isFar(search_->distanceOfNearest(T_O_C))) {
+    if (is_new && is_possible && settings_.wantsKeyframe(search_->distanceOfNearest(T_O_C))) {
       views.push_back({camera, T_O_C});
     }
   }
   for (KeyframePoints& made : renderKeyframes(*field_, views, settings_.keyframe, cancellation)) {
     search_->add(std::make_shared<const KeyframePoints>(std::move(made)));
   }
-}
-
-/// Whether a pose wants a keyframe of its own. @param away from the nearest one, if there is any.
-bool KeyframeRefiner::isFar(const std::optional<ViewDistance>& away) const {
-  return !away || away->rotation_rad > settings_.renew_rotation_deg * kDegree ||
-         away->scale > settings_.renew_distance;
 }
 
 /// Asks for a keyframe where the object will be when it is done, if there is none near.
@@ -262,7 +260,7 @@ void KeyframeRefiner::renewFor(const View& view, std::int64_t stamp_ns) {
   }
   last_ = {stamp_ns, view.T_O_C};
   const View next = {view.camera, ahead};
-  if (renderer_->busy() || !isFar(search_->distanceOfNearest(ahead)) ||
+  if (renderer_->busy() || !settings_.wantsKeyframe(search_->distanceOfNearest(ahead)) ||
       !fitsKeyframe(next, field_->field().metadata)) {
     return;
   }

@@ -80,7 +80,6 @@ class KeyframeRefiner {
   void takeRenewal(std::int64_t stamp_ns, const CancellationToken& cancellation);
   void makeAt(const Camera& camera, const std::vector<Pose>& poses_T_O_C,
               const CancellationToken& cancellation);
-  bool isFar(const std::optional<ViewDistance>& away) const;
   void renewFor(const View& view, std::int64_t stamp_ns);
   HypothesisTable withoutMistake(const Observation& observation, const HypothesisTable& found,
                                  const Prior& prior, const CancellationToken& cancellation);
@@ -106,7 +105,7 @@ class KeyframeRefiner {
   std::optional<Pose> sure_;             // of the last image that showed the object for certain
   bool was_sure_ = true;                 // that image is the last one
   DepthFusion depth_;
-  std::optional<SideViews> beside_;
+  std::optional<SideViews> side_views_;
   std::int64_t due_ns_ = 0;  // stamp from which on the keyframe under way is used
   std::optional<std::pair<std::int64_t, Pose>> last_;  // stamp and pose that were found last
 };

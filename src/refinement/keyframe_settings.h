@@ -1,7 +1,10 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <optional>
+
 #include "backend/keyframe_aligner.h"
+#include "refinement/keyframe_set.h"
 #include "views/keyframe.h"
 #include "views/view_bank.h"
 
@@ -24,6 +27,9 @@ struct KeyframeSearchSettings {
   /// Images come as fast as they are taken: no image waits for a keyframe that comes late. False:
   /// they come from a file, and each keyframe is used from the same image on, whenever it is done.
   bool real_time = true;
+
+  /// Whether a pose wants a keyframe of its own. @param away from the nearest one, if there is any.
+  bool wantsKeyframe(const std::optional<ViewDistance>& away) const;
 
   /// @throws std::invalid_argument naming the value that is out of range.
   void validate() const;

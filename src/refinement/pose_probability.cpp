@@ -69,10 +69,8 @@ Matrix6 systematicCovariance(const Matrix6& of_twist, const Pose& T_O_C,
                              const FieldMetadata& object) {
   constexpr double kOverNoise = 1.5;  // of variances
   const Eigen::Matrix3d sight = T_O_C.R * lineOfSightAxes(T_O_C.inverse() * object.centre);
-  Matrix6 axes = Matrix6::Zero();
-  axes.topLeftCorner<3, 3>() = axes.bottomRightCorner<3, 3>() = sight;
-  const Vector6 variances = (axes.transpose() * of_twist * axes).diagonal();
-  return kOverNoise * axes * variances.asDiagonal() * axes.transpose();
+  const Vector6 variances = rotated(of_twist, sight.transpose()).diagonal();
+  return kOverNoise * rotated(variances.asDiagonal(), sight);
 }
 
 Matrix6 disagreement(const Vector6& away, double beside_rad) {

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "backend/plans.h"
+#include "math/angle.h"
 #include "refinement/keyframe_settings.h"
 
 namespace nerf_pose_refiner {
@@ -41,15 +42,15 @@ struct InversionSettings {
   int rounds = 4;         ///< of resampling, each followed by `round_steps` steps
   int round_steps = 512;
 
-  double spread_rotation_rad = 0.26179938779914941;  ///< of the first hypotheses, half width per
-                                                     ///< axis, about the camera; 0: the prior's
+  double spread_rotation_rad = 15 * kDegree;  ///< of the first hypotheses, half width per axis,
+                                              ///< about the camera; 0: the prior's
   double spread_translation = 0.3;  ///< the same for the position, axes of O; 0: the prior's
 
   double keep_fraction = 0.25;  ///< round k = 1.. keeps hypotheses * keep_fraction * keep_decay^k
   double keep_decay = 0.5;      ///< ... so 8, 4, 4, 4 of 64 ...
   int keep_at_least = 4;        ///< ... but at least this number
-  double jitter_rotation_rad = 0.052359877559829887;  ///< half width per axis, about the camera
-  double jitter_translation = 0.1;                    ///< half width per axis, axes of O
+  double jitter_rotation_rad = 3 * kDegree;  ///< half width per axis, about the camera
+  double jitter_translation = 0.1;           ///< half width per axis, axes of O
 
   int score_pixels = 16384;  ///< on which the winner is chosen at the end
 

@@ -92,9 +92,7 @@ bool SideViews::haveKeyframe(const View& view, const CancellationToken& cancella
     if (keyframe) camera->search.add(keyframe);
   }
   const std::optional<ViewDistance> away = camera->search.distanceOfNearest(view.T_O_C);
-  const bool is_far = !away || away->rotation_rad > settings_.renew_rotation_deg * kDegree ||
-                      away->scale > settings_.renew_distance;
-  if (is_far && !camera->renderer.busy()) camera->renderer.request(view);
+  if (settings_.wantsKeyframe(away) && !camera->renderer.busy()) camera->renderer.request(view);
   if (!away) camera->search.add(camera->renderer.wait(cancellation));
   return camera->search.distanceOfNearest(view.T_O_C).has_value();
 }
@@ -197,14 +195,14 @@ void SideViews::lookAll(const Observation& observation, bool closely,
                         const CancellationToken& cancellation, std::vector<Found>* sides) {
   std::map<int, std::vector<std::size_t>> of_camera;
   for (std::size_t i = 0; i < sides->size(); ++i) {
-    const int number = observation.beside[i].camera;
+    const int number = observation.side_views[i].camera;
     if (number != 0) of_camera[number > 0 ? number : -1 - static_cast<int>(i)].push_back(i);
   }
   std::vector<std::pair<Camera*, std::vector<std::size_t>>> jobs;
   for (auto& [number, views] : of_camera) jobs.emplace_back(camera(number), std::move(views));
   parallelFor(threadCount(0), static_cast<int>(jobs.size()), [&](int job) {
     for (const std::size_t i : jobs[job].second) {
-      look(observation.beside[i], closely, cancellation, jobs[job].first, &(*sides)[i]);
+      look(observation.side_views[i], closely, cancellation, jobs[job].first, &(*sides)[i]);
     }
   });
 }
@@ -218,9 +216,9 @@ void SideViews::joinPast(const Observation& observation, const std::vector<Found
   std::vector<std::size_t> members;
   const SideView* newest = nullptr;
   for (std::size_t i = 0; i < past.size(); ++i) {
-    const SideView& view = observation.beside[i];
+    const SideView& view = observation.side_views[i];
     if (!isPast(view) || past[i].hypotheses.empty()) continue;
-    SideViewReport& report = found->beside[i];
+    SideViewReport& report = found->side_views[i];
     if (takeIn(opinionOf(view, past[i]), &opinions, &report.apart)) {
       members.push_back(i);
       if (newest == nullptr || view.after_s > newest->after_s) newest = &view;
@@ -236,10 +234,10 @@ void SideViews::joinPast(const Observation& observation, const std::vector<Found
   const bool seen = !group->opinions.empty();
   const bool used = seen && takeIn(together, &group->opinions, &away);
   for (const std::size_t i : members) {
-    found->beside[i].apart = away;
-    found->beside[i].used = used;
+    found->side_views[i].apart = away;
+    found->side_views[i].used = used;
     if (used) continue;
-    found->beside[i].message =
+    found->side_views[i].message =
         seen ? contradiction(away, "the object was moved since") : "no present image shows it";
   }
 }
@@ -249,8 +247,8 @@ void SideViews::joinCameras(const Observation& observation, const KeyframeScores
                             const std::vector<Found>& sides, Group* group,
                             Refinement* found) const {
   for (std::size_t i = 0; i < sides.size(); ++i) {
-    const SideView& view = observation.beside[i];
-    SideViewReport& report = found->beside[i] = sides[i].report;
+    const SideView& view = observation.side_views[i];
+    SideViewReport& report = found->side_views[i] = sides[i].report;
     if (isPast(view) || sides[i].hypotheses.empty()) continue;
     report.used = takeIn(opinionOf(view, sides[i]), &group->opinions, &report.apart);
     if (!report.used) {
@@ -283,9 +281,9 @@ SideViews::Group SideViews::begin(const Prior& prior, Refinement* found) const {
 void SideViews::join(const Observation& observation, const Own& own,
                      const CancellationToken& cancellation, Refinement* found) {
   const FieldMetadata& object = field_->field().metadata;
-  found->beside.assign(observation.beside.size(), {});
+  found->side_views.assign(observation.side_views.size(), {});
   if (!(object.metres_per_unit > 0)) {
-    for (SideViewReport& report : found->beside) {
+    for (SideViewReport& report : found->side_views) {
       report.message = "the model has no scale, so the distance of cameras means nothing to it";
     }
     return;
@@ -293,12 +291,12 @@ void SideViews::join(const Observation& observation, const Own& own,
   Group group = begin(own.prior, found);
   const bool own_sees = !group.opinions.empty();
   std::vector<Found> sides;
-  for (const SideView& view : observation.beside) {
+  for (const SideView& view : observation.side_views) {
     sides.push_back(expected(view, own, group.start));
   }
   lookAll(observation, own_sees, cancellation, &sides);
   for (std::size_t i = 0; i < sides.size(); ++i) {
-    const SideView& view = observation.beside[i];
+    const SideView& view = observation.side_views[i];
     if (isPast(view)) lookBack(view, own.search, cancellation, &sides[i]);
     report(view, &sides[i]);
   }

@@ -29,8 +29,8 @@ RigSighting sightingOf(const Refinement& found, const FieldMetadata& object,
   seen.at(0) =
       CameraSighting{frame.objectInCamera(found.own->T_O_C),
                      covarianceInCamera(found.own->covariance, found.own->T_O_C, object, frame)};
-  for (std::size_t i = 0; i < std::min(numbers.size(), found.beside.size()); ++i) {
-    const SideViewReport& view = found.beside[i];
+  for (std::size_t i = 0; i < std::min(numbers.size(), found.side_views.size()); ++i) {
+    const SideViewReport& view = found.side_views[i];
     if (view.score < kMinScore) continue;
     seen.at(numbers[i]) = CameraSighting{view.T_V_O, view.covariance};
   }

@@ -48,9 +48,9 @@ void ModelCache::setBudget(std::size_t bytes, const std::string& owner) {
   if (bytes == 0) return;
   std::lock_guard<std::mutex> lock(mutex_);
   if (budget_bytes_ != 0 && budget_bytes_ != bytes) {
-    throw std::invalid_argument("parameter ~model_memory_mb of " + owner + " is " +
-                                megabytes(bytes) + ", but " + budget_owner_ + " has set " +
-                                megabytes(budget_bytes_) + " for all refiners of this process");
+    throw std::invalid_argument(owner + " limits the memory of models to " + megabytes(bytes) +
+                                " MB, but " + budget_owner_ + " has limited it to " +
+                                megabytes(budget_bytes_) + " MB for all refiners of this process");
   }
   if (budget_bytes_ == 0) budget_owner_ = owner;
   budget_bytes_ = bytes;
@@ -117,9 +117,9 @@ void ModelCache::makeRoom(const std::string& path, std::size_t bytes) {
     }
     if (oldest == entries_.end()) {
       throw std::runtime_error("the model '" + path + "' takes " + megabytes(bytes) +
-                               " MB, models in use take " + megabytes(sum - bytes) +
-                               " MB, and the ~model_memory_mb that " + budget_owner_ +
-                               " has set is " + megabytes(budget_bytes_));
+                               " MB, models in use take " + megabytes(sum - bytes) + " MB, and " +
+                               budget_owner_ + " has limited the memory of models to " +
+                               megabytes(budget_bytes_) + " MB");
     }
     sum -= oldest->bytes;
     entries_.erase(oldest);

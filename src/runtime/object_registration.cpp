@@ -47,7 +47,7 @@ ObjectRegistration::ObjectRegistration(const PhotoSource& photos,
 
 Dataset ObjectRegistration::readPhotos(const RegistrationRequest& request,
                                        const CancellationToken& cancellation) const {
-  if (photos_.root.empty()) throw std::invalid_argument("~dataset_root is not set");
+  if (photos_.root.empty()) throw std::invalid_argument("the root folder of datasets is not set");
   // The request came over the network: it must not cause reads outside the folder.
   DatasetOptions confined;
   confined.limits = photos_.limits;

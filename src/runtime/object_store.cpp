@@ -48,7 +48,7 @@ void requireObjectName(const std::string& name) {
 
 std::string ObjectStore::pathOf(const std::string& name) const {
   requireObjectName(name);
-  if (root_.empty()) throw std::invalid_argument("~model_root is not set");
+  if (root_.empty()) throw std::invalid_argument("the root folder of models is not set");
   // Both files may be links, if these stay below the root. The metadata is the file beside the
   // link, not the one beside its target.
   const std::string file = name + kExtension;

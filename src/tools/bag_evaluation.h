@@ -29,13 +29,13 @@ struct BagEvaluationSettings {
   int most = 0;        ///< images; 0: all
   bool track = false;  ///< from the last trusted result, and from `start` where there is none
   StartMode start = StartMode::kPerturbed;
-  double start_rotation_deg = 15;          ///< half width per axis, about the object's centre
-  double start_translation = 0.15;         ///< half width per axis of the camera [object diameters]
-  double start_max_age_s = 1;              ///< of a recorded initial pose
-  std::string preset = "keyframes";        ///< of the search from a start
-  double search_rotation_deg = 15;         ///< half width of it
-  double search_translation = 0.15;        ///< the same [object diameters]
-  std::string track_preset = "keyframes";  ///< of the search from the last pose
+  double start_rotation_deg = 15;    ///< half width per axis, about the object's centre
+  double start_translation = 0.15;   ///< half width per axis of the camera [object diameters]
+  double start_max_age_s = 1;        ///< of a recorded initial pose
+  std::string preset = "keyframes";  ///< of the search from a start
+  double search_rotation_deg = kSearchRotation_deg;  ///< half width of it
+  double search_translation = kSearchTranslation;    ///< the same [object diameters]
+  std::string track_preset = "keyframes";            ///< of the search from the last pose
   double track_rotation_deg = 5;
   double track_translation = 0.05;
   /// The node's; `once` is set by `track`.

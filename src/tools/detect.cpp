@@ -11,6 +11,7 @@
 #include "nerf_pose_refiner/detector.h"
 #include "tools/refine_case.h"
 #include "tools/tool.h"
+#include "views/object_inside.h"
 
 // A model file and an image to the poses of the object in it.
 
@@ -118,7 +119,9 @@ void drawDetections(const DetectOptions& options, const Object& object,
   all.colour = Image(camera.width, camera.height, 3);
   all.alpha = Image(camera.width, camera.height, 1);
   for (const Detection& detection : detections) {
-    addBehind(field.render({camera, object.cameraInField(detection.T_C_O)}, {}, {}), &all);
+    addBehind(
+        field.render({camera, ObjectInside::frame(object).cameraInModel(detection.T_C_O)}, {}, {}),
+        &all);
   }
   writePng(drawOverlay(observation.image, all, 0.7), options.overlay);
 }
@@ -145,7 +148,8 @@ void detect(const DetectOptions& options, const CancellationToken& cancellation)
   Detector detector(backend, object, detector_options, cancellation);
   const DetectionResult result = detector.detect(observation, hint, cancellation);
   if (!options.overlay.empty()) {
-    drawDetections(options, object, observation, *backend->load(object.field()), result.detections);
+    drawDetections(options, object, observation, *backend->load(ObjectInside::field(object)),
+                   result.detections);
   }
   const nlohmann::json document = resultJson(options, object, result);
   if (options.json) {

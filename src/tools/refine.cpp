@@ -35,8 +35,8 @@ struct RefineOptions {
   double start_rotation_deg = 15;
   double start_translation = 0.15;
   std::string preset = "align";
-  double search_rotation_deg = 15;
-  double search_translation = 0.15;
+  double search_rotation_deg = kSearchRotation_deg;
+  double search_translation = kSearchTranslation;
   std::vector<float> background;  // r g b, 0..1
   std::string mask;
   double min_score = TrackingRules().min_score;

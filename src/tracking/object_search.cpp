@@ -149,7 +149,7 @@ Refinement RefinerSearch::find(const SearchRequest& request,
   }
   SideViewReport unused;
   unused.message = "this preset renders the field and takes one image; 'keyframes' takes several";
-  found.beside.assign(request.observation.beside.size(), unused);
+  found.side_views.assign(request.observation.side_views.size(), unused);
   return found;
 }
 

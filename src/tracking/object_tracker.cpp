@@ -11,7 +11,7 @@
 namespace nerf_pose_refiner {
 namespace {
 
-/// Rounds as ros::Time::toSec does.
+/// Each part is exact: only their sum is rounded.
 double secondsOf(std::int64_t stamp_ns) {
   constexpr std::int64_t kSecond = 1000000000;
   return static_cast<double>(stamp_ns / kSecond) + 1e-9 * static_cast<double>(stamp_ns % kSecond);

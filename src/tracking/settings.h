@@ -3,6 +3,7 @@
 
 #include <string>
 
+#include "nerf_pose_refiner/pose.h"
 #include "refinement/settings.h"
 
 namespace nerf_pose_refiner {
@@ -75,8 +76,10 @@ struct ViewWindowSettings {
 
 /// How an object is tracked; the defaults are the node's.
 struct TrackerSettings {
-  SearchSettings initial = SearchSettings::named("keyframes", 15, 0.15);  ///< from an initial pose
-  SearchSettings tracking = SearchSettings::named("keyframes", 5, 0.05);  ///< from the last pose
+  /// From an initial pose.
+  SearchSettings initial =
+      SearchSettings::named("keyframes", kSearchRotation_deg, kSearchTranslation);
+  SearchSettings tracking = SearchSettings::named("keyframes", 5, 0.05);  ///< from the last one
   TrackingRules rules;
   MaskMode mask_mode = MaskMode::kNone;
   ViewWindowSettings window;

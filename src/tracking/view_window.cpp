@@ -62,7 +62,7 @@ void ViewWindow::addTo(std::int64_t stamp_ns, Observation* observation) {
     side.position_dev_m = view.position_dev_m;
     side.rotation_dev_rad = view.rotation_dev_rad;
     side.after_s = 1e-9 * static_cast<double>(view.stamp_ns - stamp_ns);
-    observation->beside.push_back(std::move(side));
+    observation->side_views.push_back(std::move(side));
   }
 }
 
@@ -70,17 +70,17 @@ void ViewWindow::learn(const Observation& observation, std::int64_t stamp_ns,
                        const FieldMetadata& object, const Refinement& found) {
   if (settings_.views == 0 || !observation.T_W_C) return;
   bool compared = false, used = false;
-  for (std::size_t i = 0; i < found.beside.size() && i < observation.beside.size(); ++i) {
-    if (!isPast(observation.beside[i])) continue;
-    compared = compared || found.beside[i].apart > 0;
-    used = used || found.beside[i].used;
+  for (std::size_t i = 0; i < found.side_views.size() && i < observation.side_views.size(); ++i) {
+    if (!isPast(observation.side_views[i])) continue;
+    compared = compared || found.side_views[i].apart > 0;
+    used = used || found.side_views[i].used;
   }
   contradictions_ = used || !compared ? 0 : contradictions_ + 1;
   if (contradictions_ >= kMoved) clear();
   const ObjectFrame frame = ObjectFrame::inMetres(object);
   const Pose T_W_U = *observation.T_W_C * frame.objectInCamera(found.T_O_C);
   centre_W_ = T_W_U * frame.point(object.centre);
-  const bool own_sees = observation.beside.empty() || found.own.has_value();
+  const bool own_sees = observation.side_views.empty() || found.own.has_value();
   if (contradictions_ > 0) return;
   if (!own_sees || found.hypotheses.empty() || found.hypotheses.front().score < kMinScore) return;
   const auto is_near = [&](const View& view) {
@@ -98,7 +98,7 @@ void ViewWindow::learn(const Observation& observation, std::int64_t stamp_ns,
 /// Keeps an image; if there are too many, the one goes that is nearest to another one.
 void ViewWindow::keep(const Observation& observation, std::int64_t stamp_ns) {
   auto own = std::make_shared<Observation>(observation);
-  own->beside.clear();
+  own->side_views.clear();
   own->depth.reset();
   own->T_W_C.reset();
   views_.push_back(

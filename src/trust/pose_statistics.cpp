@@ -80,9 +80,7 @@ class ErrorMoments {
   void add(const Refinement& found, const Pose& true_T_O_C, const FieldMetadata& object) {
     const Pose T_O_C = nearestEquivalent(found.T_O_C, true_T_O_C, object.symmetries);
     const Eigen::Vector3d centre_C = T_O_C.inverse() * object.centre;
-    Matrix6 to_sight = Matrix6::Zero();
-    to_sight.topLeftCorner<3, 3>() = to_sight.bottomRightCorner<3, 3>() =
-        (T_O_C.R * lineOfSightAxes(centre_C)).transpose();
+    Matrix6 to_sight = rotationOfTwists((T_O_C.R * lineOfSightAxes(centre_C)).transpose());
     to_sight.topRows<2>() /= object.diameter;
     to_sight.row(2) /= centre_C.norm();
     const Vector6 error = to_sight * cameraTwist(T_O_C, true_T_O_C, object.centre);

@@ -9,8 +9,10 @@
 #include "field/model_file.h"
 #include "field/object_frame.h"
 #include "field/object_metadata.h"
+#include "views/object_inside.h"
 
 namespace nerf_pose_refiner {
+
 Object::Object(std::shared_ptr<const Field> field) : field_(std::move(field)) {
   if (!field_) throw std::invalid_argument("Object: the field is null");
 }
@@ -39,20 +41,12 @@ Symmetries Object::symmetries() const {
 
 double Object::psnr_db() const { return field_->metadata.psnr_db; }
 
-Pose Object::cameraInField(const Pose& T_C_O) const {
-  return ObjectFrame::ofUsers(field_->metadata).cameraInModel(T_C_O);
-}
-
-Pose Object::objectInCamera(const Pose& T_field_C) const {
-  return ObjectFrame::ofUsers(field_->metadata).objectInCamera(T_field_C);
-}
-
 Object loadObject(const std::string& path) {
-  return Object(std::make_shared<const Field>(loadField(path)));
+  return ObjectInside::make(std::make_shared<const Field>(loadField(path)));
 }
 
 void saveObject(const Object& object, const std::string& path) {
-  const Field& field = *object.field();
+  const Field& field = *ObjectInside::field(object);
   const ObjectMetadata known = metadataBesideModel(field.metadata);
   const std::string beside = metadataPathOf(path);
   if (!sameFrame(known, readObjectMetadata(beside))) {

@@ -5,44 +5,22 @@
 #include <limits>
 #include <stdexcept>
 
-#include "backend/loaded_field.h"
-#include "backend/make_backend.h"
-#include "backend/training.h"
 #include "field/field.h"
 #include "nerf_pose_refiner/overlay.h"
 #include "nerf_pose_refiner/refiner.h"
 #include "nerf_pose_refiner/tracker.h"
 #include "support/expect_error.h"
 #include "support/keyframe_scene.h"
+#include "support/scene_backend.h"
 #include "support/small_field.h"
 #include "support/temporary_folder.h"
+#include "views/object_inside.h"
 
 namespace nerf_pose_refiner {
 namespace {
 
 constexpr double kMetresPerUnit = 0.2;
 constexpr std::int64_t kFrame_ns = 33000000;
-
-/// Has one field, whatever is loaded.
-class SceneBackend final : public Backend {
- public:
-  explicit SceneBackend(std::shared_ptr<const LoadedField> scene) : scene_(std::move(scene)) {}
-
-  BackendInfo info() const override { return {}; }
-  std::shared_ptr<const LoadedField> load(std::shared_ptr<const Field>) override { return scene_; }
-  std::unique_ptr<KeyframeAligner> makeKeyframeAligner() override {
-    return makeCpuKeyframeAligner(2);
-  }
-  std::unique_ptr<FieldTrainer> makeTrainer(const FieldConfig&, const Box&,
-                                            std::vector<TrainingView>,
-                                            const TrainingPlan&) override {
-    throw std::logic_error("a scene is not trained");
-  }
-  CostCounters costs() const override { return {}; }
-
- private:
-  std::shared_ptr<const LoadedField> scene_;
-};
 
 class LibraryTest : public testing::Test, protected KeyframeScene {
  protected:
@@ -52,7 +30,7 @@ class LibraryTest : public testing::Test, protected KeyframeScene {
     field->metadata.name = "scene";
     field->metadata.metres_per_unit = metres_per_unit;
     field->metadata.T_O_U = T_O_U_;
-    return Object(field);
+    return ObjectInside::make(field);
   }
 
   /// The pose that users get for a camera pose [m].
@@ -72,7 +50,8 @@ class LibraryTest : public testing::Test, protected KeyframeScene {
 
   const Pose T_O_U_ = {expSO3({0, 0, 90 * kDegree}), {0.1, 0.2, 0.3}};
   const Object object_ = objectWith(kMetresPerUnit);
-  const std::shared_ptr<Backend> backend_ = std::make_shared<SceneBackend>(scene_);
+  const std::shared_ptr<Backend> backend_ = std::make_shared<SceneBackend>(
+      std::make_shared<DescribedScene>(scene_, judged(scene_->field().metadata)));
   const Pose not_finite_ = {Eigen::Matrix3d::Identity(),
                             Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN())};
 };
@@ -191,11 +170,12 @@ TEST_F(LibraryTest, AnObjectIsSavedWithItsFrame) {
   field->metadata.box = Box{{-1, -2, -3}, {1, 2, 3}};
   field->metadata.symmetries = Symmetries(
       SymmetryAxis{}, {turnAbout({Eigen::Vector3d::UnitX(), Eigen::Vector3d::Zero()}, M_PI)});
-  const Object before(field);
+  const Object before = ObjectInside::make(field);
   saveObject(before, path);
   const Object after = loadObject(path);
   const Pose pose = {expSO3({0.1, 0.2, 0.3}), {0.4, 0.5, 0.6}};
-  const Pose through_both = after.objectInCamera(before.cameraInField(pose));
+  const Pose through_both =
+      ObjectInside::frame(after).objectInCamera(ObjectInside::frame(before).cameraInModel(pose));
   EXPECT_LT(rotationDistance(through_both.R, pose.R), 1e-9);
   EXPECT_LT((through_both.t - pose.t).norm(), 1e-9);
   for (int i = 0; i < 8; ++i)
@@ -203,8 +183,8 @@ TEST_F(LibraryTest, AnObjectIsSavedWithItsFrame) {
   EXPECT_EQ(describe(after.symmetries()), describe(before.symmetries()));
   saveObject(after, path);  // the file beside it says the same
   expectError<std::runtime_error>(
-      [&] { saveObject(Object(std::make_shared<Field>(smallField())), path); }, "scene.yaml",
-      "another frame");
+      [&] { saveObject(ObjectInside::make(std::make_shared<Field>(smallField())), path); },
+      "scene.yaml", "another frame");
 }
 
 TEST_F(LibraryTest, OverlayIsGreyBesideTheObjectAndColouredOnIt) {
@@ -247,6 +227,25 @@ TEST(Observe, RefusesOtherChannelsAndSizes) {
   EXPECT_THROW(observe(Image8(kCamera.width, kCamera.height, 4), kCamera), std::invalid_argument);
   EXPECT_THROW(observe(Image8(kCamera.width, 2, 3), kCamera), std::invalid_argument);
   EXPECT_THROW(observe(rgb, kCamera, Image8(3, 3, 1)), std::invalid_argument);
+}
+
+TEST(Observe, TakesAMaskOfBytesHeldElsewhere) {
+  const auto bgr = std::make_shared<const Image8>(kCamera.width, kCamera.height, 3);
+  const auto with = [&](const Image8& mask) {
+    return observe(viewOf(*bgr), PixelFormat::kBgr, kCamera, bgr, mask);
+  };
+  EXPECT_EQ(with({}).background, Background::kUnknown);
+  Image8 mask(kCamera.width, kCamera.height, 1);
+  mask.at(2, 1, 0) = 7;
+  const Observation masked = with(mask);
+  EXPECT_EQ(masked.background, Background::kMask);
+  EXPECT_EQ(masked.alpha.at(2, 1, 0), 1);
+  EXPECT_EQ(masked.alpha.at(1, 2, 0), 0);
+  expectError<std::invalid_argument>([&] { with(Image8(3, 3, 1)); }, "alpha");
+  mask.values.push_back(1);
+  expectError<std::invalid_argument>([&] { with(mask); }, "alpha", "values");
+  expectError<std::invalid_argument>([&] { with(Image8(kCamera.width, kCamera.height, 3)); },
+                                     "one channel");
 }
 
 }  // namespace

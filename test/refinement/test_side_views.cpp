@@ -133,10 +133,10 @@ TEST_F(SideViewsTest, ASecondCameraTellsTheDistance) {
   for (std::uint64_t seed = 0; seed < 4; ++seed) {
     Observation observation = *noisy(imageAt(truth_), 2 * seed);
     const Refinement alone = follow(observation);
-    observation.beside = {side(noisy(imageAt(sideTruth()), 2 * seed + 1))};
+    observation.side_views = {side(noisy(imageAt(sideTruth()), 2 * seed + 1))};
     const Refinement both = follow(observation);
-    ASSERT_EQ(both.beside.size(), 1u);
-    EXPECT_TRUE(both.beside[0].used) << both.beside[0].message;
+    ASSERT_EQ(both.side_views.size(), 1u);
+    EXPECT_TRUE(both.side_views[0].used) << both.side_views[0].message;
     EXPECT_LT(alongVariance(both), 0.5 * alongVariance(alone));
     EXPECT_GE(both.score, 0.9);
     alone_m += std::abs(alongSight(alone.T_O_C));
@@ -156,25 +156,25 @@ TEST_F(SideViewsTest, WhatOnlyTheyShowMayBeALookAlike) {
   look_alikes.axis = SymmetryAxis();
   refiner.use(look_alikes);
   Observation observation = nothing();
-  observation.beside = {side(noisy(imageAt(sideTruth()), 1))};
+  observation.side_views = {side(noisy(imageAt(sideTruth()), 1))};
   Prior prior;
   prior.T_O_C = truth_;
   prior.rotation_rad = 5 * kDegree;
   prior.translation = 0.05;
   const Refinement found = refiner.follow({observation, 0}, prior);
   ASSERT_EQ(found.outcome, Outcome::kRefined);
-  ASSERT_TRUE(found.beside[0].used) << found.beside[0].message;
+  ASSERT_TRUE(found.side_views[0].used) << found.side_views[0].message;
   EXPECT_TRUE(found.unmistaken) << "an object with look-alikes is never trusted unchecked";
 }
 
 TEST_F(SideViewsTest, ACoveredCameraHasNoSay) {
   Observation observation = imageAt(truth_);
   const Refinement alone = follow(observation);
-  observation.beside = {side(std::make_shared<const Observation>(nothing()))};
+  observation.side_views = {side(std::make_shared<const Observation>(nothing()))};
   const Refinement found = follow(observation);
-  ASSERT_EQ(found.beside.size(), 1u);
-  EXPECT_FALSE(found.beside[0].used);
-  EXPECT_NE(found.beside[0].message, "");
+  ASSERT_EQ(found.side_views.size(), 1u);
+  EXPECT_FALSE(found.side_views[0].used);
+  EXPECT_NE(found.side_views[0].message, "");
   EXPECT_EQ(found.T_O_C.t, alone.T_O_C.t);
   EXPECT_EQ(found.covariance, alone.covariance);
 }
@@ -182,9 +182,9 @@ TEST_F(SideViewsTest, ACoveredCameraHasNoSay) {
 TEST_F(SideViewsTest, OtherCamerasFindWhatTheFirstDoesNotSee) {
   Observation observation = nothing();
   EXPECT_LT(follow(observation).score, 0.5);
-  observation.beside = {side(std::make_shared<const Observation>(imageAt(sideTruth())))};
+  observation.side_views = {side(std::make_shared<const Observation>(imageAt(sideTruth())))};
   const Refinement found = follow(observation);
-  EXPECT_TRUE(found.beside[0].used) << found.beside[0].message;
+  EXPECT_TRUE(found.side_views[0].used) << found.side_views[0].message;
   const PoseError error = poseError(found.T_O_C, truth_, object().centre, kColour);
   EXPECT_LT(error.rotation_rad / kDegree, 0.5);
   EXPECT_LT(error.object_offset / object().diameter, 0.02);
@@ -194,25 +194,26 @@ TEST_F(SideViewsTest, OtherCamerasFindWhatTheFirstDoesNotSee) {
 TEST_F(SideViewsTest, ACameraThatIsElsewhereIsRefused) {
   Observation observation = imageAt(truth_);
   const Refinement alone = follow(observation);
-  observation.beside = {side(std::make_shared<const Observation>(imageAt(sideTruth())))};
-  observation.beside[0].T_C_V.t += Eigen::Vector3d(0, 0.02, 0);
+  observation.side_views = {side(std::make_shared<const Observation>(imageAt(sideTruth())))};
+  observation.side_views[0].T_C_V.t += Eigen::Vector3d(0, 0.02, 0);
   const Refinement found = follow(observation);
-  EXPECT_FALSE(found.beside[0].used);
-  EXPECT_NE(found.beside[0].message.find("another pose"), std::string::npos)
-      << found.beside[0].message;
+  EXPECT_FALSE(found.side_views[0].used);
+  EXPECT_NE(found.side_views[0].message.find("another pose"), std::string::npos)
+      << found.side_views[0].message;
   EXPECT_EQ(found.T_O_C.t, alone.T_O_C.t);
 }
 
 TEST_F(SideViewsTest, SaysWhatEachImageShowsAlone) {
   Observation observation = imageAt(truth_);
-  observation.beside = {side(std::make_shared<const Observation>(imageAt(sideTruth())))};
+  observation.side_views = {side(std::make_shared<const Observation>(imageAt(sideTruth())))};
   const Refinement found = follow(observation);
   ASSERT_TRUE(found.own);
   EXPECT_LT((found.own->T_O_C.t - truth_.t).norm(), 0.02 * truth_.t.norm());
   const Pose truth_V = ObjectFrame::inMetres(object()).objectInCamera(sideTruth());
-  EXPECT_LT((found.beside[0].T_V_O.t - truth_V.t).norm(), 0.005);
-  EXPECT_LT(rotationDistance(found.beside[0].T_V_O.R, truth_V.R), 0.5 * kDegree);
-  EXPECT_GT(found.beside[0].covariance(2, 2), found.beside[0].covariance(0, 0)) << "along its view";
+  EXPECT_LT((found.side_views[0].T_V_O.t - truth_V.t).norm(), 0.005);
+  EXPECT_LT(rotationDistance(found.side_views[0].T_V_O.R, truth_V.R), 0.5 * kDegree);
+  EXPECT_GT(found.side_views[0].covariance(2, 2), found.side_views[0].covariance(0, 0))
+      << "along its view";
 }
 
 TEST_F(SideViewsTest, WhatMovesIsSeenWhereItWasAtEachMoment) {
@@ -220,12 +221,12 @@ TEST_F(SideViewsTest, WhatMovesIsSeenWhereItWasAtEachMoment) {
   const Eigen::Vector3d step = truth_.R * Eigen::Vector3d(-0.01 / kUnit_m, 0, 0);
   Observation observation = imageAt(truth_);
   Observation later = imageAt({sideTruth().R, sideTruth().t + step});
-  observation.beside = {side(std::make_shared<const Observation>(std::move(later)))};
-  observation.beside[0].after_s = 0.01;
+  observation.side_views = {side(std::make_shared<const Observation>(std::move(later)))};
+  observation.side_views[0].after_s = 0.01;
   Pose before = truth_;
   before.t -= 10 * step;  // 0.1 s ago
   const Refinement found = follow(observation, std::make_pair(before, 0.1));
-  EXPECT_TRUE(found.beside[0].used) << found.beside[0].message;
+  EXPECT_TRUE(found.side_views[0].used) << found.side_views[0].message;
   const PoseError error = poseError(found.T_O_C, truth_, object().centre, kColour);
   EXPECT_LT(error.object_offset / object().diameter, 0.02);
 }
@@ -264,9 +265,9 @@ class PastViewsTest : public SideViewsTest {
 TEST_F(PastViewsTest, ActAsFurtherCameras) {
   Observation observation = imageAt(truth_);
   const Refinement alone = follow(observation);
-  observation.beside = {past(imageAt(sideTruth()))};
+  observation.side_views = {past(imageAt(sideTruth()))};
   const Refinement found = follow(observation);
-  EXPECT_TRUE(found.beside[0].used) << found.beside[0].message;
+  EXPECT_TRUE(found.side_views[0].used) << found.side_views[0].message;
   EXPECT_LT(alongVariance(found), 0.5 * alongVariance(alone));
   const Refinement again = follow(observation);  // what is known of the past view is kept
   EXPECT_NEAR((again.T_O_C.t - found.T_O_C.t).norm(), 0, 1e-3);
@@ -274,10 +275,10 @@ TEST_F(PastViewsTest, ActAsFurtherCameras) {
 
 TEST_F(PastViewsTest, AnErrorOfThePresentPlaceIsNotAveragedAway) {
   Observation observation = imageAt(truth_);
-  observation.beside = {past(imageAt(sideTruth()))};
-  observation.beside[0].position_dev_m = 0.005;
+  observation.side_views = {past(imageAt(sideTruth()))};
+  observation.side_views[0].position_dev_m = 0.005;
   const double one = alongVariance(follow(observation));
-  for (int i = 0; i < 3; ++i) observation.beside.push_back(observation.beside[0]);
+  for (int i = 0; i < 3; ++i) observation.side_views.push_back(observation.side_views[0]);
   EXPECT_GT(alongVariance(follow(observation)), 0.4 * one);
 }
 
@@ -286,33 +287,34 @@ TEST_F(PastViewsTest, AreNotUsedOnceTheObjectWasMoved) {
   const Refinement alone = follow(observation);
   SideView view = past(imageAt(sideTruth()));
   view.T_C_V.t += Eigen::Vector3d(0, 0.02, 0);
-  observation.beside = {view};
+  observation.side_views = {view};
   const Refinement found = follow(observation);
-  EXPECT_FALSE(found.beside[0].used);
-  EXPECT_GT(found.beside[0].apart, 4);
-  EXPECT_NE(found.beside[0].message.find("moved"), std::string::npos) << found.beside[0].message;
+  EXPECT_FALSE(found.side_views[0].used);
+  EXPECT_GT(found.side_views[0].apart, 4);
+  EXPECT_NE(found.side_views[0].message.find("moved"), std::string::npos)
+      << found.side_views[0].message;
   EXPECT_EQ(found.T_O_C.t, alone.T_O_C.t);
 }
 
 TEST_F(PastViewsTest, DoNotShowAnObjectThatIsGone) {
   Observation observation = nothing();
-  observation.beside = {past(imageAt(sideTruth()))};
+  observation.side_views = {past(imageAt(sideTruth()))};
   const Refinement found = follow(observation);
-  EXPECT_FALSE(found.beside[0].used);
+  EXPECT_FALSE(found.side_views[0].used);
   EXPECT_LT(found.score, 0.5);
 }
 
 TEST_F(SideViewsTest, RefusesWhatMakesNoSense) {
   Observation observation = imageAt(truth_);
-  observation.beside = {side(nullptr)};
+  observation.side_views = {side(nullptr)};
   EXPECT_THROW(observation.validate(), std::invalid_argument);
   Observation nested = imageAt(truth_);
-  nested.beside = {side(std::make_shared<const Observation>(imageAt(sideTruth())))};
+  nested.side_views = {side(std::make_shared<const Observation>(imageAt(sideTruth())))};
   EXPECT_NO_THROW(nested.validate());
-  observation.beside = {side(std::make_shared<const Observation>(nested))};
+  observation.side_views = {side(std::make_shared<const Observation>(nested))};
   EXPECT_THROW(observation.validate(), std::invalid_argument);
-  observation.beside = nested.beside;
-  observation.beside[0].T_C_V.R *= 2;
+  observation.side_views = nested.side_views;
+  observation.side_views[0].T_C_V.R *= 2;
   EXPECT_THROW(observation.validate(), std::invalid_argument);
 }
 

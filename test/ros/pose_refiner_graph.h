@@ -132,7 +132,7 @@ inline RegisterObject learnField(const std::string& name, const std::string& dat
   return call;
 }
 
-inline LoadObject loadField(const std::string& name) {
+inline LoadObject loadNamed(const std::string& name) {
   LoadObject call;
   call.request.name = name;
   EXPECT_TRUE(world->pnh.serviceClient<LoadObject>("load_object").call(call));

@@ -6,6 +6,7 @@
 #include <geometry_msgs/TransformStamped.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <string>
 
 #include "pose_refiner_graph.h"
@@ -144,10 +145,12 @@ TEST_F(DetectionServiceTest, RefusesWhatItCannotUse) {
   };
   DetectObject::Request many = requestWithImage();
   many.max_instances = 1001;
-  expectRefused(many, Status::REASON_INTERNAL, "max_instances");
-  DetectObject::Request negative = requestWithImage();
-  negative.timeout_s = -1;
-  expectRefused(negative, Status::REASON_INTERNAL, "timeout_s");
+  expectRefused(many, Status::REASON_NONE, "max_instances");
+  for (const double timeout_s : {-1.0, std::nan(""), HUGE_VAL}) {
+    DetectObject::Request timeless = requestWithImage();
+    timeless.timeout_s = timeout_s;
+    expectRefused(timeless, Status::REASON_NONE, "request's timeout_s");
+  }
   DetectObject::Request small_mask = requestWithImage();
   small_mask.mask = small_mask.image;
   small_mask.mask.height = 48;

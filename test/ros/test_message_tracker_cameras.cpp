@@ -2,8 +2,10 @@
 // Several cameras, and one that moves as several.
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <optional>
 #include <string>
+#include <thread>
 
 #include "message_tracker_fixture.h"
 
@@ -23,7 +25,7 @@ class MessageTrackerCamerasTest : public MessageTrackerTest {
   static CameraFrame withLeft(double seconds = 0) {
     CameraFrame frame = frameAt(seconds);
     const CameraFrame left = frameAt(seconds + 0.005, "left_camera");
-    frame.beside = {{left.image, left.info}, {nullptr, nullptr, "no image comes"}};
+    frame.side_views = {{left.image, left.info}, {nullptr, nullptr, "no image comes"}};
     return frame;
   }
 
@@ -51,15 +53,15 @@ class MessageTrackerCamerasTest : public MessageTrackerTest {
 
 TEST_F(MessageTrackerCamerasTest, HandsOnTheirImagesAndPlaces) {
   placeLeft();
-  search_->beside_reports.resize(1);
-  search_->beside_reports[0].used = true;
+  search_->side_view_reports.resize(1);
+  search_->side_view_reports[0].used = true;
   const FrameResult result = processFirst(withLeft());
-  ASSERT_EQ(search_->beside.size(), 1u);
-  EXPECT_NEAR(search_->beside[0].T_C_V.t.x(), -0.4, 1e-12);
-  EXPECT_EQ(search_->beside[0].position_dev_m, 0.003);
-  EXPECT_EQ(search_->beside[0].observation->camera.width, 4);
-  EXPECT_NEAR(search_->beside[0].after_s, 0.005, 1e-9);
-  EXPECT_EQ(search_->beside[0].camera, 1);
+  ASSERT_EQ(search_->side_views.size(), 1u);
+  EXPECT_NEAR(search_->side_views[0].T_C_V.t.x(), -0.4, 1e-12);
+  EXPECT_EQ(search_->side_views[0].position_dev_m, 0.003);
+  EXPECT_EQ(search_->side_views[0].observation->camera.width, 4);
+  EXPECT_NEAR(search_->side_views[0].after_s, 0.005, 1e-9);
+  EXPECT_EQ(search_->side_views[0].camera, 1);
   EXPECT_EQ(int{result.status.cameras}, 2);
   EXPECT_EQ(result.status.cameras_used, "image left/image_raw");
   EXPECT_EQ(result.status.cameras_message, "right/image_raw: no image comes");
@@ -67,8 +69,8 @@ TEST_F(MessageTrackerCamerasTest, HandsOnTheirImagesAndPlaces) {
 
 TEST_F(MessageTrackerCamerasTest, SaysWhyOneHadNoPart) {
   placeLeft();
-  search_->beside_reports.resize(1);
-  search_->beside_reports[0].message = "covered";
+  search_->side_view_reports.resize(1);
+  search_->side_view_reports[0].message = "covered";
   const FrameResult result = processFirst(withLeft());
   EXPECT_EQ(int{result.status.cameras}, 1);
   EXPECT_EQ(result.status.cameras_message,
@@ -77,11 +79,25 @@ TEST_F(MessageTrackerCamerasTest, SaysWhyOneHadNoPart) {
 
 TEST_F(MessageTrackerCamerasTest, TracksOnWhereOneHasNoTransform) {
   const FrameResult result = processFirst(withLeft());
-  EXPECT_TRUE(search_->beside.empty());
+  EXPECT_TRUE(search_->side_views.empty());
   EXPECT_TRUE(result.pose);
   EXPECT_EQ(int{result.status.cameras}, 1);
   EXPECT_NE(result.status.cameras_message.find("left/image_raw: no transform"), std::string::npos)
       << result.status.cameras_message;
+}
+
+TEST_F(MessageTrackerCamerasTest, AStopEndsTheWaitForATransform) {
+  parameters_.frames.tf_timeout_s = 60;
+  restart();
+  begin();
+  std::thread stopping([this] {
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    tracker_->tracker().stop();
+  });
+  const auto start = std::chrono::steady_clock::now();
+  process(withLeft());
+  EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(20));
+  stopping.join();
 }
 
 /// Somebody else says where a camera stands at each moment.
@@ -89,15 +105,15 @@ TEST_F(MessageTrackerCamerasTest, ACameraThatMovesIsWhereItWasWhenItTookItsImage
   addTransform("camera", "left_camera", 0, -0.4);
   addTransform("camera", "left_camera", 1, 0.6);  // 1 m/s
   processFirst(withLeft());
-  ASSERT_EQ(search_->beside.size(), 1u);
-  EXPECT_NEAR(search_->beside[0].T_C_V.t.x(), -0.4 + 0.005, 1e-9);
+  ASSERT_EQ(search_->side_views.size(), 1u);
+  EXPECT_NEAR(search_->side_views[0].T_C_V.t.x(), -0.4 + 0.005, 1e-9);
 }
 
 TEST_F(MessageTrackerCamerasTest, ThePoseIsAtTheStampOfTheNewestImage) {
   placeLeft();
   begin();
-  search_->beside_reports.resize(1);
-  search_->beside_reports[0].used = true;
+  search_->side_view_reports.resize(1);
+  search_->side_view_reports[0].used = true;
   setClock(0);
   process(withLeft(0));
   search_->T_O_C.t.x() += 1;  // the object goes 0.1 m to the left in 0.1 s
@@ -108,7 +124,7 @@ TEST_F(MessageTrackerCamerasTest, ThePoseIsAtTheStampOfTheNewestImage) {
   EXPECT_NEAR(result.pose->pose.pose.position.x, -0.1 - 0.005, 1e-6);
   EXPECT_EQ(result.twist->header.stamp, result.pose->header.stamp);
   EXPECT_NEAR(result.status.header.stamp.toSec(), 1000.1, 1e-6) << "the image's";
-  search_->beside_reports[0].used = false;
+  search_->side_view_reports[0].used = false;
   setClock(0.2);
   EXPECT_NEAR(process(withLeft(0.2)).pose->header.stamp.toSec(), 1000.2, 1e-6);
 }
@@ -120,11 +136,11 @@ TEST_F(MessageTrackerCamerasTest, AnotherCameraLeadsWhereTheFirstOneFails) {
   process(withLeft(0));
   CameraFrame frame = frameAt(0.1, "left_camera");
   frame.camera = 1;
-  frame.beside = {{}, {nullptr, nullptr, "no image comes"}};
+  frame.side_views = {{}, {nullptr, nullptr, "no image comes"}};
   search_->T_O_C.t = {-4, 0, -1};  // where the object is for the left camera
   setClock(0.1);
   const FrameResult result = process(frame);
-  EXPECT_EQ(search_->beside.size(), 0u);
+  EXPECT_EQ(search_->side_views.size(), 0u);
   EXPECT_EQ(int{result.status.cameras}, 1);
   EXPECT_EQ(result.status.cameras_used, "left/image_raw");
   EXPECT_EQ(result.status.cameras_message,
@@ -139,8 +155,8 @@ TEST_F(MessageTrackerCamerasTest, AnotherCameraLeadsWhereTheFirstOneFails) {
 TEST_F(MessageTrackerCamerasTest, SaysThatOthersFoundTheObject) {
   placeLeft();
   search_->own_sees = false;
-  search_->beside_reports.resize(1);
-  search_->beside_reports[0].used = true;
+  search_->side_view_reports.resize(1);
+  search_->side_view_reports[0].used = true;
   const FrameResult result = processFirst(withLeft());
   EXPECT_EQ(int{result.status.cameras}, 1);
   EXPECT_EQ(result.status.cameras_used, "left/image_raw");
@@ -154,7 +170,7 @@ TEST_F(MessageTrackerCamerasTest, CalibratesACameraFromWhatWasTracked) {
   begin();
   const Pose T_C_V(Eigen::Matrix3d::Identity(), {-0.4, 0.003, 0});
   search_->covariance = covarianceOf(0.001, 0.002);  // of the model's unit, 0.1 m
-  search_->beside_reports.resize(1);
+  search_->side_view_reports.resize(1);
   Pose stated;
   EXPECT_EQ(tracker_->calibrate(1, {}, &stated).sightings, 0);
   for (int i = 0; i < 30; ++i) {
@@ -163,7 +179,7 @@ TEST_F(MessageTrackerCamerasTest, CalibratesACameraFromWhatWasTracked) {
     Pose T_O_C = T_C_U.inverse();
     T_O_C.t /= 0.1;
     search_->T_O_C = T_O_C;
-    SideViewReport& report = search_->beside_reports[0];
+    SideViewReport& report = search_->side_view_reports[0];
     report.score = 0.9;
     report.T_V_O = T_C_V.inverse() * T_C_U;
     report.covariance = covarianceOf(0.001, 0.0002);
@@ -203,15 +219,15 @@ TEST_F(MessageTrackerWindowTest, PastImagesActAsFurtherCameras) {
   useModel();
   offer();
   processAt(0, 0);
-  EXPECT_EQ(search_->beside.size(), 0u);
+  EXPECT_EQ(search_->side_views.size(), 0u);
   processAt(0.1, 0.01);
-  EXPECT_EQ(search_->beside.size(), 0u) << "from the same side";
-  search_->beside_reports.resize(1);
-  search_->beside_reports[0].used = true;
+  EXPECT_EQ(search_->side_views.size(), 0u) << "from the same side";
+  search_->side_view_reports.resize(1);
+  search_->side_view_reports[0].used = true;
   processAt(0.2, 0.15);
-  ASSERT_EQ(search_->beside.size(), 1u);
-  EXPECT_EQ(search_->beside[0].camera, 0);
-  EXPECT_NEAR(search_->beside[0].T_C_V.t.x(), -0.15, 1e-9);
+  ASSERT_EQ(search_->side_views.size(), 1u);
+  EXPECT_EQ(search_->side_views[0].camera, 0);
+  EXPECT_NEAR(search_->side_views[0].T_C_V.t.x(), -0.15, 1e-9);
   EXPECT_EQ(int{last_->status.window}, 1);
   EXPECT_EQ(int{last_->status.cameras}, 1);
 }
@@ -222,7 +238,7 @@ TEST_F(MessageTrackerWindowTest, NoneActWhereTransformsAreMissing) {
   processAt(0, 0);
   setClock(0.2);
   last_ = tracker_->process(frameAt(5));
-  EXPECT_EQ(search_->beside.size(), 0u);
+  EXPECT_EQ(search_->side_views.size(), 0u);
 }
 
 }  // namespace

@@ -166,7 +166,7 @@ TEST_F(PoseRefinerTest, LearnsNothingTwice) {
   const RegisterObject call = learnField("toy", "toy", kMetresPerUnit);
   EXPECT_TRUE(call.response.success) << call.response.message;
   EXPECT_TRUE(call.response.loaded_existing);
-  const LoadObject load = loadField("toy");
+  const LoadObject load = loadNamed("toy");
   EXPECT_TRUE(load.response.success) << load.response.message;
   world->poses.clear();
   EXPECT_TRUE(track()) << "in use when the service returns";

@@ -106,8 +106,8 @@ TEST_F(PoseRefinerTest, RefusesPathsOutOfItsFolders) {
     EXPECT_FALSE(call.response.message.empty());
   }
   EXPECT_FALSE(learnField("../thief", "toy", kMetresPerUnit).response.success);
-  EXPECT_FALSE(loadField("../toy").response.success);
-  EXPECT_FALSE(loadField((root / "models" / "toy").string()).response.success);
+  EXPECT_FALSE(loadNamed("../toy").response.success);
+  EXPECT_FALSE(loadNamed((root / "models" / "toy").string()).response.success);
   EXPECT_FALSE(fs::exists(root / "thief.safetensors"));
   EXPECT_TRUE(track()) << "the object in use stays";
 }
@@ -119,7 +119,7 @@ TEST_F(PoseRefinerTest, SaysWhatIsMissing) {
   call = learnField("other", "toy", 0);
   EXPECT_FALSE(call.response.success);
   EXPECT_NE(call.response.message.find("metres_per_unit"), std::string::npos);
-  const LoadObject load = loadField("no_such_object");
+  const LoadObject load = loadNamed("no_such_object");
   EXPECT_FALSE(load.response.success);
   EXPECT_NE(load.response.message.find("no_such_object"), std::string::npos);
 }

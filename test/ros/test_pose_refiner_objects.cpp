@@ -56,7 +56,7 @@ TEST_F(ObjectsTest, AreListedLoadedChosenAndUnloaded) {
   EXPECT_TRUE(info->in_memory && info->in_use && info->tracked) << *info;
   EXPECT_GE(listObjects().memory_bytes, info->bytes);
 
-  const LoadObject load = loadField("spare");
+  const LoadObject load = loadNamed("spare");
   EXPECT_TRUE(load.response.success) << load.response.message;
   EXPECT_TRUE(infoOf("spare")->in_memory);
   EXPECT_FALSE(infoOf("spare")->tracked) << "another one is";

@@ -35,7 +35,7 @@ std::multiset<int> messagesUpTo(Enum last) {
 
 TEST(Status, HasOneConstantForEachStateAndReason) {
   const auto states = messagesUpTo(TrackState::kError);
-  const auto reasons = messagesUpTo(TrackReason::kInternal);
+  const auto reasons = messagesUpTo(TrackReason::kDisabled);
   EXPECT_EQ(constants("STATE_").size(), 7u);
   EXPECT_EQ(constants("REASON_").size(), 24u);
   const std::set<int> state_constants = constants("STATE_"),

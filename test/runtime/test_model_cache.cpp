@@ -86,7 +86,7 @@ TEST_F(ModelCacheTest, WhatIsInUseStays) {
   const auto a = cache.load(write("a"));
   auto b = cache.load(write("b"));
   expectError<std::runtime_error>([&] { cache.load(write("c")); }, "c.safetensors", "/refiner",
-                                  "~model_memory_mb");
+                                  "has limited the memory of models");
   b.reset();
   cache.load(write("c"));
   EXPECT_EQ(names(), (std::vector<std::string>{"a", "c"}));

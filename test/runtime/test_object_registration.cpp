@@ -153,7 +153,7 @@ TEST_F(Registration, RefusesRequestsThatMakeNoSense) {
   expectRefused("box_max");
   request = good;
   dataset_root.clear();
-  expectRefused("~dataset_root");
+  expectRefused("root folder of datasets");
 }
 
 // A request comes over the network: the transforms.json it names must not read all files there are.

@@ -33,7 +33,7 @@ class FakeSearch : public ObjectSearch {
     was_tracked.push_back(request.tracked);
     width = request.observation.camera.width;
     depth = request.observation.depth;
-    beside = request.observation.beside;
+    side_views = request.observation.side_views;
     if (throws) throw std::runtime_error("the backend broke");
     while (waits_to_be_stopped && !cancellation.cancelRequested()) {
       searching = true;
@@ -46,8 +46,8 @@ class FakeSearch : public ObjectSearch {
     refinement.T_O_C = T_O_C;
     refinement.covariance = covariance;
     refinement.depth = depth_report;
-    refinement.beside = beside_reports;
-    if (own_sees && !beside.empty()) refinement.own = LonePose{T_O_C, covariance};
+    refinement.side_views = side_view_reports;
+    if (own_sees && !side_views.empty()) refinement.own = LonePose{T_O_C, covariance};
     refinement.hypotheses.resize(2);
     for (Hypothesis& hypothesis : refinement.hypotheses) {
       hypothesis.T_O_C = T_O_C;
@@ -73,8 +73,8 @@ class FakeSearch : public ObjectSearch {
   int width = 0;
   std::shared_ptr<const DepthImage> depth;  ///< of the last observation
   DepthReport depth_report;                 ///< what is said of it
-  std::vector<SideView> beside;             ///< of the last observation
-  std::vector<SideViewReport> beside_reports;
+  std::vector<SideView> side_views;         ///< of the last observation
+  std::vector<SideViewReport> side_view_reports;
   bool own_sees = true;  ///< the observation's own image took part
   Pose T_O_C = {Eigen::Matrix3d::Identity(), {0, 0, -1}};  ///< what is found
   Matrix6 covariance = Matrix6::Zero();

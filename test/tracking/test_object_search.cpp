@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <cstdint>
+#include <future>
 #include <stdexcept>
 #include <vector>
 
@@ -14,13 +16,17 @@
 #include "backend/training.h"
 #include "support/analytic_scene.h"
 #include "support/cpu_processor.h"
-
-// A processor that fails for good is replaced.
+#include "support/revolved_scene.h"
+#include "support/scene_backend.h"
+#include "support/scene_before_clutter.h"
+#include "tracking/object_tracker.h"
 
 namespace nerf_pose_refiner {
 namespace {
 
 const Camera kCamera = {160, 120, 200, 200, 79.5, 59.5};
+
+// A processor that fails for good is replaced.
 
 /// Renders until it fails.
 class FailingField final : public LoadedField {
@@ -47,9 +53,9 @@ class FailingField final : public LoadedField {
 };
 
 /// Loads the analytic scene, whatever it is asked for.
-class SceneBackend final : public Backend {
+class FailingBackend final : public Backend {
  public:
-  SceneBackend(std::shared_ptr<const LoadedField> scene, const bool* fails)
+  FailingBackend(std::shared_ptr<const LoadedField> scene, const bool* fails)
       : scene_(std::move(scene)), fails_(fails) {}
 
   BackendInfo info() const override { return {}; }
@@ -77,7 +83,7 @@ class LostProcessor : public testing::TestWithParam<const char*> {
   SearchProcessor find() {
     ++found_;
     if (found_ > available_) throw std::runtime_error("there is no other processor");
-    return {std::make_shared<SceneBackend>(scene_, found_ == 1 ? &first_fails_ : &never_)};
+    return {std::make_shared<FailingBackend>(scene_, found_ == 1 ? &first_fails_ : &never_)};
   }
 
   std::unique_ptr<RefinerSearch> makeSearch() {
@@ -147,6 +153,68 @@ TEST_P(LostProcessor, ADetectionThatIsCancelledSaysSo) {
 }
 
 INSTANTIATE_TEST_SUITE_P(RefinerSearch, LostProcessor, testing::Values("keyframes", "track"));
+
+// What is known of an object is kept from one search to the next.
+
+std::unique_ptr<RefinerSearch> searchBy(const std::shared_ptr<const DescribedScene>& scene) {
+  RefinerSettings settings = RefinerSettings::named("keyframes");
+  settings.keyframes.real_time = false;
+  return std::make_unique<RefinerSearch>(
+      [scene] { return SearchProcessor{std::make_shared<SceneBackend>(scene)}; }, settings,
+      settings);
+}
+
+TEST(RefinerSearch, LooksForLookAlikesAgainWhereASearchWasCancelled) {
+  const auto bottle = std::make_shared<RevolvedScene>(RevolvedScene::Shape::kLabelled);
+  FieldMetadata object = judged(bottle->field().metadata);
+  object.look_alikes.measured = false;
+  const auto scene = std::make_shared<DescribedScene>(bottle, object);
+  const auto search = searchBy(scene);
+  search->use(std::make_shared<const Field>(scene->field()));
+  const Pose truth = cameraAround(*scene, 0.2, 0.3);  // the label is in sight
+  const Observation image = sceneBeforeClutter(*scene, kCamera, truth);
+  Prior prior;
+  prior.T_O_C = truth;
+
+  const CancellationToken cancellation;
+  scene->on_render = [&] { cancellation.requestCancel(); };
+  EXPECT_EQ(search->search({image, prior, false, 0}, cancellation).outcome, Outcome::kCancelled);
+  scene->on_render = nullptr;
+  const Refinement found = search->search({image, prior, false, 0}, {});
+  ASSERT_EQ(found.outcome, Outcome::kRefined);
+  EXPECT_TRUE(found.unmistaken) << "its poses are compared with those that look alike";
+}
+
+TEST(RefinerSearch, AChangeOfSettingsKeepsTheKeyframes) {
+  const auto plain = makeAnalyticScene(1, cpuProcessor(2));
+  FieldMetadata object = judged(plain->field().metadata);
+  object.metres_per_unit = 1;
+  const auto scene = std::make_shared<DescribedScene>(plain, object);
+  TrackerSettings settings;
+  settings.rules.trust_score = settings.rules.min_score = 0.1;
+  ObjectTracker tracker(searchBy(scene), settings);
+  std::future<void> in_use = tracker.offerModel(std::make_shared<const Field>(scene->field()));
+  tracker.applyModels();
+  in_use.get();
+  const Pose truth = cameraAround(*scene, 0.6, 0.5);
+  const Observation image = sceneBeforeClutter(*scene, kCamera, truth);
+  tracker.offer({truth.inverse(), "camera", 0, false, {}});
+  int images = 0;
+  const auto track = [&] {
+    const int before = scene->renderings;
+    const std::int64_t stamp_ns = 33000000 * ++images;
+    const TrackOutcome found = tracker.track({{"camera", stamp_ns}, [&](bool) { return image; }});
+    EXPECT_TRUE(found.trusted) << found.message;
+    return scene->renderings - before;
+  };
+  EXPECT_GT(track(), 0);
+  track();
+  settings.rules.max_failures = 5;
+  settings.tracking.rotation_deg = 4;
+  settings.tracking.refiner.seed = settings.initial.refiner.seed = 7;
+  tracker.change(settings);
+  EXPECT_EQ(track(), 0);
+}
 
 }  // namespace
 }  // namespace nerf_pose_refiner

@@ -4,7 +4,7 @@
 namespace nerf_pose_refiner {
 namespace {
 
-// Looked for where it was last trusted, as widely as from an initial pose, for ~recover_s.
+// Looked for where it was last trusted, as widely as from an initial pose, for `recover_s`.
 TEST_F(TrackerStateTest, LooksForALostObjectAroundItsLastPose) {
   rules_.recover_s = 5;
   restart();

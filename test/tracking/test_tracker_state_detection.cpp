@@ -82,7 +82,7 @@ TEST_F(DetectingStateTest, ALostObjectIsLookedForEverywhereAndAroundItsLastPose)
   EXPECT_EQ(between.start->T_P_U.t.x(), 0.5);
   state_.notTrusted(between.ticket, TrackReason::kLowScore, "");
   miss(1.6);
-  miss(20);  // long after ~recover_s
+  miss(20);  // long after `recover_s`
   EXPECT_FALSE(image(20.1).start);
   const ImageDecision found = image(21);
   ASSERT_TRUE(state_.trusted(found.ticket, {}));

@@ -53,8 +53,8 @@ void requireImage(const char* name, const Image& image, const Camera& camera, in
                               std::to_string(wrong) + ", must be in 0..1");
 }
 
-void validateBeside(const SideView& view) {
-  if (view.observation == nullptr || !view.observation->beside.empty()) {
+void validateSideView(const SideView& view) {
+  if (view.observation == nullptr || !view.observation->side_views.empty()) {
     throw std::invalid_argument("a side view has no observation, or one with side views");
   }
   if (view.observation->depth) {
@@ -87,7 +87,7 @@ void Observation::validate() const {
   if (needs_alpha || !alpha.empty()) requireImage("alpha", alpha, camera, 1);
   if (!weight.empty()) requireImage("weight", weight, camera, 1);
   if (depth) depth->validate();
-  for (const SideView& view : beside) validateBeside(view);
+  for (const SideView& view : side_views) validateSideView(view);
   if (T_W_C && !(T_W_C->isFinite() && T_W_C->isRigid())) {
     throw std::invalid_argument("Observation::T_W_C is not a rigid transform");
   }

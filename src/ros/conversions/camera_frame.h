@@ -19,11 +19,11 @@ struct CameraFrame {
   sensor_msgs::ImageConstPtr image;
   sensor_msgs::CameraInfoConstPtr info;
   ros::WallTime arrival;
-  std::uint32_t clock_jumps = 0;       ///< ObjectTracker::readClock at its arrival
-  ImageMasks masks = {};               ///< with the same stamp
-  Companion depth = {};                ///< of about the same time
-  std::vector<Companion> beside = {};  ///< alike, of the cameras of ~cameras/topics
-  std::size_t camera = 0;              ///< that took it: 0 `image`, i the i-th of ~cameras/topics
+  std::uint32_t clock_jumps = 0;           ///< ObjectTracker::readClock at its arrival
+  ImageMasks masks = {};                   ///< with the same stamp
+  Companion depth = {};                    ///< of about the same time
+  std::vector<Companion> side_views = {};  ///< alike, of the cameras of ~cameras/topics
+  std::size_t camera = 0;  ///< that took it: 0 `image`, i the i-th of ~cameras/topics
 };
 
 }  // namespace nerf_pose_refiner

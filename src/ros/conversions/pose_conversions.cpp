@@ -77,7 +77,7 @@ geometry_msgs::TwistWithCovariance toMessage(const Velocity& velocity) {
   geometry_msgs::TwistWithCovariance twist;
   twist.twist.linear = toVector3(velocity.linear);
   twist.twist.angular = toVector3(velocity.angular);
-  std::copy_n(velocity.covariance.data(), twist.covariance.size(), twist.covariance.begin());
+  twist.covariance = toMessage(velocity.covariance);
   return twist;
 }
 
@@ -97,9 +97,7 @@ TimedPose initialPoseFrom(const geometry_msgs::PoseWithCovarianceStamped& messag
   pose.header = message.header;
   pose.pose = message.pose.pose;
   TimedPose start = initialPoseFrom(pose);
-  const Eigen::Map<const Eigen::Matrix<double, 6, 6, Eigen::RowMajor>> values(
-      message.pose.covariance.data());
-  const Matrix6 covariance = values;
+  const Matrix6 covariance = fromMessage(message.pose.covariance);
   if (!covariance.allFinite()) {
     throw InputError(TrackReason::kPriorNotFinite, "the covariance holds NaN or infinity");
   }
@@ -110,18 +108,20 @@ TimedPose initialPoseFrom(const geometry_msgs::PoseWithCovarianceStamped& messag
   return start;
 }
 
-geometry_msgs::PoseWithCovariance::_covariance_type covarianceToMessage(
-    const Matrix6& of_twist, const Pose& T_O_C, const FieldMetadata& object,
-    const Eigen::Matrix3d& R_W_C) {
-  const ObjectFrame frame = ObjectFrame::inMetres(object);
-  Matrix6 turn = Matrix6::Zero();  // and to metres
-  turn.topLeftCorner<3, 3>() = frame.lengthPerUnit() * R_W_C;
-  turn.bottomRightCorner<3, 3>() = R_W_C;
-  const Matrix6 covariance =
-      turn * covarianceInCamera(of_twist, T_O_C, object.centre, frame.origin()) * turn.transpose();
-  geometry_msgs::PoseWithCovariance::_covariance_type message;
+Matrix6 fromMessage(const CovarianceMessage& message) {
+  return Eigen::Map<const Eigen::Matrix<double, 6, 6, Eigen::RowMajor>>(message.data());
+}
+
+CovarianceMessage toMessage(const Matrix6& covariance) {
+  CovarianceMessage message;
   Eigen::Map<Eigen::Matrix<double, 6, 6, Eigen::RowMajor>>(message.data()) = covariance;
   return message;
+}
+
+CovarianceMessage covarianceToMessage(const Matrix6& of_twist, const Pose& T_O_C,
+                                      const FieldMetadata& object, const Eigen::Matrix3d& R_W_C) {
+  return toMessage(
+      rotated(covarianceInCamera(of_twist, T_O_C, object, ObjectFrame::inMetres(object)), R_W_C));
 }
 
 geometry_msgs::PoseWithCovariance toMessage(const Refinement& refinement, const Pose& T_W_C,

@@ -43,14 +43,18 @@ TimedPose initialPoseFrom(const geometry_msgs::PoseStamped& message);
 /// @throws InputError also for a covariance that is not finite or has a negative variance.
 TimedPose initialPoseFrom(const geometry_msgs::PoseWithCovarianceStamped& message);
 
+/// A covariance in messages, row by row.
+using CovarianceMessage = geometry_msgs::PoseWithCovariance::_covariance_type;
+Matrix6 fromMessage(const CovarianceMessage& message);
+CovarianceMessage toMessage(const Matrix6& covariance);
+
 /// The covariance of a pose as REP-103 defines it: position of the origin of the object's frame U
 /// [m^2] and rotation about the fixed axes of W [rad^2], row-major, order (x, y, z, about x, about
 /// y, about z).
 /// @param of_twist as Refinement::covariance. @param T_O_C in model units.
 /// @param R_W_C rotation from the camera to W.
-geometry_msgs::PoseWithCovariance::_covariance_type covarianceToMessage(
-    const Matrix6& of_twist, const Pose& T_O_C, const FieldMetadata& object,
-    const Eigen::Matrix3d& R_W_C);
+CovarianceMessage covarianceToMessage(const Matrix6& of_twist, const Pose& T_O_C,
+                                      const FieldMetadata& object, const Eigen::Matrix3d& R_W_C);
 
 /// A refined pose for ROS: the object's frame U in W.
 /// @param T_W_C the camera in W [m].

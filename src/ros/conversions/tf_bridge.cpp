@@ -65,15 +65,17 @@ Pose TfBridge::cameraInOutput(const ImageStamp& image,
       cancellation);
 }
 
-std::optional<Pose> TfBridge::cameraInFixed(const ImageStamp& image) const {
+std::optional<Pose> TfBridge::cameraInFixed(const ImageStamp& image,
+                                            const CancellationToken& cancellation) const {
   if (frames_.fixed_frame.empty()) return std::nullopt;
   try {
-    return wait("no transform to " + frames_.fixed_frame,
-                [&] {
-                  return buffer_.lookupTransform(frames_.fixed_frame, image.camera_frame,
-                                                 toTime(image.stamp_ns));
-                },
-                {});
+    return wait(
+        "no transform to " + frames_.fixed_frame,
+        [&] {
+          return buffer_.lookupTransform(frames_.fixed_frame, image.camera_frame,
+                                         toTime(image.stamp_ns));
+        },
+        cancellation);
   } catch (const InputError&) {
     return std::nullopt;
   }

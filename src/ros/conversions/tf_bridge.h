@@ -32,7 +32,8 @@ class TfBridge : public Transforms {
 
   /// The camera in ~fixed_frame at an image's time [m]; nothing: there is no such frame, or TF does
   /// not know it in time.
-  std::optional<Pose> cameraInFixed(const ImageStamp& image) const;
+  std::optional<Pose> cameraInFixed(const ImageStamp& image,
+                                    const CancellationToken& cancellation) const;
 
   /// Between the times of the estimate and the image, the object stands still in ~fixed_frame, or
   /// in the frame of the pose if that is not set.

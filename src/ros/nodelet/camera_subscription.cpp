@@ -97,10 +97,11 @@ void CameraSubscription::listenToCompanions() {
              {receiver->depth_transport, of_ros, nodes_.pnh, "depth/image_transport"},
              receiver->depth);
   }
-  for (std::size_t i = 0; receiver->beside && i < receiver->beside_topics.size(); ++i) {
-    listenTo(
-        receiver->beside_topics[i], {transport_hint_, of_ros, nodes_.pnh},
-        [receiver, i](const auto& image, const auto& info) { receiver->beside(i, image, info); });
+  for (std::size_t i = 0; receiver->side_view && i < receiver->side_topics.size(); ++i) {
+    listenTo(receiver->side_topics[i], {transport_hint_, of_ros, nodes_.pnh},
+             [receiver, i](const auto& image, const auto& info) {
+               receiver->side_view(i, image, info);
+             });
   }
 }
 

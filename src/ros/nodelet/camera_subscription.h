@@ -32,11 +32,11 @@ class CameraSubscription {
     std::function<void(const sensor_msgs::ImageConstPtr&, const sensor_msgs::CameraInfoConstPtr&)>
         depth;
     std::string depth_transport = "raw";  ///< name for image_transport
-    /// Images of further cameras, by the place of their topic in `beside_topics`.
+    /// Images of further cameras, by the place of their topic in `side_topics`.
     std::function<void(std::size_t, const sensor_msgs::ImageConstPtr&,
                        const sensor_msgs::CameraInfoConstPtr&)>
-        beside;
-    std::vector<std::string> beside_topics;
+        side_view;
+    std::vector<std::string> side_topics;
     std::function<void(const sensor_msgs::ImageConstPtr&)> mask;  ///< empty: masks are not used
     std::function<void(const sensor_msgs::ImageConstPtr&)> ignore_mask;
     std::function<void(const std::string& why)> unpaired;  ///< images come without camera_info

@@ -19,7 +19,7 @@ FrameInput::FrameInput(const PoseRefinerParameters& parameters,
       tf_(std::move(transforms)),
       names_(cameras_.names()),
       input_(parameters.image_is_rectified),
-      beside_(names_.size(), SideInput{CameraInput(parameters.cameras.are_rectified)}),
+      side_inputs_(names_.size(), SideInput{CameraInput(parameters.cameras.are_rectified)}),
       places_(1 + names_.size()) {}
 
 /// @param camera 0: `image`; others as in CameraFrame::camera.
@@ -32,27 +32,30 @@ void FrameInput::note(std::string* notes, std::size_t camera, const std::string&
 }
 
 /// A companion's camera in the image's, at the time of `at` [m].
-Pose FrameInput::placeOf(const Companion& companion, const ImageStamp& at, bool* was_placed) const {
+Pose FrameInput::placeOf(const Companion& companion, const ImageStamp& at,
+                         const CancellationToken& cancellation, bool* was_placed) const {
   const ImageStamp of_companion = imageStampOf(companion.image->header);
   TimedPose camera;
   camera.frame_id = of_companion.camera_frame;
   camera.stamp_ns = of_companion.stamp_ns;
   // A transform that was missing before is not waited for: images would come late for nothing.
-  CancellationToken impatient;
-  if (!*was_placed) impatient.requestCancel();
+  const CancellationToken waiting = cancellation.child();
+  if (!*was_placed) waiting.requestCancel();
   *was_placed = false;
-  const Pose T_C_D = tf_->inCamera(camera, at, impatient);
+  const Pose T_C_D = tf_->inCamera(camera, at, waiting);
   *was_placed = true;
   return T_C_D;
 }
 
 /// Null: there is none, or it cannot be used; `no_depth_` says why.
 std::shared_ptr<const DepthImage> FrameInput::depthOf(const CameraFrame& frame,
-                                                      const ImageStamp& at) {
+                                                      const ImageStamp& at,
+                                                      const CancellationToken& cancellation) {
   no_depth_ = frame.depth.why_none;
   if (!frame.depth.image) return nullptr;
   try {
-    return depthFromMessage(frame.depth, placeOf(frame.depth, at, &depth_was_placed_), depth_);
+    return depthFromMessage(frame.depth, placeOf(frame.depth, at, cancellation, &depth_was_placed_),
+                            depth_);
   } catch (const InputError& e) {
     no_depth_ = e.what();
     return nullptr;
@@ -61,22 +64,25 @@ std::shared_ptr<const DepthImage> FrameInput::depthOf(const CameraFrame& frame,
 
 /// Empty: it cannot be used, and why.
 std::optional<SideView> FrameInput::sideView(const CameraFrame& frame, std::size_t i,
-                                             const ImageStamp& at, std::string* why_not) {
-  const Companion& companion = frame.beside[i];
+                                             const ImageStamp& at,
+                                             const CancellationToken& cancellation,
+                                             std::string* why_not) {
+  const Companion& companion = frame.side_views[i];
   *why_not = companion.why_none;
   if (!companion.image) return std::nullopt;
   try {
     SideView view;
     const std::int64_t stamp_ns = toNanoseconds(companion.image->header.stamp);
     // Both at the time of this image: the tracker knows how the object moves in between.
-    view.T_C_V = placeOf(companion, {at.camera_frame, stamp_ns}, &beside_[i].was_placed);
+    view.T_C_V =
+        placeOf(companion, {at.camera_frame, stamp_ns}, cancellation, &side_inputs_[i].was_placed);
     if (frame.camera == 0) places_[i + 1] = view.T_C_V;
     view.after_s = 1e-9 * static_cast<double>(stamp_ns - at.stamp_ns);
     view.camera = static_cast<int>(i) + 1;
     view.position_dev_m = cameras_.position_dev_m;
     view.rotation_dev_rad = cameras_.rotation_dev_deg * kDegree;
     view.observation = std::make_shared<const Observation>(
-        beside_[i].input.observe(companion.image, *companion.info));
+        side_inputs_[i].input.observe(companion.image, *companion.info));
     return view;
   } catch (const InputError& e) {
     *why_not = e.what();
@@ -84,25 +90,26 @@ std::optional<SideView> FrameInput::sideView(const CameraFrame& frame, std::size
   }
 }
 
-Observation FrameInput::observe(const CameraFrame& frame, const ImageStamp& at, bool use_mask) {
+Observation FrameInput::observe(const CameraFrame& frame, const ImageStamp& at, bool use_mask,
+                                const CancellationToken& cancellation) {
   no_depth_.clear();
   no_views_.clear();
   looked_at_.clear();
   after_s_.clear();
   ImageMasks masks = frame.masks;
   if (!use_mask) masks.object = nullptr;
-  CameraInput& input = frame.camera == 0 ? input_ : beside_.at(frame.camera - 1).input;
+  CameraInput& input = frame.camera == 0 ? input_ : side_inputs_.at(frame.camera - 1).input;
   Observation observation = input.observe(frame.image, *frame.info, masks);
-  if (keeps_views_) observation.T_W_C = tf_->cameraInFixed(at);
-  observation.depth = depthOf(frame, at);
+  if (keeps_views_) observation.T_W_C = tf_->cameraInFixed(at, cancellation);
+  observation.depth = depthOf(frame, at, cancellation);
   if (frame.camera != 0) note(&no_views_, 0, "no image comes");
-  for (std::size_t i = 0; i < beside_.size() && i < frame.beside.size(); ++i) {
+  for (std::size_t i = 0; i < side_inputs_.size() && i < frame.side_views.size(); ++i) {
     if (frame.camera == i + 1) continue;
     std::string why_not;
-    if (auto view = sideView(frame, i, at, &why_not)) {
+    if (auto view = sideView(frame, i, at, cancellation, &why_not)) {
       looked_at_.push_back(i + 1);
       after_s_.push_back(view->after_s);
-      observation.beside.push_back(std::move(*view));
+      observation.side_views.push_back(std::move(*view));
     } else if (!why_not.empty()) {
       note(&no_views_, i + 1, why_not);
     }
@@ -117,13 +124,13 @@ void FrameInput::report(const CameraFrame& frame, const TrackOutcome& track,
   status->cameras_message = no_views_;
   if (!track.found) return;
   std::vector<std::size_t> used;
-  if (found.beside.empty() || found.own) {
+  if (found.side_views.empty() || found.own) {
     used.push_back(frame.camera);
   } else {
     note(&status->cameras_message, frame.camera, "its image does not show the object as rendered");
   }
-  for (std::size_t i = 0; i < found.beside.size(); ++i) {
-    const SideViewReport& view = found.beside[i];
+  for (std::size_t i = 0; i < found.side_views.size(); ++i) {
+    const SideViewReport& view = found.side_views[i];
     if (i >= looked_at_.size()) {  // a past view
       status->window += view.used;
     } else if (view.used) {
@@ -145,10 +152,10 @@ RigSighting FrameInput::sightings(const CameraFrame& frame, const TrackOutcome& 
 }
 
 double FrameInput::newestAfter_s(const TrackOutcome& track) const {
-  const std::vector<SideViewReport>& beside = track.refinement.beside;
+  const std::vector<SideViewReport>& views = track.refinement.side_views;
   double newest_s = 0;
-  for (std::size_t i = 0; i < std::min(after_s_.size(), beside.size()); ++i) {
-    if (beside[i].used) newest_s = std::max(newest_s, after_s_[i]);
+  for (std::size_t i = 0; i < std::min(after_s_.size(), views.size()); ++i) {
+    if (views[i].used) newest_s = std::max(newest_s, after_s_[i]);
   }
   return newest_s;
 }

@@ -23,8 +23,10 @@ class FrameInput {
  public:
   FrameInput(const PoseRefinerParameters& parameters, std::shared_ptr<TfBridge> transforms);
 
-  /// @param at of the frame's image. @throws InputError if that image cannot be used.
-  Observation observe(const CameraFrame& frame, const ImageStamp& at, bool use_mask);
+  /// @param at of the frame's image. @param cancellation ends the wait for transforms.
+  /// @throws InputError if that image cannot be used.
+  Observation observe(const CameraFrame& frame, const ImageStamp& at, bool use_mask,
+                      const CancellationToken& cancellation);
 
   /// Fills in what became of the frame that was observed last.
   void report(const CameraFrame& frame, const TrackOutcome& track, RefinementStatus* status) const;
@@ -45,10 +47,12 @@ class FrameInput {
     bool was_placed = true;  ///< TF knew its place in the last image
   };
 
-  Pose placeOf(const Companion& companion, const ImageStamp& at, bool* was_placed) const;
-  std::shared_ptr<const DepthImage> depthOf(const CameraFrame& frame, const ImageStamp& at);
+  Pose placeOf(const Companion& companion, const ImageStamp& at,
+               const CancellationToken& cancellation, bool* was_placed) const;
+  std::shared_ptr<const DepthImage> depthOf(const CameraFrame& frame, const ImageStamp& at,
+                                            const CancellationToken& cancellation);
   std::optional<SideView> sideView(const CameraFrame& frame, std::size_t i, const ImageStamp& at,
-                                   std::string* why_not);
+                                   const CancellationToken& cancellation, std::string* why_not);
   void note(std::string* notes, std::size_t camera, const std::string& why) const;
   std::string nameOf(std::size_t camera) const;
 
@@ -58,8 +62,8 @@ class FrameInput {
   const std::shared_ptr<TfBridge> tf_;
   const std::vector<std::string> names_;  // of ~cameras/topics
   CameraInput input_;
-  std::vector<SideInput> beside_;  // of ~cameras/topics
-  bool depth_was_placed_ = true;   // TF knew the last depth image's camera
+  std::vector<SideInput> side_inputs_;  // of ~cameras/topics
+  bool depth_was_placed_ = true;        // TF knew the last depth image's camera
 
   // Of the last observation.
   std::string no_depth_, no_views_;

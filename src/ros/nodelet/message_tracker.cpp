@@ -68,7 +68,7 @@ std::optional<FrameResult> MessageTracker::process(const CameraFrame& frame) {
     } catch (const InputError& e) {
       no_transform = e.what();
     }
-    return input_.observe(frame, image.at, use_mask);
+    return input_.observe(frame, image.at, use_mask, image.cancel);
   };
   FrameResult result;
   result.track = tracker_.process(image);
@@ -95,7 +95,7 @@ std::optional<FrameResult> MessageTracker::process(const CameraFrame& frame) {
 
 /// Keeps what the cameras saw, for their calibration.
 void MessageTracker::remember(const CameraFrame& frame, const TrackOutcome& track) {
-  if (frame.beside.empty()) return;
+  if (frame.side_views.empty()) return;
   const FieldMetadata& object = track.field->metadata;
   const RigSighting seen = input_.sightings(frame, track);
   std::lock_guard<std::mutex> lock(sightings_mutex_);
@@ -137,11 +137,9 @@ void MessageTracker::estimateVelocity(FrameResult* result) {
     velocity_.reset();
     moving_ = result->track.field;
   }
-  using Covariance = Eigen::Matrix<double, 6, 6, Eigen::RowMajor>;
   const geometry_msgs::PoseWithCovariance& pose = result->pose->pose;
-  const std::optional<Velocity> velocity =
-      velocity_.add(result->track.image.stamp_ns, fromMessage(pose.pose),
-                    Eigen::Map<const Covariance>(pose.covariance.data()));
+  const std::optional<Velocity> velocity = velocity_.add(
+      result->track.image.stamp_ns, fromMessage(pose.pose), fromMessage(pose.covariance));
   if (!velocity) return;
   const double newest_s = input_.newestAfter_s(result->track);
   if (newest_s > 0) moveOn(newest_s, *velocity, result);
@@ -158,8 +156,8 @@ void MessageTracker::moveOn(double seconds, const Velocity& velocity, FrameResul
   pose.R = nearestRotation(expSO3(Eigen::Vector3d(seconds * velocity.angular)) * pose.R);
   message.pose.pose = toMessage(pose);
   message.header.stamp += ros::Duration(seconds);
-  using Covariance = Eigen::Matrix<double, 6, 6, Eigen::RowMajor>;
-  Eigen::Map<Covariance>(message.pose.covariance.data()) += seconds * seconds * velocity.covariance;
+  message.pose.covariance = toMessage(
+      Matrix6(fromMessage(message.pose.covariance) + seconds * seconds * velocity.covariance));
 }
 
 }  // namespace nerf_pose_refiner

@@ -14,6 +14,7 @@
 #include "detection/landmark_file.h"
 #include "ros/conversions/pose_conversions.h"
 #include "ros/conversions/topics.h"
+#include "views/object_inside.h"
 
 namespace nerf_pose_refiner {
 
@@ -116,9 +117,9 @@ void PoseRefinerNodelet::startTracking() {
     };
     receiver.depth_transport = parameters_.depth.image_transport;
   }
-  receiver.beside_topics = parameters_.cameras.names();
-  receiver.beside = [this](std::size_t camera, const auto& image, const auto& info) {
-    worker_->addBeside(camera, {image, info});
+  receiver.side_topics = parameters_.cameras.names();
+  receiver.side_view = [this](std::size_t camera, const auto& image, const auto& info) {
+    worker_->addSideView(camera, {image, info});
   };
   if (tracker.mask_mode != MaskMode::kNone) {
     receiver.mask = [this](const auto& mask) { worker_->addMask(mask); };
@@ -197,7 +198,7 @@ DetectionService::Detect PoseRefinerNodelet::detection() const {
              const std::shared_ptr<const Field>& field, DetectorOptions options,
              const Observation& observation, const CancellationToken& cancellation) {
     options.landmarks_path = landmarksPathOf(field);
-    Detector detector(find_shared().backend, Object(field), options, cancellation);
+    Detector detector(find_shared().backend, ObjectInside::make(field), options, cancellation);
     return detector.detect(observation, {}, cancellation);
   };
 }

@@ -27,7 +27,7 @@ TrackingWorker::TrackingWorker(const PoseRefinerParameters& parameters,
                [this](const RefinementStatus& status) { report(status); }),
       pairing_(parameters.tracker.mask_mode, parameters.mask_timeout_s,
                [this](CameraFrame frame) { mailbox_.put(std::move(frame)); }),
-      beside_(parameters.depth.use ? 1 : 0),
+      first_side_view_(parameters.depth.use ? 1 : 0),
       lead_(1 + parameters.cameras.names().size(), parameters.cameras.timeout_s) {
   if (parameters.depth.use) {
     const DepthSettings& depth = parameters.depth;
@@ -39,8 +39,8 @@ TrackingWorker::TrackingWorker(const PoseRefinerParameters& parameters,
   for (std::size_t i = 0; i < count; ++i) {
     addPairing({cameras.tolerance_s, cameras.timeout_s, cameras.wait_s, "image"},
                [i, count](CameraFrame* frame) {
-                 frame->beside.resize(count);
-                 return frame->camera == i + 1 ? nullptr : &frame->beside[i];
+                 frame->side_views.resize(count);
+                 return frame->camera == i + 1 ? nullptr : &frame->side_views[i];
                });
   }
   thread_ = std::thread([this] { work(); });
@@ -106,9 +106,9 @@ void TrackingWorker::addDepth(const Companion& depth) {
   companions_.front()->addCompanion(depth, ros::WallTime::now());
 }
 
-void TrackingWorker::addBeside(std::size_t camera, const Companion& image) {
+void TrackingWorker::addSideView(std::size_t camera, const Companion& image) {
   const ros::WallTime now = ros::WallTime::now();
-  companions_.at(beside_ + camera)->addCompanion(image, now);
+  companions_.at(first_side_view_ + camera)->addCompanion(image, now);
   if (!lead_.leads(camera + 1, now)) return;
   CameraFrame frame;
   frame.image = image.image;

@@ -47,7 +47,7 @@ class TrackingWorker {
                 const sensor_msgs::CameraInfoConstPtr& info);
   /// Depth images, needed only with ~depth/use, and images of ~cameras/topics.
   void addDepth(const Companion& depth);
-  void addBeside(std::size_t camera, const Companion& image);
+  void addSideView(std::size_t camera, const Companion& image);
   /// @see MessageTracker::calibrate
   CameraCalibration calibrate(std::size_t camera, const CalibrationSettings& settings,
                               Pose* stated) const {
@@ -72,7 +72,7 @@ class TrackingWorker {
   /// Of depth, if it is used, and of ~cameras/topics: images go from the last one to the first one,
   /// and from there to pairing_.
   std::vector<std::unique_ptr<CompanionPairing>> companions_;
-  std::size_t beside_ = 0;  ///< the first of a camera among them
+  std::size_t first_side_view_ = 0;  ///< the first of a camera among them
   LeadCamera lead_;
   std::atomic<bool> stopping_{false};
   std::thread thread_;  ///< last: it uses all above

@@ -53,7 +53,7 @@ void CalibrationService::answer(const CalibrateCamera::Request& request,
     response->poses = static_cast<std::uint32_t>(found.sightings);
     response->stated.transform = toTransformMessage(stated);
     response->refined.transform = toTransformMessage(found.T_C_V);
-    for (int i = 0; i < 36; ++i) response->covariance[i] = found.covariance(i / 6, i % 6);
+    response->covariance = toMessage(found.covariance);
     response->unseen = found.unseen;
     response->misfit = found.misfit;
   } catch (const std::exception& error) {

@@ -1,0 +1,82 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <atomic>
+#include <functional>
+#include <memory>
+#include <stdexcept>
+#include <utility>
+#include <vector>
+
+#include "backend/backend.h"
+#include "backend/keyframe_aligner.h"
+#include "backend/loaded_field.h"
+#include "backend/make_backend.h"
+#include "backend/pose_solver.h"
+#include "backend/training.h"
+#include "field/field.h"
+
+namespace nerf_pose_refiner {
+
+/// An object that was judged when it was registered: nothing of it has to be measured. Its scores
+/// are those of a textured object.
+inline FieldMetadata judged(FieldMetadata object) {
+  object.pose.keyframes.poses = 1000;
+  object.pose.keyframes.wrong_mean = 0.14;
+  object.pose.keyframes.wrong_deviation = 0.07;
+  object.pose.keyframes.right_low = 0.6;
+  object.look_alikes.measured = true;
+  return object;
+}
+
+/// A scene of which other things are said. Counts its renderings.
+class DescribedScene final : public LoadedField {
+ public:
+  DescribedScene(std::shared_ptr<const LoadedField> scene, FieldMetadata object)
+      : scene_(std::move(scene)), field_(scene_->field()) {
+    field_.metadata = std::move(object);
+  }
+
+  const Field& field() const override { return field_; }
+  Rendering render(const View& view, const RenderOptions& options,
+                   const CancellationToken& cancellation) const override {
+    ++renderings;
+    if (on_render) on_render();
+    return scene_->render(view, options, cancellation);
+  }
+  std::unique_ptr<PoseSolver> makeSolver(const Observation& observation,
+                                         const std::vector<ImageLevel>& levels,
+                                         int capacity) const override {
+    return scene_->makeSolver(observation, levels, capacity);
+  }
+
+  mutable std::atomic<int> renderings{0};
+  std::function<void()> on_render;  ///< called by the threads that render
+
+ private:
+  std::shared_ptr<const LoadedField> scene_;
+  Field field_;
+};
+
+/// Has one scene, whatever is loaded.
+class SceneBackend final : public Backend {
+ public:
+  explicit SceneBackend(std::shared_ptr<const LoadedField> scene) : scene_(std::move(scene)) {}
+
+  BackendInfo info() const override { return {}; }
+  std::shared_ptr<const LoadedField> load(std::shared_ptr<const Field>) override { return scene_; }
+  std::unique_ptr<KeyframeAligner> makeKeyframeAligner() override {
+    return makeCpuKeyframeAligner(2);
+  }
+  std::unique_ptr<FieldTrainer> makeTrainer(const FieldConfig&, const Box&,
+                                            std::vector<TrainingView>,
+                                            const TrainingPlan&) override {
+    throw std::logic_error("a scene is not trained");
+  }
+  CostCounters costs() const override { return {}; }
+
+ private:
+  std::shared_ptr<const LoadedField> scene_;
+};
+
+}  // namespace nerf_pose_refiner
