@@ -32,7 +32,7 @@ class Volume:
     def __init__(self, low, high):
         self.size = (high - low).max() / CELLS
         axes = [np.arange(a + self.size / 2, b, self.size) for a, b in zip(low, high)]
-        self.cells = np.stack(np.meshgrid(*axes, indexing='ij'), axis=-1).reshape(-1, 3)
+        self.cells = np.stack(np.meshgrid(*axes, indexing='ij'), axis=-1).reshape(-1, 3).astype(np.float32)
         self.occupied = np.ones(len(self.cells), bool)
 
     def vote(self, views, masks):
@@ -79,11 +79,14 @@ class View:
 
     def pixels_of(self, points):
         """(which points are in the image [n] of bool, their columns, their rows)."""
-        p = (points @ self.R.T + self.t) @ self.K.T
-        front = p[:, 2] > 0
-        pixel = np.floor(p[:, :2] / np.where(front, p[:, 2], 1)[:, None])
-        inside = front & (pixel >= 0).all(axis=1) & (pixel < self.shape[::-1]).all(axis=1)
-        return inside, pixel[inside, 0].astype(int), pixel[inside, 1].astype(int)
+        P = (self.K @ np.column_stack((self.R, self.t))).astype(np.float32)
+        points = np.asarray(points, np.float32)
+        x, y, depth = (points @ row[:3] + row[3] for row in P)
+        front = depth > 0
+        depth[~front] = 1
+        x, y = np.floor(x / depth), np.floor(y / depth)
+        inside = front & (x >= 0) & (x < self.shape[1]) & (y >= 0) & (y < self.shape[0])
+        return inside, x[inside].astype(int), y[inside].astype(int)
 
     def full(self, mask):
         """A mask at the size of the photo."""

@@ -15,6 +15,14 @@ WINDOW = 9
 FOOT = 0.15             # of the box's size: gaps between the object's points from above that belong to it
 
 
+def median_over_views(values, unknown):
+    """Over the first axis, without NaN. (numpy.nanmedian takes five times as long.)"""
+    values = np.sort(values, axis=0)  # NaN are last
+    count = np.isfinite(values).sum(axis=0, keepdims=True)
+    low, high = (np.take_along_axis(values, np.maximum(i, 0), axis=0)[0] for i in ((count - 1) // 2, count // 2))
+    return np.where(count[0] > 0, 0.5 * (low + high), unknown).astype(np.float32)
+
+
 class Table:
     """The table's plane z = 0 from above, put together from all views. @param views see masks.View; box (low, high);
     points of the object, below which nothing is the table."""
@@ -27,9 +35,8 @@ class Table:
         above = [self.from_above(view) for view in chosen]
         shown = np.array([image for image, _ in above], np.float32)
         shown[np.array([inside for _, inside in above]) == 0] = np.nan
-        with np.errstate(all='ignore'):
-            self.colour = np.nan_to_num(np.nanmedian(shown, axis=0)).astype(np.float32)
-            deviation = np.nan_to_num(np.nanmedian(np.abs(shown - self.colour).max(axis=3), axis=0), nan=255)
+        self.colour = median_over_views(shown, unknown=0)
+        deviation = median_over_views(np.abs(shown - self.colour).max(axis=3), unknown=255)
         grey = self.colour.mean(axis=2)
         mean = cv2.blur(grey, (WINDOW, WINDOW))
         texture = np.sqrt(np.maximum(0, cv2.blur(grey * grey, (WINDOW, WINDOW)) - mean * mean))
