@@ -7,6 +7,7 @@
 import json
 import math
 import os
+import shutil
 import subprocess
 import sys
 import unittest
@@ -14,7 +15,7 @@ import unittest
 FOLDER, TRAIN, RENDER, DETECT = sys.argv[1:5]
 TOP = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 sys.path.insert(0, os.path.join(TOP, 'test', 'support'))
-from kiosk_model import PHOTOS, SHORT, put_kiosk_model  # noqa: E402
+from kiosk_model import put_kiosk_model  # noqa: E402
 
 POSE = (0.03, -0.02, 0.6, 0.63, 0.58, -0.36, 0.37)  # x y z qx qy qz qw
 INTRINSICS = ('--intrinsics', '500', '500', '159.5', '119.5')
@@ -38,7 +39,7 @@ class Detect(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         cls.model, cls.image = path('kiosk.safetensors'), path('image.png')
-        put_kiosk_model(TRAIN, FOLDER, cls.model)
+        _, cls.landmarks_of_photos = put_kiosk_model(TRAIN, FOLDER, cls.model)
         length = math.sqrt(sum(number * number for number in POSE[3:]))
         cls.pose = POSE[:3] + tuple(number / length for number in POSE[3:])
         result = run(RENDER, cls.model, '--pose', *map(str, cls.pose), *INTRINSICS, '--size', '320', '240',
@@ -71,8 +72,8 @@ class Detect(unittest.TestCase):
 
     def test_landmarks_of_photos_are_made_by_train(self):
         model, landmarks = path('own.safetensors'), path('own.landmarks')
-        result = run(TRAIN, PHOTOS, '-o', model, *SHORT, '--landmarks')
-        self.assertEqual(result.returncode, 0, result.stderr)
+        shutil.copy(self.model, model)
+        shutil.copy(self.landmarks_of_photos, landmarks)
         with open(landmarks, 'rb') as file:
             made = file.read()
         self.assertGreater(len(made), 100000)
