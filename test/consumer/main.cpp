@@ -4,8 +4,7 @@
 #include <nerf_pose_refiner/tracker.h>
 
 #include <cstdio>
-
-#include "backend/backend.h"
+#include <memory>
 
 /// Makes a backend and, if a model is given, a tracker of its object.
 int main(int argc, char** argv) {
