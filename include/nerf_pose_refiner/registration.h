@@ -47,16 +47,17 @@ struct RegistrationOptions {
   void validate() const;
 };
 
-/// Progress of a registration.
+/// Progress of a registration: a training, after rough ones that are counted each on its own.
 struct RegistrationProgress {
-  std::string stage;   ///< "training", "occupancy", "quality", "pose quality"; before, if poses are
-                       ///< corrected: "rough training", "poses"
-  int step = 0;        ///< training steps so far
-  int steps = 0;       ///< training steps at most
-  double loss = 0;     ///< loss of the last step
-  double psnr_db = 0;  ///< mean PSNR over the held-out photos [dB]; 0: not measured yet
-  double seconds = 0;  ///< time since the training began
-  double seconds_left = 0;  ///< estimated time until the training ends
+  /// "training", "occupancy", "quality", "pose quality"; before, "rough training", each followed by
+  /// "poses" where poses are corrected, or by "exposure" where the photos' exposures are compared.
+  std::string stage;
+  int step = 0;             ///< training steps so far
+  int steps = 0;            ///< training steps at most
+  double loss = 0;          ///< loss of the last step
+  double psnr_db = 0;       ///< mean PSNR over the held-out photos [dB]; 0: not measured yet
+  double seconds = 0;       ///< since this training began
+  double seconds_left = 0;  ///< estimated time until this training ends
   /// Renders the present model from the viewpoint of one of the photos: RGB on black, at most
   /// 320 x 320 pixels. Empty except during training. Call it only within the `progress` callback;
   /// it may take a second.

@@ -2,9 +2,13 @@
 #include "registration/equal_colours.h"
 
 #include <algorithm>
+#include <chrono>
+#include <cstdint>
 #include <memory>
 #include <vector>
 
+#include "concurrency/seconds_since.h"
+#include "math/random.h"
 #include "registration/photo_gains.h"
 #include "registration/trainer_setup.h"
 #include "registration/training_run.h"
@@ -15,6 +19,8 @@ namespace {
 // Photos of different exposure are compared with a model that knows no directions: with them it
 // could show each photo in its own colours. kGainSpread is above what such models of photos of one
 // exposure give; rounds end when what is left is small.
+// A share of the registration's samples and time, for each comparison.
+constexpr double kExposureTime = 1.0 / 16;
 constexpr double kMattSamples = 1 << 21;  // at least, where that is no more than a rough training
 constexpr double kMaxMattSamples = 1 << 24;  // more show exposures no better
 constexpr double kMinMattSamples = 1e6;      // models of fewer samples say nothing of photos
@@ -24,7 +30,8 @@ constexpr double kGainSpread = 0.04, kGainSettled = 0.01;
 constexpr int kGainRounds = 3;
 
 // What a model with directions does not foretell of photos that it has not seen.
-constexpr std::size_t kLeftOut = 5;  // each so many-th photo is not seen
+constexpr double kLeftOut = 0.2;                      // of the photos
+constexpr std::uint64_t kLeaveOut = 0x6c65667465ull;  // stream of random numbers
 // Measured: 0.4 to 0.65 of the spread for a shiny object, 1 to 1.3 for exposures.
 constexpr double kUnforeseen = 0.8;
 
@@ -61,17 +68,28 @@ class ExposureComparison {
     return gains(views, views, {dataset_.has_alpha, true});
   }
 
-  /// Whether the gains are those of exposures, and not of a shiny object.
+  /// Whether the gains are those of exposures, and not of a shiny object. No, if the time was too
+  /// short to tell.
   bool areUnforeseen(const std::vector<PhotoGain>& gains_of_all) {
-    std::vector<PosedView> seen, left_out;
-    std::vector<PhotoGain> expected;
-    for (std::size_t i = 0; i < dataset_.views.size(); ++i) {
-      const bool is_left_out = i % kLeftOut == kLeftOut / 2;
-      (is_left_out ? left_out : seen).push_back(dataset_.views[i]);
-      if (is_left_out) expected.push_back(gains_of_all[i]);
+    const std::vector<PosedView>& views = dataset_.views;
+    std::vector<PosedView> seen;
+    std::vector<std::size_t> left_out;
+    for (std::size_t i = 0; i < views.size(); ++i) {
+      // At random: exposures may repeat after so many photos.
+      if (randomUniform(rough_.seed, kLeaveOut, i) < kLeftOut) {
+        left_out.push_back(i);
+      } else {
+        seen.push_back(views[i]);
+      }
     }
-    return gainSpread(gains(seen, left_out, {dataset_.has_alpha})) >
-           kUnforeseen * gainSpread(expected);
+    const std::vector<PhotoGain> found = gains(seen, views, {dataset_.has_alpha});
+    if (found.empty()) return false;
+    std::vector<PhotoGain> unforeseen, expected;
+    for (const std::size_t i : left_out) {
+      unforeseen.push_back(found[i]);
+      expected.push_back(gains_of_all[i]);
+    }
+    return gainSpread(unforeseen) > kUnforeseen * gainSpread(expected);
   }
 
  private:
@@ -103,6 +121,7 @@ EqualColours withEqualColours(Backend* backend, const Dataset& dataset,
                               const RegistrationOptions& settings,
                               const std::function<void(const RegistrationProgress&)>& progress,
                               const CancellationToken& cancellation) {
+  const auto start = std::chrono::steady_clock::now();
   EqualColours equal = {dataset};
   if (settings.keep_colours) return equal;
   ExposureComparison comparison(backend, dataset, settings, progress, cancellation);
@@ -116,6 +135,7 @@ EqualColours withEqualColours(Backend* backend, const Dataset& dataset,
     equal.spread = gainSpread(total);
     equal.dataset.views = withGains(dataset.views, total);
   }
+  equal.seconds = secondsSince(start);
   return equal;
 }
 

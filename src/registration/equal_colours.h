@@ -9,13 +9,11 @@
 
 namespace nerf_pose_refiner {
 
-/// Share of a registration's time that rounds of comparing exposures take, each.
-constexpr double kExposureTime = 1.0 / 16;
-
 /// A dataset of views of one exposure.
 struct EqualColours {
   Dataset dataset;
-  double spread = 0;  ///< of the exposures before (@see gainSpread); 0: they are left as they are
+  double spread = 0;   ///< of the exposures before (@see gainSpread); 0: they are left as they are
+  double seconds = 0;  ///< that it took
 };
 
 /// Makes the views' exposures equal, if they differ (@see photoGains) and `keep_colours` does not

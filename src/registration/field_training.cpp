@@ -102,7 +102,8 @@ TrainedField trainField(Backend* backend, const Dataset& dataset,
     rest.max_seconds = 0.5 * settings.max_seconds;
   }
   const EqualColours equal = withEqualColours(backend, corrected, rest, progress, cancellation);
-  if (!settings.keep_colours) rest.max_seconds *= 1 - kExposureTime;
+  // At most a quarter, but for the visual hull.
+  rest.max_seconds = std::max(0.5 * rest.max_seconds, rest.max_seconds - equal.seconds);
   TrainedField result = train(backend, equal.dataset, rest, progress, cancellation);
   result.field.metadata.exposure_spread = equal.spread;
   return result;

@@ -54,7 +54,7 @@ ViewError viewError(const LoadedField& field, const PosedView& view,
     }
     squares += pixel_squares;
     ++pixels;
-    if (truth.alpha.values[i] < 0.5f) continue;
+    if (view.rgba->values[4 * i + 3] < 128) continue;
     inside_squares += pixel_squares;
     ++inside;
   }
@@ -70,7 +70,7 @@ ViewError viewError(const LoadedField& field, const PosedView& view,
 bool isTelling(const PosedView& view, const Box& box) {
   const std::vector<std::uint8_t> telling = tellingPixels(view, box);
   for (std::size_t i = 0; i < telling.size(); ++i) {
-    if (telling[i] && view.rgba->values[4 * i + 3] > 0) return true;
+    if (telling[i] && view.rgba->values[4 * i + 3] >= 128) return true;
   }
   return false;
 }

@@ -135,6 +135,16 @@ TEST(EqualColours, ExposuresAreMadeEqual) {
   EXPECT_EQ(equalColours(spoiled, settings).spread, 0);
 }
 
+TEST(EqualColours, ExposuresThatRepeatAreMadeEqual) {
+  const Dataset truth = analyticDataset(33, 48);
+  std::vector<PhotoGain> gains(truth.views.size());
+  for (std::size_t i = 2; i < gains.size(); i += 5) gains[i].gain.setConstant(0.6);
+  Dataset spoiled = truth;
+  spoiled.views = withGains(truth.views, gains);
+  EXPECT_GT(equalColours(spoiled, shortTraining()).spread,
+            0.15);  // made with ln 0.6 / sqrt(5) = 0.23
+}
+
 TEST(EqualColours, EqualExposuresAreLeftAlone) {
   const Dataset truth = analyticDataset(33, 48);
   const EqualColours equal = equalColours(truth, shortTraining());
