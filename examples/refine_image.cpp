@@ -11,9 +11,12 @@
 #include <nerf_pose_refiner/refiner.h>
 
 #include <Eigen/Geometry>
+#include <cmath>
 #include <cstdio>
 #include <exception>
+#include <memory>
 #include <opencv2/imgcodecs.hpp>
+#include <stdexcept>
 #include <string>
 
 #include "numbers.h"
@@ -35,10 +38,7 @@ int main(int argc, char** argv) try {
   camera.cx = number[2];
   camera.cy = number[3];
   PosePrior prior;
-  prior.T_C_O.t = {number[4], number[5], number[6]};
-  prior.T_C_O.R = Eigen::Quaterniond(number[10], number[7], number[8], number[9])
-                      .normalized()
-                      .toRotationMatrix();
+  prior.T_C_O = poseOf(number + 4);
 
   const std::shared_ptr<Backend> backend = makeBackend("auto");
   const Object object = loadObject(argv[1]);

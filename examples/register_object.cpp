@@ -7,8 +7,10 @@
 #include <nerf_pose_refiner/registration.h>
 
 #include <cstdio>
-#include <cstdlib>
 #include <exception>
+#include <memory>
+
+#include "numbers.h"
 
 using namespace nerf_pose_refiner;
 
@@ -18,7 +20,7 @@ int main(int argc, char** argv) try {
     return 2;
   }
   RegistrationOptions settings;
-  if (argc > 3) settings.steps = std::atoi(argv[3]);
+  if (argc > 3) settings.steps = static_cast<int>(numberOf(argv[3]));
 
   const std::shared_ptr<Backend> backend = makeBackend("auto");
   std::printf("%s\n", backendInfo(*backend).description.c_str());

@@ -12,10 +12,10 @@
 #include <nerf_pose_refiner/overlay.h>
 #include <nerf_pose_refiner/tracker.h>
 
-#include <Eigen/Geometry>
 #include <cstdio>
 #include <cstdlib>
 #include <exception>
+#include <memory>
 #include <opencv2/highgui.hpp>
 #include <opencv2/videoio.hpp>
 #include <string>
@@ -49,11 +49,7 @@ int main(int argc, char** argv) try {
   camera.fy = number[1];
   camera.cx = number[2];
   camera.cy = number[3];
-  Pose T_C_O;
-  T_C_O.t = {number[4], number[5], number[6]};
-  T_C_O.R = Eigen::Quaterniond(number[10], number[7], number[8], number[9])
-                .normalized()
-                .toRotationMatrix();
+  const Pose T_C_O = poseOf(number + 4);
 
   const std::shared_ptr<Backend> backend = makeBackend("auto");
   const Object object = loadObject(argv[1]);

@@ -121,6 +121,8 @@ class Examples(unittest.TestCase):
             self.assertEqual(run(program).returncode, 2, program)
         words = run('refine_image', 'nowhere', 'frame.png', 'out.png', *['1'] * 10, 'x')
         self.assertIn("'x' is not a number", words.stderr)
+        no_turn = run('refine_image', 'nowhere', 'frame.png', 'out.png', *['1'] * 7, *['0'] * 4)
+        self.assertIn('the quaternion has no length', no_turn.stderr)
 
 
 if __name__ == '__main__':
