@@ -13,9 +13,10 @@ set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
 set(CPACK_DEBIAN_PACKAGE_SECTION science)
 set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
 set(CPACK_DEBIAN_PACKAGE_DEPENDS
-  "libeigen3-dev, libnodeletlib-tools, pluginlib-dev, python3-diagnostic-msgs, python3-dynamic-reconfigure, \
+  "catkin, libactionlib-msgs-dev, libeigen3-dev, libgeometry-msgs-dev, libnodeletlib-tools, libroscpp-dev, \
+libsensor-msgs-dev, libstd-msgs-dev, pluginlib-dev, python3-diagnostic-msgs, python3-dynamic-reconfigure, \
 python3-geometry-msgs, python3-matplotlib, python3-numpy, python3-opencv, python3-rosbag, python3-roslaunch, \
-python3-sensor-msgs, python3-std-srvs, python3-visualization-msgs")
+python3-sensor-msgs, python3-std-srvs, python3-visualization-msgs, ros-message-runtime")
 set(CPACK_DEBIAN_PACKAGE_RECOMMENDS "python3-rosservice, python3-rostopic, rosbash")
 set(CPACK_DEBIAN_PACKAGE_SUGGESTS "rviz")
 include(CPack)
