@@ -6,7 +6,6 @@
 // is wrong by as much as the options say. Frames count as in depth_tracking.
 
 #include <CLI/CLI.hpp>
-#include <Eigen/Cholesky>
 
 #include <chrono>
 #include <cmath>
@@ -23,6 +22,7 @@
 #include "evaluation/statistics.h"
 #include "field/object_frame.h"
 #include "field/object_metadata.h"
+#include "geometry/matrix6.h"
 #include "image/io.h"
 #include "math/angle.h"
 #include "recorded_sequence.h"
@@ -119,9 +119,8 @@ class RigTracking {
         "deg, error^2/6 %.2f), misfit %.2f, unseen %zu %s\n",
         camera, found.sightings, log_.size(), 1e3 * error.head<3>().norm(),
         error.tail<3>().norm() / kDegree, 1e3 * deviation.head<3>().maxCoeff(),
-        deviation.tail<3>().maxCoeff() / kDegree,
-        error.dot(found.covariance.ldlt().solve(error)) / 6, found.misfit, found.unseen.size(),
-        found.message.c_str());
+        deviation.tail<3>().maxCoeff() / kDegree, squaredDistance(error, found.covariance) / 6,
+        found.misfit, found.unseen.size(), found.message.c_str());
   }
 
   void run(const RecordedSequence* second, Tally* tally) {
@@ -282,8 +281,7 @@ class RigTracking {
     tally->deviation.push_back(
         percent * std::sqrt(sight_O.dot(found.covariance.topLeftCorner<3, 3>() * sight_O)));
     const Vector6 twist = cameraTwist(found.T_O_C, truth, object.centre);
-    tally->squared_error.push_back(
-        std::min(100.0, twist.dot(found.covariance.ldlt().solve(twist))));
+    tally->squared_error.push_back(std::min(100.0, squaredDistance(twist, found.covariance)));
   }
 
   const Options& options_;

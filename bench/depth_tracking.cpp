@@ -7,7 +7,6 @@
 // the true one.
 
 #include <CLI/CLI.hpp>
-#include <Eigen/Cholesky>
 
 #include <chrono>
 #include <cmath>
@@ -25,6 +24,7 @@
 #include "evaluation/statistics.h"
 #include "field/object_frame.h"
 #include "field/object_metadata.h"
+#include "geometry/matrix6.h"
 #include "image/io.h"
 #include "math/angle.h"
 #include "recorded_sequence.h"
@@ -213,8 +213,7 @@ class DepthTracking {
       tally->across_percent.push_back(100 * (away - along * true_C.normalized()).norm() /
                                       object.diameter);
       const Vector6 twist = cameraTwist(found.T_O_C, truth, object.centre);
-      tally->squared_error.push_back(
-          std::min(100.0, twist.dot(found.covariance.ldlt().solve(twist))));
+      tally->squared_error.push_back(std::min(100.0, squaredDistance(twist, found.covariance)));
     }
     if (options_.verbose) {
       std::printf(

@@ -7,7 +7,6 @@
 
 #include <time.h>
 #include <CLI/CLI.hpp>
-#include <Eigen/Cholesky>
 
 #include <chrono>
 #include <cmath>
@@ -24,6 +23,7 @@
 #include "evaluation/statistics.h"
 #include "field/object_frame.h"
 #include "field/object_metadata.h"
+#include "geometry/matrix6.h"
 #include "image/io.h"
 #include "math/angle.h"
 #include "recorded_sequence.h"
@@ -215,7 +215,7 @@ class RecordedTracking {
       tally->percent.push_back(100 * fraction);
       const Vector6 away = cameraTwist(outcome.refinement.T_O_C, truth, field_->metadata.centre);
       tally->squared_error.push_back(
-          std::min(100.0, away.dot(outcome.refinement.covariance.ldlt().solve(away))));
+          std::min(100.0, squaredDistance(away, outcome.refinement.covariance)));
     }
     if (options_.verbose) {
       std::printf(

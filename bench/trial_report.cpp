@@ -1,11 +1,11 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include "trial_report.h"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
 
+#include "geometry/matrix6.h"
 #include "math/angle.h"
 
 namespace nerf_pose_refiner {
@@ -55,7 +55,7 @@ void compareWithCovariance(const Pose& true_T_O_C, const Eigen::Vector3d& centre
       trial->deviation.push_back(std::sqrt(spread(k, k)));
     }
   }
-  trial->normalised_error = error.dot(found.covariance.ldlt().solve(error)) / 6;
+  trial->normalised_error = squaredDistance(error, found.covariance) / 6;
 }
 
 nlohmann::json toJson(const Trial& trial) {

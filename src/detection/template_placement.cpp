@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "field/field.h"
+#include "geometry/line_of_sight.h"
 
 namespace nerf_pose_refiner {
 
@@ -35,8 +36,7 @@ Pose posePlaced(const TurnedView& turned, const TemplateScale& scale, const Eige
   // Beside the optical axis a plane image shows things larger: by 1 / cos along one direction and
   // by 1 / cos^2 along the other, at the same distance.
   const double distance = scale.distance() * std::pow(sight.z(), -1.5);
-  const Eigen::Matrix3d to_sight =
-      Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), sight).toRotationMatrix();
+  const Eigen::Matrix3d to_sight = lineOfSightAxes(sight);
   const Eigen::Matrix3d turn =
       Eigen::AngleAxisd(turned.rotation_rad, Eigen::Vector3d::UnitZ()).toRotationMatrix();
   const Eigen::Matrix3d R_O_C = turned.view->R_O_V * (to_sight * turn).transpose();

@@ -1,13 +1,12 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include "evaluation/trust_table.h"
 
-#include <Eigen/Cholesky>
-
 #include <utility>
 
 #include "evaluation/pose_error.h"
 #include "evaluation/start.h"
 #include "field/object_frame.h"
+#include "geometry/matrix6.h"
 #include "math/angle.h"
 
 namespace nerf_pose_refiner {
@@ -62,7 +61,7 @@ TrustSample TrustTable::judged(const TrustImage& image, const TrustScene& scene,
   if (sample.right) {
     const Vector6 away =
         cameraTwist(T_O_C, nearestEquivalent(scene.T_O_C, T_O_C, object.symmetries), object.centre);
-    sample.squared_error = away.dot(outcome.refinement.covariance.ldlt().solve(away)) / 6;
+    sample.squared_error = squaredDistance(away, outcome.refinement.covariance) / 6;
   }
   return sample;
 }

@@ -1,13 +1,12 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include "refinement/calibration.h"
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <stdexcept>
 
+#include "geometry/matrix6.h"
 #include "math/require.h"
 #include "math/so3.h"
 #include "refinement/covariance.h"
@@ -36,16 +35,15 @@ std::optional<CameraSighting> byOthers(const RigSighting& sighting, const std::v
     if (i == but || !sighting[i]) continue;
     const Pose T_C_O = T_C_V[i] * sighting[i]->T_V_O;
     if (!all) all = CameraSighting{T_C_O, Matrix6::Zero()};
-    const Matrix6 of_one =
-        rotated(sighting[i]->covariance, T_C_V[i].R).ldlt().solve(Matrix6::Identity());
+    const Matrix6 of_one = inverseOf(rotated(sighting[i]->covariance, T_C_V[i].R));
     information += of_one;
     sum += of_one * difference(all->T_V_O, T_C_O);
   }
   if (!all) return all;
-  const Vector6 step = information.ldlt().solve(sum);
+  const Vector6 step = solved(information, sum);
   all->T_V_O.t += step.head<3>();
   all->T_V_O.R = nearestRotation(expSO3(Eigen::Vector3d(step.tail<3>())) * all->T_V_O.R);
-  all->covariance = information.ldlt().solve(Matrix6::Identity());
+  all->covariance = inverseOf(information);
   return all;
 }
 
@@ -68,13 +66,12 @@ Equations equationsAt(const std::vector<Pair>& pairs, const Pose& T_C_V) {
     const Pose T_C_O = T_C_V * pair.own.T_V_O;
     const Vector6 residual = difference(T_C_O, pair.others.T_V_O);
     const Matrix6 covariance = rotated(pair.own.covariance, T_C_V.R) + pair.others.covariance;
-    const Eigen::LDLT<Matrix6> solver(covariance);
     Matrix6 jacobian = Matrix6::Identity();  // of the object's pose by the motion
     jacobian.topRightCorner<3, 3>() = -crossOf(T_C_O.t - T_C_V.t);
-    const double away = std::sqrt(residual.dot(solver.solve(residual)) / 6);
+    const double away = std::sqrt(squaredDistance(residual, covariance) / 6);
     const double weight = away > kRobust ? kRobust / away : 1;
-    sum.information += weight * jacobian.transpose() * solver.solve(jacobian);
-    sum.gradient += weight * jacobian.transpose() * solver.solve(residual);
+    sum.information += weight * jacobian.transpose() * solved(covariance, jacobian);
+    sum.gradient += weight * jacobian.transpose() * solved(covariance, residual);
     sum.squared += std::pow(std::min(away, kRobust), 2);
   }
   return sum;
@@ -104,10 +101,10 @@ struct Seen {
 Seen directionsOf(const Matrix6& information) {
   constexpr double kUnknown = 1e4;  // deviation of what is not seen at all [goals]
   Seen seen;
-  const Eigen::SelfAdjointEigenSolver<Matrix6> eigen(information);
+  const Eigen6 eigen = eigenOf(information);
   for (int i = 0; i < 6; ++i) {
-    const Vector6 direction = eigen.eigenvectors().col(i);
-    const double known = std::max(eigen.eigenvalues()[i], 1 / (kUnknown * kUnknown));
+    const Vector6 direction = eigen.vectors.col(i);
+    const double known = std::max(eigen.values[i], 1 / (kUnknown * kUnknown));
     seen.covariance += direction * direction.transpose() / known;
     if (known >= 1) {
       seen.projection += direction * direction.transpose();
@@ -140,7 +137,7 @@ Equations moveTo(const std::vector<Pair>& pairs, const Vector6& goals, const Mat
     const Equations at = equationsAt(pairs, *T_C_V);
     const Matrix6 information = along * unit * at.information * unit * along +
                                 (Matrix6::Identity() - along) + kWeak * Matrix6::Identity();
-    const Vector6 step = unit * (along * information.ldlt().solve(along * unit * at.gradient));
+    const Vector6 step = unit * (along * solved(information, Vector6(along * unit * at.gradient)));
     T_C_V->t += step.head<3>();
     T_C_V->R = nearestRotation(expSO3(Eigen::Vector3d(step.tail<3>())) * T_C_V->R);
     if (step.cwiseQuotient(goals).norm() < 1e-6) break;

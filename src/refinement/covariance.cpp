@@ -1,12 +1,11 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include "refinement/covariance.h"
 
-#include <Eigen/Cholesky>
-#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 
 #include "field/object_frame.h"
+#include "geometry/line_of_sight.h"
 #include "refinement/field_refiner.h"
 
 namespace nerf_pose_refiner {
@@ -14,12 +13,6 @@ namespace {
 
 // A loss that is higher than the best one by this fraction of it is e times less likely.
 constexpr double kLossTemperature = 0.05;
-
-Eigen::Matrix3d crossMatrix(const Eigen::Vector3d& a) {
-  Eigen::Matrix3d m;
-  m << 0, -a.z(), a.y(), a.z(), 0, -a.x(), -a.y(), a.x(), 0;
-  return m;
-}
 
 // The twist of a rotation by 1 rad about an axis: motion of a point, rotation.
 Vector6 turnOf(const SymmetryAxis& axis, const Eigen::Vector3d& point) {
@@ -39,10 +32,6 @@ Vector6 priorVariance(const Prior& prior, const FieldMetadata& object) {
 
 }  // namespace
 
-Eigen::Matrix3d lineOfSightAxes(const Eigen::Vector3d& point_C) {
-  return Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), point_C).toRotationMatrix();
-}
-
 Matrix6 modelCovariance(const Pose& T_O_C, const FieldMetadata& object) {
   const PoseStatistics& s = object.pose;
   const double lateral = s.lateral * object.diameter;
@@ -61,7 +50,7 @@ Matrix6 rotationOfTwists(const Eigen::Matrix3d& R) {
 
 Matrix6 rotated(const Matrix6& covariance, const Eigen::Matrix3d& R) {
   const Matrix6 both = rotationOfTwists(R);
-  return both * covariance * both.transpose();
+  return transformed(both, covariance);
 }
 
 double calibratedScore(double score, const PoseStatistics& statistics) {
@@ -84,12 +73,12 @@ Vector6 cameraTwist(const Pose& from_T_O_C, const Pose& to_T_O_C, const Eigen::V
 Hypothesis moved(const Hypothesis& hypothesis, const Pose& motion, const Eigen::Vector3d& centre) {
   // The motion takes the centre c to c*; a twist about c* with rotation w moves c by w x (c - c*).
   Matrix6 twist = rotationOfTwists(motion.R);  // converts one before the motion to one after it
-  twist.topRightCorner<3, 3>() = -crossMatrix(centre - motion * centre) * motion.R;
-  const Matrix6 back = twist.inverse();
+  twist.topRightCorner<3, 3>() = -crossOf(centre - motion * centre) * motion.R;
+  const Matrix6 back = twist.inverse().transpose();
   Hypothesis result = hypothesis;
   result.T_O_C = motion * hypothesis.T_O_C;
-  result.information = back.transpose() * hypothesis.information * back;
-  result.gradient_scatter = back.transpose() * hypothesis.gradient_scatter * back;
+  result.information = transformed(back, hypothesis.information);
+  result.gradient_scatter = transformed(back, hypothesis.gradient_scatter);
   return result;
 }
 
@@ -109,15 +98,15 @@ HypothesisTable nearestEquivalents(const HypothesisTable& hypotheses, const Prio
 
 Matrix6 atPoint(const Matrix6& covariance, const Eigen::Vector3d& offset) {
   Matrix6 jacobian = Matrix6::Identity();
-  jacobian.topRightCorner<3, 3>() = -crossMatrix(offset);  // w x offset
-  return jacobian * covariance * jacobian.transpose();
+  jacobian.topRightCorner<3, 3>() = -crossOf(offset);  // w x offset
+  return transformed(jacobian, covariance);
 }
 
 Matrix6 withoutTurns(const SymmetryAxis& axis, const Matrix6& covariance,
                      const Eigen::Vector3d& point) {
   Matrix6 without = Matrix6::Identity();  // removes the rotation about the axis from a motion
   without.rightCols<3>() -= turnOf(axis, point) * axis.direction.transpose();
-  return without * covariance * without.transpose();
+  return transformed(without, covariance);
 }
 
 Matrix6 freeAbout(const SymmetryAxis& axis, const Matrix6& of_twist,
@@ -147,9 +136,9 @@ Matrix6 poseCovariance(const HypothesisTable& hypotheses, const Prior& prior,
   const double variance = std::max(best.residual_variance, 1e-12);
   const Matrix6 prior_information =
       variance * priorVariance(prior, object).cwiseInverse().asDiagonal().toDenseMatrix();
-  const Eigen::LDLT<Matrix6> bread(best.information + prior_information);
-  const Matrix6 half = bread.solve(best.gradient_scatter + variance * prior_information);
-  Matrix6 covariance = bread.solve(half.transpose());
+  const Matrix6 bread = best.information + prior_information;
+  const Matrix6 half = solved(bread, Matrix6(best.gradient_scatter + variance * prior_information));
+  Matrix6 covariance = solved(bread, Matrix6(half.transpose()));
   covariance = (0.5 * (covariance + covariance.transpose())).eval();
   covariance += modelCovariance(best.T_O_C, object);
 
@@ -169,9 +158,9 @@ Matrix6 covarianceInCamera(const Matrix6& of_twist, const Pose& T_O_C,
   const Eigen::Matrix3d R_C_O = T_O_C.R.transpose();
   Matrix6 jacobian = Matrix6::Zero();
   jacobian.topLeftCorner<3, 3>() = -R_C_O;
-  jacobian.topRightCorner<3, 3>() = R_C_O * crossMatrix(point - centre);
+  jacobian.topRightCorner<3, 3>() = R_C_O * crossOf(point - centre);
   jacobian.bottomRightCorner<3, 3>() = -R_C_O;
-  return jacobian * of_twist * jacobian.transpose();
+  return transformed(jacobian, of_twist);
 }
 
 Matrix6 covarianceInCamera(const Matrix6& of_twist, const Pose& T_O_C, const FieldMetadata& object,

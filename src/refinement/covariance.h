@@ -6,14 +6,12 @@
 
 #include "backend/hypotheses.h"
 #include "field/field.h"
+#include "geometry/matrix6.h"
 
 namespace nerf_pose_refiner {
 
 class ObjectFrame;
 struct Prior;
-
-using Matrix6 = Eigen::Matrix<double, 6, 6>;
-using Vector6 = Eigen::Matrix<double, 6, 1>;
 
 /// The motion (v, w) of the camera from one pose to another: translation [model units] and rotation
 /// [rad] about `centre`, both along the axes of O. Direct alignment solves for such motions.
@@ -50,9 +48,6 @@ Matrix6 withoutTurns(const SymmetryAxis& axis, const Matrix6& covariance,
 /// variance of a uniform angle, pi^2 / 3, and all else is unchanged.
 /// @param axis in O [model units].
 Matrix6 freeAbout(const SymmetryAxis& axis, const Matrix6& of_twist, const Eigen::Vector3d& centre);
-
-/// Axes of a camera that is rotated so that z points to a point; columns in C.
-Eigen::Matrix3d lineOfSightAxes(const Eigen::Vector3d& point_C);
 
 /// Probabilities of the hypotheses by their losses; they sum to 1. Only live ones are not 0.
 std::vector<double> hypothesisWeights(const HypothesisTable& hypotheses);

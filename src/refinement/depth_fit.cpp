@@ -274,7 +274,7 @@ DepthFit DepthFitter::fit(const DepthPrior& prior) {
   fit.before = fit.counts = count(prior.bias);
   if (!ratios_.empty()) fit.median_ratio = medianOf(ratios_);
   if (compared_.empty()) return fit;
-  const Matrix6 information = prior.covariance.ldlt().solve(Matrix6::Identity());
+  const Matrix6 information = inverseOf(prior.covariance);
   const Eigen::Vector3d sight = (prior.T_O_C.t - object_.centre).normalized();
   const double along =
       std::sqrt(sight.dot(prior.covariance.topLeftCorner<3, 3>() * sight) + prior.bias_variance);

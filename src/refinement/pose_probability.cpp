@@ -1,5 +1,6 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include "refinement/pose_probability.h"
+#include "geometry/line_of_sight.h"
 
 #include <Eigen/Eigenvalues>
 

@@ -1,10 +1,9 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include "refinement/view_opinion.h"
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <cmath>
 
+#include "geometry/matrix6.h"
 #include "math/so3.h"
 #include "refinement/covariance.h"
 
@@ -13,12 +12,9 @@ namespace {
 
 /// Of a symmetric positive semidefinite matrix.
 Matrix6 rootOf(const Matrix6& matrix) {
-  const Eigen::SelfAdjointEigenSolver<Matrix6> eigen(matrix);
-  return eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal() *
-         eigen.eigenvectors().transpose();
+  const Eigen6 eigen = eigenOf(matrix);
+  return transformed(eigen.vectors, eigen.values.cwiseMax(0.0).cwiseSqrt().asDiagonal());
 }
-
-Matrix6 inverseOf(const Matrix6& matrix) { return matrix.ldlt().solve(Matrix6::Identity()); }
 
 }  // namespace
 
@@ -38,7 +34,7 @@ ViewOpinion joined(const std::vector<ViewOpinion>& opinions) {
   Matrix6 root = Matrix6::Zero();
   for (const ViewOpinion& one : opinions) {
     const Matrix6 weight = spread * inverseOf(one.noise + one.model);
-    all.noise += weight * one.noise * weight.transpose();
+    all.noise += transformed(weight, one.noise);
     root += weight * rootOf(one.model);
   }
   all.model = root * root.transpose();
@@ -48,7 +44,7 @@ ViewOpinion joined(const std::vector<ViewOpinion>& opinions) {
 double apart(const ViewOpinion& a, const ViewOpinion& b) {
   const Vector6 away = a.twist - b.twist;
   const Matrix6 covariance = a.noise + a.model + b.noise + b.model;
-  return std::sqrt(away.dot(covariance.ldlt().solve(away)));
+  return std::sqrt(squaredDistance(away, covariance));
 }
 
 Pose movedBy(const Vector6& twist, const Pose& T_O_C, const Eigen::Vector3d& centre) {

@@ -1,8 +1,6 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include "registration/pose_correction.h"
 
-#include <Eigen/Dense>
-#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 
@@ -10,6 +8,7 @@
 #include "backend/plans.h"
 #include "backend/pose_solver.h"
 #include "field/field.h"
+#include "geometry/matrix6.h"
 #include "image/colour.h"
 #include "nerf_pose_refiner/observation.h"
 
@@ -58,9 +57,6 @@ ImageLevel levelAround(const Camera& camera, const Eigen::Vector3d& centre_C, do
   return {crop.resized(level_side, level_side), 1.0};
 }
 
-using Matrix6d = Eigen::Matrix<double, 6, 6>;
-using Vector6d = Eigen::Matrix<double, 6, 1>;
-
 /// The likeliest pose of a camera by what alignment and measurement say of it: what an image shows
 /// little of (to move sideways and turn back, say) stays as it was measured.
 ///
@@ -70,22 +66,22 @@ using Vector6d = Eigen::Matrix<double, 6, 1>;
 Pose fused(const Hypothesis& aligned, const Pose& measured, const FieldMetadata& object) {
   const Pose& found = aligned.T_O_C;
   const Eigen::Vector3d& centre = object.centre;
-  Vector6d to_measured;
+  Vector6 to_measured;
   const Eigen::Vector3d turn = logSO3(measured.R * found.R.transpose());
   to_measured << measured.t - centre - expSO3(turn) * (found.t - centre), turn;
 
   const Eigen::Vector3d lever = measured.t - centre;
-  Matrix6d to_errors = Matrix6d::Identity();  // (v, w) to (m, n)
+  Matrix6 to_errors = Matrix6::Identity();  // (v, w) to (m, n)
   to_errors.topRightCorner<3, 3>() << 0, lever.z(), -lever.y(), -lever.z(), 0, lever.x(), lever.y(),
       -lever.x(), 0;
-  Vector6d weights;
+  Vector6 weights;
   weights << Eigen::Vector3d::Constant(std::pow(kMeasuredTranslation * object.diameter, -2)),
       Eigen::Vector3d::Constant(std::pow(kMeasuredRotation_rad, -2));
-  const Matrix6d of_measurement = to_errors.transpose() * weights.asDiagonal() * to_errors;
-  const Matrix6d of_alignment =
+  const Matrix6 of_measurement = transformed(to_errors.transpose(), weights.asDiagonal());
+  const Matrix6 of_alignment =
       aligned.information / std::max(1e-12, kAlikeResiduals * aligned.residual_variance);
-  const Vector6d change =
-      (of_alignment + of_measurement).ldlt().solve(of_measurement * to_measured);
+  const Vector6 change =
+      solved(of_alignment + of_measurement, Vector6(of_measurement * to_measured));
   const Eigen::Matrix3d R = expSO3(change.tail<3>());
   return {nearestRotation(R * found.R), centre + change.head<3>() + R * (found.t - centre)};
 }

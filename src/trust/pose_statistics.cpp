@@ -6,6 +6,7 @@
 #include <memory>
 #include <optional>
 
+#include "geometry/line_of_sight.h"
 #include "image/colour.h"
 #include "math/random.h"
 #include "refinement/field_refiner.h"

@@ -1,9 +1,9 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include "views/sphere_directions.h"
 
-#include <Eigen/Geometry>
-
 #include <cmath>
+
+#include "geometry/line_of_sight.h"
 
 namespace nerf_pose_refiner {
 
@@ -22,8 +22,7 @@ std::vector<Eigen::Vector3d> sphereDirections(int count) {
 Pose lookingAt(const Eigen::Vector3d& point, const Eigen::Vector3d& direction, double distance) {
   Pose T_O_C;
   T_O_C.t = point + distance * direction;
-  T_O_C.R = nearestRotation(
-      Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), -direction).toRotationMatrix());
+  T_O_C.R = nearestRotation(lineOfSightAxes(-direction));
   return T_O_C;
 }
 

@@ -9,14 +9,12 @@
 #include <random>
 #include <stdexcept>
 
+#include "geometry/matrix6.h"
 #include "math/angle.h"
 #include "math/so3.h"
 
 namespace nerf_pose_refiner {
 namespace {
-
-using Matrix6 = Eigen::Matrix<double, 6, 6>;
-using Vector6 = Eigen::Matrix<double, 6, 1>;
 
 /// Three cameras around a place; errors along a view are ten times those across it.
 class CalibrationTest : public testing::Test {
@@ -92,7 +90,7 @@ TEST_F(CalibrationTest, SaysHowFarItMayBeOff) {
   for (int i = 0; i < kTrials; ++i) {
     const CameraCalibration found = calibrateCamera(sightings(30), stated_, 2);
     const Vector6 error = errorOf(found);
-    squared += error.dot(found.covariance.ldlt().solve(error)) / 6;
+    squared += squaredDistance(error, found.covariance) / 6;
   }
   // Errors here are independent; those of a learnt object are not, which the covariance reckons
   // with.
