@@ -134,7 +134,10 @@ TEST_P(LostProcessor, IsAnErrorWhereThereIsNoOther) {
   EXPECT_THROW(searchWith(search.get()), std::runtime_error);
 }
 
-TEST_P(LostProcessor, IsReplacedForADetection) {
+/// Detection does not depend on how poses are searched for.
+using LostDetectionProcessor = LostProcessor;
+
+TEST_P(LostDetectionProcessor, IsReplacedForADetection) {
   const auto search = makeSearch();
   search->use(object_);
   first_fails_ = true;
@@ -143,7 +146,7 @@ TEST_P(LostProcessor, IsReplacedForADetection) {
   EXPECT_EQ(found_, 2);
 }
 
-TEST_P(LostProcessor, ADetectionThatIsCancelledSaysSo) {
+TEST_P(LostDetectionProcessor, ADetectionThatIsCancelledSaysSo) {
   const auto search = makeSearch();
   search->use(object_);
   const CancellationToken cancelled;
@@ -153,6 +156,7 @@ TEST_P(LostProcessor, ADetectionThatIsCancelledSaysSo) {
 }
 
 INSTANTIATE_TEST_SUITE_P(RefinerSearch, LostProcessor, testing::Values("keyframes", "track"));
+INSTANTIATE_TEST_SUITE_P(RefinerSearch, LostDetectionProcessor, testing::Values("keyframes"));
 
 // What is known of an object is kept from one search to the next.
 
