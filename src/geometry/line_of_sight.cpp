@@ -3,10 +3,18 @@
 
 #include <Eigen/Geometry>
 
+#include <cmath>
+
 namespace nerf_pose_refiner {
 
 Eigen::Matrix3d lineOfSightAxes(const Eigen::Vector3d& along) {
-  return Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), along).toRotationMatrix();
+  const Eigen::Vector3d sight = along.normalized();
+  const double cosine = sight.z();
+  if (cosine < -1 + 1e-12) return Eigen::Vector3d(1, -1, -1).asDiagonal();  // about any axis
+  // The shortest turn of the z axis. (Eigen's own reads a singular value decomposition for this.)
+  const double scale = std::sqrt(2 * (1 + cosine));
+  const Eigen::Vector3d axis = Eigen::Vector3d::UnitZ().cross(sight) / scale;
+  return Eigen::Quaterniond(0.5 * scale, axis.x(), axis.y(), axis.z()).toRotationMatrix();
 }
 
 }  // namespace nerf_pose_refiner

@@ -10,14 +10,14 @@ Vector6 solved(const Matrix6& A, const Vector6& b) { return A.ldlt().solve(b); }
 
 Matrix6 solved(const Matrix6& A, const Matrix6& b) { return A.ldlt().solve(b); }
 
-Matrix6 inverseOf(const Matrix6& A) { return A.ldlt().solve(Matrix6::Identity()); }
+Matrix6 inverseOf(const Matrix6& A) { return solved(A, Matrix6(Matrix6::Identity())); }
 
 Matrix6 transformed(const Matrix6& J, const Matrix6& covariance) {
   return J * covariance * J.transpose();
 }
 
 double squaredDistance(const Vector6& v, const Matrix6& covariance) {
-  return v.dot(covariance.ldlt().solve(v));
+  return v.dot(solved(covariance, v));
 }
 
 Eigen6 eigenOf(const Matrix6& symmetric) {

@@ -59,9 +59,9 @@ InteractiveMarkerControl handleBox(double size_m) {
 /// Rings to turn about each axis, and arrows to move along it.
 void addAxes(InteractiveMarker* marker) {
   for (int axis = 0; axis < 3; ++axis) {
-    // Controls act along their x.
-    const Eigen::Quaterniond q =
-        Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitX(), Eigen::Vector3d::Unit(axis));
+    // Controls act along their x, which a third of a turn about the diagonal takes to y, then to z.
+    const Eigen::Vector3d diagonal = Eigen::Vector3d::Ones().normalized();
+    const Eigen::Quaterniond q(Eigen::AngleAxisd(axis * 2 * M_PI / 3, diagonal));
     InteractiveMarkerControl control;
     control.orientation.w = q.w();
     control.orientation.x = q.x();
