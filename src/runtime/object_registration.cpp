@@ -8,10 +8,9 @@
 
 #include "backend/backend.h"
 #include "dataset/path_below.h"
-#include "detection/landmark_file.h"
 #include "registration/registration_hash.h"
 #include "registration/registration_options.h"
-#include "runtime/learned_detection.h"
+#include "runtime/detection_files.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -99,7 +98,7 @@ RegisteredObject ObjectRegistration::run(const RegistrationRequest& request,
   const std::shared_ptr<const Field> saved = store_.save(field);
   RegisteredObject result = {saved, false, dataset.notes};
   if (makes_detection_files_) {
-    const std::string error = makeDetectionFiles(backend.get(), saved, dataset, cancellation);
+    const std::string error = learnToDetect(backend.get(), saved, dataset, cancellation);
     if (!error.empty()) result.notes.push_back(error);
   }
   return result;
@@ -107,14 +106,14 @@ RegisteredObject ObjectRegistration::run(const RegistrationRequest& request,
 
 /// The model is saved by now: what is cut short or fails here, detection makes when it needs it.
 /// @return why they were not made; empty if nothing went wrong.
-std::string ObjectRegistration::makeDetectionFiles(Backend* backend,
-                                                   const std::shared_ptr<const Field>& field,
-                                                   const Dataset& photos,
-                                                   const CancellationToken& cancellation) const {
-  const std::string path = store_.cache().pathOf(field);
+std::string ObjectRegistration::learnToDetect(Backend* backend,
+                                              const std::shared_ptr<const Field>& field,
+                                              const Dataset& photos,
+                                              const CancellationToken& cancellation) const {
+  const std::string path = landmarkPathOf(store_.cache(), field);
   if (path.empty()) return {};
   try {
-    learnDetection(backend, field, photos, landmarkPathOf(path), cancellation);
+    learnDetection(backend, field, photos, path, cancellation);
   } catch (const Cancelled&) {
   } catch (const std::exception& e) {
     return std::string("what detection needs is not made yet: ") + e.what();

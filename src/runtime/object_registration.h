@@ -55,9 +55,8 @@ class ObjectRegistration {
   RegistrationQueue::Job jobOf(const RegistrationRequest& request) const;
 
  private:
-  std::string makeDetectionFiles(Backend* backend, const std::shared_ptr<const Field>& field,
-                                 const Dataset& photos,
-                                 const CancellationToken& cancellation) const;
+  std::string learnToDetect(Backend* backend, const std::shared_ptr<const Field>& field,
+                            const Dataset& photos, const CancellationToken& cancellation) const;
   Dataset readPhotos(const RegistrationRequest& request,
                      const CancellationToken& cancellation) const;
   RegistrationOptions settingsOf(const RegistrationRequest& request, const Dataset& dataset) const;

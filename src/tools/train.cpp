@@ -12,7 +12,7 @@
 #include "field/object_metadata.h"
 #include "registration/registrar.h"
 #include "registration/registration_options.h"
-#include "runtime/learned_detection.h"
+#include "runtime/detection_files.h"
 #include "tools/tool.h"
 #include "trust/look_alikes.h"
 

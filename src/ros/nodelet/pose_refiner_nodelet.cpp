@@ -10,10 +10,9 @@
 #include "backend/gpu_memory.h"
 #include "backend/make_backend.h"
 #include "concurrency/error_of.h"
-#include "detection/detection_model.h"
-#include "detection/landmark_file.h"
 #include "ros/conversions/pose_conversions.h"
 #include "ros/conversions/topics.h"
+#include "runtime/detection_files.h"
 #include "views/object_inside.h"
 
 namespace nerf_pose_refiner {
@@ -133,7 +132,7 @@ void PoseRefinerNodelet::startTracking() {
   images_ = std::make_unique<CameraSubscription::Connection>(camera_.get(), std::move(receiver));
   tracked_ = std::make_unique<TrackedObject>(
       &worker_->tracker(), [](const std::string& text) { ROS_INFO("%s", text.c_str()); },
-      [this](const std::shared_ptr<const Field>& field) { makeLandmarksFile(field); });
+      [this](const std::shared_ptr<const Field>& field) { prepareDetection(field); });
 }
 
 void PoseRefinerNodelet::startImageServices() {
@@ -194,38 +193,30 @@ ProcessorFactory PoseRefinerNodelet::sharedProcessor() const {
 }
 
 DetectionService::Detect PoseRefinerNodelet::detection() const {
-  return [this, find_shared = sharedProcessor()](
+  return [process = process_, find_shared = sharedProcessor()](
              const std::shared_ptr<const Field>& field, DetectorOptions options,
              const Observation& observation, const CancellationToken& cancellation) {
-    options.landmarks_path = landmarksPathOf(field);
+    options.landmarks_path = landmarkPathOf(process->models, field);
     Detector detector(find_shared().backend, ObjectInside::make(field), options, cancellation);
     return detector.detect(observation, {}, cancellation);
   };
 }
 
-/// Empty for a model without a file.
-std::string PoseRefinerNodelet::landmarksPathOf(const std::shared_ptr<const Field>& field) const {
-  const std::string model = process_->models.pathOf(field);
-  return model.empty() ? model : landmarkPathOf(model);
-}
-
 DetectionSetup PoseRefinerNodelet::detectionSetup() const {
   DetectionSetup setup;
-  setup.landmarks_path = [this](const std::shared_ptr<const Field>& field) {
-    return landmarksPathOf(field);
+  setup.landmarks_path = [process = process_](const std::shared_ptr<const Field>& field) {
+    return landmarkPathOf(process->models, field);
   };
   return setup;
 }
 
-/// Makes the file of a model's landmarks if tracking begins with detection, so that no image waits
-/// for them. If that fails, tracking makes them.
-void PoseRefinerNodelet::makeLandmarksFile(const std::shared_ptr<const Field>& field) const {
+/// Before an object is tracked, if tracking begins with detection. If this fails, tracking makes
+/// what the files would hold.
+void PoseRefinerNodelet::prepareDetection(const std::shared_ptr<const Field>& field) const {
   if (parameters_.tracker.rules.start == TrackStart::kInitialPose) return;
-  const std::string path = landmarksPathOf(field);
-  if (path.empty()) return;
   const std::optional<std::string> error = errorOf([&] {
-    const SearchProcessor processor = sharedProcessor()();
-    detectionModelFor(*processor.backend->load(field), {}, path, closing_);
+    const std::shared_ptr<Backend> backend = sharedProcessor()().backend;
+    makeDetectionFiles(backend.get(), process_->models, field, closing_);
   });
   if (error) NODELET_WARN("no landmarks yet: %s", error->c_str());
 }

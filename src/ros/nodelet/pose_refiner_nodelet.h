@@ -49,9 +49,8 @@ class PoseRefinerNodelet : public nodelet::Nodelet {
   void startObjectServices();
   void startReconfiguration();
   NodeHandles nodeHandles() const { return {getNodeHandle(), getPrivateNodeHandle()}; }
-  std::string landmarksPathOf(const std::shared_ptr<const Field>& field) const;
   DetectionSetup detectionSetup() const;
-  void makeLandmarksFile(const std::shared_ptr<const Field>& field) const;
+  void prepareDetection(const std::shared_ptr<const Field>& field) const;
   DetectionService::Detect detection() const;
   ProcessorFactory sharedProcessor() const;
   ObjectStore store() const;

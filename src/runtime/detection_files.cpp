@@ -1,12 +1,18 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "runtime/learned_detection.h"
+#include "runtime/detection_files.h"
 
 #include <vector>
 
 #include "backend/loaded_field.h"
 #include "detection/detection_model.h"
+#include "detection/landmark_file.h"
 
 namespace nerf_pose_refiner {
+
+std::string landmarkPathOf(const ModelCache& models, const std::shared_ptr<const Field>& field) {
+  const std::string model = models.pathOf(field);
+  return model.empty() ? model : landmarkPathOf(model);
+}
 
 void learnDetection(Backend* backend, const std::shared_ptr<const Field>& field,
                     const Dataset& photos, const std::string& landmark_path,
@@ -16,6 +22,13 @@ void learnDetection(Backend* backend, const std::shared_ptr<const Field>& field,
     views.push_back({view.rgba, {view.camera, view.T_O_C}});
   }
   makeDetectionModel(*backend->load(field), views, {}, landmark_path, cancellation);
+}
+
+void makeDetectionFiles(Backend* backend, const ModelCache& models,
+                        const std::shared_ptr<const Field>& field,
+                        const CancellationToken& cancellation) {
+  const std::string path = landmarkPathOf(models, field);
+  if (!path.empty()) detectionModelFor(*backend->load(field), {}, path, cancellation);
 }
 
 }  // namespace nerf_pose_refiner
