@@ -155,8 +155,8 @@ std::string describe(const Field& field) {
   Json json;
   visitConfig(field.config, Writer(&json["config"]));
   visitMetadata(field.metadata, Writer(&json["metadata"]));
-  if (field.metadata.exposure_spread > 0) {
-    json["metadata"]["exposure_spread"] = field.metadata.exposure_spread;
+  if (field.metadata.exposure_spread) {
+    json["metadata"]["exposure_spread"] = *field.metadata.exposure_spread;
   }
   visitPoseStatistics(field.metadata.pose, Writer(&json["pose_statistics"]));
   visitKeyframeScores(field.metadata.pose.keyframes, Writer(&json["keyframe_scores"]));
@@ -175,7 +175,9 @@ Field fieldFromDescription(const std::string& text) {
     const Json json = parseJson(text);
     visitConfig(field.config, Reader(json.at("config")));
     visitMetadata(field.metadata, Reader(json.at("metadata")));
-    field.metadata.exposure_spread = json.at("metadata").value("exposure_spread", 0.0);
+    if (json.at("metadata").contains("exposure_spread")) {
+      field.metadata.exposure_spread = json.at("metadata").at("exposure_spread").get<double>();
+    }
     if (json.contains("pose_statistics")) {  // models of before do not have them
       visitPoseStatistics(field.metadata.pose, Reader(json.at("pose_statistics")));
     }

@@ -183,8 +183,8 @@ void Field::validate() const {
   requireLength("diameter", metadata.diameter);
   require(metadata.centre.allFinite(), "FieldMetadata::centre is not finite");
   require(std::isfinite(metadata.psnr_db), "FieldMetadata::psnr_db is not finite");
-  require(metadata.exposure_spread >= 0 && std::isfinite(metadata.exposure_spread),
-          "FieldMetadata::exposure_spread is below 0");
+  const double spread = metadata.exposure_spread.value_or(0);
+  require(spread >= 0 && std::isfinite(spread), "FieldMetadata::exposure_spread is below 0");
   require(metadata.score.views >= 0, "ScoreStatistics::views is negative");
   require(std::isfinite(metadata.score.mean_loss) && std::isfinite(metadata.score.stddev_loss),
           "FieldMetadata::score is not finite");

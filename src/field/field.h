@@ -129,8 +129,8 @@ struct FieldMetadata {
   Eigen::Vector3d centre = Eigen::Vector3d::Zero();  ///< opacity-weighted mean, model units
   double psnr_db = 0;  ///< mean over held-out views on black; 0: none were held out
   /// How much the photos' exposures differed before they were made equal: root of the mean square
-  /// of the logarithm of a mean grey; 0: not enough for that, or unknown.
-  double exposure_spread = 0;
+  /// of the logarithm of a mean grey; 0: not enough for that. Nothing: they were not compared.
+  std::optional<double> exposure_spread;
   ScoreStatistics score;
   PoseStatistics pose;
   LookAlikes look_alikes;

@@ -5,6 +5,7 @@
 #include <chrono>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "concurrency/seconds_since.h"
@@ -68,9 +69,11 @@ class ExposureComparison {
     return gains(views, views, {dataset_.has_alpha, true});
   }
 
-  /// Whether the gains are those of exposures, and not of a shiny object. No, if the time was too
-  /// short to tell.
-  bool areUnforeseen(const std::vector<PhotoGain>& gains_of_all) {
+  /// Whether the gains are those of exposures: large, and not those of a shiny object. Nothing, if
+  /// the time was too short to tell.
+  std::optional<bool> areOfExposures(const std::vector<PhotoGain>& gains_of_all) {
+    if (gains_of_all.empty()) return std::nullopt;
+    if (gainSpread(gains_of_all) < kGainSpread) return false;
     const std::vector<PosedView>& views = dataset_.views;
     std::vector<PosedView> seen;
     std::vector<std::size_t> left_out;
@@ -83,7 +86,7 @@ class ExposureComparison {
       }
     }
     const std::vector<PhotoGain> found = gains(seen, views, {dataset_.has_alpha});
-    if (found.empty()) return false;
+    if (found.empty()) return std::nullopt;
     std::vector<PhotoGain> unforeseen, expected;
     for (const std::size_t i : left_out) {
       unforeseen.push_back(found[i]);
@@ -122,18 +125,22 @@ EqualColours withEqualColours(Backend* backend, const Dataset& dataset,
                               const std::function<void(const RegistrationProgress&)>& progress,
                               const CancellationToken& cancellation) {
   const auto start = std::chrono::steady_clock::now();
-  EqualColours equal = {dataset};
+  EqualColours equal;
+  equal.dataset = dataset;
   if (settings.keep_colours) return equal;
   ExposureComparison comparison(backend, dataset, settings, progress, cancellation);
   if (!comparison.isPossible()) return equal;
+  std::vector<PhotoGain> gains = comparison.gains(dataset.views);
+  const std::optional<bool> differ = comparison.areOfExposures(gains);
+  if (differ) equal.spread = 0;
   std::vector<PhotoGain> total(dataset.views.size());
-  for (int round = 0; round < kGainRounds; ++round) {
-    const std::vector<PhotoGain> gains = comparison.gains(equal.dataset.views);
-    if (gains.empty() || gainSpread(gains) < (round == 0 ? kGainSpread : kGainSettled)) break;
-    if (round == 0 && !comparison.areUnforeseen(gains)) break;
+  for (int round = 1; differ == true; ++round) {
     for (std::size_t i = 0; i < total.size(); ++i) total[i] = combined(total[i], gains[i]);
     equal.spread = gainSpread(total);
     equal.dataset.views = withGains(dataset.views, total);
+    if (round == kGainRounds) break;
+    gains = comparison.gains(equal.dataset.views);
+    if (gains.empty() || gainSpread(gains) < kGainSettled) break;
   }
   equal.seconds = secondsSince(start);
   return equal;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 
 #include "backend/backend.h"
 #include "dataset/dataset.h"
@@ -12,7 +13,9 @@ namespace nerf_pose_refiner {
 /// A dataset of views of one exposure.
 struct EqualColours {
   Dataset dataset;
-  double spread = 0;   ///< of the exposures before (@see gainSpread); 0: they are left as they are
+  /// Of the exposures before (@see gainSpread); 0: they are left as they are. Nothing: they were
+  /// not compared, as the settings say or for want of time.
+  std::optional<double> spread;
   double seconds = 0;  ///< that it took
 };
 

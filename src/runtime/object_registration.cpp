@@ -97,6 +97,9 @@ RegisteredObject ObjectRegistration::run(const RegistrationRequest& request,
   cancellation.check();  // from here on the model is saved
   const std::shared_ptr<const Field> saved = store_.save(field);
   RegisteredObject result = {saved, false, dataset.notes};
+  if (!saved->metadata.exposure_spread && !settings.keep_colours) {
+    result.notes.push_back("the training was too short to compare the photos' exposures");
+  }
   if (makes_detection_files_) {
     const std::string error = learnToDetect(backend.get(), saved, dataset, cancellation);
     if (!error.empty()) result.notes.push_back(error);

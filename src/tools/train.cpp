@@ -86,7 +86,8 @@ void report(const TrainOptions& options, const Field& field, double seconds) {
                {"held_out_views", metadata.score.views},
                {"colour_error", metadata.score.mean_loss},
                {"colour_error_stddev", metadata.score.stddev_loss},
-               {"exposure_spread", metadata.exposure_spread},
+               {"exposure_spread",
+                metadata.exposure_spread ? nlohmann::json(*metadata.exposure_spread) : nullptr},
                {"pose_views", metadata.pose.views},
                {"pose_error_lateral_diameters", metadata.pose.lateral},
                {"pose_error_depth_share", metadata.pose.depth},
@@ -106,9 +107,11 @@ void report(const TrainOptions& options, const Field& field, double seconds) {
                 metadata.psnr_db, metadata.score.views, metadata.score.mean_loss,
                 metadata.score.stddev_loss);
   }
-  if (metadata.exposure_spread > 0) {
+  if (!metadata.exposure_spread && !options.settings.keep_colours) {
+    std::printf(", too short to compare the photos' exposures");
+  } else if (metadata.exposure_spread.value_or(0) > 0) {
     std::printf(", photos of different exposure (%.0f %%) made equal",
-                100 * metadata.exposure_spread);
+                100 * *metadata.exposure_spread);
   }
   if (metadata.look_alikes.any()) {
     std::printf(", may be taken for itself: %s", describe(metadata.look_alikes).c_str());

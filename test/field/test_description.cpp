@@ -48,6 +48,18 @@ TEST(Description, ThatNoneWereFoundIsKept) {
   EXPECT_FALSE(after.any());
 }
 
+TEST(Description, TellsEqualExposuresFromThoseThatWereNotCompared) {
+  Field field = smallField();
+  EXPECT_FALSE(fieldFromDescription(describe(field)).metadata.exposure_spread);
+  for (const double spread : {0.0, 0.125}) {
+    field.metadata.exposure_spread = spread;
+    EXPECT_EQ(fieldFromDescription(describe(field)).metadata.exposure_spread, spread);
+  }
+  Json json = Json::parse(describe(field));
+  json["metadata"]["exposure_spread"] = nullptr;
+  EXPECT_THROW(fieldFromDescription(json.dump()), std::runtime_error);
+}
+
 TEST(Description, RefusesLookAlikesOfAnotherForm) {
   Json json = Json::parse(describe(mistakableField()));
   json["look_alikes"]["axis"]["direction"] = {1, 0};

@@ -41,7 +41,7 @@ def run_steps(job):
     if options.learn:
         model = learn(job)
         quality = job.steps.run('quality', [], [job.path('renderings')],
-                                lambda: compare(job, model.get('exposure_spread', 0) == 0))
+                                lambda: compare(job, not model.get('exposure_spread')))
         facts = {**facts, 'model': model, 'quality': quality}
         job.steps.run('turntable', [], [job.path('turntable.jpg')], lambda: turntable(job, facts['box']))
     facts = {'name': options.name, **facts, 'seconds': job.steps.seconds}

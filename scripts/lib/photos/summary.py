@@ -38,6 +38,11 @@ def unlike_photos(facts):
     return [row['source'] for row in rows if row['psnr_object_db'] < usual - UNLIKE_DB]
 
 
+def exposure_spread(facts):
+    """How much the exposures of the photos differed; 0 also where they were not compared."""
+    return facts.get('model', {}).get('exposure_spread') or 0
+
+
 def named(sources):
     return ', '.join(sources[:4]) + (' ..' if len(sources) > 4 else '')
 
@@ -62,7 +67,7 @@ def advice(facts):
     if poor:
         sentences.append(f"The masks of {count(len(poor), 'photo')} do not agree with the others ({named(poor)}): look at "
                          'them below. A background of another colour helps.')
-    if facts.get('model', {}).get('exposure_spread', 0) > LARGE_SPREAD:
+    if exposure_spread(facts) > LARGE_SPREAD:
         sentences.append('The exposure of the photos differs, or the object was turned in the light: fix exposure and white '
                          'balance, and move the camera instead of the object.')
     unlike = unlike_photos(facts)
@@ -98,7 +103,7 @@ def figures(facts):
         held_out = sum(row['held_out'] for row in facts['quality'])
         rows.append((f'PSNR on the object, {count(held_out, "held-out photo")}', f'{psnr:.1f} dB'))
         rows.append(('opacity beside the object', f"{100 * np.mean([r['alpha_outside'] for r in facts['quality']]):.1f} %"))
-    spread = facts.get('model', {}).get('exposure_spread', 0)
+    spread = exposure_spread(facts)
     if spread > 0:
         rows.append(('exposure of the photos', f'differed by {100 * spread:.0f} %: each got a gain; the figures above are '
                      'with it'))
