@@ -8,6 +8,7 @@ add_library(${ros_library} STATIC
   src/ros/conversions/camera_input.cpp
   src/ros/conversions/companion_pairing.cpp
   src/ros/conversions/depth_input.cpp
+  src/ros/conversions/detection_boxes.cpp
   src/ros/conversions/hypothesis_markers.cpp
   src/ros/conversions/mask_pairing.cpp
   src/ros/conversions/param_reader.cpp

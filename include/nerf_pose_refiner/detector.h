@@ -16,16 +16,9 @@ namespace nerf_pose_refiner {
 
 class Backend;
 
-/// A part of an image [px]. The centre of the first pixel is (0, 0): the whole image is
-/// [-0.5, width - 0.5] x [-0.5, height - 0.5].
-struct ImageBox {
-  double x_min = 0, y_min = 0, x_max = 0, y_max = 0;
-};
-
-/// What is known of where an object is in an image, beside the observation's own mask. All of it
-/// may be left out.
+/// What is known of where an object is, beside the observation's own mask and boxes. All of it may
+/// be left out.
 struct DetectionHint {
-  std::optional<ImageBox> box;  ///< part of the image that shows the object (a 2-D detector's)
   /// Distance of the object's centre from the camera, up to 1.5 times too far or too near [m; model
   /// units if the object has no scale].
   std::optional<double> distance;

@@ -23,6 +23,12 @@ enum class Background {
   kMask,  ///< `alpha` holds a segmentation: 1 on the object, 0 elsewhere, inexact at its edge
 };
 
+/// A part of an image [px]. The centre of the first pixel is (0, 0): the whole image is
+/// [-0.5, width - 0.5] x [-0.5, height - 0.5].
+struct ImageBox {
+  double x_min = 0, y_min = 0, x_max = 0, y_max = 0;
+};
+
 struct Observation;
 
 /// An image of another camera, or of the same one from elsewhere, at the moment of an observation.
@@ -62,6 +68,9 @@ struct Observation {
   std::shared_ptr<const CameraPixels> pixels;
   Image alpha;   ///< [h][w][1], 0..1, for kKnownAlpha and kMask; empty otherwise
   Image weight;  ///< [h][w][1], 0..1, weight of each pixel (0: the robot's gripper); empty: all 1
+  /// Parts of the image that may show the object, as a 2-D detector gives them, best first: where
+  /// it is looked for without an initial pose. Empty: everywhere.
+  std::vector<ImageBox> boxes;
   std::shared_ptr<const DepthImage> depth;  ///< depth at the same moment; null: there is none
   std::vector<SideView> side_views;         ///< images of further cameras that see the object
   /// The camera in a frame in which the object stands still [m]: a tracker that keeps past views

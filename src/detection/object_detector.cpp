@@ -197,10 +197,10 @@ void ObjectDetector::settleAll(const Observation& observation,
   }
 }
 
-Detections ObjectDetector::detect(const Observation& observation, const SearchArea& area,
-                                  const CancellationToken& cancellation) {
-  const auto begin = std::chrono::steady_clock::now();
-  observation.validate();
+/// Adds what is found in an area.
+void ObjectDetector::detectIn(const SearchArea& area, const Observation& observation,
+                              std::chrono::steady_clock::time_point begin, Detections* detections,
+                              const CancellationToken& cancellation) {
   area.validate();
   ImageCandidates all = candidates(observation, area, cancellation);
   if (templates_) {
@@ -210,14 +210,25 @@ Detections ObjectDetector::detect(const Observation& observation, const SearchAr
     all.poses = ranked(observation, all.poses, settings_.max_ranked, cancellation);
     if (!all.poses.empty()) all.message.clear();
   }
+  detections->message = all.message;
+  detections->candidates.insert(detections->candidates.end(), all.poses.begin(), all.poses.end());
+  settleAll(observation, begin, &all, &detections->found, cancellation);
+}
+
+Detections ObjectDetector::detect(const Observation& observation, const SearchArea& area,
+                                  const CancellationToken& cancellation) {
+  const auto begin = std::chrono::steady_clock::now();
+  observation.validate();
   Detections detections;
-  detections.message = all.message;
-  detections.candidates = all.poses;
+  for (const SearchArea& part : areasOf(observation, area)) {
+    detectIn(part, observation, begin, &detections, cancellation);
+  }
   std::vector<Refinement>& found = detections.found;
-  settleAll(observation, begin, &all, &found, cancellation);
   std::stable_sort(found.begin(), found.end(),
                    [](const Refinement& a, const Refinement& b) { return a.score > b.score; });
-  if (found.empty() && detections.message.empty()) {
+  if (!found.empty()) {
+    detections.message.clear();
+  } else if (detections.message.empty()) {
     detections.message = "no candidate explains the image well enough";
   }
   detections.seconds = secondsSince(begin);

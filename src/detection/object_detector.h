@@ -87,6 +87,7 @@ class ObjectDetector {
   PoseCandidates templateCandidates(const Observation& observation, const SearchArea& area,
                                     const CancellationToken& cancellation) const;
 
+  /// Looks in the observation's boxes one after the other, if it has some.
   /// @throws std::invalid_argument for an observation that makes no sense, Cancelled.
   Detections detect(const Observation& observation, const SearchArea& area,
                     const CancellationToken& cancellation);
@@ -95,6 +96,9 @@ class ObjectDetector {
   Refinement takeBest(const Observation& observation, ImageCandidates* candidates,
                       const CancellationToken& cancellation);
 
+  void detectIn(const SearchArea& area, const Observation& observation,
+                std::chrono::steady_clock::time_point begin, Detections* detections,
+                const CancellationToken& cancellation);
   void settleAll(const Observation& observation, std::chrono::steady_clock::time_point begin,
                  ImageCandidates* candidates, std::vector<Refinement>* found,
                  const CancellationToken& cancellation);

@@ -18,6 +18,19 @@ void SearchArea::validate() const {
   }
 }
 
+std::vector<SearchArea> areasOf(const Observation& observation, const SearchArea& area) {
+  constexpr std::size_t kMost = 20;  // of the boxes: each takes the time of a small image
+  if (area.box || observation.boxes.empty()) return {area};
+  std::vector<SearchArea> areas;
+  for (const ImageBox& box : observation.boxes) {
+    if (areas.size() == kMost) break;
+    areas.push_back(area);
+    areas.back().box = Eigen::AlignedBox2d(Eigen::Vector2d(box.x_min, box.y_min),
+                                           Eigen::Vector2d(box.x_max, box.y_max));
+  }
+  return areas;
+}
+
 std::optional<Camera> searchedPart(const Camera& camera, const SearchArea& area, int max_side_px) {
   constexpr int kMinSide_px = 32;
   int left = 0, top = 0, right = camera.width, bottom = camera.height;

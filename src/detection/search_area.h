@@ -4,6 +4,7 @@
 #include <Eigen/Geometry>
 
 #include <optional>
+#include <vector>
 
 #include "nerf_pose_refiner/camera.h"
 #include "nerf_pose_refiner/observation.h"
@@ -21,6 +22,9 @@ struct SearchArea {
   /// @throws std::invalid_argument for a box or a distance that makes no sense.
   void validate() const;
 };
+
+/// The areas to look in, one after the other: the observation's boxes, or else the area itself.
+std::vector<SearchArea> areasOf(const Observation& observation, const SearchArea& area);
 
 /// The camera of the part of an image that is searched, reduced; nothing if the box leaves too
 /// little of it. @param max_side_px of the result.

@@ -62,10 +62,6 @@ DetectionResult Detector::detect(const Observation& observation, const Detection
   const FieldMetadata& metadata = ObjectInside::field(parts_->object)->metadata;
   const ObjectFrame frame = ObjectInside::frame(parts_->object);
   SearchArea area;
-  if (hint.box) {
-    area.box = Eigen::AlignedBox2d(Eigen::Vector2d(hint.box->x_min, hint.box->y_min),
-                                   Eigen::Vector2d(hint.box->x_max, hint.box->y_max));
-  }
   if (hint.distance) area.distance = *hint.distance / frame.lengthPerUnit();
   const Detections found = parts_->detector->detect(observation, area, cancellation);
   DetectionResult result;

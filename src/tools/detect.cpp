@@ -134,11 +134,11 @@ void detect(const DetectOptions& options, const CancellationToken& cancellation)
       caseOfPhoto(photo, options.mask.empty() ? Image8() : readMask(options.mask),
                   cameraFromNumbers(options.intrinsics, photo.width, photo.height),
                   Distortion{options.distortion});
-  const Observation observation = observationOf(input, {});
-  DetectionHint hint;
+  Observation observation = observationOf(input, {});
   if (!options.box.empty()) {
-    hint.box = ImageBox{options.box[0], options.box[1], options.box[2], options.box[3]};
+    observation.boxes = {{options.box[0], options.box[1], options.box[2], options.box[3]}};
   }
+  DetectionHint hint;
   if (options.distance > 0) hint.distance = options.distance;
   DetectorOptions detector_options = options.detector;
   detector_options.landmarks_path =

@@ -101,9 +101,9 @@ TEST_F(DetectorTest, SaysWhyItFindsNone) {
       detector_.detect(observed(clutter(kCamera.width, kCamera.height, 7)));
   EXPECT_TRUE(clutter_alone.detections.empty());
   EXPECT_NE(clutter_alone.message, "");
-  DetectionHint hint;
-  hint.box = ImageBox{400, 20, 500, 120};
-  const DetectionResult outside = detector_.detect(image(), hint);
+  Observation beside = image();
+  beside.boxes = {{400, 20, 500, 120}};
+  const DetectionResult outside = detector_.detect(beside);
   EXPECT_TRUE(outside.detections.empty());
   EXPECT_EQ(outside.message, "the box leaves too little of the image");
 }
@@ -111,10 +111,16 @@ TEST_F(DetectorTest, SaysWhyItFindsNone) {
 TEST_F(DetectorTest, HeedsHints) {
   const Eigen::Vector3d centre_C = truth_.inverse() * object().centre;
   const Eigen::Vector2d middle = kCamera.project(centre_C);
+  Observation boxed = image();
+  boxed.boxes = {{0, 0, 40, 40},
+                 {middle.x() - 100, middle.y() - 100, middle.x() + 100, middle.y() + 100}};
   DetectionHint hint;
-  hint.box = ImageBox{middle.x() - 100, middle.y() - 100, middle.x() + 100, middle.y() + 100};
   hint.distance = 1.1 * kMetresPerUnit * centre_C.norm();
-  EXPECT_EQ(detector_.detect(image(), hint).detections.size(), 1u);
+  const DetectionResult found = detector_.detect(boxed, hint);
+  EXPECT_EQ(found.detections.size(), 1u);
+  EXPECT_EQ(found.message, "");
+  boxed.boxes.pop_back();
+  EXPECT_TRUE(detector_.detect(boxed, hint).detections.empty());
   hint.distance = 3 * kMetresPerUnit * centre_C.norm();
   EXPECT_TRUE(detector_.detect(image(), hint).detections.empty());
 }
@@ -131,12 +137,12 @@ TEST_F(DetectorTest, RefusesWhatIsInvalid) {
   expect_refused("max_instances", [](auto* o) { o->max_instances = 0; });
   expect_refused("budget_s", [](auto* o) { o->budget_s = kNaN; });
 
+  for (const ImageBox& box : {ImageBox{0, 0, kNaN, 100}, ImageBox{100, 0, 0, 100}}) {
+    Observation boxed = image();
+    boxed.boxes = {box};
+    expectError<std::invalid_argument>([&] { detector_.detect(boxed); }, "box");
+  }
   DetectionHint hint;
-  hint.box = ImageBox{0, 0, kNaN, 100};
-  expectError<std::invalid_argument>([&] { detector_.detect(image(), hint); }, "box");
-  hint.box = ImageBox{100, 0, 0, 100};
-  expectError<std::invalid_argument>([&] { detector_.detect(image(), hint); }, "box");
-  hint = {};
   hint.distance = kNaN;
   expectError<std::invalid_argument>([&] { detector_.detect(image(), hint); }, "distance");
   expectError<std::invalid_argument>([&] { detector_.detect(Observation()); }, "must");

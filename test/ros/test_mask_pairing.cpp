@@ -21,9 +21,9 @@ sensor_msgs::ImageConstPtr imageAt(int stamp) {
 
 class MaskPairingTest : public testing::Test {
  protected:
-  void useMode(MaskMode mode) {
+  void useMode(MaskMode mode, bool uses_boxes = false) {
     pairing_ = std::make_unique<MaskPairing>(
-        mode, 1.0, [this](CameraFrame frame) { emitted_.push_back(std::move(frame)); });
+        mode, 1.0, [this](CameraFrame frame) { emitted_.push_back(std::move(frame)); }, uses_boxes);
   }
 
   void image(int stamp, double now, std::uint32_t clock_jumps = 0) {
@@ -31,11 +31,18 @@ class MaskPairingTest : public testing::Test {
     pairing_->add({imageAt(stamp), nullptr, time, clock_jumps}, time);
   }
   void mask(int stamp, double now) { pairing_->addMask(imageAt(stamp), ros::WallTime(100 + now)); }
+  void boxes(int stamp, double now, std::size_t count) {
+    auto boxes = std::make_shared<StampedBoxes>();
+    boxes->header.stamp = ros::Time(stamp);
+    boxes->boxes.resize(count);
+    pairing_->addBoxes(boxes, ros::WallTime(100 + now));
+  }
   void ignoreMask(int stamp, double now) {
     pairing_->addIgnoreMask(imageAt(stamp), ros::WallTime(100 + now));
   }
 
-  /// Stamps of the images that were handed on since the last call, "m" and "i" with their masks.
+  /// Stamps of the images that were handed on since the last call, "m" and "i" with their masks,
+  /// "b" for each box.
   std::vector<std::string> takeEmitted() {
     std::vector<std::string> texts;
     for (const CameraFrame& frame : emitted_) {
@@ -45,6 +52,7 @@ class MaskPairingTest : public testing::Test {
         EXPECT_EQ(frame.masks.object->header.stamp, frame.image->header.stamp);
       }
       if (frame.masks.ignored) text += "i";
+      text += std::string(frame.masks.boxes.size(), 'b');
       texts.push_back(text);
     }
     emitted_.clear();
@@ -76,6 +84,36 @@ TEST_F(MaskPairingTest, AnImageWaitsForTheMaskOfItsStamp) {
   EXPECT_EQ(takeEmitted(), Texts{}) << "the mask may come first";
   image(2, 0.4);
   EXPECT_EQ(takeEmitted(), Texts{"2m"});
+}
+
+TEST_F(MaskPairingTest, AnImageWaitsForItsBoxesUntilTheObjectIsTracked) {
+  useMode(MaskMode::kNone, true);
+  image(1, 0);
+  EXPECT_EQ(takeEmitted(), Texts{}) << "the first boxes are waited for, too";
+  boxes(1, 0.2, 2);
+  EXPECT_EQ(takeEmitted(), Texts{"1bb"});
+  image(2, 0.3);
+  EXPECT_EQ(takeEmitted(), Texts{});
+  boxes(2, 0.4, 0);
+  EXPECT_EQ(takeEmitted(), Texts{"2"}) << "the detector saw nothing";
+  pairing_->setTracking(true);
+  image(3, 0.5);
+  EXPECT_EQ(takeEmitted(), Texts{"3"});
+  pairing_->setTracking(false);
+  image(4, 0.6);
+  EXPECT_EQ(takeEmitted(), Texts{});
+  pairing_->tick(ros::WallTime(101.5));
+  EXPECT_EQ(takeEmitted(), Texts{"4"}) << "the detector has stopped";
+}
+
+TEST_F(MaskPairingTest, BoxesOfBeforeTheClockJumpedAreForgotten) {
+  useMode(MaskMode::kNone, true);
+  image(5, 0);
+  boxes(7, 0.1, 1);
+  image(7, 0.2, 1);
+  EXPECT_EQ(takeEmitted(), Texts{});
+  boxes(7, 0.3, 3);
+  EXPECT_EQ(takeEmitted(), Texts{"7bbb"});
 }
 
 TEST_F(MaskPairingTest, TheNewestCompletePairWins) {

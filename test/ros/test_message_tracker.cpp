@@ -24,6 +24,21 @@ TEST_F(MessageTrackerTest, LeavesImagesAloneUntilThereIsAPose) {
   EXPECT_EQ(reports_[1].object, "mug");
 }
 
+TEST_F(MessageTrackerTest, LooksForTheObjectInTheBoxesOfADetector) {
+  parameters_.tracker.rules.start = TrackStart::kDetect;
+  restart();
+  useModel();
+  CameraFrame frame = frameAt(0);
+  frame.masks.boxes = {{0.5, -0.5, 2.5, 1.5}, {-10, -10, -5, -5}};
+  ASSERT_TRUE(tracker_->process(frame));
+  EXPECT_EQ(search_->detections, 1);
+  ASSERT_EQ(search_->boxes.size(), 1u) << "the other lies beside the image";
+  EXPECT_EQ(search_->boxes[0].x_min, 0.5);
+  EXPECT_EQ(search_->boxes[0].y_min, -0.5);
+  EXPECT_EQ(search_->boxes[0].x_max, 2.5);
+  EXPECT_EQ(search_->boxes[0].y_max, 1.5);
+}
+
 TEST_F(MessageTrackerTest, RefinesInModelUnitsAndAnswersInMetres) {
   useModel();
   offer();

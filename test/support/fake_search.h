@@ -34,6 +34,7 @@ class FakeSearch : public ObjectSearch {
     width = request.observation.camera.width;
     depth = request.observation.depth;
     side_views = request.observation.side_views;
+    boxes = request.observation.boxes;
     if (throws) throw std::runtime_error("the backend broke");
     while (waits_to_be_stopped && !cancellation.cancelRequested()) {
       searching = true;
@@ -74,6 +75,7 @@ class FakeSearch : public ObjectSearch {
   std::shared_ptr<const DepthImage> depth;  ///< of the last observation
   DepthReport depth_report;                 ///< what is said of it
   std::vector<SideView> side_views;         ///< of the last observation
+  std::vector<ImageBox> boxes;              ///< of the last observation
   std::vector<SideViewReport> side_view_reports;
   bool own_sees = true;  ///< the observation's own image took part
   Pose T_O_C = {Eigen::Matrix3d::Identity(), {0, 0, -1}};  ///< what is found

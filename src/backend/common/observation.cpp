@@ -86,6 +86,13 @@ void Observation::validate() const {
   const bool needs_alpha = background == Background::kKnownAlpha || background == Background::kMask;
   if (needs_alpha || !alpha.empty()) requireImage("alpha", alpha, camera, 1);
   if (!weight.empty()) requireImage("weight", weight, camera, 1);
+  for (const ImageBox& box : boxes) {
+    const bool is_finite = std::isfinite(box.x_min) && std::isfinite(box.y_min) &&
+                           std::isfinite(box.x_max) && std::isfinite(box.y_max);
+    if (!is_finite || !(box.x_min < box.x_max && box.y_min < box.y_max)) {
+      throw std::invalid_argument("Observation::boxes: a box is empty or not finite");
+    }
+  }
   if (depth) depth->validate();
   for (const SideView& view : side_views) validateSideView(view);
   if (T_W_C && !(T_W_C->isFinite() && T_W_C->isRigid())) {

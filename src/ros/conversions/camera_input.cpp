@@ -7,6 +7,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <opencv2/imgproc.hpp>
+#include <optional>
 #include <string>
 #include <utility>
 
@@ -123,6 +125,23 @@ CameraModel readGeometry(const sensor_msgs::CameraInfo& info, bool rectified) {
   return model;
 }
 
+/// Where the part of a raw image that is in a box lies in the undistorted one; nothing: beside it.
+std::optional<ImageBox> undistorted(const ImageBox& box, const Undistorter& undistorter) {
+  const Camera& camera = undistorter.camera();
+  const cv::Rect2d all(0, 0, camera.width, camera.height);
+  const cv::Rect2d drawn(box.x_min + 0.5, box.y_min + 0.5, box.x_max - box.x_min,
+                         box.y_max - box.y_min);
+  const cv::Rect inside = drawn & all;
+  if (inside.empty()) return std::nullopt;
+  Image8 bytes(camera.width, camera.height, 1);
+  cv::Mat(bytes.height, bytes.width, CV_8UC1, bytes.values.data())(inside) = 255;
+  Image8 moved = undistorter.undistort(bytes);
+  const cv::Mat values(moved.height, moved.width, CV_8UC1, moved.values.data());
+  const cv::Rect seen = cv::boundingRect(values > 127);
+  if (seen.empty()) return std::nullopt;
+  return ImageBox{seen.x - 0.5, seen.y - 0.5, seen.br().x - 0.5, seen.br().y - 0.5};
+}
+
 }  // namespace
 
 CameraModel cameraFromMessage(const sensor_msgs::CameraInfo& info, bool rectified) {
@@ -227,6 +246,9 @@ Observation CameraInput::observe(const sensor_msgs::ImageConstPtr& image,
       bytesOf(*image), formatOf(image->encoding),
       std::shared_ptr<const void>(image.get(), [image](const void*) {}), undistorter_);
   observation.camera = undistorter.camera();
+  for (const ImageBox& box : masks.boxes) {
+    if (const auto there = undistorted(box, undistorter)) observation.boxes.push_back(*there);
+  }
   if (masks.object) {
     observation.background = Background::kMask;
     observation.alpha =

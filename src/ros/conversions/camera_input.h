@@ -5,6 +5,7 @@
 #include <sensor_msgs/Image.h>
 
 #include <memory>
+#include <vector>
 
 #include "nerf_pose_refiner/camera.h"
 #include "nerf_pose_refiner/observation.h"
@@ -41,10 +42,13 @@ Image8 maskPixels(const char* what, const sensor_msgs::Image& mask, const Camera
 /// camera_info of an undistorted image.
 sensor_msgs::CameraInfo toMessage(const Camera& camera);
 
-/// The masks of an image: mono8, of the image's size, distorted like the image. Each may be null.
+/// What others say of where the object is in an image. Masks are mono8 and of the image's size;
+/// all is distorted like the image. Each may be null or empty.
 struct ImageMasks {
   sensor_msgs::ImageConstPtr object;   ///< non-zero: the pixel shows the object
   sensor_msgs::ImageConstPtr ignored;  ///< non-zero: ignore the pixel (the robot's gripper)
+  /// Where a 2-D detector sees the object, best first.
+  std::vector<ImageBox> boxes = {};
 };
 
 /// Images of a camera as observations for the refiner: RGB, undistorted, with an unknown

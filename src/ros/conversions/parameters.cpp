@@ -195,6 +195,12 @@ void readCameras(ParamReader& read, CameraSettings& cameras) {
   read.rejectUnknown();
 }
 
+void readBoxes(ParamReader& read, BoxSettings& boxes) {
+  read.get("use", boxes.use);
+  read.get("class_id", boxes.class_id);
+  read.rejectUnknown();
+}
+
 void readWindow(ParamReader& read, ViewWindowSettings& window) {
   read.get("views", window.views);
   read.get("apart_deg", window.apart_deg);
@@ -351,6 +357,9 @@ PoseRefinerParameters readParameters(ParamReader& reader, const PoseRefinerParam
 
   ParamReader cameras = reader.group("cameras");
   readCameras(cameras, p.cameras);
+
+  ParamReader detections = reader.group("detections");
+  readBoxes(detections, p.detections);
 
   ParamReader window = reader.group("window");
   readWindow(window, p.tracker.window);

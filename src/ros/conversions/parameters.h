@@ -46,6 +46,12 @@ struct DepthSettings {
   DepthNoise noise;
 };
 
+/// Boxes of a 2-D detector, in which the object is looked for: group ~detections.
+struct BoxSettings {
+  bool use = false;
+  int class_id = -1;  ///< of the object; -1: boxes of all classes are its own
+};
+
 /// Further cameras that look at the object: group ~cameras.
 struct CameraSettings {
   std::string topics;              ///< of their images, camera_info beside them; spaces between
@@ -73,9 +79,11 @@ struct PoseRefinerParameters {
   int device = 0;                        ///< of the CUDA backend: number of the GPU
   int threads = 0;                       ///< of the CPU backend; 0: all cores
   std::string instruction_set = "auto";  ///< of the CPU backend
-  double mask_timeout_s = 1;  ///< without a mask for so long: as if there were none [s], >= 0
+  /// Without a mask, or boxes, for so long: as if there were none [s], >= 0
+  double mask_timeout_s = 1;
   DepthSettings depth;
   CameraSettings cameras;
+  BoxSettings detections;
   OverlaySettings overlay;
   DiagnosticSettings diagnostics;
   FrameSettings frames;

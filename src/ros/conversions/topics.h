@@ -4,7 +4,8 @@
 namespace nerf_pose_refiner {
 
 /// Every name of the ROS interface, relative (REP-135). "image", "camera_info", "image_depth",
-/// "mask" and "ignore_mask" are resolved in the node's namespace, all others in its private one.
+/// "mask", "ignore_mask" and "detections" are resolved in the node's namespace, all others in its
+/// private one.
 namespace topics {
 
 // subscribed
@@ -12,6 +13,7 @@ constexpr char kImage[] = "image";        ///< with its sibling "camera_info"
 constexpr char kDepth[] = "image_depth";  ///< with its own sibling "camera_info"
 constexpr char kMask[] = "mask";
 constexpr char kIgnoreMask[] = "ignore_mask";
+constexpr char kDetections[] = "detections";
 constexpr char kInitialPose[] = "initial_pose";
 constexpr char kInitialPoseWithCovariance[] = "initial_pose_with_covariance";
 

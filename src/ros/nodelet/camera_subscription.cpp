@@ -69,6 +69,12 @@ void CameraSubscription::listen() {
   };
   if (receiver->mask) masks_ = subscribe(topics::kMask, receiver->mask);
   ignore_masks_ = subscribe(topics::kIgnoreMask, receiver->ignore_mask);
+  if (!receiver->detections) return;
+  const boost::function<void(const boost::shared_ptr<const DetectionArray>&)> take =
+      [this, receiver](const boost::shared_ptr<const DetectionArray>& detections) {
+        diagnostics_->guard(topics::kDetections, [&] { receiver->detections(*detections); });
+      };
+  detections_ = nodes_.nh.subscribe<DetectionArray>(nodes_.topic(topics::kDetections), 10, take);
 }
 
 /// Called with mutex_ held.
@@ -158,6 +164,7 @@ void CameraSubscription::unsubscribe() {
   companions_.clear();
   masks_.shutdown();
   ignore_masks_.shutdown();
+  detections_.shutdown();
 }
 
 }  // namespace nerf_pose_refiner

@@ -15,6 +15,7 @@
 #include <string>
 #include <vector>
 
+#include "ros/conversions/detection_boxes.h"
 #include "ros/conversions/node_handles.h"
 #include "ros/nodelet/diagnostics.h"
 
@@ -39,7 +40,8 @@ class CameraSubscription {
     std::vector<std::string> side_topics;
     std::function<void(const sensor_msgs::ImageConstPtr&)> mask;  ///< empty: masks are not used
     std::function<void(const sensor_msgs::ImageConstPtr&)> ignore_mask;
-    std::function<void(const std::string& why)> unpaired;  ///< images come without camera_info
+    std::function<void(const DetectionArray&)> detections;  ///< empty: they are not used
+    std::function<void(const std::string& why)> unpaired;   ///< images come without camera_info
   };
 
   /// Passes images to a receiver. After destruction no call of it is running.
@@ -112,6 +114,7 @@ class CameraSubscription {
   std::vector<std::unique_ptr<CompanionPairs>> companions_;  ///< that are subscribed to
   ros::Subscriber masks_;
   ros::Subscriber ignore_masks_;
+  ros::Subscriber detections_;
 };
 
 }  // namespace nerf_pose_refiner

@@ -129,6 +129,9 @@ void PoseRefinerNodelet::startTracking() {
     worker_->wake();
   };
   receiver.ignore_mask = [this](const auto& mask) { worker_->addIgnoreMask(mask); };
+  if (parameters_.detections.use) {
+    receiver.detections = [this](const auto& detections) { worker_->addDetections(detections); };
+  }
   images_ = std::make_unique<CameraSubscription::Connection>(camera_.get(), std::move(receiver));
   tracked_ = std::make_unique<TrackedObject>(
       &worker_->tracker(), [](const std::string& text) { ROS_INFO("%s", text.c_str()); },

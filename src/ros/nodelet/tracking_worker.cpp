@@ -23,10 +23,12 @@ TrackingWorker::TrackingWorker(const PoseRefinerParameters& parameters,
                                std::unique_ptr<ObjectSearch> search, tf2::BufferCore* transforms,
                                const Outputs& outputs)
     : outputs_(outputs),
+      class_id_(parameters.detections.class_id),
       tracker_(parameters, std::move(search), transforms,
                [this](const RefinementStatus& status) { report(status); }),
-      pairing_(parameters.tracker.mask_mode, parameters.mask_timeout_s,
-               [this](CameraFrame frame) { mailbox_.put(std::move(frame)); }),
+      pairing_(
+          parameters.tracker.mask_mode, parameters.mask_timeout_s,
+          [this](CameraFrame frame) { mailbox_.put(std::move(frame)); }, parameters.detections.use),
       first_side_view_(parameters.depth.use ? 1 : 0),
       lead_(1 + parameters.cameras.names().size(), parameters.cameras.timeout_s) {
   if (parameters.depth.use) {
@@ -100,6 +102,11 @@ void TrackingWorker::addMask(const sensor_msgs::ImageConstPtr& mask) {
 
 void TrackingWorker::addIgnoreMask(const sensor_msgs::ImageConstPtr& mask) {
   pairing_.addIgnoreMask(mask, ros::WallTime::now());
+}
+
+void TrackingWorker::addDetections(const DetectionArray& detections) {
+  pairing_.addBoxes(std::make_shared<const StampedBoxes>(boxesOf(detections, class_id_)),
+                    ros::WallTime::now());
 }
 
 void TrackingWorker::addDepth(const Companion& depth) {

@@ -55,6 +55,8 @@ class TrackingWorker {
   }
   void addMask(const sensor_msgs::ImageConstPtr& mask);
   void addIgnoreMask(const sensor_msgs::ImageConstPtr& mask);
+  /// Needed only with ~detections/use.
+  void addDetections(const DetectionArray& detections);
 
  private:
   void addFrame(CameraFrame frame);
@@ -66,6 +68,7 @@ class TrackingWorker {
   void report(const RefinementStatus& status);
 
   const Outputs outputs_;
+  const int class_id_;  ///< of ~detections
   MessageTracker tracker_;
   FrameMailbox<CameraFrame> mailbox_;
   MaskPairing pairing_;  ///< its images go to mailbox_
