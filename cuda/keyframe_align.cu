@@ -35,13 +35,14 @@ int rowBytes(int row_cells) { return kRowPlanes * row_cells * static_cast<int>(s
 
 KeyframeDevice keyframeDevice() {
   constexpr int kMaxBlocks = 8;  // of a cluster, on every device that has them
-  constexpr int kClusterCapability = 9;
+  // That the kernel was compiled for. The device does not tell: code for an older one, which a
+  // newer one runs just as well, waits for a crew's first block alone.
+  constexpr int kClusterArchitecture = 90;
   cudaFuncAttributes kernel;
   NPR_CUDA_CHECK(cudaFuncGetAttributes(&kernel, alignKernel));
   KeyframeDevice device;
   device.processors = attributeOf(cudaDevAttrMultiProcessorCount);
-  const bool has_clusters = attributeOf(cudaDevAttrComputeCapabilityMajor) >= kClusterCapability;
-  device.most_blocks = has_clusters ? kMaxBlocks : 1;
+  device.most_blocks = kernel.ptxVersion >= kClusterArchitecture ? kMaxBlocks : 1;
   device.shared_bytes = attributeOf(cudaDevAttrMaxSharedMemoryPerBlockOptin) -
                         static_cast<int>(kernel.sharedSizeBytes);
   NPR_CUDA_CHECK(cudaFuncSetAttribute(alignKernel, cudaFuncAttributeMaxDynamicSharedMemorySize,
