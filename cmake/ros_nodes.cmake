@@ -9,11 +9,11 @@ add_library(${ros_library} STATIC
   src/ros/conversions/companion_pairing.cpp
   src/ros/conversions/depth_input.cpp
   src/ros/conversions/detection_boxes.cpp
-  src/ros/conversions/hypothesis_markers.cpp
   src/ros/conversions/mask_pairing.cpp
   src/ros/conversions/param_reader.cpp
   src/ros/conversions/parameters.cpp
   src/ros/conversions/pose_conversions.cpp
+  src/ros/conversions/pose_markers.cpp
   src/ros/conversions/status.cpp
   src/ros/conversions/tf_bridge.cpp
   src/ros/nodelet/camera_subscription.cpp

@@ -5,8 +5,11 @@
 
 #include <geometry_msgs/TransformStamped.h>
 #include <gtest/gtest.h>
+#include <visualization_msgs/MarkerArray.h>
 
 #include <cmath>
+#include <functional>
+#include <optional>
 #include <string>
 
 #include "pose_refiner_graph.h"
@@ -75,6 +78,7 @@ class DetectionServiceTest : public testing::Test {
     DetectObject::Response response;
     DetectObject::Request sent = request;
     EXPECT_TRUE(client.serviceClient<DetectObject>("detect").call(sent, response));
+    if (before_it_closes_) before_it_closes_();
     return response;
   }
 
@@ -83,6 +87,7 @@ class DetectionServiceTest : public testing::Test {
   PoseRefinerParameters parameters_;
   DetectionResult seen_;
   bool never_ends_ = false;
+  std::function<void()> before_it_closes_;
   // What the detector was asked for.
   std::string asked_for_;
   DetectorOptions options_;
@@ -114,6 +119,18 @@ TEST_F(DetectionServiceTest, AnswersWithAllInstances) {
   EXPECT_EQ(options_.max_instances, 4);
   EXPECT_EQ(options_.trust_score, 0.8);
   EXPECT_EQ(observation_.camera.width, 96);
+}
+
+TEST_F(DetectionServiceTest, ShowsTheInstancesInRViz) {
+  Listener<visualization_msgs::MarkerArray> markers(ros::NodeHandle(kNode), "detections/markers");
+  seen_.detections = {detectionAt({0.1, 0, 0.5}, 0.99)};
+  std::optional<visualization_msgs::MarkerArray> shown;
+  before_it_closes_ = [&] { shown = markers.wait(); };
+  ASSERT_TRUE(call(requestWithImage()).success);
+  ASSERT_TRUE(shown);
+  ASSERT_EQ(shown->markers.size(), 3u);
+  EXPECT_EQ(shown->markers[1].header.frame_id, "world");
+  EXPECT_NEAR(shown->markers[1].pose.position.y, 0.1, 1e-9);
 }
 
 TEST_F(DetectionServiceTest, SaysWhyNothingWasFound) {

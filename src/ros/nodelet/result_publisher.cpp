@@ -4,8 +4,8 @@
 #include <geometry_msgs/TwistStamped.h>
 
 #include "field/object_frame.h"
-#include "ros/conversions/hypothesis_markers.h"
 #include "ros/conversions/pose_conversions.h"
+#include "ros/conversions/pose_markers.h"
 #include "ros/conversions/topics.h"
 
 namespace nerf_pose_refiner {

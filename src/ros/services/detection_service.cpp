@@ -4,7 +4,9 @@
 #include <string>
 #include <utility>
 
+#include "field/object_frame.h"
 #include "ros/conversions/pose_conversions.h"
+#include "ros/conversions/pose_markers.h"
 #include "ros/conversions/status.h"
 #include "ros/conversions/topics.h"
 
@@ -42,6 +44,9 @@ DetectionService::DetectionService(const NodeHandles& nodes,
                                    const PoseRefinerParameters& parameters, FindObject find_object,
                                    Detect detect, tf2::BufferCore& transforms)
     : detect_(std::move(detect)), service_(nodes, parameters, std::move(find_object), transforms) {
+  ros::NodeHandle pnh(nodes.pnh);
+  markers_ = pnh.advertise<visualization_msgs::MarkerArray>(topics::kDetectionMarkers, 1,
+                                                            /*latch=*/true);
   service_.serve<DetectObject::Request, DetectObject::Response>(
       topics::kDetect,
       [this](const DetectObject::Request& request, const ImageCall& call,
@@ -62,6 +67,9 @@ void DetectionService::detect(const DetectObject::Request& request, const ImageC
   for (const Detection& found : result.detections) {
     response->detections.push_back(messageOf(found, image.T_W_C));
   }
+  const ObjectFrame frame = ObjectFrame::inMetres(call.object->metadata);
+  markers_.publish(
+      detectionMarkers(response->header, response->detections, boxCorners(*call.object, frame)));
   response->success = !result.detections.empty();
   response->message = result.message;
   if (!response->success) response->reason = toMessage(TrackReason::kLowScore);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <nerf_pose_refiner/DetectObject.h>
+#include <ros/publisher.h>
 
 #include <functional>
 #include <memory>
@@ -11,7 +12,7 @@
 
 namespace nerf_pose_refiner {
 
-/// ~detect: one image, all instances of an object in it.
+/// ~detect: one image, all instances of an object in it. What was found last is shown in RViz, too.
 class DetectionService {
  public:
   /// Detector, made for one call so that no model stays in use. @param options without a path.
@@ -32,6 +33,7 @@ class DetectionService {
               DetectObject::Response* response);
 
   Detect detect_;
+  ros::Publisher markers_;
   ImageService service_;  // ends first: it calls this object
 };
 

@@ -1,5 +1,5 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "ros/conversions/hypothesis_markers.h"
+#include "ros/conversions/pose_markers.h"
 
 #include <gtest/gtest.h>
 
@@ -7,6 +7,7 @@
 #include <set>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "field/object_frame.h"
 
@@ -65,6 +66,27 @@ TEST(HypothesisMarkers, AreAsOpaqueAsHeavyAndTheBestStandsOut) {
   EXPECT_FLOAT_EQ(array.markers[3].color.a, 0.4f);
   EXPECT_GT(best.scale.x, second.scale.x);
   EXPECT_NE(best.color.g, second.color.g);
+}
+
+TEST(DetectionMarkers, AreBoxesWithScoresThatStay) {
+  std::vector<ObjectDetection> detections(2);
+  detections[0].pose.pose.position.x = 0.5;
+  detections[0].pose.pose.orientation.w = 1;
+  detections[0].score = 0.98f;
+  const auto array = detectionMarkers(someHypotheses().header, detections, someCorners());
+  ASSERT_EQ(array.markers.size(), 5u);  // delete all, a box and a text for each
+  EXPECT_EQ(array.markers[0].action, Marker::DELETEALL);
+  const Marker &box = array.markers[1], &text = array.markers[2];
+  EXPECT_EQ(box.points.size(), 24u);
+  EXPECT_EQ(box.lifetime, ros::Duration());
+  EXPECT_EQ(box.header.stamp, ros::Time(7));
+  EXPECT_EQ(box.pose.position.x, 0.5);
+  EXPECT_EQ(text.type, Marker::TEXT_VIEW_FACING);
+  EXPECT_EQ(text.text, "1: 0.98");
+  EXPECT_NEAR(text.pose.position.z, 0.6 * 0.7, 1e-9);
+  EXPECT_EQ(array.markers[4].text, "2: 0.00");
+  EXPECT_NE(array.markers[3].id, box.id);
+  EXPECT_EQ(detectionMarkers(someHypotheses().header, {}, someCorners()).markers.size(), 1u);
 }
 
 TEST(HypothesisMarkers, ABoxHasTwelveEdges) {

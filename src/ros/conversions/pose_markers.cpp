@@ -1,7 +1,8 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "ros/conversions/hypothesis_markers.h"
+#include "ros/conversions/pose_markers.h"
 
 #include <algorithm>
+#include <cstdio>
 
 #include "ros/conversions/pose_conversions.h"
 
@@ -64,14 +65,40 @@ Marker axesOf(const std_msgs::Header& header, const geometry_msgs::Pose& pose,
   return marker;
 }
 
+/// An array that deletes the markers of earlier ones.
+visualization_msgs::MarkerArray newArray(const std_msgs::Header& header) {
+  visualization_msgs::MarkerArray array;
+  array.markers.emplace_back();
+  array.markers.back().header = header;
+  array.markers.back().action = Marker::DELETEALL;
+  return array;
+}
+
+/// A text above a box, in RViz always upright. @param number from 1.
+Marker scoreOf(const std_msgs::Header& header, int number, const ObjectDetection& detection,
+               double diagonal) {
+  constexpr double kTextHeight = 0.15, kAbove = 0.6;  // in diagonals of the box
+  char text[40];
+  std::snprintf(text, sizeof text, "%d: %.2f", number, static_cast<double>(detection.score));
+  Marker marker;
+  marker.header = header;
+  marker.ns = "scores";
+  marker.id = number;
+  marker.type = Marker::TEXT_VIEW_FACING;
+  marker.pose.position = detection.pose.pose.position;
+  marker.pose.position.z += kAbove * diagonal;
+  marker.pose.orientation.w = 1;
+  marker.scale.z = kTextHeight * diagonal;
+  marker.color = colour(1, 1, 1, 1);
+  marker.text = text;
+  return marker;
+}
+
 }  // namespace
 
 visualization_msgs::MarkerArray hypothesisMarkers(const PoseHypothesisArray& hypotheses,
                                                   const BoxCorners& corners) {
-  visualization_msgs::MarkerArray array;
-  array.markers.emplace_back();
-  array.markers.back().header = hypotheses.header;
-  array.markers.back().action = Marker::DELETEALL;
+  visualization_msgs::MarkerArray array = newArray(hypotheses.header);
   if (hypotheses.hypotheses.empty()) return array;
 
   const std_msgs::Header& header = hypotheses.header;
@@ -88,6 +115,24 @@ visualization_msgs::MarkerArray hypothesisMarkers(const PoseHypothesisArray& hyp
     array.markers.push_back(box);
   }
   array.markers.push_back(axesOf(header, all[0].pose, corners));
+  return array;
+}
+
+visualization_msgs::MarkerArray detectionMarkers(const std_msgs::Header& header,
+                                                 const std::vector<ObjectDetection>& detections,
+                                                 const BoxCorners& corners) {
+  visualization_msgs::MarkerArray array = newArray(header);
+  int number = 0;
+  for (const ObjectDetection& detection : detections) {
+    ++number;
+    Marker box = lines(header, "detections", number, detection.pose.pose,
+                       kBestLineWidth * diagonalOf(corners));
+    box.lifetime = ros::Duration();
+    addEdges(corners, &box);
+    box.color = number == 1 ? colour(0.1f, 1, 0.1f, 1) : colour(0.1f, 0.6f, 1, 1);
+    array.markers.push_back(box);
+    array.markers.push_back(scoreOf(header, number, detection, diagonalOf(corners)));
+  }
   return array;
 }
 
