@@ -70,7 +70,7 @@ class ExposureComparison {
   }
 
   /// Whether the gains are those of exposures: large, and not those of a shiny object. Nothing, if
-  /// the time was too short to tell.
+  /// that cannot be told: of few photos, or in a short time.
   std::optional<bool> areOfExposures(const std::vector<PhotoGain>& gains_of_all) {
     if (gains_of_all.empty()) return std::nullopt;
     if (gainSpread(gains_of_all) < kGainSpread) return false;
@@ -85,6 +85,7 @@ class ExposureComparison {
         seen.push_back(views[i]);
       }
     }
+    if (left_out.empty()) return std::nullopt;
     const std::vector<PhotoGain> found = gains(seen, views, {dataset_.has_alpha});
     if (found.empty()) return std::nullopt;
     std::vector<PhotoGain> unforeseen, expected;

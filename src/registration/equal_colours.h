@@ -14,7 +14,7 @@ namespace nerf_pose_refiner {
 struct EqualColours {
   Dataset dataset;
   /// Of the exposures before (@see gainSpread); 0: they are left as they are. Nothing: they were
-  /// not compared, as the settings say or for want of time.
+  /// not compared, as the settings say, or could not be: of few photos, or in a short time.
   std::optional<double> spread;
   double seconds = 0;  ///< that it took
 };

@@ -12,8 +12,8 @@
 
 namespace nerf_pose_refiner {
 
-/// What detection knows an object by is kept in files beside its model. Where they cannot be
-/// written, or are missing, detection makes it of the field.
+// What detection knows an object by is kept in files beside its model. Where they cannot be
+// written, or are missing, detection makes it of the field.
 
 /// The file of a model's landmarks, beside which its templates are; empty for a model that has no
 /// file.

@@ -98,7 +98,8 @@ RegisteredObject ObjectRegistration::run(const RegistrationRequest& request,
   const std::shared_ptr<const Field> saved = store_.save(field);
   RegisteredObject result = {saved, false, dataset.notes};
   if (!saved->metadata.exposure_spread && !settings.keep_colours) {
-    result.notes.push_back("the training was too short to compare the photos' exposures");
+    result.notes.push_back(
+        "the photos' exposures could not be compared: too few photos or training steps");
   }
   if (makes_detection_files_) {
     const std::string error = learnToDetect(backend.get(), saved, dataset, cancellation);

@@ -108,7 +108,7 @@ void report(const TrainOptions& options, const Field& field, double seconds) {
                 metadata.score.stddev_loss);
   }
   if (!metadata.exposure_spread && !options.settings.keep_colours) {
-    std::printf(", too short to compare the photos' exposures");
+    std::printf(", the photos' exposures could not be compared");
   } else if (metadata.exposure_spread.value_or(0) > 0) {
     std::printf(", photos of different exposure (%.0f %%) made equal",
                 100 * *metadata.exposure_spread);
