@@ -35,8 +35,8 @@ int rowBytes(int row_cells) { return kRowPlanes * row_cells * static_cast<int>(s
 
 KeyframeDevice keyframeDevice() {
   constexpr int kMaxBlocks = 8;  // of a cluster, on every device that has them
-  // That the kernel was compiled for. The device does not tell: code for an older one, which a
-  // newer one runs just as well, waits for a crew's first block alone.
+  // Decided by the architecture that the kernel was compiled for, not by the device: code for older
+  // ones has no barrier of a cluster, on a newer device either.
   constexpr int kClusterArchitecture = 90;
   cudaFuncAttributes kernel;
   NPR_CUDA_CHECK(cudaFuncGetAttributes(&kernel, alignKernel));

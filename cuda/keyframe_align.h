@@ -150,7 +150,7 @@ struct KeyframeAlignmentTask {
 
 /// How a device's blocks share the starts.
 struct KeyframeCrews {
-  int blocks;     ///< that align a start together: a cluster; 1 where the device has none
+  int blocks;     ///< that align a start together: a cluster; 1 in code for devices without
   int crews;      ///< at once
   int row_warps;  ///< of a block, that have memory for a row's run
   int row_cells;  ///< that they have memory for

@@ -14,7 +14,8 @@ Eigen::Matrix3d lineOfSightAxes(const Eigen::Vector3d& along) {
   // The shortest turn of the z axis. (Eigen's own reads a singular value decomposition for this.)
   const double scale = std::sqrt(2 * (1 + cosine));
   const Eigen::Vector3d axis = Eigen::Vector3d::UnitZ().cross(sight) / scale;
-  return Eigen::Quaterniond(0.5 * scale, axis.x(), axis.y(), axis.z()).toRotationMatrix();
+  const Eigen::Quaterniond turn(0.5 * scale, axis.x(), axis.y(), axis.z());
+  return turn.normalized().toRotationMatrix();
 }
 
 }  // namespace nerf_pose_refiner
