@@ -133,6 +133,36 @@ def bags():
     }
 
 
+def detections():
+    """A class, camera_info and image of a camera, then a vision_msgs/Detection2DArray as it is sent."""
+    def sent(value):
+        return struct.pack('<I', len(value)) + value
+
+    def array(*boxes, count=None):
+        count = len(boxes) if count is None else count
+        return struct.pack('<3I', 1, 10, 0) + sent(b'camera') + struct.pack('<I', count) + b''.join(boxes)
+
+    def box(place=(4, 3, 0, 2, 2), classes=((1, 0.5),), count=None, pixels=None):
+        nothing = struct.pack('<3I', 0, 0, 0) + sent(b'')
+        content = nothing + struct.pack('<I', len(classes) if count is None else count)
+        for number, score in classes:
+            content += struct.pack('<qd', number, score) + doubles(*[0] * 43)
+        content += doubles(*place) + nothing + struct.pack('<2I', 1, 1) + sent(b'mono8')
+        return content + struct.pack('<B2I', 0, 1, 1 if pixels is None else pixels) + b'x'
+    start, distorted = b'\1' + info() + image(), b'\xff' + info(D=(0.1, 0.01, 0.001, 0.001, 0.01)) + image()
+    nan = float('nan')
+    return {
+        'one': start + array(box()), 'none': start + array(), 'two': start + array(box(), box((1, 1, 0, 2, 2), classes=((1, 0.7),))),
+        'other_class': start + array(box(classes=((2, 0.9),))), 'classes': start + array(box(classes=((2, 0.9), (1, 0.2)))),
+        'no_class': start + array(box(classes=())), 'turned': distorted + array(box((4, 3, 0.5, 2, 2))),
+        'odd': b'\xff' + info(size=(9, 7)) + image('mono8', (9, 7)) + array(box((5, 4, 0, 9, 7))),
+        'beside': distorted + array(box((-10, 2, 0, 2, 2))), 'vast': start + array(box((4, 3, 0, 1e300, 1))),
+        'nan': start + array(box((nan, 1, 0, 2, 2)), box(classes=((1, nan),))), 'negative': start + array(box((4, 3, 0, -2, 2))),
+        'many': start + array(box(), count=2**32 - 1), 'many_classes': start + array(box(count=2**32 - 1)),
+        'many_pixels': start + array(box(pixels=2**32 - 1)), 'short': start + array(box())[:-3],
+    }
+
+
 def fnv(data):
     value = 0xcbf29ce484222325
     for byte in data:
@@ -159,6 +189,7 @@ def landmarks():
 
 def main():
     for name, seeds in (('camera_messages', camera_messages()), ('initial_pose', initial_poses()), ('bag', bags()),
+                        ('detections', detections()),
                         ('landmark_file', landmarks())):
         folder = os.path.join(CORPUS, name)
         os.makedirs(folder, exist_ok=True)

@@ -39,6 +39,8 @@ class MessageBytes {
     return bytes;
   }
 
+  std::vector<std::uint8_t> takeAll() { return takeBytes(static_cast<std::size_t>(end_ - next_)); }
+
   std::string takeText() {
     const std::vector<std::uint8_t> bytes = takeBytes(take<std::uint8_t>());
     return {bytes.begin(), bytes.end()};

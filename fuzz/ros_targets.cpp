@@ -3,7 +3,10 @@
 
 #include <boost/make_shared.hpp>
 
+#include <vector>
+
 #include "message_bytes.h"
+#include "ros/conversions/detection_boxes.h"
 #include "ros/conversions/pose_conversions.h"
 #include "tracking/prior.h"
 #include "use_messages.h"
@@ -39,6 +42,27 @@ void fuzzCameraMessages(const std::uint8_t* data, std::size_t size) {
       rgbPixels(*image);
     });
   }
+}
+
+void fuzzDetections(const std::uint8_t* data, std::size_t size) {
+  MessageBytes bytes(data, size);
+  const auto class_id = bytes.take<std::int8_t>();
+  const sensor_msgs::CameraInfo info = bytes.takeCameraInfo();
+  const auto image = boost::make_shared<sensor_msgs::Image>(bytes.takeImage());
+  std::vector<std::uint8_t> rest = bytes.takeAll();
+  DetectionArray detections;
+  try {
+    ros::serialization::IStream stream(rest.data(), static_cast<std::uint32_t>(rest.size()));
+    ros::serialization::deserialize(stream, detections);
+  } catch (const ros::serialization::StreamOverrunException&) {
+    return;
+  }
+  CameraInput input(false);
+  useOrRefuse([&] {
+    ImageMasks masks;
+    masks.boxes = boxesOf(detections, class_id).boxes;
+    input.observe(image, info, masks).validate();
+  });
 }
 
 void fuzzInitialPose(const std::uint8_t* data, std::size_t size) {

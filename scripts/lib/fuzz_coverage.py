@@ -18,6 +18,7 @@ PARSERS = {
     'camera_messages': ['ros/conversions/camera_input.cpp'],
     'colmap_binary': ['dataset/colmap_binary.cpp', 'files/binary_reader.cpp'],
     'colmap_text': ['dataset/colmap_text.cpp'],
+    'detections': ['ros/conversions/detection_boxes.h', 'ros/conversions/detection_boxes.cpp'],
     'image_size': ['image/image_size.cpp', 'image/orientation.cpp', 'image/jpeg_segments.h'],
     'initial_pose': ['ros/conversions/pose_conversions.cpp', 'tracking/prior.cpp'],
     'landmark_file': ['detection/landmark_file.cpp'],

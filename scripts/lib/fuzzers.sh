@@ -29,7 +29,7 @@ build_fuzzers() {
 }
 
 is_fuzz_target() { # those of messages need ROS
-  grep -q '^catkin_DIR:.*/' "$1/CMakeCache.txt" || [[ ! $2 =~ ^(bag|camera_messages|initial_pose)$ ]]
+  grep -q '^catkin_DIR:.*/' "$1/CMakeCache.txt" || [[ ! $2 =~ ^(bag|camera_messages|detections|initial_pose)$ ]]
 }
 
 # pack_fuzzers PROGRAMS FILE TARGET...: with their libraries, the C library among them. OpenCV's decoders, which bags of

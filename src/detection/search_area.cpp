@@ -19,11 +19,10 @@ void SearchArea::validate() const {
 }
 
 std::vector<SearchArea> areasOf(const Observation& observation, const SearchArea& area) {
-  constexpr std::size_t kMost = 20;  // of the boxes: each takes the time of a small image
   if (area.box || observation.boxes.empty()) return {area};
   std::vector<SearchArea> areas;
   for (const ImageBox& box : observation.boxes) {
-    if (areas.size() == kMost) break;
+    if (areas.size() == SearchArea::kMaxBoxes) break;
     areas.push_back(area);
     areas.back().box = Eigen::AlignedBox2d(Eigen::Vector2d(box.x_min, box.y_min),
                                            Eigen::Vector2d(box.x_max, box.y_max));
@@ -36,7 +35,9 @@ std::optional<Camera> searchedPart(const Camera& camera, const SearchArea& area,
   int left = 0, top = 0, right = camera.width, bottom = camera.height;
   if (area.box) {
     constexpr double kMargin = 0.1;  // boxes of detectors are tight, and descriptors look around
-    const Eigen::Vector2d margin = kMargin * area.box->sizes();
+    const Eigen::Vector2d size = area.box->sizes();
+    const Eigen::Vector2d margin =
+        (kMargin * size).cwiseMax(0.5 * (Eigen::Vector2d::Constant(kMinSide_px) - size));
     const Eigen::Vector2d first = area.box->min() - margin, last = area.box->max() + margin;
     left = static_cast<int>(std::max<double>(left, std::floor(first.x() + 0.5)));
     top = static_cast<int>(std::max<double>(top, std::floor(first.y() + 0.5)));

@@ -3,6 +3,7 @@
 
 #include <Eigen/Geometry>
 
+#include <cstddef>
 #include <optional>
 #include <vector>
 
@@ -14,6 +15,8 @@ namespace nerf_pose_refiner {
 /// What is known of where the object is. All of it may be left out.
 struct SearchArea {
   static constexpr double kDistanceRatio = 1.5;  ///< of distances that agree, at most
+  /// Of an observation's boxes, at most: each takes the time of a small image.
+  static constexpr std::size_t kMaxBoxes = 20;
 
   std::optional<Eigen::AlignedBox2d> box;  ///< the object is seen in it: borders of pixels [px]
   /// Of its centre from the camera, give or take a third [model units].
@@ -23,11 +26,12 @@ struct SearchArea {
   void validate() const;
 };
 
-/// The areas to look in, one after the other: the observation's boxes, or else the area itself.
+/// The areas to look in, one after the other: the first of the observation's boxes, or else the
+/// area itself.
 std::vector<SearchArea> areasOf(const Observation& observation, const SearchArea& area);
 
-/// The camera of the part of an image that is searched, reduced; nothing if the box leaves too
-/// little of it. @param max_side_px of the result.
+/// The camera of the part of an image that is searched, reduced: a box and what is around it.
+/// Nothing, if too little of that is in the image. @param max_side_px of the result.
 std::optional<Camera> searchedPart(const Camera& camera, const SearchArea& area, int max_side_px);
 
 /// Where an observation says that the object may be, 0 or 255, [h][w][1]; empty: everywhere.

@@ -57,6 +57,11 @@ TEST(DetectionBoxes, AFalseNumberOfThemTakesNoMemory) {
   ASSERT_EQ(bytes[count_at], 2);
   std::fill_n(bytes.begin() + static_cast<std::ptrdiff_t>(count_at), 4, 0xff);
   EXPECT_THROW(read(bytes), ros::serialization::StreamOverrunException);
+  bytes = exampleDetections();
+  const auto pixels_at = bytes.end() - 9 - 4;  // of the last box's picture
+  ASSERT_EQ(*pixels_at, 9);
+  std::fill_n(pixels_at, 4, 0xff);
+  EXPECT_THROW(read(bytes), ros::serialization::StreamOverrunException);
 }
 
 DetectionArray::Box boxAt(double x, double y, double width, double height) {
@@ -153,6 +158,45 @@ TEST(DetectionBoxes, AreUndistortedWithTheImage) {
   EXPECT_NEAR(box.x_max, right->x, 1.5);
   EXPECT_NEAR(box.y_max, bottom->y, 1.5);
   EXPECT_GT(std::abs(box.x_min - 40), 3) << "the lens distorts";
+}
+
+TEST(DetectionBoxes, AreCutToAnImageOfAnOddSize) {
+  sensor_msgs::CameraInfo info;
+  info.width = 641;
+  info.height = 481;
+  info.distortion_model = "plumb_bob";
+  info.K = {500, 0, 320, 0, 500, 240, 0, 0, 1};
+  auto image = boost::make_shared<sensor_msgs::Image>();
+  image->header.frame_id = "camera";
+  image->header.stamp = ros::Time(1);
+  image->width = 641;
+  image->height = 481;
+  image->encoding = "mono8";
+  image->step = 641;
+  image->data.resize(641 * 481);
+  for (const bool distorts : {false, true}) {
+    info.D = {distorts ? -1e-6 : 0, 0, 0, 0, 0};
+    ImageMasks masks;
+    masks.boxes = {{1, 1, 700, 700}, {-700, -700, 2, 3}};
+    const Observation observation = CameraInput(false).observe(image, info, masks);
+    ASSERT_EQ(observation.boxes.size(), 2u);
+    EXPECT_NEAR(observation.boxes[0].x_min, 1, 1);
+    EXPECT_NEAR(observation.boxes[0].x_max, 640.5, 0.1);
+    EXPECT_NEAR(observation.boxes[0].y_max, 480.5, 0.1);
+    EXPECT_NEAR(observation.boxes[1].x_min, -0.5, 0.1);
+    EXPECT_NEAR(observation.boxes[1].y_max, 3, 1);
+  }
+}
+
+TEST(DetectionBoxes, TheBestOfMany) {
+  DetectionArray array;
+  for (int i = 0; i < 100; ++i) {
+    array.boxes.push_back(boxAt(i, 40, 20, 10));
+    array.boxes.back().classes[0].score = i;
+  }
+  const std::vector<ImageBox> boxes = boxesOf(array, 1).boxes;
+  ASSERT_EQ(boxes.size(), 20u);
+  EXPECT_EQ(boxes[0].x_min, 89);
 }
 
 }  // namespace

@@ -9,6 +9,7 @@ namespace {
 
 TEST(RosFuzzCorpus, Bag) { replayInputs("bag", fuzzBag); }
 TEST(RosFuzzCorpus, CameraMessages) { replayInputs("camera_messages", fuzzCameraMessages); }
+TEST(RosFuzzCorpus, Detections) { replayInputs("detections", fuzzDetections); }
 TEST(RosFuzzCorpus, InitialPose) { replayInputs("initial_pose", fuzzInitialPose); }
 
 }  // namespace

@@ -125,16 +125,25 @@ CameraModel readGeometry(const sensor_msgs::CameraInfo& info, bool rectified) {
   return model;
 }
 
-/// Where the part of a raw image that is in a box lies in the undistorted one; nothing: beside it.
+/// A box, cut to its image; nothing: it lies beside that.
+std::optional<ImageBox> cutTo(const Camera& camera, const ImageBox& box) {
+  const ImageBox inside = {std::max(box.x_min, -0.5), std::max(box.y_min, -0.5),
+                           std::min(box.x_max, camera.width - 0.5),
+                           std::min(box.y_max, camera.height - 0.5)};
+  if (!(inside.x_min < inside.x_max && inside.y_min < inside.y_max)) return std::nullopt;
+  return inside;
+}
+
+/// Where the pixels of a distorted image that a box touches are in the undistorted one; nothing:
+/// beside it. @param box inside the image.
 std::optional<ImageBox> undistorted(const ImageBox& box, const Undistorter& undistorter) {
+  const auto first = [](double edge) { return static_cast<int>(std::floor(edge + 0.5)); };
+  const auto last = [](double edge) { return static_cast<int>(std::ceil(edge + 0.5)); };
+  const cv::Rect touched(cv::Point(first(box.x_min), first(box.y_min)),
+                         cv::Point(last(box.x_max), last(box.y_max)));
   const Camera& camera = undistorter.camera();
-  const cv::Rect2d all(0, 0, camera.width, camera.height);
-  const cv::Rect2d drawn(box.x_min + 0.5, box.y_min + 0.5, box.x_max - box.x_min,
-                         box.y_max - box.y_min);
-  const cv::Rect inside = drawn & all;
-  if (inside.empty()) return std::nullopt;
   Image8 bytes(camera.width, camera.height, 1);
-  cv::Mat(bytes.height, bytes.width, CV_8UC1, bytes.values.data())(inside) = 255;
+  cv::Mat(bytes.height, bytes.width, CV_8UC1, bytes.values.data())(touched) = 255;
   Image8 moved = undistorter.undistort(bytes);
   const cv::Mat values(moved.height, moved.width, CV_8UC1, moved.values.data());
   const cv::Rect seen = cv::boundingRect(values > 127);
@@ -247,7 +256,9 @@ Observation CameraInput::observe(const sensor_msgs::ImageConstPtr& image,
       std::shared_ptr<const void>(image.get(), [image](const void*) {}), undistorter_);
   observation.camera = undistorter.camera();
   for (const ImageBox& box : masks.boxes) {
-    if (const auto there = undistorted(box, undistorter)) observation.boxes.push_back(*there);
+    std::optional<ImageBox> there = cutTo(model.camera, box);
+    if (there && !model.distortion.isZero()) there = undistorted(*there, undistorter);
+    if (there) observation.boxes.push_back(*there);
   }
   if (masks.object) {
     observation.background = Background::kMask;

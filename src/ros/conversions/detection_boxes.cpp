@@ -6,10 +6,12 @@
 #include <optional>
 #include <utility>
 
+#include "detection/search_area.h"
+
 namespace nerf_pose_refiner {
 namespace {
 
-/// How sure the detector is that a box shows the class; nothing: it does not say that it does.
+/// How sure the detector is that a box shows the class; nothing: the box is of another.
 std::optional<double> scoreOf(const DetectionArray::Box& box, std::int64_t class_id) {
   std::optional<double> best;
   for (const DetectionArray::Class& one : box.classes) {
@@ -48,7 +50,9 @@ StampedBoxes boxesOf(const DetectionArray& detections, std::int64_t class_id) {
                    [](const auto& a, const auto& b) { return a.first > b.first; });
   StampedBoxes result;
   result.header = detections.header;
-  for (const auto& [score, box] : scored) result.boxes.push_back(box);
+  for (const auto& [score, box] : scored) {
+    if (result.boxes.size() < SearchArea::kMaxBoxes) result.boxes.push_back(box);
+  }
   return result;
 }
 

@@ -3,7 +3,6 @@
 
 #include <ros/message_traits.h>
 #include <ros/serialization.h>
-#include <sensor_msgs/Image.h>
 #include <std_msgs/Header.h>
 
 #include <cstdint>
@@ -68,8 +67,8 @@ struct DataType<nerf_pose_refiner::DetectionArray> {
 
 namespace serialization {
 
-/// Reading alone. Elements are counted by the bytes that are there, not by the number that the
-/// message states: nothing is allocated for a false one.
+/// Reading alone. Allocates only for bytes that have arrived, so that a false number of elements
+/// takes no memory.
 template <>
 struct Serializer<nerf_pose_refiner::DetectionArray> {
   template <typename Stream>
@@ -101,9 +100,26 @@ struct Serializer<nerf_pose_refiner::DetectionArray> {
     stream.next(box.angle_rad);
     stream.next(box.width);
     stream.next(box.height);
-    sensor_msgs::Image crop;
-    stream.next(crop);
+    skipImage(stream);
     return box;
+  }
+
+  template <typename Stream>
+  static void skipImage(Stream& stream) {
+    constexpr std::uint32_t kSizeBytes = 8, kFormatBytes = 5;
+    std_msgs::Header header;
+    stream.next(header);
+    stream.advance(kSizeBytes);
+    skipArray(stream);  // the encoding
+    stream.advance(kFormatBytes);
+    skipArray(stream);  // the pixels
+  }
+
+  template <typename Stream>
+  static void skipArray(Stream& stream) {
+    std::uint32_t bytes = 0;
+    stream.next(bytes);
+    stream.advance(bytes);
   }
 };
 
