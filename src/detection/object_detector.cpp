@@ -210,7 +210,7 @@ void ObjectDetector::detectIn(const SearchArea& area, const Observation& observa
     all.poses = ranked(observation, all.poses, settings_.max_ranked, cancellation);
     if (!all.poses.empty()) all.message.clear();
   }
-  detections->message = all.message;
+  if (detections->message.empty()) detections->message = all.message;
   detections->candidates.insert(detections->candidates.end(), all.poses.begin(), all.poses.end());
   settleAll(observation, begin, &all, &detections->found, cancellation);
 }
@@ -222,13 +222,16 @@ Detections ObjectDetector::detect(const Observation& observation, const SearchAr
   Detections detections;
   for (const SearchArea& part : areasOf(observation, area)) {
     detectIn(part, observation, begin, &detections, cancellation);
+    const bool time_is_up = settings_.budget_s > 0 && secondsSince(begin) > settings_.budget_s;
+    const bool is_enough = static_cast<int>(detections.found.size()) >= settings_.max_instances;
+    if (time_is_up || is_enough) break;
   }
   std::vector<Refinement>& found = detections.found;
   std::stable_sort(found.begin(), found.end(),
                    [](const Refinement& a, const Refinement& b) { return a.score > b.score; });
   if (!found.empty()) {
     detections.message.clear();
-  } else if (detections.message.empty()) {
+  } else if (detections.message.empty() || !detections.candidates.empty()) {
     detections.message = "no candidate explains the image well enough";
   }
   detections.seconds = secondsSince(begin);

@@ -87,7 +87,8 @@ class ObjectDetector {
   PoseCandidates templateCandidates(const Observation& observation, const SearchArea& area,
                                     const CancellationToken& cancellation) const;
 
-  /// Looks in the observation's boxes one after the other, if it has some.
+  /// Looks in the observation's boxes, if it has some: one after the other, until there are as many
+  /// instances as are asked for.
   /// @throws std::invalid_argument for an observation that makes no sense, Cancelled.
   Detections detect(const Observation& observation, const SearchArea& area,
                     const CancellationToken& cancellation);

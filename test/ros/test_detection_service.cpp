@@ -122,7 +122,7 @@ TEST_F(DetectionServiceTest, AnswersWithAllInstances) {
 }
 
 TEST_F(DetectionServiceTest, ShowsTheInstancesInRViz) {
-  Listener<visualization_msgs::MarkerArray> markers(ros::NodeHandle(kNode), "detections/markers");
+  Listener<visualization_msgs::MarkerArray> markers(ros::NodeHandle(kNode), "detect/markers");
   seen_.detections = {detectionAt({0.1, 0, 0.5}, 0.99)};
   std::optional<visualization_msgs::MarkerArray> shown;
   before_it_closes_ = [&] { shown = markers.wait(); };

@@ -106,6 +106,13 @@ TEST_F(MaskPairingTest, AnImageWaitsForItsBoxesUntilTheObjectIsTracked) {
   EXPECT_EQ(takeEmitted(), Texts{"4"}) << "the detector has stopped";
 }
 
+TEST_F(MaskPairingTest, NoImageWaitsLongForBoxesOfOtherStamps) {
+  useMode(MaskMode::kNone, true);
+  image(1, 0);
+  for (int i = 1; i <= 12; ++i) boxes(1000 + i, 0.1 * i, 1);
+  EXPECT_EQ(takeEmitted(), Texts{"1"});
+}
+
 TEST_F(MaskPairingTest, BoxesOfBeforeTheClockJumpedAreForgotten) {
   useMode(MaskMode::kNone, true);
   image(5, 0);

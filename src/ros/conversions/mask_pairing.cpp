@@ -1,6 +1,8 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include "ros/conversions/mask_pairing.h"
 
+#include <ros/console.h>
+
 #include <algorithm>
 #include <utility>
 
@@ -96,6 +98,13 @@ std::uint32_t MaskPairing::dropped() const {
   return dropped_;
 }
 
+void MaskPairing::warnOfStamps(const ros::WallTime& now) {
+  constexpr double kEvery_s = 10;
+  if (!warned_.isZero() && (now - warned_).toSec() < kEvery_s) return;
+  warned_ = now;
+  ROS_WARN("detections come, but none with the stamp of an image");
+}
+
 /// Hands on the newest image that is complete.
 void MaskPairing::release(const ros::WallTime& now) {
   const bool needs_object = objectIsExpected(now);
@@ -106,7 +115,10 @@ void MaskPairing::release(const ros::WallTime& now) {
     ImageMasks masks = {object_.find(stamp), ignored_.find(stamp)};
     const std::shared_ptr<const StampedBoxes> boxes = boxes_.find(stamp);
     if ((needs_object && !masks.object) || (needs_ignored && !masks.ignored)) continue;
-    if (needs_boxes && !boxes) continue;
+    const bool waits_for_boxes =
+        needs_boxes && frames_[i].camera == 0 && (now - frames_[i].arrival).toSec() <= timeout_s_;
+    if (waits_for_boxes && !boxes) continue;
+    if (needs_boxes && !boxes && !boxes_.messages.empty()) warnOfStamps(now);
     if (boxes) masks.boxes = boxes->boxes;
     CameraFrame frame = std::move(frames_[i]);
     frame.masks = std::move(masks);

@@ -22,7 +22,7 @@ namespace nerf_pose_refiner {
 /// ~mask_mode asks for them, until none has arrived for ~mask_timeout_s. Masks of ignored pixels
 /// are expected from the first one on, until none has arrived for as long. A mask of ignored pixels
 /// with stamp zero applies to every image that has none of its own. Boxes are expected like masks
-/// of the object, while it is not tracked.
+/// of the object, while it is not tracked; no image waits for them longer than ~mask_timeout_s.
 ///
 /// Thread-safe. Images are passed on in order, under a lock.
 class MaskPairing {
@@ -70,6 +70,7 @@ class MaskPairing {
   bool expected(const ros::WallTime& last, const ros::WallTime& now) const;
   bool objectIsExpected(const ros::WallTime& now) const;
   void release(const ros::WallTime& now);
+  void warnOfStamps(const ros::WallTime& now);
 
   const MaskMode mode_;
   const double timeout_s_;
@@ -81,6 +82,7 @@ class MaskPairing {
   Masks object_;
   Masks ignored_;
   Waiting<std::shared_ptr<const StampedBoxes>> boxes_;
+  ros::WallTime warned_;  ///< when it was said that no boxes belong to images
   bool tracking_ = false;
   std::uint32_t clock_jumps_ = 0;  ///< of the newest frame
   std::uint32_t dropped_ = 0;

@@ -201,6 +201,10 @@ void readBoxes(ParamReader& read, BoxSettings& boxes) {
   read.rejectUnknown();
 }
 
+void validateBoxes(const BoxSettings& boxes) {
+  if (boxes.class_id < -1) throwRange("~detections/class_id", boxes.class_id, ">= -1");
+}
+
 void readWindow(ParamReader& read, ViewWindowSettings& window) {
   read.get("views", window.views);
   read.get("apart_deg", window.apart_deg);
@@ -300,6 +304,7 @@ void PoseRefinerParameters::validate() const {
   requireNotNegative("~mask_timeout_s", mask_timeout_s);
   validateDepth(depth);
   validateCameras(cameras);
+  validateBoxes(detections);
   validateWindow(tracker.window, frames);
   requireNotNegative("~tf_timeout_s", frames.tf_timeout_s);
   requirePositive("~tf_cache_s", frames.tf_cache_s);

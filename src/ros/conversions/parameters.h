@@ -91,6 +91,12 @@ struct PoseRefinerParameters {
   RegistrationOptions registration;
   DatasetLimits dataset_limits;  ///< group ~dataset
 
+  /// Whether the object is looked for in the boxes of ~detections: not where tracking begins with
+  /// an initial pose alone.
+  bool usesBoxes() const {
+    return detections.use && tracker.rules.start != TrackStart::kInitialPose;
+  }
+
   /// The backend to search and to learn with.
   BackendChoice backendChoice() const;
 

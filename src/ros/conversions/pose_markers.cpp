@@ -74,10 +74,10 @@ visualization_msgs::MarkerArray newArray(const std_msgs::Header& header) {
   return array;
 }
 
-/// A text above a box, in RViz always upright. @param number from 1.
+/// A text in a box, which faces the viewer. @param number from 1.
 Marker scoreOf(const std_msgs::Header& header, int number, const ObjectDetection& detection,
                double diagonal) {
-  constexpr double kTextHeight = 0.15, kAbove = 0.6;  // in diagonals of the box
+  constexpr double kTextHeight = 0.15;  // in diagonals of the box
   char text[40];
   std::snprintf(text, sizeof text, "%d: %.2f", number, static_cast<double>(detection.score));
   Marker marker;
@@ -86,7 +86,6 @@ Marker scoreOf(const std_msgs::Header& header, int number, const ObjectDetection
   marker.id = number;
   marker.type = Marker::TEXT_VIEW_FACING;
   marker.pose.position = detection.pose.pose.position;
-  marker.pose.position.z += kAbove * diagonal;
   marker.pose.orientation.w = 1;
   marker.scale.z = kTextHeight * diagonal;
   marker.color = colour(1, 1, 1, 1);

@@ -23,7 +23,7 @@ using BoxCorners = std::array<Eigen::Vector3d, 8>;
 visualization_msgs::MarkerArray hypothesisMarkers(const PoseHypothesisArray& hypotheses,
                                                   const BoxCorners& corners);
 
-/// Instances of an object for RViz, best first: the object's box at each, and above it its number
+/// Instances of an object for RViz, best first: the object's box at each, and in it its number
 /// and score. Complete and numbered as above; they stay until the next array.
 visualization_msgs::MarkerArray detectionMarkers(const std_msgs::Header& header,
                                                  const std::vector<ObjectDetection>& detections,

@@ -26,7 +26,7 @@ constexpr char kStatus[] = "status";
 constexpr char kHypotheses[] = "hypotheses";
 constexpr char kHypothesisPoses[] = "hypotheses/poses";
 constexpr char kHypothesisMarkers[] = "hypotheses/markers";
-constexpr char kDetectionMarkers[] = "detections/markers";
+constexpr char kDetectionMarkers[] = "detect/markers";
 constexpr char kOverlay[] = "overlay/image_raw";  ///< with its sibling "overlay/camera_info"
 
 // services

@@ -69,7 +69,12 @@ void CameraSubscription::listen() {
   };
   if (receiver->mask) masks_ = subscribe(topics::kMask, receiver->mask);
   ignore_masks_ = subscribe(topics::kIgnoreMask, receiver->ignore_mask);
-  if (!receiver->detections) return;
+  if (receiver->detections) listenToDetections();
+}
+
+/// Called with mutex_ held.
+void CameraSubscription::listenToDetections() {
+  const Receiver* receiver = receiver_.get();
   const boost::function<void(const boost::shared_ptr<const DetectionArray>&)> take =
       [this, receiver](const boost::shared_ptr<const DetectionArray>& detections) {
         diagnostics_->guard(topics::kDetections, [&] { receiver->detections(*detections); });

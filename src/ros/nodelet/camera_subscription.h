@@ -98,6 +98,7 @@ class CameraSubscription {
 
   void listen();
   void listenToCompanions();
+  void listenToDetections();
   void listenTo(const std::string& topic, const image_transport::TransportHints& hints, Take take);
   void listenToPairs();
   void unsubscribe();

@@ -98,6 +98,7 @@ Observation FrameInput::observe(const CameraFrame& frame, const ImageStamp& at, 
   after_s_.clear();
   ImageMasks masks = frame.masks;
   if (!use_mask) masks.object = nullptr;
+  if (frame.camera != 0) masks.boxes.clear();  // they are of the first camera's image
   CameraInput& input = frame.camera == 0 ? input_ : side_inputs_.at(frame.camera - 1).input;
   Observation observation = input.observe(frame.image, *frame.info, masks);
   if (keeps_views_) observation.T_W_C = tf_->cameraInFixed(at, cancellation);

@@ -66,6 +66,9 @@ void PoseRefinerNodelet::readParameters() {
   for (const std::string& line : reader.log()) text += "\n  " + line;
   NODELET_INFO("parameters:%s", text.c_str());
   for (const std::string& line : reader.unknown()) NODELET_WARN("%s", line.c_str());
+  if (parameters_.detections.use && !parameters_.usesBoxes()) {
+    NODELET_WARN("~detections/use does nothing while ~start is initial_pose");
+  }
 }
 
 void PoseRefinerNodelet::advertiseResults() {
@@ -129,7 +132,7 @@ void PoseRefinerNodelet::startTracking() {
     worker_->wake();
   };
   receiver.ignore_mask = [this](const auto& mask) { worker_->addIgnoreMask(mask); };
-  if (parameters_.detections.use) {
+  if (parameters_.usesBoxes()) {
     receiver.detections = [this](const auto& detections) { worker_->addDetections(detections); };
   }
   images_ = std::make_unique<CameraSubscription::Connection>(camera_.get(), std::move(receiver));

@@ -28,7 +28,7 @@ TrackingWorker::TrackingWorker(const PoseRefinerParameters& parameters,
                [this](const RefinementStatus& status) { report(status); }),
       pairing_(
           parameters.tracker.mask_mode, parameters.mask_timeout_s,
-          [this](CameraFrame frame) { mailbox_.put(std::move(frame)); }, parameters.detections.use),
+          [this](CameraFrame frame) { mailbox_.put(std::move(frame)); }, parameters.usesBoxes()),
       first_side_view_(parameters.depth.use ? 1 : 0),
       lead_(1 + parameters.cameras.names().size(), parameters.cameras.timeout_s) {
   if (parameters.depth.use) {
