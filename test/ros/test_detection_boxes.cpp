@@ -115,29 +115,33 @@ TEST(DetectionBoxes, WithoutThoseThatMakeNoSense) {
   EXPECT_TRUE(boxesOf(array, -1).boxes.empty()) << "a detector that names no class saw nothing";
 }
 
-/// An image of a lens with barrel distortion.
-Observation distortedWith(const std::vector<ImageBox>& boxes) {
+/// A black image of a camera with focal lengths of 500 px, and boxes in it. @param D its
+/// distortion.
+Observation observed(int width, int height, const std::vector<double>& D,
+                     const std::vector<ImageBox>& boxes) {
   sensor_msgs::CameraInfo info;
-  info.width = 640;
-  info.height = 480;
+  info.width = width;
+  info.height = height;
   info.distortion_model = "plumb_bob";
-  info.K = {500, 0, 319.5, 0, 500, 239.5, 0, 0, 1};
-  info.D = {-0.3, 0.1, 0, 0, 0};
+  info.K = {500, 0, 0.5 * (width - 1), 0, 500, 0.5 * (height - 1), 0, 0, 1};
+  info.D = D;
   auto image = boost::make_shared<sensor_msgs::Image>();
   image->header.frame_id = "camera";
   image->header.stamp = ros::Time(1);
-  image->width = 640;
-  image->height = 480;
+  image->width = width;
+  image->height = height;
   image->encoding = "mono8";
-  image->step = 640;
-  image->data.resize(640 * 480);
+  image->step = width;
+  image->data.resize(std::size_t{image->step} * image->height);
   ImageMasks masks;
   masks.boxes = boxes;
   return CameraInput(false).observe(image, info, masks);
 }
 
 TEST(DetectionBoxes, AreUndistortedWithTheImage) {
-  const Observation observation = distortedWith({{40, 60, 140, 200}, {-300, 0, -200, 100}});
+  const std::vector<double> barrel = {-0.3, 0.1, 0, 0, 0};
+  const Observation observation =
+      observed(640, 480, barrel, {{40, 60, 140, 200}, {-300, 0, -200, 100}});
   ASSERT_EQ(observation.boxes.size(), 1u) << "one lies beside the image";
   std::vector<cv::Point2d> border, moved;
   for (int i = 0; i <= 20; ++i) {
@@ -147,7 +151,7 @@ TEST(DetectionBoxes, AreUndistortedWithTheImage) {
   const Camera& camera = observation.camera;
   const cv::Matx33d K(500, 0, 319.5, 0, 500, 239.5, 0, 0, 1);
   const cv::Matx33d P(camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 1);
-  cv::undistortPoints(border, moved, K, std::vector<double>{-0.3, 0.1, 0, 0, 0}, cv::noArray(), P);
+  cv::undistortPoints(border, moved, K, barrel, cv::noArray(), P);
   const auto by_x = [](const auto& a, const auto& b) { return a.x < b.x; };
   const auto by_y = [](const auto& a, const auto& b) { return a.y < b.y; };
   const auto [left, right] = std::minmax_element(moved.begin(), moved.end(), by_x);
@@ -161,24 +165,9 @@ TEST(DetectionBoxes, AreUndistortedWithTheImage) {
 }
 
 TEST(DetectionBoxes, AreCutToAnImageOfAnOddSize) {
-  sensor_msgs::CameraInfo info;
-  info.width = 641;
-  info.height = 481;
-  info.distortion_model = "plumb_bob";
-  info.K = {500, 0, 320, 0, 500, 240, 0, 0, 1};
-  auto image = boost::make_shared<sensor_msgs::Image>();
-  image->header.frame_id = "camera";
-  image->header.stamp = ros::Time(1);
-  image->width = 641;
-  image->height = 481;
-  image->encoding = "mono8";
-  image->step = 641;
-  image->data.resize(641 * 481);
-  for (const bool distorts : {false, true}) {
-    info.D = {distorts ? -1e-6 : 0, 0, 0, 0, 0};
-    ImageMasks masks;
-    masks.boxes = {{1, 1, 700, 700}, {-700, -700, 2, 3}};
-    const Observation observation = CameraInput(false).observe(image, info, masks);
+  for (const double k1 : {0.0, -1e-6}) {
+    const Observation observation =
+        observed(641, 481, {k1, 0, 0, 0, 0}, {{1, 1, 700, 700}, {-700, -700, 2, 3}});
     ASSERT_EQ(observation.boxes.size(), 2u);
     EXPECT_NEAR(observation.boxes[0].x_min, 1, 1);
     EXPECT_NEAR(observation.boxes[0].x_max, 640.5, 0.1);

@@ -113,6 +113,16 @@ TEST_F(MaskPairingTest, NoImageWaitsLongForBoxesOfOtherStamps) {
   EXPECT_EQ(takeEmitted(), Texts{"1"});
 }
 
+TEST_F(MaskPairingTest, ImagesOfOtherCamerasDoNotWaitForBoxes) {
+  useMode(MaskMode::kNone, true);
+  CameraFrame frame;
+  frame.image = imageAt(1);
+  frame.arrival = ros::WallTime(100);
+  frame.camera = 1;
+  pairing_->add(frame, frame.arrival);
+  EXPECT_EQ(takeEmitted(), Texts{"1"});
+}
+
 TEST_F(MaskPairingTest, BoxesOfBeforeTheClockJumpedAreForgotten) {
   useMode(MaskMode::kNone, true);
   image(5, 0);

@@ -6,7 +6,6 @@
 #include <std_msgs/Header.h>
 
 #include <cstdint>
-#include <memory>
 #include <vector>
 
 #include "nerf_pose_refiner/observation.h"

@@ -102,7 +102,7 @@ void MaskPairing::warnOfStamps(const ros::WallTime& now) {
   constexpr double kEvery_s = 10;
   if (!warned_.isZero() && (now - warned_).toSec() < kEvery_s) return;
   warned_ = now;
-  ROS_WARN("detections come, but none with the stamp of an image");
+  ROS_WARN("detections come without the stamp of an image, or too late for it (~mask_timeout_s)");
 }
 
 /// Hands on the newest image that is complete.
