@@ -138,6 +138,21 @@ TEST_F(ObjectDetectorTest, SameImageSamePoses) {
   EXPECT_EQ(a.found[0].T_O_C.t, b.found[0].T_O_C.t);
 }
 
+TEST_F(ObjectDetectorTest, LooksInBoxesUntilThereIsEnough) {
+  Observation image = observed(imageOf(truth_));
+  const ImageBox there = {70, 30, 250, 210};
+  DetectionSettings settings;
+  settings.max_instances = 1;
+  ObjectDetector detector = detectorWith(settings);
+  image.boxes = {there};
+  const Detections one = detector.detect(image, {}, {});
+  ASSERT_EQ(one.found.size(), 1u) << one.message;
+  image.boxes = {there, there};
+  EXPECT_EQ(detector.detect(image, {}, {}).candidates.size(), one.candidates.size());
+  image.boxes = {{0, 0, 45, 45}, there};
+  EXPECT_EQ(detector.detect(image, {}, {}).found.size(), 1u);
+}
+
 TEST_F(ObjectDetectorTest, LooksOnlyWhereTheObjectMayBe) {
   const Observation image = observed(imageOf(truth_));
   SearchArea there, elsewhere;
