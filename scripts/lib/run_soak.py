@@ -190,7 +190,8 @@ def run(world, minutes):
     lines, cycles = [], []
     print('%7s %12s %11s %7s %8s %6s %6s %12s %12s' % ('minutes', 'memory [MiB]', 'descriptors', 'threads', 'refined',
                                                        'poses', 'wrong', 'latency p50', 'control [ms]'))
-    for number in range(max(1, int(60 * minutes / CYCLE_S))):
+    # A cycle takes longer than its seconds where the machine is busy.
+    while not cycles or time.monotonic() < begin + 60 * minutes:
         start = time.monotonic()
         done = {'refined': 0, 'poses': 0, 'wrong': 0}
         for second in range(CYCLE_S):
@@ -201,7 +202,7 @@ def run(world, minutes):
             lines.append(measure(world, begin))
             for key in done:
                 done[key] += lines[-1][key]
-        cycles.append({**lines[-1], **done, 'cycle': number})
+        cycles.append({**lines[-1], **done, 'cycle': len(cycles)})
         print('%7.1f %12.1f %11d %7d %8d %6d %6d %12.1f %12.1f' % tuple(
             cycles[-1][key] for key in ('minutes', 'memory [MiB]', 'descriptors', 'threads', 'refined', 'poses',
                                         'wrong', 'latency p50 [ms]', 'control [ms]')), flush=True)
