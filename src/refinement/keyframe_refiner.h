@@ -61,6 +61,9 @@ class KeyframeRefiner {
   /// Watches over what the object may be taken for, in place of its own LookAlikes.
   void use(const LookAlikes& look_alikes);
 
+  /// Renders now what the first `find` would have to wait for. @throws Cancelled.
+  void prepare(const CancellationToken& cancellation) { search_->prepare(cancellation); }
+
   /// Waits until nothing is rendered any more, so that the field is free for others.
   void waitForRenderings(const CancellationToken& cancellation);
 

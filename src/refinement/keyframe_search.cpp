@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "math/angle.h"
 #include "math/random.h"
@@ -84,6 +85,22 @@ KeyframeSearch::KeyframeSearch(Backend* backend, const std::shared_ptr<const Loa
       small_(aligner_.get(), settings.bank.views,
              {settings.reach_rotation_deg * kDegree, kAnyScale}),
       is_loaded_(settings.bank.views, 0) {}
+
+void KeyframeSearch::loadViews(const std::vector<int>& numbers,
+                               const CancellationToken& cancellation) {
+  bank_.make(numbers, cancellation);
+  for (const int number : numbers) {
+    if (is_loaded_[number]) continue;
+    small_.add(bank_.view(number, cancellation));
+    is_loaded_[number] = 1;
+  }
+}
+
+void KeyframeSearch::prepare(const CancellationToken& cancellation) {
+  std::vector<int> all(is_loaded_.size());
+  std::iota(all.begin(), all.end(), 0);
+  loadViews(all, cancellation);
+}
 
 std::optional<ViewDistance> KeyframeSearch::distanceOfNearest(const Pose& T_O_C) {
   const KeyframeSet::Entry* const nearest = kept_.nearest(T_O_C);
@@ -177,12 +194,7 @@ HypothesisTable KeyframeSearch::around(const Observation& observation, const Pri
   const FieldMetadata& object = field_->field().metadata;
   // A turn about each of three axes adds up to 1.7 of them.
   const std::vector<int> sides = bank_.around(prior.T_O_C, 1.4 * prior.rotation_rad);
-  bank_.make(sides, cancellation);
-  for (const int number : sides) {
-    if (is_loaded_[number]) continue;
-    small_.add(bank_.view(number, cancellation));
-    is_loaded_[number] = 1;
-  }
+  loadViews(sides, cancellation);
   const KeyframeSet::Entry* const nearest = small_.nearest(prior.T_O_C);
   if (nearest == nullptr) return {};
   FrameWindow window = frameWindowFor(*nearest->keyframe, observation.camera, prior.T_O_C,

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <vector>
 
 #include "backend/backend.h"
 #include "backend/loaded_field.h"
@@ -25,6 +26,9 @@ class KeyframeSearch {
                  const KeyframeSearchSettings& settings);
 
   void add(std::shared_ptr<const KeyframePoints> keyframe) { kept_.add(std::move(keyframe)); }
+
+  /// Renders all small views now, which `around` does on first use of each. @throws Cancelled.
+  void prepare(const CancellationToken& cancellation);
 
   /// How far the nearest keyframe is that can be aligned from a pose; null: there is none.
   std::optional<ViewDistance> distanceOfNearest(const Pose& T_O_C);
@@ -59,6 +63,7 @@ class KeyframeSearch {
                                              const CancellationToken& cancellation);
 
  private:
+  void loadViews(const std::vector<int>& numbers, const CancellationToken& cancellation);
   HypothesisTable widely(const Prior& prior, const CancellationToken& cancellation);
   std::vector<KeyframeStart> startsOf(const std::vector<Pose>& poses, KeyframeSet* set);
 

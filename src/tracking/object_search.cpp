@@ -39,10 +39,23 @@ void RefinerSearch::use(std::shared_ptr<const Field> field) {
   detector_.reset();
   try {
     field_ = processor_.backend->load(field);
+    prepare();
   } catch (const BackendLost&) {
     replaceProcessor(field);
   }
   object_ = std::move(field);
+}
+
+/// Renders the small views at once where that takes a moment. (A CPU renders them as they are
+/// needed, and models whose scores have yet to be measured wait for a search that can be
+/// cancelled.)
+void RefinerSearch::prepare() {
+  const FieldMetadata& object = field_->field().metadata;
+  const bool is_known = object.pose.keyframes.poses > 0 && object.look_alikes.measured;
+  const bool is_fast = processor_.backend->info().memory_bytes > 0;
+  if (!is_known || !is_fast || initial_settings_.method != Method::kKeyframes) return;
+  beginKeyframes({});
+  keyframes_->prepare({});
 }
 
 void RefinerSearch::configure(const RefinerSettings& initial, const RefinerSettings& tracking) {

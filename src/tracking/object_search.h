@@ -79,6 +79,7 @@ class RefinerSearch : public ObjectSearch {
   RefinerSearch(ProcessorFactory find_processor, const RefinerSettings& initial,
                 const RefinerSettings& tracking, DetectionSetup detection = {});
 
+  /// A processor with memory of its own also renders at once what the first search begins with.
   void use(std::shared_ptr<const Field> field) override;
   void configure(const RefinerSettings& initial, const RefinerSettings& tracking) override;
   Refinement search(const SearchRequest& request, const CancellationToken& cancellation) override;
@@ -93,6 +94,7 @@ class RefinerSearch : public ObjectSearch {
   const KeyframeScores& scores(const CancellationToken& cancellation);
   const LookAlikes& lookAlikes(const CancellationToken& cancellation);
   void beginKeyframes(const CancellationToken& cancellation);
+  void prepare();
   void beginDetection(const CancellationToken& cancellation);
   Refinement detectOnce(const Observation& observation, double trust_score,
                         const CancellationToken& cancellation);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <atomic>
+#include <cstddef>
 #include <functional>
 #include <memory>
 #include <stdexcept>
@@ -61,9 +62,15 @@ class DescribedScene final : public LoadedField {
 /// Has one scene, whatever is loaded.
 class SceneBackend final : public Backend {
  public:
-  explicit SceneBackend(std::shared_ptr<const LoadedField> scene) : scene_(std::move(scene)) {}
+  /// @param memory_bytes what it says of its own memory, @see BackendInfo.
+  explicit SceneBackend(std::shared_ptr<const LoadedField> scene, std::size_t memory_bytes = 0)
+      : scene_(std::move(scene)), memory_bytes_(memory_bytes) {}
 
-  BackendInfo info() const override { return {}; }
+  BackendInfo info() const override {
+    BackendInfo info;
+    info.memory_bytes = memory_bytes_;
+    return info;
+  }
   std::shared_ptr<const LoadedField> load(std::shared_ptr<const Field>) override { return scene_; }
   std::unique_ptr<KeyframeAligner> makeKeyframeAligner() override {
     return makeCpuKeyframeAligner(2);
@@ -77,6 +84,7 @@ class SceneBackend final : public Backend {
 
  private:
   std::shared_ptr<const LoadedField> scene_;
+  std::size_t memory_bytes_;
 };
 
 }  // namespace nerf_pose_refiner

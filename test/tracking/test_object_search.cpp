@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cstddef>
 #include <cstdint>
 #include <future>
 #include <stdexcept>
@@ -160,12 +161,15 @@ INSTANTIATE_TEST_SUITE_P(RefinerSearch, LostDetectionProcessor, testing::Values(
 
 // What is known of an object is kept from one search to the next.
 
-std::unique_ptr<RefinerSearch> searchBy(const std::shared_ptr<const DescribedScene>& scene) {
+std::unique_ptr<RefinerSearch> searchBy(const std::shared_ptr<const DescribedScene>& scene,
+                                        std::size_t memory_bytes = 0) {
   RefinerSettings settings = RefinerSettings::named("keyframes");
   settings.keyframes.real_time = false;
   return std::make_unique<RefinerSearch>(
-      [scene] { return SearchProcessor{std::make_shared<SceneBackend>(scene)}; }, settings,
-      settings);
+      [scene, memory_bytes] {
+        return SearchProcessor{std::make_shared<SceneBackend>(scene, memory_bytes)};
+      },
+      settings, settings);
 }
 
 TEST(RefinerSearch, LooksForLookAlikesAgainWhereASearchWasCancelled) {
@@ -218,6 +222,53 @@ TEST(RefinerSearch, AChangeOfSettingsKeepsTheKeyframes) {
   settings.tracking.refiner.seed = settings.initial.refiner.seed = 7;
   tracker.change(settings);
   EXPECT_EQ(track(), 0);
+}
+
+// What a search begins with is rendered when an object comes into use, where that is fast.
+
+class FirstSearch : public testing::Test {
+ protected:
+  static std::shared_ptr<DescribedScene> sceneOf(bool is_measured) {
+    const auto plain = makeAnalyticScene(1, cpuProcessor(2));
+    FieldMetadata object = judged(plain->field().metadata);
+    object.look_alikes.measured = is_measured;
+    return std::make_shared<DescribedScene>(plain, object);
+  }
+
+  static int renderingsOfUse(const std::shared_ptr<DescribedScene>& scene, RefinerSearch* search) {
+    search->use(std::make_shared<const Field>(scene->field()));
+    return scene->renderings;
+  }
+
+  static int renderingsOfSearch(const std::shared_ptr<DescribedScene>& scene,
+                                RefinerSearch* search) {
+    const int before = scene->renderings;
+    Prior prior;
+    prior.T_O_C = cameraAround(*scene, 0.6, 0.5);
+    const Observation image = sceneBeforeClutter(*scene, kCamera, prior.T_O_C);
+    EXPECT_EQ(search->search({image, prior, false, 0}, {}).outcome, Outcome::kRefined);
+    return scene->renderings - before;
+  }
+};
+
+TEST_F(FirstSearch, FindsItsViewsOnAProcessorWithMemoryOfItsOwn) {
+  const auto scene = sceneOf(true);
+  const auto search = searchBy(scene, 1 << 30);
+  EXPECT_EQ(renderingsOfUse(scene, search.get()), ViewBankSettings().views);
+  EXPECT_LE(renderingsOfSearch(scene, search.get()), 2);
+}
+
+TEST_F(FirstSearch, RendersTheViewsThatItNeedsOnAHost) {
+  const auto scene = sceneOf(true);
+  const auto search = searchBy(scene);
+  EXPECT_EQ(renderingsOfUse(scene, search.get()), 0);
+  EXPECT_GT(renderingsOfSearch(scene, search.get()), 2);
+}
+
+TEST_F(FirstSearch, MeasuresAnOldModelOnlyWhereItCanBeCancelled) {
+  const auto scene = sceneOf(false);
+  const auto search = searchBy(scene, 1 << 30);
+  EXPECT_EQ(renderingsOfUse(scene, search.get()), 0);
 }
 
 }  // namespace
