@@ -3,6 +3,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
+#include <utility>
+#include <vector>
 
 #include "backend/common/box_sums.h"
 #include "backend/common/image_levels.h"
@@ -45,10 +48,6 @@ class LevelMaker {
   }
 
  private:
-  bool isShown(int x, int y) const {
-    return x >= 0 && y >= 0 && x < width_ && y < height_ && shown_[y * width_ + x] != 0;
-  }
-
   Eigen::Vector3f pointAt(int x, int y) const {
     const float* pixel = smooth_.pixel(x, y);
     return Eigen::Map<const Eigen::Vector3f>(pixel + kKeyframePoint) / pixel[kKeyframeAlpha];
@@ -108,6 +107,7 @@ class LevelMaker {
     return cell / level_.width * level_.spacing * width_ + cell % level_.width * level_.spacing;
   }
 
+  // Of the grid.
   int cellOfPixel(int pixel) const {
     return pixel / width_ / level_.spacing * level_.width + pixel % width_ / level_.spacing;
   }
@@ -145,17 +145,27 @@ class LevelMaker {
       if (inverse_count[cell] == 0) continue;
       local_[cell] = localColours(sums.data() + kBoxChannels * cell, inverse_count[cell]);
     }
+    normalisePixels(inverse_count);
+  }
+
+  void normalisePixels(const std::vector<float>& inverse_count) {
     normalised_ = Image(width_, height_, 3);
-    for (int pixel = 0; pixel < width_ * height_; ++pixel) {
-      if (!shown_[pixel]) continue;
-      const std::size_t cell = cellOfPixel(pixel);
-      if (inverse_count[cell] == 0) shown_[pixel] = 0;  // no neighbour to compare it with
-      if (!shown_[pixel]) continue;
-      const LocalColours<float>& local = local_[cell];
-      const Eigen::Vector3f colour = colourAt(pixel);
-      for (int c = 0; c < 3; ++c) {
-        normalised_.values[3 * static_cast<std::size_t>(pixel) + c] =
-            (colour[c] - local.mean[c]) * local.inverse_deviation[c];
+    int pixel = 0;
+    for (int y = 0; y < height_; ++y) {
+      const int row = y / level_.spacing * level_.width;
+      for (int x = 0; x < width_; ++x, ++pixel) {
+        if (!shown_[pixel]) continue;
+        const int cell = row + x / level_.spacing;
+        if (inverse_count[cell] == 0) {  // no neighbour to compare it with
+          shown_[pixel] = 0;
+          continue;
+        }
+        const LocalColours<float>& local = local_[cell];
+        const Eigen::Vector3f colour = colourAt(pixel);
+        float* const normalised = normalised_.pixel(x, y);
+        for (int c = 0; c < 3; ++c) {
+          normalised[c] = (colour[c] - local.mean[c]) * local.inverse_deviation[c];
+        }
       }
     }
   }
@@ -189,20 +199,21 @@ class LevelMaker {
   // What a pixel says of the pose: the squared gradient of its colours. 0 where a neighbour is not
   // known.
   float informationAt(int x, int y) const {
-    if (!isShown(x, y) || !isShown(x - 1, y) || !isShown(x + 1, y) || !isShown(x, y - 1) ||
-        !isShown(x, y + 1)) {
-      return 0;
-    }
+    if (x == 0 || y == 0 || x + 1 == width_ || y + 1 == height_) return 0;
+    const char* const shown = shown_.data() + y * width_ + x;
+    if (!shown[0] || !shown[-1] || !shown[1] || !shown[-width_] || !shown[width_]) return 0;
+    const float* const here = normalised_.pixel(x, y);
+    const int right = 3, down = 3 * width_;
     float sum = 0;
     for (int c = 0; c < 3; ++c) {
-      const float du = normalised_.at(x + 1, y, c) - normalised_.at(x - 1, y, c);
-      const float dv = normalised_.at(x, y + 1, c) - normalised_.at(x, y - 1, c);
+      const float du = here[c + right] - here[c - right];
+      const float dv = here[c + down] - here[c - down];
       sum += du * du + dv * dv;
     }
     return sum;
   }
 
-  // The pixels of a cell that say something, the best first.
+  // The pixels of a cell that say something.
   std::vector<Candidate> candidatesOf(int cell_x, int cell_y) const {
     std::vector<Candidate> candidates;
     for (int y = cell_y; y < std::min(cell_y + kCellSide, height_); ++y) {
@@ -211,30 +222,42 @@ class LevelMaker {
         if (information > 0) candidates.push_back({y * width_ + x, information});
       }
     }
-    std::sort(candidates.begin(), candidates.end(), isBetter);
     return candidates;
   }
 
   // The best of every cell first, then the second best, until there are enough.
   std::vector<Candidate> choose() const {
-    std::vector<std::vector<Candidate>> by_rank(kCellSide * kCellSide);
+    std::vector<std::vector<Candidate>> cells;
     for (int y = 0; y < height_; y += kCellSide) {
       for (int x = 0; x < width_; x += kCellSide) {
-        const std::vector<Candidate> candidates = candidatesOf(x, y);
-        for (std::size_t rank = 0; rank < candidates.size(); ++rank) {
-          by_rank[rank].push_back(candidates[rank]);
-        }
+        std::vector<Candidate> candidates = candidatesOf(x, y);
+        if (!candidates.empty()) cells.push_back(std::move(candidates));
       }
     }
     const auto enough = static_cast<std::size_t>(settings_.max_points);
     std::vector<Candidate> chosen;
-    for (std::vector<Candidate>& of_rank : by_rank) {
-      std::sort(of_rank.begin(), of_rank.end(), isBetter);
-      of_rank.resize(std::min(of_rank.size(), enough - chosen.size()));
-      chosen.insert(chosen.end(), of_rank.begin(), of_rank.end());
-      if (chosen.size() == enough) break;
+    while (!cells.empty() && chosen.size() < enough) {
+      std::vector<Candidate> next = takeBest(&cells);
+      std::sort(next.begin(), next.end(), isBetter);
+      next.resize(std::min(next.size(), enough - chosen.size()));
+      chosen.insert(chosen.end(), next.begin(), next.end());
     }
     return chosen;
+  }
+
+  // Moves the best candidate out of every cell; cells that are empty then are left out.
+  // (Few ranks are needed, so cells are not sorted.)
+  static std::vector<Candidate> takeBest(std::vector<std::vector<Candidate>>* cells) {
+    std::vector<Candidate> best;
+    for (std::vector<Candidate>& cell : *cells) {
+      std::iter_swap(std::min_element(cell.begin(), cell.end(), isBetter), std::prev(cell.end()));
+      best.push_back(cell.back());
+      cell.pop_back();
+    }
+    cells->erase(std::remove_if(cells->begin(), cells->end(),
+                                [](const std::vector<Candidate>& cell) { return cell.empty(); }),
+                 cells->end());
+    return best;
   }
 
   int tileOf(int pixel) const { return tileOfPixel(pixel, width_); }
@@ -266,17 +289,19 @@ class LevelMaker {
     while (level_.chosen.size() % kPointGroup != 0) addChosen(pixel, 0);
   }
 
-  void fillChosen(std::vector<Candidate> chosen) {
-    std::sort(chosen.begin(), chosen.end(), [this](const Candidate& a, const Candidate& b) {
-      const int tile_a = tileOf(a.pixel), tile_b = tileOf(b.pixel);
-      return tile_a != tile_b ? tile_a < tile_b : a.pixel < b.pixel;
-    });
-    level_.point_count = static_cast<int>(chosen.size());
+  // Tile by tile.
+  void fillChosen(const std::vector<Candidate>& chosen) {
+    std::vector<std::pair<int, int>> places;  // tile and pixel
+    places.reserve(chosen.size());
+    for (const Candidate& one : chosen) places.emplace_back(tileOf(one.pixel), one.pixel);
+    std::sort(places.begin(), places.end());
+    level_.point_count = static_cast<int>(places.size());
     level_.tiles = {0};
-    for (std::size_t i = 0; i < chosen.size(); ++i) {
-      addChosen(chosen[i].pixel, 1);
-      if (i + 1 == chosen.size() || tileOf(chosen[i + 1].pixel) != tileOf(chosen[i].pixel)) {
-        fillGroup(chosen[i].pixel);
+    for (std::size_t i = 0; i < places.size(); ++i) {
+      const auto [tile, pixel] = places[i];
+      addChosen(pixel, 1);
+      if (i + 1 == places.size() || places[i + 1].first != tile) {
+        fillGroup(pixel);
         level_.tiles.push_back(level_.chosen.size());
       }
     }
