@@ -10,6 +10,7 @@
 
 #include "concurrency/seconds_since.h"
 #include "image/colour.h"
+#include "runtime/freed_memory.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -93,6 +94,7 @@ void RegistrationQueue::work(Running* running, const Job& job) {
   } catch (...) {
     error = std::current_exception();
   }
+  returnFreedMemory();
   std::lock_guard<std::mutex> lock(running->queue->mutex_);
   running->result = std::move(result);
   running->error = error;

@@ -2,12 +2,16 @@
 #include "runtime/registration_queue.h"
 
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <atomic>
+#include <cstddef>
+#include <fstream>
 #include <future>
 #include <memory>
 #include <string>
 #include <thread>
+#include <vector>
 
 #include "support/expect_error.h"
 
@@ -117,6 +121,44 @@ TEST_F(RegistrationQueueTest, PreviewsAreMadeForWhoLooksAndSeldom) {
   let_go = true;
   first.get();
   EXPECT_EQ(previews, 1) << "in a fraction of a second";
+}
+
+/// In memory now [bytes].
+std::size_t residentBytes() {
+  std::size_t all = 0, resident = 0;
+  std::ifstream("/proc/self/statm") >> all >> resident;
+  return resident * static_cast<std::size_t>(sysconf(_SC_PAGESIZE));
+}
+
+/// Blocks that the C library takes from a thread's own heap.
+using Blocks = std::vector<std::vector<char>>;
+
+Blocks blocksOf(std::size_t total_bytes) {
+  constexpr std::size_t kBlock = 64 << 10;
+  Blocks blocks;
+  while (blocks.size() * kBlock < total_bytes) blocks.emplace_back(kBlock, 'x');
+  return blocks;
+}
+
+TEST(RegistrationQueueMemory, IsReturnedThoughSomethingOfTheJobStays) {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  GTEST_SKIP() << "sanitizers have their own allocator, which keeps what is freed";
+#endif
+  constexpr std::size_t kLarge = 256 << 20;
+  std::vector<char> stays;
+  std::size_t before = 0, during = 0;
+  RegistrationQueue queue;
+  queue.run({"kiosk", "kiosk",
+             [&](const auto&, const CancellationToken&) {
+               before = residentBytes();
+               const Blocks blocks = blocksOf(kLarge);
+               stays = std::vector<char>(1000);  // above them, so that their heap does not shrink
+               during = residentBytes();
+               return RegisteredObject{std::make_shared<Field>(), false, {}};
+             }},
+            {}, {});
+  ASSERT_GT(during, before + kLarge / 2);
+  EXPECT_LT(residentBytes(), before + kLarge / 8);
 }
 
 }  // namespace

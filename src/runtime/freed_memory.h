@@ -1,0 +1,12 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+namespace nerf_pose_refiner {
+
+/// Gives memory that was freed back to the system. The C library keeps what threads free for their
+/// next allocations; after a training that is a hundred megabytes and more, each time in the heaps
+/// of other threads. Takes some milliseconds, in which allocations may wait. Does nothing where the
+/// C library has no such call.
+void returnFreedMemory();
+
+}  // namespace nerf_pose_refiner
