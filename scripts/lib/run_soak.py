@@ -23,6 +23,8 @@ from run_faults import make_world, train
 from svg_plot import svg
 
 CYCLE_S = 60
+TRAINING_S = 12  # of an object, beside tracking; its views are judged after that
+REGISTRATION_S = 300  # at most, on a busy machine
 WARM_UP = 0.25  # of the cycles, at least one
 MEMORY_MIB = 4  # that the last third of the cycles may have more than the first one, after the warm-up
 UNPAIRED = 6  # images without camera_info, at most, each time that the node subscribes
@@ -42,6 +44,7 @@ class Cycle:
     def __init__(self, world):
         self.world = world
         self.overlay = None
+        self.registered = 0  # objects
         self.action = actionlib.SimpleActionClient(NODE + '/register', RegisterAction)
         self.action.wait_for_server()
         self.steps = {2: self.gone, 5: self.here, 10: self.look, 15: self.look_away, 18: self.configure,
@@ -69,13 +72,17 @@ class Cycle:
                             config=Config(doubles=[DoubleParameter('min_score', value)]))
 
     def register(self):
-        self.action.send_goal(RegisterGoal(name='learned', dataset='toy_kiosk', max_seconds=4, force_retrain=True))
+        self.action.send_goal(RegisterGoal(name='learned', dataset='toy_kiosk', max_seconds=TRAINING_S,
+                                           force_retrain=True))
 
     def cancel(self):
         self.action.cancel_goal()
 
     def swap(self):
-        self.action.wait_for_result(rospy.Duration(60))
+        if not self.action.wait_for_result(rospy.Duration(REGISTRATION_S)):
+            raise RuntimeError('the registration has not ended after %d s' % REGISTRATION_S)
+        done = self.action.get_result()
+        self.registered += bool(done and done.success)
         self.world.choose('twin')
         self.begin()
 
@@ -168,6 +175,8 @@ def verdict(cycles, counts):
     problems = unaccounted(counts, len(cycles))
     if sum(c['wrong'] for c in cycles):
         problems.append('%d wrong poses' % sum(c['wrong'] for c in cycles))
+    if not cycles[-1]['registered']:
+        problems.append('no object could be registered beside tracking')
     warm = cycles[max(1, int(WARM_UP * len(cycles))):]
     third = len(warm) // 3
     if not third:
@@ -202,7 +211,7 @@ def run(world, minutes):
             lines.append(measure(world, begin))
             for key in done:
                 done[key] += lines[-1][key]
-        cycles.append({**lines[-1], **done, 'cycle': len(cycles)})
+        cycles.append({**lines[-1], **done, 'cycle': len(cycles), 'registered': cycle.registered})
         print('%7.1f %12.1f %11d %7d %8d %6d %6d %12.1f %12.1f' % tuple(
             cycles[-1][key] for key in ('minutes', 'memory [MiB]', 'descriptors', 'threads', 'refined', 'poses',
                                         'wrong', 'latency p50 [ms]', 'control [ms]')), flush=True)
@@ -248,6 +257,7 @@ def main():
         json.dump({'problems': problems, 'images': counts, 'cycles': cycles}, file, indent=1)
     with open(args.folder + '/soak.svg', 'w', encoding='utf-8') as file:
         file.write(plot(lines))
+    print('objects registered: %d' % cycles[-1]['registered'])
     print('images: ' + ', '.join('%d %s' % (n, name.replace('images', '').strip()) for name, n in counts.items()))
     print('\n'.join(problems) or 'nothing has grown, and every image is accounted for')
     return 1 if problems else 0
