@@ -130,29 +130,25 @@ std::size_t residentBytes() {
   return resident * static_cast<std::size_t>(sysconf(_SC_PAGESIZE));
 }
 
-/// Blocks that the C library takes from a thread's own heap.
+/// Blocks that the C library takes from a thread's own heaps.
 using Blocks = std::vector<std::vector<char>>;
-
-Blocks blocksOf(std::size_t total_bytes) {
-  constexpr std::size_t kBlock = 64 << 10;
-  Blocks blocks;
-  while (blocks.size() * kBlock < total_bytes) blocks.emplace_back(kBlock, 'x');
-  return blocks;
-}
 
 TEST(RegistrationQueueMemory, IsReturnedThoughSomethingOfTheJobStays) {
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
   GTEST_SKIP() << "sanitizers have their own allocator, which keeps what is freed";
 #endif
-  constexpr std::size_t kLarge = 256 << 20;
-  std::vector<char> stays;
+  constexpr std::size_t kBlock = 64 << 10, kLarge = 4000 * kBlock;
+  Blocks stays;
   std::size_t before = 0, during = 0;
   RegistrationQueue queue;
   queue.run({"kiosk", "kiosk",
              [&](const auto&, const CancellationToken&) {
                before = residentBytes();
-               const Blocks blocks = blocksOf(kLarge);
-               stays = std::vector<char>(1000);  // above them, so that their heap does not shrink
+               Blocks blocks;
+               for (std::size_t i = 0; i < kLarge / kBlock; ++i) {
+                 blocks.emplace_back(kBlock, 'x');
+                 if (i % 100 == 99) stays.emplace_back(1000, 'x');  // no heap becomes empty
+               }
                during = residentBytes();
                return RegisteredObject{std::make_shared<Field>(), false, {}};
              }},
