@@ -44,7 +44,7 @@ int runTool(int argc, char** argv, void (*declare)(CLI::App*, Options*),
 
 /// Which backend, and how much of the machine it takes.
 struct BackendOptions {
-  std::string backend = "cpu";
+  std::string backend = "auto";
   int device = 0;
   int threads = 0;
   std::string instruction_set = "auto";
