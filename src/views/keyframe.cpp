@@ -3,12 +3,15 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
+#include <deque>
 #include <future>
 #include <stdexcept>
 #include <string>
 #include <utility>
 
 #include "backend/common/image_levels.h"
+#include "concurrency/parallel.h"
 #include "math/require.h"
 #include "views/keyframe_level.h"
 
@@ -184,8 +187,15 @@ std::vector<KeyframePoints> renderKeyframes(const LoadedField& field,
                                             const KeyframeSettings& settings,
                                             const CancellationToken& cancellation) {
   settings.validate();
-  std::vector<std::future<KeyframePoints>> underway;
+  const auto most = static_cast<std::size_t>(2 * threadCount(0));  // threads, and windows in memory
+  std::deque<std::future<KeyframePoints>> underway;
+  std::vector<KeyframePoints> keyframes;
+  const auto finishOldest = [&] {
+    keyframes.push_back(underway.front().get());
+    underway.pop_front();
+  };
   for (const View& view : views) {
+    if (underway.size() == most) finishOldest();
     underway.push_back(std::async(
         std::launch::async,
         [&](const RenderedWindow& window) {
@@ -193,8 +203,7 @@ std::vector<KeyframePoints> renderKeyframes(const LoadedField& field,
         },
         renderWindow(field, view, settings, cancellation)));
   }
-  std::vector<KeyframePoints> keyframes;
-  for (std::future<KeyframePoints>& one : underway) keyframes.push_back(one.get());
+  while (!underway.empty()) finishOldest();
   return keyframes;
 }
 
