@@ -50,6 +50,7 @@ void fuzzDetections(const std::uint8_t* data, std::size_t size) {
   const sensor_msgs::CameraInfo info = bytes.takeCameraInfo();
   const auto image = boost::make_shared<sensor_msgs::Image>(bytes.takeImage());
   std::vector<std::uint8_t> rest = bytes.takeAll();
+  rest.reserve(1);  // roscpp's buffers are never null
   DetectionArray detections;
   try {
     ros::serialization::IStream stream(rest.data(), static_cast<std::uint32_t>(rest.size()));
