@@ -6,6 +6,7 @@ import json
 import os
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -66,6 +67,7 @@ def make_world(args, rate):
     from pose_evaluation import Target
     shutil.rmtree(args.folder + '/datasets', ignore_errors=True)
     shutil.copytree(args.demo + '/data', args.folder + '/datasets')  # rows spoil some of it
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # so that the graph is stopped then, too
     graph = Graph(args.folder, args.nodelet)
     rospy.init_node('faults', disable_signals=True, disable_rosout=True)
     rospy.set_param('/use_sim_time', True)  # of the node: this program keeps the wall's time
