@@ -23,6 +23,7 @@ OPENCV = r'opencv2/'
 CLI = r'CLI/CLI\.hpp'
 OPENMP = r'omp\.h'
 POSIX = r'(unistd|fcntl|dirent|spawn|sys/\w+)\.h'
+GLIBC = r'malloc\.h'
 C_HEADERS = r'(stddef|stdint|string)\.h'  # for kernels: files without anything of std in them
 SIMD = r'immintrin\.h'
 CUDA = r'(cuda|cub|cooperative_groups|mma)[\w/]*\.(h|cuh)'
@@ -62,7 +63,7 @@ LIBRARIES = {
     'trust': (EIGEN,),
     'registration': (EIGEN,),
     'tracking': (EIGEN,),
-    'runtime': (EIGEN, OPENCV, POSIX),
+    'runtime': (EIGEN, OPENCV, POSIX, GLIBC),
     'library': (EIGEN,),
 }
 # Module -> (modules that it may include, libraries that it may include). A module uses modules above
