@@ -1,6 +1,7 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include "tracking/object_search.h"
 
+#include <stdexcept>
 #include <utility>
 
 #include "backend/backend_lost.h"
@@ -54,8 +55,14 @@ void RefinerSearch::prepare() {
   const bool is_known = object.pose.keyframes.poses > 0 && object.look_alikes.measured;
   const bool is_fast = processor_.backend->info().memory_bytes > 0;
   if (!is_known || !is_fast || initial_settings_.method != Method::kKeyframes) return;
-  beginKeyframes({});
-  keyframes_->prepare({});
+  try {
+    beginKeyframes({});
+    keyframes_->prepare({});
+  } catch (const BackendLost&) {
+    throw;
+  } catch (const std::runtime_error&) {
+    keyframes_.reset();  // too little memory, say: the search that needs it says so
+  }
 }
 
 void RefinerSearch::configure(const RefinerSettings& initial, const RefinerSettings& tracking) {
