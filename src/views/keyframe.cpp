@@ -4,8 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <deque>
-#include <future>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -19,6 +17,10 @@ namespace nerf_pose_refiner {
 namespace {
 
 constexpr double kReach = 0.6;  // of the diameter, as the centre need not be in the middle
+
+// A quarter of the cores: each of a dozen loops waits for its last thread, which takes longer than
+// the work if other programs keep the cores busy.
+int keyframeThreads() { return std::clamp(threadCount(0) / 4, 1, 4); }
 
 /// Half the width of the window that contains the object [px].
 double reachInImage(const View& view, const FieldMetadata& object, double distance) {
@@ -59,8 +61,9 @@ PixelBox shownPart(const Image& alpha, int step) {
 
 // Premultiplied colour, alpha, and alpha times the point relative to the object's centre.
 Image layersOf(const Rendering& rendering, const PixelBox& part, const Eigen::Vector3f& centre) {
+  constexpr int kLeastRows = 32;  // of a thread
   Image layers(part.width, part.height, kKeyframeChannels);
-  for (int y = 0; y < part.height; ++y) {
+  const auto fillRow = [&](int y) {
     const float* alpha = rendering.alpha.pixel(part.left, part.top + y);
     const float* colour = rendering.colour.pixel(part.left, part.top + y);
     const float* point = rendering.point.pixel(part.left, part.top + y);
@@ -73,7 +76,10 @@ Image layersOf(const Rendering& rendering, const PixelBox& part, const Eigen::Ve
       pixel[kKeyframeAlpha] = *alpha;
       pixel += kKeyframeChannels;
     }
-  }
+  };
+  parallelBands(keyframeThreads(), part.height, kLeastRows, [&](int first, int end) {
+    for (int y = first; y < end; ++y) fillRow(y);
+  });
   return layers;
 }
 
@@ -187,23 +193,21 @@ std::vector<KeyframePoints> renderKeyframes(const LoadedField& field,
                                             const KeyframeSettings& settings,
                                             const CancellationToken& cancellation) {
   settings.validate();
-  const auto most = static_cast<std::size_t>(2 * threadCount(0));  // threads, and windows in memory
-  std::deque<std::future<KeyframePoints>> underway;
-  std::vector<KeyframePoints> keyframes;
-  const auto finishOldest = [&] {
-    keyframes.push_back(underway.front().get());
-    underway.pop_front();
-  };
-  for (const View& view : views) {
-    if (underway.size() == most) finishOldest();
-    underway.push_back(std::async(
-        std::launch::async,
-        [&](const RenderedWindow& window) {
-          return keyframeOf(window, view, field.field().metadata, settings);
-        },
-        renderWindow(field, view, settings, cancellation)));
+  const auto together = static_cast<std::size_t>(keyframeThreads());
+  std::vector<KeyframePoints> keyframes(views.size());
+  for (std::size_t first = 0; first < views.size(); first += together) {
+    const std::size_t count = std::min(together, views.size() - first);
+    std::vector<RenderedWindow> windows;
+    for (std::size_t i = 0; i < count; ++i) {
+      windows.push_back(renderWindow(field, views[first + i], settings, cancellation));
+    }
+    const auto make = [&](int i) {
+      keyframes[first + i] =
+          keyframeOf(windows[i], views[first + i], field.field().metadata, settings);
+    };
+    // A few have all threads one after the other, many have one each.
+    parallelFor(2 * count > together ? keyframeThreads() : 1, static_cast<int>(count), make);
   }
-  while (!underway.empty()) finishOldest();
   return keyframes;
 }
 
@@ -232,16 +236,10 @@ KeyframePoints makeKeyframe(const Rendering& rendering, const Camera& camera, co
   const auto makeOne = [&](int level) {
     KeyframeView of_level = view;
     of_level.focal_px = Eigen::Vector2d(camera.fx, camera.fy).cast<float>() / (1 << level);
-    return makeLevel(pyramid[level], of_level, windowOf(settings, level), settings);
+    return makeLevel(pyramid[level], of_level, windowOf(settings, level), settings,
+                     keyframeThreads());
   };
-  // The finest level takes most of the time, and the others together a third of that.
-  auto others = std::async(std::launch::async, [&] {
-    std::vector<KeyframeLevel> levels;
-    for (int level = 1; level < settings.levels; ++level) levels.push_back(makeOne(level));
-    return levels;
-  });
-  keyframe.levels.push_back(makeOne(0));
-  for (KeyframeLevel& level : others.get()) keyframe.levels.push_back(std::move(level));
+  for (int level = 0; level < settings.levels; ++level) keyframe.levels.push_back(makeOne(level));
   return keyframe;
 }
 

@@ -44,8 +44,7 @@ KeyframePoints renderKeyframe(const LoadedField& field, const View& view,
                               const KeyframeSettings& settings = {},
                               const CancellationToken& cancellation = {});
 
-/// Keyframes of several views: the points of each are chosen in a thread of its own, while the next
-/// view is rendered. @throws as `renderKeyframe`.
+/// Keyframes of several views, whose points are chosen side by side. @throws as `renderKeyframe`.
 std::vector<KeyframePoints> renderKeyframes(const LoadedField& field,
                                             const std::vector<View>& views,
                                             const KeyframeSettings& settings = {},

@@ -9,6 +9,7 @@
 
 #include "backend/common/box_sums.h"
 #include "backend/common/image_levels.h"
+#include "concurrency/parallel.h"
 #include "math/keyframe_alignment.h"
 #include "math/tile_scatter.h"
 #include "views/outline.h"
@@ -16,7 +17,8 @@
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr int kCellSide = 8;  // points are distributed evenly over cells of this size [px]
+constexpr int kCellSide = 8;    // points are distributed evenly over cells of this size [px]
+constexpr int kLeastRows = 32;  // of a thread
 
 // A pixel that may be chosen as a point.
 struct Candidate {
@@ -30,9 +32,10 @@ bool isBetter(const Candidate& a, const Candidate& b) {
 
 class LevelMaker {
  public:
-  LevelMaker(const Image& layers, const KeyframeView& view, const KeyframeSettings& settings)
-      : layers_(layers), view_(view), settings_(settings) {
-    smoothImage(layers, &smooth_);
+  LevelMaker(const Image& layers, const KeyframeView& view, const KeyframeSettings& settings,
+             int threads)
+      : layers_(layers), view_(view), settings_(settings), threads_(threads) {
+    smoothImage(layers, &smooth_, threads);
     width_ = layers.width;
     height_ = layers.height;
   }
@@ -48,6 +51,12 @@ class LevelMaker {
   }
 
  private:
+  /// body(first row, end).
+  template <typename Body>
+  void forRows(const Body& body) const {
+    parallelBands(threads_, height_, kLeastRows, body);
+  }
+
   Eigen::Vector3f pointAt(int x, int y) const {
     const float* pixel = smooth_.pixel(x, y);
     return Eigen::Map<const Eigen::Vector3f>(pixel + kKeyframePoint) / pixel[kKeyframeAlpha];
@@ -56,12 +65,15 @@ class LevelMaker {
   // Depths before smoothing; not finite where there is nothing.
   std::vector<float> depths() const {
     std::vector<float> depths(layers_.pixels());
-    for (std::size_t i = 0; i < depths.size(); ++i) {
-      const float* pixel = layers_.values.data() + kKeyframeChannels * i;
-      const Eigen::Vector3f point =
-          Eigen::Map<const Eigen::Vector3f>(pixel + kKeyframePoint) / pixel[kKeyframeAlpha];
-      depths[i] = view_.forward.dot(point) + view_.centre.z();
-    }
+    forRows([&](int first, int end) {
+      const std::size_t after = static_cast<std::size_t>(end) * width_;
+      for (std::size_t i = static_cast<std::size_t>(first) * width_; i < after; ++i) {
+        const float* pixel = layers_.values.data() + kKeyframeChannels * i;
+        const Eigen::Vector3f point =
+            Eigen::Map<const Eigen::Vector3f>(pixel + kKeyframePoint) / pixel[kKeyframeAlpha];
+        depths[i] = view_.forward.dot(point) + view_.centre.z();
+      }
+    });
     return depths;
   }
 
@@ -85,11 +97,13 @@ class LevelMaker {
   void findShown() {
     shown_.assign(smooth_.pixels(), 0);
     const std::vector<float> depth = depths();
-    for (int y = 0; y < height_; ++y) {
-      for (int x = 0; x < width_; ++x) {
-        shown_[y * width_ + x] = isOpaque(x, y) && !isAtDepthJump(depth, x, y);
+    forRows([&](int first, int end) {
+      for (int y = first; y < end; ++y) {
+        for (int x = 0; x < width_; ++x) {
+          shown_[y * width_ + x] = isOpaque(x, y) && !isAtDepthJump(depth, x, y);
+        }
       }
-    }
+    });
   }
 
   void layGrid(int window) {
@@ -150,22 +164,25 @@ class LevelMaker {
 
   void normalisePixels(const std::vector<float>& inverse_count) {
     normalised_ = Image(width_, height_, 3);
-    int pixel = 0;
-    for (int y = 0; y < height_; ++y) {
-      const int row = y / level_.spacing * level_.width;
-      for (int x = 0; x < width_; ++x, ++pixel) {
-        if (!shown_[pixel]) continue;
-        const int cell = row + x / level_.spacing;
-        if (inverse_count[cell] == 0) {  // no neighbour to compare it with
-          shown_[pixel] = 0;
-          continue;
-        }
-        const LocalColours<float>& local = local_[cell];
-        const Eigen::Vector3f colour = colourAt(pixel);
-        float* const normalised = normalised_.pixel(x, y);
-        for (int c = 0; c < 3; ++c) {
-          normalised[c] = (colour[c] - local.mean[c]) * local.inverse_deviation[c];
-        }
+    forRows([&](int first, int end) {
+      for (int y = first; y < end; ++y) normaliseRow(inverse_count, y);
+    });
+  }
+
+  void normaliseRow(const std::vector<float>& inverse_count, int y) {
+    const int row = y / level_.spacing * level_.width;
+    for (int x = 0, pixel = y * width_; x < width_; ++x, ++pixel) {
+      if (!shown_[pixel]) continue;
+      const int cell = row + x / level_.spacing;
+      if (inverse_count[cell] == 0) {  // no neighbour to compare it with
+        shown_[pixel] = 0;
+        continue;
+      }
+      const LocalColours<float>& local = local_[cell];
+      const Eigen::Vector3f colour = colourAt(pixel);
+      float* const normalised = normalised_.pixel(x, y);
+      for (int c = 0; c < 3; ++c) {
+        normalised[c] = (colour[c] - local.mean[c]) * local.inverse_deviation[c];
       }
     }
   }
@@ -225,15 +242,29 @@ class LevelMaker {
     return candidates;
   }
 
+  // Those of every cell that has any, row by row.
+  std::vector<std::vector<Candidate>> candidates() const {
+    const int across = (width_ + kCellSide - 1) / kCellSide;
+    const int down = (height_ + kCellSide - 1) / kCellSide;
+    std::vector<std::vector<Candidate>> cells(static_cast<std::size_t>(across) * down);
+    parallelBands(threads_, down, kLeastRows / kCellSide, [&](int first, int end) {
+      for (int i = first * across; i < end * across; ++i) {
+        cells[i] = candidatesOf(i % across * kCellSide, i / across * kCellSide);
+      }
+    });
+    withoutEmpty(&cells);
+    return cells;
+  }
+
+  static void withoutEmpty(std::vector<std::vector<Candidate>>* cells) {
+    cells->erase(std::remove_if(cells->begin(), cells->end(),
+                                [](const std::vector<Candidate>& cell) { return cell.empty(); }),
+                 cells->end());
+  }
+
   // The best of every cell first, then the second best, until there are enough.
   std::vector<Candidate> choose() const {
-    std::vector<std::vector<Candidate>> cells;
-    for (int y = 0; y < height_; y += kCellSide) {
-      for (int x = 0; x < width_; x += kCellSide) {
-        std::vector<Candidate> candidates = candidatesOf(x, y);
-        if (!candidates.empty()) cells.push_back(std::move(candidates));
-      }
-    }
+    std::vector<std::vector<Candidate>> cells = candidates();
     const auto enough = static_cast<std::size_t>(settings_.max_points);
     std::vector<Candidate> chosen;
     while (!cells.empty() && chosen.size() < enough) {
@@ -254,9 +285,7 @@ class LevelMaker {
       best.push_back(cell.back());
       cell.pop_back();
     }
-    cells->erase(std::remove_if(cells->begin(), cells->end(),
-                                [](const std::vector<Candidate>& cell) { return cell.empty(); }),
-                 cells->end());
+    withoutEmpty(cells);
     return best;
   }
 
@@ -338,6 +367,7 @@ class LevelMaker {
   const Image& layers_;
   const KeyframeView& view_;
   const KeyframeSettings& settings_;
+  const int threads_;
   int width_, height_;  // of the keyframe's own pixels
   Image smooth_;
   std::vector<char> shown_;
@@ -349,8 +379,8 @@ class LevelMaker {
 }  // namespace
 
 KeyframeLevel makeLevel(const Image& layers, const KeyframeView& view, int window,
-                        const KeyframeSettings& settings) {
-  return LevelMaker(layers, view, settings).make(window);
+                        const KeyframeSettings& settings, int threads) {
+  return LevelMaker(layers, view, settings, threads).make(window);
 }
 
 }  // namespace nerf_pose_refiner
