@@ -5,6 +5,8 @@
 #include <future>
 #include <utility>
 
+#include "runtime/freed_memory.h"
+
 namespace nerf_pose_refiner {
 
 std::string describe(const FieldMetadata& object) {
@@ -20,6 +22,7 @@ std::string TrackedObject::track(std::shared_ptr<const Field> field) {
   tracker_->offerModel(field).get();
   const std::string text = "in use: " + describe(field->metadata);
   log_(text);
+  returnFreedMemory();  // of the object before, and of what was made for this one
   std::lock_guard<std::mutex> lock(mutex_);
   field_ = std::move(field);
   return text;

@@ -2,11 +2,9 @@
 #include "runtime/registration_queue.h"
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <atomic>
 #include <cstddef>
-#include <fstream>
 #include <future>
 #include <memory>
 #include <string>
@@ -14,6 +12,7 @@
 #include <vector>
 
 #include "support/expect_error.h"
+#include "support/resident_memory.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -123,33 +122,16 @@ TEST_F(RegistrationQueueTest, PreviewsAreMadeForWhoLooksAndSeldom) {
   EXPECT_EQ(previews, 1) << "in a fraction of a second";
 }
 
-/// In memory now [bytes].
-std::size_t residentBytes() {
-  std::size_t all = 0, resident = 0;
-  std::ifstream("/proc/self/statm") >> all >> resident;
-  return resident * static_cast<std::size_t>(sysconf(_SC_PAGESIZE));
-}
-
-/// Blocks that the C library takes from a thread's own heaps.
-using Blocks = std::vector<std::vector<char>>;
-
 TEST(RegistrationQueueMemory, IsReturnedThoughSomethingOfTheJobStays) {
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-  GTEST_SKIP() << "sanitizers have their own allocator, which keeps what is freed";
-#endif
-  constexpr std::size_t kBlock = 64 << 10, kLarge = 4000 * kBlock;
+  if (!kAllocatorReturnsMemory) GTEST_SKIP() << "the allocator keeps what is freed";
+  constexpr std::size_t kLarge = 250 << 20;
   Blocks stays;
   std::size_t before = 0, during = 0;
   RegistrationQueue queue;
   queue.run({"kiosk", "kiosk",
              [&](const auto&, const CancellationToken&) {
                before = residentBytes();
-               Blocks blocks;
-               for (std::size_t i = 0; i < kLarge / kBlock; ++i) {
-                 blocks.emplace_back(kBlock, 'x');
-                 if (i % 100 == 99) stays.emplace_back(1000, 'x');  // no heap becomes empty
-               }
-               during = residentBytes();
+               during = takeAndFree(kLarge, &stays);
                return RegisteredObject{std::make_shared<Field>(), false, {}};
              }},
             {}, {});

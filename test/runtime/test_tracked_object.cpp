@@ -5,6 +5,7 @@
 
 #include <atomic>
 #include <chrono>
+#include <cstddef>
 #include <future>
 #include <memory>
 #include <stdexcept>
@@ -14,6 +15,7 @@
 #include <vector>
 
 #include "support/fake_search.h"
+#include "support/resident_memory.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -70,6 +72,20 @@ TEST_F(TrackedObjectTest, AModelIsPreparedWhileTheOneBeforeIsInUse) {
   tracked.track(fieldCalled("cup"));
   EXPECT_EQ(prepared, (std::vector<std::string>{"mug", "cup"}));
   EXPECT_EQ(in_use, (std::vector<std::string>{"", "mug"}));
+}
+
+TEST_F(TrackedObjectTest, WhatThePreparationFreedIsReturned) {
+  if (!kAllocatorReturnsMemory) GTEST_SKIP() << "the allocator keeps what is freed";
+  constexpr std::size_t kLarge = 250 << 20;
+  Blocks stays;
+  std::size_t before = 0, during = 0;
+  TrackedObject tracked = trackedWith([&](const std::shared_ptr<const Field>&) {
+    before = residentBytes();
+    std::thread([&] { during = takeAndFree(kLarge, &stays); }).join();
+  });
+  tracked.track(fieldCalled("mug"));
+  ASSERT_GT(during, before + kLarge / 2);
+  EXPECT_LT(residentBytes(), before + kLarge / 8);
 }
 
 TEST_F(TrackedObjectTest, AModelThatCannotBePreparedIsNotTracked) {
