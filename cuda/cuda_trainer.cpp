@@ -163,7 +163,6 @@ void CudaTrainer::startOccupancy() {
   distance_.upload(mask.distances(), blocks, stream_);
   distance_2_.reserve(blocks);
   region_.upload(region, stream_);
-  box_cells_.upload(cells_.boxCells(), stream_);
   density_.clear(region.size(), stream_);
   seen_.reserve(region.size() / kOccupancyFraction + 1);
   highest_.reserve(kCellsPerRound);
@@ -236,7 +235,7 @@ void CudaTrainer::addWork(double rays, double samples, double learned) {
 
 OccupancyGrid CudaTrainer::freezeOccupancy(const CancellationToken& cancellation,
                                            std::vector<float>* cell_opacity) {
-  const std::vector<std::uint32_t>& cells = cells_.boxCells();
+  const std::vector<std::uint32_t>& cells = cells_.region();
   const int n = config_.occupancy_resolution;
   const float cell_size = 1.0f / static_cast<float>(n);
   cell_opacity->assign(static_cast<std::size_t>(n) * n * n, 0.0f);
@@ -246,7 +245,7 @@ OccupancyGrid CudaTrainer::freezeOccupancy(const CancellationToken& cancellation
     cancellation.check();
     const std::size_t count = std::min<std::size_t>(kCellsPerRound, cells.size() - first);
     CellDensities densities;
-    densities.cells = box_cells_.data() + first;
+    densities.cells = region_.data() + first;
     densities.count = static_cast<int>(count);
     densities.resolution = n;
     densities.highest = highest_.data();

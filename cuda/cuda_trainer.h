@@ -72,7 +72,7 @@ class CudaTrainer final : public FieldTrainer {
   DeviceBuffer<TrainingRay> rays_;
   DeviceBuffer<float4> points_, values_, gradients_;
   DeviceBuffer<unsigned> point_rays_, learned_;
-  DeviceBuffer<std::uint32_t> region_, box_cells_, bits_;
+  DeviceBuffer<std::uint32_t> region_, bits_;
   DeviceBuffer<float> density_, seen_, highest_, mean_;
   DeviceBuffer<std::uint8_t> distance_, distance_2_;
   PinnedBuffer<TrainingClock> pinned_clock_;

@@ -111,6 +111,7 @@ TEST_F(Occupancy, ARegionConfinesIt) {
   for (int step = 0; step < 100; ++step) update(&grid, step);
   EXPECT_EQ(countOf(grid.mask().fine()), 2);
   EXPECT_TRUE(grid.mask().fine().occupied(2, 0, 0));
+  EXPECT_EQ(countOf(dense(grid)), 4 * 2 * 2);  // dilated by a cell, at the edge of the cube
 
   region.resolution = 8;
   expectError<std::invalid_argument>([&] { occupancy(region); }, "8 cells", "16");

@@ -79,7 +79,6 @@ TrainingOccupancy::TrainingOccupancy(const FieldConfig& config, const OccupancyG
                static_cast<float>(c[a]) < box_max[a] * static_cast<float>(n);
     }
     if (!in_box) continue;
-    box_cells_.push_back(cell);
     if (region.resolution != 0 && !region.occupied(c[0], c[1], c[2])) continue;
     region_.push_back(cell);
     setBit(&grid, cell);
@@ -130,13 +129,13 @@ OccupancyGrid TrainingOccupancy::dense(const FieldView& field, int threads,
   cell_opacity->assign(static_cast<std::size_t>(n) * n * n, 0.0f);
   OccupancyGrid grid{n, std::vector<std::uint8_t>(static_cast<std::size_t>(n) * n * n / 8, 0)};
   constexpr int kCellsPerRound = 1 << 13;  // cancellation is checked in between
-  for (std::size_t first = 0; first < box_cells_.size(); first += kCellsPerRound) {
+  for (std::size_t first = 0; first < region_.size(); first += kCellsPerRound) {
     cancellation.check();
     const int cells =
-        static_cast<int>(std::min<std::size_t>(kCellsPerRound, box_cells_.size() - first));
+        static_cast<int>(std::min<std::size_t>(kCellsPerRound, region_.size() - first));
     const std::vector<float> density =
         densitiesAt(field, config_.sh_degree, cells * kPoints, threads, [&](int i, float p[3]) {
-          frozenCellPoint(box_cells_[first + i / kPoints], n, i % kPoints, p);
+          frozenCellPoint(region_[first + i / kPoints], n, i % kPoints, p);
         });
     *work += densityCost(*field.networks, cells * kPoints);
     for (int i = 0; i < cells; ++i) {
@@ -146,7 +145,7 @@ OccupancyGrid TrainingOccupancy::dense(const FieldView& field, int threads,
         highest = std::max(highest, value);
         mean += value / kPoints;
       }
-      const std::uint32_t cell = box_cells_[first + i];
+      const std::uint32_t cell = region_[first + i];
       (*cell_opacity)[cell] = 1.0f - std::exp(-mean * cell_size);
       if (highest * config_.step > kFrozenThickness) setBit(&grid, cell);
     }

@@ -15,7 +15,7 @@ namespace nerf_pose_refiner {
 /// The occupancy grid of a field in training, and the dense one it is frozen with.
 class TrainingOccupancy {
  public:
-  /// @param region cells that can be occupied; empty: all cells that touch the box.
+  /// @param region cells of the box that can be occupied; empty: all that touch it.
   /// @param box_min, box_max of the object in N.
   /// @throws std::invalid_argument if the region has another resolution than the field's grid.
   TrainingOccupancy(const FieldConfig& config, const OccupancyGrid& region, const float box_min[3],
@@ -23,16 +23,16 @@ class TrainingOccupancy {
 
   const OccupancyMask& mask() const { return *mask_; }
   bool occupied(const float p_N[3]) const;
-  /// Cells that are evaluated in training, and all that touch the box: (z * n + y) * n + x.
+  /// Cells that can be occupied: (z * n + y) * n + x.
   const std::vector<std::uint32_t>& region() const { return region_; }
-  const std::vector<std::uint32_t>& boxCells() const { return box_cells_; }
 
   /// Evaluates a fraction of the region's cells, each at a random point; densities that were seen
   /// before fade. Then decides again which cells are occupied. @param work is added to.
   void update(const FieldView& field, int step, int threads, CostCounters* work);
 
-  /// Evaluates every cell that touches the box at several points. @param cell_opacity of the way
-  /// through each cell, by its mean density. @param work is added to.
+  /// Evaluates every cell of the region at several points; what the field has elsewhere was never
+  /// learned. @param cell_opacity of the way through each cell, by its mean density. @param work is
+  /// added to.
   /// @return the occupied cells, dilated by one. @throws Cancelled.
   OccupancyGrid dense(const FieldView& field, int threads, const CancellationToken& cancellation,
                       std::vector<float>* cell_opacity, CostCounters* work) const;
@@ -40,9 +40,8 @@ class TrainingOccupancy {
  private:
   FieldConfig config_;
   std::uint64_t seed_;
-  std::vector<std::uint32_t> region_;     ///< cells that are evaluated
-  std::vector<std::uint32_t> box_cells_;  ///< cells that touch the box
-  std::vector<float> density_;            ///< of the region's cells: highest of late, fading
+  std::vector<std::uint32_t> region_;
+  std::vector<float> density_;  ///< of the region's cells: highest of late, fading
   std::unique_ptr<OccupancyMask> mask_;
 };
 
