@@ -10,7 +10,6 @@
 #include <mutex>
 #include <optional>
 #include <string>
-#include <thread>
 #include <vector>
 
 namespace nerf_pose_refiner {
@@ -19,14 +18,7 @@ namespace nerf_pose_refiner {
 constexpr std::chrono::seconds kPatience(30);
 
 /// Waits until `holds`, asking now and then. @return whether it came to hold.
-inline bool waitUntil(const std::function<bool()>& holds) {
-  const auto deadline = std::chrono::steady_clock::now() + kPatience;
-  while (!holds()) {
-    if (std::chrono::steady_clock::now() > deadline) return false;
-    std::this_thread::sleep_for(std::chrono::milliseconds(5));
-  }
-  return true;
-}
+bool waitUntil(const std::function<bool()>& holds);
 
 /// The messages of a topic, in order.
 template <typename Message>
