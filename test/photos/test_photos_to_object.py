@@ -63,8 +63,12 @@ class Command(unittest.TestCase):
         self.bin, self.photos, self.output = (os.path.join(self.top, name) for name in ('bin', 'photos', 'output'))
         os.mkdir(self.bin)
         os.symlink(os.path.join(HERE, 'stand_in_colmap'), os.path.join(self.bin, 'colmap'))
-        self.poses = scenes.rounds(8)
-        self.model = scenes.reconstruction(self.poses)
+        self.look_from(scenes.rounds(8))
+
+    def look_from(self, poses):
+        """Photos are taken from there; fewer make a test shorter."""
+        self.poses = poses
+        self.model = scenes.reconstruction(poses)
 
     def take_photos(self, folder=None, camera=None, painted=None):
         folder = folder or self.photos
@@ -136,6 +140,7 @@ class OneObject(Command):
         self.assertEqual(self.calls(), ['feature_extractor', 'matches_importer', 'mapper', 'mapper', 'bundle_adjuster'])
 
     def test_a_known_length_gives_the_scale(self):
+        self.look_from(scenes.rounds(6))
         self.take_photos()
         ends = np.array([[0.1, -0.06, 0.16], [0.1, 0.06, 0.16]])
         marks = []
@@ -264,6 +269,7 @@ class OneObject(Command):
 
 class ManyObjects(Command):
     def test_parts_failures_and_the_overview(self):
+        self.look_from(scenes.rounds(5))
         objects = os.path.join(self.top, 'objects')
         for name in ('a', 'b', 'c'):
             self.take_photos(os.path.join(objects, name))
