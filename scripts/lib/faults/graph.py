@@ -100,7 +100,9 @@ class Graph:
         return self.processes.get('manager' if self.nodelet else 'node')
 
     def start_node(self, **environment):
-        """The node, or a manager and the nodelet in it. Parameters are on the master already."""
+        """The node, or a manager and the nodelet in it, with as few heaps as in the package's launch files. Parameters are
+        on the master already."""
+        environment.setdefault('MALLOC_ARENA_MAX', '4')
         if not self.nodelet:
             self.run('node', [program('nerf_pose_refiner', 'pose_refiner'), '__name:=' + NODE[1:], *REMAPPINGS],
                      **environment)
