@@ -285,7 +285,7 @@ TEST(RegisterObject, RefusesAPoorModelUnlessItIsAccepted) {
 TEST(RegisterObject, OnTheCpu) {
   const auto backend = makeCpuBackend(2);
   RegistrationOptions settings = fewSteps(160);  // clear enough to be rendered fast
-  settings.accept_poor_data = false;  // good photos are not refused
+  settings.accept_poor_data = false;             // good photos are not refused
   settings.samples_per_step = 4096;
   const Field field = registerWith(backend.get(), analyticDataset(24, 40), settings);
   EXPECT_NO_THROW(field.validate());
