@@ -22,9 +22,12 @@ std::string TrackedObject::track(std::shared_ptr<const Field> field) {
   tracker_->offerModel(field).get();
   const std::string text = "in use: " + describe(field->metadata);
   log_(text);
-  returnFreedMemory();  // of the object before, and of what was made for this one
-  std::lock_guard<std::mutex> lock(mutex_);
-  field_ = std::move(field);
+  {
+    std::lock_guard<std::mutex> lock(mutex_);
+    field_.swap(field);
+  }
+  field.reset();        // the object before
+  returnFreedMemory();  // its own, and that of what was made for this one
   return text;
 }
 
