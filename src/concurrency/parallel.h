@@ -40,7 +40,8 @@ void parallelFor(int threads, int n, const Body& body) {
 }
 
 /// Runs body(first, end) for bands that make up [0, n), one a thread and each of at least
-/// `least` items; the bands must not touch each other. Exceptions as `parallelFor`.
+/// `least` items, but for a single band of fewer or none; the bands must not touch each other.
+/// Exceptions as `parallelFor`.
 template <typename Body>
 void parallelBands(int threads, int n, int least, const Body& body) {
   const int bands = std::max(1, std::min(threads, n / std::max(1, least)));

@@ -44,7 +44,8 @@ KeyframePoints renderKeyframe(const LoadedField& field, const View& view,
                               const KeyframeSettings& settings = {},
                               const CancellationToken& cancellation = {});
 
-/// Keyframes of several views, whose points are chosen side by side. @throws as `renderKeyframe`.
+/// Keyframes of several views; computers of eight cores and more choose points in several
+/// threads. @throws as `renderKeyframe`.
 std::vector<KeyframePoints> renderKeyframes(const LoadedField& field,
                                             const std::vector<View>& views,
                                             const KeyframeSettings& settings = {},

@@ -30,9 +30,9 @@ class TrainingOccupancy {
   /// before fade. Then decides again which cells are occupied. @param work is added to.
   void update(const FieldView& field, int step, int threads, CostCounters* work);
 
-  /// Evaluates every cell of the region at several points; what the field has elsewhere was never
-  /// learned. @param cell_opacity of the way through each cell, by its mean density. @param work is
-  /// added to.
+  /// Evaluates every cell of the region at several points; elsewhere nothing was learned. (The rim
+  /// that dilation adds may lie outside of the region.) @param cell_opacity of the way through each
+  /// cell, by its mean density. @param work is added to.
   /// @return the occupied cells, dilated by one. @throws Cancelled.
   OccupancyGrid dense(const FieldView& field, int threads, const CancellationToken& cancellation,
                       std::vector<float>* cell_opacity, CostCounters* work) const;
