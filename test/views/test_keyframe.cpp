@@ -205,5 +205,53 @@ TEST_F(KeyframeOfScene, RefusesWhatMakesNoSense) {
   EXPECT_THROW(render(), std::invalid_argument);
 }
 
+/// A ball with a pattern, in layers whose sides are no multiples of bands, cells or tiles.
+Image patternedBall() {
+  Image layers(203, 171, kKeyframeChannels);
+  for (int y = 0; y < layers.height; ++y) {
+    for (int x = 0; x < layers.width; ++x) {
+      const Eigen::Vector2f place(static_cast<float>(x - 101) / 80,
+                                  static_cast<float>(y - 85) / 80);
+      if (place.norm() > 1) continue;
+      float* const pixel = layers.pixel(x, y);
+      for (int c = 0; c < 3; ++c) {
+        pixel[c] = 0.5f + 0.4f * std::sin(0.3f * static_cast<float>((c + 1) * x + 2 * y));
+      }
+      pixel[kKeyframeAlpha] = 1;
+      pixel[kKeyframePoint] = place.x();
+      pixel[kKeyframePoint + 1] = place.y();
+      pixel[kKeyframePoint + 2] = -std::sqrt(1 - place.squaredNorm());
+    }
+  }
+  return layers;
+}
+
+TEST(KeyframeLevel, ThreadsDoNotChangeIt) {
+  KeyframeView view;
+  view.right = Eigen::Vector3f::UnitX();
+  view.down = Eigen::Vector3f::UnitY();
+  view.forward = Eigen::Vector3f::UnitZ();
+  view.centre = {0, 0, 5};
+  view.focal_px = {400, 400};
+  const Image layers = patternedBall();
+  const KeyframeLevel alone = makeLevel(layers, view, 8, {}, 1);
+  ASSERT_GT(alone.point_count, 500);
+  ASSERT_GT(alone.outline.size(), 50u);
+  for (const int threads : {2, 3, 5}) {
+    const KeyframeLevel shared = makeLevel(layers, view, 8, {}, threads);
+    EXPECT_EQ(shared.shown.cell, alone.shown.cell);
+    EXPECT_EQ(shared.shown.z, alone.shown.z);
+    EXPECT_EQ(shared.chosen.cell, alone.chosen.cell);
+    EXPECT_EQ(shared.chosen.x, alone.chosen.x);
+    EXPECT_EQ(shared.tiles, alone.tiles);
+    EXPECT_EQ(shared.outline_tiles, alone.outline_tiles);
+    for (int c = 0; c < 3; ++c) {
+      EXPECT_EQ(shared.shown_colour[c], alone.shown_colour[c]);
+      EXPECT_EQ(shared.colour[c], alone.colour[c]);
+      EXPECT_EQ(shared.local.mean[c], alone.local.mean[c]);
+    }
+  }
+}
+
 }  // namespace
 }  // namespace nerf_pose_refiner
