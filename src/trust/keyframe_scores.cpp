@@ -12,7 +12,7 @@
 #include "math/random.h"
 #include "refinement/covariance.h"
 #include "trust/clutter_blocks.h"
-#include "views/view_bank.h"
+#include "trust/shown_sides.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -25,13 +25,6 @@ constexpr double kRight_rad = 0.087, kRightOffset = 0.05;  // [diameters]
 constexpr double kNear_rad = 0.03, kNearOffset = 0.02;     // of starts
 constexpr double kBeside_rad = 0.7, kBesideOffset = 0.15;  // of starts of wrong poses
 constexpr int kWrongStarts = 4;
-
-/// A side of the object, as it is rendered and as a keyframe.
-struct Side {
-  std::shared_ptr<const KeyframePoints> points;
-  int keyframe;  ///< in the aligner
-  Rendering rendering;
-};
 
 using Change = std::function<void(const Image& alpha, std::uint64_t index, Image* image)>;
 
@@ -79,14 +72,9 @@ void replace(const Image& alpha, std::uint64_t index, Image* image) {
   addNoise(0.02f, index, image);
 }
 
-Image imageOf(const Side& side, std::uint64_t index, const Change& change) {
-  const Image& alpha = side.rendering.alpha;
-  Image image = side.rendering.colour;
-  const Image behind = clutterBlocks(side.points->camera, index);
-  for (std::size_t i = 0; i < image.values.size(); ++i) {
-    image.values[i] += (1 - alpha.values[i / 3]) * behind.values[i];
-  }
-  change(alpha, index, &image);
+Image imageOf(const ShownSide& side, std::uint64_t index, const Change& change) {
+  Image image = beforeClutter(side, index);
+  change(side.alpha, index, &image);
   return image;
 }
 
@@ -100,16 +88,8 @@ class ScoreTrials {
     settings.views = kViews;
     settings.object_px = kSide_px;
     settings.keyframe = KeyframeSettings();
-    const std::shared_ptr<const LoadedField> borrowed(&field, [](const LoadedField*) {});
-    ViewBank bank(borrowed, settings);
-    for (int i = 0; i < kViews; ++i) {
-      Side side;
-      side.points = bank.view(i, cancellation);
-      side.rendering =
-          field.render({side.points->camera, side.points->T_O_C}, RenderOptions(), cancellation);
-      side.keyframe = aligner_->add(side.points);
-      sides_.push_back(side);
-    }
+    sides_ = renderSides(field, settings, cancellation);
+    for (const ShownSide& side : sides_) keyframes_.push_back(aligner_->add(side.points));
   }
 
   KeyframeScores measure() {
@@ -123,7 +103,7 @@ class ScoreTrials {
     for (int i = 0; i < kViews; ++i) {
       for (const Change& change :
            {Change(dim), Change(coverLeftHalf), Change(coverUpperHalf), Change(defocus), noisy}) {
-        tryRight(sides_[i], imageOf(sides_[i], i, change));
+        tryRight(i, imageOf(sides_[i], i, change));
       }
       tryWrong(i, imageOf(sides_[i], i, as_it_is), true);
       tryWrong(i, imageOf(sides_[i], i, replace), false);
@@ -164,7 +144,7 @@ class ScoreTrials {
     });
   }
 
-  std::vector<Hypothesis> align(const Side& side, const Image& image,
+  std::vector<Hypothesis> align(const ShownSide& side, const Image& image,
                                 const std::vector<KeyframeStart>& starts) {
     Observation observation;
     observation.image = image;
@@ -174,22 +154,24 @@ class ScoreTrials {
     return aligner_->align(starts, {}, cancellation_);
   }
 
-  void tryRight(const Side& side, const Image& image) {
+  void tryRight(int number, const Image& image) {
+    const ShownSide& side = sides_[number];
     const Pose& truth = side.points->T_O_C;
     const Hypothesis found =
-        align(side, image, {{side.keyframe, besideOf(truth, kNear_rad, kNearOffset)}}).front();
+        align(side, image, {{keyframes_[number], besideOf(truth, kNear_rad, kNearOffset)}}).front();
     if (found.state != HypothesisState::kLive) return;
     if (isRight(found.T_O_C, truth)) right_.push_back(found.score);
   }
 
   /// The best wrong pose, from beside the right one and from other sides.
   void tryWrong(int number, const Image& image, bool shows_object) {
-    const Side& side = sides_[number];
+    const ShownSide& side = sides_[number];
     std::vector<KeyframeStart> starts;
     for (int k = 0; k < kWrongStarts; ++k) {
-      starts.push_back({side.keyframe, besideOf(side.points->T_O_C, kBeside_rad, kBesideOffset)});
-      const Side& other = sides_[(number + 1 + k) % kViews];
-      starts.push_back({other.keyframe, other.points->T_O_C});
+      starts.push_back(
+          {keyframes_[number], besideOf(side.points->T_O_C, kBeside_rad, kBesideOffset)});
+      const int other = (number + 1 + k) % kViews;
+      starts.push_back({keyframes_[other], sides_[other].points->T_O_C});
     }
     double best = 0;
     for (const Hypothesis& found : align(side, image, starts)) {
@@ -220,7 +202,8 @@ class ScoreTrials {
   const FieldMetadata& object_;
   const CancellationToken& cancellation_;
   std::unique_ptr<KeyframeAligner> aligner_;
-  std::vector<Side> sides_;
+  std::vector<ShownSide> sides_;
+  std::vector<int> keyframes_;  // of the sides, in the aligner
   std::vector<double> right_, wrong_;
   std::uint64_t draws_ = 0;
 };

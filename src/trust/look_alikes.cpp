@@ -13,9 +13,8 @@
 #include "backend/keyframe_aligner.h"
 #include "math/angle.h"
 #include "refinement/covariance.h"
-#include "trust/clutter_blocks.h"
 #include "trust/look_alike_fit.h"
-#include "views/view_bank.h"
+#include "trust/shown_sides.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -24,31 +23,18 @@ constexpr int kSides = 42, kImages = 10, kRolls = 10, kObject_px = 80;
 constexpr double kDistance = 4;              // [diameters]
 constexpr double kApart_rad = 20 * kDegree;  // nearer poses are nearly right
 
-/// A side of the object, as a keyframe and as it is rendered.
-struct KnownSide {
-  std::shared_ptr<const KeyframePoints> points;
-  int keyframe;  ///< in the aligner
-};
-
 class ConfusionSearch {
  public:
   ConfusionSearch(Backend* backend, const LoadedField& field, const CancellationToken& cancellation)
-      : field_(field),
-        object_(field.field().metadata),
+      : object_(field.field().metadata),
         cancellation_(cancellation),
         aligner_(backend->makeKeyframeAligner()) {
     ViewBankSettings settings;
     settings.views = kSides;
     settings.object_px = kObject_px;
     settings.distance = kDistance;
-    const std::shared_ptr<const LoadedField> borrowed(&field, [](const LoadedField*) {});
-    ViewBank bank(borrowed, settings);
-    for (int i = 0; i < kSides; ++i) {
-      KnownSide side;
-      side.points = bank.view(i, cancellation);
-      side.keyframe = aligner_->add(side.points);
-      sides_.push_back(side);
-    }
+    sides_ = renderSides(field, settings, cancellation);
+    for (const ShownSide& side : sides_) keyframes_.push_back(aligner_->add(side.points));
   }
 
   std::vector<Confusion> find() {
@@ -67,11 +53,11 @@ class ConfusionSearch {
   std::vector<Pose> confusedIn(int number) {
     constexpr double kMinOfRight = 0.7;
     constexpr std::size_t kFinalists = 24;
-    const KnownSide& side = sides_[number];
+    const ShownSide& side = sides_[number];
     const Pose& truth = side.points->T_O_C;
     Observation observation;
     observation.camera = side.points->camera;
-    observation.image = imageOf(side);
+    observation.image = beforeClutter(side, static_cast<std::uint64_t>(keyframes_[number]));
     aligner_->observe(observation, frameWindowFor(*side.points, observation.camera, truth, 0.5));
     KeyframeAlignmentSettings rough;
     rough.finest_level = 1;
@@ -81,7 +67,7 @@ class ConfusionSearch {
     std::vector<Hypothesis> found = aligner_->align(startsBeside(number), rough, cancellation_);
     std::stable_sort(found.begin(), found.end(),
                      [](const Hypothesis& a, const Hypothesis& b) { return a.score > b.score; });
-    std::vector<KeyframeStart> finalists = {{side.keyframe, truth}};
+    std::vector<KeyframeStart> finalists = {{keyframes_[number], truth}};
     for (const Hypothesis& one : found) {
       if (finalists.size() > kFinalists) break;
       if (one.state == HypothesisState::kLive && isWrong(one.T_O_C, truth)) {
@@ -100,18 +86,6 @@ class ConfusionSearch {
     return confused;
   }
 
-  Image imageOf(const KnownSide& side) const {
-    const Rendering rendering =
-        field_.render({side.points->camera, side.points->T_O_C}, RenderOptions(), cancellation_);
-    Image image = rendering.colour;
-    const Image behind =
-        clutterBlocks(side.points->camera, static_cast<std::uint64_t>(side.keyframe));
-    for (std::size_t i = 0; i < image.values.size(); ++i) {
-      image.values[i] += (1 - rendering.alpha.values[i / 3]) * behind.values[i];
-    }
-    return image;
-  }
-
   /// The other sides in place of one, turned about the line of sight.
   std::vector<KeyframeStart> startsBeside(int number) const {
     std::vector<KeyframeStart> starts;
@@ -122,7 +96,7 @@ class ConfusionSearch {
         const Eigen::Matrix3d roll =
             expSO3(Eigen::Vector3d(0, 0, 2 * M_PI * k / kRolls));  // about the camera's axis
         const Pose start = {nearestRotation(other.R * roll), other.t};
-        if (isWrong(start, truth)) starts.push_back({sides_[j].keyframe, start});
+        if (isWrong(start, truth)) starts.push_back({keyframes_[j], start});
       }
     }
     return starts;
@@ -130,13 +104,13 @@ class ConfusionSearch {
 
   int nearestTo(const Pose& T_O_C) const {
     const Eigen::Vector3d sight = (T_O_C.t - object_.centre).normalized();
-    const auto closeness = [&](const KnownSide& side) {
+    const auto closeness = [&](const ShownSide& side) {
       return (side.points->T_O_C.t - object_.centre).normalized().dot(sight);
     };
-    return std::max_element(
-               sides_.begin(), sides_.end(),
-               [&](const KnownSide& a, const KnownSide& b) { return closeness(a) < closeness(b); })
-        ->keyframe;
+    const auto nearest = std::max_element(
+        sides_.begin(), sides_.end(),
+        [&](const ShownSide& a, const ShownSide& b) { return closeness(a) < closeness(b); });
+    return keyframes_[nearest - sides_.begin()];
   }
 
   bool isWrong(const Pose& T_O_C, const Pose& truth) const {
@@ -144,11 +118,11 @@ class ConfusionSearch {
     return rotationDistance(nearest.R, truth.R) > kApart_rad;
   }
 
-  const LoadedField& field_;
   const FieldMetadata& object_;
   const CancellationToken& cancellation_;
   std::unique_ptr<KeyframeAligner> aligner_;
-  std::vector<KnownSide> sides_;
+  std::vector<ShownSide> sides_;
+  std::vector<int> keyframes_;  // of the sides, in the aligner
 };
 
 }  // namespace

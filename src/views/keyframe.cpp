@@ -111,34 +111,6 @@ int windowOf(const KeyframeSettings& settings, int level) {
                   coarseness * (settings.coarsest_window_px - settings.finest_window_px)));
 }
 
-/// What is rendered for a keyframe.
-struct RenderedWindow {
-  Rendering rendering;
-  Camera camera;      // of the finest level
-  int reduction = 1;  // pixels of the image along one of the keyframe
-};
-
-RenderedWindow renderWindow(const LoadedField& field, const View& view,
-                            const KeyframeSettings& settings,
-                            const CancellationToken& cancellation) {
-  RenderedWindow window;
-  window.camera =
-      keyframeCamera(view.camera, view.T_O_C, field.field().metadata, settings, &window.reduction);
-  const int n = settings.rays_per_side;
-  const Camera finer = window.camera.resized(n * window.camera.width, n * window.camera.height);
-  window.rendering = field.render({finer, view.T_O_C}, RenderOptions(), cancellation);
-  return window;
-}
-
-KeyframePoints keyframeOf(const RenderedWindow& window, const View& view,
-                          const FieldMetadata& object, const KeyframeSettings& settings) {
-  KeyframePoints keyframe =
-      makeKeyframe(window.rendering, window.camera, view.T_O_C, object, settings);
-  keyframe.camera = view.camera;
-  keyframe.reduction = window.reduction;
-  return keyframe;
-}
-
 }  // namespace
 
 void KeyframeSettings::validate() const {
@@ -188,6 +160,28 @@ Camera keyframeCamera(const Camera& camera, const Pose& T_O_C, const FieldMetada
   return camera.cropped(x, y, side, side).resized(side / *reduction, side / *reduction);
 }
 
+RenderedWindow renderWindow(const LoadedField& field, const View& view,
+                            const KeyframeSettings& settings,
+                            const CancellationToken& cancellation) {
+  settings.validate();
+  RenderedWindow window;
+  window.camera =
+      keyframeCamera(view.camera, view.T_O_C, field.field().metadata, settings, &window.reduction);
+  const int n = settings.rays_per_side;
+  const Camera finer = window.camera.resized(n * window.camera.width, n * window.camera.height);
+  window.rendering = field.render({finer, view.T_O_C}, RenderOptions(), cancellation);
+  return window;
+}
+
+KeyframePoints keyframeOf(const RenderedWindow& window, const View& view,
+                          const FieldMetadata& object, const KeyframeSettings& settings) {
+  KeyframePoints keyframe =
+      makeKeyframe(window.rendering, window.camera, view.T_O_C, object, settings);
+  keyframe.camera = view.camera;
+  keyframe.reduction = window.reduction;
+  return keyframe;
+}
+
 std::vector<KeyframePoints> renderKeyframes(const LoadedField& field,
                                             const std::vector<View>& views,
                                             const KeyframeSettings& settings,
@@ -214,7 +208,6 @@ std::vector<KeyframePoints> renderKeyframes(const LoadedField& field,
 KeyframePoints renderKeyframe(const LoadedField& field, const View& view,
                               const KeyframeSettings& settings,
                               const CancellationToken& cancellation) {
-  settings.validate();
   return keyframeOf(renderWindow(field, view, settings, cancellation), view, field.field().metadata,
                     settings);
 }

@@ -38,6 +38,23 @@ bool fitsKeyframe(const View& view, const FieldMetadata& object);
 Camera keyframeCamera(const Camera& camera, const Pose& T_O_C, const FieldMetadata& object,
                       const KeyframeSettings& settings, int* reduction);
 
+/// What is rendered for a keyframe: the window that contains the object.
+struct RenderedWindow {
+  Rendering rendering;  ///< has `rays_per_side` pixels along each pixel of `camera`
+  Camera camera;        ///< of the keyframe's finest level, @see keyframeCamera
+  int reduction = 1;    ///< pixels of the image along one of the keyframe
+};
+
+/// Renders what a keyframe of a view is made from.
+/// @throws std::invalid_argument if `fitsKeyframe` does not hold. @throws Cancelled.
+RenderedWindow renderWindow(const LoadedField& field, const View& view,
+                            const KeyframeSettings& settings = {},
+                            const CancellationToken& cancellation = {});
+
+/// Makes a keyframe of a view from what was rendered for it with the same settings.
+KeyframePoints keyframeOf(const RenderedWindow& window, const View& view,
+                          const FieldMetadata& object, const KeyframeSettings& settings = {});
+
 /// Renders a keyframe of the object for images of a camera.
 /// @throws std::invalid_argument if `fitsKeyframe` does not hold.
 KeyframePoints renderKeyframe(const LoadedField& field, const View& view,

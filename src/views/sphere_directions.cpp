@@ -27,9 +27,8 @@ Pose lookingAt(const Eigen::Vector3d& point, const Eigen::Vector3d& direction, d
 }
 
 std::vector<View> viewsAround(const FieldMetadata& object, int count, int object_px,
-                              double distance) {
-  constexpr double kMargin = 1.5;
-  const int side = static_cast<int>(std::lround(kMargin * object_px));
+                              double distance, double width) {
+  const int side = static_cast<int>(std::lround(width * object_px));
   const double focal = object_px * distance, middle = 0.5 * (side - 1);
   const Camera camera = {side, side, focal, focal, middle, middle};
   std::vector<View> views;

@@ -18,10 +18,11 @@ std::vector<Eigen::Vector3d> sphereDirections(int count);
 /// length 1. @param distance between them.
 Pose lookingAt(const Eigen::Vector3d& point, const Eigen::Vector3d& direction, double distance);
 
-/// Square views of an object from all around, wide enough for its nearer parts and for a centre
-/// that is not the middle. @param object_px that its diameter spans.
+/// Square views of an object from all around. @param object_px that its diameter spans.
 /// @param distance of the camera from its centre [diameters of the object].
+/// @param width of the image [diameters of the object]; by default it holds its nearer parts, and
+/// a centre that is not the middle.
 std::vector<View> viewsAround(const FieldMetadata& object, int count, int object_px,
-                              double distance);
+                              double distance, double width = 1.5);
 
 }  // namespace nerf_pose_refiner

@@ -19,6 +19,12 @@ std::size_t bytesOf(const PointColumns& points) {
 
 }  // namespace
 
+std::vector<View> viewsOf(const FieldMetadata& object, const ViewBankSettings& settings) {
+  settings.validate();
+  constexpr double kWidth = 2;  // of an image [diameters of the object]
+  return viewsAround(object, settings.views, settings.object_px, settings.distance, kWidth);
+}
+
 void ViewBankSettings::validate() const {
   require(views >= 1 && views <= 10000, "ViewBankSettings::views", views);
   require(object_px >= 16, "ViewBankSettings::object_px", object_px);
@@ -29,30 +35,20 @@ void ViewBankSettings::validate() const {
 ViewBank::ViewBank(std::shared_ptr<const LoadedField> field, const ViewBankSettings& settings)
     : field_(std::move(field)),
       settings_(settings),
-      directions_(sphereDirections(settings.views)),
-      views_(directions_.size()) {
-  settings_.validate();
-}
+      seen_from_(viewsOf(field_->field().metadata, settings)),
+      views_(seen_from_.size()) {}
 
 std::vector<int> ViewBank::around(const Pose& T_O_C, double angle_rad) const {
   const Eigen::Vector3d sight = (T_O_C.t - field_->field().metadata.centre).normalized();
+  const auto cosine = [&](int i) { return -seen_from_[i].T_O_C.R.col(2).dot(sight); };
   std::vector<int> numbers;
   int nearest = 0;
-  for (int i = 0; i < static_cast<int>(directions_.size()); ++i) {
-    if (directions_[i].dot(sight) > directions_[nearest].dot(sight)) nearest = i;
-    if (directions_[i].dot(sight) >= std::cos(angle_rad)) numbers.push_back(i);
+  for (int i = 0; i < static_cast<int>(seen_from_.size()); ++i) {
+    if (cosine(i) > cosine(nearest)) nearest = i;
+    if (cosine(i) >= std::cos(angle_rad)) numbers.push_back(i);
   }
   if (numbers.empty()) numbers.push_back(nearest);
   return numbers;
-}
-
-View ViewBank::viewOf(int number) const {
-  const FieldMetadata& object = field_->field().metadata;
-  const double focal = settings_.object_px * settings_.distance;
-  const int side = 2 * settings_.object_px;
-  const double middle = 0.5 * (side - 1);
-  return {{side, side, focal, focal, middle, middle},
-          lookingAt(object.centre, directions_[number], settings_.distance * object.diameter)};
 }
 
 void ViewBank::make(const std::vector<int>& numbers, const CancellationToken& cancellation) {
@@ -61,7 +57,7 @@ void ViewBank::make(const std::vector<int>& numbers, const CancellationToken& ca
   for (const int number : numbers) {
     if (views_.at(number)) continue;
     missing.push_back(number);
-    views.push_back(viewOf(number));
+    views.push_back(seen_from_[number]);
   }
   std::vector<KeyframePoints> made =
       renderKeyframes(*field_, views, settings_.keyframe, cancellation);

@@ -23,6 +23,9 @@ struct ViewBankSettings {
   void validate() const;
 };
 
+/// What a bank's keyframes show, in its order. @throws std::invalid_argument as `validate`.
+std::vector<View> viewsOf(const FieldMetadata& object, const ViewBankSettings& settings);
+
 /// Small keyframes of an object from all sides, with which a search begins. Each is rendered on
 /// first use. Not thread-safe.
 class ViewBank {
@@ -43,11 +46,9 @@ class ViewBank {
   std::size_t memory_bytes() const;
 
  private:
-  View viewOf(int number) const;
-
   std::shared_ptr<const LoadedField> field_;
   ViewBankSettings settings_;
-  std::vector<Eigen::Vector3d> directions_;  // from the object's centre to the camera, in O
+  std::vector<View> seen_from_;
   std::vector<std::shared_ptr<const KeyframePoints>> views_;  // null: not rendered yet
 };
 
