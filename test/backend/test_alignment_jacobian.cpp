@@ -14,12 +14,12 @@ namespace nerf_pose_refiner {
 namespace {
 
 constexpr double kBlurPx = 1.5;
-const Camera kCamera = {96, 80, 150, 150, 47.5, 39.5};
+const Camera kJacobianCamera = {96, 80, 150, 150, 47.5, 39.5};
 
 // Rendering as alignment makes it: several rays a pixel, blurred.
 Image blurredRendering(const RayRenderer& scene, const Pose& T_O_C) {
   Image image, scratch;
-  renderImages(scene, {{kCamera, T_O_C, 8, &image}}, RenderOptions(), CancellationToken());
+  renderImages(scene, {{kJacobianCamera, T_O_C, 8, &image}}, RenderOptions(), CancellationToken());
   blurImage(gaussianKernel(kBlurPx), &image, &scratch);
   return image;
 }
@@ -45,7 +45,7 @@ TEST_P(AlignmentJacobian, AgreesWithCentralDifferences) {
   const Image before = blurredRendering(*scene, moved(T_O_C, centre, GetParam(), -step));
 
   ObservedLevel level;
-  level.camera = kCamera;
+  level.camera = kJacobianCamera;
   AlignmentTarget target;
   target.level = &level;
   target.observed = &image;  // so that the mean of both images' gradients is the rendering's
@@ -55,8 +55,8 @@ TEST_P(AlignmentJacobian, AgreesWithCentralDifferences) {
   // with the predicted change, and the square of the latter.
   NormalEquations6<float> equations;
   double rendered_square = 0;
-  for (int y = 1; y + 1 < kCamera.height; ++y) {
-    for (int x = 1; x + 1 < kCamera.width; ++x) {
+  for (int y = 1; y + 1 < kJacobianCamera.height; ++y) {
+    for (int x = 1; x + 1 < kJacobianCamera.width; ++x) {
       PixelResidual<float> r = residualAt(target, image, GainBias<float>(), x, y);
       for (int c = 0; c < 4; ++c) {
         r.value[c] = static_cast<float>((after.at(x, y, c) - before.at(x, y, c)) / (2 * step));

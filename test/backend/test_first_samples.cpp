@@ -29,12 +29,12 @@ OccupancyMask sparseMask(std::uint64_t seed) {
   return OccupancyMask(grid);
 }
 
-struct Rays {
+struct DrawnRays {
   std::vector<float> origin[3], direction[3], jitter;
 };
 
-Rays randomRays(int n, std::uint64_t seed) {
-  Rays rays;
+DrawnRays randomRays(int n, std::uint64_t seed) {
+  DrawnRays rays;
   for (int r = 0; r < n; ++r) {
     float d[3], length = 0;
     for (int a = 0; a < 3; ++a) {
@@ -66,7 +66,7 @@ void expectSameFirstSamples(const CpuKernels& kernels, std::uint64_t seed) {
   const OccupancyMask mask = sparseMask(seed);
   const MarchSpace space{{0, 0.1f, 0}, {1, 0.9f, 1}, seed % 2 ? 0.0f : 0.4f, 0.013f, 0, &mask};
   constexpr int kRays = 32 * kColumnGroup;
-  const Rays rays = randomRays(kRays, seed);
+  const DrawnRays rays = randomRays(kRays, seed);
   KernelSpace kernel_space{mask.distances(),
                            mask.fine().bits.data(),
                            mask.coarseResolution(),

@@ -111,13 +111,13 @@ TEST(TakeContrast, isRelativeToWhatIsSeen) {
 // At the true pose the rendering before the rest of the photo is the photo, up to the rim, in any
 // light and under any blur.
 TEST(TakeContrastBefore, atTheTrueLightIsThatOfThePhoto) {
-  constexpr int kSize = 32;
+  constexpr int kNoiseSize = 32;
   GainBias<float> gain_bias;
   gain_bias.gain[1] = 0.8f;
   gain_bias.bias[2] = 0.1f;
-  Image object = noise(kSize, 3), photo = noise(kSize, 4);
-  for (int y = 0; y < kSize; ++y) {
-    for (int x = 0; x < kSize; ++x) {
+  Image object = noise(kNoiseSize, 3), photo = noise(kNoiseSize, 4);
+  for (int y = 0; y < kNoiseSize; ++y) {
+    for (int x = 0; x < kNoiseSize; ++x) {
       const bool inside = x >= 10 && x < 22 && y >= 8 && y < 25;
       float* rendered = object.pixel(x, y);
       rendered[kOpacity] = inside ? 1.0f : 0.0f;
@@ -132,8 +132,8 @@ TEST(TakeContrastBefore, atTheTrueLightIsThatOfThePhoto) {
   for (Image* image : {&object, &photo, &behind}) blurImage(blur_kernel, image, &scratch);
   takeContrast(kWindow, &photo);
   takeContrastBefore(behind, gain_bias, kWindow, &object);
-  for (int y = 0; y < kSize; ++y) {
-    for (int x = 0; x < kSize; ++x) {
+  for (int y = 0; y < kNoiseSize; ++y) {
+    for (int x = 0; x < kNoiseSize; ++x) {
       const float opacity = object.at(x, y, kOpacity);
       for (int c = 0; c < 3; ++c) {
         EXPECT_NEAR(object.at(x, y, c), opacity * photo.at(x, y, c), 1e-4) << x << ", " << y;

@@ -16,7 +16,7 @@
 namespace nerf_pose_refiner {
 namespace {
 
-const Camera kCamera = {320, 240, 440, 440, 159.5, 119.5};
+const Camera kObservingCamera = {320, 240, 440, 440, 159.5, 119.5};
 
 class EveryLevel : public ::testing::TestWithParam<int> {};
 
@@ -24,15 +24,16 @@ class EveryLevel : public ::testing::TestWithParam<int> {};
 TEST_P(EveryLevel, rendersWhatIsObserved) {
   const auto scene = makeAnalyticScene();
   const Pose truth = cameraAround(*scene, -0.5, 0.3);
-  const Observation observation = observeScene(*scene, kCamera, truth);
-  constexpr double kBlurPx = 1.0;
-  const Camera level = kCamera.resized(kCamera.width / GetParam(), kCamera.height / GetParam());
-  const CpuObservation observed = observe(observation, {{level, kBlurPx}}, 1);
+  const Observation observation = observeScene(*scene, kObservingCamera, truth);
+  constexpr double kLevelBlurPx = 1.0;
+  const Camera level = kObservingCamera.resized(kObservingCamera.width / GetParam(),
+                                                kObservingCamera.height / GetParam());
+  const CpuObservation observed = observe(observation, {{level, kLevelBlurPx}}, 1);
 
   constexpr int kRays = 6;
   Image image, scratch;
   renderImages(*scene, {{level, truth, kRays, &image}}, RenderOptions(), CancellationToken());
-  blurImage(gaussianKernel(renderingBlur(kBlurPx, kRays)), &image, &scratch);
+  blurImage(gaussianKernel(renderingBlur(kLevelBlurPx, kRays)), &image, &scratch);
   double squares = 0;
   for (int y = 0; y < level.height; ++y) {
     for (int x = 0; x < level.width; ++x) {

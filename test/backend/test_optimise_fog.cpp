@@ -18,7 +18,7 @@
 namespace nerf_pose_refiner {
 namespace {
 
-Camera smallCamera(int size = 64) { return {size, size, 1.2 * size, 1.2 * size, 31.5, 31.5}; }
+Camera fogCamera(int size = 64) { return {size, size, 1.2 * size, 1.2 * size, 31.5, 31.5}; }
 
 /// A turn about fog itself shows little.
 OptimisationPlan aboutTheCamera() {
@@ -32,7 +32,7 @@ class FogTrial {
  public:
   explicit FogTrial(int threads = 2) : scene(1, cpuProcessor(threads)) {
     truth = cameraAround(scene, 0, 0, 1.3);  // its axes are axes of the object
-    observation = observeScene(scene, smallCamera(), truth);
+    observation = observeScene(scene, fogCamera(), truth);
     plan.length_unit = scene.field().metadata.diameter;
     plan.samples_per_step = 1024;
     plan.steps_per_update = 2;

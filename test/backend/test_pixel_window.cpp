@@ -10,12 +10,12 @@
 namespace nerf_pose_refiner {
 namespace {
 
-const Camera kCamera = {64, 48, 50, 50, 31.5, 23.5};
+const Camera kWindowCamera = {64, 48, 50, 50, 31.5, 23.5};
 const Box kBox;  // one unit wide, around the origin
 
 // A camera at a place, with the axes of O.
 PixelWindow windowFrom(double x, double y, double z) {
-  return windowOf(kCamera, Pose(Eigen::Matrix3d::Identity(), {x, y, z}), kBox);
+  return windowOf(kWindowCamera, Pose(Eigen::Matrix3d::Identity(), {x, y, z}), kBox);
 }
 
 void expectWindow(const PixelWindow& window, int x, int y, int width, int height) {
@@ -65,7 +65,7 @@ TEST(PixelWindow, HoldsEveryPointOfTheBoxAndNoMore) {
     const Eigen::Matrix3d R = expSO3(turn);
     const Eigen::Vector3d towards_box(uniform(3, -2, 2), uniform(4, -2, 2), uniform(5, 2, 6));
     const Pose T_O_C(R, -(R * towards_box));
-    const PixelWindow window = windowOf(kCamera, T_O_C, kBox);
+    const PixelWindow window = windowOf(kWindowCamera, T_O_C, kBox);
     Eigen::Vector2d low(1e9, 1e9), high(-1e9, -1e9);
     for (std::uint64_t i = 0; i < 300; ++i) {
       Eigen::Vector3d p_O;  // a third of the coordinates lie on faces
@@ -73,7 +73,7 @@ TEST(PixelWindow, HoldsEveryPointOfTheBoxAndNoMore) {
         p_O[static_cast<int>(a)] = uniform(10 + 3 * i + a, -0.75, 0.75);
       }
       p_O = p_O.cwiseMax(kBox.min).cwiseMin(kBox.max);
-      const Eigen::Vector2d pixel = kCamera.project(T_O_C.inverse() * p_O);
+      const Eigen::Vector2d pixel = kWindowCamera.project(T_O_C.inverse() * p_O);
       low = low.cwiseMin(pixel);
       high = high.cwiseMax(pixel);
       const bool seen = (pixel.array() > -0.5).all() && pixel.x() < 63.5 && pixel.y() < 47.5;

@@ -161,7 +161,7 @@ TEST(RayMarcher, JitterTakesNoSamplesOfABoxThatIsMissedOrBehind) {
   expectNothing(march);
 }
 
-float uniform(std::uint64_t stream, std::uint64_t counter, float low, float high) {
+float marchUniform(std::uint64_t stream, std::uint64_t counter, float low, float high) {
   return low + (high - low) * randomUniform(3, stream, counter);
 }
 
@@ -171,10 +171,10 @@ March randomMarch(std::uint64_t seed) {
   const bool inside = randomIndex(1, seed, 0, 4) == 0;
   Eigen::Vector3f through, origin;
   for (int a = 0; a < 3; ++a) {
-    march.box_min[a] = uniform(seed, a, 0, 0.3f);
-    march.box_max[a] = uniform(seed, 3 + a, 0.7f, 1);
-    through[a] = uniform(seed, 6 + a, 0.1f, 0.9f);
-    origin[a] = inside ? uniform(seed, 9 + a, 0, 1) : uniform(seed, 9 + a, -2, 3);
+    march.box_min[a] = marchUniform(seed, a, 0, 0.3f);
+    march.box_max[a] = marchUniform(seed, 3 + a, 0.7f, 1);
+    through[a] = marchUniform(seed, 6 + a, 0.1f, 0.9f);
+    origin[a] = inside ? marchUniform(seed, 9 + a, 0, 1) : marchUniform(seed, 9 + a, -2, 3);
   }
   Eigen::Vector3f d = through - origin;
   for (int a = 0; a < 3; ++a) {
@@ -186,9 +186,9 @@ March randomMarch(std::uint64_t seed) {
   d.normalize();
   march.origin = {origin.x(), origin.y(), origin.z()};
   march.direction = {d.x(), d.y(), d.z()};
-  march.step = uniform(seed, 12, 0.002f, 0.05f);
-  march.near = randomIndex(1, seed, 1, 3) == 0 ? uniform(seed, 13, 0, 1) : 0.0f;
-  if (seed % 2 == 1) march.cone_angle = uniform(seed, 14, 0.002f, 0.1f);
+  march.step = marchUniform(seed, 12, 0.002f, 0.05f);
+  march.near = randomIndex(1, seed, 1, 3) == 0 ? marchUniform(seed, 13, 0, 1) : 0.0f;
+  if (seed % 2 == 1) march.cone_angle = marchUniform(seed, 14, 0.002f, 0.1f);
   if (seed % 4 >= 2) march.jitter = randomUniform(3, seed, 15);
   return march;
 }

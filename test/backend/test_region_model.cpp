@@ -52,18 +52,18 @@ TEST(ObjectDensity, isTheGaussianOfTheHistograms) {
   EXPECT_NEAR(objectDensity(0.01f), 63.494 * 0.60653, 1e-2);  // one sigma off
 }
 
-constexpr int kSize = 24;
+constexpr int kRegionSize = 24;
 
 bool showsObject(int x, int y) { return x >= 8 && x < 16 && y >= 8 && y < 16; }
 
 /// A red square before green.
 ObservedLevel redOnGreen() {
   ObservedLevel level;
-  level.image = Image(kSize, kSize, 3);
-  level.weight = Image(kSize, kSize, 1, 1.0f);
-  level.blurred = Image(kSize, kSize, kImageChannels);
-  for (int y = 0; y < kSize; ++y) {
-    for (int x = 0; x < kSize; ++x) {
+  level.image = Image(kRegionSize, kRegionSize, 3);
+  level.weight = Image(kRegionSize, kRegionSize, 1, 1.0f);
+  level.blurred = Image(kRegionSize, kRegionSize, kImageChannels);
+  for (int y = 0; y < kRegionSize; ++y) {
+    for (int x = 0; x < kRegionSize; ++x) {
       for (int c = 0; c < 3; ++c) {
         const float value = showsObject(x, y) ? kRed[c] : kGreen[c];
         level.image.at(x, y, c) = level.blurred.at(x, y, c) = value;
@@ -75,9 +75,9 @@ ObservedLevel redOnGreen() {
 
 /// The square, rendered two pixels too far right.
 Image rendering() {
-  Image picture(kSize, kSize, kImageChannels);
-  for (int y = 0; y < kSize; ++y) {
-    for (int x = 2; x < kSize; ++x) {
+  Image picture(kRegionSize, kRegionSize, kImageChannels);
+  for (int y = 0; y < kRegionSize; ++y) {
+    for (int x = 2; x < kRegionSize; ++x) {
       if (!showsObject(x - 2, y)) continue;
       for (int c = 0; c < 3; ++c) picture.at(x, y, c) = kRed[c];
       picture.at(x, y, kOpacity) = 1;
@@ -90,8 +90,8 @@ TEST(RegionModel, findsTheObjectBesideItsRendering) {
   const Image picture = rendering();
   const RegionModel model =
       modelRegions(redOnGreen(), {&picture}, {GainBias<float>()}, gaussianKernel(0));
-  for (int y = 0; y < kSize; ++y) {
-    for (int x = 0; x < kSize; ++x) {
+  for (int y = 0; y < kRegionSize; ++y) {
+    for (int x = 0; x < kRegionSize; ++x) {
       const float probability = model.observed.at(x, y, kOpacity);
       if (showsObject(x, y)) {
         EXPECT_GT(probability, 0.9) << x << ", " << y;

@@ -18,8 +18,8 @@
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr int kCells = 16;     // along the cube
-constexpr float kStep = 0.1f;  // so that an update's threshold is a density of 0.1
+constexpr int kOccupancyCells = 16;  // along the cube
+constexpr float kStep = 0.1f;        // so that an update's threshold is a density of 0.1
 const float kZero[3] = {0, 0, 0}, kOne[3] = {1, 1, 1};
 
 // What the kernels below use: they are plain functions. The tests run on one thread where this
@@ -49,7 +49,7 @@ FieldConfig config() {
   c.colour_width = 4;
   c.sh_degree = 1;
   c.step = kStep;
-  c.occupancy_resolution = kCells;
+  c.occupancy_resolution = kOccupancyCells;
   return c;
 }
 
@@ -90,11 +90,12 @@ int countOf(const OccupancyGrid& grid) {
 }
 
 TEST_F(Occupancy, FirstAllThatTouchesTheBoxIsOccupied) {
-  EXPECT_EQ(countOf(occupancy().mask().fine()), kCells * kCells * kCells);
+  EXPECT_EQ(countOf(occupancy().mask().fine()),
+            kOccupancyCells * kOccupancyCells * kOccupancyCells);
   // x from 0.2 to 0.5 of 16 cells: from the middle of cell 3 to the end of cell 7.
   const float low[3] = {0.2f, 0, 0}, high[3] = {0.5f, 1, 1};
   const TrainingOccupancy part(config(), OccupancyGrid(), low, high, 3);
-  EXPECT_EQ(countOf(part.mask().fine()), 5 * kCells * kCells);
+  EXPECT_EQ(countOf(part.mask().fine()), 5 * kOccupancyCells * kOccupancyCells);
   EXPECT_TRUE(part.mask().fine().occupied(3, 0, 15));
   EXPECT_FALSE(part.mask().fine().occupied(8, 0, 15));
   const float inside[3] = {0.19f, 0.5f, 0.5f}, outside[3] = {0.18f, 0.5f, 0.5f};
@@ -103,7 +104,9 @@ TEST_F(Occupancy, FirstAllThatTouchesTheBoxIsOccupied) {
 }
 
 TEST_F(Occupancy, ARegionConfinesIt) {
-  OccupancyGrid region{kCells, std::vector<std::uint8_t>(kCells * kCells * kCells / 8, 0)};
+  OccupancyGrid region{
+      kOccupancyCells,
+      std::vector<std::uint8_t>(kOccupancyCells * kOccupancyCells * kOccupancyCells / 8, 0)};
   region.bits[0] = 0b110;  // cells 1 and 2 of the first row
   density_at = [](float, float, float) { return 100.0f; };
   TrainingOccupancy grid = occupancy(region);
@@ -121,17 +124,18 @@ TEST_F(Occupancy, AnUpdateLooksAtEveryEighthCell) {
   density_at = [](float, float, float) { return 100.0f; };
   TrainingOccupancy grid = occupancy();
   update(&grid, 0);
-  EXPECT_EQ(countOf(grid.mask().fine()), kCells * kCells * kCells / 8);
-  EXPECT_EQ(work.samples, static_cast<std::uint64_t>(kCells * kCells * kCells / 8));
+  EXPECT_EQ(countOf(grid.mask().fine()), kOccupancyCells * kOccupancyCells * kOccupancyCells / 8);
+  EXPECT_EQ(work.samples,
+            static_cast<std::uint64_t>(kOccupancyCells * kOccupancyCells * kOccupancyCells / 8));
   for (int step = 1; step < 200; ++step) update(&grid, step);
-  EXPECT_EQ(countOf(grid.mask().fine()), kCells * kCells * kCells);
+  EXPECT_EQ(countOf(grid.mask().fine()), kOccupancyCells * kOccupancyCells * kOccupancyCells);
 }
 
 TEST_F(Occupancy, FollowsTheDensity) {
   density_at = [](float x, float, float) { return x < 0.25f ? 0.11f : 0.09f; };
   TrainingOccupancy grid = occupancy();
   for (int step = 0; step < 400; ++step) update(&grid, step);
-  for (int x = 0; x < kCells; ++x) {
+  for (int x = 0; x < kOccupancyCells; ++x) {
     EXPECT_EQ(grid.mask().fine().occupied(x, 7, 3), x < 4) << x;
   }
 }
@@ -153,7 +157,7 @@ TEST_F(Occupancy, WhatWasSeenFades) {
 // A speck around one of the eight points of cell (4, 5, 6): a quarter of the cell from its corner.
 TEST_F(Occupancy, TheDenseGridFindsASpeckAndDilatesIt) {
   density_at = [](float x, float y, float z) {
-    const float cell = 1.0f / kCells;
+    const float cell = 1.0f / kOccupancyCells;
     const bool there =
         std::fabs(x - 4.25f * cell) + std::fabs(y - 5.25f * cell) + std::fabs(z - 6.25f * cell) <
         0.2f * cell;
@@ -164,10 +168,10 @@ TEST_F(Occupancy, TheDenseGridFindsASpeckAndDilatesIt) {
   EXPECT_TRUE(grid.occupied(3, 4, 5));
   EXPECT_TRUE(grid.occupied(5, 6, 7));
   // The mean density of the cell is 1, its width 1/16: 1 - exp(-1/16).
-  const std::size_t cell = (6 * kCells + 5) * kCells + 4;
+  const std::size_t cell = (6 * kOccupancyCells + 5) * kOccupancyCells + 4;
   EXPECT_NEAR(opacity[cell], 0.0605869, 1e-6);
   EXPECT_EQ(opacity[cell + 1], 0);
-  EXPECT_EQ(work.samples, 8u * kCells * kCells * kCells);
+  EXPECT_EQ(work.samples, 8u * kOccupancyCells * kOccupancyCells * kOccupancyCells);
 }
 
 TEST_F(Occupancy, TheDenseGridIsStricterThanTheTrainings) {
@@ -175,7 +179,8 @@ TEST_F(Occupancy, TheDenseGridIsStricterThanTheTrainings) {
   TrainingOccupancy grid = occupancy();
   for (int step = 0; step < 100; ++step) update(&grid, step);
   EXPECT_EQ(countOf(grid.mask().fine()), 0);
-  EXPECT_EQ(countOf(dense(grid)), 9 * kCells * kCells);  // eight layers and one of the dilation
+  EXPECT_EQ(countOf(dense(grid)),
+            9 * kOccupancyCells * kOccupancyCells);  // eight layers and one of the dilation
 }
 
 TEST_F(Occupancy, ThreadsDoNotMatter) {

@@ -14,14 +14,14 @@
 namespace nerf_pose_refiner {
 namespace {
 
-Camera someCamera() { return {80, 64, 95, 95, 39, 33}; }
+Camera optimiseCamera() { return {80, 64, 95, 95, 39, 33}; }
 
 class CudaOptimise : public LearnedObjectTest {
  protected:
   /// A solver on the whole image, with hypotheses around a pose that is off.
   std::unique_ptr<PoseSolver> solver(const Backend& backend, const Observation& seen,
                                      int count) const {
-    auto made = loaded(backend).makeSolver(seen, {{someCamera(), 0}}, count);
+    auto made = loaded(backend).makeSolver(seen, {{optimiseCamera(), 0}}, count);
     SamplingPlan plan;
     plan.count = count;
     plan.rotation_rad.setConstant(0.05);
@@ -56,7 +56,7 @@ TEST_F(CudaOptimise, gradientsAsTheCpu) {
   const Background backgrounds[] = {Background::kKnownAlpha, Background::kKnownColour,
                                     Background::kUnknown};
   for (const Background background : backgrounds) {
-    const Observation seen = observe(*on_cpu, someCamera(), truth, background);
+    const Observation seen = observe(*on_cpu, optimiseCamera(), truth, background);
     for (const Loss loss : {Loss::kL2, Loss::kSmoothL1, Loss::kRelativeL2}) {
       for (const bool direction : {false, true}) {
         SCOPED_TRACE(lossName(loss));
@@ -96,7 +96,7 @@ TEST_F(CudaOptimise, gradientsAsTheCpu) {
 }
 
 TEST_F(CudaOptimise, measuresAsTheCpu) {
-  const Observation seen = observe(*on_cpu, someCamera(), truth, Background::kKnownAlpha);
+  const Observation seen = observe(*on_cpu, optimiseCamera(), truth, Background::kKnownAlpha);
   HypothesisTable tables[2];
   for (Backend* backend : {cpu.get(), cuda.get()}) {
     const auto solver = this->solver(*backend, seen, 7);
@@ -112,7 +112,7 @@ TEST_F(CudaOptimise, measuresAsTheCpu) {
 // With a large epsilon Adam goes along the gradient. (With a small one the first updates take its
 // signs, and rounding decides where it is nearly zero.)
 TEST_F(CudaOptimise, bothBackendsEndAtTheSamePoses) {
-  const Observation seen = observe(*on_cpu, someCamera(), truth, Background::kKnownAlpha);
+  const Observation seen = observe(*on_cpu, optimiseCamera(), truth, Background::kKnownAlpha);
   OptimisationPlan plan;
   plan.samples_per_step = 1 << 14;
   plan.epsilon = 0.02;
@@ -140,7 +140,7 @@ TEST_F(CudaOptimise, bothBackendsEndAtTheSamePoses) {
 }
 
 TEST_F(CudaOptimise, theSameBitsEveryTime) {
-  const Observation seen = observe(*on_cpu, someCamera(), truth, Background::kKnownAlpha);
+  const Observation seen = observe(*on_cpu, optimiseCamera(), truth, Background::kKnownAlpha);
   HypothesisTable tables[2];
   for (HypothesisTable& table : tables) {
     const auto solver = this->solver(*cuda, seen, 16);
@@ -156,7 +156,7 @@ TEST_F(CudaOptimise, theSameBitsEveryTime) {
 
 // Graphs are kept: one of another shape, seed or number of steps must not be taken for it.
 TEST_F(CudaOptimise, searchesInBetweenChangeNothing) {
-  const Observation seen = observe(*on_cpu, someCamera(), truth, Background::kKnownAlpha);
+  const Observation seen = observe(*on_cpu, optimiseCamera(), truth, Background::kKnownAlpha);
   const auto search = [&](int count, std::uint64_t seed, int steps) {
     const auto solver = this->solver(*cuda, seen, count);
     OptimisationPlan plan;
@@ -181,9 +181,9 @@ TEST_F(CudaOptimise, searchesInBetweenChangeNothing) {
 
 // Searches of one solver share the budget, and nothing else.
 TEST_F(CudaOptimise, equalSearchesOfASolverEndAtTheSameBits) {
-  const Observation seen = observe(*on_cpu, someCamera(), truth, Background::kKnownAlpha);
+  const Observation seen = observe(*on_cpu, optimiseCamera(), truth, Background::kKnownAlpha);
   const Pose near = disturbed(truth, *field, 2, 0.02), far = disturbed(truth, *field, 5, 0.05);
-  const auto solver = on_cuda->makeSolver(seen, {{someCamera(), 0}}, 15);
+  const auto solver = on_cuda->makeSolver(seen, {{optimiseCamera(), 0}}, 15);
   SamplingPlan plan;
   plan.count = 5;
   plan.rotation_rad.setConstant(0.05);
@@ -222,11 +222,11 @@ TEST_F(CudaOptimise, aStepWithTooManySamplesChangesNothing) {
   fog.metadata.diameter = fog.cubeSide();
   const auto loaded_fog = cuda->load(std::make_shared<Field>(fog));
   const Pose pose = cameraBefore(fog, 2 * fog.cubeSide());
-  const Observation seen = observe(*loaded_fog, someCamera(), pose, Background::kKnownAlpha);
+  const Observation seen = observe(*loaded_fog, optimiseCamera(), pose, Background::kKnownAlpha);
   Pose poses[2][2];
   for (int run = 0; run < 2; ++run) {
     for (int steps : {1, 9}) {
-      const auto solver = loaded_fog->makeSolver(seen, {{someCamera(), 0}}, 1);
+      const auto solver = loaded_fog->makeSolver(seen, {{optimiseCamera(), 0}}, 1);
       SamplingPlan plan;
       plan.count = 1;
       solver->sample({disturbed(pose, fog, 4, 0.05)}, plan);
@@ -246,7 +246,7 @@ TEST_F(CudaOptimise, aStepWithTooManySamplesChangesNothing) {
 }
 
 TEST_F(CudaOptimise, stopsWhenAsked) {
-  const Observation seen = observe(*on_cpu, someCamera(), truth, Background::kKnownAlpha);
+  const Observation seen = observe(*on_cpu, optimiseCamera(), truth, Background::kKnownAlpha);
   const auto solver = this->solver(*cuda, seen, 16);
   CancellationToken cancellation;
   cancellation.requestCancel();

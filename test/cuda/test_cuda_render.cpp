@@ -48,7 +48,7 @@ FieldConfig coneConfig() {
   return config;
 }
 
-Camera someCamera() { return {53, 44, 60, 62, 25.5, 22.25}; }
+Camera renderCamera() { return {53, 44, 60, 62, 25.5, 22.25}; }
 
 void expectSame(const Image& a, const Image& b, double rms_bound, double max_bound) {
   ASSERT_EQ(a.values.size(), b.values.size());
@@ -110,7 +110,7 @@ TEST_F(CudaRender, everyShapeLooksAsOnTheCpu) {
     SCOPED_TRACE(shape.name);
     std::printf("%s\n", shape.name);
     const Field field = randomField(shape.config, 3);
-    compare(field, someCamera(), cameraBefore(field, 4), {});
+    compare(field, renderCamera(), cameraBefore(field, 4), {});
   }
 }
 
@@ -118,14 +118,14 @@ TEST_F(CudaRender, emptySpaceIsSkippedAsOnTheCpu) {
   for (FieldConfig config : {FieldConfig(), coneConfig()}) {
     Field field = randomField(config, 8);
     carveBalls(&field);
-    compare(field, someCamera(), cameraBefore(field, 4), {});
+    compare(field, renderCamera(), cameraBefore(field, 4), {});
     RenderOptions options;
     options.near = 3.8f;
     options.step_scale = 2;
     options.min_transmittance = 0.05f;
-    compare(field, someCamera(), cameraBefore(field, 4), options);
+    compare(field, renderCamera(), cameraBefore(field, 4), options);
     options.use_occupancy = false;
-    compare(field, someCamera(), cameraBefore(field, 4), options);
+    compare(field, renderCamera(), cameraBefore(field, 4), options);
   }
 }
 
@@ -134,25 +134,25 @@ TEST_F(CudaRender, lightSamplesAreLeftOutAsOnTheCpu) {
   const Field field = randomField(FieldConfig(), 8);
   RenderOptions options;
   options.min_weight = 5e-4f;
-  compare(field, someCamera(), cameraBefore(field, 4), options);
+  compare(field, renderCamera(), cameraBefore(field, 4), options);
 }
 
 TEST_F(CudaRender, aCameraInsideOfTheBoxAndOneThatLooksAway) {
   const Field field = learnedObject();
   const auto shared = std::make_shared<Field>(field);
   const Pose inside = cameraBefore(field, 0.05);
-  compare(field, someCamera(), inside, {});
+  compare(field, renderCamera(), inside, {});
   Pose away = cameraBefore(field, 4 * field.cubeSide());
   away.R.col(0) *= -1;
   away.R.col(2) *= -1;
-  const Rendering nothing = cuda->load(shared)->render({someCamera(), away}, {}, {});
+  const Rendering nothing = cuda->load(shared)->render({renderCamera(), away}, {}, {});
   for (float a : nothing.alpha.values) ASSERT_EQ(a, 0);
 }
 
 TEST_F(CudaRender, theSameBitsEveryTime) {
   const auto field = cuda->load(std::make_shared<Field>(learnedObject()));
   const Pose pose = cameraBefore(field->field(), 2.5 * field->field().metadata.diameter);
-  const Camera camera = someCamera().scaled(5);
+  const Camera camera = renderCamera().scaled(5);
   const Rendering once = field->render({camera, pose}, {}, {});
   for (int i = 0; i < 3; ++i) {
     const Rendering again = field->render({camera, pose}, {}, {});
@@ -167,7 +167,7 @@ TEST_F(CudaRender, refusesWhatItCannotDo) {
   const auto loaded = cuda->load(std::make_shared<Field>(field));
   Pose broken;
   broken.t.x() = std::nan("");
-  EXPECT_THROW(loaded->render({someCamera(), broken}, {}, {}), std::invalid_argument);
+  EXPECT_THROW(loaded->render({renderCamera(), broken}, {}, {}), std::invalid_argument);
   FieldConfig wide = smallConfig();
   wide.density_width = 128;
   EXPECT_THROW(cuda->load(std::make_shared<Field>(randomField(wide, 1))), std::invalid_argument);
@@ -175,7 +175,7 @@ TEST_F(CudaRender, refusesWhatItCannotDo) {
   EXPECT_THROW(cuda->load(std::make_shared<Field>(field)), std::invalid_argument);
   CancellationToken cancellation;
   cancellation.requestCancel();
-  EXPECT_THROW(loaded->render({someCamera(), {}}, {}, cancellation), Cancelled);
+  EXPECT_THROW(loaded->render({renderCamera(), {}}, {}, cancellation), Cancelled);
 }
 
 TEST(MakeBackend, choosesAndRefuses) {

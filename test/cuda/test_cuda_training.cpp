@@ -44,7 +44,7 @@ FieldConfig wideConfig() {
 }
 
 /// Sizes that need padding everywhere.
-FieldConfig oddConfig() {
+FieldConfig oddTrainingConfig() {
   FieldConfig config = trainingConfig();
   config.levels = 5;
   config.features = 8;
@@ -129,7 +129,7 @@ class CudaTraining : public CudaTest {
 
 // Adam's first step moves every touched number by the learning rate, to the side of its gradient.
 TEST_F(CudaTraining, firstStepMovesAsOnTheCpu) {
-  for (const FieldConfig& config : {trainingConfig(), wideConfig(), oddConfig()}) {
+  for (const FieldConfig& config : {trainingConfig(), wideConfig(), oddTrainingConfig()}) {
     SCOPED_TRACE(config.levels);
     TrainingPlan plan = trainingPlan();
     plan.samples_per_step = 16384;
@@ -166,7 +166,7 @@ TEST_F(CudaTraining, lossFallsAsOnTheCpu) {
 }
 
 TEST_F(CudaTraining, showsUnseenViews) {
-  for (const FieldConfig& config : {trainingConfig(), wideConfig(), oddConfig()}) {
+  for (const FieldConfig& config : {trainingConfig(), wideConfig(), oddTrainingConfig()}) {
     TrainingPlan plan = trainingPlan();
     plan.region = hull().region;
     std::vector<double> losses;

@@ -14,7 +14,7 @@
 namespace nerf_pose_refiner {
 namespace {
 
-const Camera kCamera = {640, 480, 500, 500, 319.5, 239.5};
+const Camera kCandidateCamera = {640, 480, 500, 500, 319.5, 239.5};
 
 double drawn(int i, std::uint64_t axis) {
   return randomUniform(5, axis, static_cast<std::uint64_t>(i)) - 0.5;
@@ -38,12 +38,12 @@ class LandmarkCandidatesTest : public testing::Test {
   /// The feature that shows a landmark from a pose near the front.
   FeaturePlace featureOf(const Pose& T_C_O, const Landmark& landmark) const {
     const Eigen::Vector3d point_C = T_C_O * landmark.point.cast<double>();
-    const Eigen::Vector2d pixel = kCamera.project(point_C);
+    const Eigen::Vector2d pixel = kCandidateCamera.project(point_C);
     const Eigen::Vector3d along = T_C_O.R * landmark.R_O_F.col(0).cast<double>();
     FeaturePlace feature;
     feature.x = static_cast<float>(pixel.x());
     feature.y = static_cast<float>(pixel.y());
-    feature.size_px = static_cast<float>(landmark.size * kCamera.fx / point_C.z());
+    feature.size_px = static_cast<float>(landmark.size * kCandidateCamera.fx / point_C.z());
     feature.angle_rad = static_cast<float>(std::atan2(along.y(), along.x()));
     return feature;
   }
@@ -68,7 +68,7 @@ class LandmarkCandidatesTest : public testing::Test {
   }
 
   PoseCandidates candidates() const {
-    return landmarkCandidates({kCamera, features_, landmarks_, matches_}, object_, {}, {});
+    return landmarkCandidates({kCandidateCamera, features_, landmarks_, matches_}, object_, {}, {});
   }
 
   static void expectPose(const PoseCandidate& candidate, const Pose& T_C_O) {
@@ -143,9 +143,9 @@ TEST_F(LandmarkCandidatesTest, CanBeCancelled) {
   show({Eigen::Matrix3d::Identity(), {0, 0, 5}}, 0, 20);
   CancellationToken cancellation;
   cancellation.requestCancel();
-  EXPECT_THROW(
-      landmarkCandidates({kCamera, features_, landmarks_, matches_}, object_, {}, cancellation),
-      Cancelled);
+  EXPECT_THROW(landmarkCandidates({kCandidateCamera, features_, landmarks_, matches_}, object_, {},
+                                  cancellation),
+               Cancelled);
 }
 
 TEST_F(LandmarkCandidatesTest, LandmarksAreCountedWhereAPosePutsThem) {
@@ -155,7 +155,8 @@ TEST_F(LandmarkCandidatesTest, LandmarksAreCountedWhereAPosePutsThem) {
   const Pose turned(expSO3({0, M_PI, 0}) * right.R, right.t);
   show(right, 0, 20);
   const auto count = [this](const Pose& T_C_O) {
-    return landmarksAt(T_C_O.inverse(), {kCamera, features_, landmarks_, matches_}, object_, {});
+    return landmarksAt(T_C_O.inverse(), {kCandidateCamera, features_, landmarks_, matches_},
+                       object_, {});
   };
   EXPECT_EQ(count(right), 20);
   EXPECT_LE(count(beside), 2);

@@ -17,7 +17,7 @@
 namespace nerf_pose_refiner {
 namespace {
 
-const Camera kCamera = {320, 240, 400, 400, 159.5, 119.5};
+const Camera kLandmarkCamera = {320, 240, 400, 400, 159.5, 119.5};
 
 // A landmark that is seen along z, with a descriptor of two numbers.
 Landmarks oneAt(const Eigen::Vector3f& point, float angle,
@@ -102,32 +102,32 @@ TEST(Landmarks, AMatchTellsThePose) {
   // A feature of 10 px at (259.5, 119.5) was seen from the origin of O, along z, 4 away.
   const FeaturePlace seen = {259.5f, 119.5f, 10, 0.3f};
   Landmark landmark;
-  landmark.point = (4 * kCamera.direction(259.5, 119.5)).cast<float>();
-  landmark.R_O_F = featureAxes(kCamera, seen).cast<float>();
+  landmark.point = (4 * kLandmarkCamera.direction(259.5, 119.5)).cast<float>();
+  landmark.R_O_F = featureAxes(kLandmarkCamera, seen).cast<float>();
   landmark.size = 10 * 4 / 400.0f;
-  const Pose same = poseFromMatch(kCamera, seen, landmark);
+  const Pose same = poseFromMatch(kLandmarkCamera, seen, landmark);
   EXPECT_LT(rotationDistance(same.R, Eigen::Matrix3d::Identity()), 1e-5);
   EXPECT_LT(same.t.norm(), 1e-5);
   // Half as large in the image: twice as far. Turned in the image: the camera turned against it.
   const FeaturePlace smaller = {159.5f, 119.5f, 5, 0.3f};
   Landmark ahead = landmark;
   ahead.point = {0, 0, 4};
-  ahead.R_O_F = featureAxes(kCamera, {159.5f, 119.5f, 10, 0}).cast<float>();
-  const Pose away = poseFromMatch(kCamera, smaller, ahead);
+  ahead.R_O_F = featureAxes(kLandmarkCamera, {159.5f, 119.5f, 10, 0}).cast<float>();
+  const Pose away = poseFromMatch(kLandmarkCamera, smaller, ahead);
   EXPECT_LT((away.t - Eigen::Vector3d(0, 0, -4)).norm(), 1e-5);
   EXPECT_LT(rotationDistance(away.R, expSO3({0, 0, -0.3})), 1e-5);
 }
 
 TEST(Landmarks, LieOnTheSurfaceTheyShow) {
   const auto scene = std::make_shared<TexturedScene>(cpuProcessor(2));
-  const View view = {kCamera, cameraAround(*scene, 0.6, 0.5)};
+  const View view = {kLandmarkCamera, cameraAround(*scene, 0.6, 0.5)};
   const Rendering rendering = scene->render(view, {}, {});
   const Landmarks seen = landmarksOf(rendering, view, {});
   ASSERT_GT(seen.size(), 20);
   ASSERT_EQ(seen.descriptors.rows(), seen.size());
   for (const Landmark& landmark : seen.places) {
     const Eigen::Vector2d pixel =
-        kCamera.project(view.T_O_C.inverse() * landmark.point.cast<double>());
+        kLandmarkCamera.project(view.T_O_C.inverse() * landmark.point.cast<double>());
     const int x = static_cast<int>(std::lround(pixel.x())),
               y = static_cast<int>(std::lround(pixel.y()));
     EXPECT_GT(rendering.alpha.at(x, y, 0), 0.9f);

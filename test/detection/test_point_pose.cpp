@@ -11,7 +11,7 @@
 namespace nerf_pose_refiner {
 namespace {
 
-const Camera kCamera = {640, 480, 500, 500, 319.5, 239.5};
+const Camera kPointCamera = {640, 480, 500, 500, 319.5, 239.5};
 const Pose kTruth = {expSO3({0.4, -0.9, 0.3}), {0.1, -0.2, 3}};
 
 double drawn(int i, int axis) {
@@ -23,7 +23,7 @@ std::vector<PointMatch> matchesOf(int count, double thickness = 1) {
   std::vector<PointMatch> matches;
   for (int i = 0; i < count; ++i) {
     const Eigen::Vector3d point(drawn(i, 0), drawn(i, 1), thickness * drawn(i, 2));
-    matches.push_back({point, kCamera.project(kTruth * point)});
+    matches.push_back({point, kPointCamera.project(kTruth * point)});
   }
   return matches;
 }
@@ -34,7 +34,7 @@ void expectTruth(const Pose& T_C_O) {
 }
 
 TEST(PointPose, ThreePointsAndAFourthGiveThePose) {
-  const auto pose = poseOfMost(matchesOf(4), kCamera, 1);
+  const auto pose = poseOfMost(matchesOf(4), kPointCamera, 1);
   ASSERT_TRUE(pose);
   EXPECT_EQ(pose->inliers.size(), 4u);
   expectTruth(pose->T_C_O);
@@ -45,7 +45,7 @@ TEST(PointPose, WrongMatchesDoNotCount) {
   for (int i = 0; i < 15; ++i) {
     matches[2 * i].pixel = {320 + 300 * drawn(i, 5), 240 + 200 * drawn(i, 6)};
   }
-  const auto pose = poseOfMost(matches, kCamera, 2);
+  const auto pose = poseOfMost(matches, kPointCamera, 2);
   ASSERT_TRUE(pose);
   expectTruth(pose->T_C_O);
   for (int i = 1; i < 30; i += 2) {
@@ -57,27 +57,27 @@ TEST(PointPose, RefinementAveragesWhatPixelsAreOffBy) {
   std::vector<PointMatch> matches = matchesOf(200);
   for (int i = 0; i < 200; ++i) matches[i].pixel += Eigen::Vector2d(drawn(i, 7), drawn(i, 8));
   const Pose start = {expSO3({0.01, 0, -0.01}) * kTruth.R, kTruth.t + Eigen::Vector3d(0, 0.01, 0)};
-  const auto refined = refinedPose(start, matches, kCamera, 8);
+  const auto refined = refinedPose(start, matches, kPointCamera, 8);
   ASSERT_TRUE(refined);
   EXPECT_LT(rotationDistance(refined->T_C_O.R, kTruth.R), 1e-3);
   EXPECT_LT((refined->T_C_O.t - kTruth.t).norm(), 5e-3);
 }
 
 TEST(PointPose, NothingWithoutEnoughPoints) {
-  EXPECT_FALSE(poseOfMost({}, kCamera, 1));
-  EXPECT_FALSE(poseOfMost(matchesOf(3), kCamera, 1));
-  EXPECT_FALSE(refinedPose(kTruth, matchesOf(3), kCamera, 1));
+  EXPECT_FALSE(poseOfMost({}, kPointCamera, 1));
+  EXPECT_FALSE(poseOfMost(matchesOf(3), kPointCamera, 1));
+  EXPECT_FALSE(refinedPose(kTruth, matchesOf(3), kPointCamera, 1));
 }
 
 TEST(PointPose, EqualPointsGiveNothingAndDoNoHarm) {
   const std::vector<PointMatch> same(10, matchesOf(1).front());
-  const auto pose = poseOfMost(same, kCamera, 1);
+  const auto pose = poseOfMost(same, kPointCamera, 1);
   EXPECT_TRUE(!pose || pose->T_C_O.isFinite());
 }
 
 TEST(PointPose, PointsBehindTheCameraDoNotCount) {
   const Pose behind = {kTruth.R, -kTruth.t};
-  EXPECT_TRUE(inliersOf(behind, matchesOf(5), kCamera, 1e6).empty());
+  EXPECT_TRUE(inliersOf(behind, matchesOf(5), kPointCamera, 1e6).empty());
 }
 
 TEST(PointPose, ThePlanesOtherPoseIsTheMirroredOne) {
@@ -88,7 +88,7 @@ TEST(PointPose, ThePlanesOtherPoseIsTheMirroredOne) {
   for (const double x : {-0.5, 0.0, 0.5}) {
     for (const double y : {-0.5, 0.0, 0.5}) {
       const Eigen::Vector3d point(x, y, 0);
-      matches.push_back({point, kCamera.project(pose * point)});
+      matches.push_back({point, kPointCamera.project(pose * point)});
     }
   }
   std::vector<int> all(matches.size());
@@ -101,11 +101,11 @@ TEST(PointPose, ThePlanesOtherPoseIsTheMirroredOne) {
 
 TEST(PointPose, PointsOfASolidHaveNoOtherPose) {
   const std::vector<PointMatch> matches = matchesOf(20);
-  const auto pose = poseOfMost(matches, kCamera, 1);
+  const auto pose = poseOfMost(matches, kPointCamera, 1);
   ASSERT_TRUE(pose);
   EXPECT_FALSE(otherPoseOfPlane(*pose, matches));
   const std::vector<PointMatch> flat = matchesOf(20, 0.02);
-  const auto of_flat = poseOfMost(flat, kCamera, 1);
+  const auto of_flat = poseOfMost(flat, kPointCamera, 1);
   ASSERT_TRUE(of_flat);
   EXPECT_TRUE(otherPoseOfPlane(*of_flat, flat));
 }

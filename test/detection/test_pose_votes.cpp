@@ -11,7 +11,7 @@
 namespace nerf_pose_refiner {
 namespace {
 
-const Camera kCamera = {640, 480, 500, 500, 319.5, 239.5};
+const Camera kVoteCamera = {640, 480, 500, 500, 319.5, 239.5};
 
 PoseVote voteAt(double x, double size = 100, double turn = 0) {
   return {x, 0, size, expSO3({0, 0, turn})};
@@ -22,7 +22,7 @@ TEST(PoseVotes, SayWhereTheObjectIsSeen) {
   object.centre = {0.1, 0, 0};
   object.diameter = 0.4;
   const Pose T_C_O = {expSO3({0, 0, 0.3}), {0.2, -0.1, 2}};
-  const auto vote = voteFor(T_C_O.inverse(), kCamera, object);
+  const auto vote = voteFor(T_C_O.inverse(), kVoteCamera, object);
   ASSERT_TRUE(vote);
   // The centre lies at (0.1 cos 0.3 + 0.2, 0.1 sin 0.3 - 0.1, 2).
   EXPECT_NEAR(vote->x, 319.5 + 250 * (0.1 * std::cos(0.3) + 0.2), 1e-9);
@@ -35,9 +35,9 @@ TEST(PoseVotes, NoneForAnObjectThatIsNotBeforeTheCamera) {
   FieldMetadata object;
   object.diameter = 0.4;
   const Pose behind = {Eigen::Matrix3d::Identity(), {0, 0, 1}};  // the camera looks away
-  EXPECT_FALSE(voteFor(behind, kCamera, object));
+  EXPECT_FALSE(voteFor(behind, kVoteCamera, object));
   const Pose within = {Eigen::Matrix3d::Identity(), {0, 0, -0.1}};
-  EXPECT_FALSE(voteFor(within, kCamera, object));
+  EXPECT_FALSE(voteFor(within, kVoteCamera, object));
 }
 
 TEST(PoseVotes, AgreeWithinTheTolerance) {

@@ -17,7 +17,7 @@
 namespace nerf_pose_refiner {
 namespace {
 
-const Camera kCamera = {320, 240, 300, 300, 159.5, 119.5};
+const Camera kSearchCamera = {320, 240, 300, 300, 159.5, 119.5};
 
 /// Corners of a plane figure, about 1 unit across.
 using Figure = std::vector<Eigen::Vector2d>;
@@ -112,8 +112,8 @@ TemplateFindings find(const Figure& figure, const Image& image,
 
 void expectFound(const PoseCandidate& candidate, const Place& place) {
   const Eigen::Vector3d centre_C = candidate.T_O_C.inverse() * Eigen::Vector3d::Zero();
-  EXPECT_LT((kCamera.project(centre_C) - place.pixel).norm(), 0.06 * place.unit_px);
-  EXPECT_NEAR(kCamera.fx / centre_C.z() / place.unit_px, 1, 0.1);
+  EXPECT_LT((kSearchCamera.project(centre_C) - place.pixel).norm(), 0.06 * place.unit_px);
+  EXPECT_NEAR(kSearchCamera.fx / centre_C.z() / place.unit_px, 1, 0.1);
   const Eigen::Matrix3d R = candidate.T_O_C.R.transpose();
   const double turn = std::atan2(R(1, 0), R(0, 0)) - place.rotation_rad;
   EXPECT_LT(std::abs(std::remainder(turn, 2 * kPi)), 6 * kDegree);
@@ -143,13 +143,13 @@ TEST(TemplateSearch, FindsASquareInClutterWhereAQuarterIsCovered) {
       Symmetries({}, {Pose(Eigen::AngleAxisd(kPi / 2, Eigen::Vector3d::UnitZ()).toRotationMatrix(),
                            Eigen::Vector3d::Zero())});
   const TemplateSearch search(bankOf(kSquare), square, settings());
-  const TemplateFindings findings = search.find(image, kCamera, {1.5, 6}, {});
+  const TemplateFindings findings = search.find(image, kSearchCamera, {1.5, 6}, {});
   ASSERT_FALSE(findings.candidates.empty());
   const auto is_right = [&place](const PoseCandidate& candidate) {
     const Pose& found = candidate.T_O_C;
     const Eigen::Vector3d centre_C = found.inverse() * Eigen::Vector3d::Zero();
     const double turn = std::atan2(found.R(0, 1), found.R(0, 0)) - place.rotation_rad;
-    return (kCamera.project(centre_C) - place.pixel).norm() < 0.1 * place.unit_px &&
+    return (kSearchCamera.project(centre_C) - place.pixel).norm() < 0.1 * place.unit_px &&
            std::abs(std::remainder(turn, kPi / 2)) < 6 * kDegree;
   };
   const auto right = std::find_if(findings.candidates.begin(), findings.candidates.end(), is_right);
@@ -165,7 +165,7 @@ TEST(TemplateSearch, FindsTwoInstances) {
     const bool found = std::any_of(
         findings.candidates.begin(), findings.candidates.begin() + 10, [&](const auto& candidate) {
           const Eigen::Vector3d centre_C = candidate.T_O_C.inverse() * Eigen::Vector3d::Zero();
-          return (kCamera.project(centre_C) - place.pixel).norm() < 0.1 * place.unit_px;
+          return (kSearchCamera.project(centre_C) - place.pixel).norm() < 0.1 * place.unit_px;
         });
     EXPECT_TRUE(found);
   }
@@ -202,16 +202,16 @@ TEST(TemplateSearch, EndsWhenItIsCancelled) {
   const TemplateSearch search(bankOf(kLetter), object(), settings());
   const CancellationToken cancellation;
   cancellation.requestCancel();
-  EXPECT_THROW(search.find(Image(320, 240, 3), kCamera, {1.5, 6}, cancellation), Cancelled);
+  EXPECT_THROW(search.find(Image(320, 240, 3), kSearchCamera, {1.5, 6}, cancellation), Cancelled);
 }
 
 TEST(TemplateSearch, RefusesWhatMakesNoSense) {
   const TemplateSearch search(bankOf(kLetter), object(), settings());
   const Image image(320, 240, 3);
-  EXPECT_THROW(search.find(Image(320, 200, 3), kCamera, {1.5, 6}, {}), std::invalid_argument);
-  EXPECT_THROW(search.find(Image(320, 240, 1), kCamera, {1.5, 6}, {}), std::invalid_argument);
-  EXPECT_THROW(search.find(image, kCamera, {6, 1.5}, {}), std::invalid_argument);
-  EXPECT_THROW(search.find(image, kCamera, {0, 1}, {}), std::invalid_argument);
+  EXPECT_THROW(search.find(Image(320, 200, 3), kSearchCamera, {1.5, 6}, {}), std::invalid_argument);
+  EXPECT_THROW(search.find(Image(320, 240, 1), kSearchCamera, {1.5, 6}, {}), std::invalid_argument);
+  EXPECT_THROW(search.find(image, kSearchCamera, {6, 1.5}, {}), std::invalid_argument);
+  EXPECT_THROW(search.find(image, kSearchCamera, {0, 1}, {}), std::invalid_argument);
   TemplateSearchSettings wrong = settings();
   wrong.rotations = 0;
   EXPECT_THROW(TemplateSearch(bankOf(kLetter), object(), wrong), std::invalid_argument);

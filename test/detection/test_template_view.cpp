@@ -15,7 +15,7 @@
 namespace nerf_pose_refiner {
 namespace {
 
-FieldMetadata object() {
+FieldMetadata templateObject() {
   FieldMetadata object;
   object.diameter = 2;
   object.centre = {1, 2, 3};
@@ -30,7 +30,7 @@ struct Scene {
 
   Scene() {
     view.camera = {80, 80, 100, 100, 39.5, 39.5};
-    view.T_O_C = lookingAt(object().centre, Eigen::Vector3d(0.6, 0, 0.8), 5);
+    view.T_O_C = lookingAt(templateObject().centre, Eigen::Vector3d(0.6, 0, 0.8), 5);
     rendering.colour = Image(80, 80, 3);
     rendering.alpha = Image(80, 80, 1);
     rendering.point = Image(80, 80, 3);
@@ -49,7 +49,7 @@ struct Scene {
 
 TEST(TemplateView, HasTheContourAndInnerEdges) {
   const Scene scene;
-  const TemplateView made = makeTemplateView(scene.rendering, scene.view, object(), 128);
+  const TemplateView made = makeTemplateView(scene.rendering, scene.view, templateObject(), 128);
   ASSERT_EQ(made.edges.size(), 128u);
   EXPECT_EQ(made.R_O_V, scene.view.T_O_C.R);
   int inner = 0;
@@ -70,7 +70,7 @@ TEST(TemplateView, HasTheContourAndInnerEdges) {
 
 TEST(TemplateView, DividesEdgesIntoPartsByTheirPlaces) {
   const Scene scene;
-  const TemplateView made = makeTemplateView(scene.rendering, scene.view, object(), 128);
+  const TemplateView made = makeTemplateView(scene.rendering, scene.view, templateObject(), 128);
   for (int part = 0; part < TemplateView::kParts; ++part) {
     Eigen::Vector3f low = made.edges[32 * part].point, high = low;
     for (int i = 32 * part; i < 32 * (part + 1); ++i) {
@@ -84,23 +84,24 @@ TEST(TemplateView, DividesEdgesIntoPartsByTheirPlaces) {
 TEST(TemplateView, OfNothingHasNoEdges) {
   Scene scene;
   scene.rendering.alpha = Image(80, 80, 1);
-  EXPECT_TRUE(makeTemplateView(scene.rendering, scene.view, object(), 128).edges.empty());
+  EXPECT_TRUE(makeTemplateView(scene.rendering, scene.view, templateObject(), 128).edges.empty());
 }
 
 TEST(TemplatePlacement, IsThePoseThatShowsTheTemplate) {
   const Scene scene;
-  const TemplateView made = makeTemplateView(scene.rendering, scene.view, object(), 32);
+  const TemplateView made = makeTemplateView(scene.rendering, scene.view, templateObject(), 32);
   TemplateScale scale;
   scale.camera = {400, 300, 500, 500, 199.5, 149.5};
   scale.object_px = 100;
   // In the middle, as it was rendered: from the same side, at 5 diameters.
-  const Pose middle = posePlaced({&made, 0}, scale, {199.5, 149.5}, object());
+  const Pose middle = posePlaced({&made, 0}, scale, {199.5, 149.5}, templateObject());
   EXPECT_LT(rotationDistance(middle.R, scene.view.T_O_C.R), 1e-9);
-  EXPECT_NEAR((middle.t - object().centre).norm(), 5 * 2, 1e-9);
+  EXPECT_NEAR((middle.t - templateObject().centre).norm(), 5 * 2, 1e-9);
   // Turned by a quarter, and beside the middle.
   const Eigen::Vector2d pixel(260, 120);
-  const Pose turned = posePlaced({&made, kPi / 2}, scale, pixel, object());
-  EXPECT_LT((scale.camera.project(turned.inverse() * object().centre) - pixel).norm(), 1e-9);
+  const Pose turned = posePlaced({&made, kPi / 2}, scale, pixel, templateObject());
+  EXPECT_LT((scale.camera.project(turned.inverse() * templateObject().centre) - pixel).norm(),
+            1e-9);
   // What was to the right is below now.
   const Eigen::Vector3d right_O = scene.view.T_O_C.R.col(0);
   const Eigen::Vector3d seen = turned.R.transpose() * right_O;

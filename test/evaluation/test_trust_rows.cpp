@@ -10,11 +10,11 @@
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr int kSize = 160;
+constexpr int kTrustSize = 160;
 
 /// A square from pixel 40 to 120, red on its left half and blue on its right one.
-PosedView squareView() {
-  Image8 rgba(kSize, kSize, 4);
+PosedView trustView() {
+  Image8 rgba(kTrustSize, kTrustSize, 4);
   for (int y = 40; y < 120; ++y) {
     for (int x = 40; x < 120; ++x) {
       rgba.at(x, y, x < 80 ? 0 : 2) = 255;
@@ -23,12 +23,12 @@ PosedView squareView() {
   }
   PosedView view;
   view.rgba = std::make_shared<const Image8>(rgba);
-  view.camera = {kSize, kSize, 200, 200, 79.5, 79.5};
+  view.camera = {kTrustSize, kTrustSize, 200, 200, 79.5, 79.5};
   return view;
 }
 
 std::vector<TrustImage> imagesOf(const std::string& name) {
-  const TrustScene scene = TrustScene::of(squareView(), kSize, {}, {1, 0});
+  const TrustScene scene = TrustScene::of(trustView(), kTrustSize, {}, {1, 0});
   for (const TrustRow& row : trustRows()) {
     if (row.name == name) return row.images(scene);
   }

@@ -11,11 +11,11 @@
 namespace nerf_pose_refiner {
 namespace {
 
-const Camera kCamera = {160, 120, 150, 140, 79.5, 59.5};
+const Camera kWholeCamera = {160, 120, 150, 140, 79.5, 59.5};
 
 /// An image with one round spot at a pixel that need not be whole.
 Image spotAt(double u, double v, double sigma_px) {
-  Image image(kCamera.width, kCamera.height, 1);
+  Image image(kWholeCamera.width, kWholeCamera.height, 1);
   for (int y = 0; y < image.height; ++y) {
     for (int x = 0; x < image.width; ++x) {
       const double squared = (x - u) * (x - u) + (y - v) * (y - v);
@@ -70,32 +70,35 @@ TEST(Resample, EnlargingInterpolates) {
 
 TEST(Resample, CropAtTheSameScaleCopies) {
   const Image image = spotAt(70, 50, 9);
-  const Image crop = resample(image, kCamera, kCamera.cropped(60, 40, 30, 20));
+  const Image crop = resample(image, kWholeCamera, kWholeCamera.cropped(60, 40, 30, 20));
   for (int y = 0; y < 20; ++y) {
     for (int x = 0; x < 30; ++x) EXPECT_EQ(crop.at(x, y, 0), image.at(x + 60, y + 40, 0));
   }
 }
 
 TEST(Resample, OutsideCountsAsZero) {
-  const Image ones(kCamera.width, kCamera.height, 1, 1.0f);
-  const Image shifted = resample(ones, kCamera, kCamera.cropped(-3, 118, 10, 4));
+  const Image ones(kWholeCamera.width, kWholeCamera.height, 1, 1.0f);
+  const Image shifted = resample(ones, kWholeCamera, kWholeCamera.cropped(-3, 118, 10, 4));
   EXPECT_EQ(shifted.at(2, 0, 0), 0);
   EXPECT_EQ(shifted.at(3, 0, 0), 1);
   EXPECT_EQ(shifted.at(3, 1, 0), 1);
   EXPECT_EQ(shifted.at(3, 2, 0), 0);
   // Half covered at the border of a shrunk crop.
-  const Image half = resample(ones, kCamera, kCamera.cropped(-1, 0, 20, 20).resized(10, 10));
+  const Image half =
+      resample(ones, kWholeCamera, kWholeCamera.cropped(-1, 0, 20, 20).resized(10, 10));
   EXPECT_FLOAT_EQ(half.at(0, 5, 0), 0.5f);
   EXPECT_FLOAT_EQ(half.at(1, 5, 0), 1);
 }
 
 TEST(Resample, WhollyOutsideIsBlackWhereverThatIs) {
-  const Image ones(kCamera.width, kCamera.height, 1, 1.0f);
+  const Image ones(kWholeCamera.width, kWholeCamera.height, 1, 1.0f);
   for (const int far : {-1000, 1000, -2000000000, 2000000000}) {
-    for (const float value : resample(ones, kCamera, kCamera.cropped(far, 0, 8, 8)).values) {
+    for (const float value :
+         resample(ones, kWholeCamera, kWholeCamera.cropped(far, 0, 8, 8)).values) {
       EXPECT_EQ(value, 0);
     }
-    for (const float value : resample(ones, kCamera, kCamera.cropped(0, far, 8, 8)).values) {
+    for (const float value :
+         resample(ones, kWholeCamera, kWholeCamera.cropped(0, far, 8, 8)).values) {
       EXPECT_EQ(value, 0);
     }
   }
@@ -103,29 +106,30 @@ TEST(Resample, WhollyOutsideIsBlackWhereverThatIs) {
 
 TEST(Resample, APointStaysAtItsPixelOnEveryLevel) {
   const Eigen::Vector3d p_C(0.083, -0.041, 1.7);
-  const Eigen::Vector2d full = kCamera.project(p_C);
+  const Eigen::Vector2d full = kWholeCamera.project(p_C);
   const Image image = spotAt(full.x(), full.y(), 5);
-  const Camera crop = kCamera.cropped(30, 15, 110, 90);
-  const Camera levels[] = {kCamera,
-                           kCamera.scaled(0.5),
-                           kCamera.scaled(0.37),
-                           kCamera.scaled(0.2),
-                           kCamera.scaled(0.0837),
+  const Camera crop = kWholeCamera.cropped(30, 15, 110, 90);
+  const Camera levels[] = {kWholeCamera,
+                           kWholeCamera.scaled(0.5),
+                           kWholeCamera.scaled(0.37),
+                           kWholeCamera.scaled(0.2),
+                           kWholeCamera.scaled(0.0837),
                            crop.scaled(0.71),
                            crop.scaled(0.3),
                            crop.resized(32, 32),
-                           kCamera.cropped(55, 25, 64, 64).scaled(2.3)};
+                           kWholeCamera.cropped(55, 25, 64, 64).scaled(2.3)};
   for (const Camera& level : levels) {
     const Eigen::Vector2d expected = level.project(p_C);
-    const Eigen::Vector2d found = centroid(resample(image, kCamera, level));
+    const Eigen::Vector2d found = centroid(resample(image, kWholeCamera, level));
     EXPECT_NEAR(found.x(), expected.x(), 0.02) << level.width << " x " << level.height;
     EXPECT_NEAR(found.y(), expected.y(), 0.02) << level.width << " x " << level.height;
   }
 }
 
 TEST(Resample, RefusesCamerasThatDoNotFit) {
-  expectError<std::invalid_argument>([] { resample(Image(10, 10, 1), kCamera, kCamera); }, "size");
-  expectError<std::invalid_argument>([] { resample(Image(160, 120, 1), kCamera, Camera()); },
+  expectError<std::invalid_argument>([] { resample(Image(10, 10, 1), kWholeCamera, kWholeCamera); },
+                                     "size");
+  expectError<std::invalid_argument>([] { resample(Image(160, 120, 1), kWholeCamera, Camera()); },
                                      "Camera::width");
 }
 

@@ -12,7 +12,7 @@
 namespace nerf_pose_refiner {
 namespace {
 
-const Camera kCamera = {160, 120, 150, 145, 78, 61};
+const Camera kLensCamera = {160, 120, 150, 145, 78, 61};
 
 /// Pixel of a direction in the distorted image, written out from OpenCV's documentation.
 Eigen::Vector2d distort(const Distortion& distortion, const Eigen::Vector3d& direction) {
@@ -24,12 +24,12 @@ Eigen::Vector2d distort(const Distortion& distortion, const Eigen::Vector3d& dir
       (1 + r2 * (k[0] + r2 * (k[1] + r2 * k[4]))) / (1 + r2 * (k[5] + r2 * (k[6] + r2 * k[7])));
   const double u = x * radial + 2 * k[2] * x * y + k[3] * (r2 + 2 * x * x);
   const double v = y * radial + k[2] * (r2 + 2 * y * y) + 2 * k[3] * x * y;
-  return {kCamera.fx * u + kCamera.cx, kCamera.fy * v + kCamera.cy};
+  return {kLensCamera.fx * u + kLensCamera.cx, kLensCamera.fy * v + kLensCamera.cy};
 }
 
 /// The distorted image of a scene whose colours depend smoothly on the pixel they land on.
 Image8 distortedImage() {
-  Image8 image(kCamera.width, kCamera.height, 3);
+  Image8 image(kLensCamera.width, kLensCamera.height, 3);
   for (int y = 0; y < image.height; ++y) {
     for (int x = 0; x < image.width; ++x) {
       image.at(x, y, 0) = static_cast<std::uint8_t>(40 + x);
@@ -41,15 +41,15 @@ Image8 distortedImage() {
 }
 
 void expectUndistorts(const Distortion& distortion) {
-  const Undistorter undistorter(kCamera, distortion);
+  const Undistorter undistorter(kLensCamera, distortion);
   const Image8 image = undistorter.undistort(distortedImage());
   const Camera& camera = undistorter.camera();
-  ASSERT_EQ(image.width, kCamera.width);
+  ASSERT_EQ(image.width, kLensCamera.width);
   for (int y = 2; y < image.height - 2; y += 4) {
     for (int x = 2; x < image.width - 2; x += 4) {
       const Eigen::Vector2d source = distort(distortion, camera.direction(x, y));
       EXPECT_GT(source.x(), -2);
-      EXPECT_LT(source.x(), kCamera.width + 1);
+      EXPECT_LT(source.x(), kLensCamera.width + 1);
       EXPECT_NEAR(image.at(x, y, 0), 40 + source.x(), 1.5);
       EXPECT_NEAR(image.at(x, y, 1), 60 + source.y(), 1.5);
     }
@@ -68,22 +68,22 @@ TEST(Undistort, RationalOfEight) {
 
 TEST(Undistort, NoDistortionChangesNothing) {
   for (const Distortion& none : {Distortion(), Distortion{{0, 0, 0, 0, 0}}}) {
-    const Undistorter undistorter(kCamera, none);
-    EXPECT_EQ(undistorter.camera().fx, kCamera.fx);
-    EXPECT_EQ(undistorter.camera().cy, kCamera.cy);
+    const Undistorter undistorter(kLensCamera, none);
+    EXPECT_EQ(undistorter.camera().fx, kLensCamera.fx);
+    EXPECT_EQ(undistorter.camera().cy, kLensCamera.cy);
     EXPECT_EQ(undistorter.undistort(distortedImage()).values, distortedImage().values);
   }
 }
 
 TEST(Undistort, TransparentPixelsDoNotBleed) {
   // White object on transparent black: where anything is seen at all it is white.
-  Image8 image(kCamera.width, kCamera.height, 4, 0);
+  Image8 image(kLensCamera.width, kLensCamera.height, 4, 0);
   for (int y = 30; y < 90; ++y) {
     for (int x = 40; x < 120; ++x) {
       for (int c = 0; c < 4; ++c) image.at(x, y, c) = 255;
     }
   }
-  const Image8 result = Undistorter(kCamera, {{-0.2, 0.03, 0, 0}}).undistort(image);
+  const Image8 result = Undistorter(kLensCamera, {{-0.2, 0.03, 0, 0}}).undistort(image);
   int rim = 0;
   for (std::size_t i = 0; i < result.pixels(); ++i) {
     const std::uint8_t* pixel = result.values.data() + 4 * i;
@@ -95,9 +95,9 @@ TEST(Undistort, TransparentPixelsDoNotBleed) {
 }
 
 TEST(Undistort, MasksTakeTheSameWay) {
-  const Undistorter undistorter(kCamera, {{-0.25, 0.06, 0.002, -0.003}});
+  const Undistorter undistorter(kLensCamera, {{-0.25, 0.06, 0.002, -0.003}});
   const Image8 picture = distortedImage();
-  Image8 red(kCamera.width, kCamera.height, 1);
+  Image8 red(kLensCamera.width, kLensCamera.height, 1);
   for (std::size_t i = 0; i < red.pixels(); ++i) red.values[i] = picture.values[3 * i];
   const Image8 a = undistorter.undistort(picture);
   const Image8 b = undistorter.undistort(red);
@@ -106,7 +106,7 @@ TEST(Undistort, MasksTakeTheSameWay) {
 
 TEST(Undistort, RefusesWhatMakesNoSense) {
   const auto expectRefused = [](const std::vector<double>& coefficients, const std::string& text) {
-    expectError<std::invalid_argument>([&] { Undistorter(kCamera, {coefficients}); }, text);
+    expectError<std::invalid_argument>([&] { Undistorter(kLensCamera, {coefficients}); }, text);
   };
   expectRefused({0.1, 0.1, 0}, "3 coefficients");
   expectRefused(std::vector<double>(14, 0.01), "14 coefficients");
@@ -119,8 +119,8 @@ TEST(Undistort, RefusesWhatMakesNoSense) {
       },
       "folds");
   expectError<std::invalid_argument>([] { Undistorter(Camera(), {}); }, "Camera::width");
-  expectError<std::invalid_argument>([] { Undistorter(kCamera, {}).undistort(Image8(10, 20, 3)); },
-                                     "10 x 20", "160 x 120");
+  expectError<std::invalid_argument>(
+      [] { Undistorter(kLensCamera, {}).undistort(Image8(10, 20, 3)); }, "10 x 20", "160 x 120");
 }
 
 }  // namespace

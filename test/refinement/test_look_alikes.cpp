@@ -19,7 +19,7 @@ namespace nerf_pose_refiner {
 namespace {
 
 constexpr std::int64_t kFrame_ns = 33000000;
-const Camera kCamera = {320, 240, 400, 400, 159.5, 119.5};
+const Camera kLookAlikeCamera = {320, 240, 400, 400, 159.5, 119.5};
 constexpr double kLabelSide = 0.2, kPlainSide = M_PI;  // azimuths of the camera
 
 LookAlikes turnsAboutZ() {
@@ -41,7 +41,7 @@ class LabelledBottle : public testing::Test {
   Pose seenFrom(double azimuth_rad) const { return cameraAround(*scene_, azimuth_rad, 0.3); }
 
   Observation imageAt(const Pose& T_O_C, float gain = 1) const {
-    return sceneBeforeClutter(*scene_, kCamera, T_O_C, gain);
+    return sceneBeforeClutter(*scene_, kLookAlikeCamera, T_O_C, gain);
   }
 
   /// Evidence of an image for a pose against the same one after a turn of the object.
@@ -102,7 +102,7 @@ TEST_F(LabelledBottle, WhatCoversTheLabelTakesTheEvidenceAway) {
   const Pose truth = seenFrom(0);
   Observation image = imageAt(truth);
   const double clear = evidence(image, truth, 20);
-  for (int y = 0; y < kCamera.height; ++y) {
+  for (int y = 0; y < kLookAlikeCamera.height; ++y) {
     for (int x = 120; x < 200; ++x) std::fill_n(image.image.pixel(x, y), 3, 0.05f);
   }
   EXPECT_LT(std::abs(evidence(image, truth, 20)), 0.3 * clear);

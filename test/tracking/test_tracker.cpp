@@ -20,7 +20,7 @@ namespace {
 
 constexpr std::int64_t kStart_ns = 1700000000000000000;
 
-std::int64_t at(double seconds) { return kStart_ns + std::llround(1e9 * seconds); }
+std::int64_t timeAt(double seconds) { return kStart_ns + std::llround(1e9 * seconds); }
 
 /// The camera moves along x of the frame "base", where all else stands.
 class MovingCamera : public Transforms {
@@ -75,7 +75,7 @@ class TrackerTest : public testing::Test {
   }
 
   TrackerImage image(double seconds) {
-    return {{"camera", at(seconds)}, [this](bool use_mask) {
+    return {{"camera", timeAt(seconds)}, [this](bool use_mask) {
               ++observed_;
               mask_used_ = use_mask;
               Observation observation;
@@ -116,7 +116,7 @@ TEST_F(TrackerTest, AnswersInMetres) {
   EXPECT_EQ(result.state, TrackState::kTracking);
   EXPECT_EQ(result.object, "mug");
   EXPECT_EQ(result.processed, 1u);
-  EXPECT_EQ(result.image.stamp_ns, at(0));
+  EXPECT_EQ(result.image.stamp_ns, timeAt(0));
   ASSERT_TRUE(result.prior);
   EXPECT_NEAR(result.prior->T_O_C.t.z(), -4, 1e-12);
   EXPECT_FALSE(result.from_last);
@@ -194,23 +194,23 @@ TEST_F(TrackerTest, WithoutAClockTheImagesTellTheTime) {
 }
 
 TEST_F(TrackerTest, SaysWhenItNeedsAnInitialPose) {
-  EXPECT_TRUE(tracker_->needsInitialPose(at(0)));
+  EXPECT_TRUE(tracker_->needsInitialPose(timeAt(0)));
   offer();
-  EXPECT_FALSE(tracker_->needsInitialPose(at(0)));
+  EXPECT_FALSE(tracker_->needsInitialPose(timeAt(0)));
   track(0);
-  EXPECT_FALSE(tracker_->needsInitialPose(at(0.1)));
+  EXPECT_FALSE(tracker_->needsInitialPose(timeAt(0.1)));
   search_->score = 0;
   track(0.1);
   track(0.2);
-  EXPECT_FALSE(tracker_->needsInitialPose(at(0.3))) << "lost, and looked for";
-  EXPECT_TRUE(tracker_->needsInitialPose(at(settings_.rules.recover_s + 0.1)));
+  EXPECT_FALSE(tracker_->needsInitialPose(timeAt(0.3))) << "lost, and looked for";
+  EXPECT_TRUE(tracker_->needsInitialPose(timeAt(settings_.rules.recover_s + 0.1)));
   EXPECT_FALSE(track(settings_.rules.recover_s + 0.1).refined);
 }
 
 TEST_F(TrackerTest, ATrackWithoutImagesForLongNeedsOneToo) {
   offer();
   track(0);
-  EXPECT_TRUE(tracker_->needsInitialPose(at(100)));
+  EXPECT_TRUE(tracker_->needsInitialPose(timeAt(100)));
 }
 
 TEST_F(TrackerTest, AnImagesTokenIsItsCallersAgainAfterwards) {

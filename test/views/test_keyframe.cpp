@@ -18,7 +18,7 @@
 namespace nerf_pose_refiner {
 namespace {
 
-const Camera kCamera = {320, 240, 400, 400, 159.5, 119.5};
+const Camera kKeyframeCamera = {320, 240, 400, 400, 159.5, 119.5};
 
 class KeyframeOfScene : public testing::Test {
  protected:
@@ -30,7 +30,7 @@ class KeyframeOfScene : public testing::Test {
   }
 
   KeyframePoints render(const KeyframeSettings& settings = dense(),
-                        const Camera& camera = kCamera) {
+                        const Camera& camera = kKeyframeCamera) {
     return renderKeyframe(*scene_, {camera, T_O_C_}, settings);
   }
 
@@ -70,7 +70,7 @@ TEST_F(KeyframeOfScene, NeedsAnObjectOfUsefulSizeInTheImage) {
                  std::invalid_argument);
   }
   const Pose behind = {T_O_C_.R, object.centre + 3 * T_O_C_.R.col(2)};
-  EXPECT_FALSE(fitsKeyframe({kCamera, behind}, object));
+  EXPECT_FALSE(fitsKeyframe({kKeyframeCamera, behind}, object));
 }
 
 TEST_F(KeyframeOfScene, PointsLieOnTheSurface) {
@@ -88,7 +88,7 @@ TEST_F(KeyframeOfScene, PointsProjectToTheirPixels) {
   const KeyframePoints keyframe = render(settings);
   int reduction = 0;
   const FieldMetadata& object = scene_->field().metadata;
-  const Camera camera = keyframeCamera(kCamera, T_O_C_, object, settings, &reduction);
+  const Camera camera = keyframeCamera(kKeyframeCamera, T_O_C_, object, settings, &reduction);
   const KeyframeLevel& level = keyframe.levels[0];
   // The level is a part of the camera's image, so all its pixels are off by the same whole numbers.
   std::set<std::pair<long, long>> offsets;
@@ -167,7 +167,8 @@ TEST_F(KeyframeOfScene, TakesLocalColoursOfAsManyPixelsAsItMay) {
 }
 
 TEST_F(KeyframeOfScene, ReducesALargeImage) {
-  const Camera large = kCamera.resized(4 * kCamera.width, 4 * kCamera.height);
+  const Camera large =
+      kKeyframeCamera.resized(4 * kKeyframeCamera.width, 4 * kKeyframeCamera.height);
   const KeyframePoints keyframe = render({}, large);
   EXPECT_EQ(keyframe.reduction, 2);
   EXPECT_LE(keyframe.levels[0].width, KeyframeSettings().max_side_px);
@@ -177,7 +178,7 @@ TEST_F(KeyframeOfScene, ReducesALargeImage) {
 TEST_F(KeyframeOfScene, SeveralAreAsOneByOne) {
   const Pose other = cameraAround(*scene_, 2.0, -0.3);
   const std::vector<KeyframePoints> both =
-      renderKeyframes(*scene_, {{kCamera, T_O_C_}, {kCamera, other}}, dense());
+      renderKeyframes(*scene_, {{kKeyframeCamera, T_O_C_}, {kKeyframeCamera, other}}, dense());
   ASSERT_EQ(both.size(), 2u);
   const KeyframePoints first = render();
   T_O_C_ = other;
@@ -189,8 +190,9 @@ TEST_F(KeyframeOfScene, SeveralAreAsOneByOne) {
     EXPECT_EQ(one->levels[0].outline.size(), same->levels[0].outline.size());
   }
   // One of them cannot be made: so none is.
-  EXPECT_THROW(renderKeyframes(*scene_, {{kCamera, other}, {kCamera, Pose()}}, dense()),
-               std::invalid_argument);
+  EXPECT_THROW(
+      renderKeyframes(*scene_, {{kKeyframeCamera, other}, {kKeyframeCamera, Pose()}}, dense()),
+      std::invalid_argument);
   EXPECT_TRUE(renderKeyframes(*scene_, {}, dense()).empty());
 }
 
