@@ -75,6 +75,7 @@ if(CLI11_FOUND)
   foreach(tool check_trust evaluate_bag)
     target_link_libraries(${PROJECT_NAME}_${tool} PRIVATE ${tools} ${ros_library})
     npr_reuse_precompiled(${PROJECT_NAME}_${tool} ${tools})
+    npr_join_sources(${PROJECT_NAME}_${tool})
   endforeach()
 endif()
 catkin_install_python(PROGRAMS
