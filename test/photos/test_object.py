@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 # Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 """Tests of what finds the object: table, box, masks, and the dataset that is written of them."""
+import dataclasses
 import json
 import os
 import tempfile
@@ -145,6 +146,54 @@ class Masks(unittest.TestCase):
         # From above the hull of silhouettes is higher than the box by little: cameras stand at 25 and 50 degrees.
         self.assertTrue(0.155 < high[2] < 0.2, high)
         self.assertLess(volume.cells[volume.occupied][:, 2].min(), volume.size)
+
+    def views(self, drawn):
+        """@param drawn {number of a photo: the user's mask}"""
+        return [masks.View(photo.image, photo.camera, (photo.R, photo.t), drawn.get(i)) for i, photo in enumerate(self.photos)]
+
+    def test_drawn_masks_take_away_in_all_photos(self):
+        volume = masks.Volume(np.array([-0.25, -0.2, 0]), np.array([0.25, 0.2, 0.3]))
+        true = [scenes.true_mask(pose) for pose in self.poses]
+        too_large = [cv2.dilate(mask, masks.disc(41)) for mask in true]
+        surplus = []
+        for drawn in ({}, {i: true[i] for i in (0, 1, 8)}):
+            volume.vote(self.views(drawn), too_large)
+            silhouettes = [volume.silhouette(view) for view in self.views({})]
+            surplus.append(np.mean([np.count_nonzero(seen[mask == 0]) / np.count_nonzero(mask)
+                                    for seen, mask in zip(silhouettes, true)]))
+        self.assertGreater(surplus[0], 0.5)
+        self.assertLess(surplus[1], 0.3 * surplus[0])
+
+    def test_a_drawn_mask_brings_back_what_some_photos_deny(self):
+        volume = masks.Volume(np.array([-0.25, -0.2, 0]), np.array([0.25, 0.2, 0.3]))
+        true = [scenes.true_mask(pose) for pose in self.poses]
+        seen_by_some = [mask if i % 3 else np.zeros_like(mask) for i, mask in enumerate(true)]  # by two thirds
+        volume.vote(self.views({}), seen_by_some)
+        self.assertFalse(volume.occupied.any())
+        views = self.views({1: true[1]})
+        volume.vote(views, seen_by_some)
+        self.assertGreater(masks.agreement(volume.silhouette(views[1]), true[1]), 0.9)
+
+    def test_the_drawn_mask_is_kept_as_it_is(self):
+        photos = [dataclasses.replace(photo) for photo in self.photos]
+        photos[2].drawn = scenes.true_mask(self.poses[2])
+        photos[2].drawn[100:102, 150:160] = 0
+        object_masks.mask_photos(photos, region_of(self.model))
+        np.testing.assert_array_equal(photos[2].mask, photos[2].drawn)
+
+    def test_drawn_masks_that_cannot_be_used(self):
+        photo = self.photos[0]
+        with tempfile.TemporaryDirectory() as folder:
+            with self.assertRaisesRegex(InputError, 'holds no masks'):
+                object_masks.drawn_masks(folder)
+            white = np.full((scenes.HEIGHT, scenes.WIDTH), 255, np.uint8)
+            for name, mask, message in (('other.png', white, 'named like no photo'), ('view_0.png', white[1:], '320 x 239'),
+                                        ('0.png', 0 * white, 'it is black')):  # by the name of the user's photo
+                path = os.path.join(folder, name)
+                cv2.imwrite(path, mask)
+                with self.assertRaisesRegex(InputError, message):
+                    object_masks.take_drawn_masks([dataclasses.replace(photo)], object_masks.drawn_masks(folder))
+                os.unlink(path)
 
 
 class TableInPhotos(unittest.TestCase):

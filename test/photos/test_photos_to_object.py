@@ -117,6 +117,19 @@ class OneObject(Command):
         again = self.run_program('--no-training')
         self.assertEqual((again.returncode, len(self.calls())), (0, 4), again.stderr)
         self.assertNotIn(' ..\n', again.stdout)  # no step was done
+        self.check_drawn_mask()
+
+    def check_drawn_mask(self):
+        """A mask that is corrected stays so, and only what depends on it is done again."""
+        folder, name = os.path.join(self.top, 'drawn'), self.read('dataset', 'transforms_train.json')['frames'][0]['mask_path']
+        drawn = cv2.imread(os.path.join(self.output, 'dataset', name), cv2.IMREAD_GRAYSCALE)
+        drawn[:, :drawn.shape[1] // 2] = 0
+        os.mkdir(folder)
+        cv2.imwrite(os.path.join(folder, os.path.basename(name)), drawn)
+        result = self.run_program('--no-training', '--masks', folder)
+        self.assertEqual((result.returncode, result.stdout.count(' ..\n')), (0, 1), result.stderr)
+        kept = cv2.imread(os.path.join(self.output, 'dataset', name), cv2.IMREAD_GRAYSCALE)
+        np.testing.assert_array_equal(kept, drawn)
 
     def check_dataset(self):
         train, test = self.read('dataset', 'transforms_train.json'), self.read('dataset', 'transforms_test.json')

@@ -22,6 +22,7 @@ class PosedPhoto:
     R: np.ndarray         # world to camera
     t: np.ndarray
     mask: np.ndarray = None
+    drawn: np.ndarray = None  # the mask that the user drew, if there is one
 
 
 def undistorted(path, camera):

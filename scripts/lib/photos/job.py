@@ -20,6 +20,7 @@ class Options:
     metres_per_unit: float = 0
     length: list = dataclasses.field(default_factory=list)
     box: list = dataclasses.field(default_factory=list)
+    masks: str = ''
     max_side: int = 1280
     max_minutes: float = 60
     threads: int = 0

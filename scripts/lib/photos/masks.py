@@ -18,6 +18,7 @@ ITERATIONS = 3           # of GrabCut
 ROUNDS = 2
 CELLS = 96               # of the volume, along the box's longest side
 MIN_VOTES = 0.85         # of the photos that show a cell: the cell belongs to the object
+MIN_VOTES_OF_DRAWN = 0.5  # the same, where a mask that the user drew shows it
 MIN_SEEN = 0.3           # of the photos must show a cell
 RING = 0.3               # around the box, of its size: what the background looks like there
 SEED_RADIUS = 0.006      # around a point of the object, of SIDE: surely the object
@@ -36,13 +37,19 @@ class Volume:
         self.occupied = np.ones(len(self.cells), bool)
 
     def vote(self, views, masks):
-        """Keeps the cells that most photos which show them take for the object."""
+        """Keeps the cells that most photos which show them take for the object. So what the user drew in some photos is
+        carried to the others: cells beside a drawn mask are gone, and those that it shows need fewer votes."""
         seen, votes = np.zeros(len(self.cells), int), np.zeros(len(self.cells), int)
+        beside, shown = np.zeros(len(self.cells), bool), np.zeros(len(self.cells), bool)
         for view, mask in zip(views, masks):
             inside, x, y = view.pixels_of(self.cells)
             seen += inside
             votes[inside] += mask[y, x] > 0
-        self.occupied = (seen >= MIN_SEEN * len(views)) & (votes >= MIN_VOTES * seen)
+            if view.drawn is not None:
+                beside[inside] |= cv2.dilate(view.drawn, disc(3))[y, x] == 0
+                shown[inside] |= view.drawn[y, x] > 0
+        least = np.where(shown, MIN_VOTES_OF_DRAWN, MIN_VOTES)
+        self.occupied = ~beside & (seen >= MIN_SEEN * len(views)) & (votes >= least * seen)
 
     def bounds(self):
         """(low, high) of the occupied cells, or None."""
@@ -63,9 +70,10 @@ class Volume:
 
 
 class View:
-    """A photo at the size at which masks are found. @param camera a pinhole; R, t world to camera."""
+    """A photo at the size at which masks are found. @param camera a pinhole; R, t world to camera; drawn the user's
+    mask of it, if there is one."""
 
-    def __init__(self, image, camera, pose):
+    def __init__(self, image, camera, pose, drawn=None):
         self.full_shape = image.shape[:2]
         scale = min(1, SIDE / max(self.full_shape))
         size = round(image.shape[1] * scale), round(image.shape[0] * scale)
@@ -76,6 +84,10 @@ class View:
             [[camera.parameters[0], 0, camera.parameters[2]], [0, camera.parameters[1], camera.parameters[3]], [0, 0, 1]])
         self.focal = self.K[0, 0]
         self.table = np.zeros(self.shape, np.uint8)  # 255 where the table is surely seen
+        self.drawn = None
+        if drawn is not None:
+            reduced = cv2.resize(drawn, size, interpolation=cv2.INTER_AREA)
+            self.drawn = np.where(reduced >= 128, 255, 0).astype(np.uint8)
 
     def pixels_of(self, points):
         """(which points are in the image [n] of bool, their columns, their rows)."""
@@ -179,24 +191,28 @@ def agreed(mask, silhouette):
     return solid(cv2.bitwise_or(within, cv2.erode(silhouette, disc(width)))), share
 
 
+def mask_of(view, trimap):
+    """The user's mask, or what GrabCut makes of a trimap."""
+    return solid(grab_cut(view, trimap)) if view.drawn is None else view.drawn
+
+
 def find_masks(photos, box, object_points, table_is_known):
     """Masks of all photos. @param photos undistorted; box (low, high) of the object in the world, which may be larger than
     the object; object_points of the world; table_is_known: it is the plane z = 0.
     @return (list of Mask, (low, high) of the volume that they have in common, or of the box if there is none)."""
-    views = [View(photo.image, photo.camera, (photo.R, photo.t)) for photo in photos]
+    views = [View(photo.image, photo.camera, (photo.R, photo.t), photo.drawn) for photo in photos]
     if table_is_known:
         table = Table(views, box, object_points)
         for view in views:
             view.table = table.pixels(view)
     volume = Volume(*box)
     with concurrent.futures.ThreadPoolExecutor() as threads:  # OpenCV works without Python's lock
-        masks = list(threads.map(lambda view: solid(grab_cut(view, first_trimap(view, volume, object_points))), views))
+        masks = list(threads.map(lambda view: mask_of(view, first_trimap(view, volume, object_points)), views))
         for _ in range(ROUNDS):
             volume.vote(views, masks)
             if not volume.occupied.any():
                 break
-            masks = list(threads.map(
-                lambda view: solid(grab_cut(view, band_trimap(volume.silhouette(view), BAND))), views))
+            masks = list(threads.map(lambda view: mask_of(view, band_trimap(volume.silhouette(view), BAND)), views))
         volume.vote(views, masks)
         results = list(threads.map(lambda pair: agreed(pair[1], volume.silhouette(pair[0])), zip(views, masks)))
     return [Mask(view.full(mask), share) for view, (mask, share) in zip(views, results)], volume.bounds() or tuple(box)

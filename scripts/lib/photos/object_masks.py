@@ -1,13 +1,40 @@
 # Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 """Masks of a job's photos in a box that is found with them: it grows while the object reaches its sides."""
+import os
+
+import cv2
 import numpy as np
 
-from photos.common import require
+from photos.common import InputError, require
 from photos.masks import CELLS, find_masks
 
 MAX_ROUNDS = 3
 GROWTH = 0.3     # of the longest side, where the object reaches a side
 MARGIN = 0.03    # of the object's longest side, around the final box
+
+
+def drawn_masks(folder):
+    """Paths of the masks that a user drew."""
+    require(os.path.isdir(folder), f"there is no folder '{folder}'")
+    paths = [os.path.join(folder, name) for name in sorted(os.listdir(folder)) if name.lower().endswith('.png')]
+    require(paths, f"'{folder}' holds no masks (.png)")
+    return paths
+
+
+def take_drawn_masks(photos, paths):
+    """Gives photos the masks that a user drew: named like those of the dataset, or like the user's photos."""
+    by_name = {name: photo for photo in photos for name in (photo.name, os.path.splitext(photo.source)[0])}
+    for path in paths:
+        photo = by_name.get(os.path.splitext(os.path.basename(path))[0])
+        require(photo, f"'{path}' is named like no photo with a pose: name it like the one in dataset/masks that it corrects")
+        mask = cv2.imread(path, cv2.IMREAD_GRAYSCALE)
+        if mask is None:
+            raise InputError(f"cannot read '{path}'")
+        height, width = photo.image.shape[:2]
+        require(mask.shape == (height, width), f"'{path}' has {mask.shape[1]} x {mask.shape[0]} pixels, the photo in "
+                f'dataset/images {width} x {height}: draw on that one')
+        photo.drawn = np.where(mask >= 128, 255, 0).astype(np.uint8)
+        require(photo.drawn.any(), f"'{path}' shows no object: it is black")
 
 
 def touched(box, bounds):
@@ -30,7 +57,7 @@ def mask_photos(photos, region):
         growth = GROWTH * (box[1] - box[0]).max()
         box = box[0] - growth * low, box[1] + growth * high
     for photo, mask in zip(photos, masks):
-        photo.mask = mask.image
+        photo.mask = mask.image if photo.drawn is None else photo.drawn
     require(any(photo.mask.any() for photo in photos), 'the object was not told from its background: give --box, or put it '
             'before a background of another colour')
     agreements = [mask.agreement for mask in masks]

@@ -10,11 +10,12 @@ from photos.common import locked, require, whole_folder
 from photos.dataset import posed_photos, write_dataset
 from photos.job import Job
 from photos.missing import angles
-from photos.object_masks import mask_photos
+from photos.object_masks import drawn_masks, mask_photos, take_drawn_masks
 from photos.object_region import find_region
 from photos.point_cloud import with_points
 from photos.quality import measure
 from photos.report import write_report
+from photos.steps import file_states
 from photos.targets import parse_target
 from photos.tools import find_tool, run_tool
 from photos.turntable import render_strip
@@ -36,8 +37,10 @@ def run_steps(job):
     reconstruction, facts = poses.find_poses(job)
     if options.board:
         poses.board_corners(job)
-    facts = job.steps.run('object', [options.board, options.length, options.box, options.metres_per_unit, facts],
-                          [job.path('dataset')], lambda: find_object(job, reconstruction, facts))
+    drawn = drawn_masks(options.masks) if options.masks else []
+    chosen = [options.board, options.length, options.box, options.metres_per_unit, *([file_states(drawn)] if drawn else [])]
+    facts = job.steps.run('object', [*chosen, facts], [job.path('dataset')],
+                          lambda: find_object(job, reconstruction, facts, drawn))
     if options.learn:
         model = learn(job)
         quality = job.steps.run('quality', [], [job.path('renderings')],
@@ -55,14 +58,16 @@ def without_distortion(photos, reconstruction):
                                camera_of=np.arange(len(photos)))
 
 
-def find_object(job, reconstruction, facts):
-    """Frame, scale, box and masks; writes the dataset. @return what is known of them."""
+def find_object(job, reconstruction, facts, drawn):
+    """Frame, scale, box and masks; writes the dataset. @param drawn paths of the user's masks.
+    @return what is known of them."""
     target = {}, None
     if job.options.board:
         target = poses.board_corners(job), parse_target(job.options.board)
     photos = posed_photos(reconstruction, job.path('photos'), job.sources())
     if job.options.poses == 'board':
         reconstruction = with_points(without_distortion(photos, reconstruction), [photo.image for photo in photos])
+    take_drawn_masks(photos, drawn)
     region = find_region(job, reconstruction, target)
     moved = region.reconstruction
     for photo, R, t in zip(photos, moved.R, moved.t):
