@@ -1,5 +1,6 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include <cstdio>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -16,6 +17,7 @@
 #include "refinement/field_refiner.h"
 #include "tools/refine_case.h"
 #include "tools/tool.h"
+#include "tracking/object_search.h"
 #include "tracking/settings.h"
 #include "trust/check_trust.h"
 
@@ -92,9 +94,10 @@ void declare(CLI::App* app, RefineOptions* options) {
       "\nIt is a failure if no pose is found, or its score is below --min-score: the pose is "
       "printed,\nbut is not to be trusted.");
   declareInput(app, options);
-  app->add_option("--preset", options->preset,
-                  "How to search: align (coarse to fine), track (from a near pose), paper, "
-                  "paper_single (Lin et al.), inerf (Yen-Chen et al.)")
+  app->add_option(
+         "--preset", options->preset,
+         "How to search: keyframes (as the node does), align (coarse to fine), track (from a "
+         "near pose), paper, paper_single (Lin et al.), inerf (Yen-Chen et al.)")
       ->check(CLI::IsMember(RefinerSettings::presetNames()))
       ->capture_default_str();
   app->add_option("--search-rotation", options->search_rotation_deg,
@@ -235,6 +238,19 @@ void printResult(const nlohmann::json& result) {
   }
 }
 
+/// As the node finds an object that it does not track yet.
+Refinement refineBy(const RefinerSettings& settings, const std::shared_ptr<Backend>& backend,
+                    const std::shared_ptr<const Field>& field, const SearchRequest& request,
+                    const CancellationToken& cancellation) {
+  if (settings.method == Method::kKeyframes) {
+    RefinerSearch search([backend] { return SearchProcessor{backend}; }, settings, settings);
+    search.use(field);
+    return search.search(request, cancellation);
+  }
+  return FieldRefiner(backend, settings)
+      .refine(*backend->load(field), request.observation, request.prior, cancellation);
+}
+
 void refine(const RefineOptions& options, const CancellationToken& cancellation) {
   if (options.image.empty() == options.transforms.empty()) {
     throw std::invalid_argument("give an image, or --transforms");
@@ -245,13 +261,13 @@ void refine(const RefineOptions& options, const CancellationToken& cancellation)
                                                  : caseOfImage(options, object);
   RefinerSettings settings = RefinerSettings::named(options.preset);
   settings.seed = options.seed;
+  settings.keyframes.real_time = false;  // there is no next image to be in time for
   const Observation observation = observationOf(input, options.background);
   const std::shared_ptr<Backend> backend = options.backend.make();
-  const std::shared_ptr<const LoadedField> loaded = backend->load(field);
   const Prior prior = {input.start_T_O_C, options.search_rotation_deg / kDegreesPerRad,
                        options.search_translation};
   const Refinement result =
-      FieldRefiner(backend, settings).refine(*loaded, observation, prior, cancellation);
+      refineBy(settings, backend, field, {observation, prior, false, 0}, cancellation);
   const nlohmann::json document = resultJson(input, result, object, options.min_score);
   if (options.json) {
     printJson(document);

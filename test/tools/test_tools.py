@@ -266,6 +266,17 @@ class WholePath(unittest.TestCase):
         self.assertLess(report['error']['diameters'], 0.05)
         self.assertGreater(report['error_at_start']['rotation_deg'], 3)
 
+    def test_refine_by_keyframes_as_the_node_does(self):
+        """From farther away than the field is followed from a near pose."""
+        view = ('--transforms', TEST_VIEWS, '--view', 'view_003', '--start-rotation', '15', '--json')
+        reports = {preset: json.loads(run(REFINE, self.model, *view, '--preset', preset).stdout)
+                   for preset in ('keyframes', 'track')}
+        found = reports['keyframes']
+        self.assertTrue(found['trusted'], found)
+        self.assertLess(found['error']['rotation_deg'], 1)
+        self.assertLess(found['error']['diameters'], 0.02)
+        self.assertNotEqual(found['pose'], reports['track']['pose'])
+
     def test_poses_are_of_the_frame_in_the_metadata(self):
         view = ('--transforms', TEST_VIEWS, '--view', 'view_003', '--start-rotation', '0', '--start-translation',
                 '0', '--preset', 'track', '--json')
