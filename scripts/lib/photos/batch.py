@@ -5,7 +5,7 @@ import html
 import os
 import re
 
-from photos.common import InputError, read_json, require, say, write_json, write_text
+from photos.common import InputError, locked, read_json, require, say, write_json, write_text
 from photos.pipeline import make_object
 from photos.report import PAGE, table
 from photos.summary import held_out_psnr_db, size_text, summary_of
@@ -55,16 +55,18 @@ def make_objects(options, part):
     made = [make_one(dataclasses.replace(options, source=sources[name], name=name,
                                          output=os.path.join(options.output, name)))
             for name in part_of(list(sources), part)]
-    write_overview(options.output, list(sources))
+    with locked(options.output):  # or a task that read the states earlier writes them over those of one that read later
+        write_overview(options.output, list(sources))
     return 0 if all(made) else 1
 
 
 def row_of(folder, name):
     """What is known of one object: {name, state, ..}."""
-    failure = os.path.join(folder, name, 'error.txt')
-    if os.path.exists(failure):
-        with open(failure, encoding='utf-8') as file:
+    try:
+        with open(os.path.join(folder, name, 'error.txt'), encoding='utf-8') as file:
             return {'name': name, 'state': 'failed', 'why': file.read().strip()}
+    except FileNotFoundError:  # it did not fail; another process may have removed the file just now
+        pass
     if not os.path.exists(os.path.join(folder, name, 'report.json')):
         return {'name': name, 'state': 'not yet'}
     facts = read_json(os.path.join(folder, name, 'report.json'))
