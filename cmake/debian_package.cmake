@@ -15,8 +15,9 @@ set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
 set(CPACK_DEBIAN_PACKAGE_DEPENDS
   "catkin, libactionlib-msgs-dev, libeigen3-dev, libgeometry-msgs-dev, libnodeletlib-tools, libroscpp-dev, \
 libsensor-msgs-dev, libstd-msgs-dev, pluginlib-dev, python3-diagnostic-msgs, python3-dynamic-reconfigure, \
-python3-geometry-msgs, python3-matplotlib, python3-numpy, python3-opencv, python3-rosbag, python3-roslaunch, \
-python3-sensor-msgs, python3-std-srvs, python3-visualization-msgs, ros-message-runtime")
+python3-geometry-msgs, python3-interactive-markers, python3-matplotlib, python3-numpy, python3-opencv, \
+python3-rosbag, python3-rosgraph, python3-roslaunch, python3-rospy, python3-sensor-msgs, python3-std-msgs, \
+python3-std-srvs, python3-tf2-ros, python3-visualization-msgs, ros-message-runtime")
 set(CPACK_DEBIAN_PACKAGE_RECOMMENDS "python3-rosservice, python3-rostopic, rosbash")
 set(CPACK_DEBIAN_PACKAGE_SUGGESTS "rviz")
 include(CPack)

@@ -79,8 +79,8 @@ if(CLI11_FOUND)
   endforeach()
 endif()
 catkin_install_python(PROGRAMS
-  scripts/evaluate_bop scripts/llff_to_transforms scripts/make_board scripts/photos_to_object
-  scripts/plot_evaluation
+  scripts/choose_box scripts/evaluate_bop scripts/llff_to_transforms scripts/make_board
+  scripts/photos_to_object scripts/plot_evaluation
   DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
 install(DIRECTORY scripts/lib/photos DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION}/lib
   FILES_MATCHING PATTERN "*.py" PATTERN __pycache__ EXCLUDE)

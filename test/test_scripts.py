@@ -16,7 +16,7 @@ SCRIPTS = os.path.join(TOP, 'scripts')
 SOURCES = ('.cpp', '.h', '.inl', '.cu', '.cuh', '.cmake', '.py', '.msg', '.srv', '.launch', '.test', '.yaml', '.xml')
 OWN_MODULES = ('bars', 'faults', 'kiosk_model', 'motion', 'nerf_pose_refiner', 'photo_trials', 'photos',
                'pose_evaluation', 'recorded_trial', 'rig', 'run_faults', 'run_record', 'scenes', 'source_files',
-               'svg_plot', 'trial_plots', 'trial_statistics', 'trial_tables', 'trials')
+               'svg_plot', 'test_photos_to_object', 'trial_plots', 'trial_statistics', 'trial_tables', 'trials')
 
 
 def run(*command, **environment):
