@@ -4,6 +4,7 @@ import dataclasses
 import html
 import os
 import re
+import urllib.parse
 
 from photos.common import InputError, locked, read_json, require, say, write_json, write_text
 from photos.pipeline import make_object
@@ -83,7 +84,7 @@ def write_overview(folder, names):
         cells.append((row['name'], row['state'], f"{row['posed']} of {row['photos']}" if 'posed' in row else '',
                       row.get('size', ''), '' if psnr is None else f'{psnr:.1f}', row.get('why', '')))
     body = table(('object', '', 'photos with a pose', 'size', 'PSNR [dB]', 'advice'), cells)
-    links = ''.join(f'<li><a href="{html.escape(row["name"])}/report.html">{html.escape(row["name"])}</a></li>'
+    links = ''.join(f'<li><a href="{urllib.parse.quote(row["name"])}/report.html">{html.escape(row["name"])}</a></li>'
                     for row in rows if row['state'] == 'done')
     write_json(os.path.join(folder, 'index.json'), rows)
     write_text(os.path.join(folder, 'index.html'), PAGE.format(title=f'{len(names)} objects', body=f'{body}<ul>{links}</ul>',

@@ -140,5 +140,6 @@ def write_report(job, facts):
         '<h2>Photos, masks and renderings</h2><p>Green: the mask. Right: the model, rendered where the photo was taken. '
         'Framed in blue: held out, the model has not seen it.</p>' + contact_sheet(job, facts),
         '<h2>Each photo</h2>' + photo_table(facts)))
-    write_json(job.path('report.json'), {**facts, 'advice': sentences})
+    # The page first: an overview links it as soon as there is a report.json.
     write_text(job.path('report.html'), PAGE.format(title=html.escape(facts['name']), body=body, style=STYLE))
+    write_json(job.path('report.json'), {**facts, 'advice': sentences})
