@@ -187,13 +187,20 @@ class Masks(unittest.TestCase):
             with self.assertRaisesRegex(InputError, 'holds no masks'):
                 object_masks.drawn_masks(folder)
             white = np.full((scenes.HEIGHT, scenes.WIDTH), 255, np.uint8)
-            for name, mask, message in (('other.png', white, 'named like no photo'), ('view_0.png', white[1:], '320 x 239'),
-                                        ('0.png', 0 * white, 'it is black')):  # by the name of the user's photo
-                path = os.path.join(folder, name)
-                cv2.imwrite(path, mask)
+            whole, short, black = (cv2.imencode('.png', mask)[1].tobytes() for mask in (white, white[1:], 0 * white))
+            for names, content, message in ((['other.png'], whole, 'named like no photo'), (['view_0.png'], short, '320 x 239'),
+                                            (['view_0.png'], b'text', 'is no JPEG or PNG'),
+                                            (['view_0.png'], whole[:60], 'damaged'),
+                                            (['0.png', 'view_0.png'], whole, "second mask of '0.jpg'"),
+                                            (['0.png'], black, 'it is black')):  # by the name of the user's photo
+                paths = [os.path.join(folder, name) for name in names]
+                for path in paths:
+                    with open(path, 'wb') as file:
+                        file.write(content)
                 with self.assertRaisesRegex(InputError, message):
                     object_masks.take_drawn_masks([dataclasses.replace(photo)], object_masks.drawn_masks(folder))
-                os.unlink(path)
+                for path in paths:
+                    os.unlink(path)
 
 
 class TableInPhotos(unittest.TestCase):

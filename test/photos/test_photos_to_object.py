@@ -284,23 +284,27 @@ class ManyObjects(Command):
     def test_parts_failures_and_the_overview(self):
         self.look_from(scenes.rounds(5))
         objects = os.path.join(self.top, 'objects')
-        for name in ('a', 'b', 'c'):
+        for name in ('a', 'b', 'c #1'):
             self.take_photos(os.path.join(objects, name))
         os.makedirs(os.path.join(objects, 'empty'))
         first = self.run_program('--many', '--no-training', '--part', '0/2', source=objects)
-        self.assertEqual(first.returncode, 0, first.stderr)
+        self.assertEqual(first.returncode, 0, first.stdout + first.stderr)
         self.assertEqual([row['state'] for row in self.read('index.json')], ['done', 'not yet', 'done', 'not yet'])
         second = self.run_program('--many', '--no-training', '--part', '1/2', source=objects)
         self.assertEqual(second.returncode, 1)
         rows = {row['name']: row for row in self.read('index.json')}
         self.assertEqual(rows['empty']['state'], 'failed')
         self.assertIn('holds no photos', rows['empty']['why'])
-        self.assertEqual([rows[name]['state'] for name in 'ac'], ['done', 'done'])
+        self.assertEqual([rows[name]['state'] for name in ('a', 'c #1')], ['done', 'done'])
+        with open(os.path.join(self.output, 'index.html'), encoding='utf-8') as file:
+            self.assertIn('href="c%20%231/report.html"', file.read())
         before = len(self.calls())
         self.run_program('--many', '--no-training', '--part', '0/2', source=objects)
         self.assertEqual(len(self.calls()), before)
         wrong = self.run_program('--many', '--part', '2/2', source=objects)
         self.assertIn('--part 2/2: write i/n', wrong.stderr)
+        masks = self.run_program('--many', '--masks', objects, source=objects)
+        self.assertIn('--masks are those of one object', masks.stderr)
 
 
 if __name__ == '__main__':

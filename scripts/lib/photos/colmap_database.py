@@ -2,6 +2,7 @@
 """What COLMAP's database knows of each photo: features and verified matches."""
 import contextlib
 import sqlite3
+import urllib.parse
 
 import numpy as np
 
@@ -10,7 +11,7 @@ MIN_MATCHES = 30         # of a pair that says anything
 
 
 def query(database, command):
-    with contextlib.closing(sqlite3.connect(f'file:{database}?mode=ro', uri=True)) as connection:
+    with contextlib.closing(sqlite3.connect(f'file:{urllib.parse.quote(database)}?mode=ro', uri=True)) as connection:
         return connection.execute(command).fetchall()
 
 

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 
 from photos.common import InputError, require
+from photos.image_header import read_header
 from photos.masks import CELLS, find_masks
 
 MAX_ROUNDS = 3
@@ -27,12 +28,13 @@ def take_drawn_masks(photos, paths):
     for path in paths:
         photo = by_name.get(os.path.splitext(os.path.basename(path))[0])
         require(photo, f"'{path}' is named like no photo with a pose: name it like the one in dataset/masks that it corrects")
+        require(photo.drawn is None, f"'{path}' is the second mask of '{photo.source}': keep one of them")
+        header, (height, width) = read_header(path), photo.image.shape[:2]  # before a large picture is decoded
+        require((header.width, header.height) == (width, height), f"'{path}' has {header.width} x {header.height} pixels, "
+                f'the photo in dataset/images {width} x {height}: draw on that one')
         mask = cv2.imread(path, cv2.IMREAD_GRAYSCALE)
         if mask is None:
-            raise InputError(f"cannot read '{path}'")
-        height, width = photo.image.shape[:2]
-        require(mask.shape == (height, width), f"'{path}' has {mask.shape[1]} x {mask.shape[0]} pixels, the photo in "
-                f'dataset/images {width} x {height}: draw on that one')
+            raise InputError(f"'{path}' is damaged: it cannot be decoded")
         photo.drawn = np.where(mask >= 128, 255, 0).astype(np.uint8)
         require(photo.drawn.any(), f"'{path}' shows no object: it is black")
 
