@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from photos.board import rectangles, text_of
-from photos.common import InputError, readable_mode, require, write_text
+from photos.common import InputError, mode_of, require, write_text
 
 PAGES = {'A4': (210, 297), 'A3': (297, 420), 'A2': (420, 594), 'letter': (215.9, 279.4)}  # [mm]
 PRINTER_MARGIN_MM = 4
@@ -103,7 +103,7 @@ def write_png(board, pixels_per_mm, path):
     try:
         with os.fdopen(handle, 'wb') as file:
             file.write(data.tobytes())
-        os.chmod(temporary, readable_mode())
+        os.chmod(temporary, mode_of(path))
         os.replace(temporary, path)
     except BaseException:
         os.unlink(temporary)

@@ -5,15 +5,12 @@ All is in one frame, that in which the numbers of the box are used: here that of
 has the same for what photos_to_object made.
 """
 import dataclasses
-import json
 import os
-import stat
-import tempfile
 
 import cv2
 import numpy as np
 
-from photos.common import InputError, count, read_json, require, say
+from photos.common import InputError, count, read_json, require, say, write_json
 from photos.geometry import focus
 from photos.intake import thinned
 from photos.point_cloud import with_points
@@ -211,29 +208,6 @@ def choice_of_dataset(folder):
                      np.array([0, 0, 1.0]))
 
 
-def write_durably(path, content):
-    """Replaces a JSON file as a whole: after a loss of power either the old or the new one is there."""
-    path = os.path.realpath(path)  # a link stays one
-    folder = os.path.dirname(path)
-    handle, temporary = tempfile.mkstemp(prefix='.', dir=folder)
-    try:
-        with os.fdopen(handle, 'w', encoding='utf-8') as file:
-            json.dump(content, file, indent=1, ensure_ascii=False)
-            file.write('\n')
-            file.flush()
-            os.fsync(file.fileno())
-        os.chmod(temporary, stat.S_IMODE(os.stat(path).st_mode))
-        os.replace(temporary, path)
-    except BaseException:
-        os.unlink(temporary)
-        raise
-    opened = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(opened)
-    finally:
-        os.close(opened)
-
-
 def write_box(folder, box):
     """Puts the box into all files of a dataset as they are now. @return their paths."""
     contents = transforms_in(folder)
@@ -242,5 +216,5 @@ def write_box(folder, box):
     for name, content in contents.items():
         content['object_aabb'] = [list(map(float, corner)) for corner in box]
         paths.append(os.path.join(folder, name))
-        write_durably(paths[-1], content)
+        write_json(paths[-1], content)
     return paths

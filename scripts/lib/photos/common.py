@@ -5,6 +5,7 @@ import fcntl
 import json
 import os
 import shutil
+import stat
 import tempfile
 
 
@@ -26,23 +27,35 @@ def count(number, noun):
     return f'{number} {noun}' if number == 1 else f'{number} {noun}s'
 
 
-def readable_mode():
-    """Permissions of a file that a user makes; a temporary file's are for the user alone."""
+def mode_of(path):
+    """Permissions of the file that is there, or of one that a user makes: a temporary file's are for the user alone."""
+    if os.path.exists(path):
+        return stat.S_IMODE(os.stat(path).st_mode)
     mask = os.umask(0o022)
     os.umask(mask)
     return 0o666 & ~mask
 
 
 def write_text(path, text):
-    handle, temporary = tempfile.mkstemp(prefix='.', dir=os.path.dirname(os.path.abspath(path)))
+    """Replaces a file as a whole: after a loss of power, too, either the old or the new one is there."""
+    path = os.path.realpath(path)  # a link stays one
+    folder = os.path.dirname(path)
+    handle, temporary = tempfile.mkstemp(prefix='.', dir=folder)
     try:
         with os.fdopen(handle, 'w', encoding='utf-8') as file:
             file.write(text)
-        os.chmod(temporary, readable_mode())
+            file.flush()
+            os.fsync(file.fileno())
+        os.chmod(temporary, mode_of(path))
         os.replace(temporary, path)
     except BaseException:
         os.unlink(temporary)
         raise
+    opened = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(opened)
+    finally:
+        os.close(opened)
 
 
 def write_json(path, content):
