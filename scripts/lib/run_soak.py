@@ -20,14 +20,13 @@ from sensor_msgs.msg import Image
 from faults.graph import NODE, descriptors, of_process, wait_until
 from faults.player import SIXTY_HZ
 from run_faults import make_world, train
+from soak_verdict import verdict
 from svg_plot import svg
 
 CYCLE_S = 60
 TRAINING_S = 12  # of an object, beside tracking; its views are judged after that
 REGISTRATION_S = 300  # at most, on a busy machine
-WARM_UP = 0.25  # of the cycles, at least one
-MEMORY_MIB = 4  # that the last third of the cycles may have more than the first one, after the warm-up
-UNPAIRED = 6  # images without camera_info, at most, each time that the node subscribes
+ALLOCATED = 'allocated memory of the process [MiB]'
 IMAGES = ('arrived images', 'images lost before', 'images with camera_info', 'refused images', 'skipped images',
           'refined images', 'dropped images')
 
@@ -111,9 +110,9 @@ def control_ms():
     return 1e3 * (time.perf_counter() - begin)
 
 
-def measure(world, begin):
-    """One line of the log. Quantiles are of the images refined since the last one."""
-    pid = world.pid()
+def measure(world, begin, before):
+    """One line of the log, from the time and the line before it. Quantiles are of the images refined since then."""
+    pid, allocated = world.pid(), allocated_mib(world)
     with world.watcher.changed:
         refined = [s for s, _ in world.watcher.statuses if s.latency_s > 0]
         wrong = sum(not p.right for p in world.watcher.poses)
@@ -121,11 +120,20 @@ def measure(world, begin):
     world.watcher.forget()
     latency = [1e3 * s.latency_s for s in refined] or [0]
     return {'minutes': (time.monotonic() - begin) / 60, 'memory [MiB]': of_process(pid, 'VmRSS') / 1024,
+            'allocated [MiB]': before.get('allocated [MiB]', 0) if allocated is None else allocated,
             'descriptors': descriptors(pid), 'threads': of_process(pid, 'Threads'), 'refined': len(refined),
             'poses': poses, 'wrong': wrong, 'latency p50 [ms]': float(np.percentile(latency, 50)),
             'latency p95 [ms]': float(np.percentile(latency, 95)),
             'refinement p50 [ms]': 1e3 * float(np.median([s.refinement_s for s in refined] or [0])),
             'control [ms]': control_ms()}
+
+
+def allocated_mib(world):
+    """What the node says that it has allocated, from /diagnostics; None if it has not since the last line."""
+    with world.watcher.changed:
+        status, _ = world.watcher.diagnostics.get('engine', (None, 0))
+    values = {v.key: v.value for v in status.values} if status else {}
+    return float(values[ALLOCATED]) if ALLOCATED in values else None
 
 
 def image_counts(world):
@@ -154,51 +162,13 @@ def count_images(world, first_sequence):
     return counts
 
 
-def unaccounted(counts, cycles):
-    """@param cycles their number: in each the node subscribes anew. @return counts that do not agree, as text."""
-    problems = []
-    if counts['arrived images'] + counts['images lost before'] != counts['published']:
-        problems.append('%(published)d images were published, %(arrived images)d arrived, %(images lost before)d were '
-                        'lost before' % counts)
-    # When the node subscribes, images may come some moments before camera_info does.
-    if counts['images with camera_info'] < counts['arrived images'] - UNPAIRED * (cycles + 1):
-        problems.append('%(arrived images)d images arrived, %(images with camera_info)d with camera_info' % counts)
-    ends = sum(counts[name] for name in ('refused images', 'skipped images', 'refined images', 'dropped images'))
-    if ends != counts['images with camera_info']:
-        problems.append('%d images were refined, dropped, refused or skipped, of %d'
-                        % (ends, counts['images with camera_info']))
-    return problems
-
-
-def verdict(cycles, counts):
-    """@param cycles measurements at equal points. @return what does not hold, as text."""
-    problems = unaccounted(counts, len(cycles))
-    if sum(c['wrong'] for c in cycles):
-        problems.append('%d wrong poses' % sum(c['wrong'] for c in cycles))
-    if not cycles[-1]['registered']:
-        problems.append('no object could be registered beside tracking')
-    warm = cycles[max(1, int(WARM_UP * len(cycles))):]
-    third = len(warm) // 3
-    if not third:
-        return problems + ['too short for what grows: at least five cycles are needed']
-
-    def growth(name):
-        return np.median([c[name] for c in warm[-third:]]) - np.median([c[name] for c in warm[:third]])
-    if growth('memory [MiB]') > MEMORY_MIB:
-        problems.append('the memory has grown by %.1f MiB' % growth('memory [MiB]'))
-    for name in ('descriptors', 'threads'):  # the least: some come and go
-        before, after = (min(c[name] for c in part) for part in (warm[:third], warm[-third:]))
-        if after > before:
-            problems.append('%s have grown from %d to %d' % (name, before, after))
-    return problems
-
-
 def run(world, minutes):
     """@return measurements each second, and those at the end of each cycle."""
     cycle, begin = Cycle(world), time.monotonic()
     lines, cycles = [], []
-    print('%7s %12s %11s %7s %8s %6s %6s %12s %12s' % ('minutes', 'memory [MiB]', 'descriptors', 'threads', 'refined',
-                                                       'poses', 'wrong', 'latency p50', 'control [ms]'))
+    shown = ('minutes', 'memory [MiB]', 'allocated [MiB]', 'descriptors', 'threads', 'refined', 'poses', 'wrong',
+             'latency p50 [ms]', 'control [ms]')
+    print(' '.join(shown))
     # A cycle takes longer than its seconds where the machine is busy.
     while not cycles or time.monotonic() < begin + 60 * minutes:
         start = time.monotonic()
@@ -208,13 +178,11 @@ def run(world, minutes):
             cycle.at(second)
             # What took longer is not made up for: the steps keep their distance.
             start = max(start, time.monotonic() - second - 1)
-            lines.append(measure(world, begin))
+            lines.append(measure(world, begin, lines[-1] if lines else {}))
             for key in done:
                 done[key] += lines[-1][key]
         cycles.append({**lines[-1], **done, 'cycle': len(cycles), 'registered': cycle.registered})
-        print('%7.1f %12.1f %11d %7d %8d %6d %6d %12.1f %12.1f' % tuple(
-            cycles[-1][key] for key in ('minutes', 'memory [MiB]', 'descriptors', 'threads', 'refined', 'poses',
-                                        'wrong', 'latency p50 [ms]', 'control [ms]')), flush=True)
+        print(' '.join('%*.*f' % (len(key), isinstance(cycles[-1][key], float), cycles[-1][key]) for key in shown), flush=True)
     return lines, cycles
 
 
@@ -223,7 +191,8 @@ def plot(lines):
     def curve(*names):
         return {name: [line[name] for line in lines] for name in names}
     return svg([line['minutes'] for line in lines], {
-        'memory [MiB]': curve('memory [MiB]'), 'descriptors and threads': curve('descriptors', 'threads'),
+        'memory [MiB]': curve('memory [MiB]', 'allocated [MiB]'),
+        'descriptors and threads': curve('descriptors', 'threads'),
         'images refined in a second': curve('refined', 'poses'),
         'latency [ms]': curve('latency p50 [ms]', 'latency p95 [ms]', 'refinement p50 [ms]'),
         'time of a fixed computation [ms]': curve('control [ms]')})

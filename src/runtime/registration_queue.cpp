@@ -10,7 +10,7 @@
 
 #include "concurrency/seconds_since.h"
 #include "image/colour.h"
-#include "runtime/freed_memory.h"
+#include "runtime/heap_memory.h"
 
 namespace nerf_pose_refiner {
 namespace {

@@ -5,7 +5,7 @@
 #include <future>
 #include <utility>
 
-#include "runtime/freed_memory.h"
+#include "runtime/heap_memory.h"
 
 namespace nerf_pose_refiner {
 

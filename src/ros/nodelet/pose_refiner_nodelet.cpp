@@ -13,6 +13,7 @@
 #include "ros/conversions/pose_conversions.h"
 #include "ros/conversions/topics.h"
 #include "runtime/detection_files.h"
+#include "runtime/heap_memory.h"
 #include "views/object_inside.h"
 
 namespace nerf_pose_refiner {
@@ -234,6 +235,9 @@ ObjectStore PoseRefinerNodelet::store() const {
 /// Does not query a GPU that is not in use, which would wake it up.
 Diagnostics::Facts PoseRefinerNodelet::memoryFacts() const {
   Diagnostics::Facts facts;
+  if (const auto bytes = allocatedMemory()) {
+    facts.emplace_back("allocated memory of the process [MiB]", std::to_string(*bytes >> 20));
+  }
   const auto gpu = on_gpu_ ? gpuMemory(parameters_.device) : std::nullopt;
   if (gpu) {
     facts.emplace_back("GPU memory [MiB]", std::to_string(gpu->used_bytes >> 20) + " of " +
