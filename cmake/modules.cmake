@@ -1,12 +1,13 @@
 # Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 # The modules that the library is made of: folders of src/, an object library each.
 
-# npr_add_module(module USES modules... LIBRARIES libraries... SOURCES sources...)
+# npr_add_module(module [THREADED] USES modules... LIBRARIES libraries... SOURCES sources...)
 # Called in the module's folder. It may include headers of the modules that it uses, which were added
 # before it, and of its libraries: test/test_modules.py reads USES, and checks every include.
 # LIBRARIES: those whose headers are included, beside Eigen's and OpenMP's.
+# THREADED: it starts threads or is called from several, so that ThreadSanitizer must watch it.
 function(npr_add_module module)
-  cmake_parse_arguments(arg "" "" "USES;LIBRARIES;SOURCES" ${ARGN})
+  cmake_parse_arguments(arg "THREADED" "" "USES;LIBRARIES;SOURCES" ${ARGN})
   get_property(above GLOBAL PROPERTY npr_modules)
   foreach(used ${arg_USES})
     if(NOT used IN_LIST above)
@@ -23,7 +24,9 @@ function(npr_add_module module)
   if(NERF_POSE_REFINER_FAST_BUILD)
     target_compile_options(${target} PRIVATE $<$<CONFIG:Release>:-O3>)
   endif()
-  target_compile_options(${target} PRIVATE ${NERF_POSE_REFINER_LIBRARY_FLAGS})
+  if(NOT arg_THREADED)
+    target_compile_options(${target} PRIVATE ${NERF_POSE_REFINER_NUMERICS_FLAGS})
+  endif()
   set_target_properties(${target} PROPERTIES POSITION_INDEPENDENT_CODE ON)
   target_include_directories(${target} PRIVATE ${PROJECT_SOURCE_DIR}/include ${PROJECT_SOURCE_DIR}/src)
   target_link_libraries(${target} PRIVATE Eigen3::Eigen OpenMP::OpenMP_CXX ${arg_LIBRARIES})
