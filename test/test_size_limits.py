@@ -14,7 +14,7 @@ import unittest
 
 from source_files import source_files
 
-FOLDERS = ('src', 'cuda', 'include', 'bench', 'test', 'fuzz', 'examples')
+FOLDERS = ('src', 'cuda', 'include', 'bench', 'test', 'fuzz', 'examples', 'scripts')
 SUFFIXES = ('.h', '.cpp', '.inl', '.cuh', '.cu', '.py')
 MAX_FILE_LINES = 400
 MAX_FUNCTION_LINES = 60
@@ -141,7 +141,8 @@ def violations_of_file(path, text):
     lines = text.count('\n')
     if lines > MAX_FILE_LINES:
         yield f'{path}: {lines} lines, at most {MAX_FILE_LINES}'
-    functions = python_functions(text) if path.endswith('.py') else Source(text).functions()
+    is_python = path.endswith('.py') or '.' not in os.path.basename(path)
+    functions = python_functions(text) if is_python else Source(text).functions()
     for name, first, last, parameters in functions:
         if last - first + 1 > MAX_FUNCTION_LINES:
             yield f'{path}:{first}: {name} has {last - first + 1} lines, at most {MAX_FUNCTION_LINES}'
@@ -149,8 +150,19 @@ def violations_of_file(path, text):
             yield f'{path}:{first}: {name} has {parameters} parameters, at most {MAX_PARAMETERS}'
 
 
+def programs(top):
+    """Yields the paths, below `top`, of Python programs of scripts/, whose names have no ending."""
+    folder = os.path.join(top, 'scripts')
+    for name in sorted(os.listdir(folder) if os.path.isdir(folder) else ()):
+        path = os.path.join(folder, name)
+        if '.' not in name and os.path.isfile(path):
+            with open(path, encoding='utf-8') as file:
+                if 'python' in file.readline():
+                    yield os.path.relpath(path, top)
+
+
 def violations(top):
-    for path in source_files(top, FOLDERS, SUFFIXES):
+    for path in (*source_files(top, FOLDERS, SUFFIXES), *programs(top)):
         with open(os.path.join(top, path), encoding='utf-8') as file:
             yield from violations_of_file(path, file.read())
     headers = os.listdir(os.path.join(top, 'include', 'nerf_pose_refiner'))
@@ -248,6 +260,7 @@ class Tree(unittest.TestCase):
     def test_it_saw_functions_of_every_folder(self):
         seen = {path.split('/')[0] for path in source_files(self.TOP, FOLDERS, SUFFIXES)}
         self.assertEqual(seen, set(FOLDERS))
+        self.assertIn('scripts/photos_to_object', programs(self.TOP))
 
 
 if __name__ == '__main__':

@@ -61,12 +61,13 @@ def log_grid(low, high):
     return [math.exp(math.log(low) + i * step) for i in range(GRID_POINTS - 1)] + [high]
 
 
-def draw_band(axis, rows, place, error, span, look):
-    """Mean of the traces and one standard deviation to both sides, up to where the last trace ends."""
-    label, colour, style = look
-    end = max(row[place] for trace in rows for row in trace)
-    grid = log_grid(span[0], max(end, span[0] * 1.001))
-    values = [curve for curve in (held(trace, place, error, grid) for trace in rows) if curve]
+def draw_band(axis, traces, columns, start, look):
+    """Mean of the traces and one standard deviation to both sides, up to where the last trace ends.
+    @param columns (name of what the axis shows, name of the error)"""
+    (place, error), (label, colour, style) = columns, look
+    end = max(row[place] for trace in traces for row in trace)
+    grid = log_grid(start, max(end, start * 1.001))
+    values = [curve for curve in (held(trace, place, error, grid) for trace in traces) if curve]
     if not values:
         return
     means = [sum(column) / len(values) for column in zip(*values)]
@@ -92,7 +93,7 @@ def plot_error_over_time(traces, folder, saved):
             for line, error in enumerate(('deg', 'units')):
                 axis = axes[line][column]
                 for label, colour, style, rows in series_of(part, lambda rows: rows[0]):
-                    draw_band(axis, rows, place, error, (min(positive) / 2,), (label, colour, style))
+                    draw_band(axis, rows, (place, error), min(positive) / 2, (label, colour, style))
                 axis.axhline(AXES[error][1][0], color='black', linestyle=':', linewidth=1)
                 axis.set(xscale='log', xlabel=name, ylabel=AXES[error][0])
                 axis.set_ylim(bottom=0)
