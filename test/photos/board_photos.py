@@ -17,7 +17,7 @@ from photos.board import Board, text_of
 BOARD = Board(12, 12, 40.0, 30.0, '4X4_100')
 CAMERA = scenes.Camera(480, 360, np.array([465.0, 465, 240, 180, 0, 0, 0, 0]))
 POSES = scenes.rounds(5, (35, 60))
-UPRIGHT = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1.0]])  # every third photo, or the lens' middle cannot be told
+UPRIGHT = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1.0]])  # every third photo, or the principal point cannot be told
 DARKEST = 0.9  # darker, the box would lose its texture
 JPEG_QUALITY = 90
 

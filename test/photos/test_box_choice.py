@@ -1,27 +1,27 @@
 #!/usr/bin/env python3
 # Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 """Tests of the box that a person chooses: its frame, its refusal, and what becomes of it."""
-import inspect
+import dataclasses
 import os
 import shlex
 import stat
 import tempfile
 import unittest
-from importlib.machinery import SourceFileLoader
-from importlib.util import module_from_spec, spec_from_loader
+from unittest import mock
 
 import cv2
 import numpy as np
 
 import scenes
-from photos import box_choice, box_of_output, object_region
-from photos.board import DEFAULT as DEFAULT_BOARD
+from object_command import Command, loaded_program, write_model
+from photos import box_choice
+from photos.board import DEFAULT as BOARD
 from photos.box_choice import Cameras
 from photos.box_of_output import Similarity, aligned, open_choice, use_box
 from photos.common import InputError, write_json
 from photos.geometry import exp_so3
-from photos.steps import Steps, file_states
-from test_photos_to_object import Command, write_model
+from photos.job import Options, words_of, write_options
+from photos.steps import Steps
 
 QUARTER_TURN = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1.0]])  # about z: x to y
 
@@ -80,7 +80,6 @@ class Boxes(unittest.TestCase):
         choice = box_choice.choice_of('x', cameras, np.zeros((0, 3)), np.zeros((0, 3)))
         self.assertEqual(choice.size, 6)
 
-
     def test_a_view_stands_upright(self):
         np.testing.assert_array_equal(box_choice.upright(np.array([0, 0, 2.0])), np.eye(3))
         # COLMAP's y is downwards: x stays, z is -y, and y is z.
@@ -129,11 +128,29 @@ class Datasets(InFolder):
         self.assertEqual(stat.S_IMODE(os.stat(self.path('real.json')).st_mode), 0o640)
         self.assertEqual(sorted(os.listdir(self.top)), names)  # nothing temporary is left
 
+    def test_where_one_file_cannot_be_written_none_is(self):
+        for name in ('transforms_train.json', 'transforms_test.json'):
+            self.write(name)
+        with mock.patch('photos.common.temporary_file', side_effect=['unused', OSError('full')]):
+            with self.assertRaisesRegex(OSError, 'full'):
+                box_choice.write_box(self.top, (np.zeros(3), np.ones(3)))
+        self.assertEqual([name for name in os.listdir(self.top)
+                          if 'object_aabb' in box_choice.read_json(self.path(name))], [])
+
+    def test_photos_outside_of_the_folder_are_not_read(self):
+        cv2.imwrite(self.path('x.png'), np.zeros((8, 8, 3), np.uint8))
+        inside = self.path('dataset')
+        os.makedirs(inside)
+        os.symlink('../x.png', os.path.join(inside, 'link.png'))
+        for name in ('../x.png', self.path('x.png'), 'link.png'):
+            self.assertIsNone(box_choice.read_reduced(inside, {'file_path': name}), name)
+        self.assertEqual(box_choice.read_reduced(self.top, {'file_path': 'x'}).shape, (8, 8, 3))
+
     def test_choice_and_its_end(self):
         write_json(self.path('transforms.json'), {'frames': frames_of(scenes.reconstruction(scenes.rounds(3))),
                                                   'object_aabb': [[0, 0, 0], [1, 1, 1]]})
         choice = open_choice(self.top)
-        self.assertEqual((choice.low.tolist(), choice.high.tolist(), choice.made), ([0, 0, 0], [1, 1, 1], None))
+        self.assertEqual((choice.low.tolist(), choice.high.tolist(), choice.made_with), ([0, 0, 0], [1, 1, 1], None))
         with self.assertRaisesRegex(InputError, 'refused: along y'):
             use_box(choice, np.zeros(3), np.array([1, 0.0001, 1]))
         self.assertIn(self.path('transforms.json'), use_box(choice, np.ones(3), np.array([0, 2, -1.0])))
@@ -159,7 +176,7 @@ class Datasets(InFolder):
         self.assertEqual(len(open_choice(self.top).points), 0)
 
     def test_what_is_no_dataset(self):
-        with self.assertRaisesRegex(InputError, 'holds neither steps.json'):
+        with self.assertRaisesRegex(InputError, 'holds neither options.json'):
             open_choice(self.top)
         for content, message in (([], 'lists no frames'), ({'frames': []}, 'lists no frames'),
                                  ({'frames': [{}]}, 'frame 0: transform_matrix'),
@@ -200,123 +217,118 @@ class Worlds(unittest.TestCase):
 class Again(InFolder):
     """The command with which photos_to_object goes on."""
 
-    def setUp(self):
-        super().setUp()
-        self.photos = self.path('my mug')
-
-    def test_numbers_are_such_that_argparse_takes_them(self):
-        values = [-1e-7, 0, -12.3456789, 1 / 3, 2e6, 123456789.0]
-        words = [box_of_output.number(value) for value in values]
-        self.assertEqual(words[:4], ['-0.0000001', '0', '-12.3457', '0.333333'])
-        loader = SourceFileLoader('photos_to_object', os.path.join(scenes.TOP, 'scripts', 'photos_to_object'))
-        program = module_from_spec(spec_from_loader(loader.name, loader))
-        loader.exec_module(program)
-        said = program.parser_of_options().parse_args(['SOURCE', '--box', *words, '--board', 'x'])
-        np.testing.assert_allclose(said.box, values, rtol=1e-5)
-
-    def make_output(self, output, facts, move=None, board=None):
-        """A folder as after COLMAP, with the step `object` or without it."""
+    def make_output(self, options, move=None):
+        """A folder as photos_to_object leaves it. @param move Similarity from COLMAP's poses to the dataset's; None: it did
+        not get to the dataset."""
         model = scenes.reconstruction(scenes.rounds(4))
-        os.makedirs(self.photos)
-        paths = [os.path.join(self.photos, f'{i}.jpg') for i in range(8)]
-        for path in paths:
-            with open(path, 'w', encoding='utf-8') as file:
-                file.write('x')
-        os.makedirs(output)
-        steps = Steps(os.path.join(output, 'steps.json'))
-        copies = [{'name': name, 'source': os.path.basename(path)} for name, path in zip(model.names, paths)]
-        steps.run('photos', [file_states(paths), 640], [], lambda: [copies, [{'width': 640, 'height': 480}]])
-        if move != 'board':
-            write_model(model, os.path.join(output, 'colmap', 'parts', '0'))
-        if board:
-            steps.run('board', [board], [], lambda: {})
-        if facts is not None:
-            steps.run('object', [], [], lambda: facts)
-            dataset = os.path.join(output, 'dataset')
-            os.makedirs(dataset)
-            frames = frames_of(model, None if move == 'board' else move)
-            write_json(os.path.join(dataset, 'transforms_train.json'),
-                       {'object_aabb': [[0, 0, 0], [1, 2, 3]], 'frames': frames[1:]})
-            write_json(os.path.join(dataset, 'transforms_test.json'), {'frames': frames[:1]})
+        os.makedirs(options.output)
+        write_options(options)
+        if options.poses == 'colmap':
+            write_model(model, os.path.join(options.output, 'colmap', 'parts', '0'))
+        if move is not None:
+            self.write_dataset(options, frames_of(model, move))
         return model
+
+    def write_dataset(self, options, frames):
+        made_with = {'poses': options.poses, 'board': options.board, 'box': options.box}
+        Steps(os.path.join(options.output, 'steps.json')).run('object', [], [], lambda: {'made_with': made_with})
+        dataset = os.path.join(options.output, 'dataset')
+        os.makedirs(dataset, exist_ok=True)
+        write_json(os.path.join(dataset, 'transforms_train.json'),
+                   {'object_aabb': [[0, 0, 0], [1, 2, 3]], 'frames': frames[1:]})
+        write_json(os.path.join(dataset, 'transforms_test.json'), {'frames': frames[:1]})
+
+    def options(self, **said):
+        return Options(source='/photos/my mug', output=self.path('my mug_object'), name='my mug', **said)
 
     def words_of(self, choice):
         return shlex.split(use_box(choice, np.zeros(3), np.ones(3)).split('\n')[2])
 
     def test_without_a_board_all_is_shown_in_the_frame_of_the_poses(self):
         # A point x of COLMAP is 0.5 * (x turned from x to y) + (0, 0, 1) in the dataset.
-        move = Similarity(0.5, QUARTER_TURN, np.array([0, 0, 1.0]))
-        output = self.path('my mug_object')
-        model = self.make_output(output, {'frame': 'z = 0 is the table', 'metres_per_unit': 1.0}, move)
-        choice = open_choice(os.path.join(output, 'dataset'))  # which is a part of it
+        options = self.options(metres_per_unit=0.5, max_side=640)
+        model = self.make_output(options, Similarity(0.5, QUARTER_TURN, np.array([0, 0, 1.0])))
+        choice = open_choice(os.path.join(options.output, 'dataset'))  # which is a part of it
         np.testing.assert_allclose(choice.cameras.centre, np.roll(model.centres(), -1, axis=0), atol=1e-6)
         self.assertEqual(len(choice.points), np.count_nonzero(model.photos_of_points() >= 3))
         # The box from 0 to (1, 2, 3) of the dataset: x of COLMAP is 2 y, y is -2 x, z is 2 (z - 1).
         np.testing.assert_allclose([choice.low, choice.high], [[0, -2, -2], [4, 0, 4]], atol=1e-6)
         np.testing.assert_allclose(choice.up, [0, 0, 1], atol=1e-9)
         self.assertEqual(self.words_of(choice), [
-            'rosrun', 'nerf_pose_refiner', 'photos_to_object', self.photos, '-o', output, '--box',
-            '0', '0', '0', '1', '1', '1', '--metres-per-unit', '0.5', '--max-side', '640'])
+            'rosrun', 'nerf_pose_refiner', 'photos_to_object', '/photos/my mug', '-o', options.output,
+            '--metres-per-unit', '0.5', '--box', '0', '0', '0', '1', '1', '1', '--max-side', '640'])
 
     def test_with_a_board_all_is_shown_in_its_frame(self):
         move = Similarity(0.5, QUARTER_TURN, np.array([0, 0, 1.0]))
-        output = self.path('elsewhere', 'mug')
-        facts = {'frame': box_of_output.ON_BOARD + ' or tags (9 corners)', 'metres_per_unit': 1.0}
-        model = self.make_output(output, facts, move, 'charuco:8x8:25:18:5X5_100')
-        write_json(os.path.join(output, 'report.json'), {'name': 'mug'})
-        choice = open_choice(output)
+        options = self.options(board=BOARD)
+        model = self.make_output(options, move)
+        choice = open_choice(options.output)
         np.testing.assert_allclose([choice.low, choice.high], [[0, 0, 0], [1, 2, 3]], atol=1e-9)
         np.testing.assert_allclose(choice.cameras.centre,
                                    np.roll(move.points(model.centres()), -1, axis=0), atol=1e-6)
         self.assertLess(np.abs(choice.points[:, 2] - 1).min(), 1e-6)  # the table
-        words = self.words_of(choice)
-        self.assertEqual((words[3], words[13:]), ('SOURCE', ['--board', 'BOARD', '--name', 'mug']))
-        text = use_box(choice, np.zeros(3), np.ones(3))
-        self.assertIn('SOURCE: the photos', text)
-        self.assertIn('BOARD: the board', text)
+        self.assertEqual(self.words_of(choice)[6:8], ['--board', BOARD])
 
     def test_poses_of_the_board_alone(self):
-        output = self.path('my mug_object')
-        self.make_output(output, {'frame': 'the box was given', 'metres_per_unit': 1.0}, 'board', DEFAULT_BOARD)
-        choice = open_choice(output)
+        options = self.options(poses='board', board=BOARD)
+        self.make_output(options)
+        self.write_dataset(options, frames_of(scenes.reconstruction(scenes.rounds(4))))
+        choice = open_choice(options.output)
         np.testing.assert_allclose([choice.low, choice.high], [[0, 0, 0], [1, 2, 3]], atol=1e-9)
-        self.assertEqual(self.words_of(choice)[13:],
-                         ['--poses', 'board', '--board', DEFAULT_BOARD, '--max-side', '640'])
+        self.assertEqual(self.words_of(choice)[6:10], ['--poses', 'board', '--board', BOARD])
 
-    def test_where_the_photos_were(self):
-        self.photos = self.path('photos', 'mug')  # of --many
-        output = self.path('photos_object', 'mug')
-        self.make_output(output, None)
-        self.assertEqual(open_choice(output).made.source, self.photos)
-        with open(os.path.join(self.photos, '3.jpg'), 'w', encoding='utf-8') as file:
-            file.write('another photo')
-        self.assertEqual(open_choice(output).made.source, 'SOURCE')
-        video = self.path('film.mp4')
-        os.rename(os.path.join(self.photos, '0.jpg'), video)
-        inputs = [file_states([video]), 1280]
-        done = {'photos': {'key': box_of_output.key_of('', 'photos', inputs),
-                           'result': [[{'source': 'film.mp4, frame 7'}], [{'width': 64, 'height': 48}]]}}
-        self.assertEqual(box_of_output.source_of(self.path('film_object'), done), (video, 1280))
-
-    def test_what_is_said_of_a_frame(self):
-        self.assertTrue(object_region.on_board(scenes.reconstruction()).origin.startswith(box_of_output.ON_BOARD))
-        self.assertIn(f"f'{box_of_output.ON_BOARD}", inspect.getsource(object_region.find_region))
-
-    def test_poses_without_a_dataset(self):
-        output = self.path('my mug_object')
-        self.make_output(output, None)
-        choice = open_choice(output)
+    def test_poses_without_a_dataset_or_with_one_of_older_poses(self):
+        options = self.options()
+        self.make_output(options)
+        choice = open_choice(options.output)
         self.assertTrue(np.all(choice.low < (0, 0, 0.06)) and np.all(choice.high > (0, 0, 0.06)))
-        self.assertIn('Repeat --board, --metres-per-unit', use_box(choice, np.zeros(3), np.ones(3)))
+        self.assertEqual(len(choice.present), 0)
+        older = scenes.reconstruction(scenes.rounds(4))
+        older.t += np.random.default_rng(1).normal(0, 0.01, older.t.shape)
+        self.write_dataset(options, frames_of(older))
+        self.assertEqual(len(open_choice(options.output).present), 0)
+
+    def test_an_output_that_was_moved_goes_on_where_it_is(self):
+        options = self.options()
+        self.make_output(options)
+        moved = self.path('elsewhere')
+        os.rename(options.output, moved)
+        self.assertEqual(self.words_of(open_choice(moved))[3:8], ['/photos/my mug', '-o', moved, '--box', '0'])
 
     def test_what_cannot_be_used(self):
-        output = self.path('my mug_object')
-        self.make_output(output, None, board='apriltag:36h11:40:0')
-        with self.assertRaisesRegex(InputError, 'no dataset yet: give photos_to_object a --box in the frame of the'):
-            open_choice(output)
-        write_json(os.path.join(output, 'steps.json'), {'photos': {}})
-        with self.assertRaisesRegex(InputError, 'is damaged'):
-            open_choice(output)
+        options = self.options(board='apriltag:36h11:40:0')
+        self.make_output(options)
+        with self.assertRaisesRegex(InputError, 'no dataset of its poses yet: give photos_to_object a --box in the frame'):
+            open_choice(options.output)
+        self.write_dataset(self.options(board=BOARD), frames_of(scenes.reconstruction(scenes.rounds(4))))
+        with self.assertRaisesRegex(InputError, 'made with another --poses or --board than the last call'):
+            open_choice(options.output)
+        write_json(os.path.join(options.output, 'steps.json'), {'object': {'result': None}})
+        with self.assertRaisesRegex(InputError, 'does not say how the dataset was made'):
+            open_choice(options.output)
+        for content, message in (([], 'options.json. is damaged'), ({'source': 'x'}, 'options.json. is damaged')):
+            write_json(os.path.join(options.output, 'options.json'), content)
+            with self.assertRaisesRegex(InputError, message):
+                open_choice(options.output)
+        os.unlink(os.path.join(options.output, 'options.json'))
+        write_json(os.path.join(options.output, 'steps.json'), {})
+        with self.assertRaisesRegex(InputError, 'does not hold options.json'):
+            open_choice(options.output)
+
+
+class Words(unittest.TestCase):
+    """Of a command line, from options."""
+
+    def test_they_are_read_back(self):
+        program = loaded_program('photos_to_object')
+        for said in ({}, {'board': BOARD, 'poses': 'board', 'learn': False, 'train': ['--steps=200', '--backend=cpu']},
+                     {'box': [-1e-7, 0.0, -12.3456, 1 / 3, 2e6, 123456.0], 'metres_per_unit': 0.001, 'threads': 3},
+                     {'length': ['0.25', 'a b.jpg', '1', '2.5', '3', '4', 'c.jpg', '5', '6', '7', '8'],
+                      'masks': '/my masks', 'max_side': 640, 'max_minutes': 5.0, 'tools': '/tools'}):
+            options = Options(source='/photos/my mug.mp4', output='/out/x', name='other', **said)
+            back, _ = program.options_of(words_of(options))
+            np.testing.assert_allclose(back.box, options.box, rtol=1e-5)
+            self.assertEqual(dataclasses.replace(back, box=options.box), options)
 
 
 class WithTheProgram(Command):

@@ -79,7 +79,7 @@ class SupportingPlane(unittest.TestCase):
 
 def region_of(model):
     points = model.xyz[model.xyz[:, 2] > 1e-6]
-    return Region(model, np.array([-0.25, -0.2, 0]), np.array([0.25, 0.2, 0.3]), False, points, 0)
+    return Region(model, np.array([-0.25, -0.2, 0]), np.array([0.25, 0.2, 0.3]), False, points, True, 0)
 
 
 class Scale(unittest.TestCase):
@@ -180,6 +180,31 @@ class Masks(unittest.TestCase):
         photos[2].drawn[100:102, 150:160] = 0
         object_masks.mask_photos(photos, region_of(self.model))
         np.testing.assert_array_equal(photos[2].mask, photos[2].drawn)
+
+    def test_inverted_masks_contradict_the_others(self):
+        photos = [dataclasses.replace(photo) for photo in self.photos]
+        photos[2].drawn = 255 - scenes.true_mask(self.poses[2])
+        with self.assertRaisesRegex(InputError, r"contradict those of the other photos: 2\.jpg\. White is the object"):
+            object_masks.mask_photos(photos, region_of(self.model))
+
+    def test_names_of_drawn_masks(self):
+        photos = [dataclasses.replace(self.photos[i], source=source) for i, source in
+                  enumerate(('a.jpg', 'a.png', 'b.jpg', 'film.mp4, frame 7'))]
+        white = np.full((scenes.HEIGHT, scenes.WIDTH), 255, np.uint8)
+        with tempfile.TemporaryDirectory() as folder:
+            for name, message in (('a', "may be of 'a.jpg' or of 'a.png': name it 'view_0.png' or 'view_1.png'"),
+                                  ('film', 'named like no photo'), ('b', None), ('view_3', None)):
+                path = os.path.join(folder, name + '.png')
+                cv2.imwrite(path, white)
+                if message:
+                    with self.assertRaisesRegex(InputError, message):
+                        object_masks.take_drawn_masks(photos, [path])
+                else:
+                    object_masks.take_drawn_masks(photos, [path])
+            self.assertEqual([photo.drawn is not None for photo in photos], [False, False, True, True])
+            cv2.imwrite(os.path.join(folder, 'b.jpg'), white)
+            with self.assertRaisesRegex(InputError, 'b.jpg. is no PNG'):
+                object_masks.drawn_masks(folder)
 
     def test_drawn_masks_that_cannot_be_used(self):
         photo = self.photos[0]

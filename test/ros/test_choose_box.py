@@ -77,27 +77,31 @@ class ChooseBox(unittest.TestCase):
         with open(self.graph.log_of(name), encoding='utf-8') as file:
             return file.read()
 
+    def send(self, name, feedback, arrived):
+        """Sends what RViz sends, until it has arrived: a new marker takes none within its first second."""
+        publisher = rospy.Publisher(f'/{name}/feedback', InteractiveMarkerFeedback, queue_size=1)
+        self.addCleanup(publisher.unregister)
+        self.assertTrue(wait_until(publisher.get_num_connections, PATIENCE_S))
+
+        def sent():
+            publisher.publish(feedback)
+            time.sleep(0.1)  # as often as while a mouse moves
+            return arrived()
+        self.assertTrue(wait_until(sent, PATIENCE_S))
+
     def drag(self, name, corner, position):
-        """Sends what RViz sends, and waits until the box is drawn anew."""
+        """Drags a corner, and waits until the box is drawn anew."""
         places = {}
         update = rospy.Subscriber(f'/{name}/update_full', InteractiveMarkerInit,
                                   lambda init: places.update(positions_of(init)))
         self.addCleanup(update.unregister)
-        drag = rospy.Publisher(f'/{name}/feedback', InteractiveMarkerFeedback, queue_size=1)
-        self.addCleanup(drag.unregister)
-        self.assertTrue(wait_until(drag.get_num_connections, PATIENCE_S))
         feedback = InteractiveMarkerFeedback(client_id='rviz', marker_name=corner, control_name='move_x',
                                              event_type=InteractiveMarkerFeedback.POSE_UPDATE)
         feedback.header.frame_id = 'photos'
         p = feedback.pose.position
         p.x, p.y, p.z = position
         feedback.pose.orientation.w = 1
-
-        def arrived():
-            drag.publish(feedback)  # again, as while a mouse moves: a new marker takes none within its first second
-            time.sleep(0.1)
-            return places.get(corner) == list(position)
-        self.assertTrue(wait_until(arrived, PATIENCE_S))
+        self.send(name, feedback, lambda: places.get(corner) == list(position))
 
     def test_a_corner_is_dragged_and_the_box_written(self):
         folder, process = self.start('writes')
@@ -125,6 +129,28 @@ class ChooseBox(unittest.TestCase):
             self.assertIn(os.path.join(folder, f'transforms_{part}.json'), self.log_of('writes'))
         self.assertEqual(sorted(os.listdir(folder)), ['transforms_test.json', 'transforms_train.json'])
 
+    def test_the_menu_ends_it(self):
+        folder, process = self.start('menu')
+        self.drag('menu', 'corner_2', (0.2, 0.3, 0.4))
+        shown = {m.name: m for m in rospy.wait_for_message('/menu/update_full', InteractiveMarkerInit, PATIENCE_S).markers}
+        for name in ('corner_1', 'corner_2', 'box'):  # those that were drawn anew, too
+            self.assertEqual([entry.title for entry in shown[name].menu_entries], ['Use this box'])
+        choose = InteractiveMarkerFeedback(client_id='rviz', marker_name='box', menu_entry_id=shown['box'].menu_entries[0].id,
+                                           event_type=InteractiveMarkerFeedback.MENU_SELECT)
+        choose.header.frame_id = 'photos'
+        self.send('menu', choose, lambda: process.poll() is not None)
+        self.assertEqual(process.returncode, 0)
+        self.assertEqual(read(folder, 'test')['object_aabb'], [[-0.1, -0.1, 0], [0.2, 0.3, 0.4]])
+
+    def test_interrupted_after_the_choice_it_says_what_was_done(self):
+        folder, process = self.start('chosen')
+        use = rospy.ServiceProxy('/chosen/use', Trigger, persistent=True)  # which it waits for
+        self.addCleanup(use.close)
+        self.assertTrue(use().success)
+        self.assertTrue(wait_until(lambda: folder in self.log_of('chosen'), PATIENCE_S))
+        self.assertEqual(stop(process, signal.SIGINT), 0)
+        self.assertNotIn('nothing was changed', self.log_of('chosen'))
+
     def test_interrupted_it_changes_nothing(self):
         folder, process = self.start('interrupted')
         self.drag('interrupted', 'corner_2', (1, 1, 1))
@@ -137,7 +163,7 @@ class ChooseBox(unittest.TestCase):
         os.makedirs(empty)
         make_dataset(os.path.join(self.top.name, 'no_master'))
         for folder, environment, message in (
-                ('/no/such', {}, "there is no folder '/no/such'"), (empty, {}, 'holds neither steps.json'),
+                ('/no/such', {}, "there is no folder '/no/such'"), (empty, {}, 'holds neither options.json'),
                 (os.path.join(self.top.name, 'no_master'), {'ROS_MASTER_URI': f'http://127.0.0.1:{free_port()}'},
                  'there is no ROS master at http://127.0.0.1'),
                 (os.path.join(self.top.name, 'no_master'), {'ROS_MASTER_URI': 'x'}, "ROS_MASTER_URI is 'x'")):

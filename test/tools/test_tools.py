@@ -267,7 +267,7 @@ class WholePath(unittest.TestCase):
         self.assertGreater(report['error_at_start']['rotation_deg'], 3)
 
     def test_refine_by_keyframes_as_the_node_does(self):
-        """From farther away than the field is followed from a near pose."""
+        """Trusted and near, and not by following the field, as with the preset `track`."""
         view = ('--transforms', TEST_VIEWS, '--view', 'view_003', '--start-rotation', '15', '--json')
         reports = {preset: json.loads(run(REFINE, self.model, *view, '--preset', preset).stdout)
                    for preset in ('keyframes', 'track')}

@@ -10,9 +10,10 @@ import os
 import cv2
 import numpy as np
 
-from photos.common import InputError, count, read_json, require, say, write_json
+from photos.common import InputError, count, read_json, require, say, text_of, write_texts
 from photos.geometry import focus
-from photos.intake import thinned
+from photos.image_header import read_header
+from photos.intake import load, thinned
 from photos.point_cloud import with_points
 from photos.reconstruction import Camera, Reconstruction
 
@@ -50,7 +51,7 @@ class Choice:
     present: np.ndarray     # [8][3] corners of the present box, which may be tilted; [0][3]: there is none
     size: float             # of the photographed scene
     up: np.ndarray          # [3] from the table
-    made: object = None     # what box_of_output.py knows of how photos_to_object made it; None: another dataset
+    made_with: object = None  # Options of photos_to_object; None: something else made the dataset
 
 
 # Boxes
@@ -61,7 +62,7 @@ def corners_of(low, high):
 
 
 def sorted_box(first, second):
-    """(low, high) of two opposite corners, whichever."""
+    """(low, high) of two opposite corners, in either order."""
     return np.minimum(first, second), np.maximum(first, second)
 
 
@@ -172,13 +173,16 @@ def pinhole_of(content, frame, image):
 
 
 def read_reduced(folder, frame):
+    """A photo of a dataset, None where it is none, or lies outside of the dataset's folder."""
     path = os.path.join(folder, str(frame.get('file_path')))
     path = next((path + ending for ending in IMAGES if os.path.isfile(path + ending)), None)
-    image = cv2.imread(path, cv2.IMREAD_COLOR) if path else None
-    if image is None:
+    if not path or os.path.commonpath(list(map(os.path.realpath, (path, folder)))) != os.path.realpath(folder):
         return None
-    scale = min(1, SEARCHED_SIDE / max(image.shape))
-    return cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    try:
+        return load(path, read_header(path), SEARCHED_SIDE)
+    except InputError as error:
+        say(str(error))
+        return None
 
 
 def points_of_photos(folder, contents, cameras):
@@ -201,7 +205,7 @@ def points_of_photos(folder, contents, cameras):
 
 def choice_of_dataset(folder):
     contents = transforms_in(folder)
-    require(contents, f"'{folder}' holds neither steps.json, which photos_to_object writes, nor transforms.json or "
+    require(contents, f"'{folder}' holds neither options.json, which photos_to_object writes, nor transforms.json or "
             'transforms_train.json')
     cameras = cameras_in(folder, contents)
     return choice_of(folder, cameras, points_of_photos(folder, contents, cameras), present_box(folder, contents),
@@ -212,9 +216,9 @@ def write_box(folder, box):
     """Puts the box into all files of a dataset as they are now. @return their paths."""
     contents = transforms_in(folder)
     require(contents, f"'{folder}' holds no transforms.json or transforms_train.json any more")
-    paths = []
+    texts = {}
     for name, content in contents.items():
         content['object_aabb'] = [list(map(float, corner)) for corner in box]
-        paths.append(os.path.join(folder, name))
-        write_json(paths[-1], content)
-    return paths
+        texts[os.path.join(folder, name)] = text_of(content)
+    write_texts(texts)
+    return list(texts)

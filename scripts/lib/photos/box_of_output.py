@@ -2,14 +2,9 @@
 """Another box for what photos_to_object made: the frame that its --box means, and how it is to be called again.
 
 The frame is the board's where there was one; the dataset has the same. Otherwise it is that of COLMAP's poses, which is
-not the dataset's, whose z = 0 is the table and whose unit was chosen; its axes lie anyhow to the table.
-
-steps.json keeps what the steps found, and a hash of their options, not the options. Those that can be told are told;
-for the others a person is asked. The poses stay only if the options of their steps do.
+not the dataset's, whose z = 0 is the table and whose unit was chosen; its axes are not aligned with the table.
 """
 import dataclasses
-import hashlib
-import json
 import os
 import re
 import shlex
@@ -17,20 +12,13 @@ import shlex
 import numpy as np
 
 from photos import box_choice
-from photos.board import DEFAULT as DEFAULT_BOARD
 from photos.box_choice import Cameras, choice_of
 from photos.colmap import largest_part
 from photos.common import InputError, read_json, require
-from photos.job import find_sources
-from photos.steps import file_states
+from photos.job import OPTIONS_FILE, read_options, words_of
 
-RELIABLE_VIEWS = 3      # that see a point
-ALIGNED = 1e-6          # of the cameras' distances: so near are the cameras of one reconstruction in two frames
-DEFAULT_SIDE = 1280     # of --max-side
-ENDING = '_object'      # of the folder, by default
-ON_BOARD = 'scale and frame are those of the board'  # so object_region.py begins to say it
-IN_BOX = 'the box was given'                         # and so it says that no table was looked for
-DIGITS = 6
+ALIGNED = 1e-6  # of the cameras' distances: two sets of poses that differ less are one, in two frames
+AGAIN = 'run photos_to_object again: what is done already takes no time'
 
 
 @dataclasses.dataclass
@@ -48,14 +36,6 @@ class Similarity:
 
     def inverse(self):
         return Similarity(1 / self.scale, self.R.T, -self.R.T @ self.t / self.scale)
-
-
-@dataclasses.dataclass
-class Made:
-    """How photos_to_object is to be called again."""
-    source: str = 'SOURCE'
-    words: list = dataclasses.field(default_factory=list)     # options that are known
-    unknown: list = dataclasses.field(default_factory=list)   # sentences on those that are not
 
 
 def aligned(source, target):
@@ -100,153 +80,83 @@ def reconstruction_of(folder, contents, cameras):
     return None, None
 
 
-def reliable_points(reconstruction):
-    views = reconstruction.photos_of_points()
-    return reconstruction.xyz[views >= min(RELIABLE_VIEWS, views.max(initial=0))]
-
-
 def choice_of_output(folder):
-    done = read_json(os.path.join(folder, 'steps.json'))
-    try:
-        require(done['photos']['result'][0], 'no photo')
-        facts = done['object']['result'] if 'object' in done else {}
-        board, metric = str(facts.get('frame', '')).startswith(ON_BOARD), facts.get('metres_per_unit', 0) > 0
-    except (KeyError, TypeError, IndexError, AttributeError, InputError) as error:
-        raise InputError(f"'{folder}/steps.json' is damaged ({error}): run photos_to_object again") from error
+    options = read_options(folder)
     dataset = os.path.join(folder, 'dataset')
     contents = box_choice.transforms_in(dataset) if os.path.isdir(dataset) else {}
-    if not contents:
-        return choice_without_dataset(folder, done)
+    shown = choice_of_dataset_made(folder, contents, options) if contents else None
+    choice = shown or choice_without_dataset(folder, options)
+    choice.made_with = options
+    return choice
+
+
+def choice_of_dataset_made(folder, contents, options):
+    """A Choice, None where the dataset is of other poses than the folder has now."""
+    made_with = object_step(folder)
+    require(all(made_with.get(name) == getattr(options, name) for name in ('poses', 'board')),
+            f"the dataset in '{folder}' was made with another --poses or --board than the last call gave: {AGAIN}")
+    dataset = os.path.join(folder, 'dataset')
     cameras, present = box_choice.cameras_in(dataset, contents), box_choice.present_box(dataset, contents)
+    if options.poses == 'board':
+        points = box_choice.points_of_photos(dataset, contents, cameras)
+        return choice_of(folder, cameras, points, present, np.array([0, 0, 1.0]))
     found, move = reconstruction_of(folder, contents, cameras)
-    require(found or 'board' in done, f"the dataset in '{folder}' was not made from the poses in colmap: run "
-            'photos_to_object again')
-    words, up = [], np.array([0, 0, 1.0])
-    if not found:  # of --poses board
-        points, words = box_choice.points_of_photos(dataset, contents, cameras), ['--poses', 'board']
-    elif board:
-        points = move.points(reliable_points(found))
-    else:
-        points, back = reliable_points(found), move.inverse()
-        cameras, present = back.cameras(cameras), back.points(present)
-        up = None if facts.get('frame') == IN_BOX else move.R[2]
-    if board or not found:
-        words += ['--board', known_board(done)]
-    elif metric:
-        words += ['--metres-per-unit', f'{move.scale:.9g}']
-    choice = choice_of(folder, cameras, points, present, up)
-    choice.made = made_with(folder, done, words)
-    return choice
+    if not found:
+        return None
+    points = found.reliable_points()
+    if options.board:
+        return choice_of(folder, cameras, move.points(points), present, np.array([0, 0, 1.0]))
+    back = move.inverse()
+    up = None if made_with.get('box') else move.R[2]  # a given box has no table
+    return choice_of(folder, back.cameras(cameras), points, back.points(present), up)
 
 
-def choice_without_dataset(folder, done):
-    """Where no box was found, there may be poses all the same."""
-    require('board' not in done, f"'{folder}' has no dataset yet: give photos_to_object a --box in the frame of the "
-            'board, whose middle is the origin [m]')
+def object_step(folder):
+    """The options with which the dataset was made."""
+    path = os.path.join(folder, 'steps.json')
+    try:
+        return dict(read_json(path)['object']['result']['made_with'])
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(f"'{path}' does not say how the dataset was made: {AGAIN}") from error
+
+
+def choice_without_dataset(folder, options):
+    """Where no box was found, or with other poses, there are poses all the same."""
+    require(not options.board, f"'{folder}' has no dataset of its poses yet: give photos_to_object a --box in the frame of "
+            'the board, whose middle is the origin [m]')
     found = next(reconstructions(folder), None)
-    require(found, f"'{folder}' has neither poses nor a dataset yet: run photos_to_object")
-    choice = choice_of(folder, Cameras(found.R, found.centres()), reliable_points(found), np.zeros((0, 3)))
-    choice.made = made_with(folder, done, [])
-    choice.made.unknown.append('Repeat --board, --metres-per-unit and --length, if they were given.')
-    return choice
-
-
-# How it was made
-
-def key_of(previous, name, inputs):
-    """As Steps.run makes it."""
-    return hashlib.sha256(json.dumps([previous, name, inputs], sort_keys=True).encode()).hexdigest()
-
-
-def known_board(done):
-    """The board of make_board, if it was that one."""
-    keys = [entry.get('key') for entry in done.values()]
-    found = done.get('board', {}).get('key')
-    return DEFAULT_BOARD if any(key_of(key, 'board', [DEFAULT_BOARD]) == found for key in keys) else 'BOARD'
-
-
-def near(folder):
-    """Paths where the photos of a folder may be: beside it, or, of --many, in the folder beside the one above it."""
-    parents = [os.path.dirname(os.path.abspath(folder))]
-    if parents[0].endswith(ENDING):
-        parents.append(parents[0][:-len(ENDING)])
-    for parent in parents:
-        for name in sorted(os.listdir(parent)) if os.path.isdir(parent) else ():
-            yield os.path.join(parent, name)
-
-
-def source_of(folder, done):
-    """(SOURCE, --max-side) if its photos are found and are what they were; None otherwise."""
-    copies, cameras = done['photos']['result']
-    first = copies[0]['source'].split(', frame ')[0]  # of a video
-    sides = {DEFAULT_SIDE} | {max(camera['width'], camera['height']) for camera in cameras}
-    for path in near(folder):
-        if os.path.basename(path) != first and not any(
-                os.path.isfile(os.path.join(path, *inside, first)) for inside in ((), ('images',))):
-            continue
-        try:
-            states = file_states(find_sources(path))
-        except (InputError, OSError):
-            continue
-        for side in sides:
-            if key_of('', 'photos', [states, side]) == done['photos']['key']:
-                return path, side
-    return None
-
-
-def made_with(folder, done, words):
-    """@param words options that are known already."""
-    made = Made(words=list(words))
-    found = source_of(folder, done)
-    if found:
-        made.source, side = found
-        if side != DEFAULT_SIDE:
-            made.words += ['--max-side', str(side)]
-    else:
-        made.unknown.append('SOURCE: the photos or the video, as they were given before; repeat --max-side, if it was '
-                            'given. Otherwise the poses are found anew, and the box does not suit them.')
-    if 'BOARD' in words:
-        made.unknown.append('BOARD: the board, as it was given before. With another one the box is in another frame.')
-    report = os.path.join(folder, 'report.json')
-    name = read_json(report).get('name') if os.path.exists(report) else None
-    if name and name != os.path.splitext(os.path.basename(made.source))[0]:
-        made.words += ['--name', name]
-    made.unknown.append('Repeat --masks, --profile, --max-seconds, --steps, --backend, --tools and --no-training, if '
-                        'they were given.')
-    return made
-
-
-def number(value):
-    """As argparse takes it also where it is negative: without an exponent."""
-    return np.format_float_positional(value, precision=DIGITS, fractional=False, trim='-')
+    require(found, f"'{folder}' has no poses yet: run photos_to_object")
+    return choice_of(folder, Cameras(found.R, found.centres()), found.reliable_points(), np.zeros((0, 3)))
 
 
 def command(choice, box):
     """The words with which photos_to_object goes on."""
-    return ['rosrun', 'nerf_pose_refiner', 'photos_to_object', choice.made.source, '-o', choice.folder, '--box',
-            *(number(x) for corner in box for x in corner), *choice.made.words]
+    options = dataclasses.replace(choice.made_with, box=[float(x) for corner in box for x in corner])
+    return ['rosrun', 'nerf_pose_refiner', 'photos_to_object', *words_of(options)]
 
 
 # Both kinds of folders
 
+def is_output(folder):
+    return any(os.path.isfile(os.path.join(folder, name)) for name in (OPTIONS_FILE, 'steps.json'))
+
+
 def open_choice(folder):
     """@throws InputError naming what is missing."""
     folder = os.path.abspath(folder)
-    require(os.path.isdir(folder), f"there is no folder '{folder}'")
     above = os.path.dirname(folder)
-    if os.path.basename(folder) == 'dataset' and os.path.isfile(os.path.join(above, 'steps.json')):
+    if os.path.basename(folder) == 'dataset' and is_output(above):
         folder = above  # its masks depend on the box, too
-    if os.path.isfile(os.path.join(folder, 'steps.json')):
+    if is_output(folder):
         return choice_of_output(folder)
     return box_choice.choice_of_dataset(folder)
 
 
 def use_box(choice, first, second):
-    """Ends the choice with two opposite corners. @return what there is to tell. @throws InputError if it is refused."""
+    """Ends the choice with two opposite corners. @return the message for the user. @throws InputError if it is refused."""
     box = box_choice.sorted_box(first, second)
     why = box_choice.refusal(box, choice.size)
     require(not why, why)
-    if choice.made is None:
+    if choice.made_with is None:
         return 'the box was written to ' + ' and '.join(box_choice.write_box(choice.folder, box))
-    text = shlex.join(command(choice, box))
-    return '\n'.join(['Go on with', '', '    ' + text, '', *choice.made.unknown])
+    return f'Go on with\n\n    {shlex.join(command(choice, box))}\n'

@@ -36,30 +36,64 @@ def mode_of(path):
     return 0o666 & ~mask
 
 
-def write_text(path, text):
-    """Replaces a file as a whole: after a loss of power, too, either the old or the new one is there."""
-    path = os.path.realpath(path)  # a link stays one
-    folder = os.path.dirname(path)
-    handle, temporary = tempfile.mkstemp(prefix='.', dir=folder)
+def sync(path):
+    """Brings a file or the names in a folder to the disk. Some file systems cannot do that with folders: then it comes
+    there when the system likes."""
+    opened = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(opened)
+    except OSError:
+        if not os.path.isdir(path):
+            raise
+    finally:
+        os.close(opened)
+
+
+def temporary_file(path, text):
+    """Writes a file beside `path` that can take its place. @return its path."""
+    handle, temporary = tempfile.mkstemp(prefix='.', dir=os.path.dirname(path))
     try:
         with os.fdopen(handle, 'w', encoding='utf-8') as file:
             file.write(text)
             file.flush()
             os.fsync(file.fileno())
         os.chmod(temporary, mode_of(path))
-        os.replace(temporary, path)
     except BaseException:
         os.unlink(temporary)
         raise
-    opened = os.open(folder, os.O_RDONLY)
+    return temporary
+
+
+def write_texts(texts):
+    """Replaces files as wholes: after a loss of power, too, either the old or the new one is there. Where one cannot be
+    written, none is replaced. @param texts {path: text}"""
+    made = {}
     try:
-        os.fsync(opened)
-    finally:
-        os.close(opened)
+        for path, text in texts.items():
+            path = os.path.realpath(path)  # a link stays one
+            made[path] = temporary_file(path, text)
+        for path, temporary in made.items():
+            os.replace(temporary, path)
+    except BaseException:
+        for temporary in made.values():
+            with contextlib.suppress(FileNotFoundError):  # it has taken its place
+                os.unlink(temporary)
+        raise
+    for folder in {os.path.dirname(path) for path in made}:
+        sync(folder)
+
+
+def write_text(path, text):
+    write_texts({path: text})
+
+
+def text_of(content):
+    """JSON as it is written."""
+    return json.dumps(content, indent=1) + '\n'
 
 
 def write_json(path, content):
-    write_text(path, json.dumps(content, indent=1) + '\n')
+    write_text(path, text_of(content))
 
 
 def read_json(path):
@@ -72,15 +106,21 @@ def read_json(path):
 
 @contextlib.contextmanager
 def whole_folder(path):
-    """A new folder to fill, which becomes `path` when nothing failed; what was at `path` is replaced. What an earlier
-    process left when it was killed is removed: a folder of results is one process' at a time, see `locked`."""
+    """A new folder to fill, which becomes `path` when nothing failed and all of it is on the disk; what was at `path` is
+    replaced. What an earlier process left when it was killed is removed: a folder of results is one process' at a time,
+    see `locked`."""
     folder = os.path.join(os.path.dirname(os.path.abspath(path)), f'.{os.path.basename(path)}.part')
     shutil.rmtree(folder, ignore_errors=True)
     os.mkdir(folder)
     try:
         yield folder
+        for parent, _, names in os.walk(folder):
+            for name in names:
+                sync(os.path.join(parent, name))
+            sync(parent)
         shutil.rmtree(path, ignore_errors=True)
         os.rename(folder, path)
+        sync(os.path.dirname(folder))
     except BaseException:
         shutil.rmtree(folder, ignore_errors=True)
         raise

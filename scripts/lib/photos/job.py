@@ -3,10 +3,15 @@
 import dataclasses
 import os
 
-from photos.common import require, whole_folder
+import numpy as np
+
+from photos.common import InputError, read_json, require, whole_folder, write_json
 from photos.intake import ENDINGS as PHOTO_ENDINGS, Copy, copy_photos, list_photos
 from photos.steps import Steps, file_states
 from photos.video import extract_frames, is_video
+
+OPTIONS_FILE = 'options.json'
+DIGITS = 6  # of numbers in a command line
 
 
 @dataclasses.dataclass
@@ -27,6 +32,44 @@ class Options:
     tools: str = ''
     learn: bool = True
     train: list = dataclasses.field(default_factory=list)  # options for train
+
+
+def number(value):
+    """As argparse takes it also where it is negative: without an exponent."""
+    return np.format_float_positional(value, precision=DIGITS, fractional=False, trim='-')
+
+
+def default_name(source):
+    return os.path.splitext(os.path.basename(source))[0]
+
+
+def words_of(options):
+    """The words of a command line that photos_to_object reads as these options."""
+    words = [options.source, '-o', options.output]
+    if options.name != default_name(options.source):
+        words += ['--name', options.name]
+    for field in dataclasses.fields(Options):
+        value, word = getattr(options, field.name), '--' + field.name.replace('_', '-')
+        if field.name in ('source', 'output', 'name', 'learn', 'train') or not value or value == field.default:
+            continue
+        values = value if isinstance(value, list) else [value]
+        words += [word, *(number(x) if isinstance(x, float) else str(x) for x in values)]
+    return words + options.train + ([] if options.learn else ['--no-training'])
+
+
+def write_options(options):
+    """Keeps them beside the results, for choose_box: words_of() calls the program again."""
+    write_json(os.path.join(options.output, OPTIONS_FILE), dataclasses.asdict(options))
+
+
+def read_options(folder):
+    path = os.path.join(folder, OPTIONS_FILE)
+    require(os.path.exists(path), f"'{folder}' does not hold {OPTIONS_FILE}, which photos_to_object writes: run it again")
+    content = read_json(path)
+    try:
+        return dataclasses.replace(Options(**content), output=os.path.abspath(folder))  # it may have been moved
+    except TypeError as error:
+        raise InputError(f"'{path}' is damaged ({error}): run photos_to_object again") from error
 
 
 def has_photos(names):

@@ -7,29 +7,47 @@ import numpy as np
 
 from photos.common import InputError, require
 from photos.image_header import read_header
+from photos.intake import ENDINGS as PHOTO_ENDINGS
 from photos.masks import CELLS, find_masks
 
 MAX_ROUNDS = 3
 GROWTH = 0.3     # of the longest side, where the object reaches a side
 MARGIN = 0.03    # of the object's longest side, around the final box
+MIN_DRAWN_AGREEMENT = 0.5  # of a mask that was drawn, with what all masks have in common
 
 
 def drawn_masks(folder):
     """Paths of the masks that a user drew."""
     require(os.path.isdir(folder), f"there is no folder '{folder}'")
-    paths = [os.path.join(folder, name) for name in sorted(os.listdir(folder)) if name.lower().endswith('.png')]
+    paths = [os.path.join(folder, name) for name in sorted(os.listdir(folder)) if name.lower().endswith(PHOTO_ENDINGS)]
+    for path in paths:
+        require(path.lower().endswith('.png'), f"'{path}' is no PNG: masks are, for other formats blur their edges")
     require(paths, f"'{folder}' holds no masks (.png)")
     return paths
 
 
+def photos_by_name(photos):
+    """{name without an ending: the photos that it may mean}: names of the dataset's copies, and those of the user's photos.
+    Frames of a video have no name of their own."""
+    by_name = {}
+    for photo in photos:
+        stem, ending = os.path.splitext(photo.source)
+        for name in {photo.name, stem} if ending.lower() in PHOTO_ENDINGS else {photo.name}:
+            by_name.setdefault(name, []).append(photo)
+    return by_name
+
+
 def take_drawn_masks(photos, paths):
     """Gives photos the masks that a user drew: named like those of the dataset, or like the user's photos."""
-    by_name = {name: photo for photo in photos for name in (photo.name, os.path.splitext(photo.source)[0])}
+    by_name = photos_by_name(photos)
     for path in paths:
-        photo = by_name.get(os.path.splitext(os.path.basename(path))[0])
-        require(photo, f"'{path}' is named like no photo with a pose: name it like the one in dataset/masks that it corrects")
+        meant = by_name.get(os.path.splitext(os.path.basename(path))[0])
+        require(meant, f"'{path}' is named like no photo with a pose: name it like the one in dataset/masks that it corrects")
+        require(len(meant) == 1, f"'{path}' may be of '{meant[0].source}' or of '{meant[-1].source}': name it '{meant[0].name}"
+                f".png' or '{meant[-1].name}.png'")
+        photo = meant[0]
         require(photo.drawn is None, f"'{path}' is the second mask of '{photo.source}': keep one of them")
-        header, (height, width) = read_header(path), photo.image.shape[:2]  # before a large picture is decoded
+        header, (height, width) = read_header(path), photo.image.shape[:2]  # before a large image is decoded
         require((header.width, header.height) == (width, height), f"'{path}' has {header.width} x {header.height} pixels, "
                 f'the photo in dataset/images {width} x {height}: draw on that one')
         mask = cv2.imread(path, cv2.IMREAD_GRAYSCALE)
@@ -52,17 +70,21 @@ def mask_photos(photos, region):
     have in common with a margin)."""
     box = region.low.copy(), region.high.copy()
     for _ in range(1 if region.is_given else MAX_ROUNDS):
-        masks, bounds = find_masks(photos, box, region.points, region.low[2] == 0)
+        masks, bounds = find_masks(photos, box, region.points, region.table_is_known)
         low, high = touched(box, bounds)
         if not (low.any() or high.any()):
             break
         growth = GROWTH * (box[1] - box[0]).max()
         box = box[0] - growth * low, box[1] + growth * high
+    agreements = [mask.agreement for mask in masks]
+    against = [photo.source for photo, share in zip(photos, agreements)
+               if photo.drawn is not None and share < MIN_DRAWN_AGREEMENT]
+    require(not against, f"masks that you drew contradict those of the other photos: {', '.join(against)}. White is the "
+            'object, and each mask must be of the photo that it is named like')
     for photo, mask in zip(photos, masks):
         photo.mask = mask.image if photo.drawn is None else photo.drawn
     require(any(photo.mask.any() for photo in photos), 'the object was not told from its background: give --box, or put it '
             'before a background of another colour')
-    agreements = [mask.agreement for mask in masks]
     if region.is_given:
         return agreements, (region.low, region.high)
     margin = MARGIN * (bounds[1] - bounds[0]).max()

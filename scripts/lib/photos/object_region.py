@@ -23,6 +23,7 @@ class Region:
     high: np.ndarray
     is_given: bool                   # whether the box is the user's
     points: np.ndarray               # of the object
+    table_is_known: bool             # it is the plane z = 0
     metres_per_unit: float           # 1, or 0: unknown
     sigma: float = 0.0               # of the scale, as a share of it; 0: unknown
     origin: str = ''                 # of scale and frame, for the report
@@ -43,17 +44,17 @@ def on_found_table(reconstruction):
     moved = reconstruction.moved(1, box.R, box.t)
     points = box.points @ box.R.T + box.t
     if is_supported(reconstruction, plane, box):
-        return Region(moved, box.low, box.high, False, points, 0, 0, 'z = 0 is the table, found by its texture')
+        return Region(moved, box.low, box.high, False, points, True, 0, 0, 'z = 0 is the table, found by its texture')
     low = box.low - (0, 0, DEPTH * np.ptp(points, axis=0).max())
-    return Region(moved, low, box.high, False, points, 0, 0, 'z is up; the table has too little texture to be found: the '
-                  'masks alone say where the object ends')
+    return Region(moved, low, box.high, False, points, False, 0, 0, 'z is up; the table has too little texture to be found: '
+                  'the masks alone say where the object ends')
 
 
 def on_board(reconstruction):
     """@param reconstruction in the board's frame. The object's frame is the board's."""
     distance = float(np.median(np.linalg.norm(reconstruction.centres() - focus(reconstruction), axis=1)))
     points = points_above(reconstruction, Plane(np.array([0, 0, 1.0]), 0.0, 0.006 * distance))
-    return Region(reconstruction, *bounds(points), False, points, 1.0, 0, 'scale and frame are those of the board')
+    return Region(reconstruction, *bounds(points), False, points, True, 1.0, 0, 'scale and frame are those of the board')
 
 
 def within_box(reconstruction, box):
@@ -61,7 +62,7 @@ def within_box(reconstruction, box):
     low, high = np.array(box[:3], dtype=float), np.array(box[3:], dtype=float)
     require(np.all(low < high), '--box is empty: give min x y z, then max x y z')
     inside = np.all((reconstruction.xyz > low) & (reconstruction.xyz < high), axis=1)
-    return Region(reconstruction, low, high, True, reconstruction.xyz[inside], 0, 0, 'the box was given')
+    return Region(reconstruction, low, high, True, reconstruction.xyz[inside], False, 0, 0, 'the box was given')
 
 
 def marks_of(job, reconstruction):
@@ -98,5 +99,5 @@ def find_region(job, reconstruction, board):
             scale = scale_from_length(region.reconstruction, *marks_of(job, reconstruction))
         return scaled(region, scale)
     if options.box:
-        region = dataclasses.replace(within_box(region.reconstruction, options.box), metres_per_unit=1.0)
+        region = dataclasses.replace(within_box(region.reconstruction, options.box), metres_per_unit=1.0, table_is_known=True)
     return dataclasses.replace(region, sigma=sigma, origin=origin or region.origin)

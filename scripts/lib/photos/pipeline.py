@@ -8,7 +8,7 @@ import numpy as np
 from photos import poses
 from photos.common import locked, require, whole_folder
 from photos.dataset import posed_photos, write_dataset
-from photos.job import Job
+from photos.job import Job, write_options
 from photos.missing import angles
 from photos.object_masks import drawn_masks, mask_photos, take_drawn_masks
 from photos.object_region import find_region
@@ -32,13 +32,14 @@ def make_object(options):
 def run_steps(job):
     options = job.options
     if options.learn:
-        find_tool('train', options.tools)  # before hours of work
+        find_tool('train', options.tools)  # before hours of work, as what else can be missing
+    drawn = drawn_masks(options.masks) if options.masks else []
+    write_options(options)
     job.take_photos()
     reconstruction, facts = poses.find_poses(job)
     if options.board:
         poses.board_corners(job)
-    drawn = drawn_masks(options.masks) if options.masks else []
-    chosen = [options.board, options.length, options.box, options.metres_per_unit, *([file_states(drawn)] if drawn else [])]
+    chosen = [options.poses, options.board, options.length, options.box, options.metres_per_unit, file_states(drawn)]
     facts = job.steps.run('object', [*chosen, facts], [job.path('dataset')],
                           lambda: find_object(job, reconstruction, facts, drawn))
     if options.learn:
@@ -75,11 +76,14 @@ def find_object(job, reconstruction, facts, drawn):
     agreements, box = mask_photos(photos, region)
     write_dataset(photos, box, region.metres_per_unit, job.path('dataset'))
     azimuth, elevation = angles(moved.centres(), 0.5 * (box[0] + box[1]))
-    return {**facts, 'box': [corner.tolist() for corner in box], 'metres_per_unit': region.metres_per_unit,
+    options = job.options
+    return {**facts, 'made_with': {'poses': options.poses, 'board': options.board, 'box': options.box},
+            'box': [corner.tolist() for corner in box], 'metres_per_unit': region.metres_per_unit,
             'scale_sigma': region.sigma, 'frame': region.origin, 'object_points': len(region.points),
             'size': (box[1] - box[0]).tolist(),
             'views': [{'name': photo.name, 'source': photo.source, 'azimuth_deg': float(a), 'elevation_deg': float(e),
-                       'mask_agreement': agreement, 'error_px': error}
+                       'mask_agreement': agreement, 'mask_drawn': photo.drawn is not None,
+                       'error_px': error}
                       for photo, agreement, a, e, error in zip(photos, agreements, azimuth, elevation,
                                                                photo_errors(moved))]}
 

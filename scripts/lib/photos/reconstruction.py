@@ -10,6 +10,7 @@ from photos.common import InputError, require
 
 # COLMAP's models that are pinholes with OpenCV's distortion k1 k2 p1 p2, in the order of their numbers from 0 on: where
 # each parameter goes to in (fx, fy, cx, cy, k1, k2, p1, p2).
+RELIABLE_VIEWS = 3  # that see a point
 MODELS = {'SIMPLE_PINHOLE': ((0, 1), 2, 3), 'PINHOLE': (0, 1, 2, 3), 'SIMPLE_RADIAL': ((0, 1), 2, 3, 4),
           'RADIAL': ((0, 1), 2, 3, 4, 5), 'OPENCV': (0, 1, 2, 3, 4, 5, 6, 7)}
 
@@ -78,6 +79,11 @@ class Reconstruction:
     def photos_of_points(self):
         """How many photos see each point."""
         return np.bincount(self.point_of, minlength=len(self.xyz))
+
+    def reliable_points(self):
+        """[n][3] points that several photos see."""
+        views = self.photos_of_points()
+        return self.xyz[views >= min(RELIABLE_VIEWS, views.max(initial=0))]
 
     def of_photos(self, kept):
         """The same with some photos alone, and points that two of them see at least. @param kept indices, in order."""

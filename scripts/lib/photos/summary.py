@@ -63,7 +63,7 @@ def advice(facts):
     if facts['folded']:
         sentences.append('The object looks the same from two sides, and photos of one side were left out: put something '
                          'with texture beside it and take photos in between.')
-    poor = [view['source'] for view in facts['views'] if view['mask_agreement'] < POOR_AGREEMENT]
+    poor = [view['source'] for view in facts['views'] if view['mask_agreement'] < POOR_AGREEMENT and not view['mask_drawn']]
     if poor:
         sentences.append(f"The masks of {count(len(poor), 'photo')} do not agree with the others ({named(poor)}): look at "
                          'them below. A background of another colour helps.')

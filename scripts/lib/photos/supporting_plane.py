@@ -27,7 +27,6 @@ MARGIN = 0.4                # around the object's points, of their longest side:
 MAX_POINTS = 5000           # of the object, that are used
 NEIGHBOURS = 8
 STRAY = 2.5                 # times the median distance of a point's eighth neighbour: it does not belong to the object
-RELIABLE_VIEWS = 3          # that see a point
 
 
 def distance_of_cameras(reconstruction, point):
@@ -38,10 +37,8 @@ def near_points(reconstruction):
     """Points that several photos see, near to where the cameras look. @return (points, focus, distance of cameras)."""
     middle = focus(reconstruction)
     distance = distance_of_cameras(reconstruction, middle)
-    views = reconstruction.photos_of_points()
-    seen = views >= min(RELIABLE_VIEWS, views.max(initial=0))
-    near = np.linalg.norm(reconstruction.xyz - middle, axis=1) < NEAR * distance
-    return reconstruction.xyz[seen & near], middle, distance
+    points = reconstruction.reliable_points()
+    return points[np.linalg.norm(points - middle, axis=1) < NEAR * distance], middle, distance
 
 
 def fitted_plane(points, towards):
