@@ -30,8 +30,8 @@ function(npr_add_module module)
   set_target_properties(${target} PROPERTIES POSITION_INDEPENDENT_CODE ON)
   target_include_directories(${target} PRIVATE ${PROJECT_SOURCE_DIR}/include ${PROJECT_SOURCE_DIR}/src)
   target_link_libraries(${target} PRIVATE Eigen3::Eigen OpenMP::OpenMP_CXX ${arg_LIBRARIES})
-  if(module STREQUAL concurrency)  # the first that has sources
-    npr_precompile(${target})
+  if(module STREQUAL concurrency OR (NERF_POSE_REFINER_NUMERICS_FLAGS AND NOT arg_THREADED))
+    npr_precompile(${target})  # the first that has sources, or one with flags of its own
   else()
     npr_reuse_precompiled(${target} ${PROJECT_NAME}_concurrency)
   endif()

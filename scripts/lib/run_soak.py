@@ -173,6 +173,7 @@ def run(world, minutes):
     while not cycles or time.monotonic() < begin + 60 * minutes:
         start = time.monotonic()
         done = {'refined': 0, 'poses': 0, 'wrong': 0}
+        first = len(lines)
         for second in range(CYCLE_S):
             time.sleep(max(0.0, start + second - time.monotonic()))
             cycle.at(second)
@@ -181,7 +182,8 @@ def run(world, minutes):
             lines.append(measure(world, begin, lines[-1] if lines else {}))
             for key in done:
                 done[key] += lines[-1][key]
-        cycles.append({**lines[-1], **done, 'cycle': len(cycles), 'registered': cycle.registered})
+        least = {key: min(line[key] for line in lines[first:]) for key in ('descriptors', 'threads')}  # some come and go
+        cycles.append({**lines[-1], **done, **least, 'cycle': len(cycles), 'registered': cycle.registered})
         print(' '.join('%*.*f' % (len(key), isinstance(cycles[-1][key], float), cycles[-1][key]) for key in shown), flush=True)
     return lines, cycles
 

@@ -49,7 +49,7 @@ def verdict(cycles, counts):
     for name, has_grown in (('allocated [MiB]', True), ('memory [MiB]', rises([c['memory [MiB]'] for c in warm]))):
         if has_grown and growth(name) > MEMORY_MIB:
             problems.append('%s has grown by %.1f' % (name, growth(name)))
-    for name in ('descriptors', 'threads'):  # the least: some come and go
+    for name in ('descriptors', 'threads'):
         before, after = (min(c[name] for c in part) for part in (warm[:third], warm[-third:]))
         if after > before:
             problems.append('%s have grown from %d to %d' % (name, before, after))
