@@ -112,6 +112,10 @@ class Links(unittest.TestCase):
         for path in pages():
             self.assertEqual(list(broken_links(path, read(path))), [], path)
 
+    def test_code_stands_in_blocks(self):
+        for page in pages():
+            self.assertEqual(re.findall(r'^#\w+.*', prose(read(page)), re.MULTILINE), [], page)  # a heading has a blank
+
     def test_a_broken_link_is_seen(self):
         text = '# One page\n[a](#one-page) [b](nowhere.md) [c](../README.md#no-such) `[d](code)` <https://e.org>'
         self.assertEqual(list(broken_links('docs/x.md', text)), ['nowhere.md', '../README.md#no-such'])
