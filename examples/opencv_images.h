@@ -10,9 +10,11 @@
 
 /// The image of OpenCV that a camera took, 8-bit grey, BGR or BGRA, for a refiner, a tracker or a
 /// detector. The observation refers to its pixels: what overwrites them, such as the next
-/// `video.read(bgr)`, changes it. @throws std::runtime_error for an image of another kind, or none.
-inline nerf_pose_refiner::Observation observe(const cv::Mat& bgr,
-                                              nerf_pose_refiner::Camera camera) {
+/// `video.read(bgr)`, changes it.
+/// @param camera its width and height are checked against the image's, unless they are 0.
+/// @throws std::runtime_error for an image of another kind, or none.
+inline nerf_pose_refiner::Observation observeMat(const cv::Mat& bgr,
+                                                 nerf_pose_refiner::Camera camera) {
   using nerf_pose_refiner::PixelFormat;
   const int channels = bgr.channels();
   if (bgr.empty()) throw std::runtime_error("there is no image");
@@ -22,8 +24,10 @@ inline nerf_pose_refiner::Observation observe(const cv::Mat& bgr,
   const PixelFormat format = channels == 1   ? PixelFormat::kGrey
                              : channels == 3 ? PixelFormat::kBgr
                                              : PixelFormat::kBgra;
-  camera.width = bgr.cols;
-  camera.height = bgr.rows;
+  if (camera.width == 0 && camera.height == 0) {
+    camera.width = bgr.cols;
+    camera.height = bgr.rows;
+  }
   const auto kept = std::make_shared<const cv::Mat>(bgr);  // shares the pixels
   return nerf_pose_refiner::observe({kept->data, kept->cols, kept->rows, channels, kept->step[0]},
                                     format, camera, kept);

@@ -43,7 +43,7 @@ int main(int argc, char** argv) try {
   const std::shared_ptr<Backend> backend = makeBackend("auto");
   const Object object = loadObject(argv[1]);
   Refiner refiner(backend, object);
-  const Observation observation = observe(cv::imread(argv[2], cv::IMREAD_COLOR), camera);
+  const Observation observation = observeMat(cv::imread(argv[2], cv::IMREAD_COLOR), camera);
   const RefineResult found = refiner.refine(observation, prior);
   if (!found.trusted) {
     std::fprintf(stderr, "not found: %s\n", found.message.c_str());

@@ -12,6 +12,8 @@
 #include <nerf_pose_refiner/overlay.h>
 #include <nerf_pose_refiner/tracker.h>
 
+#include <chrono>
+#include <cstdint>
 #include <cstdio>
 #include <cstdlib>
 #include <exception>
@@ -35,6 +37,13 @@ cv::VideoCapture openVideo(const std::string& name) {
     throw std::runtime_error("cannot open the video " + name);
   }
   return video;
+}
+
+/// Time of the image that was read last [ns]. (Not every webcam gives one.)
+std::int64_t stampOf(const cv::VideoCapture& video, bool is_live) {
+  using namespace std::chrono;
+  if (is_live) return duration_cast<nanoseconds>(steady_clock::now().time_since_epoch()).count();
+  return static_cast<std::int64_t>(1e6 * video.get(cv::CAP_PROP_POS_MSEC));
 }
 
 int main(int argc, char** argv) try {
@@ -62,9 +71,8 @@ int main(int argc, char** argv) try {
   cv::VideoWriter writer;
   cv::Mat frame;
   for (int i = 0; video.read(frame); ++i) {
-    const Observation observation = observe(frame, camera);
-    const auto stamp_ns = static_cast<std::int64_t>(1e6 * video.get(cv::CAP_PROP_POS_MSEC));
-    const TrackResult result = tracker.track(observation, stamp_ns);
+    const Observation observation = observeMat(frame, camera);
+    const TrackResult result = tracker.track(observation, stampOf(video, options.real_time));
     std::printf("%4d %s", i, toString(result.state));
     if (result.trusted) {
       std::printf(": %.4f %.4f %.4f, score %.2f", result.T_C_O.t.x(), result.T_C_O.t.y(),

@@ -22,9 +22,15 @@ struct BackendInfo {
 
 /// @param processor "cpu", "cuda", or "auto": CUDA where it works, else the CPU.
 /// @param threads number of threads of the CPU backend; 0: one for each core.
+/// @param device number of the GPU, from 0.
 /// @throws std::invalid_argument for an unknown processor, std::runtime_error saying why CUDA does
 /// not work here.
-std::shared_ptr<Backend> makeBackend(const std::string& processor = "auto", int threads = 0);
+///
+/// A GPU that fails for good (its driver has lost the process' context) stays lost until the
+/// process ends: every call of its backend throws std::runtime_error from then on, and
+/// makeBackend("auto") gives one of the CPU.
+std::shared_ptr<Backend> makeBackend(const std::string& processor = "auto", int threads = 0,
+                                     int device = 0);
 
 /// The processor of a backend.
 BackendInfo backendInfo(const Backend& backend);

@@ -36,6 +36,7 @@ struct WeightedPose {
 
 /// The result of a search.
 struct RefineResult {
+  bool found = false;    ///< there is a pose, trusted or not; else T_C_O is the prior's
   bool trusted = false;  ///< the pose explains the image well enough to be used
   std::string message;   ///< why it is not trusted; empty if it is
   Pose T_C_O;            ///< the best pose: the object in the camera's optical frame
@@ -78,7 +79,8 @@ class Refiner {
   Refiner(Refiner&&) noexcept;
   Refiner& operator=(Refiner&&) noexcept;
 
-  /// @throws std::invalid_argument for an invalid image or prior (sizes, NaN), Cancelled.
+  /// @throws std::invalid_argument for an invalid image or prior (sizes, NaN), std::runtime_error
+  /// if the processor fails (@see makeBackend), Cancelled.
   RefineResult refine(const Observation& observation, const PosePrior& prior,
                       const CancellationToken& cancellation = {});
 

@@ -77,11 +77,12 @@ class Tracker {
   void setInitialPose(const Pose& T_C_O);
 
   /// Processes the next image.
-  /// @param stamp_ns time of the image on any clock, increasing. An image that is older than the
-  /// last one is ignored; one that is older by more than 0.5 s ends the track, and so does a gap of
-  /// more than 2 s.
+  /// @param stamp_ns time of the image on any clock, increasing. An image that is not newer than
+  /// the last one is ignored; one that is older by more than 0.5 s ends the track. After a gap of
+  /// more than 2 s the object counts as lost: it is searched for (TrackerOptions::recover_s).
   /// @throws std::invalid_argument for an invalid image; std::runtime_error if the processor fails,
-  /// after which the next image may be tried; Cancelled.
+  /// after which the next image may be tried (not if it is lost for good, @see makeBackend);
+  /// Cancelled.
   TrackResult track(const Observation& observation, std::int64_t stamp_ns,
                     const CancellationToken& cancellation = {});
 

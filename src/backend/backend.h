@@ -22,7 +22,7 @@ struct TrainingView;
 ///
 /// Backends differ in speed alone; their callers make the schedules (which calls, in which order,
 /// with which numbers). An implementation is called by one thread at a time, together with all that
-/// it has created. The backend of `makeBackend` may be shared between threads.
+/// it has created. (The public makeBackend gives one that threads may share.)
 class Backend {
  public:
   virtual ~Backend() = default;

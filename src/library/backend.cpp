@@ -6,10 +6,11 @@
 
 namespace nerf_pose_refiner {
 
-std::shared_ptr<Backend> makeBackend(const std::string& processor, int threads) {
+std::shared_ptr<Backend> makeBackend(const std::string& processor, int threads, int device) {
   BackendChoice choice;
   choice.backend = processor;
   choice.threads = threads;
+  choice.device = device;
   return std::make_shared<SharedBackend>(makeBackend(choice));
 }
 

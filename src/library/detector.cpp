@@ -35,7 +35,7 @@ DetectionSettings settingsOf(const DetectorOptions& options) {
 
 struct Detector::Parts {
   Object object;
-  std::shared_ptr<Backend> backend;  ///< outlives what it made
+  std::shared_ptr<Backend> backend;
   std::unique_ptr<ObjectDetector> detector;
 };
 

@@ -14,7 +14,7 @@ namespace nerf_pose_refiner {
 
 struct Overlay::Parts {
   Object object;
-  std::shared_ptr<Backend> backend;  ///< must outlive `field`
+  std::shared_ptr<Backend> backend;
   std::shared_ptr<const LoadedField> field;
 };
 

@@ -19,6 +19,7 @@ namespace {
 RefinerSettings settingsOf(const RefinerOptions& options) {
   RefinerSettings settings = RefinerSettings::named(options.preset);
   settings.seed = options.seed;
+  settings.keyframes.real_time = false;  // or what a late keyframe changes would depend on speed
   return settings;
 }
 
@@ -72,7 +73,8 @@ RefineResult Refiner::refine(const Observation& observation, const PosePrior& pr
   result.depth = refined.depth;
   result.side_views = refined.side_views;
   result.seconds = refined.seconds;
-  if (refined.outcome != Outcome::kRefined) return result;
+  result.found = refined.outcome == Outcome::kRefined;
+  if (!result.found) return result;
   result.covariance = covarianceInCamera(refined.covariance, refined.T_O_C,
                                          ObjectInside::field(object)->metadata, frame);
   const std::vector<double> weights = hypothesisWeights(refined.hypotheses);

@@ -60,7 +60,7 @@ TEST_F(LibraryTest, RefinerFindsAPoseInMetres) {
   Refiner refiner(backend_, object_);
   const PosePrior prior = {inCamera(offBy(truth_, {0.6, -0.5, 0.6}, 6)), 10 * kDegree, 0.1};
   const RefineResult found = refiner.refine(observed(imageOf(truth_)), prior);
-  ASSERT_TRUE(found.trusted) << found.message;
+  ASSERT_TRUE(found.found && found.trusted) << found.message;
   expectNear(found.T_C_O, truth_);
   const double deviation_m = std::sqrt(found.covariance(0, 0));
   EXPECT_GT(deviation_m, 0);
@@ -75,8 +75,9 @@ TEST_F(LibraryTest, RefinerSaysWhyThereIsNoPose) {
   Pose behind = inCamera(truth_);
   behind.t.z() *= -1;
   const RefineResult found = refiner.refine(observed(imageOf(truth_)), {behind, 0.1, 0.1});
-  EXPECT_FALSE(found.trusted);
+  EXPECT_FALSE(found.found || found.trusted);
   EXPECT_EQ(found.message, "the start pose is outside the image");
+  EXPECT_EQ(found.T_C_O.t, behind.t);  // the prior
 }
 
 TEST_F(LibraryTest, RefinerRefusesWhatIsInvalid) {
