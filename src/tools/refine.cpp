@@ -36,7 +36,7 @@ struct RefineOptions {
   std::string view;
   double start_rotation_deg = 15;
   double start_translation = 0.15;
-  std::string preset = "align";
+  std::string preset = "keyframes";
   double search_rotation_deg = kSearchRotation_deg;
   double search_translation = kSearchTranslation;
   std::vector<float> background;  // r g b, 0..1
@@ -83,7 +83,8 @@ void declare(CLI::App* app, RefineOptions* options) {
   app->description(
       "Refines a rough pose of an object until its rendering matches an image.\n\n"
       "The background may be known: from --mask, from --background, or because the\n"
-      "image has alpha. Otherwise nothing is assumed about it.\n\n"
+      "image has alpha. The presets align and track search with that; keyframes searches\n"
+      "without, and does not trust a pose that a mask contradicts.\n\n"
       "Poses are those of the object frame in <model>.yaml, if there is that file.");
   app->footer(
       "Examples:\n  " + name +
