@@ -15,6 +15,7 @@
 #include <iterator>
 #include <stdexcept>
 
+#include "ros/bag/read_message.h"
 #include "ros/conversions/pose_conversions.h"
 #include "ros/conversions/status.h"
 
@@ -45,8 +46,8 @@ std::string withoutTransport(const std::string& topic) {
 
 /// An image, raw or compressed. @param encoding that a compressed one is decoded to.
 sensor_msgs::ImagePtr decode(const rosbag::MessageInstance& message, const std::string& encoding) {
-  if (const auto raw = message.instantiate<sensor_msgs::Image>()) return raw;
-  const auto compressed = message.instantiate<sensor_msgs::CompressedImage>();
+  if (const auto raw = readMessage<sensor_msgs::Image>(message)) return raw;
+  const auto compressed = readMessage<sensor_msgs::CompressedImage>(message);
   if (!compressed) throw std::runtime_error("is of type " + message.getDataType());
   if (compressed->data.empty()) throw std::runtime_error("holds no data");
   const auto image = cv_bridge::toCvCopy(compressed, encoding);
@@ -61,8 +62,8 @@ std::string siblingInfo(const std::string& topic) {
 }
 
 ros::Time stampOf(const rosbag::MessageInstance& message) {
-  if (const auto raw = message.instantiate<sensor_msgs::Image>()) return raw->header.stamp;
-  const auto compressed = message.instantiate<sensor_msgs::CompressedImage>();
+  if (const auto raw = readMessage<sensor_msgs::Image>(message)) return raw->header.stamp;
+  const auto compressed = readMessage<sensor_msgs::CompressedImage>(message);
   return compressed ? compressed->header.stamp : ros::Time();
 }
 
@@ -148,7 +149,7 @@ void BagSequence::readTransforms() {
   for (const char* topic : {"/tf", "/tf_static"}) {
     rosbag::View view(bag_, rosbag::TopicQuery(topic));
     for (const rosbag::MessageInstance& message : view) {
-      const auto transforms = message.instantiate<tf2_msgs::TFMessage>();
+      const auto transforms = readMessage<tf2_msgs::TFMessage>(message);
       if (!transforms) continue;
       for (geometry_msgs::TransformStamped transform : transforms->transforms) {
         transform.header.frame_id = withoutSlash(transform.header.frame_id);
@@ -162,7 +163,7 @@ void BagSequence::readTransforms() {
 void BagSequence::readCameraInfos() {
   rosbag::View view(bag_, rosbag::TopicQuery(topics_.camera_info));
   for (const rosbag::MessageInstance& message : view) {
-    const auto info = message.instantiate<sensor_msgs::CameraInfo>();
+    const auto info = readMessage<sensor_msgs::CameraInfo>(message);
     if (info) infos_[info->header.stamp] = info;
   }
 }
@@ -183,7 +184,7 @@ void BagSequence::readDepth() {
   }
   rosbag::View infos(bag_, rosbag::TopicQuery(siblingInfo(topics_.depth)));
   for (const rosbag::MessageInstance& message : infos) {
-    const auto info = message.instantiate<sensor_msgs::CameraInfo>();
+    const auto info = readMessage<sensor_msgs::CameraInfo>(message);
     if (info) depth_infos_[info->header.stamp] = info;
   }
   if (depth_infos_.empty()) {
@@ -206,7 +207,7 @@ void BagSequence::addDepth(BagFrame* frame) const {
   }
   const auto info =
       depth_infos_.size() == 1 ? depth_infos_.begin() : depth_infos_.find(nearest->first);
-  const auto image = nearest->second.instantiate<sensor_msgs::Image>();
+  const auto image = readMessage<sensor_msgs::Image>(nearest->second);
   if (info == depth_infos_.end() || !image) {
     throw std::runtime_error(topics_.depth + ", " + frameText(frame->index, nearest->first) +
                              (image ? ": no camera_info with its stamp" : ": is compressed"));
@@ -230,10 +231,9 @@ void BagSequence::readInitialPoses() {
   for (const rosbag::MessageInstance& message : view) {
     TimedPose start;
     try {
-      if (const auto pose = message.instantiate<geometry_msgs::PoseStamped>()) {
+      if (const auto pose = readMessage<geometry_msgs::PoseStamped>(message)) {
         start = initialPoseFrom(*pose);
-      } else if (const auto wide =
-                     message.instantiate<geometry_msgs::PoseWithCovarianceStamped>()) {
+      } else if (const auto wide = readMessage<geometry_msgs::PoseWithCovarianceStamped>(message)) {
         start = initialPoseFrom(*wide);
       }
     } catch (const InputError& e) {  // of the bag, not of the caller
@@ -249,11 +249,11 @@ void BagSequence::readTruth() {
   rosbag::View view(bag_, rosbag::TopicQuery(topics_.truth));
   for (const rosbag::MessageInstance& message : view) {
     geometry_msgs::TransformStamped transform;
-    if (const auto pose = message.instantiate<geometry_msgs::PoseStamped>()) {
+    if (const auto pose = readMessage<geometry_msgs::PoseStamped>(message)) {
       transform = transformOf(pose->header, pose->pose);
-    } else if (const auto wide = message.instantiate<geometry_msgs::PoseWithCovarianceStamped>()) {
+    } else if (const auto wide = readMessage<geometry_msgs::PoseWithCovarianceStamped>(message)) {
       transform = transformOf(wide->header, wide->pose.pose);
-    } else if (const auto direct = message.instantiate<geometry_msgs::TransformStamped>()) {
+    } else if (const auto direct = readMessage<geometry_msgs::TransformStamped>(message)) {
       transform = *direct;
       transform.child_frame_id = kTruthFrame;
     }
