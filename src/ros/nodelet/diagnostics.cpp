@@ -145,7 +145,7 @@ void Diagnostics::showMemory(std::function<Facts()> memory) {
 void Diagnostics::guard(const char* name, const std::function<void()>& callback) {
   const std::optional<std::string> error = errorOf(callback);
   if (!error) return;
-  ROS_ERROR_THROTTLE(5.0, "%s: %s", name, error->c_str());
+  if (errors_.passes()) ROS_ERROR("%s: %s", name, error->c_str());
   std::lock_guard<std::mutex> lock(mutex_);
   ++failures_;
   failure_ = *error;

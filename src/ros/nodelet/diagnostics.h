@@ -17,6 +17,7 @@
 
 #include "ros/conversions/node_handles.h"
 #include "ros/conversions/parameters.h"
+#include "ros/nodelet/log_throttle.h"
 
 namespace nerf_pose_refiner {
 
@@ -97,6 +98,7 @@ class Diagnostics {
   std::string failure_;         ///< message of the last one since the last report
   std::string backend_;
   std::function<Facts()> memory_;
+  LogThrottle errors_{std::chrono::seconds(5)};
   ros::WallTime since_;  ///< refined images are counted from this time on
 
   diagnostic_updater::Updater updater_;

@@ -53,7 +53,8 @@ void OverlayPublisher::run() {
       field_.reset();
       backend_.reset();  // the next image is drawn with another one
     } catch (const std::exception& e) {
-      if (!cancellation_.cancelRequested()) ROS_ERROR_THROTTLE(5.0, "overlay: %s", e.what());
+      if (cancellation_.cancelRequested() || !errors_.passes()) continue;
+      ROS_ERROR("overlay: %s", e.what());
     }
   }
 }

@@ -13,6 +13,7 @@
 #include "concurrency/frame_mailbox.h"
 #include "nerf_pose_refiner/observation.h"
 #include "ros/conversions/parameters.h"
+#include "ros/nodelet/log_throttle.h"
 #include "runtime/backend_pool.h"
 
 namespace nerf_pose_refiner {
@@ -52,6 +53,7 @@ class OverlayPublisher {
   std::mutex settings_mutex_;  ///< guards settings_
   OverlaySettings settings_;
   CancellationToken cancellation_;
+  LogThrottle errors_{std::chrono::seconds(5)};
   // Used by the drawing thread only.
   std::shared_ptr<Backend> backend_;
   std::shared_ptr<const Field> field_;

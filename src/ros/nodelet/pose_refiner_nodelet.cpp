@@ -128,7 +128,7 @@ void PoseRefinerNodelet::startTracking() {
     receiver.mask = [this](const auto& mask) { worker_->addMask(mask); };
   }
   receiver.unpaired = [this](const std::string& why) {
-    ROS_ERROR_THROTTLE(5.0, "%s", why.c_str());
+    if (unpaired_.passes()) NODELET_ERROR("%s", why.c_str());
     worker_->tracker().imageRefused(TrackReason::kBadCameraInfo, why);
     worker_->wake();
   };

@@ -14,6 +14,7 @@
 #include "ros/conversions/parameters.h"
 #include "ros/nodelet/camera_subscription.h"
 #include "ros/nodelet/diagnostics.h"
+#include "ros/nodelet/log_throttle.h"
 #include "ros/nodelet/overlay_publisher.h"
 #include "ros/nodelet/result_publisher.h"
 #include "ros/nodelet/tracking_worker.h"
@@ -70,6 +71,7 @@ class PoseRefinerNodelet : public nodelet::Nodelet {
   std::unique_ptr<tf2_ros::Buffer> transforms_;
   FrameConflict frame_conflict_;
   std::unique_ptr<TransformInput> transform_input_;
+  LogThrottle unpaired_{std::chrono::seconds(5)};
   std::unique_ptr<Diagnostics> diagnostics_;
   std::unique_ptr<CameraSubscription> camera_;
   std::unique_ptr<ResultPublisher> results_;

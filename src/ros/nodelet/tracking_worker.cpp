@@ -88,7 +88,7 @@ void TrackingWorker::addFrame(CameraFrame frame) {
   frame.clock_jumps = tracker().readClock();
   outputs_.diagnostics->imageArrived(frame.image->header.stamp);
   if (const auto reason = tracker_.refusal(*frame.image, *frame.info, frame.camera)) {
-    ROS_ERROR_THROTTLE(5.0, "image: %s", reason->c_str());
+    if (refusals_.passes()) ROS_ERROR("image: %s", reason->c_str());
     outputs_.diagnostics->count(&ImageCounts::refused);
     wake();
     return;
@@ -165,9 +165,9 @@ void TrackingWorker::report(const RefinementStatus& status) {
   // A normal state is not a warning and is logged rarely.
   if (full.reason == RefinementStatus::REASON_NONE ||
       full.reason == RefinementStatus::REASON_PRIOR_IGNORED) {
-    ROS_INFO_THROTTLE(10.0, "%s", full.message.c_str());
-  } else {
-    ROS_WARN_THROTTLE(1.0, "%s", full.message.c_str());
+    if (states_.passes()) ROS_INFO("%s", full.message.c_str());
+  } else if (warnings_.passes()) {
+    ROS_WARN("%s", full.message.c_str());
   }
 }
 

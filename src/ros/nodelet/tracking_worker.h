@@ -14,6 +14,7 @@
 #include "ros/conversions/mask_pairing.h"
 #include "ros/conversions/parameters.h"
 #include "ros/nodelet/diagnostics.h"
+#include "ros/nodelet/log_throttle.h"
 #include "ros/nodelet/message_tracker.h"
 #include "ros/nodelet/overlay_publisher.h"
 #include "ros/nodelet/result_publisher.h"
@@ -76,6 +77,9 @@ class TrackingWorker {
   /// and from there to pairing_.
   std::vector<std::unique_ptr<CompanionPairing>> companions_;
   std::size_t first_side_view_ = 0;  ///< the first of a camera among them
+  LogThrottle refusals_{std::chrono::seconds(5)};
+  LogThrottle states_{std::chrono::seconds(10)};
+  LogThrottle warnings_{std::chrono::seconds(1)};
   LeadCamera lead_;
   std::atomic<bool> stopping_{false};
   std::thread thread_;  ///< last: it uses all above

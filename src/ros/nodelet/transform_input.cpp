@@ -31,7 +31,7 @@ void TransformInput::onTransforms(const ros::MessageEvent<const tf2_msgs::TFMess
   const std::string& sender = event.getPublisherName();
   const bool own = sender == ros::this_node::getName();
   const std::string warning = conflict_->received(*event.getConstMessage(), own ? "" : sender);
-  if (!warning.empty()) ROS_WARN_THROTTLE(10.0, "%s", warning.c_str());
+  if (!warning.empty() && warnings_.passes()) ROS_WARN("%s", warning.c_str());
 }
 
 }  // namespace nerf_pose_refiner

@@ -11,6 +11,7 @@
 #include <tf2_ros/transform_listener.h>
 
 #include "ros/nodelet/frame_conflict.h"
+#include "ros/nodelet/log_throttle.h"
 
 namespace nerf_pose_refiner {
 
@@ -32,6 +33,7 @@ class TransformInput {
   ros::NodeHandle nh_;  ///< whose messages go to queue_
   tf2_ros::TransformListener listener_;
   FrameConflict* conflict_;
+  LogThrottle warnings_{std::chrono::seconds(10)};
   ros::Subscriber transforms_;
   ros::AsyncSpinner spinner_;  ///< stops before the listener ends
 };
