@@ -3,8 +3,6 @@
 
 #include <ros/serialization.h>
 #include <rosbag/message_instance.h>
-#include <boost/make_shared.hpp>
-#include <boost/shared_ptr.hpp>
 
 #include <cstdint>
 #include <cstring>
@@ -43,13 +41,13 @@ class BoundedStream : public ros::serialization::Stream {
 /// The message of a record, null if the record is of another type.
 /// @throws std::runtime_error if its bytes are no such message.
 template <typename Message>
-boost::shared_ptr<Message> readMessage(const rosbag::MessageInstance& record) {
+typename Message::Ptr readMessage(const rosbag::MessageInstance& record) {
   if (!record.isType<Message>()) return nullptr;
   std::vector<std::uint8_t> bytes(record.size());
   ros::serialization::OStream out(bytes.data(), static_cast<std::uint32_t>(bytes.size()));
   record.write(out);
   BoundedStream in(bytes.data(), static_cast<std::uint32_t>(bytes.size()));
-  auto message = boost::make_shared<Message>();
+  typename Message::Ptr message(new Message);
   try {
     in.next(*message);
   } catch (const ros::serialization::StreamOverrunException&) {

@@ -15,9 +15,9 @@
 #include <utility>
 #include <vector>
 
+#include "concurrency/log_throttle.h"
 #include "ros/conversions/node_handles.h"
 #include "ros/conversions/parameters.h"
-#include "ros/nodelet/log_throttle.h"
 
 namespace nerf_pose_refiner {
 

@@ -11,9 +11,9 @@
 #include "backend/backend.h"
 #include "backend/loaded_field.h"
 #include "concurrency/frame_mailbox.h"
+#include "concurrency/log_throttle.h"
 #include "nerf_pose_refiner/observation.h"
 #include "ros/conversions/parameters.h"
-#include "ros/nodelet/log_throttle.h"
 #include "runtime/backend_pool.h"
 
 namespace nerf_pose_refiner {

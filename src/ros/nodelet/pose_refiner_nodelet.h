@@ -10,11 +10,11 @@
 #include <future>
 #include <memory>
 
+#include "concurrency/log_throttle.h"
 #include "ros/conversions/node_handles.h"
 #include "ros/conversions/parameters.h"
 #include "ros/nodelet/camera_subscription.h"
 #include "ros/nodelet/diagnostics.h"
-#include "ros/nodelet/log_throttle.h"
 #include "ros/nodelet/overlay_publisher.h"
 #include "ros/nodelet/result_publisher.h"
 #include "ros/nodelet/tracking_worker.h"

@@ -9,12 +9,12 @@
 #include <thread>
 
 #include "concurrency/frame_mailbox.h"
+#include "concurrency/log_throttle.h"
 #include "ros/conversions/companion_pairing.h"
 #include "ros/conversions/lead_camera.h"
 #include "ros/conversions/mask_pairing.h"
 #include "ros/conversions/parameters.h"
 #include "ros/nodelet/diagnostics.h"
-#include "ros/nodelet/log_throttle.h"
 #include "ros/nodelet/message_tracker.h"
 #include "ros/nodelet/overlay_publisher.h"
 #include "ros/nodelet/result_publisher.h"

@@ -10,8 +10,8 @@
 #include <tf2_msgs/TFMessage.h>
 #include <tf2_ros/transform_listener.h>
 
+#include "concurrency/log_throttle.h"
 #include "ros/nodelet/frame_conflict.h"
-#include "ros/nodelet/log_throttle.h"
 
 namespace nerf_pose_refiner {
 

@@ -1,5 +1,5 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "ros/nodelet/log_throttle.h"
+#include "concurrency/log_throttle.h"
 
 #include <gtest/gtest.h>
 
