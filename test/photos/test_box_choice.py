@@ -128,6 +128,13 @@ class Datasets(InFolder):
         self.assertEqual(stat.S_IMODE(os.stat(self.path('real.json')).st_mode), 0o640)
         self.assertEqual(sorted(os.listdir(self.top)), names)  # nothing temporary is left
 
+    def test_two_names_of_one_file_leave_nothing_behind(self):
+        self.write('transforms_train.json')
+        os.symlink('transforms_train.json', self.path('transforms.json'))
+        box_choice.write_box(self.top, (np.zeros(3), np.ones(3)))
+        self.assertEqual(sorted(os.listdir(self.top)), ['transforms.json', 'transforms_train.json'])
+        self.assertEqual(box_choice.read_json(self.path('transforms.json'))['object_aabb'], [[0, 0, 0], [1, 1, 1]])
+
     def test_where_one_file_cannot_be_written_none_is(self):
         for name in ('transforms_train.json', 'transforms_test.json'):
             self.write(name)

@@ -69,8 +69,7 @@ def write_texts(texts):
     written, none is replaced. @param texts {path: text}"""
     made = {}
     try:
-        for path, text in texts.items():
-            path = os.path.realpath(path)  # a link stays one
+        for path, text in {os.path.realpath(path): text for path, text in texts.items()}.items():  # a link stays one
             made[path] = temporary_file(path, text)
         for path, temporary in made.items():
             os.replace(temporary, path)
