@@ -94,7 +94,8 @@ std::vector<Image> pyramidOf(const Rendering& rendering, const Camera& camera,
     halveImage(layers, &half);
     std::swap(layers, half);
   }
-  std::vector<Image> pyramid = {std::move(layers)};
+  std::vector<Image> pyramid;
+  pyramid.push_back(std::move(layers));
   while (static_cast<int>(pyramid.size()) < settings.levels) {
     halveImage(pyramid.back(), &half);
     pyramid.push_back(std::move(half));

@@ -3,7 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <iterator>
+#include <limits>
 #include <utility>
 #include <vector>
 
@@ -26,9 +26,47 @@ struct Candidate {
   float information = 0;
 };
 
+// The candidates of a cell that were not chosen yet.
+struct CellCandidates {
+  Candidate* begin = nullptr;
+  Candidate* end = nullptr;
+};
+
 bool isBetter(const Candidate& a, const Candidate& b) {
   return a.information != b.information ? a.information > b.information : a.pixel < b.pixel;
 }
+
+// The nearest and the farthest depth of three rows, column by column. What is not a number is left
+// out.
+class DepthRange {
+ public:
+  explicit DepthRange(int width) : nearest_(width + 2, kNone), farthest_(width + 2, -kNone) {}
+
+  // The rows around one.
+  void take(const std::vector<float>& depths, int height, int row) {
+    const std::size_t width = nearest_.size() - 2;
+    float *const nearest = nearest_.data() + 1, *const farthest = farthest_.data() + 1;
+    std::fill_n(nearest, width, kNone);
+    std::fill_n(farthest, width, -kNone);
+    for (int y = std::max(0, row - 1); y <= std::min(height - 1, row + 1); ++y) {
+      const float* const depth = depths.data() + width * y;
+      for (std::size_t x = 0; x < width; ++x) {
+        nearest[x] = depth[x] < nearest[x] ? depth[x] : nearest[x];
+        farthest[x] = depth[x] > farthest[x] ? depth[x] : farthest[x];
+      }
+    }
+  }
+
+  // Of three columns.
+  float nearest(int x) const { return std::min({nearest_[x], nearest_[x + 1], nearest_[x + 2]}); }
+  float farthest(int x) const {
+    return std::max({farthest_[x], farthest_[x + 1], farthest_[x + 2]});
+  }
+
+ private:
+  static constexpr float kNone = std::numeric_limits<float>::infinity();
+  std::vector<float> nearest_, farthest_;  // with a column of border
+};
 
 class LevelMaker {
  public:
@@ -83,24 +121,20 @@ class LevelMaker {
   }
 
   // Smoothing mixes a pixel with its direct neighbours.
-  bool isAtDepthJump(const std::vector<float>& depths, int x, int y) const {
-    const float depth = depths[y * width_ + x];
+  bool isAtDepthJump(const DepthRange& around, float depth, int x) const {
     const float step = settings_.max_depth_step * depth / view_.focal_px.x();
-    for (int v = std::max(0, y - 1); v <= std::min(height_ - 1, y + 1); ++v) {
-      for (int u = std::max(0, x - 1); u <= std::min(width_ - 1, x + 1); ++u) {
-        if (std::abs(depths[v * width_ + u] - depth) > step) return true;
-      }
-    }
-    return false;
+    return around.farthest(x) - depth > step || depth - around.nearest(x) > step;
   }
 
   void findShown() {
-    shown_.assign(smooth_.pixels(), 0);
+    shown_.resize(smooth_.pixels());
     const std::vector<float> depth = depths();
     forRows([&](int first, int end) {
+      DepthRange around(width_);
       for (int y = first; y < end; ++y) {
-        for (int x = 0; x < width_; ++x) {
-          shown_[y * width_ + x] = isOpaque(x, y) && !isAtDepthJump(depth, x, y);
+        around.take(depth, height_, y);
+        for (int x = 0, pixel = y * width_; x < width_; ++x, ++pixel) {
+          shown_[pixel] = isOpaque(x, y) && !isAtDepthJump(around, depth[pixel], x);
         }
       }
     });
@@ -117,8 +151,15 @@ class LevelMaker {
     level_.window = std::max(1, window / level_.spacing);
   }
 
-  int pixelOfCell(int cell) const {
-    return cell / level_.width * level_.spacing * width_ + cell % level_.width * level_.spacing;
+  /// body(cell, its pixel) for those of the grid's cells whose pixel is shown, row by row.
+  template <typename Body>
+  void forShownCells(const Body& body) const {
+    for (int y = 0, cell = 0; y < level_.height; ++y) {
+      int pixel = y * level_.spacing * width_;
+      for (int x = 0; x < level_.width; ++x, ++cell, pixel += level_.spacing) {
+        if (shown_[pixel]) body(cell, pixel);
+      }
+    }
   }
 
   // Of the grid.
@@ -135,29 +176,25 @@ class LevelMaker {
   // Normalises colours by their surroundings, as alignment does with those of the image.
   void normaliseColours() {
     const int cells = level_.width * level_.height;
-    std::vector<float> colours(static_cast<std::size_t>(kBoxChannels) * cells, 0.0f);
-    std::vector<float> counts = colours, sums;
-    for (int cell = 0; cell < cells; ++cell) {
-      if (!shown_[pixelOfCell(cell)]) continue;
-      const Eigen::Vector3f colour = colourAt(pixelOfCell(cell));
+    constexpr int kCount = 6;  // the channel after colours and their squares
+    std::vector<float> colours(static_cast<std::size_t>(kBoxChannels) * cells, 0.0f), sums;
+    forShownCells([&](int cell, int pixel) {
+      const Eigen::Vector3f colour = colourAt(pixel);
       float* const values = colours.data() + static_cast<std::ptrdiff_t>(kBoxChannels) * cell;
       for (int c = 0; c < 3; ++c) {
         values[c] = colour[c];
         values[3 + c] = colour[c] * colour[c];
       }
-      counts[static_cast<std::size_t>(kBoxChannels) * cell] = 1;
-    }
-    boxSums(counts, level_.width, level_.height, level_.window, &sums);
-    std::vector<float> inverse_count(cells, 0.0f);
-    for (int cell = 0; cell < cells; ++cell) {
-      const float count = std::round(sums[static_cast<std::size_t>(kBoxChannels) * cell]);
-      if (count > 0) inverse_count[cell] = 1 / count;
-    }
+      values[kCount] = 1;
+    });
     boxSums(colours, level_.width, level_.height, level_.window, &sums);
+    std::vector<float> inverse_count(cells, 0.0f);
     local_.resize(cells);
     for (std::size_t cell = 0; cell < inverse_count.size(); ++cell) {
-      if (inverse_count[cell] == 0) continue;
-      local_[cell] = localColours(sums.data() + kBoxChannels * cell, inverse_count[cell]);
+      const float* const sum = sums.data() + kBoxChannels * cell;
+      if (sum[kCount] < 0.5f) continue;
+      inverse_count[cell] = 1 / std::round(sum[kCount]);
+      local_[cell] = localColours(sum, inverse_count[cell]);
     }
     normalisePixels(inverse_count);
   }
@@ -205,11 +242,10 @@ class LevelMaker {
     const PointColumns& shown = level_.shown;
     const int none = level_.width * level_.height;
     int last = 0;
-    for (int cell = 0; cell < none; ++cell) {
-      if (!shown_[pixelOfCell(cell)]) continue;
-      last = pixelOfCell(cell);
-      addShown(last, cell);
-    }
+    forShownCells([&](int cell, int pixel) {
+      last = pixel;
+      addShown(pixel, cell);
+    });
     while (shown.size() % kPointGroup != 0) addShown(last, none);
   }
 
@@ -230,45 +266,42 @@ class LevelMaker {
     return sum;
   }
 
-  // The pixels of a cell that say something.
-  std::vector<Candidate> candidatesOf(int cell_x, int cell_y) const {
-    std::vector<Candidate> candidates;
+  // The pixels of a cell that say something. Returns the end of what it wrote.
+  Candidate* findCandidates(int cell_x, int cell_y, Candidate* to) const {
     for (int y = cell_y; y < std::min(cell_y + kCellSide, height_); ++y) {
       for (int x = cell_x; x < std::min(cell_x + kCellSide, width_); ++x) {
         const float information = informationAt(x, y);
-        if (information > 0) candidates.push_back({y * width_ + x, information});
+        if (information > 0) *to++ = {y * width_ + x, information};
       }
     }
-    return candidates;
+    return to;
   }
 
-  // Those of every cell that has any, row by row.
-  std::vector<std::vector<Candidate>> candidates() const {
+  // Those of every cell, row by row. @param all has room for every pixel of every cell.
+  std::vector<CellCandidates> candidates(std::vector<Candidate>* all) const {
+    constexpr int kRoom = kCellSide * kCellSide;
     const int across = (width_ + kCellSide - 1) / kCellSide;
     const int down = (height_ + kCellSide - 1) / kCellSide;
-    std::vector<std::vector<Candidate>> cells(static_cast<std::size_t>(across) * down);
+    all->resize(static_cast<std::size_t>(across) * down * kRoom);
+    std::vector<CellCandidates> cells(static_cast<std::size_t>(across) * down);
     parallelBands(threads_, down, kLeastRows / kCellSide, [&](int first, int end) {
       for (int i = first * across; i < end * across; ++i) {
-        cells[i] = candidatesOf(i % across * kCellSide, i / across * kCellSide);
+        Candidate* const begin = all->data() + static_cast<std::ptrdiff_t>(i) * kRoom;
+        cells[i] = {begin, findCandidates(i % across * kCellSide, i / across * kCellSide, begin)};
       }
     });
-    withoutEmpty(&cells);
     return cells;
-  }
-
-  static void withoutEmpty(std::vector<std::vector<Candidate>>* cells) {
-    cells->erase(std::remove_if(cells->begin(), cells->end(),
-                                [](const std::vector<Candidate>& cell) { return cell.empty(); }),
-                 cells->end());
   }
 
   // The best of every cell first, then the second best, until there are enough.
   std::vector<Candidate> choose() const {
-    std::vector<std::vector<Candidate>> cells = candidates();
+    std::vector<Candidate> all;
+    std::vector<CellCandidates> cells = candidates(&all);
     const auto enough = static_cast<std::size_t>(settings_.max_points);
     std::vector<Candidate> chosen;
-    while (!cells.empty() && chosen.size() < enough) {
+    while (chosen.size() < enough) {
       std::vector<Candidate> next = takeBest(&cells);
+      if (next.empty()) break;
       std::sort(next.begin(), next.end(), isBetter);
       next.resize(std::min(next.size(), enough - chosen.size()));
       chosen.insert(chosen.end(), next.begin(), next.end());
@@ -276,16 +309,16 @@ class LevelMaker {
     return chosen;
   }
 
-  // Moves the best candidate out of every cell; cells that are empty then are left out.
+  // Takes the best candidate out of every cell that has any.
   // (Few ranks are needed, so cells are not sorted.)
-  static std::vector<Candidate> takeBest(std::vector<std::vector<Candidate>>* cells) {
+  static std::vector<Candidate> takeBest(std::vector<CellCandidates>* cells) {
     std::vector<Candidate> best;
-    for (std::vector<Candidate>& cell : *cells) {
-      std::iter_swap(std::min_element(cell.begin(), cell.end(), isBetter), std::prev(cell.end()));
-      best.push_back(cell.back());
-      cell.pop_back();
+    for (CellCandidates& cell : *cells) {
+      if (cell.begin == cell.end) continue;
+      Candidate* const found = std::min_element(cell.begin, cell.end, isBetter);
+      best.push_back(*found);
+      *found = *--cell.end;
     }
-    withoutEmpty(cells);
     return best;
   }
 

@@ -15,8 +15,16 @@ class OutlineFinder {
  public:
   OutlineFinder(const Image& layers, const KeyframeView& view) : layers_(layers), view_(view) {}
 
-  /// Whether the opacity of a pixel is on one side of 0.5.
-  bool isInside(int x, int y) const { return layers_.at(x, y, kKeyframeAlpha) > 0.5f; }
+  /// On which side of 0.5 the opacity of a row's pixels is.
+  std::vector<char> insideOf(int y) const {
+    std::vector<char> inside(layers_.width);
+    const float* alpha = layers_.pixel(0, y) + kKeyframeAlpha;
+    for (char& one : inside) {
+      one = *alpha > 0.5f;
+      alpha += kKeyframeChannels;
+    }
+    return inside;
+  }
 
   /// The place between a pixel and its neighbour on the other side of 0.5, to the right or below,
   /// where the opacity crosses 0.5. Only if the outline's normal is closer to that direction than
@@ -108,13 +116,12 @@ std::vector<OutlinePlace> outlineOf(const Image& layers, const KeyframeView& vie
   const OutlineFinder finder(layers, view);
   std::vector<OutlinePlace> all;
   if (layers.width < 2 || layers.height < 2) return all;
-  for (int y = 0; y + 1 < layers.height; ++y) {
+  std::vector<char> row = finder.insideOf(0), below;
+  for (int y = 0; y + 1 < layers.height; ++y, row.swap(below)) {
+    below = finder.insideOf(y + 1);
     for (int x = 0; x + 1 < layers.width; ++x) {
-      const bool inside = finder.isInside(x, y);
       for (const bool to_the_right : {true, false}) {
-        if (inside == (to_the_right ? finder.isInside(x + 1, y) : finder.isInside(x, y + 1))) {
-          continue;
-        }
+        if (row[x] == (to_the_right ? row[x + 1] : below[x])) continue;
         if (const auto point = finder.between(x, y, to_the_right))
           all.push_back({*point, y * layers.width + x});
       }
