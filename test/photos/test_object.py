@@ -15,7 +15,7 @@ from photos import dataset, masks, object_masks, supporting_plane
 from photos.board import Board
 from photos.common import InputError
 from photos.geometry import exp_so3
-from photos.object_region import Region, on_found_table, scaled
+from photos.object_region import Region, on_board, on_found_table, scaled
 from photos.table_pixels import Table
 
 
@@ -46,6 +46,15 @@ class SupportingPlane(unittest.TestCase):
         model.xyz[:80] = np.where(model.xyz[:80, 2:] == 0, beside, model.xyz[:80])
         points = supporting_plane.points_above(model, supporting_plane.find_plane(model))
         self.assertLess(np.abs(points[:, :2]).max(), 0.2)
+
+    def test_a_box_stands_for_points_above_a_board(self):
+        model = scenes.reconstruction(noise_px=0)
+        on_table = model.of_points(model.xyz[:, 2] == 0)
+        with self.assertRaisesRegex(InputError, 'give --box'):
+            on_board(on_table, None)
+        region = on_board(on_table, [-0.1, -0.1, 0, 0.1, 0.1, 0.2])
+        np.testing.assert_array_equal([region.low, region.high], [[-0.1, -0.1, 0], [0.1, 0.1, 0.2]])
+        self.assertEqual((region.is_given, region.table_is_known, region.metres_per_unit), (True, True, 1.0))
 
     def test_a_plane_of_the_object_itself_is_not_the_table(self):
         model = scenes.reconstruction(noise_px=0)

@@ -50,8 +50,12 @@ def on_found_table(reconstruction):
                   'the masks alone say where the object ends')
 
 
-def on_board(reconstruction):
-    """@param reconstruction in the board's frame. The object's frame is the board's."""
+def on_board(reconstruction, box):
+    """@param reconstruction in the board's frame. The object's frame is the board's. @param box the user's; None: it is
+    found by points above the board."""
+    if box:
+        return dataclasses.replace(within_box(reconstruction, box), table_is_known=True, metres_per_unit=1.0,
+                                   origin='scale and frame are those of the board; the box was given')
     distance = float(np.median(np.linalg.norm(reconstruction.centres() - focus(reconstruction), axis=1)))
     points = points_above(reconstruction, Plane(np.array([0, 0, 1.0]), 0.0, 0.006 * distance))
     return Region(reconstruction, *bounds(points), False, points, True, 1.0, 0, 'scale and frame are those of the board')
@@ -86,11 +90,11 @@ def find_region(job, reconstruction, board):
     options, sigma, origin = job.options, 0.0, ''
     corners, target = board
     if options.poses == 'board':
-        region = on_board(reconstruction)
+        region = on_board(reconstruction, options.box)
     elif target:
         found = scale_from_target(reconstruction, [(i, corners[name]) for i, name in enumerate(reconstruction.names)
                                                    if corners[name]], target)
-        region = on_board(reconstruction.moved(found.metres_per_unit, found.R, found.t))
+        region = on_board(reconstruction.moved(found.metres_per_unit, found.R, found.t), options.box)
         sigma, origin = found.sigma, f'scale and frame are those of the board or tags ({found.corners} corners)'
     else:
         region = within_box(reconstruction, options.box) if options.box else on_found_table(reconstruction)
@@ -98,6 +102,4 @@ def find_region(job, reconstruction, board):
         if options.length:
             scale = scale_from_length(region.reconstruction, *marks_of(job, reconstruction))
         return scaled(region, scale)
-    if options.box:
-        region = dataclasses.replace(within_box(region.reconstruction, options.box), metres_per_unit=1.0, table_is_known=True)
     return dataclasses.replace(region, sigma=sigma, origin=origin or region.origin)
