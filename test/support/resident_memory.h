@@ -7,14 +7,9 @@
 #include <fstream>
 #include <vector>
 
-namespace nerf_pose_refiner {
+#include "support/sanitized.h"
 
-/// Sanitizers have their own allocator, which keeps what is freed.
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-constexpr bool kAllocatorReturnsMemory = false;
-#else
-constexpr bool kAllocatorReturnsMemory = true;
-#endif
+namespace nerf_pose_refiner {
 
 /// In memory now [bytes].
 inline std::size_t residentBytes() {
