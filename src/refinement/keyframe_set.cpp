@@ -27,7 +27,8 @@ void KeyframeSet::add(std::shared_ptr<const KeyframePoints> keyframe) {
     entries_.erase(oldest);
   }
   const int number = aligner_->add(keyframe);
-  entries_.push_back({number, std::move(keyframe), ++uses_});
+  const Eigen::Vector3d direction = (keyframe->T_O_C.t - keyframe->centre).normalized();
+  entries_.push_back({number, std::move(keyframe), ++uses_, direction});
 }
 
 /// Below 1 within reach.
@@ -37,12 +38,22 @@ double KeyframeSet::costOf(const Entry& entry, const Pose& T_O_C) const {
 }
 
 const KeyframeSet::Entry* KeyframeSet::nearest(const Pose& T_O_C) {
+  if (entries_.empty()) return nullptr;
+  constexpr double kRounding = 1e-9;
+  // An angle costs at least as much as it does alone. (Hundreds of poses are compared with hundreds
+  // of keyframes.)
+  const auto cosineOf = [&](double cost) {
+    return std::cos(std::min(M_PI, cost * reach_.rotation_rad)) - kRounding;
+  };
+  const Eigen::Vector3d direction = (T_O_C.t - entries_.front().keyframe->centre).normalized();
   Entry* best = nullptr;
-  double least = 1;
+  double least = 1, least_cosine = cosineOf(least);
   for (Entry& entry : entries_) {
+    if (entry.direction.dot(direction) < least_cosine) continue;
     const double cost = costOf(entry, T_O_C);
     if (!(cost < least)) continue;
     least = cost;
+    least_cosine = cosineOf(least);
     best = &entry;
   }
   if (best != nullptr) best->used = ++uses_;
