@@ -200,8 +200,9 @@ std::vector<KeyframePoints> renderKeyframes(const LoadedField& field,
       keyframes[first + i] =
           keyframeOf(windows[i], views[first + i], field.field().metadata, settings);
     };
-    // A few have all threads one after the other, many have one each.
-    parallelFor(2 * count > together ? keyframeThreads() : 1, static_cast<int>(count), make);
+    // One alone has all threads, several have one each: what a keyframe's own threads share is
+    // little.
+    parallelFor(count > 1 ? keyframeThreads() : 1, static_cast<int>(count), make);
   }
   return keyframes;
 }
