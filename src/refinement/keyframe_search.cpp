@@ -41,16 +41,24 @@ std::vector<Pose> posesAround(const Prior& prior, const FieldMetadata& object, d
   return poses;
 }
 
+bool areNearlyTheSame(const Pose& a_T_O_C, const Pose& b_T_O_C, const FieldMetadata& object) {
+  constexpr double kSameRotation = 0.03, kSameOffset = 0.03;  // [rad], [diameters]
+  constexpr double kRounding = 1e-5;
+  // The trace, 1 + 2 cos(angle), tells most pairs apart, for far less than their twist takes.
+  constexpr double kLeastTrace = 3 - kSameRotation * kSameRotation - kRounding;
+  if (a_T_O_C.R.cwiseProduct(b_T_O_C.R).sum() < kLeastTrace) return false;
+  const Vector6 away = cameraTwist(a_T_O_C, b_T_O_C, object.centre);
+  return away.tail<3>().norm() < kSameRotation &&
+         away.head<3>().norm() < kSameOffset * object.diameter;
+}
+
 // The best, without those that are nearly the same.
 HypothesisTable bestOf(HypothesisTable table, std::size_t count, const FieldMetadata& object) {
-  constexpr double kSameRotation = 0.03, kSameOffset = 0.03;  // [rad], [diameters]
   std::stable_sort(table.begin(), table.end(), isBetter);
   HypothesisTable best;
   for (const Hypothesis& h : table) {
     const bool is_known = std::any_of(best.begin(), best.end(), [&](const Hypothesis& other) {
-      const Vector6 away = cameraTwist(other.T_O_C, h.T_O_C, object.centre);
-      return away.tail<3>().norm() < kSameRotation &&
-             away.head<3>().norm() < kSameOffset * object.diameter;
+      return areNearlyTheSame(other.T_O_C, h.T_O_C, object);
     });
     if (!is_known) best.push_back(h);
     if (best.size() == count) break;
