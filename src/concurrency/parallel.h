@@ -39,16 +39,4 @@ void parallelFor(int threads, int n, const Body& body) {
   if (error) std::rethrow_exception(error);
 }
 
-/// Runs body(first, end) for bands that make up [0, n), one a thread and each of at least
-/// `least` items, but for a single band of fewer or none; the bands must not touch each other.
-/// Exceptions as `parallelFor`.
-template <typename Body>
-void parallelBands(int threads, int n, int least, const Body& body) {
-  const int bands = std::max(1, std::min(threads, n / std::max(1, least)));
-  const auto start = [n, bands](int band) {
-    return static_cast<int>(static_cast<long long>(n) * band / bands);
-  };
-  parallelFor(bands, bands, [&](int band) { body(start(band), start(band + 1)); });
-}
-
 }  // namespace nerf_pose_refiner

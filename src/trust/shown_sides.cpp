@@ -17,10 +17,9 @@ std::vector<ShownSide> renderSides(const LoadedField& field, const ViewBankSetti
     const RenderedWindow window = renderWindow(field, view, settings.keyframe, cancellation);
     const Image &colour = window.rendering.colour, &alpha = window.rendering.alpha;
     const Camera rendered = window.camera.resized(alpha.width, alpha.height);
-    sides.push_back({std::make_shared<const KeyframePoints>(
-                         keyframeOf(window, view, object, settings.keyframe)),
-                     resample(colour, rendered, view.camera),
-                     resample(alpha, rendered, view.camera)});
+    sides.push_back(
+        {std::make_shared<const KeyframePoints>(keyframeOf(window, object, settings.keyframe)),
+         resample(colour, rendered, view.camera), resample(alpha, rendered, view.camera)});
   }
   return sides;
 }

@@ -18,8 +18,7 @@ namespace {
 
 constexpr double kReach = 0.6;  // of the diameter, as the centre need not be in the middle
 
-// A quarter of the cores: each of a dozen loops waits for its last thread, which takes longer than
-// the work if other programs keep the cores busy.
+// A quarter of the cores: more would wait for each other if other programs keep the cores busy.
 int keyframeThreads() { return std::clamp(threadCount(0) / 4, 1, 4); }
 
 /// Half the width of the window that contains the object [px].
@@ -61,9 +60,8 @@ PixelBox shownPart(const Image& alpha, int step) {
 
 // Premultiplied colour, alpha, and alpha times the point relative to the object's centre.
 Image layersOf(const Rendering& rendering, const PixelBox& part, const Eigen::Vector3f& centre) {
-  constexpr int kLeastRows = 32;  // of a thread
   Image layers(part.width, part.height, kKeyframeChannels);
-  const auto fillRow = [&](int y) {
+  for (int y = 0; y < part.height; ++y) {
     const float* alpha = rendering.alpha.pixel(part.left, part.top + y);
     const float* colour = rendering.colour.pixel(part.left, part.top + y);
     const float* point = rendering.point.pixel(part.left, part.top + y);
@@ -76,10 +74,7 @@ Image layersOf(const Rendering& rendering, const PixelBox& part, const Eigen::Ve
       pixel[kKeyframeAlpha] = *alpha;
       pixel += kKeyframeChannels;
     }
-  };
-  parallelBands(keyframeThreads(), part.height, kLeastRows, [&](int first, int end) {
-    for (int y = first; y < end; ++y) fillRow(y);
-  });
+  }
   return layers;
 }
 
@@ -110,6 +105,28 @@ int windowOf(const KeyframeSettings& settings, int level) {
   return static_cast<int>(
       std::lround(settings.finest_window_px +
                   coarseness * (settings.coarsest_window_px - settings.finest_window_px)));
+}
+
+KeyframePoints withoutLevels(const RenderedWindow& window, const FieldMetadata& object) {
+  KeyframePoints keyframe;
+  keyframe.camera = window.view.camera;
+  keyframe.T_O_C = window.view.T_O_C;
+  keyframe.centre = object.centre;
+  keyframe.diameter = object.diameter;
+  keyframe.reduction = window.reduction;
+  return keyframe;
+}
+
+KeyframeView levelView(const RenderedWindow& window, const FieldMetadata& object, int level) {
+  const Pose& T_O_C = window.view.T_O_C;
+  KeyframeView view;
+  view.right = T_O_C.R.col(0).cast<float>();
+  view.down = T_O_C.R.col(1).cast<float>();
+  view.forward = T_O_C.R.col(2).cast<float>();
+  view.centre = (T_O_C.inverse() * object.centre).cast<float>();
+  const Camera& camera = window.camera;
+  view.focal_px = Eigen::Vector2d(camera.fx, camera.fy).cast<float>() / (1 << level);
+  return view;
 }
 
 }  // namespace
@@ -168,19 +185,37 @@ RenderedWindow renderWindow(const LoadedField& field, const View& view,
   RenderedWindow window;
   window.camera =
       keyframeCamera(view.camera, view.T_O_C, field.field().metadata, settings, &window.reduction);
+  window.view = view;
   const int n = settings.rays_per_side;
   const Camera finer = window.camera.resized(n * window.camera.width, n * window.camera.height);
   window.rendering = field.render({finer, view.T_O_C}, RenderOptions(), cancellation);
   return window;
 }
 
-KeyframePoints keyframeOf(const RenderedWindow& window, const View& view,
-                          const FieldMetadata& object, const KeyframeSettings& settings) {
-  KeyframePoints keyframe =
-      makeKeyframe(window.rendering, window.camera, view.T_O_C, object, settings);
-  keyframe.camera = view.camera;
-  keyframe.reduction = window.reduction;
-  return keyframe;
+std::vector<KeyframePoints> keyframesOf(const std::vector<RenderedWindow>& windows,
+                                        const FieldMetadata& object,
+                                        const KeyframeSettings& settings) {
+  settings.validate();
+  const auto count = static_cast<int>(windows.size());
+  std::vector<KeyframePoints> keyframes(windows.size());
+  std::vector<std::vector<Image>> pyramids(windows.size());
+  parallelFor(keyframeThreads(), count, [&](int i) {
+    keyframes[i] = withoutLevels(windows[i], object);
+    keyframes[i].levels.resize(settings.levels);
+    pyramids[i] = pyramidOf(windows[i].rendering, windows[i].camera, object, settings);
+  });
+  // The fine levels, which take longest, come first.
+  parallelFor(keyframeThreads(), count * settings.levels, [&](int task) {
+    const int i = task % count, level = task / count;
+    keyframes[i].levels[level] = makeLevel(pyramids[i][level], levelView(windows[i], object, level),
+                                           windowOf(settings, level), settings);
+  });
+  return keyframes;
+}
+
+KeyframePoints keyframeOf(const RenderedWindow& window, const FieldMetadata& object,
+                          const KeyframeSettings& settings) {
+  return std::move(keyframesOf({window}, object, settings).front());
 }
 
 std::vector<KeyframePoints> renderKeyframes(const LoadedField& field,
@@ -189,20 +224,15 @@ std::vector<KeyframePoints> renderKeyframes(const LoadedField& field,
                                             const CancellationToken& cancellation) {
   settings.validate();
   const auto together = static_cast<std::size_t>(keyframeThreads());
-  std::vector<KeyframePoints> keyframes(views.size());
+  std::vector<KeyframePoints> keyframes;
   for (std::size_t first = 0; first < views.size(); first += together) {
-    const std::size_t count = std::min(together, views.size() - first);
     std::vector<RenderedWindow> windows;
-    for (std::size_t i = 0; i < count; ++i) {
-      windows.push_back(renderWindow(field, views[first + i], settings, cancellation));
+    for (std::size_t i = first; i < std::min(first + together, views.size()); ++i) {
+      windows.push_back(renderWindow(field, views[i], settings, cancellation));
     }
-    const auto make = [&](int i) {
-      keyframes[first + i] =
-          keyframeOf(windows[i], views[first + i], field.field().metadata, settings);
-    };
-    // One alone has all threads, several have one each: what a keyframe's own threads share is
-    // little.
-    parallelFor(count > 1 ? keyframeThreads() : 1, static_cast<int>(count), make);
+    for (KeyframePoints& made : keyframesOf(windows, field.field().metadata, settings)) {
+      keyframes.push_back(std::move(made));
+    }
   }
   return keyframes;
 }
@@ -210,32 +240,7 @@ std::vector<KeyframePoints> renderKeyframes(const LoadedField& field,
 KeyframePoints renderKeyframe(const LoadedField& field, const View& view,
                               const KeyframeSettings& settings,
                               const CancellationToken& cancellation) {
-  return keyframeOf(renderWindow(field, view, settings, cancellation), view, field.field().metadata,
-                    settings);
-}
-
-KeyframePoints makeKeyframe(const Rendering& rendering, const Camera& camera, const Pose& T_O_C,
-                            const FieldMetadata& object, const KeyframeSettings& settings) {
-  settings.validate();
-  KeyframePoints keyframe;
-  keyframe.camera = camera;
-  keyframe.T_O_C = T_O_C;
-  keyframe.centre = object.centre;
-  keyframe.diameter = object.diameter;
-  const std::vector<Image> pyramid = pyramidOf(rendering, camera, object, settings);
-  KeyframeView view;
-  view.right = T_O_C.R.col(0).cast<float>();
-  view.down = T_O_C.R.col(1).cast<float>();
-  view.forward = T_O_C.R.col(2).cast<float>();
-  view.centre = (T_O_C.inverse() * object.centre).cast<float>();
-  const auto makeOne = [&](int level) {
-    KeyframeView of_level = view;
-    of_level.focal_px = Eigen::Vector2d(camera.fx, camera.fy).cast<float>() / (1 << level);
-    return makeLevel(pyramid[level], of_level, windowOf(settings, level), settings,
-                     keyframeThreads());
-  };
-  for (int level = 0; level < settings.levels; ++level) keyframe.levels.push_back(makeOne(level));
-  return keyframe;
+  return std::move(renderKeyframes(field, {view}, settings, cancellation).front());
 }
 
 }  // namespace nerf_pose_refiner

@@ -40,6 +40,7 @@ Camera keyframeCamera(const Camera& camera, const Pose& T_O_C, const FieldMetada
 
 /// What is rendered for a keyframe: the window that contains the object.
 struct RenderedWindow {
+  View view;            ///< of the image
   Rendering rendering;  ///< has `rays_per_side` pixels along each pixel of `camera`
   Camera camera;        ///< of the keyframe's finest level, @see keyframeCamera
   int reduction = 1;    ///< pixels of the image along one of the keyframe
@@ -51,9 +52,13 @@ RenderedWindow renderWindow(const LoadedField& field, const View& view,
                             const KeyframeSettings& settings = {},
                             const CancellationToken& cancellation = {});
 
-/// Makes a keyframe of a view from what was rendered for it with the same settings.
-KeyframePoints keyframeOf(const RenderedWindow& window, const View& view,
-                          const FieldMetadata& object, const KeyframeSettings& settings = {});
+/// Makes keyframes of views from what was rendered for them with the same settings. Computers of
+/// eight cores and more make the levels in several threads.
+std::vector<KeyframePoints> keyframesOf(const std::vector<RenderedWindow>& windows,
+                                        const FieldMetadata& object,
+                                        const KeyframeSettings& settings = {});
+KeyframePoints keyframeOf(const RenderedWindow& window, const FieldMetadata& object,
+                          const KeyframeSettings& settings = {});
 
 /// Renders a keyframe of the object for images of a camera.
 /// @throws std::invalid_argument if `fitsKeyframe` does not hold.
@@ -61,17 +66,10 @@ KeyframePoints renderKeyframe(const LoadedField& field, const View& view,
                               const KeyframeSettings& settings = {},
                               const CancellationToken& cancellation = {});
 
-/// Keyframes of several views; computers of eight cores and more choose points in several
-/// threads. @throws as `renderKeyframe`.
+/// Keyframes of several views. @throws as `renderKeyframe`.
 std::vector<KeyframePoints> renderKeyframes(const LoadedField& field,
                                             const std::vector<View>& views,
                                             const KeyframeSettings& settings = {},
                                             const CancellationToken& cancellation = {});
-
-/// Makes a keyframe from a rendering.
-/// @param rendering has `rays_per_side` pixels along each pixel of `camera`.
-/// @param camera of the finest level, @see keyframeCamera.
-KeyframePoints makeKeyframe(const Rendering& rendering, const Camera& camera, const Pose& T_O_C,
-                            const FieldMetadata& object, const KeyframeSettings& settings);
 
 }  // namespace nerf_pose_refiner

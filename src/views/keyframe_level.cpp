@@ -9,7 +9,6 @@
 
 #include "backend/common/box_sums.h"
 #include "backend/common/image_levels.h"
-#include "concurrency/parallel.h"
 #include "math/keyframe_alignment.h"
 #include "math/tile_scatter.h"
 #include "views/outline.h"
@@ -17,8 +16,7 @@
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr int kCellSide = 8;    // points are distributed evenly over cells of this size [px]
-constexpr int kLeastRows = 32;  // of a thread
+constexpr int kCellSide = 8;  // points are distributed evenly over cells of this size [px]
 
 // A pixel that may be chosen as a point.
 struct Candidate {
@@ -70,10 +68,9 @@ class DepthRange {
 
 class LevelMaker {
  public:
-  LevelMaker(const Image& layers, const KeyframeView& view, const KeyframeSettings& settings,
-             int threads)
-      : layers_(layers), view_(view), settings_(settings), threads_(threads) {
-    smoothImage(layers, &smooth_, threads);
+  LevelMaker(const Image& layers, const KeyframeView& view, const KeyframeSettings& settings)
+      : layers_(layers), view_(view), settings_(settings) {
+    smoothImage(layers, &smooth_);
     width_ = layers.width;
     height_ = layers.height;
   }
@@ -89,12 +86,6 @@ class LevelMaker {
   }
 
  private:
-  /// body(first row, end).
-  template <typename Body>
-  void forRows(const Body& body) const {
-    parallelBands(threads_, height_, kLeastRows, body);
-  }
-
   Eigen::Vector3f pointAt(int x, int y) const {
     const float* pixel = smooth_.pixel(x, y);
     return Eigen::Map<const Eigen::Vector3f>(pixel + kKeyframePoint) / pixel[kKeyframeAlpha];
@@ -103,15 +94,13 @@ class LevelMaker {
   // Depths before smoothing; not finite where there is nothing.
   std::vector<float> depths() const {
     std::vector<float> depths(layers_.pixels());
-    forRows([&](int first, int end) {
-      const std::size_t after = static_cast<std::size_t>(end) * width_;
-      for (std::size_t i = static_cast<std::size_t>(first) * width_; i < after; ++i) {
-        const float* pixel = layers_.values.data() + kKeyframeChannels * i;
-        const Eigen::Vector3f point =
-            Eigen::Map<const Eigen::Vector3f>(pixel + kKeyframePoint) / pixel[kKeyframeAlpha];
-        depths[i] = view_.forward.dot(point) + view_.centre.z();
-      }
-    });
+    const float* pixel = layers_.values.data();
+    for (float& depth : depths) {
+      const Eigen::Vector3f point =
+          Eigen::Map<const Eigen::Vector3f>(pixel + kKeyframePoint) / pixel[kKeyframeAlpha];
+      depth = view_.forward.dot(point) + view_.centre.z();
+      pixel += kKeyframeChannels;
+    }
     return depths;
   }
 
@@ -129,15 +118,13 @@ class LevelMaker {
   void findShown() {
     shown_.resize(smooth_.pixels());
     const std::vector<float> depth = depths();
-    forRows([&](int first, int end) {
-      DepthRange around(width_);
-      for (int y = first; y < end; ++y) {
-        around.take(depth, height_, y);
-        for (int x = 0, pixel = y * width_; x < width_; ++x, ++pixel) {
-          shown_[pixel] = isOpaque(x, y) && !isAtDepthJump(around, depth[pixel], x);
-        }
+    DepthRange around(width_);
+    for (int y = 0, pixel = 0; y < height_; ++y) {
+      around.take(depth, height_, y);
+      for (int x = 0; x < width_; ++x, ++pixel) {
+        shown_[pixel] = isOpaque(x, y) && !isAtDepthJump(around, depth[pixel], x);
       }
-    });
+    }
   }
 
   void layGrid(int window) {
@@ -201,9 +188,7 @@ class LevelMaker {
 
   void normalisePixels(const std::vector<float>& inverse_count) {
     normalised_ = Image(width_, height_, 3);
-    forRows([&](int first, int end) {
-      for (int y = first; y < end; ++y) normaliseRow(inverse_count, y);
-    });
+    for (int y = 0; y < height_; ++y) normaliseRow(inverse_count, y);
   }
 
   void normaliseRow(const std::vector<float>& inverse_count, int y) {
@@ -266,30 +251,28 @@ class LevelMaker {
     return sum;
   }
 
-  // The pixels of a cell that say something. Returns the end of what it wrote.
-  Candidate* findCandidates(int cell_x, int cell_y, Candidate* to) const {
+  // Appends the pixels of a cell that say something.
+  void addCandidates(int cell_x, int cell_y, std::vector<Candidate>* all) const {
     for (int y = cell_y; y < std::min(cell_y + kCellSide, height_); ++y) {
       for (int x = cell_x; x < std::min(cell_x + kCellSide, width_); ++x) {
         const float information = informationAt(x, y);
-        if (information > 0) *to++ = {y * width_ + x, information};
+        if (information > 0) all->push_back({y * width_ + x, information});
       }
     }
-    return to;
   }
 
-  // Those of every cell, row by row. @param all has room for every pixel of every cell.
+  // Those of every cell that has any, row by row. @param all becomes their memory.
   std::vector<CellCandidates> candidates(std::vector<Candidate>* all) const {
-    constexpr int kRoom = kCellSide * kCellSide;
-    const int across = (width_ + kCellSide - 1) / kCellSide;
-    const int down = (height_ + kCellSide - 1) / kCellSide;
-    all->resize(static_cast<std::size_t>(across) * down * kRoom);
-    std::vector<CellCandidates> cells(static_cast<std::size_t>(across) * down);
-    parallelBands(threads_, down, kLeastRows / kCellSide, [&](int first, int end) {
-      for (int i = first * across; i < end * across; ++i) {
-        Candidate* const begin = all->data() + static_cast<std::ptrdiff_t>(i) * kRoom;
-        cells[i] = {begin, findCandidates(i % across * kCellSide, i / across * kCellSide, begin)};
+    all->reserve(shown_.size());  // so that they stay where they are
+    std::vector<CellCandidates> cells;
+    for (int y = 0; y < height_; y += kCellSide) {
+      for (int x = 0; x < width_; x += kCellSide) {
+        Candidate* const begin = all->data() + all->size();
+        addCandidates(x, y, all);
+        Candidate* const end = all->data() + all->size();
+        if (begin != end) cells.push_back({begin, end});
       }
-    });
+    }
     return cells;
   }
 
@@ -400,7 +383,6 @@ class LevelMaker {
   const Image& layers_;
   const KeyframeView& view_;
   const KeyframeSettings& settings_;
-  const int threads_;
   int width_, height_;  // of the keyframe's own pixels
   Image smooth_;
   std::vector<char> shown_;
@@ -412,8 +394,8 @@ class LevelMaker {
 }  // namespace
 
 KeyframeLevel makeLevel(const Image& layers, const KeyframeView& view, int window,
-                        const KeyframeSettings& settings, int threads) {
-  return LevelMaker(layers, view, settings, threads).make(window);
+                        const KeyframeSettings& settings) {
+  return LevelMaker(layers, view, settings).make(window);
 }
 
 }  // namespace nerf_pose_refiner

@@ -35,8 +35,7 @@ struct KeyframeView {
 
 /// Makes one level of a keyframe.
 /// @param layers [h][w][kKeyframeChannels], not smoothed. @param window half width [px].
-/// @param threads at most; their number does not change the level.
 KeyframeLevel makeLevel(const Image& layers, const KeyframeView& view, int window,
-                        const KeyframeSettings& settings, int threads);
+                        const KeyframeSettings& settings);
 
 }  // namespace nerf_pose_refiner

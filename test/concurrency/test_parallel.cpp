@@ -56,26 +56,6 @@ TEST(ParallelFor, ItemsBehindOneThatThrewAreLeftOut) {
   EXPECT_LE(begun, 2);  // one a thread
 }
 
-TEST(ParallelBands, MakeUpTheWhole) {
-  // threads, items, least of a band: how many bands
-  const int cases[][4] = {
-      {4, 100, 10, 4}, {4, 25, 10, 2}, {4, 9, 10, 1}, {3, 10, 0, 3}, {4, 0, 1, 1}};
-  for (const auto& one : cases) {
-    const int threads = one[0], n = one[1], least = one[2], bands = one[3];
-    std::vector<std::atomic<int>> calls(100);
-    std::atomic<int> count{0};
-    parallelBands(threads, n, least, [&](int first, int end) {
-      ++count;
-      if (bands > 1) {
-        EXPECT_GE(end - first, least);
-      }
-      for (int i = first; i < end; ++i) ++calls[i];
-    });
-    EXPECT_EQ(count, bands) << n;
-    for (int i = 0; i < 100; ++i) EXPECT_EQ(calls[i], i < n ? 1 : 0) << n << ", " << i;
-  }
-}
-
 TEST(ThreadCount, ZeroMeansAllCores) {
   EXPECT_EQ(threadCount(3), 3);
   EXPECT_GE(threadCount(0), 1);

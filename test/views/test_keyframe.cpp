@@ -207,52 +207,40 @@ TEST_F(KeyframeOfScene, RefusesWhatMakesNoSense) {
   EXPECT_THROW(render(), std::invalid_argument);
 }
 
-/// A ball with a pattern, in layers whose sides are no multiples of bands, cells or tiles.
-Image patternedBall() {
-  Image layers(203, 171, kKeyframeChannels);
-  for (int y = 0; y < layers.height; ++y) {
-    for (int x = 0; x < layers.width; ++x) {
-      const Eigen::Vector2f place(static_cast<float>(x - 101) / 80,
-                                  static_cast<float>(y - 85) / 80);
-      if (place.norm() > 1) continue;
-      float* const pixel = layers.pixel(x, y);
-      for (int c = 0; c < 3; ++c) {
-        pixel[c] = 0.5f + 0.4f * std::sin(0.3f * static_cast<float>((c + 1) * x + 2 * y));
-      }
-      pixel[kKeyframeAlpha] = 1;
-      pixel[kKeyframePoint] = place.x();
-      pixel[kKeyframePoint + 1] = place.y();
-      pixel[kKeyframePoint + 2] = -std::sqrt(1 - place.squaredNorm());
+TEST(KeyframeLevel, LeavesOutWhatIsBesideADepthJump) {
+  // A step down the middle of a plane, and nothing in the last five rows, where depth is 0 / 0.
+  Image layers(40, 20, kKeyframeChannels);
+  for (int y = 0; y < 15; ++y) {
+    for (int x = 0; x < 40; ++x) {
+      layers.at(x, y, kKeyframeAlpha) = 1;
+      layers.at(x, y, kKeyframePoint + 2) = x < 20 ? 0.0f : 0.06f;
     }
   }
-  return layers;
-}
-
-TEST(KeyframeLevel, ThreadsDoNotChangeIt) {
   KeyframeView view;
   view.right = Eigen::Vector3f::UnitX();
   view.down = Eigen::Vector3f::UnitY();
   view.forward = Eigen::Vector3f::UnitZ();
   view.centre = {0, 0, 5};
-  view.focal_px = {400, 400};
-  const Image layers = patternedBall();
-  const KeyframeLevel alone = makeLevel(layers, view, 8, {}, 1);
-  ASSERT_GT(alone.point_count, 500);
-  ASSERT_GT(alone.outline.size(), 50u);
-  for (const int threads : {2, 3, 5}) {
-    const KeyframeLevel shared = makeLevel(layers, view, 8, {}, threads);
-    EXPECT_EQ(shared.shown.cell, alone.shown.cell);
-    EXPECT_EQ(shared.shown.z, alone.shown.z);
-    EXPECT_EQ(shared.chosen.cell, alone.chosen.cell);
-    EXPECT_EQ(shared.chosen.x, alone.chosen.x);
-    EXPECT_EQ(shared.tiles, alone.tiles);
-    EXPECT_EQ(shared.outline_tiles, alone.outline_tiles);
-    for (int c = 0; c < 3; ++c) {
-      EXPECT_EQ(shared.shown_colour[c], alone.shown_colour[c]);
-      EXPECT_EQ(shared.colour[c], alone.colour[c]);
-      EXPECT_EQ(shared.local.mean[c], alone.local.mean[c]);
+  view.focal_px = {400, 400};  // a pixel is 5 / 400 = 0.0125 wide, so that the step is 4.8 pixels
+  const auto shown = [&](float max_depth_step) {
+    KeyframeSettings settings;
+    settings.max_depth_step = max_depth_step;
+    std::set<int> cells;
+    const KeyframeLevel level = makeLevel(layers, view, 3, settings);
+    for (const int cell : level.shown.cell) {
+      if (cell < level.width * level.height) cells.insert(cell);
+    }
+    return cells;
+  };
+  std::set<int> all, beside_none;
+  for (int y = 0; y < 14; ++y) {  // row 14 is smoothed with nothing
+    for (int x = 0; x < 40; ++x) {
+      all.insert(40 * y + x);
+      if (x != 19 && x != 20) beside_none.insert(40 * y + x);
     }
   }
+  EXPECT_EQ(shown(5), all);
+  EXPECT_EQ(shown(4), beside_none);
 }
 
 }  // namespace

@@ -3,8 +3,6 @@
 
 #include <algorithm>
 
-#include "concurrency/parallel.h"
-
 namespace nerf_pose_refiner {
 namespace {
 
@@ -13,24 +11,6 @@ void resize(int width, int height, int channels, Image* image) {
   image->height = height;
   image->channels = channels;
   image->values.resize(image->pixels() * channels);
-}
-
-void smoothRows(const Image& image, int first, int end, Image* smooth) {
-  const int n = image.width * image.channels, channels = image.channels;
-  std::vector<float> column(static_cast<std::size_t>(n) + 2 * channels);  // with a pixel of border
-  float* const sums = column.data() + channels;
-  for (int y = first; y < end; ++y) {
-    const float* above = image.pixel(0, std::max(0, y - 1));
-    const float* here = image.pixel(0, y);
-    const float* below = image.pixel(0, std::min(image.height - 1, y + 1));
-    for (int i = 0; i < n; ++i) sums[i] = (above[i] + below[i]) + 2 * here[i];
-    std::copy(sums, sums + channels, sums - channels);
-    std::copy(sums + n - channels, sums + n, sums + n);
-    float* row = smooth->pixel(0, y);
-    for (int i = 0; i < n; ++i) {
-      row[i] = 0.0625f * ((sums[i - channels] + sums[i + channels]) + 2 * sums[i]);
-    }
-  }
 }
 
 }  // namespace
@@ -52,11 +32,23 @@ void halveImage(const Image& image, Image* half) {
   }
 }
 
-void smoothImage(const Image& image, Image* smooth, int threads) {
-  constexpr int kLeastRows = 32;  // of a thread
-  resize(image.width, image.height, image.channels, smooth);
-  parallelBands(threads, image.height, kLeastRows,
-                [&](int first, int end) { smoothRows(image, first, end, smooth); });
+void smoothImage(const Image& image, Image* smooth) {
+  const int n = image.width * image.channels, channels = image.channels;
+  resize(image.width, image.height, channels, smooth);
+  std::vector<float> column(static_cast<std::size_t>(n) + 2 * channels);  // with a pixel of border
+  float* const sums = column.data() + channels;
+  for (int y = 0; y < image.height; ++y) {
+    const float* above = image.pixel(0, std::max(0, y - 1));
+    const float* here = image.pixel(0, y);
+    const float* below = image.pixel(0, std::min(image.height - 1, y + 1));
+    for (int i = 0; i < n; ++i) sums[i] = (above[i] + below[i]) + 2 * here[i];
+    std::copy(sums, sums + channels, sums - channels);
+    std::copy(sums + n - channels, sums + n, sums + n);
+    float* row = smooth->pixel(0, y);
+    for (int i = 0; i < n; ++i) {
+      row[i] = 0.0625f * ((sums[i - channels] + sums[i + channels]) + 2 * sums[i]);
+    }
+  }
 }
 
 }  // namespace nerf_pose_refiner

@@ -10,7 +10,7 @@ namespace nerf_pose_refiner {
 void halveImage(const Image& image, Image* half);
 
 /// The image under the kernel (1, 2, 1) / 4 along both axes, a sigma of 0.7 pixels; at the border
-/// its outermost pixels go on. @param smooth is resized, its memory reused. @param threads at most.
-void smoothImage(const Image& image, Image* smooth, int threads = 1);
+/// its outermost pixels go on. @param smooth is resized, its memory reused.
+void smoothImage(const Image& image, Image* smooth);
 
 }  // namespace nerf_pose_refiner
