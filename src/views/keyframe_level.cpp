@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <utility>
 #include <vector>
 
@@ -11,6 +10,7 @@
 #include "backend/common/image_levels.h"
 #include "math/keyframe_alignment.h"
 #include "math/tile_scatter.h"
+#include "views/depth_range.h"
 #include "views/outline.h"
 
 namespace nerf_pose_refiner {
@@ -33,38 +33,6 @@ struct CellCandidates {
 bool isBetter(const Candidate& a, const Candidate& b) {
   return a.information != b.information ? a.information > b.information : a.pixel < b.pixel;
 }
-
-// The nearest and the farthest depth of three rows, column by column. What is not a number is left
-// out.
-class DepthRange {
- public:
-  explicit DepthRange(int width) : nearest_(width + 2, kNone), farthest_(width + 2, -kNone) {}
-
-  // The rows around one.
-  void take(const std::vector<float>& depths, int height, int row) {
-    const std::size_t width = nearest_.size() - 2;
-    float *const nearest = nearest_.data() + 1, *const farthest = farthest_.data() + 1;
-    std::fill_n(nearest, width, kNone);
-    std::fill_n(farthest, width, -kNone);
-    for (int y = std::max(0, row - 1); y <= std::min(height - 1, row + 1); ++y) {
-      const float* const depth = depths.data() + width * y;
-      for (std::size_t x = 0; x < width; ++x) {
-        nearest[x] = depth[x] < nearest[x] ? depth[x] : nearest[x];
-        farthest[x] = depth[x] > farthest[x] ? depth[x] : farthest[x];
-      }
-    }
-  }
-
-  // Of three columns.
-  float nearest(int x) const { return std::min({nearest_[x], nearest_[x + 1], nearest_[x + 2]}); }
-  float farthest(int x) const {
-    return std::max({farthest_[x], farthest_[x + 1], farthest_[x + 2]});
-  }
-
- private:
-  static constexpr float kNone = std::numeric_limits<float>::infinity();
-  std::vector<float> nearest_, farthest_;  // with a column of border
-};
 
 class LevelMaker {
  public:
