@@ -40,8 +40,8 @@ double KeyframeSet::costOf(const Entry& entry, const Pose& T_O_C) const {
 const KeyframeSet::Entry* KeyframeSet::nearest(const Pose& T_O_C) {
   if (entries_.empty()) return nullptr;
   constexpr double kRounding = 1e-9;
-  // An angle costs at least as much as it does alone. (Hundreds of poses are compared with hundreds
-  // of keyframes.)
+  // The angle alone is a lower bound of the cost, and its cosine takes little. (Hundreds of poses
+  // are compared with hundreds of keyframes.)
   const auto cosineOf = [&](double cost) {
     return std::cos(std::min(M_PI, cost * reach_.rotation_rad)) - kRounding;
   };

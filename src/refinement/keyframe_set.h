@@ -27,7 +27,7 @@ class KeyframeSet {
     int number;
     std::shared_ptr<const KeyframePoints> keyframe;
     std::uint64_t used;         ///< by the count of uses: when it was the nearest one last
-    Eigen::Vector3d direction;  ///< from the object's centre to where it was rendered, of length 1
+    Eigen::Vector3d direction;  ///< from the object's centre to the camera, of length 1
   };
 
   /// @param aligner lives longer. @param capacity >= 1: the one that was not used for longest goes.

@@ -186,8 +186,15 @@ TEST_F(KeyframeOfScene, SeveralAreAsOneByOne) {
   for (const auto& [one, same] : {std::pair(&both[0], &first), std::pair(&both[1], &second)}) {
     EXPECT_EQ(one->T_O_C.t, same->T_O_C.t);
     ASSERT_EQ(one->levels.size(), same->levels.size());
-    EXPECT_EQ(one->levels[0].chosen.x, same->levels[0].chosen.x);
-    EXPECT_EQ(one->levels[0].outline.size(), same->levels[0].outline.size());
+    for (std::size_t i = 0; i < one->levels.size(); ++i) {
+      const KeyframeLevel &level = one->levels[i], &expected = same->levels[i];
+      EXPECT_EQ(level.width, expected.width);
+      EXPECT_EQ(level.shown.cell, expected.shown.cell);
+      EXPECT_EQ(level.chosen.cell, expected.chosen.cell);
+      EXPECT_EQ(level.chosen.x, expected.chosen.x);
+      EXPECT_EQ(level.tiles, expected.tiles);
+      EXPECT_EQ(level.outline_tiles, expected.outline_tiles);
+    }
   }
   // One of them cannot be made: so none is.
   EXPECT_THROW(

@@ -51,8 +51,8 @@ def on_found_table(reconstruction):
 
 
 def on_board(reconstruction, box):
-    """@param reconstruction in the board's frame. The object's frame is the board's. @param box the user's; None: it is
-    found by points above the board."""
+    """@param reconstruction in the board's frame. The object's frame is the board's. @param box the user's; empty: it
+    is found by points above the board."""
     if box:
         return dataclasses.replace(within_box(reconstruction, box), table_is_known=True, metres_per_unit=1.0,
                                    origin='scale and frame are those of the board; the box was given')
