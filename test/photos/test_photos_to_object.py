@@ -32,7 +32,7 @@ class OneObject(Command):
         self.assertEqual(result.returncode, 0, result.stderr)
         self.assertIn('2 of 16 photos have no pose: 2 their place does not agree with the others (IMG 03.png, IMG 09.png)',
                       result.stdout)
-        self.assertEqual(self.calls(), ['feature_extractor', 'matches_importer', 'mapper', 'bundle_adjuster'])
+        self.assertEqual(self.calls(), ['feature_extractor', 'matches_importer', 'mapper', 'bundle_adjuster', 'bundle_adjuster'])
         self.check_dataset()
         report = self.read('report.json')
         self.assertEqual((report['posed'], report['photos'], report['wrong'], report['folded']), (14, 16, {}, []))
@@ -42,7 +42,7 @@ class OneObject(Command):
         self.assertEqual(page.count('src="data:image/jpeg;base64,'), 14)
         self.assertNotRegex(page, 'src="(?!data:)|href=')  # nothing outside of the file
         again = self.run_program('--no-training')
-        self.assertEqual((again.returncode, len(self.calls())), (0, 4), again.stderr)
+        self.assertEqual((again.returncode, len(self.calls())), (0, 5), again.stderr)
         self.assertNotIn(' ..\n', again.stdout)  # no step was done
         self.check_drawn_mask()
 
@@ -77,7 +77,7 @@ class OneObject(Command):
         self.assertFalse([name for name in os.listdir(os.path.join(self.output, 'colmap')) if 'parts' in name])
         result = self.run_program('--no-training')
         self.assertEqual(result.returncode, 0, result.stderr)
-        self.assertEqual(self.calls(), ['feature_extractor', 'matches_importer', 'mapper', 'mapper', 'bundle_adjuster'])
+        self.assertEqual(self.calls(), ['feature_extractor', 'matches_importer', 'mapper', 'mapper', 'bundle_adjuster', 'bundle_adjuster'])
 
     def test_a_known_length_gives_the_scale(self):
         self.look_from(scenes.rounds(6))
@@ -114,7 +114,7 @@ class OneObject(Command):
         result = self.run_program('--no-training')
         self.assertIn('the model was folded: 10 photos (IMG 12.png, IMG 13.png, IMG 14.png ..)', result.stdout,
                       result.stderr)
-        self.assertEqual(self.calls()[2:], 2 * ['mapper', 'bundle_adjuster'])
+        self.assertEqual(self.calls()[2:], 2 * ['mapper', 'bundle_adjuster', 'bundle_adjuster'])
         self.assertEqual(self.read('report.json')['posed'], n)
 
     def test_a_board_gives_poses_and_scale_without_colmap(self):
@@ -150,17 +150,16 @@ class OneObject(Command):
         self.assertEqual(result.returncode, 0, result.stderr)
         # From 1 to 1.15; the median is 1.075.
         self.assertIn('the model in sparse/0 is not used: focal lengths of one camera differ by 14 %', result.stdout)
-        self.assertEqual(self.calls(), ['feature_extractor', 'matches_importer', 'mapper', 'bundle_adjuster'])
+        self.assertEqual(self.calls(), ['feature_extractor', 'matches_importer', 'mapper', 'bundle_adjuster', 'bundle_adjuster'])
         self.assertEqual(self.read('report.json')['posed'], 16)
 
-    def test_a_principal_point_is_found_if_it_is_likely(self):
+    def test_the_principal_point_is_what_the_photos_show(self):
         self.take_photos()
-        for moved, kept in ((3, 3), (30, 0)):  # 320 px wide: of no lens is it 30 px off
-            shutil.rmtree(self.output, ignore_errors=True)
-            result = self.run_program('--no-training', COLMAP_MOVES=str(moved))
-            self.assertEqual(result.returncode, 0, result.stderr)
-            frame = self.read('dataset', 'transforms_train.json')['frames'][0]
-            self.assertAlmostEqual(frame['cx'], scenes.WIDTH / 2 + kept)
+        result = self.run_program('--no-training', COLMAP_MOVES='3')
+        self.assertEqual(result.returncode, 0, result.stderr)
+        # The photos show it to 0.3 px; their prior draws it towards the middle a little.
+        frame = self.read('dataset', 'transforms_train.json')['frames'][0]
+        self.assertAlmostEqual(frame['cx'], scenes.WIDTH / 2 + 3, delta=0.3)
 
     def test_photos_without_overlap(self):
         self.take_photos()

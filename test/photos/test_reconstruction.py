@@ -11,7 +11,7 @@ import numpy as np
 import scenes
 from photos import geometry
 from photos.common import InputError
-from photos.reconstruction import Camera, read_reconstruction
+from photos.reconstruction import Camera, move_principal_points, read_reconstruction
 
 TEXT = {'cameras.txt': '# comment\n3 SIMPLE_RADIAL 640 480 500 320 240 0.1\n',
         'images.txt': '# comment\n7 1 0 0 0 0 0 2 3 b c.jpg\n10 20 5 30 40 -1\n'
@@ -58,6 +58,16 @@ class Files(unittest.TestCase):
 
     def test_binary(self):
         self.check(self.read(binary_files()))
+
+    def test_principal_points_are_moved(self):
+        for files in (TEXT, binary_files()):
+            self.read(files)
+            move_principal_points(self.folder.name, [(321.5, 239.25)])
+            model = read_reconstruction(self.folder.name)
+            np.testing.assert_array_equal(model.cameras[0].parameters, [500, 500, 321.5, 239.25, 0.1, 0, 0, 0])
+            self.assertEqual((model.cameras[0].width, model.cameras[0].height), (640, 480))
+            for name in os.listdir(self.folder.name):
+                os.unlink(os.path.join(self.folder.name, name))
 
     def test_damaged_files_are_named(self):
         whole = binary_files()

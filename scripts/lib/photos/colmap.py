@@ -8,11 +8,10 @@ import subprocess
 import sys
 import threading
 
-import numpy as np
-
+from photos import principal_point
 from photos.common import require, whole_folder, write_text
 from photos.pairs import pairs_of_database
-from photos.reconstruction import read_reconstruction
+from photos.reconstruction import move_principal_points, read_reconstruction
 
 PROGRAM = 'colmap'
 MAX_FEATURES = 4096
@@ -22,9 +21,6 @@ OVERLAP = 10                   # of a video's frames: matched with so many that 
 DEFAULT_FOCAL = 0.85
 PROGRESS = (re.compile(r'Processed file \[(\d+)/(\d+)\]'), re.compile(r'Matching block \[(\d+)/(\d+)'),
             re.compile(r'Matching image \[(\d+)/(\d+)\]'), re.compile(r'Registering image #\d+ \((\d+)\)'))
-MIN_ADJUSTED = 12              # photos: fewer do not say where the principal point is
-MAX_MIDDLE = 0.03              # of the larger side: how far the principal point of a lens lies from the middle
-MAX_FOCAL_CHANGE = 0.05
 LOG_LINES = 5                  # that an error quotes
 NO_PAIRS = ('no two photos show the same thing from two places: take photos that overlap by two thirds, of something with '
             'texture (a newspaper below the object helps)')
@@ -126,33 +122,27 @@ def map_photos(colmap, database, folder, chosen):
                    Mapper__num_threads=colmap.thread_option(), Mapper__ba_refine_principal_point=0,
                    Mapper__ba_global_function_tolerance=1e-6, Mapper__multiple_models=1, **options)
         for name in sorted(os.listdir(parts)):
-            free_principal_point(colmap, os.path.join(parts, name))
+            adjust_principal_points(colmap, os.path.join(parts, name))
 
 
-def free_principal_point(colmap, part):
-    """Adjusts all once more with a free principal point, which the mapper keeps in the middle: 5 px beside it turn all
-    cameras by a quarter of a degree. What is too few photos, or comes to what no lens has, stays as it was."""
-    before = read_reconstruction(part)
-    if len(before.names) < MIN_ADJUSTED:
-        return
-    adjusted = part + '.adjusted'
-    os.mkdir(adjusted)
-    colmap.run('bundle_adjuster', input_path=part, output_path=adjusted, BundleAdjustment__refine_principal_point=1,
-               BundleAdjustment__max_num_iterations=50)
-    if is_likely(read_reconstruction(adjusted), before):
-        shutil.rmtree(part)
-        os.rename(adjusted, part)
-    else:
-        shutil.rmtree(adjusted)
+def adjust_principal_points(colmap, part):
+    """Adjusts all once more with the likely principal points instead of the images' middles, where the mapper keeps them:
+    5 px beside the true one turn all cameras of a telephone's photos by a quarter of a degree."""
+    freed = adjusted(colmap, part, 1)
+    move_principal_points(part, principal_point.likely(read_reconstruction(part), read_reconstruction(freed)))
+    shutil.rmtree(freed)
+    result = adjusted(colmap, part, 0)
+    shutil.rmtree(part)
+    os.rename(result, part)
 
 
-def is_likely(after, before):
-    """Whether the cameras are like those before, with a principal point near the middle."""
-    for new, old in zip(after.cameras, before.cameras):
-        offset = np.abs(new.parameters[2:4] - (new.width / 2, new.height / 2)).max() / max(new.width, new.height)
-        if offset > MAX_MIDDLE or abs(new.focal / old.focal - 1) > MAX_FOCAL_CHANGE:
-            return False
-    return True
+def adjusted(colmap, part, is_principal_point_free):
+    """@return a folder beside it."""
+    result = part + '.adjusted'
+    os.mkdir(result)
+    colmap.run('bundle_adjuster', input_path=part, output_path=result, BundleAdjustment__max_num_iterations=50,
+               BundleAdjustment__refine_principal_point=is_principal_point_free)
+    return result
 
 
 def largest_part(folder):

@@ -179,6 +179,17 @@ def read_points_binary(data):
     return points
 
 
+def cameras_binary_with(data, principal_points):
+    data, position = bytearray(data), 8
+    for _ in range(struct.unpack_from('<Q', data)[0]):
+        camera, model = struct.unpack_from('<ii', data, position)
+        places = list(MODELS.values())[model]
+        for place, value in zip((2, 3), principal_points[camera]):
+            struct.pack_into('<d', data, position + 24 + 8 * places.index(place), value)
+        position += 24 + 8 * len(places)
+    return bytes(data)
+
+
 # Text files
 
 def lines_of(data):
@@ -190,6 +201,14 @@ def read_cameras_text(data):
     for words in (line.split() for line in lines_of(data) if line.strip()):
         cameras[int(words[0])] = camera_of_model(words[1], words[2], words[3], [float(word) for word in words[4:]])
     return cameras
+
+
+def cameras_text_with(data, principal_points):
+    cameras = [line.split() for line in lines_of(data) if line.strip()]
+    for words in cameras:
+        for place, value in zip((2, 3), principal_points[int(words[0])]):
+            words[4 + MODELS[words[1]].index(place)] = f'{value:.17g}'
+    return ''.join(' '.join(words) + '\n' for words in cameras).encode()
 
 
 def read_images_text(data):
@@ -209,6 +228,21 @@ def read_points_text(data):
 
 READERS = {'.bin': (read_cameras_binary, read_images_binary, read_points_binary),
            '.txt': (read_cameras_text, read_images_text, read_points_text)}
+
+
+WRITERS = {'.bin': cameras_binary_with, '.txt': cameras_text_with}
+
+
+def move_principal_points(folder, points):
+    """Writes the file of the cameras anew. @param points [cameras][2] px from the image's corner, in the order of the
+    cameras of the Reconstruction that is read from this folder."""
+    ending = next(ending for ending in READERS if os.path.isfile(os.path.join(folder, 'cameras' + ending)))
+    path = os.path.join(folder, 'cameras' + ending)
+    with open(path, 'rb') as file:
+        data = file.read()
+    numbers = sorted(READERS[ending][0](data))
+    with open(path, 'wb') as file:
+        file.write(WRITERS[ending](data, dict(zip(numbers, points))))
 
 
 def read_reconstruction(folder):
