@@ -81,11 +81,12 @@ class StartAlignment {
     for (int level = start.coarsest_level; level >= task_.finest_level; --level) {
       const int frame_level = start.frame_level + level;
       if (frame_level < 0 || frame_level >= task_.frame_levels) continue;
-      // A far object has no points at coarse levels.
-      if (start.levels[level].point_count < kMinKeyframePoints) continue;
+      // A far object has few points at coarse levels.
+      const int fewest = level > task_.finest_level ? kMinCoarsePoints : kMinKeyframePoints;
+      if (start.levels[level].point_count < fewest) continue;
       beginLevel(level, frame_level);
       alignLevel(task_.rules[level], from_start_too);
-      from_start_too = level > task_.finest_level + 1;
+      from_start_too = true;
     }
     __syncthreads();
     if (shared_.best.loss < HUGE_VAL) findEvidence();
@@ -290,7 +291,7 @@ class StartAlignment {
     if (warpIndex() != 0) return;
     if (laneIndex() == 0) shared_.seen.weight = of_chosen;
     if (laneIndex() == kKeyframeSums - 1) {
-      shared_.seen.points = static_cast<int>(of_chosen);
+      shared_.seen.points = of_chosen;
       shared_.seen.outline_seen = static_cast<int>(of_outline);
     } else {
       reinterpret_cast<double*>(&shared_.sums)[laneIndex()] = of_chosen + of_outline;

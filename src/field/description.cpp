@@ -11,6 +11,10 @@
 namespace nerf_pose_refiner {
 namespace {
 
+/// The version of the alignment that keyframe scores are measured with: another one scores the same
+/// pose differently, and they have to be measured again.
+constexpr int kScoredAlignment = 2;
+
 using Json = nlohmann::json;
 
 // Each list of names is written once and serves both ways.
@@ -149,6 +153,13 @@ class Reader {
   const Json& object_;
 };
 
+/// None if another alignment measured them.
+KeyframeScores keyframeScoresFrom(const Json& json) {
+  KeyframeScores scores;
+  if (json.value("alignment", 1) == kScoredAlignment) visitKeyframeScores(scores, Reader(json));
+  return scores;
+}
+
 }  // namespace
 
 std::string describe(const Field& field) {
@@ -160,6 +171,7 @@ std::string describe(const Field& field) {
   }
   visitPoseStatistics(field.metadata.pose, Writer(&json["pose_statistics"]));
   visitKeyframeScores(field.metadata.pose.keyframes, Writer(&json["keyframe_scores"]));
+  json["keyframe_scores"]["alignment"] = kScoredAlignment;
   if (field.metadata.look_alikes.measured) {
     json["look_alikes"] = toJson(field.metadata.look_alikes);
   }
@@ -182,7 +194,7 @@ Field fieldFromDescription(const std::string& text) {
       visitPoseStatistics(field.metadata.pose, Reader(json.at("pose_statistics")));
     }
     if (json.contains("keyframe_scores")) {
-      visitKeyframeScores(field.metadata.pose.keyframes, Reader(json.at("keyframe_scores")));
+      field.metadata.pose.keyframes = keyframeScoresFrom(json.at("keyframe_scores"));
     }
     if (json.contains("look_alikes")) {
       field.metadata.look_alikes = lookAlikesFrom(json.at("look_alikes"));

@@ -13,6 +13,9 @@ namespace nerf_pose_refiner {
 
 /// Fewer points of a level do not fix a pose.
 constexpr int kMinKeyframePoints = 24;
+/// Coarser levels than the finest are left out where they have fewer: they lead astray more often
+/// than they widen the search.
+constexpr int kMinCoarsePoints = 60;
 
 /// What the steps at one level of a keyframe depend on.
 struct KeyframeLevelRules {
@@ -54,7 +57,7 @@ NPR_HOST_DEVICE inline double chanceLoss(double robust_scale) {
 
 /// How much of a level a pose puts into the image.
 struct SeenPoints {
-  int points;     ///< chosen ones that are not hidden
+  double points;  ///< weight of the chosen ones that are not hidden
   double weight;  ///< of those in the image
   int outline;    ///< points of it
   int outline_seen;

@@ -17,6 +17,8 @@ namespace nerf_pose_refiner {
 namespace {
 
 constexpr int kCellSide = 8;  // points are distributed evenly over cells of this size [px]
+/// Of colours around a point, over all channels, at which it counts half.
+constexpr float kPlainDeviation = 0.1f;
 
 // A pixel that may be chosen as a point.
 struct Candidate {
@@ -286,11 +288,22 @@ class LevelMaker {
     return surface;
   }
 
+  // What a point says by its surroundings' colours: the shading of a plain surface turns with the
+  // light, and the noise of a model is as large.
+  static float weightAmong(const LocalColours<float>& local) {
+    float variance = 0;
+    for (const float inverse : local.inverse_deviation) {
+      variance += 1 / (inverse * inverse) - kFlatDeviation * kFlatDeviation;
+    }
+    constexpr float kLeast = 0.02f;  // it tells at least that it is in the image
+    return std::max(kLeast, variance / (variance + kPlainDeviation * kPlainDeviation));
+  }
+
   void addChosen(int pixel, float weight) {
     addPoint(pixel, cellOfPixel(pixel), &level_.chosen);
     level_.surface.push_back(surfaceAt(pixel % width_, pixel / width_));
-    level_.weight.push_back(weight);
     const LocalColours<float>& local = local_[cellOfPixel(pixel)];
+    level_.weight.push_back(weight * weightAmong(local));
     for (int c = 0; c < 3; ++c) {
       level_.colour[c].push_back(normalised_.values[3 * static_cast<std::size_t>(pixel) + c]);
       level_.local.mean[c].push_back(local.mean[c]);
@@ -325,9 +338,9 @@ class LevelMaker {
   float outlineWeight() const {
     constexpr float kMin = 0.2f, kMax = 4, kEnough = 60;
     float information = 0;
-    for (const ChosenSurface& surface : level_.surface) {
-      for (const Eigen::Vector2f& gradient : surface.gradient)
-        information += gradient.squaredNorm();
+    for (std::size_t i = 0; i < level_.surface.size(); ++i) {
+      for (const Eigen::Vector2f& gradient : level_.surface[i].gradient)
+        information += level_.weight[i] * gradient.squaredNorm();
     }
     const float missing = std::min(1.0f, kEnough / std::max(information, 1.0f));
     return kMin + (kMax - kMin) * missing * missing;

@@ -48,6 +48,23 @@ TEST(Description, ThatNoneWereFoundIsKept) {
   EXPECT_FALSE(after.any());
 }
 
+TEST(Description, ScoresOfAnotherAlignmentAreMeasuredAgain) {
+  Field field = smallField();
+  field.metadata.pose.keyframes.poses = 24;
+  field.metadata.pose.keyframes.wrong_mean = 0.25;
+  const auto posesOf = [](const Json& json) {
+    return fieldFromDescription(json.dump()).metadata.pose.keyframes.poses;
+  };
+  Json json = Json::parse(describe(field));
+  EXPECT_EQ(posesOf(json), 24);
+  json["keyframe_scores"]["alignment"] = 1;
+  EXPECT_EQ(posesOf(json), 0);
+  json["keyframe_scores"].erase("alignment");  // as in older models
+  EXPECT_EQ(posesOf(json), 0);
+  json["keyframe_scores"]["alignment"] = "one";
+  EXPECT_THROW(posesOf(json), std::runtime_error);
+}
+
 TEST(Description, TellsEqualExposuresFromThoseThatWereNotCompared) {
   Field field = smallField();
   EXPECT_FALSE(fieldFromDescription(describe(field)).metadata.exposure_spread);

@@ -126,19 +126,37 @@ TEST_F(KeyframeOfScene, TilesAreWholeGroupsOfOneTile) {
     ASSERT_EQ(level.tiles.front(), 0);
     ASSERT_EQ(level.tiles.back(), level.chosen.size());
     EXPECT_EQ(level.shown.size() % kPointGroup, 0);
-    double weight = 0;
+    int count = 0;
     for (std::size_t t = 0; t + 1 < level.tiles.size(); ++t) {
       EXPECT_EQ(level.tiles[t] % kPointGroup, 0);
       std::set<int> tiles;
       for (int i = level.tiles[t]; i < level.tiles[t + 1]; ++i) {
         const int cell = level.chosen.cell[i];
         tiles.insert(tileOfPixel(cell, level.width));
-        weight += level.weight[i];
+        count += level.weight[i] > 0;
       }
       EXPECT_EQ(tiles.size(), 1u);
     }
-    EXPECT_EQ(weight, level.point_count);
+    EXPECT_EQ(count, level.point_count);
   }
+}
+
+TEST_F(KeyframeOfScene, PointsOfPlainPlacesCountLess) {
+  const KeyframeLevel level = render().levels[0];
+  float least = 1, most = 0;
+  for (int i = 0; i < level.chosen.size(); ++i) {
+    if (level.weight[i] == 0) continue;  // it fills a group
+    double variance = 0;
+    for (const float inverse : level.local.at(i).inverse_deviation) {
+      variance += 1.0 / (inverse * inverse) - 0.03 * 0.03;
+    }
+    // Half where the deviation is 0.1.
+    EXPECT_NEAR(level.weight[i], std::max(0.02, variance / (variance + 0.01)), 1e-3);
+    least = std::min(least, level.weight[i]);
+    most = std::max(most, level.weight[i]);
+  }
+  EXPECT_LT(least, 0.3f);
+  EXPECT_GT(most, 0.7f);
 }
 
 TEST_F(KeyframeOfScene, LeavesOutDepthJumps) {

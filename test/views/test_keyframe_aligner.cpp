@@ -48,24 +48,44 @@ class KeyframeAlignerOnScene : public testing::Test, protected KeyframeScene {
 
 TEST_F(KeyframeAlignerOnScene, StaysAtThePoseItself) {
   const Hypothesis found = align(imageOf(truth_), keyframeAt(truth_), truth_);
-  expectFound(found, 0.05, 0.001);
+  expectFound(found, 0.1, 0.0015);
   EXPECT_GT(found.visible_fraction, 0.9);
 }
 
 TEST_F(KeyframeAlignerOnScene, ComesBackFromAGridOfOffsets) {
-  expectFoundFromAround(imageOf(truth_), 5, 0.15, 0.003);
+  expectFoundFromAround(imageOf(truth_), 5, 0.2, 0.003);
+}
+
+TEST_F(KeyframeAlignerOnScene, NeverExplainsLessThanItsStart) {
+  // Far away, coarse levels have few points and lead astray.
+  KeyframeAlignmentSettings start_alone;
+  start_alone.coarsest_level = 0;
+  start_alone.max_evaluations = 1;
+  for (const double distance : {3.0, 6.0, 12.0}) {
+    for (int side = 0; side < 6; ++side) {
+      SCOPED_TRACE(testing::Message() << distance << " diameters away, side " << side);
+      const Pose truth = cameraAround(*scene_, side, 0.3, distance);
+      const KeyframePoints keyframe = keyframeAt(truth);
+      const auto aligner = makeCpuKeyframeAligner(1, "auto");
+      aligner->observe(observed(imageOf(truth)), frameWindowFor(keyframe, kCamera, truth));
+      const int number = aligner->add(std::make_shared<const KeyframePoints>(keyframe));
+      const Hypothesis start = aligner->align({{number, truth}}, start_alone, {}).front();
+      const Hypothesis found = aligner->align({{number, truth}}, {}, {}).front();
+      EXPECT_LE(found.loss, start.loss);
+    }
+  }
 }
 
 TEST_F(KeyframeAlignerOnScene, IgnoresTheLight) {
   // Not wholly: what is nearly flat is compared with a fixed contrast.
-  expectFoundFromAround(imageOf(truth_, {0.7f, 0.9f, 1.1f}, -0.05f), 5, 0.2, 0.012);
+  expectFoundFromAround(imageOf(truth_, {0.7f, 0.9f, 1.1f}, -0.05f), 5, 0.3, 0.012);
 }
 
 TEST_F(KeyframeAlignerOnScene, IgnoresAnOccluder) {
   const KeyframePoints keyframe = keyframeAt(offBy(truth_, {0.6, 0.5, -0.6}, 6));
   const Hypothesis hidden =
       align(covered(imageOf(truth_)), keyframe, offBy(truth_, {0.5, -0.5, 0.5}, 4));
-  expectFound(hidden, 0.3, 0.01);
+  expectFound(hidden, 0.4, 0.01);
   const Hypothesis free = align(imageOf(truth_), keyframe, offBy(truth_, {0.5, -0.5, 0.5}, 4));
   EXPECT_LT(hidden.visible_fraction, free.visible_fraction - 0.05);
 }
@@ -108,7 +128,7 @@ TEST_F(KeyframeAlignerOnScene, ARenewedKeyframeMakesNoJump) {
   const Pose before = align(image, keyframeAt(offBy(truth_, {0.7, 0.7, 0}, 10)), truth_).T_O_C;
   const Pose after = align(image, keyframeAt(before), before).T_O_C;
   const PoseError jump = poseError(before, after, object().centre, kCamera);
-  EXPECT_LT(jump.rotation_rad / kDegree, 0.1);
+  EXPECT_LT(jump.rotation_rad / kDegree, 0.15);
   EXPECT_LT(jump.object_offset / object().diameter, 0.002);
 }
 
@@ -172,7 +192,7 @@ TEST_F(KeyframeAlignerOnScene, LeavesOutWhatHasNoWeight) {
   const int number = aligner->add(keyframe);
   const Pose start = offBy(truth_, {0.5, -0.5, 0.5}, 3);
   const Hypothesis found = aligner->align({{number, start}}, {}, {}).front();
-  expectFound(found, 0.1, 0.002);
+  expectFound(found, 0.1, 0.003);
   EXPECT_GT(found.visible_fraction, 0.9);
 }
 

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "backend/common/box_sums.h"
 #include "backend/common/plain_pose.h"
@@ -55,7 +56,7 @@ void StartAligner::hideOccluded(const CameraPose<double>& pose) {
     if (grid_[kBoxChannels * static_cast<std::size_t>(level_->chosen.cell[i])] > 0) weight_[i] = 0;
   }
   for (const std::int32_t cell : hidden_) grid_[kBoxChannels * cell] = 0;
-  point_count_ = static_cast<int>(std::count(weight_.begin(), weight_.end(), 1.0f));
+  shown_weight_ = std::accumulate(weight_.begin(), weight_.end(), 0.0);
 }
 
 // Where a part of the object is hidden, covered or outside of the image, the keyframe's colours are
@@ -167,7 +168,7 @@ AlignedKeyframe StartAligner::evaluate(const CameraPose<double>& pose,
     add(tile, &evaluated.sums);
     evaluated.scatter.addTile(equationsOf(tile));
   }
-  SeenPoints seen = {point_count_, evaluated.sums.weight, static_cast<int>(points.outline.size()),
+  SeenPoints seen = {shown_weight_, evaluated.sums.weight, static_cast<int>(points.outline.size()),
                      0, points.outline_weight};
   for (std::size_t t = 0; t + 1 < points.outline_tiles.size(); ++t) {
     PointSums<float> tile = {};
@@ -250,17 +251,17 @@ Hypothesis StartAligner::align(const FramePyramid& frame, const KeyframePoints& 
   const int first_of_frame = frameLevelFor(keyframe, frame.levels().camera(), start_T_O_C);
   const int levels = static_cast<int>(keyframe.levels.size());
   // What a coarse level found counts only where a finer one finds it better than the start, too.
-  std::vector<CameraPose<double>> starts = {best.pose};
+  std::vector<CameraPose<double>> starts = {best.pose, plainPose(start_T_O_C)};
   for (int level = std::min(settings.coarsest_level, levels - 1); level >= settings.finest_level;
        --level) {
     const std::optional<KernelImage> image = frame.level(first_of_frame + level);
-    // A far object has no points at coarse levels.
-    if (!image || countOf(keyframe.levels[level]) < kMinKeyframePoints) continue;
+    // A far object has few points at coarse levels.
+    const int fewest = level > settings.finest_level ? kMinCoarsePoints : kMinKeyframePoints;
+    if (!image || countOf(keyframe.levels[level]) < fewest) continue;
     image_ = *image;
     beginLevel(level, starts.front());
     best = alignLevel(starts, levelRules(settings, level));
-    starts = {best.pose};
-    if (level > settings.finest_level + 1) starts.push_back(plainPose(start_T_O_C));
+    starts = {best.pose, plainPose(start_T_O_C)};
   }
   best.evaluations = evaluations_;
   if (best.loss < HUGE_VAL) {

@@ -47,7 +47,7 @@ class StartAligner {
   std::vector<float> weight_;
   std::vector<float> rendered_[3], rendered_du_[3], rendered_dv_[3];
   LocalColourColumns rendered_local_, local_;  // around them in the rendering, in the frame
-  int point_count_ = 0;                        // of those with weight
+  double shown_weight_ = 0;                    // of all
 };
 
 }  // namespace nerf_pose_refiner
