@@ -76,7 +76,13 @@ void KeyframeRefiner::begin() {
   search_.emplace(backend_, field_, settings_);
   side_views_.emplace(backend_, field_, settings_);
   renderer_.emplace(field_, settings_.keyframe);
+  use(scores_);
   use(look_alikes_);
+}
+
+void KeyframeRefiner::use(const KeyframeScores& scores) {
+  scores_ = scores;
+  search_->setDoubtful(std::max(settings_.doubtful_score, evenScore(scores_)));
 }
 
 void KeyframeRefiner::adaptTo(const Observation& observation) {
@@ -110,7 +116,7 @@ Refinement KeyframeRefiner::follow(const TimedObservation& image, const Prior& p
 Refinement KeyframeRefiner::find(const TimedObservation& image, const Prior& prior,
                                  const CancellationToken& cancellation,
                                  const std::vector<Pose>& candidates_T_O_C) {
-  constexpr std::size_t kRendered = 2;  // of the poses of either kind
+  constexpr std::size_t kRendered = 2;  // of the candidates
   const Camera& camera = image.observation.camera;
   adaptTo(image.observation);
   Refinement result = refine(
@@ -120,9 +126,11 @@ Refinement KeyframeRefiner::find(const TimedObservation& image, const Prior& pri
         waitForRenderings(cancellation);
         HypothesisTable starts = search_->around(image.observation, prior, cancellation);
         std::vector<Pose> rendered;
-        for (std::size_t i = 0; i < std::min(kRendered, starts.size()); ++i) {
-          rendered.push_back(starts[i].T_O_C);
-        }
+        if (!starts.empty()) rendered.push_back(starts.front().T_O_C);
+        // The prior, too: it may be nearly right, and small views of it may show too little.
+        rendered.push_back(prior.T_O_C);
+        starts.emplace_back();
+        starts.back().T_O_C = prior.T_O_C;
         for (std::size_t i = 0; i < std::min(kRendered, candidates_T_O_C.size()); ++i) {
           rendered.push_back(candidates_T_O_C[i]);
           starts.emplace_back();

@@ -56,7 +56,7 @@ class KeyframeRefiner {
                     const CancellationToken& cancellation = {});
 
   /// Judges poses by these scores, in place of the object's own.
-  void use(const KeyframeScores& scores) { scores_ = scores; }
+  void use(const KeyframeScores& scores);
 
   /// Watches over what the object may be taken for, in place of its own LookAlikes.
   void use(const LookAlikes& look_alikes);

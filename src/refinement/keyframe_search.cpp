@@ -86,6 +86,7 @@ KeyframeSearch::KeyframeSearch(Backend* backend, const std::shared_ptr<const Loa
                                const KeyframeSearchSettings& settings)
     : field_(field),
       settings_(settings),
+      doubtful_score_(settings.doubtful_score),
       aligner_(backend->makeKeyframeAligner()),
       kept_(aligner_.get(), settings.max_keyframes,
             {settings.reach_rotation_deg * kDegree, settings.reach_distance}),
@@ -141,8 +142,8 @@ HypothesisTable KeyframeSearch::near(const Observation& observation, const Prior
                     frameWindowFor(keyframe, observation.camera, prior.T_O_C, kWindowMargin));
   HypothesisTable found =
       aligner_->align({{nearest->number, prior.T_O_C}}, settings_.alignment, cancellation);
-  const bool doubtful = found.front().state != HypothesisState::kLive ||
-                        found.front().score < settings_.doubtful_score;
+  const bool doubtful =
+      found.front().state != HypothesisState::kLive || found.front().score < doubtful_score_;
   if (!doubtful || settings_.wide_starts == 0) return found;
   constexpr double kWideMargin = 0.5;
   aligner_->observe(observation,
@@ -162,8 +163,8 @@ HypothesisTable KeyframeSearch::close(const Observation& observation, const Pose
   KeyframeAlignmentSettings fine = settings_.alignment;
   fine.coarsest_level = std::max(fine.finest_level, std::min(fine.coarsest_level, kFine));
   HypothesisTable found = aligner_->align({{nearest->number, T_O_C}}, fine, cancellation);
-  const bool doubtful = found.front().state != HypothesisState::kLive ||
-                        found.front().score < settings_.doubtful_score;
+  const bool doubtful =
+      found.front().state != HypothesisState::kLive || found.front().score < doubtful_score_;
   if (!doubtful) return found;
   return aligner_->align({{nearest->number, T_O_C}}, settings_.alignment, cancellation);
 }

@@ -25,6 +25,9 @@ class KeyframeSearch {
   KeyframeSearch(Backend* backend, const std::shared_ptr<const LoadedField>& field,
                  const KeyframeSearchSettings& settings);
 
+  /// Poses that score less are doubtful: `near` and `close` then look further.
+  void setDoubtful(double score) { doubtful_score_ = score; }
+
   void add(std::shared_ptr<const KeyframePoints> keyframe) { kept_.add(std::move(keyframe)); }
 
   /// Renders all small views now, which `around` does on first use of each. @throws Cancelled.
@@ -69,6 +72,7 @@ class KeyframeSearch {
 
   std::shared_ptr<const LoadedField> field_;
   KeyframeSearchSettings settings_;
+  double doubtful_score_;
   std::unique_ptr<KeyframeAligner> aligner_;
   KeyframeSet kept_;  // as large as the object is in the images
   ViewBank bank_;

@@ -12,11 +12,12 @@ namespace {
 
 double logistic(double x) { return 1 / (1 + std::exp(-x)); }
 
-/// Of an object whose scores were not measured.
+/// Of an object whose scores were not measured: it may be a plain one, whose outline is found in
+/// many places.
 KeyframeScores unknownScores() {
   KeyframeScores scores;
-  scores.wrong_mean = 0.14;
-  scores.wrong_deviation = 0.07;
+  scores.wrong_mean = 0.3;
+  scores.wrong_deviation = 0.1;
   scores.right_low = 0.6;
   return scores;
 }
@@ -30,13 +31,19 @@ double smallerThan(double bound, const Eigen::Matrix3d& covariance) {
 
 }  // namespace
 
-double scoreProbability(double score, const KeyframeScores& scores) {
-  constexpr double kDeviations = 2;  // above the mean of wrong ones a pose is as likely right
-  constexpr double kMinMiddle = 0.2, kMaxOfRight = 0.9, kMinWidth = 0.02;
-  const double odds_of_mean = std::log(99.0);  // one in a hundred is right at the wrong ones' mean
+double evenScore(const KeyframeScores& scores) {
+  constexpr double kDeviations = 2;  // above the mean of wrong ones
+  constexpr double kMin = 0.2, kMaxOfRight = 0.9;
   const KeyframeScores known = scores.poses > 0 ? scores : unknownScores();
   const double above = known.wrong_mean + kDeviations * known.wrong_deviation;
-  const double middle = std::max(kMinMiddle, std::min(above, kMaxOfRight * known.right_low));
+  return std::max(kMin, std::min(above, kMaxOfRight * known.right_low));
+}
+
+double scoreProbability(double score, const KeyframeScores& scores) {
+  constexpr double kMinWidth = 0.02;
+  const double odds_of_mean = std::log(99.0);  // one in a hundred is right at the wrong ones' mean
+  const KeyframeScores known = scores.poses > 0 ? scores : unknownScores();
+  const double middle = evenScore(scores);
   const double width = std::max(kMinWidth, (middle - known.wrong_mean) / odds_of_mean);
   return logistic((score - middle) / width);
 }

@@ -9,8 +9,11 @@ namespace nerf_pose_refiner {
 /// How likely a pose that keyframes found is right, by what the image shows alone: a logistic curve
 /// between the scores that wrong and right poses of this object have.
 /// @param score 0..1, @see KeyframeAligner::align. @param scores if they are unknown, those of a
-/// textured object count.
+/// plain object count.
 double scoreProbability(double score, const KeyframeScores& scores);
+
+/// The score at which a pose is as likely right as wrong by that curve.
+double evenScore(const KeyframeScores& scores);
 
 /// The factor by which a prior changes the odds of a pose: 1 within reach of the search, less
 /// beyond. Wrong poses are found anywhere, right ones where they are expected.

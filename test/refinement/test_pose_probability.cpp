@@ -30,9 +30,15 @@ TEST(ScoreProbability, DoesNotAskForMoreThanRightPosesHave) {
   EXPECT_NEAR(scoreProbability(0.45, scoresWith(0.3, 0.2, 0.5)), 0.5, 1e-9);
 }
 
-TEST(ScoreProbability, WithoutStatisticsIsThatOfATexturedObject) {
-  EXPECT_LT(scoreProbability(0.2, KeyframeScores()), 0.1);
-  EXPECT_GT(scoreProbability(0.4, KeyframeScores()), 0.9);
+TEST(ScoreProbability, IsEvenWhereWrongPosesBecomeRare) {
+  EXPECT_EQ(evenScore(scoresWith(0.1, 0.1, 0.9)), 0.1 + 2 * 0.1);
+  EXPECT_EQ(evenScore(scoresWith(0.01, 0.01, 0.9)), 0.2);  // at least
+  EXPECT_EQ(evenScore(scoresWith(0.3, 0.2, 0.5)), 0.9 * 0.5);
+}
+
+TEST(ScoreProbability, WithoutStatisticsIsThatOfAPlainObject) {
+  EXPECT_LT(scoreProbability(0.4, KeyframeScores()), 0.1);
+  EXPECT_GT(scoreProbability(0.6, KeyframeScores()), 0.9);
 }
 
 class PriorOdds : public testing::Test {
