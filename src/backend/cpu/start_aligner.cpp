@@ -251,7 +251,7 @@ Hypothesis StartAligner::align(const FramePyramid& frame, const KeyframePoints& 
   const int first_of_frame = frameLevelFor(keyframe, frame.levels().camera(), start_T_O_C);
   const int levels = static_cast<int>(keyframe.levels.size());
   // What a coarse level found counts only where a finer one finds it better than the start, too.
-  std::vector<CameraPose<double>> starts = {best.pose, plainPose(start_T_O_C)};
+  std::vector<CameraPose<double>> starts = {best.pose};
   for (int level = std::min(settings.coarsest_level, levels - 1); level >= settings.finest_level;
        --level) {
     const std::optional<KernelImage> image = frame.level(first_of_frame + level);
