@@ -246,11 +246,10 @@ TEST_F(KeyframeRefinerTest, AnObjectTooFarOrTooNearToBeSeenIsNotFound) {
   }
 }
 
-TEST_F(KeyframeRefinerTest, APriorThatIsRightIsFoundWhateverSmallViewsShow) {
+TEST_F(KeyframeRefinerTest, APriorThatIsRightIsFoundWithoutSmallViews) {
   KeyframeSearchSettings settings = fromFile();
-  settings.starts = 1;
-  settings.bank.views = 12;      // they are far apart ...
-  settings.bank.object_px = 16;  // ... and show next to nothing
+  settings.bank.views = 12;  // none is as near as this:
+  settings.reach_rotation_deg = settings.renew_rotation_deg;
   KeyframeRefiner refiner(backend_.get(), field_, settings);
   const Prior prior = priorAt(offBy(truthAt(0), 2, 0.02), 15, 0.15);
   expectFound(refiner.find({imageAt(truthAt(0)), 0}, prior), truthAt(0), 0.5);
