@@ -25,7 +25,6 @@
 #include "math/angle.h"
 #include "recorded_sequence.h"
 #include "refinement/keyframe_settings.h"
-#include "tracking/prediction.h"
 #include "views/keyframe.h"
 
 namespace nerf_pose_refiner {
@@ -99,11 +98,10 @@ class Benchmark {
     std::optional<Pose> before;
     renew(found);
     for (std::size_t i = 0; i < truth_.size(); ++i) {
-      Prior prior;
-      prior.T_O_C = found;
-      if (options_.predict && before) prior = predictConstantVelocity(prior, *before, 1, object_);
-      if (isFar(prior.T_O_C)) renew(prior.T_O_C);
-      const Hypothesis aligned = alignFrame(static_cast<int>(i), prior.T_O_C);
+      const bool moves = options_.predict && before;
+      const Pose start = moves ? found * (before->inverse() * found) : found;
+      if (isFar(start)) renew(start);
+      const Hypothesis aligned = alignFrame(static_cast<int>(i), start);
       if (i > 0) before = found;
       found = aligned.T_O_C;
     }

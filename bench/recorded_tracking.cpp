@@ -123,7 +123,9 @@ class RecordedTracking {
     Tally tally;
     const auto begin = std::chrono::steady_clock::now();
     const std::int64_t first_ns = sequence_.frames.front().stamp_ns;
-    tellPose(0, true);
+    const double turn = options_.start_deg * kDegree / std::sqrt(3.0);
+    const double shift = options_.start_fraction / std::sqrt(3.0);
+    offer(0, {turn, -turn, turn}, {-shift, shift, shift});
     for (std::size_t i = 0; i < sequence_.frames.size(); i += options_.every) {
       const RecordedFrame& frame = sequence_.frames[i];
       const Image8 image = readImage(frame.file);
@@ -167,16 +169,21 @@ class RecordedTracking {
     return settings;
   }
 
-  /// Tells the tracker the true pose of a frame. @param off as far off as the options say.
-  void tellPose(std::size_t i, bool off) {
-    const double turn = off ? options_.start_deg * kDegree / std::sqrt(3.0) : 0;
-    const double shift = off ? options_.start_fraction / std::sqrt(3.0) : 0;
-    offer(i, {turn, -turn, turn}, {-shift, shift, shift});
+  /// The covariance of a pose from which a track would go on.
+  Matrix6 exactly() const {
+    const SearchSettings tracked = settingsOf(options_).tracking;
+    const double rotation = tracked.rotation_deg * kDegree / 2;  // the search is two of them wide
+    const double position = tracked.translation * diameter_m() / 2;
+    Vector6 deviation;
+    deviation << Eigen::Vector3d::Constant(position), Eigen::Vector3d::Constant(rotation);
+    return deviation.cwiseAbs2().asDiagonal();
   }
 
+  /// Tells the tracker a pose near that of a frame.
   /// @param turn about the object's centre, in the axes of the camera [rad]. @param shift alike
-  /// [diameters].
-  void offer(std::size_t i, const Eigen::Vector3d& turn, const Eigen::Vector3d& shift) {
+  /// [diameters]. @param covariance of the object's centre and rotation; nothing: a hint.
+  void offer(std::size_t i, const Eigen::Vector3d& turn, const Eigen::Vector3d& shift,
+             const std::optional<Matrix6>& covariance = std::nullopt) {
     const Pose& T_C_O = sequence_.frames[i].T_C_O;
     const Eigen::Vector3d centre =
         T_C_O * (field_->metadata.metres_per_unit * field_->metadata.centre);
@@ -184,9 +191,9 @@ class RecordedTracking {
     tracker_.reset();
     tracker_.offer({{R * T_C_O.R, centre + diameter_m() * shift + R * (T_C_O.t - centre)},
                     "camera",
-                    0,
+                    covariance ? sequence_.frames[i].stamp_ns : 0,
                     false,
-                    {}});
+                    covariance});
   }
 
   double diameter_m() const { return field_->metadata.metres_per_unit * field_->metadata.diameter; }
@@ -227,7 +234,7 @@ class RecordedTracking {
     }
     if (is_right) return;
     ++tally->lost;
-    if (options_.reset && options_.first_poses == 0) tellPose(i, false);
+    if (options_.reset && options_.first_poses == 0) offer(i, {0, 0, 0}, {0, 0, 0}, exactly());
   }
 
   const Options& options_;

@@ -5,7 +5,6 @@
 #include <utility>
 
 #include "field/object_frame.h"
-#include "tracking/prediction.h"
 #include "tracking/prior.h"
 
 namespace nerf_pose_refiner {
@@ -273,7 +272,7 @@ std::optional<Prior> ObjectTracker::prepare(const TrackerImage& image,
   try {
     const Pose T_C_U = connections_.transforms->inCamera(start, image.at, image.cancel);
     const Prior prior = priorFrom(start, T_C_U, field_->metadata, settings_.search(start.tracked));
-    return decision.previous ? predict(prior, image, decision) : prior;
+    return settings_.rules.predict ? expected(prior, T_C_U, image, decision) : prior;
   } catch (const InputError& e) {
     const bool from_outside = !start.tracked && !decision.recovering;
     const bool unknown_frame = e.reason() == TrackReason::kNoTransform && from_outside;
@@ -284,20 +283,21 @@ std::optional<Prior> ObjectTracker::prepare(const TrackerImage& image,
   }
 }
 
-/// The prior moved with constant velocity, or the prior itself if the camera's motion since the
-/// previous pose is unknown.
-Prior ObjectTracker::predict(const Prior& last, const TrackerImage& image,
-                             const ImageDecision& decision) {
-  const TimedPose& previous = *decision.previous;
-  const double now = secondsOf(image.at.stamp_ns), since = secondsOf(decision.start->stamp_ns);
-  const double time_ratio = (now - since) / (since - secondsOf(previous.stamp_ns));
-  try {
-    const Pose T_C_U = connections_.transforms->inCamera(previous, image.at, image.cancel);
-    const Pose T_O_C = ObjectFrame::inMetres(field_->metadata).cameraInModel(T_C_U);
-    return predictConstantVelocity(last, T_O_C, time_ratio, field_->metadata);
-  } catch (const InputError&) {
-    return last;
+/// The prior around where the object is expected.
+/// @param T_C_U the start pose in the camera at its present place [m].
+Prior ObjectTracker::expected(const Prior& start, const Pose& T_C_U, const TrackerImage& image,
+                              const ImageDecision& decision) {
+  const FieldMetadata& object = field_->metadata;
+  const TimedPose& from = *decision.start;
+  if (!from.tracked) {
+    motion_.reset();
+    if (!from.covariance) return start;
+    motion_.start(start.T_O_C, covarianceOfTwist(from, T_C_U, object), object);
+  } else if (decision.after_failure) {
+    motion_.forgetVelocity(object);  // it may have stopped
   }
+  const double since_s = secondsOf(image.at.stamp_ns) - secondsOf(from.stamp_ns);
+  return motion_.predict(start, T_C_U.R * from.T_P_U.R.transpose(), since_s, object);
 }
 
 void ObjectTracker::refine(const TrackerImage& image, const ImageDecision& decision,
@@ -330,12 +330,24 @@ bool ObjectTracker::tell(const Judgement& judgement, std::uint64_t ticket, const
   return state_.goesOn(ticket, T_C_U, judgement.reason, judgement.message, judgement.doubtful);
 }
 
+/// Joins a pose that the track goes on from with where the object was expected.
+void ObjectTracker::follow(const Judgement& judgement, TrackOutcome* result) {
+  Refinement& found = result->refinement;
+  const bool goes_on = judgement.trusted() || judgement.goes_on;
+  if (!settings_.rules.predict || !goes_on) return;
+  if (!result->prior) motion_.reset();  // found in the whole image
+  const Pose& expected = result->prior ? result->prior->T_O_C : found.T_O_C;
+  found.T_O_C = motion_.update(expected, found.T_O_C, found.covariance, field_->metadata);
+  if (!found.hypotheses.empty()) found.hypotheses.front().T_O_C = found.T_O_C;
+}
+
 void ObjectTracker::conclude(const ImageDecision& decision, TrackOutcome* result) {
   const Refinement& refinement = result->refinement;
   const FieldMetadata& object = field_->metadata;
   const ObjectFrame frame = ObjectFrame::inMetres(object);
-  const Pose T_C_U = frame.objectInCamera(refinement.T_O_C);
   const Judgement judgement = judge(refinement, decision.confirmed, settings_.rules);
+  follow(judgement, result);
+  const Pose T_C_U = frame.objectInCamera(refinement.T_O_C);
   bool up_to_date = false;
   {
     std::lock_guard<std::mutex> lock(mutex_);

@@ -12,6 +12,7 @@
 
 #include "backend/backend.h"
 #include "refinement/field_refiner.h"
+#include "tracking/motion_filter.h"
 #include "tracking/object_search.h"
 #include "tracking/settings.h"
 #include "tracking/status.h"
@@ -141,7 +142,9 @@ class ObjectTracker {
   void applyChange();
   std::optional<ImageDecision> decide(const TrackerImage& image);
   std::optional<Prior> prepare(const TrackerImage& image, const ImageDecision& decision);
-  Prior predict(const Prior& last, const TrackerImage& image, const ImageDecision& decision);
+  Prior expected(const Prior& start, const Pose& T_C_U, const TrackerImage& image,
+                 const ImageDecision& decision);
+  void follow(const Judgement& judgement, TrackOutcome* result);
   void refine(const TrackerImage& image, const ImageDecision& decision, TrackOutcome* result);
   bool tell(const Judgement& judgement, std::uint64_t ticket, const Pose& T_C_U);
   void conclude(const ImageDecision& decision, TrackOutcome* result);
@@ -154,6 +157,7 @@ class ObjectTracker {
   std::unique_ptr<ObjectSearch> search_;
   TrackerSettings settings_;
   ViewWindow window_;
+  MotionFilter motion_;
   std::optional<TrackCondition> reported_;
   std::uint32_t processed_ = 0;
 

@@ -43,7 +43,7 @@ struct TrackingRules {
   double trust_score = 0.9;   ///< 0..1: score at which a track begins
   double min_score = 0.5;     ///< 0..trust_score: while tracking, a lower score is not trusted
   int max_failures = 2;       ///< number of untrusted images in a row that are bridged, >= 0
-  bool predict = true;        ///< predict from the last two poses, see predictConstantVelocity
+  bool predict = true;        ///< follow the motion, see MotionFilter
   double recover_s = 5;       ///< a lost object is searched for during this time [s]; 0: never
   bool once = false;          ///< after one trusted pose, wait for the next initial pose
   /// Images may come from another camera than before: transforms carry poses from one to another.

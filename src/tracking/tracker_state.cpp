@@ -57,7 +57,7 @@ void TrackerState::modelIsReady() {
 }
 
 void TrackerState::objectFrameMoved(const Pose& T_U_V) {
-  for (std::optional<TimedPose>* kept : {&last_, &previous_, &recovery_start_}) {
+  for (std::optional<TimedPose>* kept : {&last_, &recovery_start_}) {
     if (!*kept) continue;
     TimedPose& start = **kept;
     if (start.covariance) start.covariance = atPoint(*start.covariance, start.T_P_U.R * T_U_V.t);
@@ -267,8 +267,7 @@ std::optional<TimedPose> TrackerState::chooseStart(std::int64_t stamp_ns, ImageD
     return start;
   }
   if (last_) {
-    // After an untrusted image there is no prediction: the object may have stopped.
-    if (rules_.predict && failures_ == 0) decision->previous = previous_;
+    decision->after_failure = failures_ > 0;
     return last_;
   }
   if (recoveryIsOver(stamp_ns)) recovery_start_.reset();
@@ -324,7 +323,6 @@ bool TrackerState::trusted(std::uint64_t ticket, const Pose& T_C_U) {
     setCondition(TrackState::kWaiting);
     return true;
   }
-  previous_ = ended->start && ended->start->tracked ? last_ : std::nullopt;
   last_ = TimedPose{T_C_U, ended->image.camera_frame, ended->image.stamp_ns,
                     /*tracked=*/true, std::nullopt};
   setCondition(TrackState::kTracking);

@@ -15,7 +15,7 @@ namespace nerf_pose_refiner {
 /// How to process an image.
 struct ImageDecision {
   std::optional<TimedPose> start;     ///< start pose of the refinement; empty: skip the image
-  std::optional<TimedPose> previous;  ///< the trusted pose before `start`, to predict from
+  bool after_failure = false;         ///< the object was not found in the image after `start`
   bool detect = false;                ///< there is no start: search the whole image
   std::uint64_t ticket = 0;           ///< to be returned with the result
   bool clock_jumped = false;          ///< time went back: earlier transforms are invalid
@@ -136,7 +136,6 @@ class TrackerState {
   std::optional<TimedPose> initial_pose_;  ///< not used yet
   std::optional<Offer> old_offer_;         ///< the last one that was old when it came
   std::optional<TimedPose> last_;          ///< the last trusted pose, while the object is tracked
-  std::optional<TimedPose> previous_;      ///< the pose before last_, if that was tracked, too
   /// While lost: the pose to search around, the last trusted one or an initial one that failed.
   std::optional<TimedPose> recovery_start_;
   bool confirmed_ = false;                         ///< a pose of the track was trusted

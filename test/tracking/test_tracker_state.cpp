@@ -45,31 +45,18 @@ TEST_F(TrackerStateTest, AnInitialPoseIsTriedOnMoreThanOneImage) {
   EXPECT_FALSE(image(0.2).start);
 }
 
-TEST_F(TrackerStateTest, KnowsHowTheObjectMovesOnceItIsTracked) {
-  rules_.initial_pose_policy = InitialPosePolicy::kAlways;
-  restart();
+TEST_F(TrackerStateTest, SaysWhetherTheObjectWasMissedSinceTheStart) {
   state_.offer(poseAt(at(0)));
   track(0, 0.1);
-  EXPECT_FALSE(image(0.1).previous) << "an initial pose says nothing of motion";
-  track(0.2, 0.2);
-  const ImageDecision third = image(0.3);
-  ASSERT_TRUE(third.start && third.previous);
-  EXPECT_EQ(third.start->T_P_U.t.x(), 0.2);
-  EXPECT_EQ(third.previous->T_P_U.t.x(), 0.1);
-  EXPECT_EQ(third.previous->stamp_ns, at(0));
-  state_.notTrusted(third.ticket, TrackReason::kLowScore, "");
-  const ImageDecision fourth = image(0.4);
-  EXPECT_FALSE(fourth.previous) << "it was not where it was expected";
-  state_.trusted(fourth.ticket, {});
-
-  state_.offer(poseAt(at(0.5), 0.9));
-  track(0.5, 0.9);
-  EXPECT_FALSE(image(0.6).previous) << "the jump to an initial pose is no motion";
-  track(0.7, 0.9);
-  EXPECT_TRUE(image(0.8).previous);
-  rules_.predict = false;
-  state_.setRules(rules_);
-  EXPECT_FALSE(image(0.9).previous);
+  const ImageDecision second = image(0.1);
+  EXPECT_FALSE(second.after_failure);
+  state_.notTrusted(second.ticket, TrackReason::kLowScore, "");
+  const ImageDecision third = image(0.2);
+  ASSERT_TRUE(third.start);
+  EXPECT_EQ(third.start->T_P_U.t.x(), 0.1);
+  EXPECT_TRUE(third.after_failure) << "it was not where it was expected";
+  state_.trusted(third.ticket, {});
+  EXPECT_FALSE(image(0.3).after_failure);
 }
 
 TEST_F(TrackerStateTest, GoesOnFromAnUncertainPoseOfATrack) {
