@@ -41,10 +41,14 @@ AlignedKeyframe alignedOf(const CudaAlignedKeyframe& from) {
   std::copy(from.tiles, from.tiles + 21, to.scatter.gradients);
   to.scatter.information = from.tiles[21];
   to.scatter.squared_information = from.tiles[22];
-  to.tiles = {from.tiles[23], from.tiles[24]};
+  to.tiles = {from.tiles[23],
+              from.tiles[24],
+              {from.tiles[25], from.tiles[26], from.tiles[27], from.tiles[28], from.tiles[29],
+               from.tiles[30]}};
   to.loss = from.loss;
   to.most_weight = from.most_weight;
-  to.evidence = {static_cast<float>(from.explained), static_cast<float>(from.chance), 0};
+  to.evidence.explained = static_cast<float>(from.explained);
+  to.evidence.chance = static_cast<float>(from.chance);
   to.evaluations = static_cast<int>(from.evaluations);
   return to;
 }

@@ -80,13 +80,14 @@ struct CudaKeyframeStart {
 };
 
 /// Numbers that are summed over tiles.
-constexpr int kTileSums = 25;
+constexpr int kTileSums = 31;
 
 /// What its alignment found; plain, for it stands in shared memory.
 struct CudaAlignedKeyframe {
   CameraPose<double> pose;
   PointSums<double> sums;
-  /// @see TileScatter: gradients, information, squared information; TileEvidence: judged, seen.
+  /// @see TileScatter: gradients, information, squared information; TileEvidence: judged, seen,
+  /// tone.
   double tiles[kTileSums];
   double loss, most_weight;
   double explained, chance;  ///< @see EvidenceSums

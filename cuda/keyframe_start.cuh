@@ -99,8 +99,9 @@ class StartAlignment {
     lookAround();
     evaluate<true>(task_.rules[task_.finest_level], true);
     if (!isFirstThread()) return;
-    shared_.best.explained = shared_.sums.weight;
-    shared_.best.chance = shared_.sums.cost;
+    const auto& evidence = reinterpret_cast<const EvidenceSums<double>&>(shared_.sums);
+    shared_.best.explained = evidence.explained;
+    shared_.best.chance = evidence.chance;
   }
 
   __device__ void beginLevel(int level, int frame_level) {
@@ -193,8 +194,7 @@ class StartAlignment {
 
   /// Sums of the trial, in shared memory behind it for the block's first warp.
   /// @param looks whether rows were summed anew: local colours follow from them.
-  /// @tparam kOnlyEvidence weight, cost and robust_weight are what explains the image, chance and
-  /// the weight of points instead.
+  /// @tparam kOnlyEvidence sums are EvidenceSums instead.
   template <bool kOnlyEvidence = false>
   __device__ void evaluate(const KeyframeLevelRules& rules, bool looks) {
     // Taken in turns: another block may still be reading the ones before.
@@ -242,11 +242,7 @@ class StartAlignment {
     const OutlineOpacities seen = outlineOpacities(profile);
     const OutlineRules of_outline = {rules.robust_scale, scene.level.outline_weight};
     if (kOnlyEvidence) {
-      EvidenceSums<float> evidence = {};
-      addOutlineEvidence(point.opacity, seen, of_outline, &evidence);
-      terms->sums.weight = evidence.explained;
-      terms->sums.cost = evidence.chance;
-      terms->sums.robust_weight = evidence.weight;
+      addOutlineEvidence(point.opacity, seen, of_outline, evidenceIn(terms));
       return;
     }
     float along[6];
@@ -270,11 +266,10 @@ class StartAlignment {
     const PointResidual<float> residual =
         pointResidual(seen.rendered, pixel, seen.local, rules.observed_fraction);
     if (kOnlyEvidence) {
-      EvidenceSums<float> evidence = {};
-      addEvidence(residual, weight, rules.robust_scale, &evidence);
-      terms->sums.weight = evidence.explained;
-      terms->sums.cost = evidence.chance;
-      terms->sums.robust_weight = evidence.weight;
+      const ChosenColours& chosen = scene.level.colours[i];
+      const float rendered = brightnessOf(chosen.colour, chosen.local);
+      const float observed = brightnessOf(pixel[0].value, pixel[1].value, pixel[2].value);
+      addEvidence(residual, {rendered, observed}, weight, rules.robust_scale, evidenceIn(terms));
       return;
     }
     addPoint(pointFlow(scene.image.K, transform, place.p, point.q), residual, weight,
@@ -369,10 +364,7 @@ class StartAlignment {
         const auto& sums = reinterpret_cast<const PointTerms*>(groups)[g].sums;
         for (int k = 0; k < 21; ++k) tile.information[k] += sums.information[k];
         for (int k = 0; k < 6; ++k) tile.gradient[k] += sums.gradient[k];
-        const auto& seen = reinterpret_cast<const PointTerms*>(evidence)[g].sums;
-        says.explained += seen.weight;
-        says.chance += seen.cost;
-        says.weight += seen.robust_weight;
+        addEvidence(*evidenceIn(&reinterpret_cast<const PointTerms*>(evidence)[g]), &says);
       }
       of_tiles.scatter.addTile(tile);
       of_tiles.evidence.addTile(says, full_chance);

@@ -24,6 +24,15 @@ struct PointTerms {
 };
 static_assert(sizeof(PointTerms) == kKeyframeSums * sizeof(float), "");
 
+/// The evidence that a point adds, where that is summed instead.
+__device__ inline EvidenceSums<float>* evidenceIn(PointTerms* terms) {
+  static_assert(sizeof(EvidenceSums<float>) <= sizeof(PointSums<float>), "");
+  return reinterpret_cast<EvidenceSums<float>*>(terms);
+}
+__device__ inline const EvidenceSums<float>* evidenceIn(const PointTerms* terms) {
+  return reinterpret_cast<const EvidenceSums<float>*>(terms);
+}
+
 /// Sums over the lanes of a group: lane k of it gets sums 4 k to 4 k + 3, as values 0 to 3. Each
 /// time, lanes give one half of their values away and get the other half of those they keep.
 __device__ inline void sumGroup(float* values) {

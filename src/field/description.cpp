@@ -13,7 +13,7 @@ namespace {
 
 /// The version of the alignment that keyframe scores are measured with: another one scores the same
 /// pose differently, and they have to be measured again.
-constexpr int kScoredAlignment = 2;
+constexpr int kScoredAlignment = 3;
 
 using Json = nlohmann::json;
 
@@ -69,7 +69,8 @@ void visitKeyframeScores(Scores& s, Visitor visit) {
   visit("poses", s.poses);
   visit("wrong_mean", s.wrong_mean);
   visit("wrong_deviation", s.wrong_deviation);
-  visit("right_low", s.right_low);
+  visit("right_mean", s.right_mean);
+  visit("right_deviation", s.right_deviation);
 }
 
 Json toJson(const LookAlikes& known) {

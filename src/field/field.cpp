@@ -193,7 +193,8 @@ void Field::validate() const {
   require(pose.keyframes.poses >= 0, "KeyframeScores::poses is negative");
   for (const double value :
        {pose.lateral, pose.depth, pose.tilt_rad, pose.roll_rad, pose.right_score, pose.wrong_score,
-        pose.keyframes.wrong_mean, pose.keyframes.wrong_deviation, pose.keyframes.right_low}) {
+        pose.keyframes.wrong_mean, pose.keyframes.wrong_deviation, pose.keyframes.right_mean,
+        pose.keyframes.right_deviation}) {
     require(value >= 0 && std::isfinite(value), "FieldMetadata::pose holds a value below 0");
   }
   validateLookAlikes(metadata.look_alikes);

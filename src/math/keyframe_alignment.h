@@ -181,24 +181,6 @@ struct PointSums {
   T gradient[6];
 };
 
-/// What speaks for a pose: robust losses where there is anything to compare.
-template <typename T>
-struct EvidenceSums {
-  T explained;  ///< as they are, and ...
-  T chance;     ///< ... as they would be, had the images nothing in common
-  T weight;     ///< of the points
-};
-
-template <typename T>
-NPR_HOST_DEVICE inline void addEvidence(const PointResidual<T>& r, T weight, T scale,
-                                        EvidenceSums<T>* sums) {
-  T squared = r.value[0] * r.value[0];
-  for (int c = 1; c < 3; ++c) squared += r.value[c] * r.value[c];
-  sums->explained += weight * gemanMcClure(squared, scale).value;
-  sums->chance += weight * gemanMcClure(r.unrelated, scale).value;
-  sums->weight += weight;
-}
-
 /// Adds points. @param weight 0 for a point that is not seen. @param scale of the robust loss.
 template <typename T>
 NPR_HOST_DEVICE inline void addPoint(const PixelFlow<T>& flow, const PointResidual<T>& r, T weight,

@@ -3,6 +3,7 @@
 
 #include "math/host_device.h"
 #include "math/keyframe_alignment.h"
+#include "math/keyframe_evidence.h"
 #include "math/robust.h"
 
 namespace nerf_pose_refiner {

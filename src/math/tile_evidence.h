@@ -2,7 +2,7 @@
 #pragma once
 
 #include "math/host_device.h"
-#include "math/keyframe_alignment.h"
+#include "math/keyframe_evidence.h"
 
 namespace nerf_pose_refiner {
 
@@ -15,8 +15,9 @@ constexpr double kJudgedContrast = 0.2;
 /// How much of an object an image shows: sums over its tiles. A single pixel may look right by
 /// chance; a tile hardly does.
 struct TileEvidence {
-  double judged = 0;  ///< weight of points in tiles that have anything to compare
-  double seen = 0;    ///< of these: in tiles that look as rendered
+  double judged = 0;           ///< weight of points in tiles that have anything to compare
+  double seen = 0;             ///< of these: in tiles that look as rendered
+  ToneSums<double> tone = {};  ///< of those: what hides the object has another
 
   /// @param full_chance loss of a point of full contrast by chance, @see chanceLoss.
   NPR_HOST_DEVICE void addTile(const EvidenceSums<float>& tile, double full_chance) {
@@ -27,12 +28,15 @@ struct TileEvidence {
     const double share =
         (agreement - kMinSeenAgreement) / (kWhollySeenAgreement - kMinSeenAgreement);
     judged += weight;
-    seen += weight * (share < 0 ? 0 : share > 1 ? 1 : share);
+    const double seen_share = share < 0 ? 0 : share > 1 ? 1 : share;
+    seen += weight * seen_share;
+    addTone(tile.tone, seen_share, &tone);
   }
 
   NPR_HOST_DEVICE void add(const TileEvidence& other) {
     judged += other.judged;
     seen += other.seen;
+    addTone(other.tone, 1.0, &tone);
   }
 
   /// Of what can be judged. 0: nothing can.

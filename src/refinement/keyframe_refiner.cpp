@@ -82,7 +82,7 @@ void KeyframeRefiner::begin() {
 
 void KeyframeRefiner::use(const KeyframeScores& scores) {
   scores_ = scores;
-  search_->setDoubtful(std::max(settings_.doubtful_score, evenScore(scores_)));
+  search_->setDoubtful(std::max(settings_.doubtful_score, scoreOfOdds(1 / kTrackOdds, scores_)));
 }
 
 void KeyframeRefiner::adaptTo(const Observation& observation) {
@@ -96,8 +96,9 @@ Refinement KeyframeRefiner::follow(const TimedObservation& image, const Prior& p
                                    const CancellationToken& cancellation) {
   const Camera& camera = image.observation.camera;
   adaptTo(image.observation);
+  const Expectation near = {prior, holds_ ? kTrackOdds : 1};
   Refinement result = refine(
-      image, prior,
+      image, near,
       [&]() -> HypothesisTable {
         if (!objectRegion(camera, prior, field_->field().metadata)) return {};
         takeRenewal(image.stamp_ns, cancellation);
@@ -108,7 +109,8 @@ Refinement KeyframeRefiner::follow(const TimedObservation& image, const Prior& p
                         cancellation);
       },
       cancellation);
-  startFromDepth(image, prior, cancellation, &result);
+  startFromDepth(image, near, cancellation, &result);
+  holdTrack(result);
   if (result.outcome == Outcome::kRefined) renewFor({camera, result.T_O_C}, image.stamp_ns);
   return result;
 }
@@ -119,8 +121,9 @@ Refinement KeyframeRefiner::find(const TimedObservation& image, const Prior& pri
   constexpr std::size_t kRendered = 2;  // of the candidates
   const Camera& camera = image.observation.camera;
   adaptTo(image.observation);
+  const Expectation hint = {prior, kHintOdds};
   Refinement result = refine(
-      image, prior,
+      image, hint,
       [&]() -> HypothesisTable {
         if (!objectRegion(camera, prior, field_->field().metadata)) return {};
         waitForRenderings(cancellation);
@@ -142,7 +145,8 @@ Refinement KeyframeRefiner::find(const TimedObservation& image, const Prior& pri
                               cancellation);
       },
       cancellation);
-  lookPastOccluders(image, prior, cancellation, &result);
+  lookPastOccluders(image, hint, cancellation, &result);
+  holdTrack(result);
   if (result.outcome == Outcome::kRefined) last_ = {image.stamp_ns, result.T_O_C};
   return result;
 }
@@ -158,7 +162,7 @@ Refinement KeyframeRefiner::settle(const TimedObservation& image,
   anywhere.rotation_rad = M_PI;
   anywhere.translation = 1;
   Refinement result = refine(
-      image, anywhere,
+      image, {anywhere, 1},
       [&]() -> HypothesisTable {
         if (!objectRegion(camera, anywhere, field_->field().metadata)) return {};
         waitForRenderings(cancellation);
@@ -180,6 +184,7 @@ Refinement KeyframeRefiner::settle(const TimedObservation& image,
   const double found = *result.found_probability;
   result.found_probability = withOdds(found, oddsOf(result.T_O_C, rough, field_->field().metadata));
   result.score *= found > 0 ? *result.found_probability / found : 0;
+  holdTrack(result);
   return result;
 }
 
@@ -192,17 +197,18 @@ Vector6 KeyframeRefiner::expectedMotion(std::int64_t stamp_ns, const Prior& prio
   return cameraTwist(last_->second, prior.T_O_C, field_->field().metadata.centre) / since_s;
 }
 
-Refinement KeyframeRefiner::refine(const TimedObservation& image, const Prior& prior,
+Refinement KeyframeRefiner::refine(const TimedObservation& image, const Expectation& expected,
                                    const std::function<HypothesisTable()>& search,
                                    const CancellationToken& cancellation) {
   const Observation& observation = image.observation;
+  const Prior& prior = expected.prior;
   const auto begin = std::chrono::steady_clock::now();
   prior.validate();
   Refinement result;
   result.T_O_C = prior.T_O_C;
   try {
     result = conclude(search(), prior);
-    if (result.outcome == Outcome::kRefined) judge(prior, cancellation, &result);
+    if (result.outcome == Outcome::kRefined) judge(expected, cancellation, &result);
     if (!observation.side_views.empty()) {
       const Vector6 motion = expectedMotion(image.stamp_ns, prior);
       side_views_->join(observation, {prior, scores_, &*search_, motion}, cancellation, &result);
@@ -277,7 +283,7 @@ void KeyframeRefiner::renewFor(const View& view, std::int64_t stamp_ns) {
 }
 
 /// Says how likely the best hypothesis is right, and how far off it may be.
-void KeyframeRefiner::judge(const Prior& prior, const CancellationToken& cancellation,
+void KeyframeRefiner::judge(const Expectation& expected, const CancellationToken& cancellation,
                             Refinement* found) {
   const FieldMetadata& object = field_->field().metadata;
   const Hypothesis& best = found->hypotheses.front();
@@ -287,7 +293,19 @@ void KeyframeRefiner::judge(const Prior& prior, const CancellationToken& cancell
         disagreement(cameraTwist(best.T_O_C, other->T_O_C, object.centre), other->beside_rad);
   }
   const double by_image = scoreProbability(best.score, scores_);
-  found->found_probability = withOdds(by_image, priorOdds(found->T_O_C, prior, object));
+  const double odds = priorOdds(found->T_O_C, expected.prior, object);
+  constexpr double kWithin = 1.75;  // half widths: to the corner of what is uniform along each axis
+  const bool is_there = distanceFromPrior(found->T_O_C, expected.prior, object) <= kWithin;
+  found->found_probability = withOdds(by_image, is_there ? expected.odds : odds);
+}
+
+/// A track holds from a pose that is certain by its image until one that is unlikely in spite of
+/// the track.
+void KeyframeRefiner::holdTrack(const Refinement& found) {
+  constexpr double kCertain = 0.9, kUnlikely = 0.5;
+  const bool is_found = found.outcome == Outcome::kRefined;
+  const double probability = is_found ? *found.found_probability * found.unmistaken.value_or(1) : 0;
+  holds_ = probability >= (holds_ ? kUnlikely : kCertain);
 }
 
 /// Sets the score, once all that sees the object has been heard.
@@ -329,18 +347,20 @@ std::optional<Observation> KeyframeRefiner::withoutOccluders(const Observation& 
 
 /// Aligns once more from where depth alone puts the object, if depth has agreed with colours so far
 /// and contradicts them now: a plain object may look right in several places.
-void KeyframeRefiner::startFromDepth(const TimedObservation& image, const Prior& prior,
+void KeyframeRefiner::startFromDepth(const TimedObservation& image, const Expectation& expected,
                                      const CancellationToken& cancellation, Refinement* found) {
   const Observation& observation = image.observation;
   constexpr double kNearlyAsGood = 0.8;  // of the score
   if (found->depth.use != DepthUse::kRefused || !depth_.isEstablished()) return;
-  const std::optional<Pose> by_depth = depth_.alone(
-      *observation.depth, search_->nearestTo(prior.T_O_C), field_->field().metadata, prior);
+  const std::optional<Pose> by_depth =
+      depth_.alone(*observation.depth, search_->nearestTo(expected.prior.T_O_C),
+                   field_->field().metadata, expected.prior);
   if (!by_depth) return;
-  Prior from = prior;
-  from.T_O_C = *by_depth;
+  Expectation from = expected;
+  from.prior.T_O_C = *by_depth;
   Refinement again = refine(
-      image, from, [&] { return search_->near(observation, from, cancellation); }, cancellation);
+      image, from, [&] { return search_->near(observation, from.prior, cancellation); },
+      cancellation);
   again.seconds += found->seconds;
   if (again.outcome == Outcome::kRefined && again.depth.use == DepthUse::kUsed &&
       again.hypotheses.front().score >= kNearlyAsGood * found->hypotheses.front().score) {
@@ -349,19 +369,19 @@ void KeyframeRefiner::startFromDepth(const TimedObservation& image, const Prior&
 }
 
 /// Aligns once more without what hides the object, if the first pose shows that something does.
-void KeyframeRefiner::lookPastOccluders(const TimedObservation& image, const Prior& prior,
+void KeyframeRefiner::lookPastOccluders(const TimedObservation& image, const Expectation& expected,
                                         const CancellationToken& cancellation, Refinement* found) {
   constexpr double kHidden = 0.05, kSlack = 0.04;  // of the surface; [diameters]
   if (found->depth.use != DepthUse::kUsed || found->depth.nearer < kHidden) return;
-  Prior near = prior;
-  near.T_O_C = found->T_O_C;
-  near.translation = std::min(near.translation, kSlack);
-  const std::optional<Observation> uncovered = withoutOccluders(image.observation, near);
+  Expectation near = expected;
+  near.prior.T_O_C = found->T_O_C;
+  near.prior.translation = std::min(near.prior.translation, kSlack);
+  const std::optional<Observation> uncovered = withoutOccluders(image.observation, near.prior);
   if (!uncovered) return;
-  near.translation = prior.translation;
+  near.prior.translation = expected.prior.translation;
   Refinement again = refine(
       {*uncovered, image.stamp_ns}, near,
-      [&] { return search_->near(*uncovered, near, cancellation); }, cancellation);
+      [&] { return search_->near(*uncovered, near.prior, cancellation); }, cancellation);
   again.seconds += found->seconds;
   if (again.outcome == Outcome::kRefined && again.score >= found->score) *found = again;
 }

@@ -68,14 +68,20 @@ class KeyframeRefiner {
   void waitForRenderings(const CancellationToken& cancellation);
 
  private:
-  Refinement refine(const TimedObservation& image, const Prior& prior,
+  /// Where the object is expected, and what speaks for that beside the image.
+  struct Expectation {
+    Prior prior;
+    double odds = 1;  // of a pose within the prior
+  };
+
+  Refinement refine(const TimedObservation& image, const Expectation& expected,
                     const std::function<HypothesisTable()>& search,
                     const CancellationToken& cancellation);
   void considerDepth(const Observation& observation, Refinement* found);
   std::optional<Observation> withoutOccluders(const Observation& observation, const Prior& near);
-  void startFromDepth(const TimedObservation& image, const Prior& prior,
+  void startFromDepth(const TimedObservation& image, const Expectation& expected,
                       const CancellationToken& cancellation, Refinement* found);
-  void lookPastOccluders(const TimedObservation& image, const Prior& prior,
+  void lookPastOccluders(const TimedObservation& image, const Expectation& expected,
                          const CancellationToken& cancellation, Refinement* found);
   Vector6 expectedMotion(std::int64_t stamp_ns, const Prior& prior) const;
   void begin();
@@ -93,8 +99,9 @@ class KeyframeRefiner {
   HypothesisTable watched(const TimedObservation& image, HypothesisTable found, const Prior& prior,
                           const CancellationToken& cancellation);
   bool isSure(const HypothesisTable& found) const;
+  void holdTrack(const Refinement& found);
   Refinement conclude(const HypothesisTable& found, const Prior& prior) const;
-  void judge(const Prior& prior, const CancellationToken& cancellation, Refinement* found);
+  void judge(const Expectation& expected, const CancellationToken& cancellation, Refinement* found);
   void rate(Refinement* found) const;
 
   Backend* backend_;
@@ -107,6 +114,7 @@ class KeyframeRefiner {
   std::optional<LookAlikeWatch> watch_;  // nothing: the object is not taken for itself
   std::optional<Pose> sure_;             // of the last image that showed the object for certain
   bool was_sure_ = true;                 // that image is the last one
+  bool holds_ = false;                   // what is followed was certain, and has been likely since
   DepthFusion depth_;
   std::optional<SideViews> side_views_;
   std::int64_t due_ns_ = 0;  // stamp from which on the keyframe under way is used

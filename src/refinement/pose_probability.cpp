@@ -16,10 +16,23 @@ double logistic(double x) { return 1 / (1 + std::exp(-x)); }
 /// many places.
 KeyframeScores unknownScores() {
   KeyframeScores scores;
-  scores.wrong_mean = 0.3;
+  scores.wrong_mean = 0.37;
   scores.wrong_deviation = 0.1;
-  scores.right_low = 0.6;
   return scores;
+}
+
+/// By so much more score the odds grow by a factor of e.
+double scoreWidth(const KeyframeScores& scores) {
+  constexpr double kMinWidth = 0.02;
+  const double odds_of_mean = std::log(99.0);  // one in a hundred is right at the wrong ones' mean
+  const KeyframeScores known = scores.poses > 0 ? scores : unknownScores();
+  const double by_wrong = (evenScore(scores) - known.wrong_mean) / odds_of_mean;
+  // That of two normal distributions of equal variance, if right poses stand out more.
+  const double apart = known.right_mean - known.wrong_mean;
+  const double variance = 0.5 * (known.wrong_deviation * known.wrong_deviation +
+                                 known.right_deviation * known.right_deviation);
+  const double by_both = apart > 0 ? variance / apart : by_wrong;
+  return std::max(kMinWidth, std::min(by_wrong, by_both));
 }
 
 /// Probability that an error of this covariance is smaller than a bound in its worst direction.
@@ -33,30 +46,32 @@ double smallerThan(double bound, const Eigen::Matrix3d& covariance) {
 
 double evenScore(const KeyframeScores& scores) {
   constexpr double kDeviations = 2;  // above the mean of wrong ones
-  constexpr double kMin = 0.2, kMaxOfRight = 0.9;
+  constexpr double kMin = 0.2;
   const KeyframeScores known = scores.poses > 0 ? scores : unknownScores();
-  const double above = known.wrong_mean + kDeviations * known.wrong_deviation;
-  return std::max(kMin, std::min(above, kMaxOfRight * known.right_low));
+  return std::max(kMin, known.wrong_mean + kDeviations * known.wrong_deviation);
 }
 
 double scoreProbability(double score, const KeyframeScores& scores) {
-  constexpr double kMinWidth = 0.02;
-  const double odds_of_mean = std::log(99.0);  // one in a hundred is right at the wrong ones' mean
-  const KeyframeScores known = scores.poses > 0 ? scores : unknownScores();
-  const double middle = evenScore(scores);
-  const double width = std::max(kMinWidth, (middle - known.wrong_mean) / odds_of_mean);
-  return logistic((score - middle) / width);
+  return logistic((score - evenScore(scores)) / scoreWidth(scores));
 }
 
-double priorOdds(const Pose& T_O_C, const Prior& prior, const FieldMetadata& object) {
-  constexpr double kReach = 3, kSoftness = 0.5;  // [half widths]
+double scoreOfOdds(double odds, const KeyframeScores& scores) {
+  return evenScore(scores) + scoreWidth(scores) * std::log(odds);
+}
+
+double distanceFromPrior(const Pose& T_O_C, const Prior& prior, const FieldMetadata& object) {
   constexpr double kMinRotation_rad = 0.09, kMinTranslation = 0.05;
   const Pose nearest = nearestEquivalent(T_O_C, prior.T_O_C, object.symmetries);
   const Vector6 away = cameraTwist(prior.T_O_C, nearest, object.centre);
   const double rotation = away.tail<3>().norm() / std::max(prior.rotation_rad, kMinRotation_rad);
   const double translation =
       away.head<3>().norm() / object.diameter / std::max(prior.translation, kMinTranslation);
-  const double beyond = std::max(rotation, translation) - kReach;
+  return std::max(rotation, translation);
+}
+
+double priorOdds(const Pose& T_O_C, const Prior& prior, const FieldMetadata& object) {
+  constexpr double kReach = 3, kSoftness = 0.5;  // [half widths]
+  const double beyond = distanceFromPrior(T_O_C, prior, object) - kReach;
   return beyond > 0 ? std::exp(-beyond / kSoftness) : 1;
 }
 

@@ -15,6 +15,18 @@ double scoreProbability(double score, const KeyframeScores& scores);
 /// The score at which a pose is as likely right as wrong by that curve.
 double evenScore(const KeyframeScores& scores);
 
+/// The odds of a pose that goes on from a track, beside one that is found anew: objects hardly
+/// vanish from one image to the next, and hardly ever is there a wrong pose where motion leads.
+inline constexpr double kTrackOdds = 20;
+/// The same of a pose where somebody says that the object is.
+inline constexpr double kHintOdds = 3;
+
+/// The score at which the image alone gives a pose these odds. @see scoreProbability
+double scoreOfOdds(double odds, const KeyframeScores& scores);
+
+/// How far a pose is from a prior, in half widths of it (or of the least width that a prior has).
+double distanceFromPrior(const Pose& T_O_C, const Prior& prior, const FieldMetadata& object);
+
 /// The factor by which a prior changes the odds of a pose: 1 within reach of the search, less
 /// beyond. Wrong poses are found anywhere, right ones where they are expected.
 double priorOdds(const Pose& T_O_C, const Prior& prior, const FieldMetadata& object);

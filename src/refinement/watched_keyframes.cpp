@@ -16,8 +16,8 @@ void KeyframeRefiner::use(const LookAlikes& look_alikes) {
 }
 
 bool KeyframeRefiner::isSure(const HypothesisTable& found) const {
-  return !found.empty() && found.front().state == HypothesisState::kLive &&
-         scoreProbability(found.front().score, scores_) >= 0.5;
+  if (found.empty() || found.front().state != HypothesisState::kLive) return false;
+  return found.front().score >= scoreOfOdds(holds_ ? 1 / kTrackOdds : 1, scores_);
 }
 
 /// Hypotheses of a first pose, with a better one first if the object was taken for itself.

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <functional>
 #include <memory>
+#include <tuple>
+#include <utility>
 #include <vector>
 
 #include "backend/keyframe_aligner.h"
@@ -76,6 +78,17 @@ Image imageOf(const ShownSide& side, std::uint64_t index, const Change& change) 
   Image image = beforeClutter(side, index);
   change(side.alpha, index, &image);
   return image;
+}
+
+std::pair<double, double> meanAndDeviation(const std::vector<double>& scores) {
+  double sum = 0, squares = 0;
+  for (const double score : scores) {
+    sum += score;
+    squares += score * score;
+  }
+  const double count = std::max<double>(1, static_cast<double>(scores.size()));
+  const double mean = sum / count;
+  return {mean, std::sqrt(std::max(0.0, squares / count - mean * mean))};
 }
 
 class ScoreTrials {
@@ -186,16 +199,8 @@ class ScoreTrials {
   KeyframeScores summary() {
     KeyframeScores scores;
     scores.poses = static_cast<int>(wrong_.size());
-    double sum = 0, squares = 0;
-    for (const double score : wrong_) {
-      sum += score;
-      squares += score * score;
-    }
-    scores.wrong_mean = sum / scores.poses;
-    const double variance = squares / scores.poses - scores.wrong_mean * scores.wrong_mean;
-    scores.wrong_deviation = std::sqrt(std::max(0.0, variance));
-    std::sort(right_.begin(), right_.end());
-    scores.right_low = right_.empty() ? 0 : right_[right_.size() / 10];
+    std::tie(scores.wrong_mean, scores.wrong_deviation) = meanAndDeviation(wrong_);
+    std::tie(scores.right_mean, scores.right_deviation) = meanAndDeviation(right_);
     return scores;
   }
 

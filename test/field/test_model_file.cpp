@@ -130,7 +130,8 @@ TEST_F(ModelFile, RoundTripKeepsEveryBit) {
   EXPECT_EQ(p.keyframes.poses, q.keyframes.poses);
   EXPECT_EQ(p.keyframes.wrong_mean, q.keyframes.wrong_mean);
   EXPECT_EQ(p.keyframes.wrong_deviation, q.keyframes.wrong_deviation);
-  EXPECT_EQ(p.keyframes.right_low, q.keyframes.right_low);
+  EXPECT_EQ(p.keyframes.right_mean, q.keyframes.right_mean);
+  EXPECT_EQ(p.keyframes.right_deviation, q.keyframes.right_deviation);
   EXPECT_EQ(a.metadata.data_hash, b.metadata.data_hash);
   EXPECT_EQ(a.metadata.seed, b.metadata.seed);
   EXPECT_EQ(a.metadata.training_steps, b.metadata.training_steps);

@@ -9,7 +9,7 @@ namespace {
 constexpr double kFull = 0.25;  // loss of a point of full contrast by chance
 
 /// 10 points of full contrast. @param agreement 1: as rendered, 0: by chance.
-EvidenceSums<float> tileWith(float agreement) { return {2.5f * (1 - agreement), 2.5f, 10}; }
+EvidenceSums<float> tileWith(float agreement) { return {2.5f * (1 - agreement), 2.5f, 10, {}}; }
 
 TEST(TileEvidence, TilesThatAgreeAreSeen) {
   TileEvidence evidence;
@@ -32,15 +32,29 @@ TEST(TileEvidence, PlainTilesSayLittle) {
   evidence.addTile(tileWith(0.9f), kFull);
   // A tenth of the contrast that counts in full, and covered.
   const auto chance = static_cast<float>(0.1 * kJudgedContrast * 2.5);
-  evidence.addTile({chance, chance, 10}, kFull);
+  evidence.addTile({chance, chance, 10, {}}, kFull);
   EXPECT_NEAR(evidence.judged, 11, 1e-5);
   EXPECT_NEAR(evidence.visibleFraction(), 10.0 / 11, 1e-6);
 }
 
 TEST(TileEvidence, WithoutAnythingToJudgeNothingIsSeen) {
   TileEvidence evidence;
-  evidence.addTile({0, 0, 10}, kFull);
+  evidence.addTile({0, 0, 10, {}}, kFull);
   EXPECT_EQ(evidence.visibleFraction(), 0);
+}
+
+TEST(TileEvidence, WhatHidesTheObjectHasNoPartInItsTone) {
+  EvidenceSums<float> seen = tileWith(0.9f), half = tileWith(0.275f), hidden = tileWith(0.1f);
+  for (EvidenceSums<float>* tile : {&seen, &half, &hidden}) {
+    addTone(0.2f, 0.4f, 5.0f, &tile->tone);
+    addTone(0.6f, 0.8f, 5.0f, &tile->tone);
+  }
+  addTone(1.0f, 0.0f, 100.0f, &hidden.tone);
+  TileEvidence evidence;
+  for (const EvidenceSums<float>& tile : {seen, half, hidden}) evidence.addTile(tile, kFull);
+  EXPECT_NEAR(evidence.tone.weight, 10 + 5, 1e-4);
+  EXPECT_NEAR(evidence.tone.rendered, 4 + 2, 1e-4);
+  EXPECT_NEAR(evidence.tone.observed, 6 + 3, 1e-4);
 }
 
 TEST(TileEvidence, PartsAddUp) {
@@ -52,6 +66,7 @@ TEST(TileEvidence, PartsAddUp) {
   one.add(other);
   EXPECT_EQ(one.judged, both.judged);
   EXPECT_EQ(one.seen, both.seen);
+  EXPECT_EQ(one.tone.weight, both.tone.weight);
 }
 
 }  // namespace

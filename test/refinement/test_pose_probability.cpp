@@ -10,35 +10,45 @@
 namespace nerf_pose_refiner {
 namespace {
 
-KeyframeScores scoresWith(double wrong_mean, double wrong_deviation, double right_low) {
+KeyframeScores scoresWith(double wrong_mean, double wrong_deviation) {
   KeyframeScores scores;
   scores.poses = 24;
   scores.wrong_mean = wrong_mean;
   scores.wrong_deviation = wrong_deviation;
-  scores.right_low = right_low;
   return scores;
 }
 
 TEST(ScoreProbability, IsEvenTwoDeviationsAboveWrongPoses) {
-  const KeyframeScores scores = scoresWith(0.1, 0.1, 0.6);
+  const KeyframeScores scores = scoresWith(0.1, 0.1);
   EXPECT_NEAR(scoreProbability(0.3, scores), 0.5, 1e-9);
   EXPECT_NEAR(scoreProbability(0.1, scores), 0.01, 1e-9);  // as wrong poses score on average
   EXPECT_NEAR(scoreProbability(0.5, scores), 0.99, 1e-9);  // the curve is symmetric
 }
 
-TEST(ScoreProbability, DoesNotAskForMoreThanRightPosesHave) {
-  EXPECT_NEAR(scoreProbability(0.45, scoresWith(0.3, 0.2, 0.5)), 0.5, 1e-9);
+TEST(ScoreProbability, IsSteeperWhereRightPosesStandOut) {
+  KeyframeScores scores = scoresWith(0.1, 0.1);
+  scores.right_mean = 0.7;
+  scores.right_deviation = std::sqrt(0.02);  // variances of 0.01 and 0.02: 0.015 in the mean
+  EXPECT_NEAR(scoreProbability(0.3, scores), 0.5, 1e-9);
+  EXPECT_NEAR(scoreProbability(0.325, scores), 1 / (1 + std::exp(-1.0)), 1e-9);  // 0.015 / 0.6
+  scores.right_mean = 0.2;
+  EXPECT_NEAR(scoreProbability(0.1, scores), 0.01, 1e-9) << "not flatter where they do not";
 }
 
 TEST(ScoreProbability, IsEvenWhereWrongPosesBecomeRare) {
-  EXPECT_EQ(evenScore(scoresWith(0.1, 0.1, 0.9)), 0.1 + 2 * 0.1);
-  EXPECT_EQ(evenScore(scoresWith(0.01, 0.01, 0.9)), 0.2);  // at least
-  EXPECT_EQ(evenScore(scoresWith(0.3, 0.2, 0.5)), 0.9 * 0.5);
+  EXPECT_EQ(evenScore(scoresWith(0.1, 0.1)), 0.1 + 2 * 0.1);
+  EXPECT_EQ(evenScore(scoresWith(0.01, 0.01)), 0.2);  // at least
+}
+
+TEST(ScoreProbability, OfOddsIsTheScoreThatHasThem) {
+  const KeyframeScores scores = scoresWith(0.1, 0.1);
+  EXPECT_NEAR(scoreOfOdds(1, scores), 0.3, 1e-9);
+  EXPECT_NEAR(scoreProbability(scoreOfOdds(1 / 19.0, scores), scores), 0.05, 1e-9);
 }
 
 TEST(ScoreProbability, WithoutStatisticsIsThatOfAPlainObject) {
-  EXPECT_LT(scoreProbability(0.4, KeyframeScores()), 0.1);
-  EXPECT_GT(scoreProbability(0.6, KeyframeScores()), 0.9);
+  EXPECT_LT(scoreProbability(0.45, KeyframeScores()), 0.1);
+  EXPECT_GT(scoreProbability(0.7, KeyframeScores()), 0.9);
 }
 
 class PriorOdds : public testing::Test {

@@ -25,7 +25,8 @@ inline FieldMetadata judged(FieldMetadata object) {
   object.pose.keyframes.poses = 1000;
   object.pose.keyframes.wrong_mean = 0.14;
   object.pose.keyframes.wrong_deviation = 0.07;
-  object.pose.keyframes.right_low = 0.6;
+  object.pose.keyframes.right_mean = 0.8;
+  object.pose.keyframes.right_deviation = 0.1;
   object.look_alikes.measured = true;
   return object;
 }

@@ -28,7 +28,12 @@ double scoreOf(const AlignedKeyframe& aligned, double robust_scale) {
   const double explained = aligned.evidence.explained, chance = aligned.evidence.chance;
   if (!(chance > 0)) return 0;
   const double evidence = chance / (aligned.most_weight * chanceLoss(robust_scale));
-  return std::max(0.0, 1 - explained / chance) * std::min(1.0, evidence / kMinEvidence);
+  const double contrast = std::max(0.0, 1 - explained / chance);
+  // An outline is easily found in clutter, and local contrast by chance; hardly ever is the whole
+  // light and dark where the object is.
+  constexpr double kTone = 1.0 / 3;
+  const double agreement = (1 - kTone) * contrast + kTone * toneOf(aligned.tiles.tone);
+  return contrast > 0 ? agreement * std::min(1.0, evidence / kMinEvidence) : 0;
 }
 
 }  // namespace

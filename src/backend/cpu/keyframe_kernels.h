@@ -5,6 +5,7 @@
 #include <string>
 
 #include "math/keyframe_alignment.h"
+#include "math/keyframe_evidence.h"
 
 namespace nerf_pose_refiner {
 
@@ -34,6 +35,7 @@ struct KernelColours {
   const float* mean[3];  ///< of the image around the point
   const float* inverse_deviation[3];
   const float* weight;
+  const float* brightness;  ///< rendered, not normalised; null where no evidence is summed
 };
 
 /// The chosen points first <= i < last: those of one tile.

@@ -140,6 +140,7 @@ struct ComparedGroup {
   Projected place;
   PointResidual<Vector> residual;
   Vector weight;
+  Vector brightness;  // observed
 };
 
 inline ComparedGroup compareGroup(const KernelView& view, const KernelTile& tile,
@@ -164,6 +165,8 @@ inline ComparedGroup compareGroup(const KernelView& view, const KernelTile& tile
   compared.residual = pointResidual(rendered, observed, local, observed_fraction);
   compared.weight =
       choose(compared.place.inside, load(group.weight) * load(colours.weight + i), Vector{});
+  compared.brightness =
+      brightnessOf(load(group.value[0]), load(group.value[1]), load(group.value[2]));
   return compared;
 }
 
@@ -183,11 +186,18 @@ void sumEvidence(const KernelView& view, const KernelTile& tile, const KernelRul
   EvidenceSums<Vector> lanes = {};
   for (int i = tile.first; i < tile.last; i += kLanes) {
     const ComparedGroup group = compareGroup(view, tile, rules.observed_fraction, i);
-    addEvidence(group.residual, group.weight, Vector{} + rules.robust_scale, &lanes);
+    addEvidence(group.residual, {load(tile.colours.brightness + i), group.brightness}, group.weight,
+                Vector{} + rules.robust_scale, &lanes);
   }
   sums->explained += sumLanes(lanes.explained);
   sums->chance += sumLanes(lanes.chance);
   sums->weight += sumLanes(lanes.weight);
+  sums->tone.weight += sumLanes(lanes.tone.weight);
+  sums->tone.rendered += sumLanes(lanes.tone.rendered);
+  sums->tone.observed += sumLanes(lanes.tone.observed);
+  sums->tone.rendered_squared += sumLanes(lanes.tone.rendered_squared);
+  sums->tone.observed_squared += sumLanes(lanes.tone.observed_squared);
+  sums->tone.product += sumLanes(lanes.tone.product);
 }
 
 }  // namespace

@@ -150,7 +150,8 @@ KernelColours StartAligner::colours() const {
           {local_.mean[0].data(), local_.mean[1].data(), local_.mean[2].data()},
           {local_.inverse_deviation[0].data(), local_.inverse_deviation[1].data(),
            local_.inverse_deviation[2].data()},
-          weight_.data()};
+          weight_.data(),
+          brightness_.data()};
 }
 
 AlignedKeyframe StartAligner::evaluate(const CameraPose<double>& pose,
@@ -188,6 +189,11 @@ AlignedKeyframe StartAligner::evaluate(const CameraPose<double>& pose,
 void StartAligner::findEvidence(const KeyframeLevelRules& rules, AlignedKeyframe* aligned) {
   lookAround(aligned->pose);
   const KeyframeLevel& level = *level_;
+  brightness_.resize(level.chosen.size());
+  for (int i = 0; i < level.chosen.size(); ++i) {
+    const float colour[3] = {level.colour[0][i], level.colour[1][i], level.colour[2][i]};
+    brightness_[i] = brightnessOf(colour, level.local.at(i));
+  }
   const KernelView view = {image_, transformOf(aligned->pose)};
   const KernelColours compared = colours();
   const double full_chance = chanceLoss(rules.robust_scale);

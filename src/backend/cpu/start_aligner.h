@@ -44,7 +44,7 @@ class StartAligner {
   std::vector<std::int32_t> hidden_;  // cells of the keyframe that the object itself hides
   std::vector<float> grid_, sums_;    // of colours in the keyframe's cells, @see boxSums
   // Of the chosen points:
-  std::vector<float> weight_;
+  std::vector<float> weight_, brightness_;
   std::vector<float> rendered_[3], rendered_du_[3], rendered_dv_[3];
   LocalColourColumns rendered_local_, local_;  // around them in the rendering, in the frame
   double shown_weight_ = 0;                    // of all
