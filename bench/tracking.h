@@ -19,7 +19,7 @@ struct TrackingBenchmark {
   double frame_fraction = 0.02;  ///< of motion from frame to frame, in diameters
   /// grey: known colour; clutter: unknown, what is drawn there moves; mask: clutter, and a mask.
   std::string background = "clutter";
-  bool predict = true;  ///< from where the last two poses point to; false: from the last pose
+  bool predict = true;  ///< from where the motion so far leads; false: from the last pose
   std::uint64_t seed = 1;
 };
 

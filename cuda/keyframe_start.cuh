@@ -99,7 +99,7 @@ class StartAlignment {
     lookAround();
     evaluate<true>(task_.rules[task_.finest_level], true);
     if (!isFirstThread()) return;
-    const auto& evidence = reinterpret_cast<const EvidenceSums<double>&>(shared_.sums);
+    const EvidenceSums<double>& evidence = *evidenceIn(&shared_.sums);
     shared_.best.explained = evidence.explained;
     shared_.best.chance = evidence.chance;
   }

@@ -16,6 +16,7 @@ struct TileSums {
   TileEvidence evidence;
 };
 static_assert(sizeof(TileSums) == kTileSums * sizeof(double), "");
+static_assert(kTileSums <= 32, "a lane of a warp takes one");
 
 /// What a point adds.
 struct PointTerms {
@@ -31,6 +32,10 @@ __device__ inline EvidenceSums<float>* evidenceIn(PointTerms* terms) {
 }
 __device__ inline const EvidenceSums<float>* evidenceIn(const PointTerms* terms) {
   return reinterpret_cast<const EvidenceSums<float>*>(terms);
+}
+__device__ inline const EvidenceSums<double>* evidenceIn(const PointSums<double>* sums) {
+  static_assert(sizeof(EvidenceSums<double>) <= sizeof(PointSums<double>), "");
+  return reinterpret_cast<const EvidenceSums<double>*>(sums);
 }
 
 /// Sums over the lanes of a group: lane k of it gets sums 4 k to 4 k + 3, as values 0 to 3. Each

@@ -26,7 +26,7 @@ struct TrackerOptions {
   double trust_score = 0.9;  ///< score at which tracking begins, 0..1
   double min_score = 0.5;    ///< while tracking, a lower score is not trusted, 0..trust_score
   int max_failures = 2;      ///< number of untrusted images in a row that are bridged
-  /// Search around the pose at which the motion so far is expected to lead, and join the pose found
+  /// Search around the pose at which the motion so far is expected to lead, and fuse the pose found
   /// with that one as far as the image leaves it open.
   bool predict = true;
   double recover_s = 5;  ///< a lost object is searched for during this time

@@ -51,16 +51,23 @@ NPR_HOST_DEVICE inline void addTone(const ToneSums<U>& other, T share, ToneSums<
   sums->product += share * other.product;
 }
 
-/// Correlation of rendered and observed brightness, 0..1: 0 also where they are opposite, where
-/// either is flat, or where there are no points.
-inline double toneOf(const ToneSums<double>& sums) {
-  if (!(sums.weight > 0)) return 0;
+/// How far light and dark of an image agree with a rendering.
+struct Tone {
+  double agreement = 0;  ///< correlation of brightness, 0..1; 0 also where it is opposite
+  double contrast = 0;   ///< 0..1: of the rendering; without it there is nothing to agree
+};
+
+inline Tone toneOf(const ToneSums<double>& sums) {
+  if (!(sums.weight > 0)) return {};
   const double x = sums.rendered / sums.weight, y = sums.observed / sums.weight;
   const double xx = sums.rendered_squared / sums.weight - x * x;
   const double yy = sums.observed_squared / sums.weight - y * y;
   const double xy = sums.product / sums.weight - x * y;
   constexpr double kNoise = kFlatDeviation * kFlatDeviation;
-  return xy > 0 ? xy / std::sqrt((xx + kNoise) * (yy + kNoise)) : 0;
+  Tone tone;
+  tone.contrast = xx > 0 ? xx / (xx + kNoise) : 0;
+  tone.agreement = xy > 0 ? xy / std::sqrt((xx + kNoise) * (yy + kNoise)) : 0;
+  return tone;
 }
 
 }  // namespace nerf_pose_refiner

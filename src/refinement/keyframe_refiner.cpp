@@ -96,7 +96,7 @@ Refinement KeyframeRefiner::follow(const TimedObservation& image, const Prior& p
                                    const CancellationToken& cancellation) {
   const Camera& camera = image.observation.camera;
   adaptTo(image.observation);
-  const Expectation near = {prior, holds_ ? kTrackOdds : 1};
+  const Expectation near = {prior, track_odds_};
   Refinement result = refine(
       image, near,
       [&]() -> HypothesisTable {
@@ -299,13 +299,19 @@ void KeyframeRefiner::judge(const Expectation& expected, const CancellationToken
   found->found_probability = withOdds(by_image, is_there ? expected.odds : odds);
 }
 
-/// A track holds from a pose that is certain by its image until one that is unlikely in spite of
-/// the track.
+/// A pose that is certain by its image alone is worth kTrackOdds in the images after it. Each that
+/// is rather wrong by its image alone takes a tenth of that: they do not tell each other apart.
 void KeyframeRefiner::holdTrack(const Refinement& found) {
-  constexpr double kCertain = 0.9, kUnlikely = 0.5;
+  constexpr double kCertain = 0.9, kEven = 0.5, kKept = 0.9;
   const bool is_found = found.outcome == Outcome::kRefined;
-  const double probability = is_found ? *found.found_probability * found.unmistaken.value_or(1) : 0;
-  holds_ = probability >= (holds_ ? kUnlikely : kCertain);
+  const double told = is_found ? found.unmistaken.value_or(1) : 0;
+  if (told * found.found_probability.value_or(0) < kEven) {
+    track_odds_ = 1;
+    return;
+  }
+  const double by_image = told * scoreProbability(found.hypotheses.front().score, scores_);
+  if (by_image >= kCertain) track_odds_ = kTrackOdds;
+  if (by_image < kEven) track_odds_ = std::max(1.0, kKept * track_odds_);
 }
 
 /// Sets the score, once all that sees the object has been heard.
@@ -356,10 +362,10 @@ void KeyframeRefiner::startFromDepth(const TimedObservation& image, const Expect
       depth_.alone(*observation.depth, search_->nearestTo(expected.prior.T_O_C),
                    field_->field().metadata, expected.prior);
   if (!by_depth) return;
-  Expectation from = expected;
-  from.prior.T_O_C = *by_depth;
+  Prior from = expected.prior;
+  from.T_O_C = *by_depth;
   Refinement again = refine(
-      image, from, [&] { return search_->near(observation, from.prior, cancellation); },
+      image, expected, [&] { return search_->near(observation, from, cancellation); },
       cancellation);
   again.seconds += found->seconds;
   if (again.outcome == Outcome::kRefined && again.depth.use == DepthUse::kUsed &&
@@ -373,15 +379,15 @@ void KeyframeRefiner::lookPastOccluders(const TimedObservation& image, const Exp
                                         const CancellationToken& cancellation, Refinement* found) {
   constexpr double kHidden = 0.05, kSlack = 0.04;  // of the surface; [diameters]
   if (found->depth.use != DepthUse::kUsed || found->depth.nearer < kHidden) return;
-  Expectation near = expected;
-  near.prior.T_O_C = found->T_O_C;
-  near.prior.translation = std::min(near.prior.translation, kSlack);
-  const std::optional<Observation> uncovered = withoutOccluders(image.observation, near.prior);
+  Prior near = expected.prior;
+  near.T_O_C = found->T_O_C;
+  near.translation = std::min(near.translation, kSlack);
+  const std::optional<Observation> uncovered = withoutOccluders(image.observation, near);
   if (!uncovered) return;
-  near.prior.translation = expected.prior.translation;
+  near.translation = expected.prior.translation;
   Refinement again = refine(
-      {*uncovered, image.stamp_ns}, near,
-      [&] { return search_->near(*uncovered, near.prior, cancellation); }, cancellation);
+      {*uncovered, image.stamp_ns}, expected,
+      [&] { return search_->near(*uncovered, near, cancellation); }, cancellation);
   again.seconds += found->seconds;
   if (again.outcome == Outcome::kRefined && again.score >= found->score) *found = again;
 }

@@ -98,7 +98,7 @@ class KeyframeRefiner {
                             const Pose& motion, const CancellationToken& cancellation);
   HypothesisTable watched(const TimedObservation& image, HypothesisTable found, const Prior& prior,
                           const CancellationToken& cancellation);
-  bool isSure(const HypothesisTable& found) const;
+  bool isSure(const HypothesisTable& found, double odds) const;
   void holdTrack(const Refinement& found);
   Refinement conclude(const HypothesisTable& found, const Prior& prior) const;
   void judge(const Expectation& expected, const CancellationToken& cancellation, Refinement* found);
@@ -114,7 +114,7 @@ class KeyframeRefiner {
   std::optional<LookAlikeWatch> watch_;  // nothing: the object is not taken for itself
   std::optional<Pose> sure_;             // of the last image that showed the object for certain
   bool was_sure_ = true;                 // that image is the last one
-  bool holds_ = false;                   // what is followed was certain, and has been likely since
+  double track_odds_ = 1;                // that what is followed is there, beside the image
   DepthFusion depth_;
   std::optional<SideViews> side_views_;
   std::int64_t due_ns_ = 0;  // stamp from which on the keyframe under way is used

@@ -15,9 +15,10 @@ void KeyframeRefiner::use(const LookAlikes& look_alikes) {
   if (look_alikes_.any()) watch_.emplace(field_, look_alikes_);
 }
 
-bool KeyframeRefiner::isSure(const HypothesisTable& found) const {
+/// @param odds beside the image.
+bool KeyframeRefiner::isSure(const HypothesisTable& found, double odds) const {
   if (found.empty() || found.front().state != HypothesisState::kLive) return false;
-  return found.front().score >= scoreOfOdds(holds_ ? 1 / kTrackOdds : 1, scores_);
+  return found.front().score >= scoreOfOdds(1 / odds, scores_);
 }
 
 /// Hypotheses of a first pose, with a better one first if the object was taken for itself.
@@ -28,7 +29,7 @@ HypothesisTable KeyframeRefiner::withoutMistake(const Observation& observation,
   constexpr int kRounds = 3;  // a pose that is far off shows the way, the next one the place
   sure_.reset();
   was_sure_ = true;
-  if (!watch_ || !isSure(found)) return found;
+  if (!watch_ || !isSure(found, kHintOdds)) return found;
   HypothesisTable best = found;
   Pose& first = best.front().T_O_C;
   // Alignment may go far along the turn that it holds least: the prior says more of that.
@@ -83,7 +84,7 @@ HypothesisTable KeyframeRefiner::followed(const TimedObservation& image, const P
       found.insert(found.begin(), again.front());
     }
   }
-  was_sure_ = isSure(found);
+  was_sure_ = isSure(found, track_odds_);
   if (was_sure_) {
     found.front().T_O_C =
         steadyPose(*field_, image.observation, prior.T_O_C, found.front(), cancellation);
@@ -91,7 +92,7 @@ HypothesisTable KeyframeRefiner::followed(const TimedObservation& image, const P
   if (watch_ && found.front().state == HypothesisState::kLive) {
     found = watched(image, found, prior, cancellation);
   }
-  if (was_sure_) sure_ = found.front().T_O_C;
+  if (isSure(found, 1)) sure_ = found.front().T_O_C;
   return found;
 }
 
@@ -106,8 +107,8 @@ HypothesisTable KeyframeRefiner::watched(const TimedObservation& image, Hypothes
   }
   if (const std::optional<Pose> motion = was_sure_ ? watch_->better() : watch_->guess()) {
     const HypothesisTable other = corrected(image.observation, found, *motion, cancellation);
-    if (isSure(other)) found = other;
-    was_sure_ = isSure(found);
+    if (isSure(other, track_odds_)) found = other;
+    was_sure_ = isSure(found, track_odds_);
   }
   watch_->goOn(image.stamp_ns, found.front().T_O_C, was_sure_);
   watch_->maybeTest(image, found.front().T_O_C, was_sure_, &*renderer_);

@@ -120,7 +120,8 @@ void declareTrials(CLI::App* app, EvaluateOptions* options) {
                   "Untrusted images in a row that --track bridges")
       ->capture_default_str();
   app->add_flag("!--no-prediction", s.rules.predict,
-                "With --track: search around the last pose instead of the predicted one");
+                "With --track: search around the last pose, not where the motion leads, and take "
+                "each pose as found");
   app->add_option("--points", s.points, "Points of the surface, for ADD, ADD-S and reprojection")
       ->capture_default_str();
   app->add_option("--seed", s.seed,

@@ -4,6 +4,8 @@
 #include <Eigen/Cholesky>
 
 #include <algorithm>
+#include <cmath>
+#include <utility>
 
 namespace nerf_pose_refiner {
 namespace {
@@ -30,91 +32,169 @@ Pose moved(const Pose& T_O_C, const Vector6& motion, const FieldMetadata& object
   return T_C_O.inverse();
 }
 
-Eigen::Vector3d limited(const Eigen::Vector3d& v, double most) {
-  return v.norm() > most ? Eigen::Vector3d(most / v.norm() * v) : v;
+Vector6 limited(const Vector6& motion, double most_linear, double most_angular) {
+  Vector6 within = motion;
+  const double linear = motion.head<3>().norm(), angular = motion.tail<3>().norm();
+  if (linear > most_linear) within.head<3>() *= most_linear / linear;
+  if (angular > most_angular) within.tail<3>() *= most_angular / angular;
+  return within;
+}
+
+/// Takes the turn about an axis of symmetry out of motions before the camera.
+Matrix6 seenMotion(const Pose& T_O_C, const FieldMetadata& object) {
+  const std::optional<SymmetryAxis>& axis = object.symmetries.axis();
+  Matrix6 seen = Matrix6::Identity();
+  if (!axis) return seen;
+  const Eigen::Matrix3d R_C_O = T_O_C.R.transpose();
+  const Eigen::Vector3d direction = R_C_O * axis->direction;
+  const Eigen::Vector3d arm = R_C_O * (object.centre - axis->point);
+  Vector6 turn;
+  turn << direction.cross(arm), direction;
+  seen.rightCols<3>() -= turn * direction.transpose();
+  return seen;
+}
+
+bool isJerk(const Vector6& innovation, const Matrix6& covariance) {
+  constexpr double kMost = 9 * 3;  // squared distance in three degrees of freedom
+  for (const int block : {0, 3}) {
+    const Eigen::Vector3d part = innovation.segment<3>(block);
+    const Eigen::Matrix3d variance = covariance.block<3, 3>(block, block);
+    if (!(part.dot(variance.ldlt().solve(part)) <= kMost)) return true;
+  }
+  return false;
 }
 
 }  // namespace
 
-Matrix6 MotionFilter::deviating(double linear_m, double angular,
-                                const FieldMetadata& object) const {
+/// By the object's motion, and by the camera's turn, which moves what it sees sideways.
+Matrix6 MotionFilter::varianceOf(double linear_m, double angular, const Pose& T_O_C,
+                                 const FieldMetadata& object) const {
   const double linear = linear_m / object.metres_per_unit;
-  Vector6 variances;
-  variances.head<3>().setConstant(linear * linear);
-  variances.tail<3>().setConstant(angular * angular);
-  return variances.asDiagonal();
+  const Eigen::Vector3d centre_C = T_O_C.inverse() * object.centre;
+  const Eigen::Matrix3d across =
+      centre_C.squaredNorm() * Eigen::Matrix3d::Identity() - centre_C * centre_C.transpose();
+  Matrix6 variance = Matrix6::Zero();
+  variance.topLeftCorner<3, 3>() =
+      linear * linear * Eigen::Matrix3d::Identity() + angular * angular * across;
+  variance.bottomRightCorner<3, 3>() = angular * angular * Eigen::Matrix3d::Identity();
+  return variance;
 }
 
-void MotionFilter::start(const Pose& T_O_C, const Matrix6& of_twist, const FieldMetadata& object) {
-  now_.emplace();
-  now_->covariance.topLeftCorner<6, 6>() = alongCamera(of_twist, T_O_C);
-  forgetVelocity(object);
+std::optional<std::int64_t> MotionFilter::stampNs() const {
+  if (!now_) return std::nullopt;
+  return stamp_ns_;
+}
+
+MotionFilter::State MotionFilter::at(const Pose& T_O_C, const Matrix6& of_twist,
+                                     const FieldMetadata& object) const {
+  State state;
+  state.T_O_C = T_O_C;
+  state.covariance.topLeftCorner<6, 6>() = alongCamera(of_twist, T_O_C);
+  state.covariance.bottomRightCorner<6, 6>() =
+      varianceOf(deviations_.speed, deviations_.angular_speed, T_O_C, object);
+  return state;
+}
+
+void MotionFilter::start(const Prior& prior, std::int64_t stamp_ns, const FieldMetadata& object) {
+  Vector6 deviation;
+  deviation << Eigen::Vector3d::Constant(0.5 * prior.translation * object.diameter),
+      Eigen::Vector3d::Constant(0.5 * prior.rotation_rad);
+  reset();
+  now_ = at(prior.T_O_C, deviation.cwiseAbs2().asDiagonal(), object);
+  stamp_ns_ = stamp_ns;
 }
 
 void MotionFilter::forgetVelocity(const FieldMetadata& object) {
   if (!now_) return;
   const Matrix6 of_pose = now_->covariance.topLeftCorner<6, 6>();
-  *now_ = State();
+  *now_ = at(now_->T_O_C, Matrix6::Zero(), object);
   now_->covariance.topLeftCorner<6, 6>() = of_pose;
-  now_->covariance.bottomRightCorner<6, 6>() =
-      deviating(deviations_.speed, deviations_.angular_speed, object);
 }
 
-Prior MotionFilter::predict(const Prior& last, const Eigen::Matrix3d& turn, double seconds,
+Prior MotionFilter::predict(const Prior& last, const Eigen::Matrix3d& R_now_last, double seconds,
                             const FieldMetadata& object) {
   expected_.reset();
+  fused_.reset();
   if (!now_) return last;
   seconds_ = std::max(0.0, seconds);
-  const Matrix6 axes = rotationOfTwists(turn);
+  before_T_O_C_ = last.T_O_C;
+  const double t = seconds_;
+  State next = *now_;
+  const Matrix6 axes = rotationOfTwists(R_now_last);
+  next.velocity = axes * now_->velocity;
+  const Vector6 motion = t * next.velocity;
+  next.T_O_C = moved(last.T_O_C, motion, object);
+
   Matrix12 step = Matrix12::Zero();
   step.topLeftCorner<6, 6>() = step.bottomRightCorner<6, 6>() = axes;
-  step.topRightCorner<6, 6>() = seconds_ * axes;
-  const double by_speed = seconds_, by_place = seconds_ * seconds_ / 2;
-  const Matrix6 acceleration =
-      deviating(deviations_.acceleration, deviations_.angular_acceleration, object);
-  expected_.emplace();
-  expected_->velocity = axes * now_->velocity;
-  Matrix12& covariance = expected_->covariance;
-  covariance = step * now_->covariance * step.transpose();
-  covariance.topLeftCorner<6, 6>() += by_place * by_place * acceleration;
-  covariance.topRightCorner<6, 6>() += by_place * by_speed * acceleration;
-  covariance.bottomLeftCorner<6, 6>() += by_place * by_speed * acceleration;
-  covariance.bottomRightCorner<6, 6>() += by_speed * by_speed * acceleration;
+  step.topRightCorner<6, 6>() = t * axes;
+  // An error of the rotation turns with the object.
+  step.block<3, 3>(3, 3) = expSO3(Eigen::Vector3d(motion.tail<3>())) * R_now_last;
+  const Matrix6 white =
+      varianceOf(deviations_.speed_change, deviations_.angular_speed_change, last.T_O_C, object);
+  next.covariance = step * now_->covariance * step.transpose();
+  next.covariance.topLeftCorner<6, 6>() += t * t * t / 3 * white;
+  next.covariance.topRightCorner<6, 6>() += t * t / 2 * white;
+  next.covariance.bottomLeftCorner<6, 6>() += t * t / 2 * white;
+  next.covariance.bottomRightCorner<6, 6>() += t * white;
+  expected_ = next;
 
-  const Vector6 motion = seconds_ * expected_->velocity;
-  Vector6 within;
-  within << limited(motion.head<3>(), last.translation * object.diameter),
-      limited(motion.tail<3>(), last.rotation_rad);
   Prior expected = last;
+  const Vector6 within = limited(motion, last.translation * object.diameter, last.rotation_rad);
   expected.T_O_C = moved(last.T_O_C, within, object);
   return expected;
 }
 
-Pose MotionFilter::update(const Pose& expected_T_O_C, const Pose& found_T_O_C,
-                          const Matrix6& of_twist, const FieldMetadata& object) {
-  constexpr double kJerk = 9;  // squared normalised innovation, a degree of freedom
-  if (!expected_) {
-    start(found_T_O_C, of_twist, object);
-    return found_T_O_C;
+/// What a jerk makes of the velocity: that since the last image, if the object was found there.
+Vector6 MotionFilter::velocityOfJerk(const State& before, const Pose& found_T_O_C,
+                                     const FieldMetadata& object) const {
+  constexpr double kMost = 3;  // deviations
+  if (!before.was_found || !(seconds_ > 0)) return Vector6::Zero();
+  const Vector6 velocity = motionBetween(before_T_O_C_, found_T_O_C, object) / seconds_;
+  return limited(velocity, kMost * deviations_.speed / object.metres_per_unit,
+                 kMost * deviations_.angular_speed);
+}
+
+Pose MotionFilter::fuse(const Pose& found_T_O_C, const Matrix6& of_twist,
+                        const FieldMetadata& object) {
+  fused_.reset();
+  if (!of_twist.allFinite()) return found_T_O_C;
+  State fused = at(found_T_O_C, of_twist, object);
+  fused.was_found = true;
+  if (expected_) {
+    const Vector6 innovation = motionBetween(expected_->T_O_C, found_T_O_C, object);
+    const Matrix6 noise = alongCamera(of_twist, found_T_O_C);
+    const Matrix6 sum = expected_->covariance.topLeftCorner<6, 6>() + noise;
+    const Eigen::LDLT<Matrix6> solver(sum);
+    if (solver.info() != Eigen::Success || isJerk(innovation, sum)) {
+      fused.velocity = velocityOfJerk(*expected_, found_T_O_C, object);
+    } else {
+      using Gain = Eigen::Matrix<double, 12, 6>;
+      const Matrix12& before = expected_->covariance;
+      const Gain gain = solver.solve(before.topRows<6>()).transpose();
+      Matrix12 kept = Matrix12::Identity();  // in Joseph's form, which stays positive
+      kept.leftCols<6>() -= gain;
+      const Matrix6 seen = seenMotion(found_T_O_C, object);
+      Matrix12 both = Matrix12::Zero();
+      both.topLeftCorner<6, 6>() = both.bottomRightCorner<6, 6>() = seen;
+      kept = both * kept;
+      const Gain gain_seen = both * gain;
+      fused.covariance =
+          kept * before * kept.transpose() + gain_seen * noise * gain_seen.transpose();
+      const Eigen::Matrix<double, 12, 1> correction = gain_seen * innovation;
+      fused.velocity = seen * (expected_->velocity + correction.tail<6>());
+      fused.T_O_C = moved(expected_->T_O_C, correction.head<6>(), object);
+    }
   }
-  const Vector6 innovation = motionBetween(expected_T_O_C, found_T_O_C, object);
-  const Matrix12 covariance = expected_->covariance;
-  const Matrix6 noise = alongCamera(of_twist, found_T_O_C);
-  const Eigen::LDLT<Matrix6> sum(Matrix6(covariance.topLeftCorner<6, 6>() + noise));
-  if (innovation.dot(sum.solve(innovation)) > kJerk * 6) {
-    const Vector6 before = expected_->velocity;
-    start(found_T_O_C, of_twist, object);
-    if (seconds_ > 0) now_->velocity = before + innovation / seconds_;
-    return found_T_O_C;
-  }
-  using Gain = Eigen::Matrix<double, 12, 6>;
-  const Gain of_pose = covariance.leftCols<6>();
-  const Gain gain = sum.solve(of_pose.transpose()).transpose();
-  now_ = *expected_;
-  now_->velocity += gain.bottomRows<6>() * innovation;
-  now_->covariance -= gain * of_pose.transpose();
-  now_->covariance = (0.5 * (now_->covariance + now_->covariance.transpose())).eval();
-  return moved(expected_T_O_C, Vector6(gain.topRows<6>() * innovation), object);
+  fused_ = fused;
+  return fused.T_O_C;
+}
+
+void MotionFilter::accept(std::int64_t stamp_ns) {
+  if (!fused_) return reset();
+  now_ = std::exchange(fused_, std::nullopt);
+  expected_.reset();
+  stamp_ns_ = stamp_ns;
 }
 
 }  // namespace nerf_pose_refiner

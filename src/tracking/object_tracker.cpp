@@ -289,15 +289,19 @@ Prior ObjectTracker::expected(const Prior& start, const Pose& T_C_U, const Track
                               const ImageDecision& decision) {
   const FieldMetadata& object = field_->metadata;
   const TimedPose& from = *decision.start;
+  Eigen::Matrix3d R_now_last = T_C_U.R * from.T_P_U.R.transpose();
   if (!from.tracked) {
     motion_.reset();
     if (!from.covariance) return start;
-    motion_.start(start.T_O_C, covarianceOfTwist(from, T_C_U, object), object);
+    motion_.start(start, from.stamp_ns, object);
+    R_now_last.setIdentity();  // the prior is along the present axes
+  } else if (motion_.stampNs() != from.stamp_ns) {
+    motion_.reset();  // it followed another track
   } else if (decision.after_failure) {
-    motion_.forgetVelocity(object);  // it may have stopped
+    motion_.forgetVelocity(object);  // the object may have stopped
   }
   const double since_s = secondsOf(image.at.stamp_ns) - secondsOf(from.stamp_ns);
-  return motion_.predict(start, T_C_U.R * from.T_P_U.R.transpose(), since_s, object);
+  return motion_.predict(start, R_now_last, since_s, object);
 }
 
 void ObjectTracker::refine(const TrackerImage& image, const ImageDecision& decision,
@@ -317,7 +321,7 @@ void ObjectTracker::refine(const TrackerImage& image, const ImageDecision& decis
       decision.detect ? search_->detect(observation, settings_.rules.trust_score, image.cancel)
                       : search_->search({observation, *result->prior, tracked, image.at.stamp_ns},
                                         image.cancel);
-  conclude(decision, result);
+  conclude(decision, image.at.stamp_ns, result);
   if (result->trusted) {
     window_.learn(observation, image.at.stamp_ns, field_->metadata, result->refinement);
   }
@@ -330,29 +334,33 @@ bool ObjectTracker::tell(const Judgement& judgement, std::uint64_t ticket, const
   return state_.goesOn(ticket, T_C_U, judgement.reason, judgement.message, judgement.doubtful);
 }
 
-/// Joins a pose that the track goes on from with where the object was expected.
-void ObjectTracker::follow(const Judgement& judgement, TrackOutcome* result) {
+/// Fuses the pose found with the one expected. What lies between them counts as an error of both.
+void ObjectTracker::fuse(TrackOutcome* result) {
   Refinement& found = result->refinement;
-  const bool goes_on = judgement.trusted() || judgement.goes_on;
-  if (!settings_.rules.predict || !goes_on) return;
+  const FieldMetadata& object = field_->metadata;
   if (!result->prior) motion_.reset();  // found in the whole image
-  const Pose& expected = result->prior ? result->prior->T_O_C : found.T_O_C;
-  found.T_O_C = motion_.update(expected, found.T_O_C, found.covariance, field_->metadata);
-  if (!found.hypotheses.empty()) found.hypotheses.front().T_O_C = found.T_O_C;
+  const Pose fused = motion_.fuse(found.T_O_C, found.covariance, object);
+  const Vector6 away = cameraTwist(found.T_O_C, fused, object.centre);
+  found.covariance += away * away.transpose();
+  found.T_O_C = fused;
+  if (!found.hypotheses.empty()) found.hypotheses.front().T_O_C = fused;
 }
 
-void ObjectTracker::conclude(const ImageDecision& decision, TrackOutcome* result) {
+void ObjectTracker::conclude(const ImageDecision& decision, std::int64_t stamp_ns,
+                             TrackOutcome* result) {
   const Refinement& refinement = result->refinement;
   const FieldMetadata& object = field_->metadata;
   const ObjectFrame frame = ObjectFrame::inMetres(object);
   const Judgement judgement = judge(refinement, decision.confirmed, settings_.rules);
-  follow(judgement, result);
+  const bool fuses = settings_.rules.predict && (judgement.trusted() || judgement.goes_on);
+  if (fuses) fuse(result);
   const Pose T_C_U = frame.objectInCamera(refinement.T_O_C);
   bool up_to_date = false;
   {
     std::lock_guard<std::mutex> lock(mutex_);
     up_to_date = tell(judgement, decision.ticket, T_C_U);
   }
+  if (fuses && up_to_date) motion_.accept(stamp_ns);
   result->score = refinement.score;
   result->found = up_to_date && refinement.outcome == Outcome::kRefined;
   result->trusted = result->found && judgement.trusted();

@@ -144,10 +144,10 @@ class ObjectTracker {
   std::optional<Prior> prepare(const TrackerImage& image, const ImageDecision& decision);
   Prior expected(const Prior& start, const Pose& T_C_U, const TrackerImage& image,
                  const ImageDecision& decision);
-  void follow(const Judgement& judgement, TrackOutcome* result);
+  void fuse(TrackOutcome* result);
   void refine(const TrackerImage& image, const ImageDecision& decision, TrackOutcome* result);
   bool tell(const Judgement& judgement, std::uint64_t ticket, const Pose& T_C_U);
-  void conclude(const ImageDecision& decision, TrackOutcome* result);
+  void conclude(const ImageDecision& decision, std::int64_t stamp_ns, TrackOutcome* result);
   void concludeStatus(const ImageStamp& at, const ImageDecision& decision, TrackOutcome* result);
   TrackStatus statusNow(const ImageStamp& at) const;
 

@@ -59,17 +59,6 @@ Prior priorFrom(const TimedPose& start, const Pose& T_C_U, const FieldMetadata& 
   return prior;
 }
 
-Matrix6 covarianceOfTwist(const TimedPose& start, const Pose& T_C_U, const FieldMetadata& object) {
-  const Pose T_O_C = ObjectFrame::inMetres(object).cameraInModel(T_C_U);
-  // From the axes of P to those of O.
-  const Eigen::Matrix3d R = T_O_C.R * T_C_U.R * start.T_P_U.R.transpose();
-  Vector6 scale = Vector6::Ones();
-  scale.head<3>() /= object.metres_per_unit;
-  const Matrix6 covariance =
-      scale.asDiagonal() * covarianceOfCentre(start, object) * scale.asDiagonal();
-  return rotated(covariance, R);
-}
-
 /// A tracked pose that is right with less probability is as good as lost.
 constexpr double kWorthFollowing = 0.05;
 

@@ -21,10 +21,6 @@ namespace nerf_pose_refiner {
 Prior priorFrom(const TimedPose& start, const Pose& T_C_U, const FieldMetadata& object,
                 const SearchSettings& settings);
 
-/// The covariance of a start pose as one of the camera's twist, @see Refinement::covariance.
-/// @param T_C_U the start pose in the camera [m]. @pre start.covariance
-Matrix6 covarianceOfTwist(const TimedPose& start, const Pose& T_C_U, const FieldMetadata& object);
-
 /// Whether a refined pose is trusted, and why not.
 struct Judgement {
   TrackReason reason = TrackReason::kNone;  ///< kNone: it is trusted

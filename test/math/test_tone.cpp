@@ -11,7 +11,7 @@ namespace nerf_pose_refiner {
 namespace {
 
 /// @param points rendered and observed brightness.
-double toneOfPoints(const std::vector<std::pair<double, double>>& points) {
+Tone toneOfPoints(const std::vector<std::pair<double, double>>& points) {
   ToneSums<double> sums = {};
   for (const auto& [rendered, observed] : points) addTone(rendered, observed, 2.0, &sums);
   return toneOf(sums);
@@ -19,29 +19,34 @@ double toneOfPoints(const std::vector<std::pair<double, double>>& points) {
 
 TEST(Tone, IsTheSameInAnyLight) {
   // Half as bright, and less contrast: variances of 0.08 and 0.02.
-  EXPECT_NEAR(toneOfPoints({{0.1, 0.25}, {0.3, 0.35}, {0.5, 0.45}, {0.9, 0.65}}),
+  EXPECT_NEAR(toneOfPoints({{0.1, 0.25}, {0.3, 0.35}, {0.5, 0.45}, {0.9, 0.65}}).agreement,
               1 / std::sqrt((1 + 0.0009 / 0.0875) * (1 + 0.0009 / 0.021875)), 1e-9);
 }
 
 TEST(Tone, IsTheCorrelationOfBrightness) {
   // Means 0.4 and 0.5; variances 0.04 and 0.04; covariance 0.02.
-  const double by_hand = 0.02 / (0.04 + 0.0009);
-  EXPECT_NEAR(toneOfPoints({{0.2, 0.3},
-                            {0.6, 0.7},
-                            {0.2, 0.3},
-                            {0.6, 0.7},
-                            {0.2, 0.3},
-                            {0.6, 0.7},
-                            {0.2, 0.7},
-                            {0.6, 0.3}}),
-              by_hand, 1e-9);
+  const Tone tone = toneOfPoints({{0.2, 0.3},
+                                  {0.6, 0.7},
+                                  {0.2, 0.3},
+                                  {0.6, 0.7},
+                                  {0.2, 0.3},
+                                  {0.6, 0.7},
+                                  {0.2, 0.7},
+                                  {0.6, 0.3}});
+  EXPECT_NEAR(tone.agreement, 0.02 / (0.04 + 0.0009), 1e-9);
+  EXPECT_NEAR(tone.contrast, 0.04 / (0.04 + 0.0009), 1e-9);
 }
 
 TEST(Tone, IsNoneWhereNothingAgrees) {
-  EXPECT_EQ(toneOfPoints({}), 0);
-  EXPECT_EQ(toneOfPoints({{0.1, 0.9}, {0.9, 0.1}}), 0) << "a negative";
-  EXPECT_EQ(toneOfPoints({{0.1, 0.5}, {0.9, 0.5}}), 0) << "a wall";
-  EXPECT_EQ(toneOfPoints({{0.5, 0.1}, {0.5, 0.9}}), 0) << "an object of one tone";
+  EXPECT_EQ(toneOfPoints({}).agreement, 0);
+  EXPECT_EQ(toneOfPoints({{0.1, 0.9}, {0.9, 0.1}}).agreement, 0) << "a negative";
+  EXPECT_EQ(toneOfPoints({{0.1, 0.5}, {0.9, 0.5}}).agreement, 0) << "a wall";
+}
+
+TEST(Tone, SaysNothingOfAnObjectOfOneTone) {
+  EXPECT_EQ(toneOfPoints({}).contrast, 0);
+  EXPECT_NEAR(toneOfPoints({{0.5, 0.1}, {0.5, 0.9}}).contrast, 0, 1e-9);
+  EXPECT_NEAR(toneOfPoints({{0.47, 0.1}, {0.53, 0.9}}).contrast, 0.5, 1e-6) << "that of noise";
 }
 
 TEST(Tone, OfAPointIsThatBeforeItsNormalisation) {

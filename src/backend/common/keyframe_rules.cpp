@@ -11,10 +11,10 @@ namespace nerf_pose_refiner {
 namespace {
 
 HypothesisState stateOf(const Pose& T_O_C, const KeyframePoints& keyframe,
-                        const PointSums<double>& sums) {
+                        const PointSums<double>& sums, double seen_points) {
   if (!T_O_C.isFinite()) return HypothesisState::kNotFinite;
   if (!((T_O_C.inverse() * keyframe.centre).z() > 0)) return HypothesisState::kBehindCamera;
-  if (!(sums.weight >= kMinKeyframePoints)) return HypothesisState::kOutOfImage;
+  if (!(seen_points >= kMinKeyframePoints)) return HypothesisState::kOutOfImage;
   if (!(factorise6(sums.information, 0.0).smallest_pivot > 0)) {
     return HypothesisState::kIllConditioned;
   }
@@ -31,8 +31,10 @@ double scoreOf(const AlignedKeyframe& aligned, double robust_scale) {
   const double contrast = std::max(0.0, 1 - explained / chance);
   // An outline is easily found in clutter, and local contrast by chance; hardly ever is the whole
   // light and dark where the object is.
-  constexpr double kTone = 1.0 / 3;
-  const double agreement = (1 - kTone) * contrast + kTone * toneOf(aligned.tiles.tone);
+  constexpr double kOfTone = 1.0 / 3;
+  const Tone tone = toneOf(aligned.tiles.tone);
+  const double of_tone = kOfTone * tone.contrast;
+  const double agreement = (1 - of_tone) * contrast + of_tone * tone.agreement;
   return contrast > 0 ? agreement * std::min(1.0, evidence / kMinEvidence) : 0;
 }
 
@@ -60,7 +62,11 @@ Hypothesis hypothesisOf(const AlignedKeyframe& aligned, const KeyframePoints& ke
   Hypothesis found;
   found.iterations = aligned.evaluations;
   found.T_O_C = poseOf(aligned.pose);
-  found.state = stateOf(found.T_O_C, keyframe, sums);
+  // Points of plain places weigh less than one.
+  const KeyframeLevel& finest = keyframe.levels[settings.finest_level];
+  const double count = finest.point_count + static_cast<double>(finest.outline.size());
+  const double share = aligned.most_weight > 0 ? sums.weight / aligned.most_weight : 0;
+  found.state = stateOf(found.T_O_C, keyframe, sums, share * count);
   found.loss = aligned.loss;
   found.information = symmetricMatrix(sums.information);
   found.gradient_scatter =

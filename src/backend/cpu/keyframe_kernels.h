@@ -35,7 +35,7 @@ struct KernelColours {
   const float* mean[3];  ///< of the image around the point
   const float* inverse_deviation[3];
   const float* weight;
-  const float* brightness;  ///< rendered, not normalised; null where no evidence is summed
+  const float* brightness;  ///< rendered, not normalised; used for evidence alone
 };
 
 /// The chosen points first <= i < last: those of one tile.
