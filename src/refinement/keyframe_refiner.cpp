@@ -82,7 +82,8 @@ void KeyframeRefiner::begin() {
 
 void KeyframeRefiner::use(const KeyframeScores& scores) {
   scores_ = scores;
-  search_->setDoubtful(std::max(settings_.doubtful_score, scoreOfOdds(1 / kTrackOdds, scores_)));
+  // Scores of zero: they are unknown.
+  search_->setDoubtful(std::max(settings_.doubtful_score, scores_.wrong_mean));
 }
 
 void KeyframeRefiner::adaptTo(const Observation& observation) {
@@ -300,9 +301,9 @@ void KeyframeRefiner::judge(const Expectation& expected, const CancellationToken
 }
 
 /// A pose that is certain by its image alone is worth kTrackOdds in the images after it. Each that
-/// is rather wrong by its image alone takes a tenth of that: they do not tell each other apart.
+/// is rather wrong by its image alone takes a little of that: one is much like the next.
 void KeyframeRefiner::holdTrack(const Refinement& found) {
-  constexpr double kCertain = 0.9, kEven = 0.5, kKept = 0.9;
+  constexpr double kCertain = 0.9, kEven = 0.5, kKept = 0.97;
   const bool is_found = found.outcome == Outcome::kRefined;
   const double told = is_found ? found.unmistaken.value_or(1) : 0;
   if (told * found.found_probability.value_or(0) < kEven) {

@@ -60,7 +60,7 @@ Prior priorFrom(const TimedPose& start, const Pose& T_C_U, const FieldMetadata& 
 }
 
 /// A tracked pose that is right with less probability is as good as lost.
-constexpr double kWorthFollowing = 0.05;
+constexpr double kWorthFollowing = 0.01;
 
 Judgement judge(const Refinement& refinement, bool confirmed, const TrackingRules& rules) {
   const TrustVerdict verdict =

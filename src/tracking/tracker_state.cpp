@@ -331,7 +331,7 @@ bool TrackerState::trusted(std::uint64_t ticket, const Pose& T_C_U) {
 
 bool TrackerState::goesOn(std::uint64_t ticket, const Pose& T_C_U, TrackReason reason,
                           const std::string& message, bool doubtful) {
-  constexpr int kDoubtsOfFailure = 10;  // of images that failures would bridge
+  constexpr int kDoubtsOfFailure = 30;  // of images that failures would bridge
   const int doubts = doubtful ? doubts_ + 1 : 0;
   const bool is_over = doubts > kDoubtsOfFailure * (rules_.max_failures + 1);
   const bool has_start = running_ && running_->start;  // no detection
