@@ -82,8 +82,7 @@ void KeyframeRefiner::begin() {
 
 void KeyframeRefiner::use(const KeyframeScores& scores) {
   scores_ = scores;
-  // Scores of zero: they are unknown.
-  search_->setDoubtful(std::max(settings_.doubtful_score, scores_.wrong_mean));
+  search_->setDoubtful(std::max(settings_.doubtful_score, doubtfulScore(scores_)));
 }
 
 void KeyframeRefiner::adaptTo(const Observation& observation) {

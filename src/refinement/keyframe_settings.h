@@ -21,7 +21,7 @@ struct KeyframeSearchSettings {
   double renewal_s = 0.12;         ///< from a request until its keyframe is used, by the stamps
   int max_keyframes = 40;          ///< kept; the one that was not used for longest goes first
   double doubtful_score = 0.35;    ///< a raw score that is lower makes the search wider, as does
-                                   ///< one that would be wrong in spite of a track (kTrackOdds)
+                                   ///< one that wrong poses of the object often have
   int wide_starts = 24;            ///< of that search, around the prior
   ViewBankSettings bank;           ///< where the search from an initial pose begins
   int starts = 256;                ///< of that search

@@ -51,6 +51,12 @@ double evenScore(const KeyframeScores& scores) {
   return std::max(kMin, known.wrong_mean + kDeviations * known.wrong_deviation);
 }
 
+double doubtfulScore(const KeyframeScores& scores) {
+  constexpr double kDeviations = 0.5;
+  const KeyframeScores known = scores.poses > 0 ? scores : unknownScores();
+  return known.wrong_mean + kDeviations * known.wrong_deviation;
+}
+
 double scoreProbability(double score, const KeyframeScores& scores) {
   return logistic((score - evenScore(scores)) / scoreWidth(scores));
 }

@@ -24,6 +24,9 @@ inline constexpr double kHintOdds = 3;
 /// The score at which the image alone gives a pose these odds. @see scoreProbability
 double scoreOfOdds(double odds, const KeyframeScores& scores);
 
+/// A pose that scores less explains the image hardly better than wrong ones do.
+double doubtfulScore(const KeyframeScores& scores);
+
 /// How far a pose is from a prior, in half widths of it (or of the least width that a prior has).
 double distanceFromPrior(const Pose& T_O_C, const Prior& prior, const FieldMetadata& object);
 

@@ -46,6 +46,11 @@ TEST(ScoreProbability, OfOddsIsTheScoreThatHasThem) {
   EXPECT_NEAR(scoreProbability(scoreOfOdds(1 / 19.0, scores), scores), 0.05, 1e-9);
 }
 
+TEST(ScoreProbability, IsDoubtfulWhereWrongPosesScore) {
+  EXPECT_NEAR(doubtfulScore(scoresWith(0.4, 0.1)), 0.45, 1e-12);
+  EXPECT_NEAR(doubtfulScore(KeyframeScores()), 0.42, 1e-12) << "as of a plain object";
+}
+
 TEST(ScoreProbability, WithoutStatisticsIsThatOfAPlainObject) {
   EXPECT_LT(scoreProbability(0.45, KeyframeScores()), 0.1);
   EXPECT_GT(scoreProbability(0.7, KeyframeScores()), 0.9);

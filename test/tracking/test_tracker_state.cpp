@@ -79,11 +79,11 @@ TEST_F(TrackerStateTest, GoesOnFromDoubtfulPosesForAWhile) {
   restart();
   state_.offer(poseAt(at(0)));
   track(0);
-  for (int i = 1; i <= 10; ++i) {
+  for (int i = 1; i <= 30; ++i) {
     state_.goesOn(image(0.1 * i).ticket, {}, TrackReason::kLowScore, "", true);
     expect(TrackState::kTracking, TrackReason::kLowScore);
   }
-  state_.goesOn(image(1.1).ticket, {}, TrackReason::kLowScore, "", true);
+  state_.goesOn(image(3.1).ticket, {}, TrackReason::kLowScore, "", true);
   expect(TrackState::kLost, TrackReason::kLowScore);
 }
 
