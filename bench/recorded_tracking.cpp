@@ -170,7 +170,7 @@ class RecordedTracking {
   }
 
   /// The covariance of a pose from which a track would go on.
-  Matrix6 exactly() const {
+  Matrix6 covarianceOfTrack() const {
     const SearchSettings tracked = settingsOf(options_).tracking;
     const double rotation = tracked.rotation_deg * kDegree / 2;  // the search is two of them wide
     const double position = tracked.translation * diameter_m() / 2;
@@ -234,7 +234,8 @@ class RecordedTracking {
     }
     if (is_right) return;
     ++tally->lost;
-    if (options_.reset && options_.first_poses == 0) offer(i, {0, 0, 0}, {0, 0, 0}, exactly());
+    if (options_.reset && options_.first_poses == 0)
+      offer(i, {0, 0, 0}, {0, 0, 0}, covarianceOfTrack());
   }
 
   const Options& options_;
@@ -262,7 +263,7 @@ void addOptions(CLI::App* app, Options* options) {
   app->add_option("--initial-preset", options->initial_preset, "default: the node's");
   app->add_option("--track-preset", options->track_preset, "default: the node's");
   app->add_flag("--reset,!--no-reset", options->reset, "tell the true pose where it is lost");
-  app->add_flag("--predict,!--no-predict", options->predict, "constant velocity");
+  app->add_flag("--predict,!--no-predict", options->predict, "follow the motion");
   app->add_flag("--paced", options->paced, "images come at their stamps, not one after another");
   app->add_flag("--verbose", options->verbose, "a line for each frame");
 }

@@ -90,9 +90,9 @@ struct ScoreStatistics {
 struct KeyframeScores {
   int poses = 0;               ///< wrong ones that were judged; 0: unknown
   double wrong_mean = 0;       ///< of the best wrong pose in each image
-  double wrong_deviation = 0;  ///< alike
+  double wrong_deviation = 0;  ///< standard, of the same
   double right_mean = 0;       ///< of right poses in bad images
-  double right_deviation = 0;  ///< alike
+  double right_deviation = 0;  ///< standard, of the same
 };
 
 /// How well poses of views are found again, whose poses are known: what a refinement may be

@@ -299,7 +299,8 @@ void KeyframeRefiner::judge(const Expectation& expected, const CancellationToken
 }
 
 /// A pose that is certain by its image alone is worth kTrackOdds in the images after it. Each that
-/// is rather wrong by its image alone takes a little of that: one is much like the next.
+/// is rather wrong by its image alone takes a little of that: images of a sequence are alike, so
+/// their scores are no independent evidence.
 void KeyframeRefiner::holdTrack(const Refinement& found) {
   constexpr double kCertain = 0.9, kEven = 0.5, kKept = 0.97;
   const bool is_found = found.outcome == Outcome::kRefined;

@@ -15,10 +15,10 @@ double scoreProbability(double score, const KeyframeScores& scores);
 /// The score at which a pose is as likely right as wrong by that curve.
 double evenScore(const KeyframeScores& scores);
 
-/// The odds of a pose that goes on from a track, beside one that is found anew: objects hardly
-/// vanish from one image to the next, and hardly ever is there a wrong pose where motion leads.
+/// The factor by which a track changes the odds of the pose that continues it: objects rarely
+/// vanish between two images, and wrong poses are rarely where the motion leads.
 inline constexpr double kTrackOdds = 20;
-/// The same of a pose where somebody says that the object is.
+/// The same for a pose where somebody says that the object is.
 inline constexpr double kHintOdds = 3;
 
 /// The score at which the image alone gives a pose these odds. @see scoreProbability

@@ -5,6 +5,7 @@
 
 #include <Eigen/Geometry>
 
+#include <algorithm>
 #include <stdexcept>
 #include <vector>
 
@@ -140,6 +141,36 @@ TEST_F(KeyframeRefinerTest, SearchesMoreWidelyWhereAPoseIsDoubtful) {
   const Prior jerk = priorAt(offBy(truthAt(0), 20, 0.19), 8, 0.08);
   expectFound(with.follow({observation, 0}, jerk), truthAt(0), 1);
   EXPECT_LT(without.follow({observation, 0}, jerk).score, 0.5);
+}
+
+// Scores by which the pose of an image, which scores s, has odds of a tenth by the image alone.
+KeyframeScores doubtfulAt(double s) {
+  KeyframeScores scores;
+  scores.poses = 24;
+  scores.wrong_deviation = 0.05;
+  scores.wrong_mean =
+      s - 0.05;  // one deviation below; even at two above it, by a width of 0.1 / ln 99
+  return scores;
+}
+
+TEST_F(KeyframeRefinerTest, ATrackIsBelievedThroughDoubtfulImagesForAWhile) {
+  const Observation observation = imageAt(truthAt(0));
+  KeyframeRefiner tracked(backend_.get(), field_, fromFile());
+  const Prior near = priorAt(truthAt(0), 5, 0.05);
+  const Refinement certain = tracked.follow({observation, 0}, near);
+  ASSERT_GT(*certain.found_probability, 0.9) << "by the image alone";
+  const KeyframeScores scores = doubtfulAt(certain.hypotheses.front().score);
+  KeyframeRefiner begun(backend_.get(), field_, fromFile());
+  begun.use(scores);
+  EXPECT_LT(*begun.follow({observation, 0}, near).found_probability, 0.2) << "without a track";
+  tracked.use(scores);
+  std::vector<double> believed;
+  for (int i = 1; i <= 40; ++i) {
+    believed.push_back(*tracked.follow({observation, i * kFrame_ns}, near).found_probability);
+  }
+  EXPECT_GT(believed.front(), 0.6);
+  EXPECT_LT(believed.back(), 0.2) << "images that are alike do not keep it for ever";
+  EXPECT_TRUE(std::is_sorted(believed.rbegin(), believed.rend()));
 }
 
 TEST_F(KeyframeRefinerTest, SettlesOnTheRightOneOfRoughPoses) {

@@ -240,6 +240,9 @@ TEST_F(MessageTrackerTest, LooksWhereTheMotionLeads) {
   tracker_->tracker().change(parameters_.tracker);
   find(0.5, 0.2);
   EXPECT_NEAR(find(0.6, 0.2), 0.2, 1e-9);
+  parameters_.tracker.rules.predict = true;
+  tracker_->tracker().change(parameters_.tracker);
+  EXPECT_NEAR(find(0.7, 0.2), 0.2, 1e-9) << "the motion of long ago is that of another track";
 }
 
 TEST_F(MessageTrackerTest, PredictsInTheFixedFrame) {

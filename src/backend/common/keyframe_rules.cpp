@@ -29,8 +29,8 @@ double scoreOf(const AlignedKeyframe& aligned, double robust_scale) {
   if (!(chance > 0)) return 0;
   const double evidence = chance / (aligned.most_weight * chanceLoss(robust_scale));
   const double contrast = std::max(0.0, 1 - explained / chance);
-  // An outline is easily found in clutter, and local contrast by chance; hardly ever is the whole
-  // light and dark where the object is.
+  // Clutter easily holds an outline, and local contrast that agrees by chance. Parts that are light
+  // and dark where the object's are it hardly holds.
   constexpr double kOfTone = 1.0 / 3;
   const Tone tone = toneOf(aligned.tiles.tone);
   const double of_tone = kOfTone * tone.contrast;
