@@ -3,11 +3,15 @@
 
     blender -b --factory-startup -P demo/render.py -- views --out DIR
     blender -b --factory-startup -P demo/render.py -- sequence --out DIR [--path P] [--light L] [--object O] ...
+    blender -b --factory-startup -P demo/render.py -- companions --out DIR [--path P] [--light L] [--object O] ...
 
 `views` writes posed RGBA pictures of the object alone, with transforms_train.json and transforms_test.json
 (OpenGL camera axes: x right, y up, z back; pixels are counted from corners). `sequence` writes the frames of a moving
 camera, masks of the object and sequence.json (ROS optical axes: x right, y down, z forward; pixel centres are
-integers). T_A_B takes points from frame B to frame A. O: object, W: world, C: camera_optical, G: OpenGL camera.
+integers). `companions` writes what two further cameras see of the same sequence: depth_NNN.npy, the exact depth [m]
+before a depth camera beside the moving one; side_NNN.png of a camera that stands still; and companions.json. T_A_B
+takes points from frame B to frame A. O: object, W: world, R: room, C: camera_optical, D: depth_optical,
+S: side_camera_optical, G: OpenGL camera.
 """
 import argparse
 import json
@@ -207,10 +211,8 @@ def mask_of(scene, parts, T_W_G, K, width, height, box_O):
     return mask
 
 
-def render_sequence(args):
-    width, height, focal_px = 480, 360, 500.0
-    scene = start(width, height, focal_px, args.samples, transparent=False)
-    K = np.array([[focal_px, 0, (width - 1) / 2], [0, focal_px, (height - 1) / 2], [0, 0, 1]])
+def furnish(args):
+    """The table with all that stands on it. Returns the object's parts, its box in frame O, and its centre."""
     parts = add_object(T_W_O)
     points = vertices_O(parts)
     box_O = [points.min(axis=0), points.max(axis=0)]
@@ -228,12 +230,31 @@ def render_sequence(args):
     tabletop.furnish()
     tabletop.light(args.light)
     bpy.context.view_layer.update()
+    return parts, box_O, centre_W
 
+
+def frame_numbers(args):
+    return range(args.first, args.frames if args.last is None else args.last + 1, args.every)
+
+
+def intrinsics(width, height, focal_px):
+    return np.array([[focal_px, 0, (width - 1) / 2], [0, focal_px, (height - 1) / 2], [0, 0, 1]])
+
+
+def described(width, height, focal_px):
+    K = intrinsics(width, height, focal_px)
+    return {"width": width, "height": height, "fx": focal_px, "fy": focal_px, "cx": K[0, 2], "cy": K[1, 2]}
+
+
+def render_sequence(args):
+    width, height, focal_px = 480, 360, 500.0
+    scene = start(width, height, focal_px, args.samples, transparent=False)
+    K = intrinsics(width, height, focal_px)
+    parts, box_O, centre_W = furnish(args)
     for folder in ("frames", "masks"):
         os.makedirs(os.path.join(args.out, folder), exist_ok=True)
     frames = []
-    last = args.frames - 1 if args.last is None else args.last
-    for i in range(args.first, last + 1, args.every):
+    for i in frame_numbers(args):
         T_W_G = camera_at(i / (args.frames - 1), args.path, centre_W)
         mask = mask_of(scene, parts, T_W_G, K, width, height, box_O)
         cv2.imwrite(os.path.join(args.out, "masks/mask_%03d.png" % i), mask, [cv2.IMWRITE_PNG_COMPRESSION, 9])
@@ -246,8 +267,64 @@ def render_sequence(args):
         print("frame %d of %d: %.0f %% hidden" % (i + 1, args.frames, 100 * hidden), flush=True)
     write_json(os.path.join(args.out, "sequence.json"), {
         "path": args.path, "light": args.light, "object": args.object, "occluder": args.occluder,
-        "width": width, "height": height, "fx": focal_px, "fy": focal_px, "cx": K[0, 2], "cy": K[1, 2],
-        "rate_hz": 10.0, "frames": frames})
+        **described(width, height, focal_px), "rate_hz": 10.0, "frames": frames})
+
+
+# ---------------------------------------------------------------------------------------------- further cameras
+
+DEPTH_CAMERA = (240, 180, 225.0)  # width, height, focal length [px]
+SIDE_CAMERA = (320, 240, 400.0)
+T_C_D = np.array(Matrix.Translation((-0.015, 0.0, 0.002)) @ Matrix.Rotation(math.radians(0.6), 4, (0.3, 0.9, 0.3)))
+T_W_R = np.array(Matrix.Translation((-0.75, -0.55, 0.0)))  # the room's frame: a corner of the table
+
+
+def side_camera(centre_W):
+    """T_W_G of a camera above and behind the table: 60 to 95 degrees from where the moving one looks from."""
+    eye = centre_W + around(math.radians(30), math.radians(58), 0.62)
+    return looking(eye, centre_W + np.array([0.018, -0.012, 0.006]), roll=math.radians(4))
+
+
+def depth_before(scene, T_W_D):
+    """[height][width] distances along the view of what the rays through the pixels' centres hit [m]; 0: nothing."""
+    width, height, focal_px = DEPTH_CAMERA
+    depth = np.zeros((height, width), np.float32)
+    graph = bpy.context.evaluated_depsgraph_get()
+    eye = Vector(T_W_D[:3, 3])
+    v, u = np.mgrid[:height, :width]
+    K = intrinsics(*DEPTH_CAMERA)
+    rays_D = np.stack([(u - K[0, 2]) / focal_px, (v - K[1, 2]) / focal_px, np.ones_like(u)], axis=-1)
+    lengths = np.linalg.norm(rays_D, axis=-1)
+    rays_W = rays_D / lengths[..., None] @ T_W_D[:3, :3].T
+    for y in range(height):
+        for x, ray in enumerate(rays_W[y].tolist()):
+            hit, where, *_ = scene.ray_cast(graph, eye, ray)
+            if hit:
+                depth[y, x] = (where - eye).length / lengths[y, x]
+    return depth
+
+
+def render_companions(args):
+    scene = start(*SIDE_CAMERA, args.samples, transparent=False)
+    parts, box_O, centre_W = furnish(args)
+    T_W_G = side_camera(centre_W)
+    T_W_S = T_W_G @ OPTICAL_FROM_OPENGL
+    os.makedirs(args.out, exist_ok=True)
+    mask = mask_of(scene, parts, T_W_G, intrinsics(*SIDE_CAMERA), *SIDE_CAMERA[:2], box_O)
+    cv2.imwrite(os.path.join(args.out, "side_mask.png"), mask, [cv2.IMWRITE_PNG_COMPRESSION, 9])
+    frames = []
+    for i in frame_numbers(args):
+        T_W_C = camera_at(i / (args.frames - 1), args.path, centre_W) @ OPTICAL_FROM_OPENGL
+        depth_path, side_path = (os.path.join(args.out, name % i) for name in ("depth_%03d.npy", "side_%03d.png"))
+        if not (args.resume and os.path.exists(depth_path)):
+            np.save(depth_path, depth_before(scene, T_W_C @ T_C_D))
+        if not (args.resume and os.path.exists(side_path)):
+            shoot(scene, T_W_G, side_path, seed=1001 + i)
+        frames.append({"index": i, "T_R_C": np.round(np.linalg.inv(T_W_R) @ T_W_C, 9).tolist()})
+        print("companions of frame %d of %d" % (i + 1, args.frames), flush=True)
+    write_json(os.path.join(args.out, "companions.json"), {
+        "depth": {**described(*DEPTH_CAMERA), "T_C_D": np.round(T_C_D, 9).tolist()},
+        "side": {**described(*SIDE_CAMERA), "T_R_S": np.round(np.linalg.inv(T_W_R) @ T_W_S, 9).tolist()},
+        "frames": frames})
 
 
 # ---------------------------------------------------------------------------------------------- command line
@@ -261,22 +338,24 @@ def main():
     views.add_argument("--size", type=int, default=320, help="width and height [px]")
     views.add_argument("--samples", type=int, default=128, help="paths a pixel")
     sequence = commands.add_parser("sequence", help="a camera that moves around the object on a table")
-    sequence.add_argument("--path", choices=sorted(PATHS), default="sweep")
-    sequence.add_argument("--light", choices=sorted(tabletop.LIGHTS), default="warm")
-    sequence.add_argument("--object", choices=("present", "absent", "covered", "exchanged"), default="present")
-    sequence.add_argument("--occluder", choices=("cup", "none"), default="cup")
-    sequence.add_argument("--frames", type=int, default=76)
-    sequence.add_argument("--every", type=int, default=1, help="only every n-th of these frames, for a look")
-    sequence.add_argument("--first", type=int, default=0, help="only from this frame on")
-    sequence.add_argument("--last", type=int, help="only up to this frame")
-    sequence.add_argument("--samples", type=int, default=64, help="paths a pixel")
     sequence.add_argument("--masks-only", action="store_true", help="poses and masks, no pictures")
-    for command in (views, sequence):
+    companions = commands.add_parser("companions", help="depth and a camera from the side for such a sequence")
+    for command in (sequence, companions):
+        command.add_argument("--path", choices=sorted(PATHS), default="sweep")
+        command.add_argument("--light", choices=sorted(tabletop.LIGHTS), default="warm")
+        command.add_argument("--object", choices=("present", "absent", "covered", "exchanged"), default="present")
+        command.add_argument("--occluder", choices=("cup", "none"), default="cup")
+        command.add_argument("--frames", type=int, default=76)
+        command.add_argument("--every", type=int, default=1, help="only every n-th of these frames, for a look")
+        command.add_argument("--first", type=int, default=0, help="only from this frame on")
+        command.add_argument("--last", type=int, help="only up to this frame")
+        command.add_argument("--samples", type=int, default=64, help="paths a pixel")
+    for command in (views, sequence, companions):
         command.add_argument("--out", required=True, help="folder to write to")
         command.add_argument("--resume", action="store_true", help="keep pictures that are there already")
     args = parser.parse_args(sys.argv[sys.argv.index("--") + 1:] if "--" in sys.argv else [])
     args.out = os.path.abspath(args.out)
-    {"views": render_views, "sequence": render_sequence}[args.command](args)
+    {"views": render_views, "sequence": render_sequence, "companions": render_companions}[args.command](args)
 
 
 if __name__ == "__main__":
