@@ -83,8 +83,10 @@ void declare(CLI::App* app, TrustOptions* options) {
   app->add_option("--gone", options->gone,
                   "Recordings without the object that continue the first bag, with its stamps")
       ->check(CLI::ExistingFile);
-  app->add_option("--image", options->topics.image,
-                  "Topic of images, raw or compressed; default: the only one of the bag");
+  app->add_option(
+      "--image", options->topics.image,
+      "Topic of images, raw or compressed; default: the only one of the bag, or of those "
+      "in the frame of the true poses");
   auto* truth = app->add_option("--truth", options->topics.truth, "Topic of true poses");
   app->add_option("--truth-frame", options->topics.truth_frame,
                   "TF frame of the object, instead of --truth")

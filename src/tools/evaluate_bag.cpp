@@ -49,8 +49,10 @@ void declareBag(CLI::App* app, EvaluateOptions* options) {
       ->required()
       ->check(CLI::ExistingFile);
   app->add_option("-o,--output", options->out, "Folder for the results; it is created")->required();
-  app->add_option("--image", topics.image,
-                  "Topic of images, raw or compressed; default: the only one of the bag");
+  app->add_option(
+      "--image", topics.image,
+      "Topic of images, raw or compressed; default: the only one of the bag, or of those "
+      "in the frame of the true poses");
   app->add_option("--camera-info", topics.camera_info,
                   "Topic of camera_info; default: the one beside the images");
   app->add_flag("--rectified", options->settings.image_is_rectified,

@@ -184,6 +184,25 @@ TEST_F(RecordedBag, NamesTopicsThatAreMissingOrOfAnotherType) {
                                   "geometry_msgs/PoseStamped");
 }
 
+TEST_F(RecordedBag, OfSeveralImagesThoseInTheFrameOfTheTruthCount) {
+  writeImages();
+  bag.write("/other/image_raw", stampOf(0), stamped(*picture(0).toImageMsg(), stampOf(0), "other"));
+  bag.write("/seen", stampOf(0), poseAt(0, 2, stampOf(0), "/optical"));
+  tf2_msgs::TFMessage seen;
+  seen.transforms.push_back(toTransform(poseAt(0, 2, stampOf(0), "/optical"), "thing"));
+  bag.write("/tf", stampOf(0), seen);
+  bag.close();
+  expectError<std::runtime_error>([&] { BagSequence(path, topics); },
+                                  "several topics, name one: /camera/image_raw, /other/image_raw");
+  topics.truth = "/seen";
+  EXPECT_EQ(BagSequence(path, topics).topics().image, "/camera/image_raw");
+  topics.truth.clear();
+  topics.truth_frame = "optical";  // in the world: no camera's frame
+  expectError<std::runtime_error>([&] { BagSequence(path, topics); }, "name one");
+  topics.truth_frame = "thing";
+  EXPECT_EQ(BagSequence(path, topics).topics().image, "/camera/image_raw");
+}
+
 TEST_F(RecordedBag, WantsOneTruth) {
   writeImages();
   topics.truth_frame = "mug";

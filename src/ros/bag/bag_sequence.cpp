@@ -13,6 +13,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <set>
 #include <stdexcept>
 
 #include "ros/bag/read_message.h"
@@ -61,10 +62,11 @@ std::string siblingInfo(const std::string& topic) {
   return image.substr(0, image.find_last_of('/') + 1) + "camera_info";
 }
 
-ros::Time stampOf(const rosbag::MessageInstance& message) {
-  if (const auto raw = readMessage<sensor_msgs::Image>(message)) return raw->header.stamp;
+/// Of an image, raw or compressed.
+std_msgs::Header headerOf(const rosbag::MessageInstance& message) {
+  if (const auto raw = readMessage<sensor_msgs::Image>(message)) return raw->header;
   const auto compressed = readMessage<sensor_msgs::CompressedImage>(message);
-  return compressed ? compressed->header.stamp : ros::Time();
+  return compressed ? compressed->header : std_msgs::Header();
 }
 
 geometry_msgs::TransformStamped transformOf(const std_msgs::Header& header,
@@ -73,6 +75,20 @@ geometry_msgs::TransformStamped transformOf(const std_msgs::Header& header,
   stamped.header = header;
   stamped.pose = pose;
   return toTransform(stamped, kTruthFrame);
+}
+
+geometry_msgs::TransformStamped truthOf(const rosbag::MessageInstance& message) {
+  geometry_msgs::TransformStamped transform;
+  if (const auto pose = readMessage<geometry_msgs::PoseStamped>(message)) {
+    transform = transformOf(pose->header, pose->pose);
+  } else if (const auto wide = readMessage<geometry_msgs::PoseWithCovarianceStamped>(message)) {
+    transform = transformOf(wide->header, wide->pose.pose);
+  } else if (const auto direct = readMessage<geometry_msgs::TransformStamped>(message)) {
+    transform = *direct;
+    transform.child_frame_id = kTruthFrame;
+  }
+  transform.header.frame_id = withoutSlash(transform.header.frame_id);
+  return transform;
 }
 
 }  // namespace
@@ -97,20 +113,49 @@ BagSequence::BagSequence(const std::string& path, const BagTopics& topics)
 }
 
 std::string BagSequence::theOnlyImageTopic() {
-  std::string found, all;
+  std::set<std::string> found;
   rosbag::View view(bag_);
   for (const rosbag::ConnectionInfo* connection : view.getConnections()) {
-    if (!isImage(connection->datatype) || connection->topic == found) continue;
-    if (connection->topic == topics_.depth) continue;
-    all += (all.empty() ? "" : ", ") + connection->topic;
-    found = connection->topic;
+    if (isImage(connection->datatype) && connection->topic != topics_.depth) {
+      found.insert(connection->topic);
+    }
   }
   if (found.empty()) throw std::runtime_error("the bag '" + path_ + "' holds no images");
-  if (all != found) {
+  std::string all;
+  for (const std::string& topic : found) all += (all.empty() ? "" : ", ") + topic;
+  if (found.size() > 1) {
+    const std::string frame = frameOfTruth();
+    for (auto topic = found.begin(); topic != found.end();) {
+      rosbag::View images(bag_, rosbag::TopicQuery(*topic));
+      const bool fits =
+          images.size() > 0 && withoutSlash(headerOf(*images.begin()).frame_id) == frame;
+      topic = fits ? std::next(topic) : found.erase(topic);
+    }
+  }
+  if (found.size() != 1) {
     throw std::runtime_error("the bag '" + path_ +
                              "' holds images of several topics, name one: " + all);
   }
-  return found;
+  return *found.begin();
+}
+
+/// In which the true poses are stated; empty: there are none.
+std::string BagSequence::frameOfTruth() {
+  if (!topics_.truth.empty()) {
+    rosbag::View poses(bag_, rosbag::TopicQuery(topics_.truth));
+    return poses.size() > 0 ? truthOf(*poses.begin()).header.frame_id : "";
+  }
+  rosbag::View view(bag_, rosbag::TopicQuery(std::vector<std::string>{"/tf", "/tf_static"}));
+  for (const rosbag::MessageInstance& message : view) {
+    const auto transforms = readMessage<tf2_msgs::TFMessage>(message);
+    if (!transforms) continue;
+    for (const geometry_msgs::TransformStamped& transform : transforms->transforms) {
+      if (withoutSlash(transform.child_frame_id) == withoutSlash(topics_.truth_frame)) {
+        return withoutSlash(transform.header.frame_id);
+      }
+    }
+  }
+  return "";
 }
 
 void BagSequence::completeTopics() {
@@ -172,7 +217,7 @@ void BagSequence::readMasks() {
   if (topics_.mask.empty()) return;
   mask_view_ = std::make_unique<rosbag::View>(bag_, rosbag::TopicQuery(topics_.mask));
   for (const rosbag::MessageInstance& message : *mask_view_) {
-    masks_.emplace(stampOf(message), message);
+    masks_.emplace(headerOf(message).stamp, message);
   }
 }
 
@@ -180,7 +225,7 @@ void BagSequence::readDepth() {
   if (topics_.depth.empty()) return;
   depth_view_ = std::make_unique<rosbag::View>(bag_, rosbag::TopicQuery(topics_.depth));
   for (const rosbag::MessageInstance& message : *depth_view_) {
-    depth_.emplace(stampOf(message), message);
+    depth_.emplace(headerOf(message).stamp, message);
   }
   rosbag::View infos(bag_, rosbag::TopicQuery(siblingInfo(topics_.depth)));
   for (const rosbag::MessageInstance& message : infos) {
@@ -248,16 +293,7 @@ void BagSequence::readTruth() {
   if (topics_.truth.empty()) return;
   rosbag::View view(bag_, rosbag::TopicQuery(topics_.truth));
   for (const rosbag::MessageInstance& message : view) {
-    geometry_msgs::TransformStamped transform;
-    if (const auto pose = readMessage<geometry_msgs::PoseStamped>(message)) {
-      transform = transformOf(pose->header, pose->pose);
-    } else if (const auto wide = readMessage<geometry_msgs::PoseWithCovarianceStamped>(message)) {
-      transform = transformOf(wide->header, wide->pose.pose);
-    } else if (const auto direct = readMessage<geometry_msgs::TransformStamped>(message)) {
-      transform = *direct;
-      transform.child_frame_id = kTruthFrame;
-    }
-    transform.header.frame_id = withoutSlash(transform.header.frame_id);
+    const geometry_msgs::TransformStamped transform = truthOf(message);
     if (!transforms_.setTransform(transform, path_)) {
       throw std::runtime_error(topics_.truth + " in '" + path_ + "': the pose " +
                                std::to_string(truth_stamps_.size()) + " makes no sense");

@@ -21,7 +21,8 @@ namespace nerf_pose_refiner {
 
 /// The topics of a bag that make a sequence. Names are absolute, as in the bag.
 struct BagTopics {
-  std::string image;        ///< Image or CompressedImage; empty: the only one of the bag
+  std::string image;  ///< Image or CompressedImage; empty: the only one of the bag, or the only
+                      ///< one in the frame in which the true poses are stated
   std::string camera_info;  ///< empty: the image's sibling, as image_transport has it
   std::string mask;         ///< Image or CompressedImage, paired by exact stamp; empty: none
   std::string depth;  ///< Image, 16UC1 or 32FC1 (REP-118), with its own camera_info; empty: none
@@ -72,6 +73,7 @@ class BagSequence {
  private:
   void completeTopics();
   std::string theOnlyImageTopic();
+  std::string frameOfTruth();
   void requireTopics();
   void readTransforms();
   void readCameraInfos();
