@@ -15,11 +15,14 @@ import sys
 import cv2
 import numpy as np
 import rosbag
+from geometry_msgs.msg import Pose
 
 OPTICAL_FROM_OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
 VOXEL_M = 0.0015
 SHIFT_PX = 0.25  # what the hull itself may be off by, on average over the views; half of the mistake to be found
 MIB = 2**20
+MAX_BAG_MIB = 8
+DEPTH_TOPIC, SIDE_TOPIC = "/camera/depth/image", "/side_camera/image/compressed"
 failures = 0
 
 
@@ -146,21 +149,44 @@ def angle_deg(R):
     return np.degrees(np.arccos(np.clip((np.trace(R) - 1) / 2, -1, 1)))
 
 
-def check_messages(path):
-    """Stamps, frames and pictures. Returns the camera (fx, fy, cx, cy), the pictures' shape, and the poses T_C_O: the
-    true ones and the one to start from."""
+def read_bag(path):
+    """Messages by topic, with their times of recording. Transforms of /tf are sorted by child frame."""
     size = os.path.getsize(path) / MIB
-    check(size < 4.0, "bag takes %.2f MiB" % size)
+    check(size < MAX_BAG_MIB, "bag takes %.2f MiB" % size)
     messages = {}
     with rosbag.Bag(path) as bag:
         for topic, message, recorded in bag.read_messages():
-            messages.setdefault(topic, []).append((message, recorded))
-    images, infos, truths, starts, transforms = ([m for m, _ in messages.get(topic, [])] for topic in (
-        "/camera/image/compressed", "/camera/camera_info", "/ground_truth/object_pose", "/initial_pose", "/tf"))
+            if topic == "/tf":
+                for transform in message.transforms:
+                    messages.setdefault("to " + transform.child_frame_id, []).append((transform, recorded))
+            else:
+                messages.setdefault(topic, []).append((message, recorded))
+    return messages
+
+
+def of_topics(messages, *topics):
+    return ([m for m, _ in messages.get(topic, [])] for topic in topics)
+
+
+def camera_of(info):
+    """fx, fy, cx, cy"""
+    return (info.K[0], info.K[4], info.K[2], info.K[5])
+
+
+def decoded(image):
+    return cv2.imdecode(np.frombuffer(image.data, np.uint8), cv2.IMREAD_UNCHANGED)
+
+
+def check_messages(messages):
+    """Stamps, frames and pictures. Returns the camera (fx, fy, cx, cy), the pictures' shape, and the poses T_C_O: the
+    true ones and the one to start from."""
+    images, infos, truths, starts, transforms = of_topics(
+        messages, "/camera/image/compressed", "/camera/camera_info", "/ground_truth/object_pose", "/initial_pose",
+        "to ground_truth_object")
     check(len(images) >= 64 and len(starts) == 1, "%d images, %d initial pose" % (len(images), len(starts)))
     stamps = [m.header.stamp for m in images]
     check(stamps == [m.header.stamp for m in infos] == [m.header.stamp for m in truths]
-          == [m.transforms[0].header.stamp for m in transforms], "images, camera_info, truth and tf have equal stamps")
+          == [m.header.stamp for m in transforms], "images, camera_info, truth and tf have equal stamps")
     steps_s = {round((b - a).to_sec(), 6) for a, b in zip(stamps, stamps[1:])}
     check(steps_s == {0.1}, "10 Hz")
     check({m.header.frame_id for m in images + infos + truths + starts} == {"camera_optical"}, "frame camera_optical")
@@ -169,10 +195,8 @@ def check_messages(path):
 
     info = infos[0]
     shape = (info.height, info.width)
-    decoded = [cv2.imdecode(np.frombuffer(m.data, np.uint8), cv2.IMREAD_UNCHANGED) for m in images]
-    check({p.shape for p in decoded} == {(*shape, 3)}, "pictures are %d x %d BGR" % shape[::-1])
-    camera = (info.K[0], info.K[4], info.K[2], info.K[5])
-    return camera, shape, [matrix(m.pose) for m in truths], matrix(starts[0].pose)
+    check({decoded(m).shape for m in images} == {(*shape, 3)}, "pictures are %d x %d BGR" % shape[::-1])
+    return camera_of(info), shape, [matrix(m.pose) for m in truths], matrix(starts[0].pose)
 
 
 def check_motion(poses, start, model):
@@ -214,10 +238,101 @@ def check_silhouettes(sequence_folder, camera, shape, poses, start, hull):
           % (occluded[0], occluded[-1], 100 * max(hidden), *np.flatnonzero(hidden)[[0, -1]]))
 
 
+# ------------------------------------------------------------------------------------------------ further cameras
+
+def check_companions(messages):
+    """Stamps, frames and sizes. Returns places by frame: T_R_C of each image, T_C_D and T_R_S."""
+    stamps = [m.header.stamp for m, _ in messages["/camera/image/compressed"]]
+    for frame, topic, info_topic in (("depth_optical", DEPTH_TOPIC, "/camera/depth/camera_info"),
+                                     ("side_camera_optical", SIDE_TOPIC, "/side_camera/camera_info")):
+        images, infos = of_topics(messages, topic, info_topic)
+        check(stamps == [m.header.stamp for m in images] == [m.header.stamp for m in infos],
+              "%s and its camera_info have the images' stamps" % topic)
+        check({m.header.frame_id for m in images + infos} == {frame}, "frame " + frame)
+        shape = (infos[0].height, infos[0].width)
+        sizes = {decoded(m).shape[:2] if topic == SIDE_TOPIC else (m.height, m.width) for m in images}
+        check(sizes == {shape}, "%d x %d, f = %.0f px" % (*shape[::-1], infos[0].K[0]))
+    parents = {"camera_optical": "room", "side_camera_optical": "room", "depth_optical": "camera_optical"}
+    check({topic[3:] for topic in messages if topic.startswith("to ")} == {*parents, "ground_truth_object"},
+          "TF has the cameras' places and the truth, and nothing else")
+    places = {}
+    for child, parent in parents.items():
+        transforms = messages["to " + child]
+        check([m.header.stamp for m, _ in transforms] == stamps and all(r <= m.header.stamp for m, r in transforms)
+              and {m.header.frame_id for m, _ in transforms} == {parent}, "TF %s -> %s at each stamp" % (parent, child))
+        places[child] = [transform_matrix(m.transform) for m, _ in transforms]
+    for child in ("side_camera_optical", "depth_optical"):
+        check(np.ptp(places[child], axis=0).max() == 0, child + " stands still")
+    return places
+
+
+def transform_matrix(transform):
+    return matrix(Pose(transform.translation, transform.rotation))
+
+
+def front_m(points_O, T_D_O, camera, shape):
+    """Depth of the nearest voxel in each pixel [m]; infinite where there is none."""
+    depth = np.full(shape, np.inf)
+    u, v = np.round(project(points_O, T_D_O, *camera)).astype(int).T
+    inside = (u >= 0) & (v >= 0) & (u < shape[1]) & (v < shape[0])
+    np.minimum.at(depth, (v[inside], u[inside]), (points_O[inside] @ T_D_O[2, :3] + T_D_O[2, 3]))
+    return depth
+
+
+def check_depth(messages, places, poses, hull):
+    """Depth against the hull at the true poses. A hull fills hollows: there, the object is farther away."""
+    info = messages["/camera/depth/camera_info"][0][0]
+    images, = of_topics(messages, DEPTH_TOPIC)
+    check({(m.encoding, m.step, m.is_bigendian) for m in images} == {("16UC1", 2 * info.width, 0)},
+          "depth is 16UC1, in millimetres")
+    shape, camera = (info.height, info.width), camera_of(info)
+    holes, offsets_m, agreements, beside = [], [], [], []
+    for message, T_C_D, T_C_O in zip(images, places["depth_optical"], poses):
+        measured_m = np.frombuffer(message.data, "<u2").reshape(shape) / 1000
+        holes.append((measured_m == 0).mean())
+        for T_D_O, shares in ((np.linalg.inv(T_C_D) @ T_C_O, agreements), (T_C_O, beside)):
+            front = front_m(hull, T_D_O, camera, shape) - VOXEL_M / 2
+            on_object = np.isfinite(front) & (measured_m > 0)
+            off_m = measured_m[on_object] - front[on_object]
+            shares.append((abs(off_m) < 0.01).mean())
+            if shares is agreements:
+                offsets_m.append(np.median(off_m))
+    check(0.08 < min(holes) and max(holes) < 0.25, "holes: %.0f..%.0f %%" % (100 * min(holes), 100 * max(holes)))
+    offset_mm = 1000 * np.median(offsets_m)
+    check(abs(offset_mm) < 2.5, "depth of the object against the hull: %+.1f mm" % offset_mm)
+    check(np.mean(agreements) > 0.6 and np.mean(agreements) > np.mean(beside) + 0.02,
+          "%.0f %% of its pixels within 10 mm; from the colour camera's place %.0f %%"
+          % (100 * np.mean(agreements), 100 * np.mean(beside)))
+
+
+def check_side_camera(messages, places, poses, hull, mask):
+    """The side camera's mask against the hull at the true poses, by the places that TF tells."""
+    camera = camera_of(messages["/side_camera/camera_info"][0][0])
+    ious, shifts, angles_deg = [], [], []
+    for T_R_S, T_R_C, T_C_O in zip(places["side_camera_optical"], places["camera_optical"], poses):
+        T_S_C = np.linalg.inv(T_R_S) @ T_R_C
+        guess = silhouette(hull, T_S_C @ T_C_O, camera, mask.shape)
+        ious.append(overlap(mask > 0, guess))
+        shifts.append(centre_of(guess) - centre_of(mask))
+        views_O = [np.linalg.inv(T)[:3, 2] for T in (T_C_O, T_S_C @ T_C_O)]
+        angles_deg.append(np.degrees(np.arccos(views_O[0] @ views_O[1])))
+    shift = np.mean(shifts, axis=0)
+    check(set(np.unique(mask)) == {0, 255}, "the side camera sees the whole object")
+    check(min(ious) > 0.92, "its mask against the hull: IoU %.3f at least" % min(ious))
+    check(np.abs(shift).max() < SHIFT_PX, "mean displacement %+.2f, %+.2f px" % tuple(shift))
+    check(55 < min(angles_deg) and max(angles_deg) < 100, "it looks from %.0f..%.0f deg aside"
+          % (min(angles_deg), max(angles_deg)))
+
+
 def check_bag(path, sequence_folder, model, hull):
-    camera, shape, poses, start = check_messages(path)
+    messages = read_bag(path)
+    camera, shape, poses, start = check_messages(messages)
     check_motion(poses, start, model)
     check_silhouettes(sequence_folder, camera, shape, poses, start, hull)
+    places = check_companions(messages)
+    check_depth(messages, places, poses, hull)
+    side_mask = cv2.imread(os.path.join(sequence_folder, "side_mask.png"), cv2.IMREAD_GRAYSCALE)
+    check_side_camera(messages, places, poses, hull, side_mask)
 
 
 def main():
@@ -228,7 +343,7 @@ def main():
     model, hull = check_views(os.path.join(folder, "data", "toy_kiosk"))
     check_bag(os.path.join(folder, "toy_kiosk.bag"), os.path.join(folder, "data", "toy_kiosk_sequence"), model, hull)
     files = [f for f in glob.glob(os.path.join(folder, "**"), recursive=True) if os.path.isfile(f)]
-    check(max(map(os.path.getsize, files)) < 4 * MIB, "no file of 4 MiB or more")
+    check(max(map(os.path.getsize, files)) < MAX_BAG_MIB * MIB, "no file of %d MiB or more" % MAX_BAG_MIB)
     sys.exit("%d checks failed" % failures if failures else 0)
 
 

@@ -1,11 +1,13 @@
 #!/usr/bin/python3
 # Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-"""Packs a rendered sequence into a ROS bag, or takes the truth out of such a bag.
+"""Packs a rendered sequence into a ROS bag, adds further cameras, or takes the truth out of such a bag.
 
     make_bag.py pack SEQUENCE_DIR --object object.json --out demo.bag
+    make_bag.py add IN.bag COMPANIONS_DIR OUT.bag
     make_bag.py strip IN.bag OUT.bag
 
-T_A_B takes points from frame B to frame A. C: camera_optical (x right, y down, z forward), O: the object.
+T_A_B takes points from frame B to frame A. C: camera_optical (x right, y down, z forward), O: the object, R: room,
+D: depth_optical, S: side_camera_optical.
 """
 import argparse
 import json
@@ -17,18 +19,29 @@ import numpy as np
 import rosbag
 import rospy
 from geometry_msgs.msg import PoseStamped, TransformStamped
-from sensor_msgs.msg import CameraInfo, CompressedImage
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from tf2_msgs.msg import TFMessage
 
+from depth_sensor import measured_mm
+
 CAMERA_FRAME = "camera_optical"
+DEPTH_FRAME = "depth_optical"
+SIDE_FRAME = "side_camera_optical"
+ROOM_FRAME = "room"
 TRUTH_FRAME = "ground_truth_object"
 IMAGE_TOPIC = "/camera/image/compressed"
 INFO_TOPIC = "/camera/camera_info"
+DEPTH_TOPIC = "/camera/depth/image"
+DEPTH_INFO_TOPIC = "/camera/depth/camera_info"
+SIDE_TOPIC = "/side_camera/image/compressed"
+SIDE_INFO_TOPIC = "/side_camera/camera_info"
 START_TOPIC = "/initial_pose"
 TRUTH_TOPIC = "/ground_truth/object_pose"
-TRUTH_TOPICS = (TRUTH_TOPIC, "/tf")
+TF_TOPIC = "/tf"
+TRUTH = "%s and the frame %s" % (TRUTH_TOPIC, TRUTH_FRAME)
 FIRST_STAMP_S = 1700000000
 START_LEAD_S = 0.01  # the initial pose is recorded this long before the image that it belongs to
+PLACE_LEAD_S = 0.005  # and so are the cameras' places
 
 
 def rotation(axis_angle):
@@ -64,27 +77,28 @@ def stamped(message, stamp, frame=CAMERA_FRAME):
     return message
 
 
-def pose_message(T_C_O, stamp):
-    message = stamped(PoseStamped(), stamp)
+def pose_message(T_C_O, stamp, frame=CAMERA_FRAME):
+    message = stamped(PoseStamped(), stamp, frame)
     position, orientation = message.pose.position, message.pose.orientation
     position.x, position.y, position.z = (float(v) for v in T_C_O[:3, 3])
     orientation.x, orientation.y, orientation.z, orientation.w = (float(v) for v in quaternion(T_C_O[:3, :3]))
     return message
 
 
-def transform_message(pose):
-    transform = stamped(TransformStamped(), pose.header.stamp)
-    transform.child_frame_id = TRUTH_FRAME
-    transform.transform.rotation = pose.pose.orientation
-    translation, position = transform.transform.translation, pose.pose.position
+def transform(pose, child):
+    """@param pose a PoseStamped in the parent frame"""
+    message = stamped(TransformStamped(), pose.header.stamp, pose.header.frame_id)
+    message.child_frame_id = child
+    message.transform.rotation = pose.pose.orientation
+    translation, position = message.transform.translation, pose.pose.position
     translation.x, translation.y, translation.z = position.x, position.y, position.z
-    return TFMessage([transform])
+    return message
 
 
-def info_message(sequence, stamp):
-    fx, fy, cx, cy = (sequence[k] for k in ("fx", "fy", "cx", "cy"))
-    message = stamped(CameraInfo(), stamp)
-    message.width, message.height = sequence["width"], sequence["height"]
+def info_message(camera, stamp, frame=CAMERA_FRAME):
+    fx, fy, cx, cy = (camera[k] for k in ("fx", "fy", "cx", "cy"))
+    message = stamped(CameraInfo(), stamp, frame)
+    message.width, message.height = camera["width"], camera["height"]
     message.distortion_model, message.D = "plumb_bob", [0.0] * 5
     message.K = [fx, 0, cx, 0, fy, cy, 0, 0, 1]
     message.R = [1, 0, 0, 0, 1, 0, 0, 0, 1]
@@ -92,15 +106,30 @@ def info_message(sequence, stamp):
     return message
 
 
-def image_message(path, stamp, quality):
+def image_message(path, stamp, quality, frame=CAMERA_FRAME):
     picture = cv2.imread(path)
     if picture is None:
         sys.exit("make_bag: cannot read %s" % path)
-    message = stamped(CompressedImage(), stamp)
+    message = stamped(CompressedImage(), stamp, frame)
     message.format = "bgr8; jpeg compressed bgr8"
     options = [cv2.IMWRITE_JPEG_QUALITY, quality, cv2.IMWRITE_JPEG_OPTIMIZE, 1]
     message.data = cv2.imencode(".jpg", picture, options)[1].tobytes()
     return message
+
+
+def depth_message(depth_mm, stamp):
+    message = stamped(Image(), stamp, DEPTH_FRAME)
+    message.height, message.width = depth_mm.shape
+    message.encoding, message.step = "16UC1", 2 * message.width
+    message.data = depth_mm.astype("<u2").tobytes()
+    return message
+
+
+def place_message(companions, T_R_C, stamp):
+    """Where the cameras stand: those that stand still as well, at each stamp, so that no listener comes too late."""
+    places = ((ROOM_FRAME, CAMERA_FRAME, T_R_C), (ROOM_FRAME, SIDE_FRAME, companions["side"]["T_R_S"]),
+              (CAMERA_FRAME, DEPTH_FRAME, companions["depth"]["T_C_D"]))
+    return TFMessage([transform(pose_message(np.array(T), stamp, parent), child) for parent, child, T in places])
 
 
 def pack(args):
@@ -122,14 +151,47 @@ def pack(args):
             if not args.without_truth:
                 truth = pose_message(T_C_O, stamp)
                 bag.write(TRUTH_TOPIC, truth, stamp)
-                bag.write("/tf", transform_message(truth), stamp)
+                bag.write(TF_TOPIC, TFMessage([transform(truth, TRUTH_FRAME)]), stamp)
     print("%s: %d frames, %.2f MiB" % (args.out, len(sequence["frames"]), os.path.getsize(args.out) / 2**20))
+
+
+def write_companions(bag, args, companions, frame, stamp):
+    depth, side, name = companions["depth"], companions["side"], "%03d" % frame["index"]
+    exact_m = np.load(os.path.join(args.companions, "depth_" + name + ".npy"))
+    picture = os.path.join(args.companions, "side_" + name + ".png")
+    bag.write(TF_TOPIC, place_message(companions, frame["T_R_C"], stamp), stamp - rospy.Duration.from_sec(PLACE_LEAD_S))
+    bag.write(DEPTH_INFO_TOPIC, info_message(depth, stamp, DEPTH_FRAME), stamp)
+    # Depth alone is worth compressing; a chunk of its own costs those nothing who play the images only.
+    bag.compression = "bz2"
+    bag.write(DEPTH_TOPIC, depth_message(measured_mm(exact_m, depth["fx"], frame["index"]), stamp), stamp)
+    bag.compression = "none"
+    bag.write(SIDE_INFO_TOPIC, info_message(side, stamp, SIDE_FRAME), stamp)
+    bag.write(SIDE_TOPIC, image_message(picture, stamp, args.quality, SIDE_FRAME), stamp)
+
+
+def add(args):
+    """What is in the bag stays as it is, byte by byte."""
+    with open(os.path.join(args.companions, "companions.json")) as file:
+        companions = json.load(file)
+    frames = iter(companions["frames"])
+    with rosbag.Bag(args.bag) as alone, rosbag.Bag(args.out, "w") as bag:
+        if alone.get_message_count(INFO_TOPIC) != len(companions["frames"]):
+            sys.exit("make_bag: %s has not the images that %s belongs to" % (args.bag, args.companions))
+        for topic, message, stamp in alone.read_messages(raw=True):
+            if topic == INFO_TOPIC:
+                write_companions(bag, args, companions, next(frames), stamp)
+            bag.write(topic, message, stamp, raw=True)
+    print("%s: %.2f MiB" % (args.out, os.path.getsize(args.out) / 2**20))
 
 
 def strip(args):
     with rosbag.Bag(args.bag) as full, rosbag.Bag(args.out, "w") as bag:
         for topic, message, stamp in full.read_messages():
-            if topic not in TRUTH_TOPICS:
+            if topic == TF_TOPIC:
+                message.transforms = [t for t in message.transforms if t.child_frame_id != TRUTH_FRAME]
+                if not message.transforms:
+                    continue
+            if topic != TRUTH_TOPIC:
                 bag.write(topic, message, stamp)
 
 
@@ -142,9 +204,15 @@ def main():
     packing.add_argument("--out", required=True, help="bag to write")
     packing.add_argument("--quality", type=int, default=89, help="of the JPEGs, 1..100")
     packing.add_argument("--seed", type=int, default=7, help="of the initial pose")
-    packing.add_argument("--without-truth", action="store_true", help="leave out " + " and ".join(TRUTH_TOPICS))
+    packing.add_argument("--without-truth", action="store_true", help="leave out " + TRUTH)
     packing.set_defaults(act=pack)
-    stripping = commands.add_parser("strip", help="copy a bag without " + " and ".join(TRUTH_TOPICS))
+    adding = commands.add_parser("add", help="copy a bag and add depth and the camera from the side")
+    adding.add_argument("bag")
+    adding.add_argument("companions", help="folder that render.py wrote: companions of the same sequence")
+    adding.add_argument("out")
+    adding.add_argument("--quality", type=int, default=89, help="of the JPEGs, 1..100")
+    adding.set_defaults(act=add)
+    stripping = commands.add_parser("strip", help="copy a bag without " + TRUTH)
     stripping.add_argument("bag")
     stripping.add_argument("out")
     stripping.set_defaults(act=strip)
