@@ -320,7 +320,7 @@ def check_side_camera(messages, places, poses, hull, mask):
     check(set(np.unique(mask)) == {0, 255}, "the side camera sees the whole object")
     check(min(ious) > 0.92, "its mask against the hull: IoU %.3f at least" % min(ious))
     check(np.abs(shift).max() < SHIFT_PX, "mean displacement %+.2f, %+.2f px" % tuple(shift))
-    check(55 < min(angles_deg) and max(angles_deg) < 100, "it looks from %.0f..%.0f deg aside"
+    check(60 < min(angles_deg) and max(angles_deg) < 105, "it looks from %.0f..%.0f deg aside"
           % (min(angles_deg), max(angles_deg)))
 
 

@@ -210,7 +210,7 @@ def main():
     adding.add_argument("bag")
     adding.add_argument("companions", help="folder that render.py wrote: companions of the same sequence")
     adding.add_argument("out")
-    adding.add_argument("--quality", type=int, default=89, help="of the JPEGs, 1..100")
+    adding.add_argument("--quality", type=int, default=85, help="of the JPEGs, 1..100")
     adding.set_defaults(act=add)
     stripping = commands.add_parser("strip", help="copy a bag without " + TRUTH)
     stripping.add_argument("bag")

@@ -279,7 +279,7 @@ T_W_R = np.array(Matrix.Translation((-0.75, -0.55, 0.0)))  # the room's frame: a
 
 
 def side_camera(centre_W):
-    """T_W_G of a camera above and behind the table: 60 to 95 degrees from where the moving one looks from."""
+    """T_W_G of a camera above and behind the table: 67 to 101 degrees aside of the moving one."""
     eye = centre_W + around(math.radians(30), math.radians(58), 0.62)
     return looking(eye, centre_W + np.array([0.018, -0.012, 0.006]), roll=math.radians(4))
 
