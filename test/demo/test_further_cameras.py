@@ -1,0 +1,39 @@
+#!/usr/bin/env python3
+# Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+"""demo.launch with depth:=true and side_camera:=true: both take part in the poses of the demo's bag."""
+import os
+import subprocess
+import sys
+import tempfile
+
+import rospy
+import rostest
+
+from nerf_pose_refiner.msg import RefinementStatus
+from stepped_demo import BAG, DEMO, FURTHER_TOPICS, TOPICS, SteppedDemo
+
+FRAMES = 6
+
+
+class FurtherCameras(SteppedDemo):
+    topics = {**TOPICS, **FURTHER_TOPICS}
+
+    def test_depth_and_side_camera_are_used(self):
+        self.register()
+        self.wait_for_listeners()
+        with tempfile.TemporaryDirectory() as folder:
+            stripped = os.path.join(folder, 'without_truth.bag')
+            subprocess.check_call([sys.executable, os.path.join(DEMO, 'make_bag.py'), 'strip', BAG, stripped])
+            stamps = self.play(stripped, FRAMES)
+        with self.changed:
+            statuses = [self.statuses[stamp] for stamp in stamps]
+        for status in statuses[1:]:  # the first is a search
+            self.assertEqual(status.depth, RefinementStatus.DEPTH_USED, status)
+            self.assertEqual(status.cameras, 2, status)
+            self.assertEqual(status.cameras_used.split(), ['/camera/image', '/side_camera/image'])
+            self.assertEqual(status.depth_message + status.cameras_message, '')
+
+
+if __name__ == '__main__':
+    rospy.init_node('test_further_cameras')
+    rostest.rosrun('nerf_pose_refiner', 'test_further_cameras', FurtherCameras)
