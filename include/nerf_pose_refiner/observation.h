@@ -64,7 +64,8 @@ struct SideViewReport {
 struct Observation {
   Image image;  ///< [h][w][3] RGB, sRGB-encoded, 0..1; premultiplied by `alpha` for kKnownAlpha,
                 ///< not premultiplied otherwise
-  /// The image in the original bytes of a camera; replaces `image`, which is then empty.
+  /// The image in the original bytes of a camera; replaces `image`, which is then empty. Both are
+  /// empty where nothing but `depth` shows the object.
   std::shared_ptr<const CameraPixels> pixels;
   Image alpha;   ///< [h][w][1], 0..1, for kKnownAlpha and kMask; empty otherwise
   Image weight;  ///< [h][w][1], 0..1, weight of each pixel (0: the robot's gripper); empty: all 1
@@ -79,6 +80,9 @@ struct Observation {
   Camera camera;
   Background background = Background::kUnknown;
   Eigen::Vector3f background_colour = Eigen::Vector3f::Zero();  ///< for kKnownColour
+
+  /// Whether there is no colour image.
+  bool isDepthAlone() const { return depth && !pixels && image.empty(); }
 
   /// @throws std::invalid_argument naming what is missing, has a wrong size, is not finite or is
   /// out of its range.
@@ -98,5 +102,11 @@ Observation observe(Image8 rgb, const Camera& camera, const Image8& mask = {});
 /// @throws std::invalid_argument if the bytes or the mask do not fit the format or the camera.
 Observation observe(const Image8View& bytes, PixelFormat format, const Camera& camera,
                     std::shared_ptr<const void> owner, const Image8& mask = {});
+
+/// An observation of a depth image alone, where there is no light: poses are those in the depth
+/// camera. It takes neither mask nor side views.
+/// @throws std::invalid_argument for an invalid depth image, or one that is placed in another
+/// camera (DepthImage::T_C_D).
+Observation observe(std::shared_ptr<const DepthImage> depth);
 
 }  // namespace nerf_pose_refiner

@@ -37,4 +37,17 @@ Observation observe(const Image8View& bytes, PixelFormat format, const Camera& c
   return observation;
 }
 
+Observation observe(std::shared_ptr<const DepthImage> depth) {
+  if (!depth) throw std::invalid_argument("observe: there is no depth image");
+  if (!(depth->T_C_D.R.isIdentity() && depth->T_C_D.t.isZero())) {
+    throw std::invalid_argument(
+        "observe: a depth image alone is placed in no other camera (T_C_D)");
+  }
+  Observation observation;
+  observation.camera = depth->camera;
+  observation.depth = std::move(depth);
+  observation.validate();
+  return observation;
+}
+
 }  // namespace nerf_pose_refiner

@@ -4,6 +4,7 @@
 #include "field/field.h"
 #include "nerf_pose_refiner/depth.h"
 #include "refinement/covariance.h"
+#include "refinement/depth_comparison.h"
 #include "refinement/depth_surface.h"
 
 namespace nerf_pose_refiner {
@@ -15,15 +16,6 @@ struct DepthPrior {
   double bias = 0, bias_variance = 0;    ///< of the sensor [model units]
 };
 
-/// How the places of a surface compare with a depth image.
-struct DepthCounts {
-  int facing = 0;    ///< in the depth image and not hidden by the object itself
-  int measured = 0;  ///< of these: have a depth that is not at an edge
-  int agreeing = 0;  ///< of these: ... lies where the pose puts it
-  int nearer = 0;    ///< of these: ... something is before it
-  int farther = 0;   ///< of these: ... is seen through
-};
-
 /// The pose that depth and what is known before agree on.
 struct DepthFit {
   Pose T_O_C;
@@ -32,6 +24,10 @@ struct DepthFit {
   DepthCounts before, counts;   ///< at the prior's pose, at the fit's
   double median_ratio = 1;      ///< measured by expected depth, at the prior's pose
   double squared_distance = 0;  ///< from the prior, in its own deviations
+  /// Logarithm of how much better the pose explains the depth image than anything would, of a depth
+  /// camera that is alone.
+  double evidence = 0;
+  double smooth = 1;  ///< DepthComparison::smoothAgreement at the fit's pose, alike
 };
 
 /// Aligns a surface with a depth image near a prior. Each pixel's error is robust: what lies before
@@ -39,5 +35,12 @@ struct DepthFit {
 /// @param object has a metric scale.
 DepthFit fitDepth(const DepthSurface& surface, const DepthImage& depth, const DepthPrior& prior,
                   const FieldMetadata& object);
+
+/// The same where nothing but depth shows the object: by its surface, and by its outline, beside
+/// which depth falls off. How much farther out the sensor shows that is another unknown.
+/// @param start_T_O_C a pose within the prior to start from.
+DepthFit fitDepthAlone(const DepthSurface& surface, const DepthImage& depth,
+                       const DepthPrior& prior, const FieldMetadata& object,
+                       const Pose& start_T_O_C);
 
 }  // namespace nerf_pose_refiner

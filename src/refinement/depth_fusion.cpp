@@ -13,7 +13,6 @@ namespace {
 constexpr double kImagesAlike = 30;
 constexpr double kMaxGain = 0.1;    // of what a single image says
 constexpr double kMaxLearnt = 0.1;  // of the bias' deviation is left at least
-constexpr int kFewestPlaces = 40;
 constexpr double kMinMeasured = 0.1, kMinAgreeing = 0.6, kMinUncovered = 0.2;
 // Squared distances of six unknowns and the bias: one in a thousand is larger; twice the mean. Of
 // plain objects, colours are less sure of themselves than they say by as much as kModesty.
@@ -27,22 +26,9 @@ std::string text(const char* format, double value) {
   return line;
 }
 
-double fraction(int part, int whole) {
-  return whole > 0 ? static_cast<double>(part) / static_cast<double>(whole) : 0;
-}
-
-DepthReport reportOf(const DepthCounts& counts) {
-  DepthReport report;
-  report.measured = fraction(counts.measured, counts.facing);
-  report.agreeing = fraction(counts.agreeing, counts.measured);
-  report.nearer = fraction(counts.nearer, counts.measured);
-  report.farther = fraction(counts.farther, counts.measured);
-  return report;
-}
-
 /// Of what something nearer does not cover.
 double uncoveredAgreement(const DepthCounts& counts) {
-  return fraction(counts.agreeing, counts.agreeing + counts.farther);
+  return fractionOf(counts.agreeing, counts.agreeing + counts.farther);
 }
 
 /// The covariance that alignment may move a pose by: a free axis of symmetry is not for depth to
@@ -71,7 +57,7 @@ DepthFusion::Bias DepthFusion::biasAt(const DepthNoise& noise, double distance_m
 /// Why depth must not be used; empty: it may.
 std::string DepthFusion::objection(const DepthFit& fit) const {
   const DepthCounts& at_colours = fit.before;
-  if (at_colours.facing < kFewestPlaces) {
+  if (at_colours.facing < kFewestDepthPlaces) {
     return "the depth image does not show the place where the object is";
   }
   const double ratio = fit.median_ratio;
@@ -81,9 +67,10 @@ std::string DepthFusion::objection(const DepthFit& fit) const {
         "wrong (metres or millimetres?)",
         ratio);
   }
-  if (at_colours.measured < std::max<double>(kFewestPlaces, kMinMeasured * at_colours.facing)) {
+  if (at_colours.measured <
+      std::max<double>(kFewestDepthPlaces, kMinMeasured * at_colours.facing)) {
     return text("depth is missing on %.0f %% of the object",
-                100 * (1 - fraction(at_colours.measured, at_colours.facing)));
+                100 * (1 - fractionOf(at_colours.measured, at_colours.facing)));
   }
   if (ratio > kMaxRatio || ratio < 1 / kMaxRatio) {
     return text("depth measures %.2f times the distance that the colour image shows", ratio);
@@ -91,11 +78,11 @@ std::string DepthFusion::objection(const DepthFit& fit) const {
   const DepthCounts& counts = fit.counts;
   if (uncoveredAgreement(counts) < kMinAgreeing) {
     return text("depth sees through %.0f %% of the place where the colour image shows the object",
-                100 * fraction(counts.farther, counts.measured));
+                100 * fractionOf(counts.farther, counts.measured));
   }
-  if (fraction(counts.agreeing, counts.measured) < kMinUncovered) {
+  if (fractionOf(counts.agreeing, counts.measured) < kMinUncovered) {
     return text("something hides %.0f %% of the object from the depth camera",
-                100 * fraction(counts.nearer, counts.measured));
+                100 * fractionOf(counts.nearer, counts.measured));
   }
   if (!(fit.squared_distance < kMaxDistance)) {
     return text("depth shows another pose than the colour image, %.1f standard deviations away",
@@ -132,15 +119,13 @@ bool DepthFusion::lookAt(const std::shared_ptr<const KeyframePoints>& keyframe) 
     keyframe_ = keyframe;
     surface_ = keyframe ? depthSurfaceOf(*keyframe) : DepthSurface();
   }
-  return surface_.places.size() >= static_cast<std::size_t>(kFewestPlaces);
+  return surface_.places.size() >= static_cast<std::size_t>(kFewestDepthPlaces);
 }
 
-std::optional<Pose> DepthFusion::alone(const DepthImage& depth,
-                                       const std::shared_ptr<const KeyframePoints>& keyframe,
-                                       const FieldMetadata& object, const Prior& prior) {
-  if (!(object.metres_per_unit > 0) || !lookAt(keyframe)) return std::nullopt;
+DepthPrior DepthFusion::priorAlone(const DepthNoise& noise, const FieldMetadata& object,
+                                   const Prior& prior) const {
   const double unit_m = object.metres_per_unit;
-  const Bias bias = biasAt(depth.noise, unit_m * (prior.T_O_C.t - object.centre).norm());
+  const Bias bias = biasAt(noise, unit_m * (prior.T_O_C.t - object.centre).norm());
   DepthPrior from;
   from.T_O_C = prior.T_O_C;
   from.covariance.setZero();
@@ -150,11 +135,18 @@ std::optional<Pose> DepthFusion::alone(const DepthImage& depth,
   from.covariance = withoutFreeTurn(from.covariance, object);
   from.bias = bias.mean_m / unit_m;
   from.bias_variance = bias.variance_m2 / (unit_m * unit_m);
-  const DepthFit fit = fitDepth(surface_, depth, from, object);
+  return from;
+}
+
+std::optional<Pose> DepthFusion::alone(const DepthImage& depth,
+                                       const std::shared_ptr<const KeyframePoints>& keyframe,
+                                       const FieldMetadata& object, const Prior& prior) {
+  if (!(object.metres_per_unit > 0) || !lookAt(keyframe)) return std::nullopt;
+  const DepthFit fit = fitDepth(surface_, depth, priorAlone(depth.noise, object, prior), object);
   const DepthCounts& counts = fit.counts;
   const bool is_seen = counts.measured >= kMinMeasured * counts.facing &&
-                       counts.agreeing >= kFewestPlaces &&
-                       fraction(counts.agreeing, counts.measured) > kMinAgreeing;
+                       counts.agreeing >= kFewestDepthPlaces &&
+                       fractionOf(counts.agreeing, counts.measured) > kMinAgreeing;
   if (!is_seen) return std::nullopt;
   return Pose(nearestRotation(fit.T_O_C.R), fit.T_O_C.t);
 }
@@ -189,7 +181,7 @@ double DepthFusion::fuse(const DepthImage& depth,
   report = reportOf(why_not.empty() ? fit.counts : fit.before);
   report.bias_m = bias.mean_m;
   report.bias_dev_m = std::sqrt(bias.variance_m2);
-  if (fit.counts.agreeing >= kFewestPlaces) {
+  if (fit.counts.agreeing >= kFewestDepthPlaces) {
     surprise_ = kSurpriseMemory * surprise_ +
                 (1 - kSurpriseMemory) * std::min(fit.squared_distance, 2 * kMaxDistance);
   }

@@ -26,6 +26,10 @@ class DepthFusion {
   double fuse(const DepthImage& depth, const std::shared_ptr<const KeyframePoints>& keyframe,
               const FieldMetadata& object, Refinement* found);
 
+  /// What is known where depth is alone: the bias as it was learnt so far.
+  DepthPrior priorAlone(const DepthNoise& noise, const FieldMetadata& object,
+                        const Prior& prior) const;
+
   /// Where depth alone puts the object, near a prior that is nearly right. Nothing: it does not
   /// say.
   std::optional<Pose> alone(const DepthImage& depth,

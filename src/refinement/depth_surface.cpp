@@ -10,13 +10,14 @@
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr int kMaxPlaces = 800, kFewestShown = 60;
+constexpr int kFewestShown = 60;
 constexpr double kMinFacing = 0.25;  // cosine to the line of sight
 
 class SurfaceMaker {
  public:
-  explicit SurfaceMaker(const KeyframePoints& keyframe)
-      : level_(keyframe.levels.front()),
+  SurfaceMaker(const KeyframePoints& keyframe, int max_places)
+      : max_places_(max_places),
+        level_(keyframe.levels.front()),
         at_(static_cast<std::size_t>(level_.width) * level_.height, -1),
         eye_(plainVector(keyframe.T_O_C.t - keyframe.centre)) {
     const int none = level_.width * level_.height;
@@ -29,7 +30,7 @@ class SurfaceMaker {
     const auto known = std::count_if(at_.begin(), at_.end(), [](int i) { return i >= 0; });
     if (known < kFewestShown) return {};
     const int stride =
-        static_cast<int>(std::ceil(std::sqrt(static_cast<double>(known) / kMaxPlaces)));
+        static_cast<int>(std::ceil(std::sqrt(static_cast<double>(known) / max_places_)));
     double width = 0;
     for (int y = 1; y + 1 < level_.height; y += stride) {
       for (int x = 1; x + 1 < level_.width; x += stride) width += add(x, y);
@@ -41,6 +42,7 @@ class SurfaceMaker {
     surface_.shown_spacing = level_.spacing;
     surface_.shown_px = cell / level_.spacing;
     surface_.tiles = tilesAcross() * (level_.height * level_.spacing / kTileSide + 1);
+    addOutline();
     return std::move(surface_);
   }
 
@@ -76,6 +78,20 @@ class SurfaceMaker {
     return norm(right - dot(right, sight) * sight) / kSteps;
   }
 
+  void addOutline() {
+    const std::vector<std::int32_t>& begins = level_.outline_tiles;
+    std::size_t tile = 0;
+    for (std::size_t i = 0; i < level_.outline.size(); ++i) {
+      while (tile + 2 < begins.size() && static_cast<std::size_t>(begins[tile + 1]) <= i) ++tile;
+      const OutlinePoint& at = level_.outline[i];
+      surface_.outline.push_back({plainVector(at.point.cast<double>().eval()),
+                                  plainVector(at.normal.cast<double>().eval())});
+      surface_.outline_tile.push_back(surface_.tiles + static_cast<std::int32_t>(tile));
+    }
+    surface_.tiles += static_cast<int>(tile) + 1;
+  }
+
+  const int max_places_;
   const KeyframeLevel& level_;
   std::vector<int> at_;  // of each cell: its place among the shown points; -1: none
   Vec3<double> eye_;     // relative to the object's centre
@@ -84,8 +100,8 @@ class SurfaceMaker {
 
 }  // namespace
 
-DepthSurface depthSurfaceOf(const KeyframePoints& keyframe) {
-  return SurfaceMaker(keyframe).make();
+DepthSurface depthSurfaceOf(const KeyframePoints& keyframe, int max_places) {
+  return SurfaceMaker(keyframe, max_places).make();
 }
 
 }  // namespace nerf_pose_refiner

@@ -6,6 +6,7 @@
 
 #include "backend/keyframe_points.h"
 #include "math/depth_residual.h"
+#include "refinement/depth_outline.h"
 
 namespace nerf_pose_refiner {
 
@@ -19,10 +20,12 @@ struct DepthSurface {
   const PointColumns* shown = nullptr;  ///< all that the level shows, for what it hides itself
   int shown_spacing = 1;                ///< of these [px of the level]
   double shown_px = 0;                  ///< side of a pixel of the level [model units]
+  std::vector<OutlineEdge> outline;
+  std::vector<std::int32_t> outline_tile;  ///< of each; none of the places'
 };
 
 /// The surface at a keyframe's finest level, which must outlive it. Empty where too little of it
-/// faces the camera.
-DepthSurface depthSurfaceOf(const KeyframePoints& keyframe);
+/// faces the camera. @param max_places about so many places, at most.
+DepthSurface depthSurfaceOf(const KeyframePoints& keyframe, int max_places = 800);
 
 }  // namespace nerf_pose_refiner

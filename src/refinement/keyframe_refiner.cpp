@@ -93,9 +93,10 @@ void KeyframeRefiner::adaptTo(const Observation& observation) {
 
 Refinement KeyframeRefiner::follow(const TimedObservation& image, const Prior& prior,
                                    const CancellationToken& cancellation) {
+  const Expectation near = {prior, track_odds_};
+  if (image.observation.isDepthAlone()) return followByDepth(image, near, cancellation);
   const Camera& camera = image.observation.camera;
   adaptTo(image.observation);
-  const Expectation near = {prior, track_odds_};
   Refinement result = refine(
       image, near,
       [&]() -> HypothesisTable {
@@ -118,9 +119,10 @@ Refinement KeyframeRefiner::find(const TimedObservation& image, const Prior& pri
                                  const CancellationToken& cancellation,
                                  const std::vector<Pose>& candidates_T_O_C) {
   constexpr std::size_t kRendered = 2;  // of the candidates
+  const Expectation hint = {prior, kHintOdds};
+  if (image.observation.isDepthAlone()) return findByDepth(image, hint, cancellation);
   const Camera& camera = image.observation.camera;
   adaptTo(image.observation);
-  const Expectation hint = {prior, kHintOdds};
   Refinement result = refine(
       image, hint,
       [&]() -> HypothesisTable {
@@ -293,15 +295,20 @@ void KeyframeRefiner::judge(const Expectation& expected, const CancellationToken
   }
   const double by_image = scoreProbability(best.score, scores_);
   const double odds = priorOdds(found->T_O_C, expected.prior, object);
-  constexpr double kWithin = 1.75;  // half widths: to the corner of what is uniform along each axis
-  const bool is_there = distanceFromPrior(found->T_O_C, expected.prior, object) <= kWithin;
+  const bool is_there = distanceFromPrior(found->T_O_C, expected.prior, object) <= kWithinPrior;
   found->found_probability = withOdds(by_image, is_there ? expected.odds : odds);
+}
+
+void KeyframeRefiner::holdTrack(const Refinement& found) {
+  const bool is_found = found.outcome == Outcome::kRefined;
+  holdTrack(found, is_found ? scoreProbability(found.hypotheses.front().score, scores_) : 0);
 }
 
 /// A pose that is certain by its image alone is worth kTrackOdds in the images after it. Each that
 /// is rather wrong by its image alone takes a little of that: images of a sequence are alike, so
 /// their scores are no independent evidence.
-void KeyframeRefiner::holdTrack(const Refinement& found) {
+/// @param probability that the image alone gives what was found.
+void KeyframeRefiner::holdTrack(const Refinement& found, double probability) {
   constexpr double kCertain = 0.9, kEven = 0.5, kKept = 0.97;
   const bool is_found = found.outcome == Outcome::kRefined;
   const double told = is_found ? found.unmistaken.value_or(1) : 0;
@@ -309,7 +316,7 @@ void KeyframeRefiner::holdTrack(const Refinement& found) {
     track_odds_ = 1;
     return;
   }
-  const double by_image = told * scoreProbability(found.hypotheses.front().score, scores_);
+  const double by_image = told * probability;
   if (by_image >= kCertain) track_odds_ = kTrackOdds;
   if (by_image < kEven) track_odds_ = std::max(1.0, kKept * track_odds_);
 }

@@ -11,6 +11,7 @@
 #include "backend/backend.h"
 #include "backend/loaded_field.h"
 #include "refinement/depth_fusion.h"
+#include "refinement/depth_search.h"
 #include "refinement/field_refiner.h"
 #include "refinement/keyframe_search.h"
 #include "refinement/look_alike_watch.h"
@@ -77,6 +78,13 @@ class KeyframeRefiner {
   Refinement refine(const TimedObservation& image, const Expectation& expected,
                     const std::function<HypothesisTable()>& search,
                     const CancellationToken& cancellation);
+  Refinement refineByDepth(const TimedObservation& image, const Expectation& expected,
+                           const std::function<std::vector<DepthFit>()>& search);
+  Refinement findByDepth(const TimedObservation& image, const Expectation& hint,
+                         const CancellationToken& cancellation);
+  Refinement followByDepth(const TimedObservation& image, const Expectation& near,
+                           const CancellationToken& cancellation);
+  Refinement concludeByDepth(const std::vector<DepthFit>& fits, const Expectation& expected);
   void considerDepth(const Observation& observation, Refinement* found);
   std::optional<Observation> withoutOccluders(const Observation& observation, const Prior& near);
   void startFromDepth(const TimedObservation& image, const Expectation& expected,
@@ -100,6 +108,7 @@ class KeyframeRefiner {
                           const CancellationToken& cancellation);
   bool isSure(const HypothesisTable& found, double odds) const;
   void holdTrack(const Refinement& found);
+  void holdTrack(const Refinement& found, double by_image);
   Refinement conclude(const HypothesisTable& found, const Prior& prior) const;
   void judge(const Expectation& expected, const CancellationToken& cancellation, Refinement* found);
   void rate(Refinement* found) const;
@@ -116,6 +125,7 @@ class KeyframeRefiner {
   bool was_sure_ = true;                 // that image is the last one
   double track_odds_ = 1;                // that what is followed is there, beside the image
   DepthFusion depth_;
+  std::optional<DepthSearch> depth_search_;  // nothing: no image had depth alone yet
   std::optional<SideViews> side_views_;
   std::int64_t due_ns_ = 0;  // stamp from which on the keyframe under way is used
   std::optional<std::pair<std::int64_t, Pose>> last_;  // stamp and pose that were found last

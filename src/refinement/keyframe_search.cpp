@@ -6,12 +6,11 @@
 #include <numeric>
 
 #include "math/angle.h"
-#include "math/random.h"
+#include "refinement/start_poses.h"
 
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr std::uint64_t kSeed = 1;
 constexpr double kWindowMargin = 0.2;  // around the object [diameters]
 constexpr double kAnyScale = 1e3;      // small views are compared at the image's own levels
 
@@ -19,37 +18,6 @@ bool isBetter(const Hypothesis& a, const Hypothesis& b) {
   const bool a_lives = a.state == HypothesisState::kLive;
   const bool b_lives = b.state == HypothesisState::kLive;
   return a_lives != b_lives ? a_lives : a.loss < b.loss;
-}
-
-// Poses around a prior, itself first.
-std::vector<Pose> posesAround(const Prior& prior, const FieldMetadata& object, double spread,
-                              int count) {
-  std::vector<Pose> poses = {prior.T_O_C};
-  for (int i = 1; i < count; ++i) {
-    Eigen::Vector3d turn, shift;
-    for (int a = 0; a < 3; ++a) {
-      const auto drawn = [i](std::uint64_t axis) {
-        return 2.0 * randomUniform(kSeed, axis, static_cast<std::uint64_t>(i)) - 1;
-      };
-      turn[a] = spread * prior.rotation_rad * drawn(a);
-      shift[a] = spread * prior.translation * object.diameter * drawn(3 + a);
-    }
-    const Eigen::Matrix3d R = expSO3(turn);
-    poses.emplace_back(nearestRotation(R * prior.T_O_C.R),
-                       object.centre + shift + R * (prior.T_O_C.t - object.centre));
-  }
-  return poses;
-}
-
-bool areNearlyTheSame(const Pose& a_T_O_C, const Pose& b_T_O_C, const FieldMetadata& object) {
-  constexpr double kSameRotation = 0.03, kSameOffset = 0.03;  // [rad], [diameters]
-  constexpr double kRounding = 1e-5;
-  // The trace, 1 + 2 cos(angle), tells most pairs apart, for far less than their twist takes.
-  constexpr double kLeastTrace = 3 - kSameRotation * kSameRotation - kRounding;
-  if (a_T_O_C.R.cwiseProduct(b_T_O_C.R).sum() < kLeastTrace) return false;
-  const Vector6 away = cameraTwist(a_T_O_C, b_T_O_C, object.centre);
-  return away.tail<3>().norm() < kSameRotation &&
-         away.head<3>().norm() < kSameOffset * object.diameter;
 }
 
 // The best, without those that are nearly the same.

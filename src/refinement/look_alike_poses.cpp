@@ -3,10 +3,29 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "math/angle.h"
 
 namespace nerf_pose_refiner {
+
+LookAlikes beyondSymmetries(LookAlikes look_alikes, const Symmetries& symmetries) {
+  constexpr double kSame_rad = 5 * kDegree;  // an axis that was found is not exact
+  const std::optional<SymmetryAxis>& told = symmetries.axis();
+  if (told && look_alikes.axis) {
+    const Eigen::Vector3d& found = look_alikes.axis->direction;
+    const double apart =
+        std::atan2(told->direction.cross(found).norm(), std::abs(told->direction.dot(found)));
+    if (apart < kSame_rad) look_alikes.axis.reset();
+  }
+  std::vector<Pose>& motions = look_alikes.motions;
+  const auto is_told = [&](const Pose& motion) {
+    return rotationDistance(nearestEquivalent(motion, Pose(), symmetries).R,
+                            Eigen::Matrix3d::Identity()) < kSame_rad;
+  };
+  motions.erase(std::remove_if(motions.begin(), motions.end(), is_told), motions.end());
+  return look_alikes;
+}
 
 double noiseOf(const FieldMetadata& object) {
   constexpr double kMin = 0.02;

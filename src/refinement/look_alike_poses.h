@@ -8,6 +8,10 @@
 
 namespace nerf_pose_refiner {
 
+/// What an object may be taken for beside what its symmetries, which may have been told after it
+/// was registered, allow anyway.
+LookAlikes beyondSymmetries(LookAlikes look_alikes, const Symmetries& symmetries);
+
 /// Size of renderings that are compared with images, @see PoseEvidence [px a diameter].
 constexpr int kEvidence_px = 80;
 

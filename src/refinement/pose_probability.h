@@ -27,6 +27,9 @@ double scoreOfOdds(double odds, const KeyframeScores& scores);
 /// A pose that scores less explains the image hardly better than wrong ones do.
 double doubtfulScore(const KeyframeScores& scores);
 
+/// To the corner of what is uniform along each axis [half widths of a prior].
+inline constexpr double kWithinPrior = 1.75;
+
 /// How far a pose is from a prior, in half widths of it (or of the least width that a prior has).
 double distanceFromPrior(const Pose& T_O_C, const Prior& prior, const FieldMetadata& object);
 

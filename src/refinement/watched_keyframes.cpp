@@ -1,5 +1,6 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include "refinement/keyframe_refiner.h"
+#include "refinement/look_alike_poses.h"
 #include "refinement/pose_probability.h"
 #include "refinement/steady_pose.h"
 
@@ -10,7 +11,7 @@ namespace nerf_pose_refiner {
 
 void KeyframeRefiner::use(const LookAlikes& look_alikes) {
   if (watch_) watch_->giveTestUp(&*renderer_);
-  look_alikes_ = look_alikes;
+  look_alikes_ = beyondSymmetries(look_alikes, field_->field().metadata.symmetries);
   watch_.reset();
   if (look_alikes_.any()) watch_.emplace(field_, look_alikes_);
 }

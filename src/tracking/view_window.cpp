@@ -49,7 +49,7 @@ double ViewWindow::angleBetween(const Pose& T_W_A, const Pose& T_W_B) const {
 }
 
 void ViewWindow::addTo(std::int64_t stamp_ns, Observation* observation) {
-  if (settings_.views == 0 || !observation->T_W_C) return;
+  if (settings_.views == 0 || !observation->T_W_C || observation->isDepthAlone()) return;
   const Pose& T_W_C = *observation->T_W_C;
   noteMotion(stamp_ns, T_W_C);
   if (!centre_W_) return;
@@ -68,7 +68,7 @@ void ViewWindow::addTo(std::int64_t stamp_ns, Observation* observation) {
 
 void ViewWindow::learn(const Observation& observation, std::int64_t stamp_ns,
                        const FieldMetadata& object, const Refinement& found) {
-  if (settings_.views == 0 || !observation.T_W_C) return;
+  if (settings_.views == 0 || !observation.T_W_C || observation.isDepthAlone()) return;
   bool compared = false, used = false;
   for (std::size_t i = 0; i < found.side_views.size() && i < observation.side_views.size(); ++i) {
     if (!isPast(observation.side_views[i])) continue;

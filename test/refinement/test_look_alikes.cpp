@@ -33,6 +33,26 @@ Pose turned(const Pose& T_O_C, double deg) {
   return turnAbout(SymmetryAxis(), deg * kDegree) * T_O_C;
 }
 
+TEST(LookAlikes, WhatSymmetriesSayIsNoMistake) {
+  LookAlikes known = turnsAboutZ();
+  known.axis->direction = expSO3(Eigen::Vector3d(0.03, 0, 0)) * Eigen::Vector3d(0, 0, -1);
+  const Pose flip(expSO3(Eigen::Vector3d(M_PI, 0, 0)), Eigen::Vector3d::Zero());
+  const Pose lean(expSO3(Eigen::Vector3d(0.5 * M_PI, 0, 0)), Eigen::Vector3d::Zero());
+  known.motions = {flip, lean};
+  const LookAlikes none_told = beyondSymmetries(known, {});
+  EXPECT_TRUE(none_told.axis);
+  EXPECT_EQ(none_told.motions.size(), 2u);
+  const LookAlikes axis_told = beyondSymmetries(known, Symmetries(SymmetryAxis(), {}));
+  EXPECT_FALSE(axis_told.axis);
+  EXPECT_EQ(axis_told.motions.size(), 2u);
+  const LookAlikes all_told = beyondSymmetries(known, Symmetries(SymmetryAxis(), {flip}));
+  EXPECT_FALSE(all_told.axis);
+  ASSERT_EQ(all_told.motions.size(), 1u);
+  EXPECT_EQ(all_told.motions.front().R, lean.R);
+  const SymmetryAxis other = {Eigen::Vector3d::UnitX(), Eigen::Vector3d::Zero()};
+  EXPECT_TRUE(beyondSymmetries(known, Symmetries(other, {})).axis);
+}
+
 /// A bottle that only its label tells how far it is turned.
 class LabelledBottle : public testing::Test {
  protected:

@@ -76,7 +76,12 @@ void validateSideView(const SideView& view) {
 
 void Observation::validate() const {
   camera.validate();
-  if (pixels == nullptr) {
+  if (isDepthAlone()) {
+    if (background != Background::kUnknown || !side_views.empty()) {
+      throw std::invalid_argument(
+          "Observation: depth alone takes neither a background nor side views");
+    }
+  } else if (pixels == nullptr) {
     requireImage("image", image, camera, 3);
   } else if (!image.empty()) {
     throw std::invalid_argument("Observation has an image and pixels: one of them must be empty");
