@@ -1,13 +1,15 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 //
 // Tracks an object through recordings (recordings/README.md) twice, by colours alone and with
-// depth. The depth is that of the recording's mesh, as a stereo camera beside the colour camera
-// measures it: errors that go together over windows, shadows beside edges, holes, steps. Poses
-// count as in recorded_tracking: within 5 degrees and 5 % of the diameter, else the tracker is told
-// the true one.
+// depth; or, with --alone, once by depth alone, for which the recordings need no images. The depth
+// is that of the recording's mesh, as a stereo camera beside the colour camera measures it: errors
+// that go together over windows, shadows beside edges, holes, steps. Poses count as in
+// recorded_tracking: within 5 degrees and 5 % of the diameter, else the tracker is told the true
+// one.
 
 #include <CLI/CLI.hpp>
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
@@ -41,9 +43,13 @@ struct Options {
   BackendChoice backend;
   int every = 1, frames = 1 << 20;
   std::string fault = "none";
+  bool alone = false;
+  int first_poses = 0;  // of a frame; 0: the recording is tracked
+  std::string shown;    // mesh that stands in the object's place; empty: the object's own
   StereoSensor sensor;
   double beside_m = 0.015;
   double cover = 0;
+  bool table = false;
   bool verbose = false;
 };
 
@@ -72,40 +78,54 @@ struct Tally {
   }
 };
 
+/// What the tracker is shown.
+enum class Shown { kColours, kColoursAndDepth, kDepth };
+
 /// Tracks one recording.
 class DepthTracking {
  public:
-  DepthTracking(const Options& options, const std::string& folder, bool with_depth)
+  DepthTracking(const Options& options, const std::string& folder, Shown shown)
       : options_(options),
-        with_depth_(with_depth),
+        shown_(shown),
+        beside_m_(shown == Shown::kDepth ? 0 : options.beside_m),
         sequence_(readSequence(folder)),
-        mesh_(readMesh(folder + "/object.obj")),
-        field_(fieldWithScale(options.model)),
+        mesh_(readMesh(options.shown.empty() ? folder + "/object.obj" : options.shown)),
+        on_table_(onTable(mesh_)),
+        field_(fieldFor(options.model)),
         frame_(ObjectFrame::inMetres(field_->metadata)),
         tracker_(std::make_shared<SharedBackend>(makeBackend(options.backend)), field_,
                  settingsFromFile()) {}
 
   void run(Tally* tally) {
-    tellPose(0);
+    if (options_.first_poses == 0) tellPose(0);
     int done = 0;
     for (std::size_t i = 0; i < sequence_.frames.size() && done < options_.frames;
          i += options_.every, ++done) {
       const Observation observation = observationOf(i);
-      const auto begin = std::chrono::steady_clock::now();
-      const TrackOutcome outcome = tracker_.track(
-          {{"camera", sequence_.frames[i].stamp_ns}, [&](bool) { return observation; }});
-      const std::chrono::duration<double, std::milli> spent =
-          std::chrono::steady_clock::now() - begin;
-      tally->milliseconds.push_back(spent.count());
-      judge(i, outcome, tally);
+      if (options_.first_poses == 0) judge(i, track(i, observation, tally), tally);
+      for (int k = 0; k < options_.first_poses; ++k) {
+        tellHint(i);
+        ++untracked_;  // an image of the same stamp would be left alone
+        judge(i, track(i, observation, tally), tally);
+      }
     }
   }
 
  private:
-  static std::shared_ptr<const Field> fieldWithScale(const std::string& model) {
+  /// Depth does not show the label: the bottle is told to be symmetric where depth is alone.
+  std::shared_ptr<const Field> fieldFor(const std::string& model) const {
     auto field = std::make_shared<Field>(loadField(model));
-    if (!(field->metadata.metres_per_unit > 0)) field->metadata.metres_per_unit = 1;
+    FieldMetadata& object = field->metadata;
+    if (!(object.metres_per_unit > 0)) object.metres_per_unit = 1;
+    const auto hides_label = [](const RecordedFrame& frame) { return !frame.label_visible; };
+    const bool has_label =
+        std::any_of(sequence_.frames.begin(), sequence_.frames.end(), hides_label);
+    if (has_label && shown_ == Shown::kDepth) object.symmetries = aboutZ();
     return field;
+  }
+
+  static Symmetries aboutZ() {
+    return Symmetries(SymmetryAxis{Eigen::Vector3d::UnitZ(), Eigen::Vector3d::Zero()}, {});
   }
 
   static TrackerSettings settingsFromFile() {
@@ -114,10 +134,55 @@ class DepthTracking {
     return settings;
   }
 
+  /// The object on a table, in which its axis z stands upright.
+  static TriangleMesh onTable(TriangleMesh mesh) {
+    constexpr double kHalfSide_m = 0.5;
+    double z = 1e9;
+    for (const Eigen::Vector3d& p : mesh.points) z = std::min(z, p.z());
+    const int first = static_cast<int>(mesh.points.size());
+    for (const double x : {-kHalfSide_m, kHalfSide_m}) {
+      for (const double y : {-kHalfSide_m, kHalfSide_m}) mesh.points.emplace_back(x, y, z);
+    }
+    mesh.triangles.push_back({first, first + 1, first + 2});
+    mesh.triangles.push_back({first + 1, first + 2, first + 3});
+    return mesh;
+  }
+
+  /// Seen from below, there is no table.
+  const TriangleMesh& meshAt(const Pose& T_D_O) const {
+    constexpr double kLowest = 0.2;  // sine of the elevation
+    const Eigen::Vector3d eye = T_D_O.inverse().t;
+    return options_.table && eye.z() > kLowest * eye.norm() ? on_table_ : mesh_;
+  }
+
   double diameter_m() const { return field_->metadata.metres_per_unit * field_->metadata.diameter; }
 
   Eigen::Vector3d centreInCamera(std::size_t i) const {
     return sequence_.frames[i].T_C_O * (field_->metadata.metres_per_unit * field_->metadata.centre);
+  }
+
+  TrackOutcome track(std::size_t i, const Observation& observation, Tally* tally) {
+    const auto begin = std::chrono::steady_clock::now();
+    TrackOutcome outcome = tracker_.track(
+        {{"camera", sequence_.frames[i].stamp_ns + untracked_}, [&](bool) { return observation; }});
+    const std::chrono::duration<double, std::milli> spent =
+        std::chrono::steady_clock::now() - begin;
+    tally->milliseconds.push_back(spent.count());
+    return outcome;
+  }
+
+  /// As far off as a hint may be.
+  void tellHint(std::size_t i) {
+    std::uniform_real_distribution<double> uniform(-1, 1);
+    Eigen::Vector3d turn, shift;
+    for (int a = 0; a < 3; ++a) turn[a] = kSearchRotation_rad * uniform(random_);
+    for (int a = 0; a < 3; ++a) shift[a] = kSearchTranslation * diameter_m() * uniform(random_);
+    const Pose& T_C_O = sequence_.frames[i].T_C_O;
+    const Eigen::Vector3d centre = centreInCamera(i);
+    const Eigen::Matrix3d R = expSO3(turn);
+    tracker_.reset();
+    tracker_.offer(
+        {{R * T_C_O.R, centre + shift + R * (T_C_O.t - centre)}, "camera", 0, false, {}});
   }
 
   void tellPose(std::size_t i) {
@@ -142,16 +207,16 @@ class DepthTracking {
 
   std::shared_ptr<const DepthImage> depthOf(std::size_t i) {
     constexpr std::size_t kLate = 2;
-    const Pose T_C_D(Eigen::Matrix3d::Identity(), {options_.beside_m, 0, 0});
+    const Pose T_C_D(Eigen::Matrix3d::Identity(), {beside_m_, 0, 0});
     const bool late = options_.fault == "late", other = options_.fault == "other";
     const std::size_t shown = late && i >= kLate ? i - kLate
                               : other            ? (i + 97) % sequence_.frames.size()
                                                  : i;
     const Camera& camera = sequence_.camera;
     std::mt19937_64 random(1000 + shown);
+    const Pose T_D_O = T_C_D.inverse() * sequence_.frames[shown].T_C_O;
     ImageOf<float> metres =
-        stereoDepth(trueDepth(mesh_, T_C_D.inverse() * sequence_.frames[shown].T_C_O, camera,
-                              surroundings(shown, camera, T_C_D)),
+        stereoDepth(trueDepth(meshAt(T_D_O), T_D_O, camera, surroundings(shown, camera, T_C_D)),
                     camera, options_.sensor, &random);
     const double scale = options_.fault == "zero"          ? 0
                          : options_.fault == "millimetres" ? 1000
@@ -162,6 +227,7 @@ class DepthTracking {
   }
 
   Observation observationOf(std::size_t i) {
+    if (shown_ == Shown::kDepth) return observe(depthOf(i));
     Image8 image = readImage(sequence_.frames[i].file);
     if (options_.cover > 0) {
       const DepthSurroundings around = surroundings(i, sequence_.camera, {});
@@ -176,13 +242,12 @@ class DepthTracking {
       }
     }
     Observation observation = observe(std::move(image), sequence_.camera);
-    if (with_depth_) observation.depth = depthOf(i);
+    if (shown_ == Shown::kColoursAndDepth) observation.depth = depthOf(i);
     return observation;
   }
 
   Symmetries symmetriesAt(const RecordedFrame& frame) const {
-    if (frame.label_visible) return field_->metadata.symmetries;
-    return Symmetries(SymmetryAxis{Eigen::Vector3d::UnitZ(), Eigen::Vector3d::Zero()}, {});
+    return frame.label_visible ? field_->metadata.symmetries : aboutZ();
   }
 
   void judge(std::size_t i, const TrackOutcome& outcome, Tally* tally) {
@@ -194,7 +259,7 @@ class DepthTracking {
         poseError(found.T_O_C, truth, object.centre, sequence_.camera, symmetriesAt(frame));
     const double deg = error.rotation_rad / kDegree;
     const double fraction = error.object_offset / object.diameter;
-    const bool is_right = outcome.found && deg < 5 && fraction < 0.05;
+    const bool is_right = outcome.found && deg < 5 && fraction < 0.05 && options_.shown.empty();
     ++tally->frames;
     tally->right += is_right;
     tally->trusted += outcome.trusted;
@@ -223,16 +288,19 @@ class DepthTracking {
           found.depth.measured, found.depth.agreeing, found.depth.nearer, found.depth.farther,
           1e3 * found.depth.bias_m, 1e3 * found.depth.bias_dev_m, found.depth.message.c_str());
     }
-    if (!is_right) tellPose(i);
+    if (!is_right && options_.first_poses == 0) tellPose(i);
   }
 
   const Options& options_;
-  bool with_depth_;
+  const Shown shown_;
+  const double beside_m_;
   RecordedSequence sequence_;
-  TriangleMesh mesh_;
+  TriangleMesh mesh_, on_table_;
   std::shared_ptr<const Field> field_;
   ObjectFrame frame_;
   ObjectTracker tracker_;
+  std::mt19937_64 random_;
+  std::int64_t untracked_ = 0;  // first poses so far
 };
 
 void addOptions(CLI::App* app, Options* options) {
@@ -251,6 +319,13 @@ void addOptions(CLI::App* app, Options* options) {
   app->add_option("--holes", options->sensor.holes, "fraction of the image");
   app->add_option("--bias-px", options->sensor.bias_px, "of disparity");
   app->add_option("--cover", options->cover, "fraction of the object behind a card");
+  app->add_flag("--alone", options->alone, "depth alone, without colours");
+  app->add_option("--first-poses", options->first_poses,
+                  "so many first poses of each frame, from starts up to 15 degrees and 15 % of the "
+                  "diameter off per axis, instead of tracking");
+  app->add_flag("--table", options->table, "the object stands on a table, where seen from above");
+  app->add_option("--shown", options->shown,
+                  "a mesh that depth shows in the object's place: no pose is right then");
   app->add_flag("--verbose", options->verbose, "a line for each frame");
 }
 
@@ -260,12 +335,20 @@ int run(int argc, char** argv) {
   addOptions(&app, &options);
   CLI11_PARSE(app, argc, argv);
   try {
-    Tally alone, with;
-    for (const std::string& folder : options.recordings) {
-      DepthTracking(options, folder, false).run(&alone);
-      DepthTracking(options, folder, true).run(&with);
+    if (options.alone) {
+      Tally depth;
+      for (const std::string& folder : options.recordings) {
+        DepthTracking(options, folder, Shown::kDepth).run(&depth);
+      }
+      depth.print("depth alone, fault: " + options.fault);
+      return 0;
     }
-    alone.print("colours alone");
+    Tally colours, with;
+    for (const std::string& folder : options.recordings) {
+      DepthTracking(options, folder, Shown::kColours).run(&colours);
+      DepthTracking(options, folder, Shown::kColoursAndDepth).run(&with);
+    }
+    colours.print("colours alone");
     with.print("with depth, fault: " + options.fault);
   } catch (const std::exception& error) {
     std::fprintf(stderr, "depth_tracking: %s\n", error.what());
