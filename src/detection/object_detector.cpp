@@ -220,6 +220,10 @@ Detections ObjectDetector::detect(const Observation& observation, const SearchAr
   const auto begin = std::chrono::steady_clock::now();
   observation.validate();
   Detections detections;
+  if (observation.isDepthAlone()) {
+    detections.message = "detection compares colours: depth alone needs an initial pose";
+    return detections;
+  }
   for (const SearchArea& part : areasOf(observation, area)) {
     detectIn(part, observation, begin, &detections, cancellation);
     const bool time_is_up = settings_.budget_s > 0 && secondsSince(begin) > settings_.budget_s;

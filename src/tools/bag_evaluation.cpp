@@ -61,7 +61,7 @@ BagEvaluation::BagEvaluation(const BagSequence& bag, std::shared_ptr<Backend> ba
       settings_(settings),
       backend_(std::move(backend)),
       field_(std::move(field)),
-      input_(settings.image_is_rectified) {
+      input_(settings.image_is_rectified, settings.depth) {
   settings_.validate();
   DetectionSetup detection;
   detection.settings.keyframes.real_time = false;
@@ -159,8 +159,8 @@ std::optional<Pose> BagEvaluation::startOf(const BagFrame& frame, const Pose& tr
 Observation BagEvaluation::observe(const BagFrame& frame) {
   try {
     Observation observation = input_.observe(frame.image, *frame.info, {frame.mask, nullptr});
-    if (frame.depth.image) {
-      observation.depth = depthFromMessage(frame.depth, frame.T_C_D, settings_.depth);
+    if (frame.depth.image && !observation.isDepthAlone()) {
+      observation.depth = depthFromMessage(frame.depth.image, *frame.depth.info, frame.T_C_D, settings_.depth);
     }
     return observation;
   } catch (const std::exception& e) {

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "backend/backend_lost.h"
+#include "tracking/status.h"
 #include "trust/keyframe_scores.h"
 #include "trust/look_alikes.h"
 #include "trust/mask_agreement.h"
@@ -159,6 +160,10 @@ Refinement RefinerSearch::find(const SearchRequest& request,
     return keyframes_->find(image, request.prior, cancellation,
                             candidatesNear(request, cancellation));
   }
+  if (request.observation.isDepthAlone()) {
+    throw InputError(TrackReason::kBadImage,
+                     "this preset compares colours; 'keyframes' takes depth alone");
+  }
   // A rendering must end before the search begins: a processor that is not shared has no turns.
   if (keyframes_) keyframes_->waitForRenderings(cancellation);
   FieldRefiner& refiner = request.tracked ? *tracking_ : *initial_;
@@ -177,7 +182,7 @@ Refinement RefinerSearch::find(const SearchRequest& request,
 std::vector<Pose> RefinerSearch::candidatesNear(const SearchRequest& request,
                                                 const CancellationToken& cancellation) const {
   std::vector<Pose> near;
-  if (!detector_) return near;
+  if (!detector_ || request.observation.isDepthAlone()) return near;
   const FieldMetadata& object = field_->field().metadata;
   for (const PoseCandidate& candidate :
        detector_->candidates(request.observation, {}, cancellation).poses) {

@@ -131,5 +131,34 @@ TEST_F(PoseRefinerDepthTest, UsesDepthAndSaysWhenItDoesNot) {
   EXPECT_EQ(none->depth_message, "no depth image comes");
 }
 
+TEST_F(PoseRefinerDepthTest, TracksByDepthAlone) {
+  ros::NodeHandle dark("dark");
+  Listener<RefinementStatus> status(dark, "status");
+  Listener<geometry_msgs::PoseStamped> poses(dark, "pose");
+  Listener<sensor_msgs::Image> overlays(dark, "overlay/image_raw");
+  ros::Publisher initial_pose = dark.advertise<geometry_msgs::PoseStamped>("initial_pose", 5);
+  ASSERT_TRUE(ros::service::waitForService("dark/load_object", 30000));
+  ASSERT_TRUE(waitUntil([&] {
+    return status.connected() && poses.connected() && overlays.connected() &&
+           initial_pose.getNumSubscribers() > 0;
+  }));
+  DepthTwin twin(world->nh);
+  LoadObject load;
+  load.request.name = "toy";
+  ASSERT_TRUE(dark.serviceClient<LoadObject>("load_object").call(load));
+  ASSERT_TRUE(load.response.success) << load.response.message;
+  initial_pose.publish(roughPose());  // in the colour camera's frame
+
+  const auto used = waitForDepth(&status, Status::DEPTH_USED);
+  ASSERT_TRUE(used) << (status.last() ? status.last()->message : "no status");
+  const auto pose = poses.wait();
+  ASSERT_TRUE(pose) << (status.last() ? status.last()->message : "no status");
+  EXPECT_EQ(pose->header.frame_id, "depth_optical");
+  const Pose found = fromMessage(pose->pose), truth = kPlace.inverse() * world->truth();
+  EXPECT_LT(rotationDistance(found.R, truth.R) * 180 / M_PI, 4);
+  EXPECT_LT((found.t - truth.t).norm(), 0.006) << found.t.transpose();
+  EXPECT_TRUE(overlays.wait());
+}
+
 }  // namespace
 }  // namespace nerf_pose_refiner

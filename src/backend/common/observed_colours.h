@@ -5,7 +5,8 @@
 
 namespace nerf_pose_refiner {
 
-/// The colours of an observation, [h][w][3], whichever form it has them in.
+/// The colours of an observation, [h][w][3], whichever form it has them in; of depth alone a grey
+/// picture, near things bright.
 Image observedColours(const Observation& observation);
 
 /// A part of them, at the cost of this part. @param window inside of the image.

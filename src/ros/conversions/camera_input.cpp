@@ -13,6 +13,7 @@
 #include <utility>
 
 #include "image/colour.h"
+#include "ros/conversions/depth_input.h"
 #include "ros/conversions/pose_conversions.h"
 #include "tracking/status.h"
 
@@ -172,10 +173,14 @@ CameraModel cameraFromMessage(const sensor_msgs::CameraInfo& info, bool rectifie
   }
 }
 
-void checkImage(const sensor_msgs::Image& image, const Camera& camera) {
+void requireStampAndFrame(const sensor_msgs::Image& image) {
   if (image.header.stamp.isZero() || withoutSlash(image.header.frame_id).empty()) {
     throw InputError(TrackReason::kBadImage, "the image has no stamp or no frame");
   }
+}
+
+void checkImage(const sensor_msgs::Image& image, const Camera& camera) {
+  requireStampAndFrame(image);
   const auto known = {encodings::RGB8, encodings::BGR8, encodings::RGBA8, encodings::BGRA8,
                       encodings::MONO8};
   if (std::find(known.begin(), known.end(), image.encoding) == known.end()) {
@@ -246,6 +251,10 @@ void CameraInput::makeUndistorter(const CameraModel& model) {
 
 Observation CameraInput::observe(const sensor_msgs::ImageConstPtr& image,
                                  const sensor_msgs::CameraInfo& info, const ImageMasks& masks) {
+  if (depth_ && isDepthImage(*image)) {
+    requireStampAndFrame(*image);
+    return nerf_pose_refiner::observe(depthFromMessage(image, info, Pose(), *depth_));
+  }
   const CameraModel model = cameraFromMessage(info, rectified_);
   checkImage(*image, model.camera);
   makeUndistorter(model);

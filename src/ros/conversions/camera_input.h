@@ -5,11 +5,13 @@
 #include <sensor_msgs/Image.h>
 
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "nerf_pose_refiner/camera.h"
 #include "nerf_pose_refiner/observation.h"
 #include "nerf_pose_refiner/undistorter.h"
+#include "ros/conversions/parameters.h"
 
 namespace nerf_pose_refiner {
 
@@ -26,7 +28,10 @@ struct CameraModel {
 /// converter.
 CameraModel cameraFromMessage(const sensor_msgs::CameraInfo& info, bool rectified);
 
-/// Whether an image can be used at all, without looking at its pixels.
+/// @throws InputError if an image has no stamp or frame.
+void requireStampAndFrame(const sensor_msgs::Image& image);
+
+/// Whether a colour or grey image can be used at all, without looking at its pixels.
 /// @throws InputError if it has no stamp or frame, has an encoding other than rgb8, bgr8, rgba8,
 /// bgra8 and mono8, holds more or less data than its size says, or is not of the camera's size. For
 /// other encodings the message names a converter.
@@ -55,11 +60,15 @@ struct ImageMasks {
 /// background or a mask. Keeps the undistortion maps from one image to the next. Not thread-safe.
 class CameraInput {
  public:
-  explicit CameraInput(bool rectified) : rectified_(rectified) {}
+  /// @param depth how depth images are read that come in place of colours; nothing: they are
+  /// refused.
+  explicit CameraInput(bool rectified, const std::optional<DepthSettings>& depth = std::nullopt)
+      : rectified_(rectified), depth_(depth) {}
 
-  /// @throws InputError as cameraFromMessage and checkImage, and for a mask that is not mono8 or
-  /// not of the image's size.
+  /// A depth image becomes an observation of depth alone, for which masks and boxes say nothing.
   /// The observation keeps the message, and reads the part of it that is looked at.
+  /// @throws InputError as cameraFromMessage, checkImage and depthFromMessage, and for a mask that
+  /// is not mono8 or not of the image's size.
   Observation observe(const sensor_msgs::ImageConstPtr& image, const sensor_msgs::CameraInfo& info,
                       const ImageMasks& masks = {});
 
@@ -67,6 +76,7 @@ class CameraInput {
   void makeUndistorter(const CameraModel& model);
 
   bool rectified_;
+  std::optional<DepthSettings> depth_;
   CameraModel model_;  ///< of undistorter_
   std::shared_ptr<const Undistorter> undistorter_;
 };

@@ -26,19 +26,16 @@ DepthImage::Format formatOfDepth(const std::string& encoding) {
                    "the encoding of the depth image is '" + encoding + "', not 16UC1 or 32FC1");
 }
 
-}  // namespace
-
-std::shared_ptr<const DepthImage> depthFromMessage(const Companion& messages, const Pose& T_C_D,
-                                                   const DepthSettings& settings) {
-  const sensor_msgs::Image& image = *messages.image;
+/// All but the pixels' owner, the place and the noise. @throws InputError.
+DepthImage checkedDepth(const sensor_msgs::Image& image, const sensor_msgs::CameraInfo& info,
+                        const DepthSettings& settings) {
   DepthImage depth;
   depth.format = formatOfDepth(image.encoding);
   if ((image.is_bigendian != 0) == isLittleEndian()) {
     throw InputError(TrackReason::kBadImage,
-                     "the depth image has the byte order of another kind "
-                     "of machine");
+                     "the depth image has the byte order of another kind of machine");
   }
-  const CameraModel model = cameraFromMessage(*messages.info, settings.is_rectified);
+  const CameraModel model = cameraFromMessage(info, settings.is_rectified);
   if (!model.distortion.isZero()) {
     throw InputError(TrackReason::kBadCameraInfo,
                      "the depth camera's lens distorts: let image_proc/rectify take that out "
@@ -56,16 +53,37 @@ std::shared_ptr<const DepthImage> depthFromMessage(const Companion& messages, co
             std::to_string(model.camera.width) + " x " + std::to_string(model.camera.height));
   }
   depth.data = image.data.data();
-  depth.owner = std::shared_ptr<const void>(&image, [kept = messages.image](const void*) {});
   depth.row_bytes = image.step;
   depth.unit_m = settings.unit_m;
-  depth.T_C_D = T_C_D;
   depth.noise = settings.noise;
   try {
     depth.validate();
   } catch (const std::invalid_argument& e) {
-    throw InputError(TrackReason::kBadImage, std::string("depth image: ") + e.what());
+    throw InputError(TrackReason::kBadImage, "depth image (" + image.encoding + "): " + e.what());
   }
+  return depth;
+}
+
+}  // namespace
+
+bool isDepthImage(const sensor_msgs::Image& image) {
+  namespace encodings = sensor_msgs::image_encodings;
+  return image.encoding == encodings::TYPE_32FC1 || image.encoding == encodings::TYPE_16UC1;
+}
+
+void checkDepthImage(const sensor_msgs::Image& image, const sensor_msgs::CameraInfo& info,
+                     const DepthSettings& settings) {
+  requireStampAndFrame(image);
+  checkedDepth(image, info, settings);
+}
+
+std::shared_ptr<const DepthImage> depthFromMessage(const sensor_msgs::ImageConstPtr& image,
+                                                   const sensor_msgs::CameraInfo& info,
+                                                   const Pose& T_C_D,
+                                                   const DepthSettings& settings) {
+  DepthImage depth = checkedDepth(*image, info, settings);
+  depth.owner = std::shared_ptr<const void>(image.get(), [image](const void*) {});
+  depth.T_C_D = T_C_D;
   return std::make_shared<const DepthImage>(std::move(depth));
 }
 

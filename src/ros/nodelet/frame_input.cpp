@@ -18,7 +18,7 @@ FrameInput::FrameInput(const PoseRefinerParameters& parameters,
       keeps_views_(parameters.tracker.window.views > 0),
       tf_(std::move(transforms)),
       names_(cameras_.names()),
-      input_(parameters.image_is_rectified),
+      input_(parameters.image_is_rectified, depth_),
       side_inputs_(names_.size(), SideInput{CameraInput(parameters.cameras.are_rectified)}),
       places_(1 + names_.size()) {}
 
@@ -54,8 +54,8 @@ std::shared_ptr<const DepthImage> FrameInput::depthOf(const CameraFrame& frame,
   no_depth_ = frame.depth.why_none;
   if (!frame.depth.image) return nullptr;
   try {
-    return depthFromMessage(frame.depth, placeOf(frame.depth, at, cancellation, &depth_was_placed_),
-                            depth_);
+    const Pose T_C_D = placeOf(frame.depth, at, cancellation, &depth_was_placed_);
+    return depthFromMessage(frame.depth.image, *frame.depth.info, T_C_D, depth_);
   } catch (const InputError& e) {
     no_depth_ = e.what();
     return nullptr;
@@ -102,6 +102,10 @@ Observation FrameInput::observe(const CameraFrame& frame, const ImageStamp& at, 
   CameraInput& input = frame.camera == 0 ? input_ : side_inputs_.at(frame.camera - 1).input;
   Observation observation = input.observe(frame.image, *frame.info, masks);
   if (keeps_views_) observation.T_W_C = tf_->cameraInFixed(at, cancellation);
+  if (observation.isDepthAlone()) {
+    if (!side_inputs_.empty()) no_views_ = "depth alone takes no further cameras";
+    return observation;
+  }
   observation.depth = depthOf(frame, at, cancellation);
   if (frame.camera != 0) note(&no_views_, 0, "no image comes");
   for (std::size_t i = 0; i < side_inputs_.size() && i < frame.side_views.size(); ++i) {

@@ -14,6 +14,7 @@ MessageTracker::MessageTracker(const PoseRefinerParameters& parameters,
                                Report report, Clock clock)
     : image_is_rectified_(parameters.image_is_rectified),
       others_are_rectified_(parameters.cameras.are_rectified),
+      depth_(parameters.depth),
       output_in_camera_(parameters.frames.output_frame.empty()),
       clock_(std::move(clock)),
       tf_(std::make_shared<TfBridge>(*transforms, parameters.frames)),
@@ -29,7 +30,11 @@ std::optional<std::string> MessageTracker::refusal(const sensor_msgs::Image& ima
                                                    std::size_t camera) {
   try {
     const bool is_rectified = camera == 0 ? image_is_rectified_ : others_are_rectified_;
-    checkImage(image, cameraFromMessage(info, is_rectified).camera);
+    if (camera == 0 && isDepthImage(image)) {
+      checkDepthImage(image, info, depth_);
+    } else {
+      checkImage(image, cameraFromMessage(info, is_rectified).camera);
+    }
     tracker_.imageArrived();
     return std::nullopt;
   } catch (const InputError& e) {

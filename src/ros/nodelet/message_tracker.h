@@ -76,6 +76,7 @@ class MessageTracker {
   void moveOn(double seconds, const Velocity& velocity, FrameResult* result) const;
 
   const bool image_is_rectified_, others_are_rectified_;
+  const DepthSettings depth_;
   const bool output_in_camera_;  ///< ~output_frame is empty
   const Clock clock_;
   const std::shared_ptr<TfBridge> tf_;

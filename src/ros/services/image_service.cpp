@@ -67,7 +67,7 @@ ImageService::ImageService(const NodeHandles& nodes, const PoseRefinerParameters
     : nodes_(nodes),
       parameters_(parameters),
       find_object_(std::move(find_object)),
-      input_(parameters.image_is_rectified),
+      input_(parameters.image_is_rectified, parameters.depth),
       tf_(transforms, parameters.frames),
       spinner_(1, &queue_) {}
 
