@@ -44,6 +44,13 @@ Matrix6 withoutFreeTurn(const Matrix6& covariance, const FieldMetadata& object) 
   return held;
 }
 
+/// Whether depth shows the object where it was fitted.
+bool shows(const DepthFit& fit) {
+  const DepthCounts& counts = fit.counts;
+  return counts.measured >= kMinMeasured * counts.facing && counts.agreeing >= kFewestDepthPlaces &&
+         fractionOf(counts.agreeing, counts.measured) > kMinAgreeing;
+}
+
 }  // namespace
 
 /// Another distance makes the bias less certain.
@@ -88,6 +95,10 @@ std::string DepthFusion::objection(const DepthFit& fit) const {
     return text("depth shows another pose than the colour image, %.1f standard deviations away",
                 std::sqrt(fit.squared_distance));
   }
+  if (const std::optional<double> delay_s = delay_.found_s()) {
+    return text("depth is %.0f ms later than its stamps say: it shows where the object was",
+                1000 * *delay_s);
+  }
   if (surprise_ > kMaxSurprise) {
     return "depth and colour images disagree from image to image: check their stamps, cameras and "
            "the transform between them";
@@ -111,6 +122,20 @@ void DepthFusion::learn(const DepthFit& fit, const Bias& before, const DepthNois
       kMaxGain, before.variance_m2 * gained / (kImagesAlike + before.variance_m2 * gained));
   bias_->variance_m2 = std::max(least, (1 - gain) * before.variance_m2);
   bias_->mean_m += gain * (seen - before.mean_m);
+}
+
+/// @param found by colours.
+void DepthFusion::learnDelay(const DepthImage& depth, const FieldMetadata& object,
+                             const Vector6& motion, const Refinement& found) {
+  constexpr double kTurn_rad = 0.2, kOffset = 0.2;  // that it is looked for within
+  Prior near;
+  near.T_O_C = found.T_O_C;
+  near.rotation_rad = kTurn_rad;
+  near.translation = kOffset;
+  const DepthFit fit = fitDepth(surface_, depth, priorAlone(depth.noise, object, near), object);
+  if (!shows(fit)) return;
+  const Vector6 away = cameraTwist(found.T_O_C, fit.T_O_C, object.centre);
+  delay_.learn({motion, away, withoutFreeTurn(found.covariance, object) + fit.covariance});
 }
 
 /// @return false: too little of the surface is known.
@@ -143,17 +168,13 @@ std::optional<Pose> DepthFusion::alone(const DepthImage& depth,
                                        const FieldMetadata& object, const Prior& prior) {
   if (!(object.metres_per_unit > 0) || !lookAt(keyframe)) return std::nullopt;
   const DepthFit fit = fitDepth(surface_, depth, priorAlone(depth.noise, object, prior), object);
-  const DepthCounts& counts = fit.counts;
-  const bool is_seen = counts.measured >= kMinMeasured * counts.facing &&
-                       counts.agreeing >= kFewestDepthPlaces &&
-                       fractionOf(counts.agreeing, counts.measured) > kMinAgreeing;
-  if (!is_seen) return std::nullopt;
+  if (!shows(fit)) return std::nullopt;
   return Pose(nearestRotation(fit.T_O_C.R), fit.T_O_C.t);
 }
 
 double DepthFusion::fuse(const DepthImage& depth,
                          const std::shared_ptr<const KeyframePoints>& keyframe,
-                         const FieldMetadata& object, Refinement* found) {
+                         const FieldMetadata& object, const Vector6& motion, Refinement* found) {
   constexpr double kSeenThrough = 0.05;  // odds of a pose where an established sensor sees nothing
   DepthReport& report = found->depth;
   report = {};
@@ -176,6 +197,8 @@ double DepthFusion::fuse(const DepthImage& depth,
   prior.bias_variance = bias.variance_m2 / (unit_m * unit_m);
   const DepthFit fit = fitDepth(surface_, depth, prior, object);
 
+  if (!motion.isZero()) learnDelay(depth, object, motion, *found);
+  if (delay_.found_s()) agreed_ = 0;
   const std::string why_not = objection(fit);
   const bool was_established = isEstablished();
   report = reportOf(why_not.empty() ? fit.counts : fit.before);

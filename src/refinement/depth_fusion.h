@@ -7,6 +7,7 @@
 
 #include "backend/keyframe_points.h"
 #include "nerf_pose_refiner/depth.h"
+#include "refinement/depth_delay.h"
 #include "refinement/depth_fit.h"
 #include "refinement/field_refiner.h"
 
@@ -22,9 +23,10 @@ class DepthFusion {
  public:
   /// Betters a pose that colours gave, with its covariance and its depth report.
   /// @param keyframe that shows the object about as the pose does; null: there is none.
+  /// @param motion of the camera, as a twist a second; zero: it is not known.
   /// @return the factor by which depth changes the odds that the pose is right.
   double fuse(const DepthImage& depth, const std::shared_ptr<const KeyframePoints>& keyframe,
-              const FieldMetadata& object, Refinement* found);
+              const FieldMetadata& object, const Vector6& motion, Refinement* found);
 
   /// What is known where depth is alone: the bias as it was learnt so far.
   DepthPrior priorAlone(const DepthNoise& noise, const FieldMetadata& object,
@@ -50,6 +52,8 @@ class DepthFusion {
   bool lookAt(const std::shared_ptr<const KeyframePoints>& keyframe);
   Bias biasAt(const DepthNoise& noise, double distance_m) const;
   std::string objection(const DepthFit& fit) const;
+  void learnDelay(const DepthImage& depth, const FieldMetadata& object, const Vector6& motion,
+                  const Refinement& found);
   void learn(const DepthFit& fit, const Bias& before, const DepthNoise& noise, double distance_m,
              double metres_per_unit);
 
@@ -58,6 +62,7 @@ class DepthFusion {
   std::optional<Bias> bias_;
   double learnt_at_m_ = 0;  // distance of the object
   double surprise_ = 0;     // mean squared distance between what colours say and what is joined
+  DepthDelay delay_;
   int agreed_ = 0;
 };
 

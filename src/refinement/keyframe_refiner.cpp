@@ -189,13 +189,14 @@ Refinement KeyframeRefiner::settle(const TimedObservation& image,
   return result;
 }
 
-/// How the object moves towards a prior, as the camera's twist a second; zero: it is not known.
-Vector6 KeyframeRefiner::expectedMotion(std::int64_t stamp_ns, const Prior& prior) const {
+/// How the object moves from where it was found last to a pose, as the camera's twist a second;
+/// zero: it is not known.
+Vector6 KeyframeRefiner::motionTo(std::int64_t stamp_ns, const Pose& T_O_C) const {
   constexpr double kLongest_s = 0.5;
   if (!last_ || stamp_ns <= last_->first) return Vector6::Zero();
   const double since_s = 1e-9 * static_cast<double>(stamp_ns - last_->first);
   if (since_s > kLongest_s) return Vector6::Zero();
-  return cameraTwist(last_->second, prior.T_O_C, field_->field().metadata.centre) / since_s;
+  return cameraTwist(last_->second, T_O_C, field_->field().metadata.centre) / since_s;
 }
 
 Refinement KeyframeRefiner::refine(const TimedObservation& image, const Expectation& expected,
@@ -211,11 +212,11 @@ Refinement KeyframeRefiner::refine(const TimedObservation& image, const Expectat
     result = conclude(search(), prior);
     if (result.outcome == Outcome::kRefined) judge(expected, cancellation, &result);
     if (!observation.side_views.empty()) {
-      const Vector6 motion = expectedMotion(image.stamp_ns, prior);
+      const Vector6 motion = motionTo(image.stamp_ns, prior.T_O_C);
       side_views_->join(observation, {prior, scores_, &*search_, motion}, cancellation, &result);
     }
     if (result.outcome == Outcome::kRefined) {
-      considerDepth(observation, &result);
+      considerDepth(image, &result);
       rate(&result);
     }
     const FieldMetadata& object = field_->field().metadata;

@@ -85,13 +85,13 @@ class KeyframeRefiner {
   Refinement followByDepth(const TimedObservation& image, const Expectation& near,
                            const CancellationToken& cancellation);
   Refinement concludeByDepth(const std::vector<DepthFit>& fits, const Expectation& expected);
-  void considerDepth(const Observation& observation, Refinement* found);
+  void considerDepth(const TimedObservation& image, Refinement* found);
   std::optional<Observation> withoutOccluders(const Observation& observation, const Prior& near);
   void startFromDepth(const TimedObservation& image, const Expectation& expected,
                       const CancellationToken& cancellation, Refinement* found);
   void lookPastOccluders(const TimedObservation& image, const Expectation& expected,
                          const CancellationToken& cancellation, Refinement* found);
-  Vector6 expectedMotion(std::int64_t stamp_ns, const Prior& prior) const;
+  Vector6 motionTo(std::int64_t stamp_ns, const Pose& T_O_C) const;
   void begin();
   void adaptTo(const Observation& observation);
   void takeRenewal(std::int64_t stamp_ns, const CancellationToken& cancellation);

@@ -11,11 +11,13 @@
 namespace nerf_pose_refiner {
 
 /// Joins depth to what colours said.
-void KeyframeRefiner::considerDepth(const Observation& observation, Refinement* found) {
+void KeyframeRefiner::considerDepth(const TimedObservation& image, Refinement* found) {
+  const Observation& observation = image.observation;
   if (!observation.depth) return;
   const FieldMetadata& object = field_->field().metadata;
   const auto keyframe = search_->nearestTo(found->T_O_C);
-  const double odds = depth_.fuse(*observation.depth, keyframe, object, found);
+  const double odds = depth_.fuse(*observation.depth, keyframe, object,
+                                  motionTo(image.stamp_ns, found->T_O_C), found);
   constexpr double kSurest = 0.95;  // that no image of the object alone, on a poster say, misleads
   if (odds < 1) {
     found->found_probability = withOdds(std::min(kSurest, *found->found_probability), odds);
