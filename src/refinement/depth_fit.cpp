@@ -21,6 +21,9 @@ using VectorN = Eigen::Matrix<double, kUnknowns, 1>;
 // Windows that are matched reach over edges: what is nearer looks wider by so much [px].
 constexpr double kWidening_px = 0.7, kWideningVariance_px2 = 0.7 * 0.7;
 
+// Errors of the learned surface, which all places share in part, beside the sensor's [variances].
+constexpr double kOverNoise = 2.5;
+
 double medianOf(std::vector<double> values) {
   if (values.empty()) return 0;
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
@@ -88,12 +91,12 @@ double DepthFitter::noiseScale() const {
 /// What a place says, beside what it would if its error were its own.
 double DepthFitter::independence() const {
   const double apart_px = comparison_.spacing_px() / depth_.noise.correlation_px;
-  return std::min(1.0, apart_px * apart_px);
+  return std::min(1.0, apart_px * apart_px) / kOverNoise;
 }
 
 /// The same of a place of the outline.
 double DepthFitter::outlineIndependence() const {
-  return std::min(1.0, comparison_.outlineSpacing_px() / depth_.noise.correlation_px);
+  return std::min(1.0, comparison_.outlineSpacing_px() / depth_.noise.correlation_px) / kOverNoise;
 }
 
 DepthSystem DepthFitter::sum(const Scale& scale) const {

@@ -120,7 +120,6 @@ Refinement KeyframeRefiner::concludeByDepth(const std::vector<DepthFit>& fits,
   result.T_O_C = {nearestRotation(best.T_O_C.R), best.T_O_C.t};
   result.visible_fraction = best.visible_fraction;
   result.covariance = fits.front().covariance + spreadOf(fits, object);
-  result.covariance += systematicCovariance(result.covariance, result.T_O_C, object);
   if (const std::optional<SymmetryAxis>& axis = object.symmetries.axis()) {
     result.covariance = freeAbout(*axis, result.covariance, object.centre);
   }
