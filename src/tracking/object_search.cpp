@@ -2,10 +2,10 @@
 #include "tracking/object_search.h"
 
 #include <stdexcept>
+#include <string>
 #include <utility>
 
 #include "backend/backend_lost.h"
-#include "tracking/status.h"
 #include "trust/keyframe_scores.h"
 #include "trust/look_alikes.h"
 #include "trust/mask_agreement.h"
@@ -18,6 +18,14 @@ bool isWithin(const Prior& prior, const Pose& T_O_C, const FieldMetadata& object
   const Vector6 away = cameraTwist(prior.T_O_C, T_O_C, object.centre).cwiseAbs();
   return away.head<3>().maxCoeff() <= 2 * prior.translation * object.diameter &&
          away.tail<3>().maxCoeff() <= 2 * prior.rotation_rad;
+}
+
+/// Where colours are needed, and there are none.
+Refinement withoutColours(const std::string& message) {
+  Refinement nothing;  // diverged
+  nothing.depth.use = DepthUse::kRefused;
+  nothing.depth.message = message;
+  return nothing;
 }
 
 }  // namespace
@@ -161,8 +169,10 @@ Refinement RefinerSearch::find(const SearchRequest& request,
                             candidatesNear(request, cancellation));
   }
   if (request.observation.isDepthAlone()) {
-    throw InputError(TrackReason::kBadImage,
-                     "this preset compares colours; 'keyframes' takes depth alone");
+    Refinement nothing =
+        withoutColours("this preset compares colours; 'keyframes' takes depth alone");
+    nothing.T_O_C = request.prior.T_O_C;
+    return nothing;
   }
   // A rendering must end before the search begins: a processor that is not shared has no turns.
   if (keyframes_) keyframes_->waitForRenderings(cancellation);
@@ -212,6 +222,9 @@ Refinement RefinerSearch::detect(const Observation& observation, double trust_sc
 
 Refinement RefinerSearch::detectOnce(const Observation& observation, double trust_score,
                                      const CancellationToken& cancellation) {
+  if (observation.isDepthAlone()) {
+    return withoutColours("depth alone needs an initial pose: detection compares colours");
+  }
   if (keyframes_) keyframes_->waitForRenderings(cancellation);
   if (!detector_) beginDetection(cancellation);
   detector_->setTrustScore(trust_score);

@@ -317,10 +317,6 @@ void ObjectTracker::refine(const TrackerImage& image, const ImageDecision& decis
   window_.addTo(image.at.stamp_ns, own.get());
   result->observation = std::move(own);
   const Observation& observation = *result->observation;
-  if (decision.detect && observation.isDepthAlone()) {
-    throw InputError(TrackReason::kBadImage,
-                     "depth alone needs an initial pose: detection looks at colours");
-  }
   result->refinement =
       decision.detect ? search_->detect(observation, settings_.rules.trust_score, image.cancel)
                       : search_->search({observation, *result->prior, tracked, image.at.stamp_ns},

@@ -8,6 +8,7 @@
 
 #include "evaluation/pose_error.h"
 #include "geometry/matrix6.h"
+#include "refinement/depth_delay.h"
 #include "refinement/depth_occlusion.h"
 #include "support/depth_scene.h"
 
@@ -180,6 +181,64 @@ TEST_F(DepthFitTest, OccludersLoseTheirWeightAndTheObjectKeepsIts) {
   // A sensor that sees everything much too near is not believed.
   observation.depth = depthImage(ImageOf<float>(320, 240, 1, 0.001f), kColour);
   EXPECT_FALSE(weightWithoutOccluders(observation, keyframe_, truth_, {kUnit_m, 0.01}));
+}
+
+/// An image in which the object moves and depth shows it as it was `delay_s` ago.
+DelayEvidence lagging(double delay_s, const Vector6& motion, const Vector6& noise) {
+  DelayEvidence image;
+  image.motion = motion;
+  image.away = -delay_s * motion + noise;
+  Vector6 deviation;
+  deviation << 0.002, 0.002, 0.004, 0.01, 0.01, 0.01;
+  image.covariance = deviation.cwiseAbs2().asDiagonal();
+  return image;
+}
+
+Vector6 motionOf(double x, double z, double turn) {
+  Vector6 motion;
+  motion << x, 0, z, 0, turn, 0;
+  return motion;
+}
+
+TEST(DepthDelay, IsFoundInMotionsOfAnyDirection) {
+  DepthDelay delay;
+  EXPECT_FALSE(delay.found_s());
+  for (int i = 0; i < 30; ++i) {
+    const double phase = 0.4 * i;
+    const Vector6 motion = motionOf(0.2 * std::sin(phase), 0.1 * std::cos(phase), 0.5);
+    const Vector6 noise = 0.001 * std::sin(7.0 * i) * Vector6::Ones();
+    delay.learn(lagging(0.066, motion, noise));
+  }
+  ASSERT_TRUE(delay.found_s());
+  EXPECT_NEAR(*delay.found_s(), 0.066, 0.004);
+}
+
+TEST(DepthDelay, AnOffsetIsNoDelay) {
+  // A wrong place of the depth camera: always the same way, whatever the motion.
+  DepthDelay delay;
+  for (int i = 0; i < 200; ++i) {
+    const double phase = 0.4 * i;
+    const Vector6 motion = motionOf(0.2 * std::sin(phase), 0.1 * std::cos(phase), 0);
+    delay.learn(lagging(0, motion, 0.004 * Vector6::Ones()));
+  }
+  EXPECT_FALSE(delay.found_s());
+}
+
+TEST(DepthDelay, StandingStillSaysNothing) {
+  DepthDelay delay;
+  for (int i = 0; i < 200; ++i)
+    delay.learn(lagging(0.066, Vector6::Zero(), 0.003 * Vector6::Ones()));
+  EXPECT_FALSE(delay.found_s());
+}
+
+TEST(DepthDelay, IsForgottenOnceStampsAreRight) {
+  DepthDelay delay;
+  const Vector6 motion = motionOf(0.2, 0.1, 0.5);
+  for (int i = 0; i < 30; ++i) delay.learn(lagging(-0.05, motion, Vector6::Zero()));
+  ASSERT_TRUE(delay.found_s());
+  EXPECT_LT(*delay.found_s(), 0) << "early";
+  for (int i = 0; i < 200; ++i) delay.learn(lagging(0, motion, Vector6::Zero()));
+  EXPECT_FALSE(delay.found_s());
 }
 
 }  // namespace

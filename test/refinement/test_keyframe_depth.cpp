@@ -3,6 +3,7 @@
 // Depth beside colours in KeyframeRefiner: what it betters, and what it must leave alone.
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <string>
 #include <vector>
 
@@ -120,6 +121,28 @@ TEST_F(KeyframeDepthTest, RefusesDepthOfAnotherMoment) {
   Pose before = truth_;
   before.t -= 0.04 / kUnit_m * truth_.R.col(0);
   expectColoursAlone(with(depthImage(metresAt(before, kColour), kColour)), "");
+}
+
+TEST_F(KeyframeDepthTest, RefusesDepthThatLagsBehindTheMotion) {
+  // To and fro, by less than a single image could tell.
+  const auto follower = refiner();
+  const auto at = [&](int i) {
+    Pose pose = truth_;
+    pose.t += 0.04 / kUnit_m * std::sin(0.25 * i) * truth_.R.col(0);
+    return pose;
+  };
+  Prior prior = nearTruth();
+  Refinement found;
+  for (int i = 0; i < 40; ++i) {
+    Observation image = imageAt(at(i));
+    image.depth = depthImage(metresAt(at(i - 2), kColour), kColour);
+    prior.T_O_C = at(i);
+    found = follower->follow({image, i * kImage_ns}, prior);
+    if (found.depth.message.find("later than its stamps") != std::string::npos) break;
+  }
+  EXPECT_EQ(found.depth.use, DepthUse::kRefused);
+  EXPECT_NE(found.depth.message.find("ms later than its stamps"), std::string::npos)
+      << found.depth.message;
 }
 
 TEST_F(KeyframeDepthTest, RefusesDepthOfAnotherCamera) {
