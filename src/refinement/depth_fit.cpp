@@ -50,6 +50,7 @@ class DepthFitter {
 
   DepthFit fit();
   DepthFit fitAlone(const Pose& start_T_O_C);
+  double evidenceAt(const Pose& T_O_C);
 
  private:
   /// How far a residual may be off to have a say [deviations; px].
@@ -263,7 +264,25 @@ DepthFit DepthFitter::fitAlone(const Pose& start_T_O_C) {
   return fit_;
 }
 
+double DepthFitter::evidenceAt(const Pose& T_O_C) {
+  fit_.bias = prior_.bias;
+  comparison_.findHidden(T_O_C);
+  comparison_.compare(T_O_C, fit_.bias, true);
+  return evidence();
+}
+
 }  // namespace
+
+Matrix6 withoutFreeTurn(const Matrix6& covariance, const FieldMetadata& object) {
+  constexpr double kHeld_rad = 1e-3;
+  const std::optional<SymmetryAxis>& axis = object.symmetries.axis();
+  if (!axis) return covariance;
+  Matrix6 held = withoutTurns(*axis, covariance, object.centre);
+  const Eigen::Vector3d& d = axis->direction;
+  held.bottomRightCorner<3, 3>() += kHeld_rad * kHeld_rad * d * d.transpose();
+  held.topLeftCorner<3, 3>().diagonal().array() += 1e-12 * object.diameter * object.diameter;
+  return held;
+}
 
 DepthFit fitDepth(const DepthSurface& surface, const DepthImage& depth, const DepthPrior& prior,
                   const FieldMetadata& object) {
@@ -274,6 +293,13 @@ DepthFit fitDepthAlone(const DepthSurface& surface, const DepthImage& depth,
                        const DepthPrior& prior, const FieldMetadata& object,
                        const Pose& start_T_O_C) {
   return DepthFitter(surface, depth, prior, object).fitAlone(start_T_O_C);
+}
+
+double depthEvidence(const DepthSurface& surface, const DepthImage& depth,
+                     const FieldMetadata& object, const Pose& T_O_C, double bias) {
+  DepthPrior known;
+  known.bias = bias;
+  return DepthFitter(surface, depth, known, object).evidenceAt(T_O_C);
 }
 
 }  // namespace nerf_pose_refiner

@@ -30,6 +30,10 @@ struct DepthFit {
   double smooth = 1;  ///< DepthComparison::smoothAgreement at the fit's pose, alike
 };
 
+/// The covariance that alignment may move a pose by: a free axis of symmetry is not for depth to
+/// turn about.
+Matrix6 withoutFreeTurn(const Matrix6& covariance, const FieldMetadata& object);
+
 /// Aligns a surface with a depth image near a prior. Each pixel's error is robust: what lies before
 /// the object or behind it has no say. The sensor's bias is an unknown of its own.
 /// @param object has a metric scale.
@@ -42,5 +46,9 @@ DepthFit fitDepth(const DepthSurface& surface, const DepthImage& depth, const De
 DepthFit fitDepthAlone(const DepthSurface& surface, const DepthImage& depth,
                        const DepthPrior& prior, const FieldMetadata& object,
                        const Pose& start_T_O_C);
+
+/// The evidence of a pose as it is. @param bias of the sensor [model units].
+double depthEvidence(const DepthSurface& surface, const DepthImage& depth,
+                     const FieldMetadata& object, const Pose& T_O_C, double bias);
 
 }  // namespace nerf_pose_refiner

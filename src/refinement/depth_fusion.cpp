@@ -31,19 +31,6 @@ double uncoveredAgreement(const DepthCounts& counts) {
   return fractionOf(counts.agreeing, counts.agreeing + counts.farther);
 }
 
-/// The covariance that alignment may move a pose by: a free axis of symmetry is not for depth to
-/// turn about.
-Matrix6 withoutFreeTurn(const Matrix6& covariance, const FieldMetadata& object) {
-  constexpr double kHeld_rad = 1e-3;
-  const std::optional<SymmetryAxis>& axis = object.symmetries.axis();
-  if (!axis) return covariance;
-  Matrix6 held = withoutTurns(*axis, covariance, object.centre);
-  const Eigen::Vector3d& d = axis->direction;
-  held.bottomRightCorner<3, 3>() += kHeld_rad * kHeld_rad * d * d.transpose();
-  held.topLeftCorner<3, 3>().diagonal().array() += 1e-12 * object.diameter * object.diameter;
-  return held;
-}
-
 /// Whether depth shows the object where it was fitted.
 bool shows(const DepthFit& fit) {
   const DepthCounts& counts = fit.counts;
@@ -197,7 +184,10 @@ double DepthFusion::fuse(const DepthImage& depth,
   prior.bias_variance = bias.variance_m2 / (unit_m * unit_m);
   const DepthFit fit = fitDepth(surface_, depth, prior, object);
 
-  if (!motion.isZero()) learnDelay(depth, object, motion, *found);
+  constexpr double kSure = 0.9;
+  if (found->found_probability.value_or(0) > kSure && !motion.isZero()) {
+    learnDelay(depth, object, motion, *found);
+  }
   if (delay_.found_s()) agreed_ = 0;
   const std::string why_not = objection(fit);
   const bool was_established = isEstablished();

@@ -5,6 +5,11 @@
 #include <cmath>
 #include <utility>
 
+#include <Eigen/Eigenvalues>
+
+#include "backend/common/plain_pose.h"
+#include "math/angle.h"
+#include "math/keyframe_search.h"
 #include "refinement/start_poses.h"
 
 namespace nerf_pose_refiner {
@@ -79,6 +84,30 @@ std::vector<DepthFit> DepthSearch::from(const DepthImage& depth, const DepthPrio
   return bestOf(std::move(fits), poses_T_O_C.size(), object);
 }
 
+std::vector<DepthFit> DepthSearch::beside(const DepthImage& depth, const DepthFit& found) const {
+  constexpr double kRotation_rad = 5 * kDegree, kOffset = 0.05;  // that make a pose wrong
+  constexpr double kApart = 2;                                   // of these
+  const FieldMetadata& object = field_->field().metadata;
+  Vector6 wrong;
+  wrong << Eigen::Vector3d::Constant(kOffset * object.diameter),
+      Eigen::Vector3d::Constant(kRotation_rad);
+  const Matrix6 scaled = wrong.cwiseInverse().asDiagonal() *
+                         withoutFreeTurn(found.covariance, object) *
+                         wrong.cwiseInverse().asDiagonal();
+  const Vector6 least = Eigen::SelfAdjointEigenSolver<Matrix6>(scaled).eigenvectors().col(5);
+  std::vector<DepthFit> others;
+  for (const double by : {-kApart, kApart}) {
+    const Vector6 x = by * wrong.cwiseProduct(least);
+    DepthFit other;
+    other.T_O_C = poseOf(moveCamera(plainPose(found.T_O_C), plainVector(object.centre),
+                                    {x[0], x[1], x[2]}, {x[3], x[4], x[5]}));
+    other.bias = found.bias;
+    other.evidence = depthEvidence(surface_, depth, object, other.T_O_C, found.bias);
+    others.push_back(other);
+  }
+  return others;
+}
+
 double depthProbability(const DepthFit& fit) {
   // A logistic curve between right poses and those that the objects of recordings/, plain bodies of
   // their sizes, walls and tables led to, as bench/depth_tracking shows them.
@@ -98,7 +127,7 @@ Matrix6 spreadOf(const std::vector<DepthFit>& fits, const FieldMetadata& object)
   for (const DepthFit& fit : fits) {
     const Pose other = nearestEquivalent(fit.T_O_C, best.T_O_C, object.symmetries);
     const Vector6 away = cameraTwist(best.T_O_C, other, object.centre);
-    const double weight = std::exp((fit.evidence - best.evidence) / scale);
+    const double weight = std::min(1.0, std::exp((fit.evidence - best.evidence) / scale));
     spread += weight * away * away.transpose();
     sum += weight;
   }

@@ -22,6 +22,10 @@ class DepthSearch {
   std::vector<DepthFit> around(const DepthImage& depth, const DepthPrior& known, const Prior& prior,
                                const CancellationToken& cancellation);
 
+  /// Poses beside one that `from` found, along the motion that depth fixes least, with their
+  /// evidence: the learned surface is rough, and its bumps seem to fix what the shape leaves open.
+  std::vector<DepthFit> beside(const DepthImage& depth, const DepthFit& found) const;
+
   /// Aligns what a keyframe shows from each of some poses. @return best first.
   std::vector<DepthFit> from(const DepthImage& depth, const DepthPrior& known,
                              const std::shared_ptr<const KeyframePoints>& keyframe,

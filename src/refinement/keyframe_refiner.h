@@ -84,7 +84,8 @@ class KeyframeRefiner {
                          const CancellationToken& cancellation);
   Refinement followByDepth(const TimedObservation& image, const Expectation& near,
                            const CancellationToken& cancellation);
-  Refinement concludeByDepth(const std::vector<DepthFit>& fits, const Expectation& expected);
+  Refinement concludeByDepth(const DepthImage& depth, const std::vector<DepthFit>& fits,
+                             const Expectation& expected);
   void considerDepth(const TimedObservation& image, Refinement* found);
   std::optional<Observation> withoutOccluders(const Observation& observation, const Prior& near);
   void startFromDepth(const TimedObservation& image, const Expectation& expected,

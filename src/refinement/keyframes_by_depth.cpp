@@ -44,7 +44,7 @@ Refinement KeyframeRefiner::refineByDepth(const TimedObservation& image,
   } else if (objectRegion(image.observation.camera, expected.prior, object)) {
     try {
       if (!depth_search_) depth_search_.emplace(field_, settings_.bank);
-      result = concludeByDepth(search(), expected);
+      result = concludeByDepth(*image.observation.depth, search(), expected);
     } catch (const Cancelled&) {
       result.outcome = Outcome::kCancelled;
     }
@@ -97,7 +97,8 @@ Refinement KeyframeRefiner::followByDepth(const TimedObservation& image, const E
   return result;
 }
 
-Refinement KeyframeRefiner::concludeByDepth(const std::vector<DepthFit>& fits,
+Refinement KeyframeRefiner::concludeByDepth(const DepthImage& depth,
+                                            const std::vector<DepthFit>& fits,
                                             const Expectation& expected) {
   const FieldMetadata& object = field_->field().metadata;
   Refinement result;
@@ -119,7 +120,9 @@ Refinement KeyframeRefiner::concludeByDepth(const std::vector<DepthFit>& fits,
   const Hypothesis& best = result.hypotheses.front();
   result.T_O_C = {nearestRotation(best.T_O_C.R), best.T_O_C.t};
   result.visible_fraction = best.visible_fraction;
-  result.covariance = fits.front().covariance + spreadOf(fits, object);
+  std::vector<DepthFit> all = fits;
+  for (const DepthFit& other : depth_search_->beside(depth, fits.front())) all.push_back(other);
+  result.covariance = fits.front().covariance + spreadOf(all, object);
   if (const std::optional<SymmetryAxis>& axis = object.symmetries.axis()) {
     result.covariance = freeAbout(*axis, result.covariance, object.centre);
   }

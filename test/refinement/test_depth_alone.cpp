@@ -3,6 +3,7 @@
 // Depth alone in KeyframeRefiner.
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <memory>
 
 #include "evaluation/pose_error.h"
@@ -102,6 +103,25 @@ TEST_F(DepthAloneTest, ACardInItsPlaceIsNotTrusted) {
     return depthImage(std::move(metres), kColour);
   }();
   EXPECT_LT(refiner()->find({observe(depth), 0}, hint(2)).score, 0.9);
+}
+
+TEST_F(DepthAloneTest, ABallsRotationIsNotTrusted) {
+  // Of a ball in the object's place nothing says how it is turned, nor does anything else show it.
+  ImageOf<float> metres(320, 240, 1, static_cast<float>(kWall_m));
+  const Eigen::Vector3d middle = kUnit_m * (truth_.inverse() * object().centre);
+  const double radius = 0.4 * kUnit_m * object().diameter;
+  for (int y = 0; y < 240; ++y) {
+    for (int x = 0; x < 320; ++x) {
+      const Eigen::Vector3d ray((x - kColour.cx) / kColour.fx, (y - kColour.cy) / kColour.fy, 1);
+      const double along = ray.dot(middle) / ray.squaredNorm();
+      const double inside = radius * radius - (middle - along * ray).squaredNorm();
+      if (inside > 0) {
+        metres.at(x, y, 0) = static_cast<float>(along - std::sqrt(inside / ray.squaredNorm()));
+      }
+    }
+  }
+  EXPECT_LT(refiner()->find({observe(depthImage(std::move(metres), kColour)), 0}, hint(3)).score,
+            0.5);
 }
 
 TEST_F(DepthAloneTest, AModelWithoutScaleSaysSo) {
