@@ -61,6 +61,10 @@ struct Tally {
   int used = 0;
 
   void print(const std::string& name) const {
+    if (right == 0) {
+      std::printf("%-34s right 0 of %d, trusted %d\n", name.c_str(), frames, trusted);
+      return;
+    }
     double squared = 0;
     for (const double value : squared_error) squared += value / 6;
     std::printf(

@@ -127,6 +127,7 @@ void DepthComparison::findHidden(const Pose& T_O_C) {
   const CameraPose<double> pose = plainPose(T_O_C * T_C_D_);
   const Vec3<double> centre = plainVector(object_.centre);
   is_hidden_.assign(surface_.places.size(), 0);
+  if (surface_.shown == nullptr) return;  // too little of the surface is known
   const double depth = pointTransform(pose, centre).t.z;
   if (!(depth > 0)) return;
   const int spacing = std::max(

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <vector>
 
 #include "backend/common/plain_pose.h"
@@ -248,6 +249,7 @@ DepthFit DepthFitter::fitAlone(const Pose& start_T_O_C) {
   comparison_.findHidden(start_T_O_C);
   comparison_.compare(start_T_O_C, fit_.bias, by_outline_);
   fit_.before = fit_.counts = comparison_.count(fit_.bias);
+  fit_.evidence = -std::numeric_limits<double>::max();
   if (comparison_.places().empty()) return fit_;
   information_ = inverseOf(prior_.covariance);
   const double reach = kReach * object_.diameter / comparison_.places().front().deviation;

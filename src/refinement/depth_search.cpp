@@ -78,6 +78,7 @@ std::vector<DepthFit> DepthSearch::from(const DepthImage& depth, const DepthPrio
   }
   const FieldMetadata& object = field_->field().metadata;
   std::vector<DepthFit> fits;
+  if (surface_.places.size() < static_cast<std::size_t>(kFewestDepthPlaces)) return fits;
   for (const Pose& start : poses_T_O_C) {
     fits.push_back(fitDepthAlone(surface_, depth, known, object, start));
   }

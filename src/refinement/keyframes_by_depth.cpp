@@ -67,7 +67,7 @@ Refinement KeyframeRefiner::findByDepth(const TimedObservation& image, const Exp
                                  starts.begin() + std::min(kRendered, starts.size()));
     makeAt(image.observation.camera, best, cancellation);
     const auto keyframe = best.empty() ? nullptr : search_->nearestTo(best.front());
-    return keyframe ? depth_search_->from(depth, known, keyframe, starts) : rough;
+    return keyframe ? depth_search_->from(depth, known, keyframe, starts) : std::vector<DepthFit>();
   });
   if (result.outcome == Outcome::kRefined) last_ = {image.stamp_ns, result.T_O_C};
   return result;
@@ -105,7 +105,10 @@ Refinement KeyframeRefiner::concludeByDepth(const DepthImage& depth,
   result.T_O_C = expected.prior.T_O_C;
   result.depth.use = DepthUse::kRefused;
   result.outcome = Outcome::kDiverged;
-  if (fits.empty()) return result;
+  if (fits.empty()) {
+    result.depth.message = "too little of the object's surface is known here";
+    return result;
+  }
   result.depth = reportOf(fits.front().counts);
   if (fits.front().counts.agreeing < kFewestDepthPlaces) {
     result.depth.use = DepthUse::kRefused;

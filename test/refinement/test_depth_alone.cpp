@@ -133,6 +133,17 @@ TEST_F(DepthAloneTest, AModelWithoutScaleSaysSo) {
   EXPECT_NE(found.depth.message.find("scale"), std::string::npos);
 }
 
+TEST_F(DepthAloneTest, WithoutASurfaceNothingIsFound) {
+  DepthPrior known;
+  known.T_O_C = truth_;
+  known.covariance.setIdentity();
+  known.bias_variance = 1;
+  const DepthFit fit =
+      fitDepthAlone({}, *depthImage(metresAt(truth_, kColour), kColour), known, object(), truth_);
+  EXPECT_EQ(fit.counts.agreeing, 0);
+  EXPECT_LT(fit.evidence, 0);
+}
+
 TEST_F(DepthAloneTest, IsCancelled) {
   const CancellationToken cancellation;
   cancellation.requestCancel();
