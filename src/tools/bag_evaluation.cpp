@@ -160,7 +160,8 @@ Observation BagEvaluation::observe(const BagFrame& frame) {
   try {
     Observation observation = input_.observe(frame.image, *frame.info, {frame.mask, nullptr});
     if (frame.depth.image && !observation.isDepthAlone()) {
-      observation.depth = depthFromMessage(frame.depth.image, *frame.depth.info, frame.T_C_D, settings_.depth);
+      observation.depth =
+          depthFromMessage(frame.depth.image, *frame.depth.info, frame.T_C_D, settings_.depth);
     }
     return observation;
   } catch (const std::exception& e) {
