@@ -49,6 +49,7 @@ Refinement KeyframeRefiner::refineByDepth(const TimedObservation& image,
       result.outcome = Outcome::kCancelled;
     }
   }
+  if (result.outcome != Outcome::kRefined) holdTrack(result, 0);
   result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   return result;
 }
@@ -125,7 +126,9 @@ Refinement KeyframeRefiner::concludeByDepth(const DepthImage& depth,
   result.visible_fraction = best.visible_fraction;
   std::vector<DepthFit> all = fits;
   for (const DepthFit& other : depth_search_->beside(depth, fits.front())) all.push_back(other);
-  result.covariance = fits.front().covariance + spreadOf(all, object);
+  // What was found may be another of equal poses: the axes of O are then others, too.
+  const Eigen::Matrix3d R_equal = result.T_O_C.R * fits.front().T_O_C.R.transpose();
+  result.covariance = rotated(fits.front().covariance + spreadOf(all, object), R_equal);
   if (const std::optional<SymmetryAxis>& axis = object.symmetries.axis()) {
     result.covariance = freeAbout(*axis, result.covariance, object.centre);
   }
