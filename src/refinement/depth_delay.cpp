@@ -10,7 +10,9 @@ void DepthDelay::learn(const DelayEvidence& image) {
   constexpr double kKept = 0.98;  // of what images before said
   const Vector6 pull = inverseOf(image.covariance) * image.motion;
   const double information = image.motion.dot(pull);
-  if (!(information > 0)) return;
+  // A pose that creeps towards what depth says of it does not move.
+  constexpr double kLongest_s = 0.05;  // deviation of the delay that one image shows
+  if (!(information * kLongest_s * kLongest_s > 1)) return;
   weighted_ = kKept * weighted_ - pull.dot(image.away);
   information_ = kKept * information_ + information;
 }

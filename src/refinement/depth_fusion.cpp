@@ -83,8 +83,12 @@ std::string DepthFusion::objection(const DepthFit& fit) const {
                 std::sqrt(fit.squared_distance));
   }
   if (const std::optional<double> delay_s = delay_.found_s()) {
-    return text("depth is %.0f ms later than its stamps say: it shows where the object was",
-                1000 * *delay_s);
+    const bool is_late = *delay_s > 0;
+    return text(is_late
+                    ? "depth is %.0f ms later than its stamps say: it shows where the object was"
+                    : "depth is %.0f ms earlier than its stamps say: it shows where the object "
+                      "will be",
+                1000 * std::abs(*delay_s));
   }
   if (surprise_ > kMaxSurprise) {
     return "depth and colour images disagree from image to image: check their stamps, cameras and "
@@ -138,15 +142,16 @@ DepthPrior DepthFusion::priorAlone(const DepthNoise& noise, const FieldMetadata&
                                    const Prior& prior) const {
   const double unit_m = object.metres_per_unit;
   const Bias bias = biasAt(noise, unit_m * (prior.T_O_C.t - object.centre).norm());
+  constexpr double kLeast = 1e-3, kLeast_m2 = 1e-12;  // of widths; of the bias
   DepthPrior from;
   from.T_O_C = prior.T_O_C;
   from.covariance.setZero();
   from.covariance.diagonal() << Eigen::Vector3d::Constant(
-      std::pow(prior.translation * object.diameter, 2) / 3),
-      Eigen::Vector3d::Constant(std::pow(prior.rotation_rad, 2) / 3);
+      std::pow(std::max(kLeast, prior.translation) * object.diameter, 2) / 3),
+      Eigen::Vector3d::Constant(std::pow(std::max(kLeast, prior.rotation_rad), 2) / 3);
   from.covariance = withoutFreeTurn(from.covariance, object);
   from.bias = bias.mean_m / unit_m;
-  from.bias_variance = bias.variance_m2 / (unit_m * unit_m);
+  from.bias_variance = std::max(kLeast_m2, bias.variance_m2) / (unit_m * unit_m);
   return from;
 }
 

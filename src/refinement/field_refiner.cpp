@@ -83,6 +83,9 @@ std::vector<Refinement> FieldRefiner::refineAll(const LoadedField& field,
     throw std::invalid_argument("Refiner: the diameter of the object '" +
                                 field.field().metadata.name + "' is not known");
   }
+  if (observation.isDepthAlone()) {
+    throw std::invalid_argument("Refiner: this method compares colours, and there are none");
+  }
   const bool together = settings_.method == Method::kInversion;
   const double samples = static_cast<double>(settings_.inversion.descent.samples_per_step);
   if (together && samples * static_cast<double>(priors.size()) > kMaxSamplesPerStep) {

@@ -148,7 +148,7 @@ Refinement KeyframeRefiner::find(const TimedObservation& image, const Prior& pri
       cancellation);
   lookPastOccluders(image, hint, cancellation, &result);
   holdTrack(result);
-  if (result.outcome == Outcome::kRefined) last_ = {image.stamp_ns, result.T_O_C};
+  if (result.outcome == Outcome::kRefined) remember(image.stamp_ns, result.T_O_C);
   return result;
 }
 
@@ -181,7 +181,7 @@ Refinement KeyframeRefiner::settle(const TimedObservation& image,
       },
       cancellation);
   if (result.outcome != Outcome::kRefined) return result;
-  last_ = {image.stamp_ns, result.T_O_C};
+  remember(image.stamp_ns, result.T_O_C);
   const double found = *result.found_probability;
   result.found_probability = withOdds(found, oddsOf(result.T_O_C, rough, field_->field().metadata));
   result.score *= found > 0 ? *result.found_probability / found : 0;
@@ -189,14 +189,32 @@ Refinement KeyframeRefiner::settle(const TimedObservation& image,
   return result;
 }
 
+/// Time since the object was found last; nothing: it was not, or too long ago.
+std::optional<double> KeyframeRefiner::sinceLast_s(std::int64_t stamp_ns) const {
+  constexpr double kLongest_s = 0.5;
+  if (!last_ || stamp_ns <= last_->first) return std::nullopt;
+  const double since_s = 1e-9 * static_cast<double>(stamp_ns - last_->first);
+  if (since_s > kLongest_s) return std::nullopt;
+  return since_s;
+}
+
 /// How the object moves from where it was found last to a pose, as the camera's twist a second;
 /// zero: it is not known.
 Vector6 KeyframeRefiner::motionTo(std::int64_t stamp_ns, const Pose& T_O_C) const {
-  constexpr double kLongest_s = 0.5;
-  if (!last_ || stamp_ns <= last_->first) return Vector6::Zero();
-  const double since_s = 1e-9 * static_cast<double>(stamp_ns - last_->first);
-  if (since_s > kLongest_s) return Vector6::Zero();
-  return cameraTwist(last_->second, T_O_C, field_->field().metadata.centre) / since_s;
+  const std::optional<double> since_s = sinceLast_s(stamp_ns);
+  if (!since_s) return Vector6::Zero();
+  return cameraTwist(last_->second, T_O_C, field_->field().metadata.centre) / *since_s;
+}
+
+/// How the object moved before an image, which has no part in that: what colours and depth say of
+/// it is no motion.
+Vector6 KeyframeRefiner::motionBefore(std::int64_t stamp_ns) const {
+  return sinceLast_s(stamp_ns) ? last_motion_ : Vector6::Zero();
+}
+
+void KeyframeRefiner::remember(std::int64_t stamp_ns, const Pose& T_O_C) {
+  last_motion_ = motionTo(stamp_ns, T_O_C);
+  last_ = {stamp_ns, T_O_C};
 }
 
 Refinement KeyframeRefiner::refine(const TimedObservation& image, const Expectation& expected,
@@ -274,7 +292,7 @@ void KeyframeRefiner::renewFor(const View& view, std::int64_t stamp_ns) {
     const double since_s = 1e-9 * static_cast<double>(stamp_ns - last_->first);
     ahead = extrapolated(last_->second, view.T_O_C, std::min(kMax, settings_.renewal_s / since_s));
   }
-  last_ = {stamp_ns, view.T_O_C};
+  remember(stamp_ns, view.T_O_C);
   const View next = {view.camera, ahead};
   if (renderer_->busy() || !settings_.wantsKeyframe(search_->distanceOfNearest(ahead)) ||
       !fitsKeyframe(next, field_->field().metadata)) {

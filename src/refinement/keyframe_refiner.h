@@ -92,7 +92,10 @@ class KeyframeRefiner {
                       const CancellationToken& cancellation, Refinement* found);
   void lookPastOccluders(const TimedObservation& image, const Expectation& expected,
                          const CancellationToken& cancellation, Refinement* found);
+  std::optional<double> sinceLast_s(std::int64_t stamp_ns) const;
   Vector6 motionTo(std::int64_t stamp_ns, const Pose& T_O_C) const;
+  Vector6 motionBefore(std::int64_t stamp_ns) const;
+  void remember(std::int64_t stamp_ns, const Pose& T_O_C);
   void begin();
   void adaptTo(const Observation& observation);
   void takeRenewal(std::int64_t stamp_ns, const CancellationToken& cancellation);
@@ -130,6 +133,7 @@ class KeyframeRefiner {
   std::optional<SideViews> side_views_;
   std::int64_t due_ns_ = 0;  // stamp from which on the keyframe under way is used
   std::optional<std::pair<std::int64_t, Pose>> last_;  // stamp and pose that were found last
+  Vector6 last_motion_ = Vector6::Zero();              // towards it, as motionTo says
 };
 
 }  // namespace nerf_pose_refiner

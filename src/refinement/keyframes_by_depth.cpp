@@ -37,9 +37,9 @@ Refinement KeyframeRefiner::refineByDepth(const TimedObservation& image,
   Refinement result;
   result.T_O_C = expected.prior.T_O_C;
   result.outcome = Outcome::kNoOverlap;
-  result.depth.use = DepthUse::kRefused;
   if (!(object.metres_per_unit > 0)) {
     result.outcome = Outcome::kDiverged;
+    result.depth.use = DepthUse::kRefused;
     result.depth.message = "the model has no scale, so depth cannot be compared with it";
   } else if (objectRegion(image.observation.camera, expected.prior, object)) {
     try {
@@ -60,6 +60,7 @@ Refinement KeyframeRefiner::findByDepth(const TimedObservation& image, const Exp
   const DepthImage& depth = *image.observation.depth;
   const FieldMetadata& object = field_->field().metadata;
   const Refinement result = refineByDepth(image, hint, [&] {
+    waitForRenderings(cancellation);
     const DepthPrior known = depth_.priorAlone(depth.noise, object, hint.prior);
     std::vector<DepthFit> rough = depth_search_->around(depth, known, hint.prior, cancellation);
     std::vector<Pose> starts;
@@ -70,7 +71,7 @@ Refinement KeyframeRefiner::findByDepth(const TimedObservation& image, const Exp
     const auto keyframe = best.empty() ? nullptr : search_->nearestTo(best.front());
     return keyframe ? depth_search_->from(depth, known, keyframe, starts) : std::vector<DepthFit>();
   });
-  if (result.outcome == Outcome::kRefined) last_ = {image.stamp_ns, result.T_O_C};
+  if (result.outcome == Outcome::kRefined) remember(image.stamp_ns, result.T_O_C);
   return result;
 }
 
@@ -131,6 +132,10 @@ Refinement KeyframeRefiner::concludeByDepth(const DepthImage& depth,
   result.covariance = rotated(fits.front().covariance + spreadOf(all, object), R_equal);
   if (const std::optional<SymmetryAxis>& axis = object.symmetries.axis()) {
     result.covariance = freeAbout(*axis, result.covariance, object.centre);
+  }
+  if (!result.covariance.allFinite()) {
+    result.outcome = Outcome::kDiverged;
+    return result;
   }
   const double by_image = depthProbability(fits.front());
   const double odds = priorOdds(result.T_O_C, expected.prior, object);

@@ -16,8 +16,8 @@ void KeyframeRefiner::considerDepth(const TimedObservation& image, Refinement* f
   if (!observation.depth) return;
   const FieldMetadata& object = field_->field().metadata;
   const auto keyframe = search_->nearestTo(found->T_O_C);
-  const double odds = depth_.fuse(*observation.depth, keyframe, object,
-                                  motionTo(image.stamp_ns, found->T_O_C), found);
+  const double odds =
+      depth_.fuse(*observation.depth, keyframe, object, motionBefore(image.stamp_ns), found);
   constexpr double kSurest = 0.95;  // that no image of the object alone, on a poster say, misleads
   if (odds < 1) {
     found->found_probability = withOdds(std::min(kSurest, *found->found_probability), odds);

@@ -11,6 +11,7 @@ namespace nerf_pose_refiner {
 
 LookAlikes beyondSymmetries(LookAlikes look_alikes, const Symmetries& symmetries) {
   constexpr double kSame_rad = 5 * kDegree;  // an axis that was found is not exact
+  if (!symmetries.any()) return look_alikes;
   const std::optional<SymmetryAxis>& told = symmetries.axis();
   if (told && look_alikes.axis) {
     const Eigen::Vector3d& found = look_alikes.axis->direction;

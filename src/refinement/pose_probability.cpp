@@ -39,6 +39,7 @@ double scoreWidth(const KeyframeScores& scores) {
 double smallerThan(double bound, const Eigen::Matrix3d& covariance) {
   const double variance =
       Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(covariance).eigenvalues().maxCoeff();
+  if (std::isnan(variance)) return 0;
   return variance > 0 ? std::erf(bound / std::sqrt(2 * variance)) : 1;
 }
 

@@ -145,6 +145,22 @@ TEST_F(KeyframeDepthTest, RefusesDepthThatLagsBehindTheMotion) {
       << found.depth.message;
 }
 
+TEST_F(KeyframeDepthTest, AnOffsetOfAStandingObjectIsNoDelay) {
+  // The transform between the cameras is a millimetre off.
+  const auto follower = refiner();
+  Pose beside = truth_;
+  beside.t += 0.001 / kUnit_m * truth_.R.col(0);
+  Observation image = with(depthImage(metresAt(beside, kColour), kColour));
+  Prior prior = nearTruth();
+  prior.T_O_C = truth_;
+  for (int i = 0; i < 60; ++i) {
+    const Refinement found = follower->follow({image, i * kImage_ns}, prior);
+    EXPECT_EQ(found.depth.message.find("its stamps"), std::string::npos)
+        << i << found.depth.message;
+    prior.T_O_C = found.T_O_C;
+  }
+}
+
 TEST_F(KeyframeDepthTest, RefusesDepthOfAnotherCamera) {
   const Pose other = cameraAround(*scene_, -1.3, 0.9);
   const Camera wide = {320, 240, 250, 250, 120, 140};

@@ -101,11 +101,11 @@ Observation FrameInput::observe(const CameraFrame& frame, const ImageStamp& at, 
   if (frame.camera != 0) masks.boxes.clear();  // they are of the first camera's image
   CameraInput& input = frame.camera == 0 ? input_ : side_inputs_.at(frame.camera - 1).input;
   Observation observation = input.observe(frame.image, *frame.info, masks);
-  if (keeps_views_) observation.T_W_C = tf_->cameraInFixed(at, cancellation);
   if (observation.isDepthAlone()) {
     if (!side_inputs_.empty()) no_views_ = "depth alone takes no further cameras";
     return observation;
   }
+  if (keeps_views_) observation.T_W_C = tf_->cameraInFixed(at, cancellation);
   observation.depth = depthOf(frame, at, cancellation);
   if (frame.camera != 0) note(&no_views_, 0, "no image comes");
   for (std::size_t i = 0; i < side_inputs_.size() && i < frame.side_views.size(); ++i) {
