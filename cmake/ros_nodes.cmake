@@ -100,4 +100,5 @@ install(FILES nodelet_plugins.xml DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION
 install(DIRECTORY config launch rviz DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
 # The photos that demo.launch learns from, and the recording in which it tracks.
 install(DIRECTORY demo/data/toy_kiosk DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION}/demo/data)
-install(FILES demo/toy_kiosk.bag DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION}/demo)
+install(FILES demo/toy_kiosk.bag demo/toy_kiosk_companions.bag
+  DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION}/demo)

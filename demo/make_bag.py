@@ -1,15 +1,17 @@
 #!/usr/bin/python3
 # Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-"""Packs a rendered sequence into a ROS bag, adds further cameras, or takes the truth out of such a bag.
+"""Packs a rendered sequence into a ROS bag and its further cameras into another, joins bags, or takes the truth out.
 
     make_bag.py pack SEQUENCE_DIR --object object.json --out demo.bag
-    make_bag.py add IN.bag COMPANIONS_DIR OUT.bag
+    make_bag.py companions IN.bag COMPANIONS_DIR OUT.bag
+    make_bag.py join IN.bag COMPANIONS.bag OUT.bag
     make_bag.py strip IN.bag OUT.bag
 
 T_A_B takes points from frame B to frame A. C: camera_optical (x right, y down, z forward), O: the object, R: room,
 D: depth_optical, S: side_camera_optical.
 """
 import argparse
+import heapq
 import json
 import os
 import sys
@@ -161,27 +163,32 @@ def write_companions(bag, args, companions, frame, stamp):
     picture = os.path.join(args.companions, "side_" + name + ".png")
     bag.write(TF_TOPIC, place_message(companions, frame["T_R_C"], stamp), stamp - rospy.Duration.from_sec(PLACE_LEAD_S))
     bag.write(DEPTH_INFO_TOPIC, info_message(depth, stamp, DEPTH_FRAME), stamp)
-    # Depth alone is worth compressing; a chunk of its own costs those nothing who play the images only.
-    bag.compression = "bz2"
+    bag.compression = "bz2"  # the images are compressed themselves
     bag.write(DEPTH_TOPIC, depth_message(measured_mm(exact_m, depth["fx"], frame["index"]), stamp), stamp)
     bag.compression = "none"
     bag.write(SIDE_INFO_TOPIC, info_message(side, stamp, SIDE_FRAME), stamp)
     bag.write(SIDE_TOPIC, image_message(picture, stamp, args.quality, SIDE_FRAME), stamp)
 
 
-def add(args):
-    """What is in the bag stays as it is, byte by byte."""
+def companions_of(args):
+    """At the times of a bag's images."""
     with open(os.path.join(args.companions, "companions.json")) as file:
         companions = json.load(file)
-    frames = iter(companions["frames"])
     with rosbag.Bag(args.bag) as alone, rosbag.Bag(args.out, "w") as bag:
-        if alone.get_message_count(INFO_TOPIC) != len(companions["frames"]):
+        stamps = [stamp for _, _, stamp in alone.read_messages(topics=[INFO_TOPIC])]
+        if len(stamps) != len(companions["frames"]):
             sys.exit("make_bag: %s has not the images that %s belongs to" % (args.bag, args.companions))
-        for topic, message, stamp in alone.read_messages(raw=True):
-            if topic == INFO_TOPIC:
-                write_companions(bag, args, companions, next(frames), stamp)
-            bag.write(topic, message, stamp, raw=True)
+        for frame, stamp in zip(companions["frames"], stamps):
+            write_companions(bag, args, companions, frame, stamp)
     print("%s: %.2f MiB" % (args.out, os.path.getsize(args.out) / 2**20))
+
+
+def join(args):
+    """Of what was recorded at the same time, the companions come first: an image finds them there."""
+    with rosbag.Bag(args.bag) as first, rosbag.Bag(args.companions) as second, rosbag.Bag(args.out, "w") as bag:
+        for topic, message, stamp in heapq.merge(second.read_messages(raw=True), first.read_messages(raw=True),
+                                                 key=lambda entry: entry.timestamp):
+            bag.write(topic, message, stamp, raw=True)
 
 
 def strip(args):
@@ -206,12 +213,17 @@ def main():
     packing.add_argument("--seed", type=int, default=7, help="of the initial pose")
     packing.add_argument("--without-truth", action="store_true", help="leave out " + TRUTH)
     packing.set_defaults(act=pack)
-    adding = commands.add_parser("add", help="copy a bag and add depth and the camera from the side")
-    adding.add_argument("bag")
-    adding.add_argument("companions", help="folder that render.py wrote: companions of the same sequence")
-    adding.add_argument("out")
-    adding.add_argument("--quality", type=int, default=85, help="of the JPEGs, 1..100")
-    adding.set_defaults(act=add)
+    further = commands.add_parser("companions", help="depth and the camera from the side, at a bag's times")
+    further.add_argument("bag")
+    further.add_argument("companions", help="folder that render.py wrote: companions of the same sequence")
+    further.add_argument("out")
+    further.add_argument("--quality", type=int, default=85, help="of the JPEGs, 1..100")
+    further.set_defaults(act=companions_of)
+    joining = commands.add_parser("join", help="a bag and its companions in one")
+    joining.add_argument("bag")
+    joining.add_argument("companions", help="bag with the companions")
+    joining.add_argument("out")
+    joining.set_defaults(act=join)
     stripping = commands.add_parser("strip", help="copy a bag without " + TRUTH)
     stripping.add_argument("bag")
     stripping.add_argument("out")

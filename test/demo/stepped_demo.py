@@ -18,7 +18,7 @@ from nerf_pose_refiner.msg import PoseHypothesisArray, RefinementStatus
 from nerf_pose_refiner.srv import RegisterObject, RegisterObjectRequest
 
 DEMO = os.path.join(os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))), 'demo')
-BAG = os.path.join(DEMO, 'toy_kiosk.bag')
+BAG, COMPANIONS = (os.path.join(DEMO, name) for name in ('toy_kiosk.bag', 'toy_kiosk_companions.bag'))
 IMAGE = '/camera/image/compressed'
 TOPICS = {IMAGE: CompressedImage, '/camera/camera_info': CameraInfo, '/initial_pose': PoseStamped,
           '/ground_truth/object_pose': PoseStamped, '/tf': TFMessage}

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-"""demo.launch with depth:=true and side_camera:=true: both take part in the poses of the demo's bag."""
+"""demo.launch with depth:=true and side_camera:=true: both take part in the poses of the demo's recording."""
 import os
 import subprocess
 import sys
@@ -10,7 +10,7 @@ import rospy
 import rostest
 
 from nerf_pose_refiner.msg import RefinementStatus
-from stepped_demo import BAG, DEMO, FURTHER_TOPICS, TOPICS, SteppedDemo
+from stepped_demo import BAG, COMPANIONS, DEMO, FURTHER_TOPICS, TOPICS, SteppedDemo
 
 FRAMES = 6
 
@@ -23,8 +23,10 @@ class FurtherCameras(SteppedDemo):
         self.set_time(rospy.Time(1))  # and makes the node forget what that has played
         self.wait_for_listeners()
         with tempfile.TemporaryDirectory() as folder:
-            stripped = os.path.join(folder, 'without_truth.bag')
-            subprocess.check_call([sys.executable, os.path.join(DEMO, 'make_bag.py'), 'strip', BAG, stripped])
+            joined, stripped = (os.path.join(folder, name) for name in ('joined.bag', 'without_truth.bag'))
+            make_bag = [sys.executable, os.path.join(DEMO, 'make_bag.py')]
+            subprocess.check_call(make_bag + ['join', BAG, COMPANIONS, joined])
+            subprocess.check_call(make_bag + ['strip', joined, stripped])
             stamps = self.play(stripped, FRAMES)
         with self.changed:
             statuses = [self.statuses[stamp] for stamp in stamps]

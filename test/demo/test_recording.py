@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-"""The demo's bag holds what its README says: three cameras with equal stamps, and a truth that can be taken out."""
+"""The demo's bags hold what its README says: three cameras with equal stamps, and a truth that can be taken out."""
 import os
 import subprocess
 import sys
@@ -11,8 +11,9 @@ import numpy as np
 import rosbag
 
 TOP = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
-BAG = os.path.join(TOP, 'demo', 'toy_kiosk.bag')
-sys.path.insert(0, os.path.join(TOP, 'demo'))
+DEMO = os.path.join(TOP, 'demo')
+BAG, COMPANIONS = (os.path.join(DEMO, name) for name in ('toy_kiosk.bag', 'toy_kiosk_companions.bag'))
+sys.path.insert(0, DEMO)
 import depth_sensor  # noqa: E402
 
 IMAGES = 76
@@ -38,10 +39,27 @@ def stamps(messages):
     return [message.header.stamp for message in messages]
 
 
+def make_bag(*arguments):
+    subprocess.check_call([sys.executable, os.path.join(DEMO, 'make_bag.py'), *arguments])
+
+
 class Recording(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        cls.messages, cls.transforms = read(BAG)
+        cls.folder = tempfile.TemporaryDirectory()
+        cls.joined = os.path.join(cls.folder.name, 'joined.bag')
+        make_bag('join', BAG, COMPANIONS, cls.joined)
+        cls.messages, cls.transforms = read(cls.joined)
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.folder.cleanup()
+
+    def test_joined_bag_has_all_in_the_order_of_time(self):
+        with rosbag.Bag(self.joined) as joined, rosbag.Bag(BAG) as first, rosbag.Bag(COMPANIONS) as second:
+            stamps = [stamp for _, _, stamp in joined.read_messages()]
+            self.assertEqual(stamps, sorted(stamps))
+            self.assertEqual(len(stamps), first.get_message_count() + second.get_message_count())
 
     def test_cameras_have_equal_stamps(self):
         expected = stamps(self.messages[TRUTH])
@@ -65,17 +83,17 @@ class Recording(unittest.TestCase):
             self.assertEqual(self.transforms[parent, child], stamps(self.messages[TRUTH]))
 
     def test_without_the_truth_nothing_tells_of_the_object(self):
-        with tempfile.TemporaryDirectory() as folder:
-            path = os.path.join(folder, 'without_truth.bag')
-            subprocess.check_call([sys.executable, os.path.join(TOP, 'demo', 'make_bag.py'), 'strip', BAG, path])
-            messages, transforms = read(path)
+        path = os.path.join(self.folder.name, 'without_truth.bag')
+        make_bag('strip', self.joined, path)
+        messages, transforms = read(path)
         self.assertEqual(set(transforms), {(parent, child) for child, parent in PLACES.items()})
         self.assertEqual(set(self.messages) - set(messages), {TRUTH})
         for topic in set(messages) - {'/tf'}:
             self.assertEqual(messages[topic], self.messages[topic], topic)
 
     def test_size(self):
-        self.assertLess(os.path.getsize(BAG), 8 * 2**20)
+        for path in (BAG, COMPANIONS):
+            self.assertLess(os.path.getsize(path), 4 * 2**20, path)
 
 
 class DepthSensor(unittest.TestCase):

@@ -125,7 +125,6 @@ std::string BagSequence::theOnlyImageTopic() {
   for (const std::string& topic : found) all += (all.empty() ? "" : ", ") + topic;
   if (found.size() > 1) {
     const std::string frame = frameOfTruth();
-    if (frame.empty()) return *found.begin();  // none has a true pose, which is said later
     for (auto topic = found.begin(); topic != found.end();) {
       rosbag::View images(bag_, rosbag::TopicQuery(*topic));
       const bool fits =
