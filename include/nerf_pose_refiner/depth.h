@@ -75,7 +75,7 @@ enum class DepthUse {
   kNone,     ///< there was no depth, or no pose to compare it with
   kUsed,     ///< depth took part in the pose
   kRefused,  ///< depth contradicts the colour image or shows nothing: the pose is that of colours
-             ///< alone
+             ///< alone, if there are any
 };
 
 /// How depth agrees with a pose.

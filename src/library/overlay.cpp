@@ -35,7 +35,7 @@ Image8 Overlay::draw(const Observation& observation, const Pose& T_C_O, double o
     throw std::invalid_argument("Overlay: the pose is not a rigid transform");
   }
   const View view{observation.camera, ObjectInside::frame(parts_->object).cameraInModel(T_C_O)};
-  return drawOverlay(observedColours(observation),
+  return drawOverlay(overlayGround(observation),
                      parts_->field->render(view, RenderOptions(), CancellationToken()), opacity);
 }
 

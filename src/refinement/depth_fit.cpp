@@ -196,7 +196,8 @@ void DepthFitter::conclude() {
   // The sandwich estimate, as of colours: the scatter of tiles has what the noise model leaves out,
   // but is itself uncertain where there are few.
   const Eigen::LDLT<MatrixN> bread(system.information + known);
-  const double spare = 1 - 7 / std::max(14.0, system.tiles);  // each was made small by its own
+  const double spare =
+      1 - kUnknowns / std::max(2.0 * kUnknowns, system.tiles);  // each was made small by its own
   const MatrixN meat = known + 0.5 * (system.information + system.scatter / (spare * spare));
   const MatrixN half = bread.solve(meat);
   MatrixN covariance = bread.solve(half.transpose());

@@ -5,8 +5,6 @@
 #include <cmath>
 #include <utility>
 
-#include <Eigen/Eigenvalues>
-
 #include "backend/common/plain_pose.h"
 #include "math/angle.h"
 #include "math/keyframe_search.h"
@@ -15,21 +13,7 @@
 namespace nerf_pose_refiner {
 namespace {
 
-// The best, without those that are nearly the same.
-std::vector<DepthFit> bestOf(std::vector<DepthFit> fits, std::size_t count,
-                             const FieldMetadata& object) {
-  std::stable_sort(fits.begin(), fits.end(),
-                   [](const DepthFit& a, const DepthFit& b) { return a.evidence > b.evidence; });
-  std::vector<DepthFit> best;
-  for (const DepthFit& fit : fits) {
-    const bool is_known = std::any_of(best.begin(), best.end(), [&](const DepthFit& other) {
-      return areNearlyTheSame(other.T_O_C, fit.T_O_C, object);
-    });
-    if (!is_known) best.push_back(fit);
-    if (best.size() == count) break;
-  }
-  return best;
-}
+bool hasMoreEvidence(const DepthFit& a, const DepthFit& b) { return a.evidence > b.evidence; }
 
 }  // namespace
 
@@ -62,16 +46,17 @@ std::vector<DepthFit> DepthSearch::around(const DepthImage& depth, const DepthPr
     rough.push_back(
         fitDepthAlone(nearestView(start, cancellation).coarse, depth, known, object, start));
   }
-  for (const DepthFit& fit : bestOf(std::move(rough), kMiddle, object)) {
+  for (const DepthFit& fit : bestOf(rough, kMiddle, object, hasMoreEvidence)) {
     middle.push_back(
         fitDepthAlone(nearestView(fit.T_O_C, cancellation).fine, depth, known, object, fit.T_O_C));
   }
-  return bestOf(std::move(middle), kFinalists, object);
+  return bestOf(middle, kFinalists, object, hasMoreEvidence);
 }
 
 std::vector<DepthFit> DepthSearch::from(const DepthImage& depth, const DepthPrior& known,
                                         const std::shared_ptr<const KeyframePoints>& keyframe,
-                                        const std::vector<Pose>& poses_T_O_C) {
+                                        const std::vector<Pose>& poses_T_O_C,
+                                        const CancellationToken& cancellation) {
   if (keyframe != keyframe_) {
     keyframe_ = keyframe;
     surface_ = depthSurfaceOf(*keyframe);
@@ -80,9 +65,10 @@ std::vector<DepthFit> DepthSearch::from(const DepthImage& depth, const DepthPrio
   std::vector<DepthFit> fits;
   if (surface_.places.size() < static_cast<std::size_t>(kFewestDepthPlaces)) return fits;
   for (const Pose& start : poses_T_O_C) {
+    cancellation.check();
     fits.push_back(fitDepthAlone(surface_, depth, known, object, start));
   }
-  return bestOf(std::move(fits), poses_T_O_C.size(), object);
+  return bestOf(fits, poses_T_O_C.size(), object, hasMoreEvidence);
 }
 
 std::vector<DepthFit> DepthSearch::beside(const DepthImage& depth, const DepthFit& found) const {
@@ -95,7 +81,7 @@ std::vector<DepthFit> DepthSearch::beside(const DepthImage& depth, const DepthFi
   const Matrix6 scaled = wrong.cwiseInverse().asDiagonal() *
                          withoutFreeTurn(found.covariance, object) *
                          wrong.cwiseInverse().asDiagonal();
-  const Vector6 least = Eigen::SelfAdjointEigenSolver<Matrix6>(scaled).eigenvectors().col(5);
+  const Vector6 least = eigenOf(scaled).vectors.col(5);
   std::vector<DepthFit> others;
   for (const double by : {-kApart, kApart}) {
     const Vector6 x = by * wrong.cwiseProduct(least);

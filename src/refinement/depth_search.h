@@ -26,10 +26,11 @@ class DepthSearch {
   /// evidence: the learned surface is rough, and its bumps seem to fix what the shape leaves open.
   std::vector<DepthFit> beside(const DepthImage& depth, const DepthFit& found) const;
 
-  /// Aligns what a keyframe shows from each of some poses. @return best first.
+  /// Aligns what a keyframe shows from each of some poses. @return best first. @throws Cancelled.
   std::vector<DepthFit> from(const DepthImage& depth, const DepthPrior& known,
                              const std::shared_ptr<const KeyframePoints>& keyframe,
-                             const std::vector<Pose>& poses_T_O_C);
+                             const std::vector<Pose>& poses_T_O_C,
+                             const CancellationToken& cancellation);
 
  private:
   /// A small view's surface, finely and coarsely.

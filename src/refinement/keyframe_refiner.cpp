@@ -91,8 +91,19 @@ void KeyframeRefiner::adaptTo(const Observation& observation) {
   begin();
 }
 
+/// Depth alone comes from another camera than colours: where that saw the object last, and for
+/// certain, says nothing of this one's images.
+void KeyframeRefiner::noteKind(const Observation& observation) {
+  if (observation.isDepthAlone() == by_depth_) return;
+  by_depth_ = observation.isDepthAlone();
+  last_.reset();
+  last_motion_.setZero();
+  sure_.reset();
+}
+
 Refinement KeyframeRefiner::follow(const TimedObservation& image, const Prior& prior,
                                    const CancellationToken& cancellation) {
+  noteKind(image.observation);
   const Expectation near = {prior, track_odds_};
   if (image.observation.isDepthAlone()) return followByDepth(image, near, cancellation);
   const Camera& camera = image.observation.camera;
@@ -119,6 +130,7 @@ Refinement KeyframeRefiner::find(const TimedObservation& image, const Prior& pri
                                  const CancellationToken& cancellation,
                                  const std::vector<Pose>& candidates_T_O_C) {
   constexpr std::size_t kRendered = 2;  // of the candidates
+  noteKind(image.observation);
   const Expectation hint = {prior, kHintOdds};
   if (image.observation.isDepthAlone()) return findByDepth(image, hint, cancellation);
   const Camera& camera = image.observation.camera;

@@ -97,6 +97,7 @@ class KeyframeRefiner {
   Vector6 motionBefore(std::int64_t stamp_ns) const;
   void remember(std::int64_t stamp_ns, const Pose& T_O_C);
   void begin();
+  void noteKind(const Observation& observation);
   void adaptTo(const Observation& observation);
   void takeRenewal(std::int64_t stamp_ns, const CancellationToken& cancellation);
   void makeAt(const Camera& camera, const std::vector<Pose>& poses_T_O_C,
@@ -133,6 +134,7 @@ class KeyframeRefiner {
   std::optional<SideViews> side_views_;
   std::int64_t due_ns_ = 0;  // stamp from which on the keyframe under way is used
   std::optional<std::pair<std::int64_t, Pose>> last_;  // stamp and pose that were found last
+  bool by_depth_ = false;                              // the last image was one of depth alone
   Vector6 last_motion_ = Vector6::Zero();              // towards it, as motionTo says
 };
 

@@ -20,18 +20,9 @@ bool isBetter(const Hypothesis& a, const Hypothesis& b) {
   return a_lives != b_lives ? a_lives : a.loss < b.loss;
 }
 
-// The best, without those that are nearly the same.
-HypothesisTable bestOf(HypothesisTable table, std::size_t count, const FieldMetadata& object) {
-  std::stable_sort(table.begin(), table.end(), isBetter);
-  HypothesisTable best;
-  for (const Hypothesis& h : table) {
-    const bool is_known = std::any_of(best.begin(), best.end(), [&](const Hypothesis& other) {
-      return areNearlyTheSame(other.T_O_C, h.T_O_C, object);
-    });
-    if (!is_known) best.push_back(h);
-    if (best.size() == count) break;
-  }
-  return best;
+HypothesisTable bestOf(const HypothesisTable& table, std::size_t count,
+                       const FieldMetadata& object) {
+  return bestOf(table, count, object, isBetter);
 }
 
 std::vector<Pose> posesOf(const HypothesisTable& table) {

@@ -1,6 +1,10 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
 #include <chrono>
+#include <cmath>
+#include <optional>
 #include <utility>
+#include <vector>
 
 #include "refinement/keyframe_refiner.h"
 #include "refinement/plan.h"
@@ -69,7 +73,8 @@ Refinement KeyframeRefiner::findByDepth(const TimedObservation& image, const Exp
                                  starts.begin() + std::min(kRendered, starts.size()));
     makeAt(image.observation.camera, best, cancellation);
     const auto keyframe = best.empty() ? nullptr : search_->nearestTo(best.front());
-    return keyframe ? depth_search_->from(depth, known, keyframe, starts) : std::vector<DepthFit>();
+    return keyframe ? depth_search_->from(depth, known, keyframe, starts, cancellation)
+                    : std::vector<DepthFit>();
   });
   if (result.outcome == Outcome::kRefined) remember(image.stamp_ns, result.T_O_C);
   return result;
@@ -90,10 +95,11 @@ Refinement KeyframeRefiner::followByDepth(const TimedObservation& image, const E
     const auto keyframe = search_->nearestTo(near.prior.T_O_C);
     if (!keyframe) return {};
     const DepthPrior known = depth_.priorAlone(depth.noise, object, near.prior);
-    std::vector<DepthFit> fits = depth_search_->from(depth, known, keyframe, {near.prior.T_O_C});
+    std::vector<DepthFit> fits =
+        depth_search_->from(depth, known, keyframe, {near.prior.T_O_C}, cancellation);
     if (!fits.empty() && depthProbability(fits.front()) >= kDoubtful) return fits;
     return depth_search_->from(depth, known, keyframe,
-                               posesAround(near.prior, object, kSpread, kWideStarts));
+                               posesAround(near.prior, object, kSpread, kWideStarts), cancellation);
   });
   if (result.outcome == Outcome::kRefined) renewFor({camera, result.T_O_C}, image.stamp_ns);
   return result;
@@ -105,16 +111,12 @@ Refinement KeyframeRefiner::concludeByDepth(const DepthImage& depth,
   const FieldMetadata& object = field_->field().metadata;
   Refinement result;
   result.T_O_C = expected.prior.T_O_C;
-  result.depth.use = DepthUse::kRefused;
   result.outcome = Outcome::kDiverged;
-  if (fits.empty()) {
-    result.depth.message = "too little of the object's surface is known here";
-    return result;
-  }
-  result.depth = reportOf(fits.front().counts);
-  if (fits.front().counts.agreeing < kFewestDepthPlaces) {
+  if (!fits.empty()) result.depth = reportOf(fits.front().counts);
+  if (fits.empty() || fits.front().counts.agreeing < kFewestDepthPlaces) {
     result.depth.use = DepthUse::kRefused;
-    result.depth.message = "depth does not show the object here";
+    result.depth.message = fits.empty() ? "too little of the object's surface is known here"
+                                        : "depth does not show the object here";
     return result;
   }
   result.outcome = Outcome::kRefined;

@@ -20,12 +20,6 @@ constexpr std::int64_t kDepthImage_ns = 33000000;
 
 class DepthAloneTest : public DepthScene, public testing::Test {
  protected:
-  std::unique_ptr<KeyframeRefiner> refiner() const {
-    KeyframeSearchSettings settings;
-    settings.real_time = false;
-    return std::make_unique<KeyframeRefiner>(backend_.get(), field_, settings);
-  }
-
   Observation seenFrom(const Pose& T_O_C, const DepthErrors& errors = {0.001, 0, 0.2, 0}) const {
     return observe(depthImage(metresAt(T_O_C, kColour, {}, errors), kColour));
   }
@@ -48,8 +42,6 @@ class DepthAloneTest : public DepthScene, public testing::Test {
     EXPECT_LT(error.rotation_rad / kDegree, 1);
     EXPECT_LT(error.object_offset / object().diameter, 0.015);
   }
-
-  std::unique_ptr<Backend> backend_ = makeCpuBackend(2);
 };
 
 TEST_F(DepthAloneTest, FindsTheObjectFromHints) {
@@ -78,6 +70,19 @@ TEST_F(DepthAloneTest, FollowsTheObject) {
     expectRight(found, seen);
     EXPECT_GT(found.score, 0.9);
     prior.T_O_C = found.T_O_C;
+  }
+}
+
+TEST_F(DepthAloneTest, MayTakeTurnsWithColours) {
+  const auto follower = refiner();
+  Prior prior;
+  prior.T_O_C = truth_;
+  prior.rotation_rad = 5 * kDegree;
+  prior.translation = 0.05;
+  for (int i = 0; i < 6; ++i) {
+    const Observation image = i % 2 == 0 ? imageAt(truth_) : seenFrom(truth_);
+    SCOPED_TRACE(i);
+    expectRight(follower->follow({image, i * kDepthImage_ns}, prior), truth_);
   }
 }
 
@@ -158,6 +163,9 @@ TEST_F(DepthAloneTest, AnObservationOfDepthAlone) {
   EXPECT_THROW(observe(depthImage(metresAt(truth_, kColour), kColour, aside)),
                std::invalid_argument);
   EXPECT_THROW(observe(std::shared_ptr<const DepthImage>()), std::invalid_argument);
+  Observation elsewhere = seenFrom(truth_);
+  elsewhere.camera.fx += 1;
+  EXPECT_THROW(elsewhere.validate(), std::invalid_argument);
   Observation masked = seenFrom(truth_);
   masked.background = Background::kMask;
   masked.alpha = Image(320, 240, 1, 1.0f);

@@ -19,12 +19,6 @@ constexpr std::int64_t kImage_ns = 33000000;
 
 class KeyframeDepthTest : public DepthScene, public testing::Test {
  protected:
-  std::unique_ptr<KeyframeRefiner> refiner() const {
-    KeyframeSearchSettings settings;
-    settings.real_time = false;
-    return std::make_unique<KeyframeRefiner>(backend_.get(), field_, settings);
-  }
-
   Prior nearTruth() const {
     Prior prior;
     prior.T_O_C = fartherBy(truth_, 0.004);
@@ -57,8 +51,6 @@ class KeyframeDepthTest : public DepthScene, public testing::Test {
     EXPECT_EQ(found.covariance, alone.covariance);
     EXPECT_EQ(found.score, alone.score);
   }
-
-  std::unique_ptr<Backend> backend_ = makeCpuBackend(2);
 };
 
 TEST_F(KeyframeDepthTest, TakesPartInThePose) {

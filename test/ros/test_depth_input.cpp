@@ -106,7 +106,7 @@ TEST(DepthInput, IsAnImageInPlaceOfColours) {
 
 TEST(DepthInput, ItsPictureShowsNearThingsBright) {
   Companion messages = messagesOf<float>("32FC1", {0.5f, 1.5f, 0, 1, 1, 1});
-  const Image picture = observedColours(observe(read(messages)));
+  const Image picture = overlayGround(observe(read(messages)));
   EXPECT_GT(picture.at(0, 0, 0), picture.at(0, 1, 0));
   EXPECT_GE(picture.at(0, 1, 1), picture.at(1, 0, 1));
   EXPECT_EQ(picture.at(2, 0, 2), 0) << "not measured";

@@ -10,6 +10,7 @@
 #include "math/angle.h"
 #include "math/random.h"
 #include "nerf_pose_refiner/depth.h"
+#include "refinement/keyframe_refiner.h"
 #include "support/analytic_scene.h"
 #include "support/cpu_processor.h"
 #include "support/metric_field.h"
@@ -87,10 +88,17 @@ class DepthScene {
     return kUnit_m * ((T_O_C.t - object().centre).norm() - (truth_.t - object().centre).norm());
   }
 
+  std::unique_ptr<KeyframeRefiner> refiner() const {
+    KeyframeSearchSettings settings;
+    settings.real_time = false;
+    return std::make_unique<KeyframeRefiner>(backend_.get(), field_, settings);
+  }
+
   const Camera kColour = {320, 240, 400, 400, 159.5, 119.5};
   std::shared_ptr<const LoadedField> scene_ = makeAnalyticScene(1, cpuProcessor(2));
   std::shared_ptr<const LoadedField> field_ = std::make_shared<MetricField>(scene_, kUnit_m);
   Pose truth_ = cameraAround(*scene_, 0.6, 0.5);
+  std::unique_ptr<Backend> backend_ = makeCpuBackend(2);
 };
 
 }  // namespace nerf_pose_refiner

@@ -77,9 +77,16 @@ void validateSideView(const SideView& view) {
 void Observation::validate() const {
   camera.validate();
   if (isDepthAlone()) {
-    if (background != Background::kUnknown || !side_views.empty()) {
+    if (background != Background::kUnknown || !side_views.empty() || !boxes.empty()) {
       throw std::invalid_argument(
-          "Observation: depth alone takes neither a background nor side views");
+          "Observation has depth alone, which takes neither a background nor boxes nor side views; "
+          "or its image is missing");
+    }
+    const bool is_own =
+        depth->camera == camera && depth->T_C_D.R.isIdentity() && depth->T_C_D.t.isZero();
+    if (!is_own) {
+      throw std::invalid_argument(
+          "Observation has depth alone of another camera than its own; or its image is missing");
     }
   } else if (pixels == nullptr) {
     requireImage("image", image, camera, 3);

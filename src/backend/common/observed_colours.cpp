@@ -11,7 +11,7 @@ namespace nerf_pose_refiner {
 namespace {
 
 /// Black where nothing was measured.
-Image pictureOf(const DepthImage& depth) {
+Image greyImageOf(const DepthImage& depth) {
   constexpr int kSamples = 10000;  // tell the range, about
   constexpr double kCut = 0.05;
   std::vector<float> known;
@@ -20,8 +20,8 @@ Image pictureOf(const DepthImage& depth) {
     const float z = depth.at(i % width, i / width);
     if (z > 0) known.push_back(z);
   }
-  Image picture(width, height, 3, 0.0f);
-  if (known.empty()) return picture;
+  Image grey(width, height, 3, 0.0f);
+  if (known.empty()) return grey;
   std::sort(known.begin(), known.end());
   const auto last = static_cast<double>(known.size() - 1);
   const float nearest = known[static_cast<std::size_t>(kCut * last)];
@@ -31,16 +31,15 @@ Image pictureOf(const DepthImage& depth) {
       const float z = depth.at(x, y);
       if (!(z > 0)) continue;
       const float away = range > 0 ? std::clamp((z - nearest) / range, 0.0f, 1.0f) : 0.5f;
-      std::fill_n(picture.pixel(x, y), 3, 1 - 0.9f * away);
+      std::fill_n(grey.pixel(x, y), 3, 1 - 0.9f * away);
     }
   }
-  return picture;
+  return grey;
 }
 
 }  // namespace
 
 Image observedColours(const Observation& observation) {
-  if (observation.isDepthAlone()) return pictureOf(*observation.depth);
   if (observation.pixels == nullptr) return observation.image;
   return toFloat(
       observation.pixels->read({0, 0, observation.pixels->width(), observation.pixels->height()}));
@@ -55,6 +54,11 @@ Image observedColours(const Observation& observation, const PixelWindow& window)
                 static_cast<std::ptrdiff_t>(window.width) * image.channels, part.pixel(0, y));
   }
   return part;
+}
+
+Image overlayGround(const Observation& observation) {
+  return observation.isDepthAlone() ? greyImageOf(*observation.depth)
+                                    : observedColours(observation);
 }
 
 }  // namespace nerf_pose_refiner

@@ -5,11 +5,14 @@
 
 namespace nerf_pose_refiner {
 
-/// The colours of an observation, [h][w][3], whichever form it has them in; of depth alone a grey
-/// picture, near things bright.
+/// The colours of an observation, [h][w][3], whichever form it has them in.
 Image observedColours(const Observation& observation);
 
 /// A part of them, at the cost of this part. @param window inside of the image.
 Image observedColours(const Observation& observation, const PixelWindow& window);
+
+/// What an overlay is drawn over, [h][w][3]: its colours, or of depth alone a grey image, near
+/// things bright.
+Image overlayGround(const Observation& observation);
 
 }  // namespace nerf_pose_refiner

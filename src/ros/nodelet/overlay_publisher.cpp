@@ -74,7 +74,7 @@ void OverlayPublisher::drawNow(const Job& job) {
   const double shrink = static_cast<double>(settings.width_px) / full.width;
   const Camera camera = full.scaled(std::min(1.0, shrink));
   const Rendering rendering = loaded_->render({camera, job.T_O_C}, RenderOptions(), cancellation_);
-  const Image seen = resample(observedColours(*job.observation), full, camera);
+  const Image seen = resample(overlayGround(*job.observation), full, camera);
   const Image8 overlay = drawOverlay(seen, rendering, settings.opacity);
 
   sensor_msgs::Image image;
