@@ -59,8 +59,8 @@ bool isCutOffJpeg(const std::vector<std::uint8_t>& bytes) {
   return true;
 }
 
-/// Decodes to 8 bits per channel; channels as in the file.
-cv::Mat decode(const std::string& path, int flags, std::uint64_t max_pixels) {
+/// Decodes; bits and channels as in the file, or as the flags say.
+cv::Mat decodeAsStored(const std::string& path, int flags, std::uint64_t max_pixels) {
   cv::Mat image;
   try {
     const std::vector<std::uint8_t> bytes = readBytes(path, max_pixels);
@@ -70,14 +70,21 @@ cv::Mat decode(const std::string& path, int flags, std::uint64_t max_pixels) {
     fail("cannot read image", path, error.what());
   }
   if (image.empty()) fail("cannot read image", path, "not an image, or a damaged one");
+  return image;
+}
+
+/// Decodes to 8 bits per channel; channels as in the file.
+cv::Mat decode(const std::string& path, int flags, std::uint64_t max_pixels) {
+  cv::Mat image = decodeAsStored(path, flags, max_pixels);
   if (image.depth() == CV_16U) image.convertTo(image, CV_8U, 1.0 / 257);
   if (image.depth() != CV_8U) fail("cannot read image", path, "neither 8 nor 16 bits a channel");
   return image;
 }
 
-Image8 copyOf(const cv::Mat& mat) {
-  Image8 image(mat.cols, mat.rows, mat.channels());
-  const std::size_t row_bytes = static_cast<std::size_t>(mat.cols) * mat.channels();
+template <typename T>
+ImageOf<T> copyOf(const cv::Mat& mat) {
+  ImageOf<T> image(mat.cols, mat.rows, mat.channels());
+  const std::size_t row_bytes = sizeof(T) * static_cast<std::size_t>(mat.cols) * mat.channels();
   for (int y = 0; y < mat.rows; ++y) std::memcpy(image.pixel(0, y), mat.ptr(y), row_bytes);
   return image;
 }
@@ -119,16 +126,24 @@ Image8 readImage(const std::string& path, std::uint64_t max_pixels) {
     default:
       fail("cannot read image", path, std::to_string(image.channels()) + " channels");
   }
-  return copyOf(image);
+  return copyOf<std::uint8_t>(image);
 }
 
 Image8 readMask(const std::string& path, std::uint64_t max_pixels) {
-  Image8 mask =
-      copyOf(decode(path, cv::IMREAD_GRAYSCALE | cv::IMREAD_IGNORE_ORIENTATION, max_pixels));
+  Image8 mask = copyOf<std::uint8_t>(
+      decode(path, cv::IMREAD_GRAYSCALE | cv::IMREAD_IGNORE_ORIENTATION, max_pixels));
   if (*std::max_element(mask.values.begin(), mask.values.end()) == 1) {
     for (std::uint8_t& value : mask.values) value = value == 1 ? 255 : 0;
   }
   return mask;
+}
+
+ImageOf<std::uint16_t> readDepthPng(const std::string& path, std::uint64_t max_pixels) {
+  const cv::Mat image = decodeAsStored(path, cv::IMREAD_UNCHANGED, max_pixels);
+  if (image.type() != CV_16UC1) {
+    fail("cannot read depth", path, "it is not a PNG of 16-bit grey");
+  }
+  return copyOf<std::uint16_t>(image);
 }
 
 void writePng(const Image8& image, const std::string& path) {

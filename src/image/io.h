@@ -29,6 +29,12 @@ Image8 readImage(const std::string& path, std::uint64_t max_pixels = kMaxImagePi
 /// @throws std::runtime_error as readImage.
 Image8 readMask(const std::string& path, std::uint64_t max_pixels = kMaxImagePixels);
 
+/// Reads a depth image, a PNG of 16-bit grey, as [h][w][1]. What a step of its values is, the file
+/// does not say (TUM, BOP and REP-118 differ); 0 means no measurement.
+/// @throws std::runtime_error as readImage, and for a PNG of another type.
+ImageOf<std::uint16_t> readDepthPng(const std::string& path,
+                                    std::uint64_t max_pixels = kMaxImagePixels);
+
 /// Writes an image of 1 (grey), 3 (RGB) or 4 (RGBA, straight alpha) channels as PNG.
 /// @throws std::invalid_argument for another number of channels or an empty image,
 /// std::runtime_error naming the path and the system's reason.

@@ -3,6 +3,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "backend/backend.h"
@@ -41,6 +42,10 @@ struct RefineOptions {
   double search_translation = kSearchTranslation;
   std::vector<float> background;  // r g b, 0..1
   std::string mask;
+  std::string depth;
+  double depth_unit_m = 0.001;
+  std::vector<double> depth_noise = {DepthNoise().constant_m, DepthNoise().quadratic_per_m};
+  std::vector<double> depth_bias = {DepthNoise().bias_m, DepthNoise().bias_fraction};
   double min_score = TrackingRules().min_score;
   std::uint64_t seed = 1;
   bool json = false;
@@ -51,23 +56,29 @@ void declareInput(CLI::App* app, RefineOptions* options) {
   app->add_option("model", options->model, "Model file")->required()->check(CLI::ExistingFile);
   auto* image = app->add_option("image", options->image, "Camera image (PNG, JPEG, ...)")
                     ->check(CLI::ExistingFile);
-  app->add_option("--intrinsics", options->intrinsics,
-                  "fx fy cx cy [px; the centre of the first pixel is 0, 0]")
-      ->expected(4)
-      ->needs(image);
-  app->add_option("--distortion", options->distortion, "k1 k2 p1 p2 [k3 [k4 k5 k6]]")
-      ->expected(4, 8)
-      ->needs(image);
-  app->add_option("--pose", options->pose,
-                  "Rough pose of the object in the camera's optical frame: x y z qx qy qz qw "
-                  "[model units]")
-      ->expected(7)
-      ->needs(image);
   auto* transforms =
       app->add_option("--transforms", options->transforms,
                       "Instead of an image: a view of this transforms.json, from a wrong start")
           ->check(CLI::ExistingPath)
           ->excludes(image);
+  app->add_option("--intrinsics", options->intrinsics,
+                  "fx fy cx cy [px; the centre of the first pixel is 0, 0]")
+      ->expected(4)
+      ->excludes(transforms);
+  auto* distortion =
+      app->add_option("--distortion", options->distortion, "k1 k2 p1 p2 [k3 [k4 k5 k6]]")
+          ->expected(4, 8)
+          ->needs(image);
+  app->add_option("--pose", options->pose,
+                  "Rough pose of the object in the camera's optical frame: x y z qx qy qz qw "
+                  "[model units]")
+      ->expected(7)
+      ->excludes(transforms);
+  app->add_option("--depth", options->depth,
+                  "Depth beside the image, pixel for pixel, or instead of one: PNG of 16-bit grey")
+      ->check(CLI::ExistingFile)
+      ->excludes(transforms)
+      ->excludes(distortion);
   app->add_option("--view", options->view, "File name of the view; default: the first")
       ->needs(transforms);
   app->add_option("--start-rotation", options->start_rotation_deg,
@@ -78,6 +89,23 @@ void declareInput(CLI::App* app, RefineOptions* options) {
       ->capture_default_str();
 }
 
+void declareDepthErrors(CLI::App* app, RefineOptions* options) {
+  CLI::Option* const depth = app->get_option("--depth");
+  app->add_option("--depth-unit", options->depth_unit_m, "Length that 1 stands for in --depth [m]")
+      ->needs(depth)
+      ->capture_default_str();
+  app->add_option("--depth-noise", options->depth_noise,
+                  "Deviation of a pixel of --depth: at any distance [m], per square of it [1/m]")
+      ->expected(2)
+      ->needs(depth)
+      ->capture_default_str();
+  app->add_option("--depth-bias", options->depth_bias,
+                  "Deviation of the bias that all pixels share: at any distance [m], per distance")
+      ->expected(2)
+      ->needs(depth)
+      ->capture_default_str();
+}
+
 void declare(CLI::App* app, RefineOptions* options) {
   const std::string name = app->get_name();
   app->description(
@@ -85,6 +113,8 @@ void declare(CLI::App* app, RefineOptions* options) {
       "The background may be known: from --mask, from --background, or because the\n"
       "image has alpha. The presets align and track search with that; keyframes searches\n"
       "without, and does not trust a pose that a mask contradicts.\n\n"
+      "With the preset keyframes, --depth takes part beside the image, or shows the object "
+      "alone.\n\n"
       "Poses are those of the object frame in <model>.yaml, if there is that file.");
   app->footer(
       "Examples:\n  " + name +
@@ -95,6 +125,7 @@ void declare(CLI::App* app, RefineOptions* options) {
       "\nIt is a failure if no pose is found, or its score is below --min-score: the pose is "
       "printed,\nbut is not to be trusted.");
   declareInput(app, options);
+  declareDepthErrors(app, options);
   app->add_option(
          "--preset", options->preset,
          "How to search: keyframes (as the node does), align (coarse to fine), track (from a "
@@ -124,15 +155,39 @@ void declare(CLI::App* app, RefineOptions* options) {
   app->add_flag("--json", options->json, "Print the result as JSON");
 }
 
+/// The depth of the image, or, where there is none, depth alone.
+void addDepthFile(const RefineOptions& options, const FieldMetadata& object, RefineCase* input) {
+  if (!(object.metres_per_unit > 0)) {
+    throw std::invalid_argument("the model has no scale, so depth cannot be compared with it");
+  }
+  ImageOf<std::uint16_t> values = readDepthPng(options.depth);
+  if (input->image.empty()) {
+    if (!options.mask.empty() || !options.background.empty()) {
+      throw std::invalid_argument("depth alone takes neither --mask nor --background");
+    }
+    input->camera = cameraFromNumbers(options.intrinsics, values.width, values.height);
+  }
+  DepthNoise noise;
+  noise.constant_m = options.depth_noise[0];
+  noise.quadratic_per_m = options.depth_noise[1];
+  noise.bias_m = options.depth_bias[0];
+  noise.bias_fraction = options.depth_bias[1];
+  addDepth(std::move(values), options.depth_unit_m, noise, input);
+}
+
 RefineCase caseOfImage(const RefineOptions& options, const FieldMetadata& object) {
   if (options.intrinsics.empty() || options.pose.empty()) {
     throw std::invalid_argument("give --intrinsics and --pose with an image");
   }
-  const Image8 photo = readImage(options.image);
-  RefineCase result = caseOfPhoto(photo, options.mask.empty() ? Image8() : readMask(options.mask),
-                                  cameraFromNumbers(options.intrinsics, photo.width, photo.height),
-                                  Distortion{options.distortion});
-  result.name = options.image;
+  RefineCase result;
+  if (!options.image.empty()) {
+    const Image8 photo = readImage(options.image);
+    result = caseOfPhoto(photo, options.mask.empty() ? Image8() : readMask(options.mask),
+                         cameraFromNumbers(options.intrinsics, photo.width, photo.height),
+                         Distortion{options.distortion});
+  }
+  if (!options.depth.empty()) addDepthFile(options, object, &result);
+  result.name = options.image.empty() ? options.depth : options.image;
   result.start_T_O_C =
       ObjectFrame::inModelUnits(object).cameraInModel(poseFromNumbers(options.pose));
   return result;
@@ -183,6 +238,14 @@ bool isTrusted(const Refinement& result, double min_score) {
   return checkTrust(result, min_score) == TrustVerdict::kTrusted;
 }
 
+nlohmann::json depthJson(const DepthReport& depth) {
+  const char* const names[] = {"none", "used", "refused"};
+  return {{"use", names[static_cast<int>(depth.use)]},
+          {"message", depth.message},
+          {"agreeing", depth.agreeing},
+          {"bias_m", depth.bias_m}};
+}
+
 nlohmann::json resultJson(const RefineCase& input, const Refinement& result,
                           const FieldMetadata& object, double min_score) {
   const ObjectFrame frame = ObjectFrame::inModelUnits(object);
@@ -198,6 +261,7 @@ nlohmann::json resultJson(const RefineCase& input, const Refinement& result,
   if (object.metres_per_unit > 0) {
     document["pose_m"] = poseNumbers(ObjectFrame::inMetres(object).objectInCamera(result.T_O_C));
   }
+  if (input.depth) document["depth"] = depthJson(result.depth);
   if (input.true_T_O_C) {
     const auto error = [&](const Pose& T_O_C) {
       return errorJson(
@@ -231,6 +295,11 @@ void printResult(const nlohmann::json& result) {
   std::printf("pose (x y z qx qy qz qw):");
   for (double number : result["pose"]) std::printf(" %.6f", number);
   std::printf("\n");
+  if (result.contains("depth")) {
+    const std::string message = result["depth"]["message"];
+    std::printf("depth: %s%s%s\n", result["depth"]["use"].get<std::string>().c_str(),
+                message.empty() ? "" : ", ", message.c_str());
+  }
   if (result.contains("error")) {
     printErrorLine("error at start", result["error_at_start"]);
     printErrorLine("error", result["error"]);
@@ -253,13 +322,14 @@ Refinement refineBy(const RefinerSettings& settings, const std::shared_ptr<Backe
 }
 
 void refine(const RefineOptions& options, const CancellationToken& cancellation) {
-  if (options.image.empty() == options.transforms.empty()) {
+  const bool has_image = !options.image.empty() || !options.depth.empty();
+  if (has_image != options.transforms.empty()) {
     throw std::invalid_argument("give an image, or --transforms");
   }
   const auto field = std::make_shared<const Field>(loadField(options.model));
   const FieldMetadata& object = field->metadata;
-  const RefineCase input = options.image.empty() ? caseOfDataset(options, object, cancellation)
-                                                 : caseOfImage(options, object);
+  const RefineCase input =
+      has_image ? caseOfImage(options, object) : caseOfDataset(options, object, cancellation);
   RefinerSettings settings = RefinerSettings::named(options.preset);
   settings.seed = options.seed;
   settings.keyframes.real_time = false;  // there is no next image to be in time for

@@ -1,6 +1,10 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include "tools/refine_case.h"
 
+#include <stdexcept>
+#include <string>
+#include <utility>
+
 #include "image/colour.h"
 #include "nerf_pose_refiner/undistorter.h"
 
@@ -27,6 +31,10 @@ Image straightColour(const Image8& image) {
   return colour;
 }
 
+std::string sizeOf(int width, int height) {
+  return std::to_string(width) + " x " + std::to_string(height);
+}
+
 }  // namespace
 
 RefineCase caseOfPhoto(const Image8& photo, const Image8& mask, const Camera& camera,
@@ -37,6 +45,19 @@ RefineCase caseOfPhoto(const Image8& photo, const Image8& mask, const Camera& ca
   if (!mask.empty()) result.mask = undistorter.undistort(mask);
   result.camera = undistorter.camera();
   return result;
+}
+
+void addDepth(ImageOf<std::uint16_t> values, double unit_m, const DepthNoise& noise,
+              RefineCase* input) {
+  const Camera& camera = input->camera;
+  if (values.width != camera.width || values.height != camera.height) {
+    throw std::invalid_argument("the depth image has " + sizeOf(values.width, values.height) +
+                                " pixels, the image " + sizeOf(camera.width, camera.height));
+  }
+  DepthImage depth = *depthImage(std::move(values), camera, Pose(), noise);
+  depth.unit_m = unit_m;
+  depth.validate();
+  input->depth = std::make_shared<const DepthImage>(std::move(depth));
 }
 
 RefineCase caseOfView(const PosedView& view, const Image8& mask) {
@@ -52,9 +73,11 @@ RefineCase caseOfView(const PosedView& view, const Image8& mask) {
 }
 
 Observation observationOf(const RefineCase& input, const std::vector<float>& background) {
+  if (input.image.empty() && input.depth) return observe(input.depth);
   const PremultipliedImage premultiplied = premultiply(input.image);
   Observation observation;
   observation.camera = input.camera;
+  observation.depth = input.depth;
   if (!input.mask.empty()) {
     observation.background = Background::kMask;
     observation.image = straightColour(input.image);

@@ -133,6 +133,23 @@ TEST(ImageIo, DepthIsMillimetresOfSixteenBits) {
   expectError<std::invalid_argument>([&] { writeDepthPng(Image(2, 2, 3), path); }, "one channel");
 }
 
+TEST(ImageIo, DepthIsReadAsItIs) {
+  const TemporaryFolder folder;
+  const std::string path = folder.file("depth.png");
+  const cv::Mat_<std::uint16_t> stored = (cv::Mat_<std::uint16_t>(2, 2) << 0, 1, 1234, 65535);
+  ASSERT_TRUE(cv::imwrite(path, stored));
+  const ImageOf<std::uint16_t> depth = readDepthPng(path);
+  EXPECT_EQ(depth.width, 2);
+  EXPECT_EQ(depth.height, 2);
+  EXPECT_EQ(depth.channels, 1);
+  EXPECT_EQ(depth.values, (std::vector<std::uint16_t>{0, 1, 1234, 65535}));
+  for (const int type : {CV_8UC1, CV_16UC3}) {
+    ASSERT_TRUE(cv::imwrite(path, cv::Mat(2, 2, type, cv::Scalar(7, 7, 7))));
+    expectError<std::runtime_error>([&] { readDepthPng(path); }, "depth.png", "16-bit grey");
+  }
+  expectError<std::runtime_error>([&] { readDepthPng(path, 3); }, "depth.png", "at most 3");
+}
+
 TEST(ImageIo, BadFilesAreNamed) {
   const TemporaryFolder folder;
   const auto expectBad = [](const std::string& path, const std::string& reason) {

@@ -109,5 +109,35 @@ TEST(RefineCase, WhatIsKnownOfTheBackground) {
   EXPECT_TRUE(opaque.alpha.empty());
 }
 
+TEST(RefineCase, DepthGoesWithTheImageOrStandsAlone) {
+  ImageOf<std::uint16_t> values(2, 1, 1);
+  values.values = {0, 4000};
+  RefineCase input;
+  input.camera = {2, 1, 1, 1, 0, 0};
+  DepthNoise noise;
+  noise.bias_m = 0.25;
+  addDepth(values, 0.0001, noise, &input);
+  EXPECT_FLOAT_EQ(input.depth->at(0, 0), 0);
+  EXPECT_FLOAT_EQ(input.depth->at(1, 0), 0.4f);
+  EXPECT_EQ(input.depth->noise.bias_m, 0.25);
+  EXPECT_TRUE(observationOf(input, {}).isDepthAlone());
+
+  input.image = Image8(2, 1, 3);
+  const Observation both = observationOf(input, {});
+  EXPECT_FALSE(both.isDepthAlone());
+  EXPECT_EQ(both.depth, input.depth);
+}
+
+TEST(RefineCase, RefusesDepthOfAnotherSizeOrUnit) {
+  RefineCase input = onePixel(255, 255);
+  expectError<std::invalid_argument>(
+      [&] {
+        addDepth({3, 2, 1}, 0.001, {}, &input);
+      },
+      "3 x 2", "1 x 1");
+  expectError<std::invalid_argument>([&] { addDepth({1, 1, 1}, 0, {}, &input); }, "unit_m");
+  EXPECT_FALSE(input.depth);
+}
+
 }  // namespace
 }  // namespace nerf_pose_refiner

@@ -317,6 +317,41 @@ class WholePath(unittest.TestCase):
         for found, expected in zip(json.loads(result.stdout)['pose'], truth['pose']):
             self.assertAlmostEqual(found, expected, delta=0.05)
 
+    def depth_of_a_view(self):
+        """Words of the tool: the camera, the true pose; and the model's depth there, rendered."""
+        pose = ['0', '0.02', '0.5', '1', '0', '0', '0']
+        camera = ['--intrinsics', '300', '300', '159.5', '119.5']
+        result = run(RENDER, self.model, '--pose', *pose, *camera, '--size', '320', '240', '--background', '0', '0',
+                     '0', '--depth', '-o', path('deep.png'))
+        self.assertEqual(result.returncode, 0, result.stderr)
+        return camera, pose, path('deep_depth.png')
+
+    def test_refine_by_depth(self):
+        camera, pose, depth = self.depth_of_a_view()
+        start = ['0.01', '0.02', '0.51', '0.9990', '0.0447', '0', '0']  # 5 degrees off, a twentieth of the diameter
+        alone = json.loads(run(REFINE, self.model, *camera, '--depth', depth, '--pose', *start, '--json').stdout)
+        both = json.loads(run(REFINE, self.model, path('deep.png'), *camera, '--depth', depth, '--pose', *start,
+                              '--json').stdout)
+        for report in (alone, both):
+            self.assertEqual((report['outcome'], report['depth']['use']), ('refined', 'used'), report)
+            for found, expected in zip(report['pose'][:3], pose):
+                self.assertAlmostEqual(found, float(expected), delta=0.004)
+        self.assertNotEqual(alone['pose'], both['pose'])
+        ten_times = run(REFINE, self.model, path('deep.png'), *camera, '--depth', depth, '--depth-unit', '0.01',
+                        '--pose', *start)
+        self.assertIn('depth: refused, ', ten_times.stdout)
+
+    def test_depth_that_cannot_be_used_is_named(self):
+        camera, pose, depth = self.depth_of_a_view()
+        small = os.path.join(PHOTOS, 'test', 'view_003.png')  # of another size
+        for words, status, why in (((small, '--depth', depth), 2, 'the depth image has 320 x 240 pixels'),
+                                   (('--depth', small), 1, 'view_003.png\': it is not a PNG of 16-bit grey'),
+                                   (('--depth', depth, '--background', '0', '0', '0'), 2, 'depth alone takes neither'),
+                                   (('--depth-unit', '1', path('deep.png')), 2, '--depth'),
+                                   (('--depth', depth, '--preset', 'track'), 2, 'compares colours')):
+            result = run(REFINE, self.model, *words, *camera, '--pose', *pose)
+            self.assertEqual((result.returncode, why in result.stderr), (status, True), result.stderr)
+
     def test_a_pose_with_a_low_score_is_a_failure(self):
         """Started where the object is seen from behind."""
         start = ('--transforms', TEST_VIEWS, '--view', 'view_003', '--start-rotation', '170', '--seed', '2', '--json')

@@ -6,10 +6,11 @@ import os
 
 import numpy as np
 
-# An object in an image. `K` 3 x 3; `truth` T_C_O, 4 x 4 [m], or None where the data set keeps it secret.
-Target = collections.namedtuple('Target', 'scene image object path K truth')
-# What was found of it. `T_C_O` 4 x 4 [m]; `seconds` of the whole image.
-Result = collections.namedtuple('Result', 'target score T_C_O seconds')
+# An object in an image. `K` 3 x 3; `truth` T_C_O, 4 x 4 [m], or None where the data set keeps it secret; `depth` the
+# path of the depth image and the length that 1 stands for in it [m], or None where depth was not asked for.
+Target = collections.namedtuple('Target', 'scene image object path K truth depth')
+# What was found of it. `T_C_O` 4 x 4 [m]; `seconds` of the whole image; `with_depth`, whether depth took part.
+Result = collections.namedtuple('Result', 'target score T_C_O seconds with_depth')
 
 ENDINGS = ('.png', '.jpg', '.jpeg', '.tif')
 HEADER = 'scene_id,im_id,obj_id,score,R,t,time'
@@ -37,6 +38,19 @@ def image_path(folder, image):
     raise BopError(f"'{folder}' has no image {image:06d} in rgb or gray")
 
 
+def depth_of(folder, image, camera):
+    """(path, length that 1 stands for [m]) of an image's depth. @param camera its entry in scene_camera.json"""
+    path = os.path.join(folder, 'depth', f'{image:06d}.png')
+    if not os.path.isfile(path):
+        raise BopError(f"'{folder}' has no depth image {image:06d}.png in depth")
+    if 'depth_scale' not in camera:
+        raise BopError(f"'{folder}', image {image}: scene_camera.json states no depth_scale")
+    scale = float(camera['depth_scale'])
+    if not 0 < scale < float('inf'):
+        raise BopError(f"'{folder}', image {image}: depth_scale is {scale:g}, not above 0")
+    return path, scale / 1000
+
+
 def pose_of(entry):
     T = np.eye(4)
     T[:3, :3] = np.reshape(entry['cam_R_m2c'], (3, 3))
@@ -53,8 +67,9 @@ def scene_folders(folder):
     return scenes
 
 
-def targets_of(folder, object_id):
-    """What is to be found in one scene: the object in all images that show it, or may, where no truth is told."""
+def targets_of(folder, object_id, with_depth=False):
+    """What is to be found in one scene: the object in all images that show it, or may, where no truth is told.
+    @param with_depth each of these images must have depth. @throws BopError naming what is missing or not as in BOP."""
     name = os.path.basename(os.path.abspath(folder))
     if not name.isdigit():
         raise BopError(f"'{folder}': scenes are named by their numbers")
@@ -66,8 +81,9 @@ def targets_of(folder, object_id):
         for image, camera in sorted(cameras.items(), key=lambda item: int(item[0])):
             entries = [entry for entry in truths.get(image, ()) if entry['obj_id'] == object_id] if told else [None]
             for entry in entries:
+                depth = depth_of(folder, int(image), camera) if with_depth else None
                 targets.append(Target(int(name), int(image), object_id, image_path(folder, int(image)),
-                                      np.reshape(camera['cam_K'], (3, 3)), entry and pose_of(entry)))
+                                      np.reshape(camera['cam_K'], (3, 3)), entry and pose_of(entry), depth))
     except (KeyError, ValueError, TypeError) as error:
         raise BopError(f"'{folder}': scene_camera.json or scene_gt.json is not as BOP has it ({error!r})") from error
     return targets
@@ -85,11 +101,13 @@ def results_text(results):
 
 
 def errors_of(result, centre_O, diameter):
-    """(angle [deg], offset of the object's middle [diameters]) against the truth."""
+    """(angle [deg], offset of the object's middle [diameters], its part along the line of sight) against the truth."""
     found, true = result.T_C_O, result.target.truth
     cosine = 0.5 * (np.trace(found[:3, :3].T @ true[:3, :3]) - 1)
     middle = np.append(centre_O, 1)
-    return float(np.degrees(np.arccos(np.clip(cosine, -1, 1)))), float(np.linalg.norm((found - true) @ middle) / diameter)
+    away, sight = ((found - true) @ middle)[:3], (true @ middle)[:3]
+    return (float(np.degrees(np.arccos(np.clip(cosine, -1, 1)))), float(np.linalg.norm(away) / diameter),
+            float(abs(away @ sight) / np.linalg.norm(sight) / diameter))
 
 
 def rotation(x, y, z, w):
