@@ -2,6 +2,8 @@
 # The module `ros`, the nodelet and the nodes, and the files that are installed with them.
 set(ros_library ${PROJECT_NAME}_ros)
 add_library(${ros_library} STATIC
+  src/ros/bag/bag_companion.cpp
+  src/ros/bag/bag_images.cpp
   src/ros/bag/bag_sequence.cpp
   src/ros/capture/capture_node.cpp
   src/ros/capture/view_capture.cpp
@@ -79,11 +81,12 @@ if(CLI11_FOUND)
   endforeach()
 endif()
 catkin_install_python(PROGRAMS
-  scripts/choose_box scripts/evaluate_bop scripts/llff_to_transforms scripts/make_board
-  scripts/photos_to_object scripts/plot_evaluation
+  scripts/choose_box scripts/compare_sensors scripts/evaluate_bop scripts/llff_to_transforms
+  scripts/make_board scripts/photos_to_object scripts/plot_evaluation
   DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
 install(DIRECTORY scripts/lib/photos DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION}/lib
   FILES_MATCHING PATTERN "*.py" PATTERN __pycache__ EXCLUDE)
+install(FILES scripts/lib/evaluation_frames.py DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION}/lib)
 
 add_executable(${PROJECT_NAME}_capture_views_node src/ros/capture/capture_views_node.cpp)
 set_target_properties(${PROJECT_NAME}_capture_views_node PROPERTIES OUTPUT_NAME capture_views)

@@ -63,6 +63,17 @@ void countTrust(const std::vector<EvaluatedFrame>& frames, SequenceSummary* summ
   summary->right_trusted = fraction(both, right);
 }
 
+double meanNormalisedError(const std::vector<EvaluatedFrame>& frames) {
+  double sum = 0;
+  int count = 0;
+  for (const EvaluatedFrame& frame : frames) {
+    if (!within(frame.found, 5, 0.05) || !std::isfinite(frame.normalised_error)) continue;
+    sum += frame.normalised_error;
+    ++count;
+  }
+  return count > 0 ? sum / count : PoseMetrics::kNone;
+}
+
 }  // namespace
 
 PoseMetrics EvaluatedObject::compare(const Pose& T_U_C, const Pose& true_T_U_C,
@@ -73,6 +84,11 @@ PoseMetrics EvaluatedObject::compare(const Pose& T_U_C, const Pose& true_T_U_C,
   metrics.rotation_deg = error.rotation_rad * kDegreesPerRad;
   metrics.offset_m = error.object_offset;
   metrics.offset_diameters = error.object_offset / diameter_m;
+  const Eigen::Vector3d true_C = true_T_U_C.inverse() * centre_m;
+  const Eigen::Vector3d away = nearest.inverse() * centre_m - true_C;
+  const double along = away.dot(true_C.normalized());
+  metrics.along_m = std::abs(along);
+  metrics.across_m = (away - along * true_C.normalized()).norm();
   metrics.add_m = points_m.add(nearest, true_T_U_C);
   metrics.add_s_m = points_m.addS(nearest, true_T_U_C);
   metrics.reprojection_px = points_m.reprojection(nearest, true_T_U_C, camera);
@@ -102,6 +118,9 @@ SequenceSummary summarise(const std::vector<EvaluatedFrame>& frames, double diam
   summary.rotation_deg = spread(&PoseMetrics::rotation_deg);
   summary.offset_m = spread(&PoseMetrics::offset_m);
   summary.offset_diameters = spread(&PoseMetrics::offset_diameters);
+  summary.along_m = spread(&PoseMetrics::along_m);
+  summary.across_m = spread(&PoseMetrics::across_m);
+  summary.normalised_error = meanNormalisedError(frames);
   summary.add_m = spread(&PoseMetrics::add_m);
   summary.add_s_m = spread(&PoseMetrics::add_s_m);
   summary.reprojection_px = spread(&PoseMetrics::reprojection_px);

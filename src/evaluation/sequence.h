@@ -21,6 +21,8 @@ struct PoseMetrics {
   double add_m = kNone;             ///< @see ModelPoints
   double add_s_m = kNone;
   double reprojection_px = kNone;  ///< mean of the model's points
+  double along_m = kNone;   ///< of offset_m, along the line of sight to the true centre, >= 0
+  double across_m = kNone;  ///< of offset_m, across that line
 };
 
 /// The object that poses are compared by, in its users' frame U: points, centre and diameter, all
@@ -43,9 +45,12 @@ struct EvaluatedFrame {
   bool trusted = false;    ///< there is a pose, and its score passes
   bool from_last = false;  ///< started from the result of the image before
   double score = 0;
-  PoseMetrics start;     ///< of the pose that the search began with
-  PoseMetrics found;     ///< of the result, trusted or not
-  Pose T_C_U;            ///< the result [m]; of no meaning where nothing was found
+  PoseMetrics start;  ///< of the pose that the search began with
+  PoseMetrics found;  ///< of the result, trusted or not
+  Pose T_C_U;         ///< the result [m]; of no meaning where nothing was found
+  double along_dev_m = PoseMetrics::kNone;  ///< standard deviation that was stated of along_m
+  /// e^T C^-1 e / 6 of the pose's error e and its stated covariance C: 1 on average.
+  double normalised_error = PoseMetrics::kNone;
   double latency_s = 0;  ///< of the refinement alone
 };
 
@@ -72,7 +77,11 @@ struct SequenceSummary {
   double trusted_right = 0;  ///< of the trusted poses: within 5 degrees and 5 % of the diameter
   double right_trusted = 0;  ///< of the poses within that: trusted
 
-  Distribution rotation_deg, offset_m, offset_diameters, add_m, add_s_m, reprojection_px;
+  Distribution rotation_deg, offset_m, offset_diameters, along_m, across_m;
+  Distribution add_m, add_s_m, reprojection_px;
+  /// Mean of EvaluatedFrame::normalised_error over the poses within 5 degrees and 5 % of the
+  /// diameter; infinite: there are none.
+  double normalised_error = PoseMetrics::kNone;
   Distribution latency_s;
   std::vector<Recall> recalls;  ///< jointly: 5 deg and 5 cm, 5 deg and 5 %; ADD, ADD-S below 10 %
   double add_area = 0;          ///< areaUnderRecall of ADD up to 10 % of the diameter

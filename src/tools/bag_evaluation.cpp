@@ -1,13 +1,16 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include "tools/bag_evaluation.h"
 
+#include <cmath>
 #include <stdexcept>
 #include <utility>
 
 #include "evaluation/start.h"
 #include "field/object_frame.h"
+#include "geometry/matrix6.h"
 #include "math/angle.h"
 #include "math/require.h"
+#include "refinement/covariance.h"
 #include "ros/conversions/status.h"
 
 namespace nerf_pose_refiner {
@@ -34,7 +37,14 @@ void BagEvaluationSettings::validate() const {
   require(most >= 0, "most", most, "0 (all) or more");
   require(points >= 1, "points", points, "1 or more");
   require(start_max_age_s >= 0, "start_max_age_s", start_max_age_s, "0 or more");
-  rules.validate();
+  require(cameras.position_dev_m >= 0, "cameras.position_dev_m", cameras.position_dev_m,
+          "0 or more");
+  require(cameras.rotation_dev_deg >= 0, "cameras.rotation_dev_deg", cameras.rotation_dev_deg,
+          "0 or more");
+  if (window.views > 0 && !track) {
+    throw std::invalid_argument("a window of past images is of an object that is tracked");
+  }
+  tracker().validate();
 }
 
 TrackerSettings BagEvaluationSettings::tracker() const {
@@ -51,6 +61,7 @@ TrackerSettings BagEvaluationSettings::tracker() const {
     settings.rules.detect_rate_hz = kEveryImage;
   }
   settings.mask_mode = MaskMode::kEveryFrame;
+  settings.window = window;
   return settings;
 }
 
@@ -61,8 +72,12 @@ BagEvaluation::BagEvaluation(const BagSequence& bag, std::shared_ptr<Backend> ba
       settings_(settings),
       backend_(std::move(backend)),
       field_(std::move(field)),
-      input_(settings.image_is_rectified, settings.depth) {
+      input_(settings.image_is_rectified, settings.depth),
+      side_inputs_(bag.topics().cameras.size(), CameraInput(settings.cameras.are_rectified)) {
   settings_.validate();
+  if (settings_.window.views > 0 && bag.topics().fixed_frame.empty()) {
+    throw std::invalid_argument("a window of past images needs a fixed frame");
+  }
   DetectionSetup detection;
   detection.settings.keyframes.real_time = false;
   detection.landmarks_path = [path = settings_.landmarks_path](const auto&) { return path; };
@@ -125,13 +140,29 @@ void BagEvaluation::evaluate(const BagFrame& frame, const CancellationToken& can
     return;
   }
   result_.masked += masked;
-  const DepthReport& depth = result.refinement.depth;
-  result_.with_depth += depth.use == DepthUse::kUsed;
-  if (depth.use == DepthUse::kRefused) ++result_.depth_refused[depth.message];
+  count(result.refinement);
   EvaluatedFrame evaluated = compare(result, true_T_C_U);
   evaluated.index = frame.index;
   evaluated.stamp_ns = header.stamp.toNSec();
   result_.frames.push_back(evaluated);
+}
+
+/// Counts what took part in a pose, and why the rest did not.
+void BagEvaluation::count(const Refinement& refinement) {
+  const DepthReport& depth = refinement.depth;
+  result_.with_depth += depth.use == DepthUse::kUsed;
+  if (depth.use == DepthUse::kRefused) ++result_.depth_refused[depth.message];
+  bool cameras = false, past = false;
+  for (std::size_t i = 0; i < refinement.side_views.size(); ++i) {
+    const SideViewReport& view = refinement.side_views[i];
+    const bool is_past = i >= side_views_;
+    cameras |= view.used && !is_past;
+    past |= view.used && is_past;
+    if (view.used) continue;
+    ++(is_past ? result_.window_refused : result_.cameras_refused)[view.message];
+  }
+  result_.with_cameras += cameras;
+  result_.with_window += past;
 }
 
 /// Offers the tracker an initial pose where it needs one. @return false: there is none.
@@ -157,17 +188,62 @@ std::optional<Pose> BagEvaluation::startOf(const BagFrame& frame, const Pose& tr
 }
 
 Observation BagEvaluation::observe(const BagFrame& frame) {
+  side_views_ = 0;
   try {
     Observation observation = input_.observe(frame.image, *frame.info, {frame.mask, nullptr});
     if (frame.depth.image && !observation.isDepthAlone()) {
       observation.depth =
           depthFromMessage(frame.depth.image, *frame.depth.info, frame.T_C_D, settings_.depth);
     }
+    if (observation.isDepthAlone()) return observation;
+    if (settings_.window.views > 0) {
+      observation.T_W_C =
+          bag_.cameraInFixed(frame.image->header.frame_id, frame.image->header.stamp);
+    }
+    addSideViews(frame, &observation);
     return observation;
   } catch (const std::exception& e) {
     throw std::runtime_error(bag_.topics().image + ", frame " + std::to_string(frame.index) + ": " +
                              e.what());
   }
+}
+
+void BagEvaluation::addSideViews(const BagFrame& frame, Observation* observation) {
+  for (std::size_t i = 0; i < frame.side_views.size(); ++i) {
+    const BagSideView& seen = frame.side_views[i];
+    if (!seen.image) {
+      ++result_.cameras_refused[seen.why_none.empty() ? "no image near in time" : seen.why_none];
+      continue;
+    }
+    SideView view;
+    view.T_C_V = seen.T_C_V;
+    view.after_s = (seen.image->header.stamp - frame.image->header.stamp).toSec();
+    view.camera = static_cast<int>(i) + 1;
+    view.position_dev_m = settings_.cameras.position_dev_m;
+    view.rotation_dev_rad = settings_.cameras.rotation_dev_deg * kDegree;
+    view.observation =
+        std::make_shared<const Observation>(side_inputs_[i].observe(seen.image, *seen.info));
+    observation->side_views.push_back(std::move(view));
+  }
+  side_views_ = observation->side_views.size();
+}
+
+/// How the error of a pose agrees with its covariance.
+void BagEvaluation::compareWithCovariance(const Refinement& found, const Pose& true_T_C_U,
+                                          EvaluatedFrame* evaluated) const {
+  const FieldMetadata& object = field_->metadata;
+  const ObjectFrame frame = ObjectFrame::inMetres(object);
+  // The covariance is along the axes of the pose that was found, so the truth is turned to it.
+  const Pose truth =
+      nearestEquivalent(frame.cameraInModel(true_T_C_U), found.T_O_C, object.symmetries);
+  const Vector6 error = cameraTwist(found.T_O_C, truth, object.centre);
+  const double normalised = squaredDistance(error, found.covariance) / 6;
+  if (std::isfinite(normalised)) evaluated->normalised_error = normalised;
+  const Eigen::Vector3d sight = (truth.inverse() * object.centre).normalized();
+  const Matrix6 of_centre =
+      covarianceInCamera(found.covariance, found.T_O_C, object.centre, object.centre);
+  const double variance = sight.dot(of_centre.topLeftCorner<3, 3>() * sight);
+  if (variance > 0) evaluated->along_dev_m = frame.lengthPerUnit() * std::sqrt(variance);
 }
 
 EvaluatedFrame BagEvaluation::compare(const TrackOutcome& result, const Pose& true_T_C_U) const {
@@ -187,6 +263,7 @@ EvaluatedFrame BagEvaluation::compare(const TrackOutcome& result, const Pose& tr
   if (result.found) {
     evaluated.T_C_U = result.T_C_O_m;
     evaluated.found = object_->compare(evaluated.T_C_U.inverse(), truth, camera);
+    compareWithCovariance(result.refinement, true_T_C_U, &evaluated);
   }
   return evaluated;
 }

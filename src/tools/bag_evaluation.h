@@ -43,7 +43,9 @@ struct BagEvaluationSettings {
   std::string landmarks_path;  ///< file that keeps the object's landmarks; empty: none
   bool image_is_rectified = false;
   DepthSettings depth;
-  int points = 1000;  ///< of the surface, for ADD, ADD-S and reprojection
+  CameraSettings cameras;     ///< their topics are the bag's
+  ViewWindowSettings window;  ///< where the bag knows the camera's place, with `track` alone
+  int points = 1000;          ///< of the surface, for ADD, ADD-S and reprojection
   std::uint64_t seed = 1;
 
   /// Of the tracker that works through the images.
@@ -59,7 +61,12 @@ struct BagEvaluationResult {
   int masked = 0;                            ///< images that came with a mask
   int with_depth = 0;                        ///< images in whose pose depth took part
   std::map<std::string, int> depth_refused;  ///< images in which it did not, by reason
-  int points = 0;                            ///< of the surface, as many as were found
+  int with_cameras = 0;                      ///< images in whose pose further cameras took part
+  /// Images of further cameras that did not, by reason.
+  std::map<std::string, int> cameras_refused;
+  int with_window = 0;                        ///< images in whose pose past images took part
+  std::map<std::string, int> window_refused;  ///< past images that did not, by reason
+  int points = 0;                             ///< of the surface, as many as were found
 };
 
 /// Tracks the object through the images of a recorded sequence, or refines them one by one, and
@@ -81,6 +88,10 @@ class BagEvaluation {
   std::optional<Pose> startOf(const BagFrame& frame, const Pose& true_T_C_U) const;
   bool offerStart(const BagFrame& frame, const Pose& true_T_C_U);
   Observation observe(const BagFrame& frame);
+  void addSideViews(const BagFrame& frame, Observation* observation);
+  void count(const Refinement& refinement);
+  void compareWithCovariance(const Refinement& found, const Pose& true_T_C_U,
+                             EvaluatedFrame* evaluated) const;
   EvaluatedFrame compare(const TrackOutcome& result, const Pose& true_T_C_U) const;
 
   const BagSequence& bag_;
@@ -88,6 +99,8 @@ class BagEvaluation {
   std::shared_ptr<Backend> backend_;
   std::shared_ptr<const Field> field_;
   CameraInput input_;
+  std::vector<CameraInput> side_inputs_;  ///< of the bag's further cameras
+  std::size_t side_views_ = 0;            ///< of the last observation
   std::unique_ptr<ObjectTracker> tracker_;
   std::optional<EvaluatedObject> object_;
   BagEvaluationResult result_;

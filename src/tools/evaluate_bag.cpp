@@ -40,6 +40,37 @@ struct EvaluateOptions {
   BackendOptions backend;
 };
 
+/// Further cameras, and the one camera from elsewhere.
+void declareCameras(CLI::App* app, EvaluateOptions* options) {
+  CameraSettings& cameras = options->settings.cameras;
+  ViewWindowSettings& window = options->settings.window;
+  app->add_option("--cameras", options->topics.cameras,
+                  "Topics of images of further cameras, with camera_info beside each; TF has their "
+                  "places");
+  app->add_option("--cameras-tolerance", options->topics.cameras_tolerance_s,
+                  "Largest difference between the stamps of an image and theirs [s]")
+      ->capture_default_str();
+  app->add_flag("--cameras-rectified", cameras.are_rectified,
+                "The images of further cameras are rectified: P applies, not K and D");
+  app->add_option("--cameras-position-dev", cameras.position_dev_m,
+                  "Standard deviation of their places in TF, along each axis [m]")
+      ->capture_default_str();
+  app->add_option("--cameras-rotation-dev", cameras.rotation_dev_deg, "About each axis [degrees]")
+      ->capture_default_str();
+  app->add_option("--window", window.views,
+                  "With --track and --fixed-frame: past images that take part as further cameras, "
+                  "at most")
+      ->capture_default_str();
+  app->add_option("--window-apart", window.apart_deg,
+                  "Least angle between the lines of sight of two of them [degrees]")
+      ->capture_default_str();
+  app->add_option("--window-position-dev", window.position_dev_m,
+                  "Standard deviation of the camera's place in TF, along each axis [m]")
+      ->capture_default_str();
+  app->add_option("--window-rotation-dev", window.rotation_dev_deg, "About each axis [degrees]")
+      ->capture_default_str();
+}
+
 void declareBag(CLI::App* app, EvaluateOptions* options) {
   BagTopics& topics = options->topics;
   app->add_option("model", options->model, "Model file with metric scale")
@@ -65,6 +96,7 @@ void declareBag(CLI::App* app, EvaluateOptions* options) {
       ->capture_default_str();
   app->add_flag("--depth-rectified", options->settings.depth.is_rectified,
                 "The depth images are rectified: P applies, not K");
+  declareCameras(app, options);
   auto* truth = app->add_option("--truth", topics.truth,
                                 "Topic of true poses: PoseStamped, PoseWithCovarianceStamped or "
                                 "TransformStamped");
@@ -76,7 +108,8 @@ void declareBag(CLI::App* app, EvaluateOptions* options) {
   app->add_option("--initial-pose", topics.initial_pose,
                   "Topic of initial poses, for --start recorded");
   app->add_option("--fixed-frame", topics.fixed_frame,
-                  "TF frame in which the object stands still until an initial pose is used");
+                  "TF frame in which the object stands still: until an initial pose is used, and "
+                  "for --window");
 }
 
 void declareTrials(CLI::App* app, EvaluateOptions* options) {
@@ -159,6 +192,9 @@ nlohmann::json settingsJson(const EvaluateOptions& options, const BagTopics& top
           {"image", topics.image},
           {"mask", topics.mask},
           {"depth", topics.depth},
+          {"cameras", topics.cameras},
+          {"fixed_frame", topics.fixed_frame},
+          {"window", s.window.views},
           {"truth", topics.truth.empty() ? "TF frame " + topics.truth_frame : topics.truth},
           {"every", s.every},
           {"first", s.first},

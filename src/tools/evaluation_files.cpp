@@ -48,8 +48,8 @@ std::string cell(double value) {
 }
 
 void writeMetrics(const PoseMetrics& m, std::ofstream* file) {
-  for (const double value :
-       {m.rotation_deg, m.offset_m, m.offset_diameters, m.add_m, m.add_s_m, m.reprojection_px}) {
+  for (const double value : {m.rotation_deg, m.offset_m, m.offset_diameters, m.along_m, m.across_m,
+                             m.add_m, m.add_s_m, m.reprojection_px}) {
     *file << ',' << cell(value);
   }
 }
@@ -84,6 +84,10 @@ Json summaryJson(const BagEvaluationResult& result, double diameter_m) {
           {"masked", result.masked},
           {"with_depth", result.with_depth},
           {"depth_refused", result.depth_refused},
+          {"with_cameras", result.with_cameras},
+          {"cameras_refused", result.cameras_refused},
+          {"with_window", result.with_window},
+          {"window_refused", result.window_refused},
           {"skipped", result.skipped},
           {"diameter_m", diameter_m},
           {"surface_points", result.points},
@@ -99,9 +103,12 @@ Json summaryJson(const BagEvaluationResult& result, double diameter_m) {
            {{"rotation_deg", distributionJson(s.rotation_deg)},
             {"offset_m", distributionJson(s.offset_m)},
             {"offset_diameters", distributionJson(s.offset_diameters)},
+            {"along_m", distributionJson(s.along_m)},
+            {"across_m", distributionJson(s.across_m)},
             {"add_m", distributionJson(s.add_m)},
             {"add_s_m", distributionJson(s.add_s_m)},
             {"reprojection_px", distributionJson(s.reprojection_px)}}},
+          {"normalised_error", number(s.normalised_error)},
           {"latency_s", distributionJson(s.latency_s)},
           {"curves", curvesJson(result.frames, diameter_m)}};
 }
@@ -110,12 +117,12 @@ void writeFramesCsv(const BagEvaluationResult& result, const std::string& path) 
   std::ofstream file(path);
   file << "frame,stamp,outcome,trusted,from_last,score";
   for (const char* when : {"start_", ""}) {
-    for (const char* name :
-         {"rotation_deg", "offset_m", "offset_diameters", "add_m", "add_s_m", "reprojection_px"}) {
+    for (const char* name : {"rotation_deg", "offset_m", "offset_diameters", "along_m", "across_m",
+                             "add_m", "add_s_m", "reprojection_px"}) {
       file << ',' << when << name;
     }
   }
-  file << ",x,y,z,qx,qy,qz,qw,latency_s\n";
+  file << ",along_dev_m,normalised_error,x,y,z,qx,qy,qz,qw,latency_s\n";
   for (const EvaluatedFrame& f : result.frames) {
     char stamp[40];
     std::snprintf(stamp, sizeof stamp, "%llu.%09llu",
@@ -125,6 +132,7 @@ void writeFramesCsv(const BagEvaluationResult& result, const std::string& path) 
          << ',' << cell(f.score);
     writeMetrics(f.start, &file);
     writeMetrics(f.found, &file);
+    file << ',' << cell(f.along_dev_m) << ',' << cell(f.normalised_error);
     const bool found = std::isfinite(f.found.rotation_deg);
     for (const double value : poseNumbers(f.T_C_U)) file << ',' << (found ? cell(value) : "");
     file << ',' << cell(f.latency_s) << '\n';

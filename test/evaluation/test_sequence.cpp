@@ -51,6 +51,15 @@ TEST(Sequence, ErrorsAndLatencies) {
   EXPECT_DOUBLE_EQ(summary.latency_s.most, 0.05);
 }
 
+TEST(Sequence, ErrorsAgainstCovariancesAreThoseOfRightPoses) {
+  std::vector<EvaluatedFrame> of = frames();
+  EXPECT_EQ(summarise(of, 0.2).normalised_error, PoseMetrics::kNone);  // none is stated
+  of[0].normalised_error = 0.5;
+  of[1].normalised_error = 100;  // 15 % of the diameter off
+  of[2].normalised_error = 2;    // right, though it is not trusted
+  EXPECT_DOUBLE_EQ(summarise(of, 0.2).normalised_error, 1.25);
+}
+
 TEST(Sequence, TrustAndTimeLost) {
   const SequenceSummary summary = summarise(frames(), 0.2);
   EXPECT_EQ(summary.frames, 5);
@@ -78,6 +87,19 @@ TEST(Sequence, ComparesPosesInMetres) {
   EXPECT_NEAR(metrics.add_m, 0.01, 1e-12);
   EXPECT_NEAR(metrics.add_s_m, 0.01, 1e-12);
   EXPECT_NEAR(metrics.reprojection_px, 5, 1e-9);
+}
+
+// Seen 1 m away at an angle whose sine is 0.6, moved by 1 cm along the camera's axis.
+TEST(Sequence, ErrorsAlongTheLineOfSight) {
+  const EvaluatedObject object = {ModelPoints({{0, 0, 0}}), {0, 0, 0}, 0.2, {}};
+  const Camera camera = {640, 480, 500, 500, 319.5, 239.5};
+  const Pose truth = {Eigen::Matrix3d::Identity(), {-0.6, 0, -0.8}};
+  for (const double away_m : {0.01, -0.01}) {
+    const Pose moved = {Eigen::Matrix3d::Identity(), {-0.6, 0, -0.8 + away_m}};
+    const PoseMetrics metrics = object.compare(moved, truth, camera);
+    EXPECT_NEAR(metrics.along_m, 0.008, 1e-12);
+    EXPECT_NEAR(metrics.across_m, 0.006, 1e-12);
+  }
 }
 
 // Two points on the x axis, and a half turn about z: they change places.

@@ -160,6 +160,85 @@ TEST_F(RecordedBag, TheNewestInitialPoseCounts) {
   EXPECT_FALSE(sequence.initialPose("optical", stampOf(-1), 0.5));
 }
 
+/// What a second camera adds, 0.5 beside the first one of the image 0: at the stamps of the images
+/// 0 and 1, 4 ms later.
+class BagOfTwoCameras : public RecordedBag {
+ protected:
+  BagOfTwoCameras() {
+    writeImages();
+    topics.image = "/camera/image_raw";
+    topics.cameras = {"/side/image/compressed"};
+    for (int i = 0; i < 2; ++i) {
+      const ros::Time stamp = stampOf(i) + ros::Duration(0.004);
+      bag.write("/side/image/compressed", stamp,
+                stamped(*picture(5 + i).toCompressedImageMsg(cv_bridge::PNG), stamp, "/side"));
+    }
+    tf2_msgs::TFMessage place;
+    place.transforms.push_back(toTransform(poseAt(0.5, 0, kFirst, "world"), "side"));
+    bag.write("/tf_static", kFirst, place);
+  }
+
+  void writeSideInfo() {
+    const Camera camera = {8, 6, 5, 5, 3.5, 2.5};
+    bag.write("/side/camera_info", kFirst, stamped(toMessage(camera), kFirst, "side"));
+  }
+};
+
+TEST_F(BagOfTwoCameras, TheNearestImageComesWithItsPlace) {
+  writeSideInfo();
+  const BagSequence sequence = open();
+  const BagFrame frame = sequence.frame(1);
+  ASSERT_EQ(frame.side_views.size(), 1u);
+  const BagSideView& view = frame.side_views.front();
+  ASSERT_TRUE(view.image) << view.why_none;
+  EXPECT_EQ(view.image->encoding, "rgb8");
+  EXPECT_EQ(view.image->data[0], 60);
+  EXPECT_EQ(view.image->header.frame_id, "side");
+  EXPECT_EQ(view.info->header.stamp, kFirst) << "the only one";
+  // The first camera is at 0.1, and moves by 0.004 until the second one's image.
+  EXPECT_NEAR(view.T_C_V.t.x(), 0.396, 1e-9);
+  const BagFrame last = sequence.frame(2);
+  EXPECT_FALSE(last.side_views.front().image);
+  EXPECT_EQ(last.side_views.front().why_none, "");
+}
+
+TEST_F(BagOfTwoCameras, WithoutItsPlaceAnImageIsLeftOut) {
+  writeSideInfo();
+  const ros::Time late = stampOf(2) + ros::Duration(0.004);  // TF ends before
+  bag.write("/side/image/compressed", late,
+            stamped(*picture(7).toCompressedImageMsg(cv_bridge::PNG), late, "side"));
+  const BagFrame frame = open().frame(2);
+  EXPECT_FALSE(frame.side_views.front().image);
+  EXPECT_NE(frame.side_views.front().why_none.find("extrapolation"), std::string::npos)
+      << frame.side_views.front().why_none;
+}
+
+TEST_F(BagOfTwoCameras, NamesWhatIsMissing) {
+  bag.close();
+  expectError<std::runtime_error>([&] { BagSequence(path, topics); }, "/side/camera_info");
+  topics.cameras = {"/truth"};
+  expectError<std::runtime_error>([&] { BagSequence(path, topics); }, "/truth",
+                                  "geometry_msgs/PoseStamped");
+  topics.cameras = {"/none"};
+  expectError<std::runtime_error>([&] { BagSequence(path, topics); }, "/none");
+}
+
+TEST_F(BagOfTwoCameras, TheOnlyImageTopicIsNoFurtherCamera) {
+  writeSideInfo();
+  topics.image.clear();
+  EXPECT_EQ(open().topics().image, "/camera/image_raw");
+}
+
+TEST_F(RecordedBag, TheCameraInTheFixedFrame) {
+  writeImages();
+  topics.fixed_frame = "/world";
+  const BagSequence sequence = open();
+  EXPECT_NEAR(sequence.cameraInFixed("optical", stampOf(2))->t.x(), 0.2, 1e-9);
+  EXPECT_FALSE(sequence.cameraInFixed("optical", stampOf(3)));
+  topics.fixed_frame.clear();
+  EXPECT_FALSE(BagSequence(path, topics).cameraInFixed("optical", stampOf(2)));
+}
+
 TEST_F(RecordedBag, NamesTopicAndFrameOfWhatIsDamaged) {
   auto image = stamped(*picture(0).toCompressedImageMsg(), stampOf(0), "optical");
   image.data.resize(20);

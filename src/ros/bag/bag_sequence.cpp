@@ -1,21 +1,20 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include "ros/bag/bag_sequence.h"
 
-#include <cv_bridge/cv_bridge.h>
 #include <geometry_msgs/PoseStamped.h>
 #include <geometry_msgs/PoseWithCovarianceStamped.h>
 #include <geometry_msgs/TransformStamped.h>
-#include <sensor_msgs/CompressedImage.h>
 #include <sensor_msgs/image_encodings.h>
 #include <tf2/exceptions.h>
 #include <tf2_msgs/TFMessage.h>
 
 #include <algorithm>
-#include <cmath>
 #include <iterator>
 #include <set>
 #include <stdexcept>
+#include <utility>
 
+#include "ros/bag/bag_images.h"
 #include "ros/bag/read_message.h"
 #include "ros/conversions/pose_conversions.h"
 #include "ros/conversions/status.h"
@@ -26,48 +25,6 @@ namespace {
 // Poses of the topic with the truth are looked up as TF is, under a unique name.
 constexpr char kTruthFrame[] = "nerf_pose_refiner/recorded_truth";
 constexpr double kKeepAll_s = 1e8;
-
-std::string frameText(int index, const ros::Time& stamp) {
-  char text[64];
-  std::snprintf(text, sizeof text, "frame %d (stamp %u.%09u)", index, stamp.sec, stamp.nsec);
-  return text;
-}
-
-bool isImage(const std::string& type) {
-  return type == "sensor_msgs/Image" || type == "sensor_msgs/CompressedImage";
-}
-
-/// The name of an image's topic without the suffix of its transport.
-std::string withoutTransport(const std::string& topic) {
-  const std::string suffix = "/compressed";
-  const bool compressed = topic.size() > suffix.size() &&
-                          topic.compare(topic.size() - suffix.size(), suffix.size(), suffix) == 0;
-  return compressed ? topic.substr(0, topic.size() - suffix.size()) : topic;
-}
-
-/// An image, raw or compressed. @param encoding that a compressed one is decoded to.
-sensor_msgs::ImagePtr decode(const rosbag::MessageInstance& message, const std::string& encoding) {
-  if (const auto raw = readMessage<sensor_msgs::Image>(message)) return raw;
-  const auto compressed = readMessage<sensor_msgs::CompressedImage>(message);
-  if (!compressed) throw std::runtime_error("is of type " + message.getDataType());
-  if (compressed->data.empty()) throw std::runtime_error("holds no data");
-  const auto image = cv_bridge::toCvCopy(compressed, encoding);
-  if (image->image.empty()) throw std::runtime_error("cannot be decoded");
-  return image->toImageMsg();
-}
-
-/// The camera_info beside a topic of images.
-std::string siblingInfo(const std::string& topic) {
-  const std::string image = withoutTransport(topic);
-  return image.substr(0, image.find_last_of('/') + 1) + "camera_info";
-}
-
-/// Of an image, raw or compressed.
-std_msgs::Header headerOf(const rosbag::MessageInstance& message) {
-  if (const auto raw = readMessage<sensor_msgs::Image>(message)) return raw->header;
-  const auto compressed = readMessage<sensor_msgs::CompressedImage>(message);
-  return compressed ? compressed->header : std_msgs::Header();
-}
 
 geometry_msgs::TransformStamped transformOf(const std_msgs::Header& header,
                                             const geometry_msgs::Pose& pose) {
@@ -107,16 +64,22 @@ BagSequence::BagSequence(const std::string& path, const BagTopics& topics)
   readTransforms();
   readCameraInfos();
   readMasks();
-  readDepth();
+  readCompanions();
   readInitialPoses();
   readTruth();
+}
+
+/// Whether a topic was named as that of depth or of a further camera.
+bool BagSequence::isOfOtherCamera(const std::string& topic) const {
+  const std::vector<std::string>& cameras = topics_.cameras;
+  return topic == topics_.depth || std::count(cameras.begin(), cameras.end(), topic) > 0;
 }
 
 std::string BagSequence::theOnlyImageTopic() {
   std::set<std::string> found;
   rosbag::View view(bag_);
   for (const rosbag::ConnectionInfo* connection : view.getConnections()) {
-    if (isImage(connection->datatype) && connection->topic != topics_.depth) {
+    if (isImage(connection->datatype) && !isOfOtherCamera(connection->topic)) {
       found.insert(connection->topic);
     }
   }
@@ -169,25 +132,31 @@ void BagSequence::completeTopics() {
 }
 
 void BagSequence::requireTopics() {
-  for (const std::string* topic : {&topics_.image, &topics_.camera_info, &topics_.mask,
-                                   &topics_.depth, &topics_.initial_pose, &topics_.truth}) {
-    if (topic->empty()) continue;
-    rosbag::View view(bag_, rosbag::TopicQuery(*topic));
-    if (view.size() == 0) {
-      throw std::runtime_error("the bag '" + path_ + "' holds nothing on " + *topic);
-    }
-    const std::string& type = view.getConnections().front()->datatype;
-    const bool image_wanted =
-        topic == &topics_.image || topic == &topics_.mask || topic == &topics_.depth;
-    const bool good =
-        image_wanted ? isImage(type)
-        : topic == &topics_.camera_info
-            ? type == "sensor_msgs/CameraInfo"
-            : type == "geometry_msgs/PoseStamped" ||
-                  type == "geometry_msgs/PoseWithCovarianceStamped" ||
-                  (topic == &topics_.truth && type == "geometry_msgs/TransformStamped");
-    if (!good) throw std::runtime_error(*topic + " in '" + path_ + "' is of type " + type);
+  const auto isInfo = [](const std::string& type) { return type == "sensor_msgs/CameraInfo"; };
+  const auto isPose = [](const std::string& type) {
+    return type == "geometry_msgs/PoseStamped" || type == "geometry_msgs/PoseWithCovarianceStamped";
+  };
+  const auto isTruth = [&](const std::string& type) {
+    return isPose(type) || type == "geometry_msgs/TransformStamped";
+  };
+  requireTopic(topics_.image, isImage);
+  requireTopic(topics_.camera_info, isInfo);
+  requireTopic(topics_.mask, isImage);
+  requireTopic(topics_.depth, isImage);
+  for (const std::string& camera : topics_.cameras) requireTopic(camera, isImage);
+  requireTopic(topics_.initial_pose, isPose);
+  requireTopic(topics_.truth, isTruth);
+}
+
+void BagSequence::requireTopic(const std::string& topic,
+                               const std::function<bool(const std::string&)>& is_of_type) const {
+  if (topic.empty()) return;
+  rosbag::View view(bag_, rosbag::TopicQuery(topic));
+  if (view.size() == 0) {
+    throw std::runtime_error("the bag '" + path_ + "' holds nothing on " + topic);
   }
+  const std::string& type = view.getConnections().front()->datatype;
+  if (!is_of_type(type)) throw std::runtime_error(topic + " in '" + path_ + "' is of type " + type);
 }
 
 void BagSequence::readTransforms() {
@@ -221,53 +190,66 @@ void BagSequence::readMasks() {
   }
 }
 
-void BagSequence::readDepth() {
-  if (topics_.depth.empty()) return;
-  depth_view_ = std::make_unique<rosbag::View>(bag_, rosbag::TopicQuery(topics_.depth));
-  for (const rosbag::MessageInstance& message : *depth_view_) {
-    depth_.emplace(headerOf(message).stamp, message);
+void BagSequence::readCompanions() {
+  using Kind = BagCompanion::Kind;
+  if (!topics_.depth.empty()) {
+    depth_.emplace(bag_, topics_.depth, Kind::kDepth, topics_.depth_tolerance_s);
   }
-  rosbag::View infos(bag_, rosbag::TopicQuery(siblingInfo(topics_.depth)));
-  for (const rosbag::MessageInstance& message : infos) {
-    const auto info = readMessage<sensor_msgs::CameraInfo>(message);
-    if (info) depth_infos_[info->header.stamp] = info;
-  }
-  if (depth_infos_.empty()) {
-    throw std::runtime_error("the bag '" + path_ + "' holds nothing on " +
-                             siblingInfo(topics_.depth));
+  for (const std::string& topic : topics_.cameras) {
+    cameras_.emplace_back(bag_, topic, Kind::kColour, topics_.cameras_tolerance_s);
   }
 }
 
-/// The depth that is nearest to an image in time, if it is near enough.
 void BagSequence::addDepth(BagFrame* frame) const {
+  if (!depth_) return;
   const ros::Time stamp = frame->image->header.stamp;
-  auto nearest = depth_.lower_bound(stamp);
-  if (nearest != depth_.begin() &&
-      (nearest == depth_.end() || stamp - std::prev(nearest)->first < nearest->first - stamp)) {
-    --nearest;
-  }
-  if (nearest == depth_.end() ||
-      std::abs((nearest->first - stamp).toSec()) > topics_.depth_tolerance_s) {
-    return;
-  }
-  const auto info =
-      depth_infos_.size() == 1 ? depth_infos_.begin() : depth_infos_.find(nearest->first);
-  const auto image = readMessage<sensor_msgs::Image>(nearest->second);
-  if (info == depth_infos_.end() || !image) {
-    throw std::runtime_error(topics_.depth + ", " + frameText(frame->index, nearest->first) +
-                             (image ? ": no camera_info with its stamp" : ": is compressed"));
-  }
-  const std::string camera = frame->image->header.frame_id;
-  const std::string depth_camera = withoutSlash(image->header.frame_id);
+  frame->depth = depth_->nearest(frame->index, stamp);
+  if (!frame->depth.image) return;
   try {
-    if (camera != depth_camera) {
-      frame->T_C_D =
-          fromMessage(transforms_.lookupTransform(camera, depth_camera, stamp).transform);
-    }
-  } catch (const tf2::TransformException& e) {
+    frame->T_C_D = placeOf(frame->depth, *frame->image, stamp);
+  } catch (const std::runtime_error& e) {
     throw std::runtime_error(topics_.depth + ": " + e.what());
   }
-  frame->depth = {image, info->second};
+}
+
+void BagSequence::addSideViews(BagFrame* frame) const {
+  for (const BagCompanion& camera : cameras_) {
+    BagSideView view;
+    static_cast<Companion&>(view) = camera.nearest(frame->index, frame->image->header.stamp);
+    if (view.image) {
+      try {
+        view.T_C_V = placeOf(view, *frame->image, view.image->header.stamp);
+      } catch (const std::runtime_error& e) {  // as where the last image is later than the last TF
+        view.image = nullptr;
+        view.why_none = e.what();
+      }
+    }
+    frame->side_views.push_back(std::move(view));
+  }
+}
+
+/// A companion's camera in an image's at a time [m].
+Pose BagSequence::placeOf(const Companion& companion, const sensor_msgs::Image& image,
+                          const ros::Time& stamp) const {
+  const std::string& camera = companion.image->header.frame_id;
+  if (camera == image.header.frame_id) return {};
+  try {
+    return fromMessage(transforms_.lookupTransform(image.header.frame_id, camera, stamp).transform);
+  } catch (const tf2::TransformException& e) {
+    throw std::runtime_error(e.what());
+  }
+}
+
+std::optional<Pose> BagSequence::cameraInFixed(const std::string& camera_frame,
+                                               const ros::Time& stamp) const {
+  if (topics_.fixed_frame.empty()) return std::nullopt;
+  try {
+    return fromMessage(
+        transforms_.lookupTransform(withoutSlash(topics_.fixed_frame), camera_frame, stamp)
+            .transform);
+  } catch (const tf2::TransformException&) {
+    return std::nullopt;
+  }
 }
 
 void BagSequence::readInitialPoses() {
@@ -307,7 +289,7 @@ BagFrame BagSequence::frame(int index) const {
   BagFrame frame;
   frame.index = index;
   try {
-    frame.image = decode(images_.at(index), sensor_msgs::image_encodings::RGB8);
+    frame.image = decodeImage(images_.at(index), sensor_msgs::image_encodings::RGB8);
   } catch (const std::exception& e) {
     throw std::runtime_error(topics_.image + ", frame " + std::to_string(index) + ": " + e.what());
   }
@@ -322,12 +304,13 @@ BagFrame BagSequence::frame(int index) const {
   const auto mask = masks_.find(stamp);
   if (mask != masks_.end()) {
     try {
-      frame.mask = decode(mask->second, sensor_msgs::image_encodings::MONO8);
+      frame.mask = decodeImage(mask->second, sensor_msgs::image_encodings::MONO8);
     } catch (const std::exception& e) {
       throw std::runtime_error(topics_.mask + ", " + frameText(index, stamp) + ": " + e.what());
     }
   }
   addDepth(&frame);
+  addSideViews(&frame);
   return frame;
 }
 
