@@ -54,7 +54,10 @@ struct SideViewReport {
   std::string message;  ///< why it did not; empty if it did
   double score = 0;     ///< how well the pose explains the image, 0..1, 1: perfectly
   double apart = 0;     ///< distance from what others show [standard deviations]; 0: not compared
-  Pose T_V_O;           ///< the object in its camera by this image alone [m], where `score` > 0
+  /// SideView::T_C_V with the object's motion until the view was taken, so that T_C_V^-1 T_C_O is
+  /// where its image should show the object [m]. Nothing: the view was not looked at.
+  std::optional<Pose> T_C_V;
+  Pose T_V_O;  ///< the object in its camera by this image alone [m], where `score` > 0
   /// Covariance of T_V_O, without the error of T_C_V, in the order of RefineResult::covariance
   /// [m^2, rad^2].
   Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();

@@ -107,6 +107,9 @@ SideViews::Found SideViews::expected(const SideView& view, const Own& own,
   const Pose T_O_C = motion.isZero() ? start.T_O_C : movedBy(motion, start.T_O_C, object.centre);
   found.prior.T_O_C = T_O_C * Pose(view.T_C_V.R, view.T_C_V.t / object.metres_per_unit);
   found.unsteady = kUnsteady * motion;
+  Pose T_C_V = start.T_O_C.inverse() * found.prior.T_O_C;
+  T_C_V.t *= object.metres_per_unit;
+  found.report.T_C_V = T_C_V;
   return found;
 }
 

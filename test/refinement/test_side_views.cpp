@@ -229,6 +229,11 @@ TEST_F(SideViewsTest, WhatMovesIsSeenWhereItWasAtEachMoment) {
   EXPECT_TRUE(found.side_views[0].used) << found.side_views[0].message;
   const PoseError error = poseError(found.T_O_C, truth_, object().centre, kColour);
   EXPECT_LT(error.object_offset / object().diameter, 0.02);
+  ASSERT_TRUE(found.side_views[0].T_C_V);
+  const ObjectFrame frame = ObjectFrame::inMetres(object());
+  const Pose seen = found.side_views[0].T_C_V->inverse() * frame.objectInCamera(found.T_O_C);
+  const Pose seen_truth = frame.objectInCamera({sideTruth().R, sideTruth().t + step});
+  EXPECT_LT((seen.t - seen_truth.t).norm(), 0.004);  // of the 1 cm
 }
 
 /// The same camera from elsewhere, a second ago.

@@ -67,6 +67,31 @@ TEST_F(MessageTrackerCamerasTest, HandsOnTheirImagesAndPlaces) {
   EXPECT_EQ(result.status.cameras_message, "right/image_raw: no image comes");
 }
 
+TEST_F(MessageTrackerCamerasTest, SaysWhereEachImageShowsTheObject) {
+  placeLeft();
+  search_->side_view_reports.resize(1);
+  setClock(0);
+  FrameResult result = processFirst(withLeft());
+  ASSERT_EQ(result.views.size(), 2u);
+  EXPECT_EQ(result.views[0].camera, 0u);
+  EXPECT_EQ(result.views[0].header.frame_id, "camera");
+  EXPECT_EQ(result.views[0].observation, result.track.observation);
+  EXPECT_EQ(result.views[0].T_O_V.t, search_->T_O_C.t);
+  const PlacedView& left = result.views[1];
+  EXPECT_EQ(left.camera, 1u);
+  EXPECT_EQ(left.header.frame_id, "left_camera");
+  EXPECT_NEAR(left.header.stamp.toSec(), 1000.005, 1e-6);
+  EXPECT_EQ(left.observation, search_->side_views[0].observation);
+  EXPECT_NEAR(left.T_O_V.t.x(), -4, 1e-9);  // 0.4 m beside, in units of 0.1 m
+  EXPECT_NEAR(left.T_O_V.t.z(), -1, 1e-9);
+  // The object moves, and is found elsewhere by the time of the left camera's image.
+  search_->side_view_reports[0].T_C_V = Pose(Eigen::Matrix3d::Identity(), {-0.5, 0, 0});
+  setClock(0.1);
+  result = process(withLeft(0.1));
+  ASSERT_EQ(result.views.size(), 2u);
+  EXPECT_NEAR(result.views[1].T_O_V.t.x(), -5, 1e-9);
+}
+
 TEST_F(MessageTrackerCamerasTest, SaysWhyOneHadNoPart) {
   placeLeft();
   search_->side_view_reports.resize(1);
@@ -143,6 +168,8 @@ TEST_F(MessageTrackerCamerasTest, AnotherCameraLeadsWhereTheFirstOneFails) {
   EXPECT_EQ(search_->side_views.size(), 0u);
   EXPECT_EQ(int{result.status.cameras}, 1);
   EXPECT_EQ(result.status.cameras_used, "left/image_raw");
+  ASSERT_EQ(result.views.size(), 1u);
+  EXPECT_EQ(result.views[0].camera, 1u);
   EXPECT_EQ(result.status.cameras_message,
             "image: no image comes; right/image_raw: no image comes");
   ASSERT_TRUE(result.pose);

@@ -5,6 +5,7 @@
 #include <tf2_msgs/TFMessage.h>
 
 #include <algorithm>
+#include <cstdlib>
 #include <mutex>
 #include <set>
 #include <string>
@@ -145,6 +146,34 @@ TEST_F(PoseRefinerCamerasTest, EachMayFailAlone) {
       [](const auto& s) { return s.cameras_message == "side_camera/image: no image comes"; });
   ASSERT_TRUE(silent) << lastMessage();
   EXPECT_EQ(int{silent->state}, int{Status::STATE_TRACKING});
+}
+
+TEST_F(PoseRefinerCamerasTest, DrawsAnOverlayOfTheOtherCameraForWhoLooks) {
+  begin();
+  ASSERT_TRUE(waitForStatus([](const auto& s) { return s.cameras == 2; })) << lastMessage();
+  const std::string folder = "cameras/side_camera/image/overlay/";
+  Listener<sensor_msgs::CameraInfo> infos(rig_, folder + "camera_info");
+  Listener<sensor_msgs::Image> images(rig_, folder + "image_raw");
+  ASSERT_TRUE(waitUntil([&] { return images.connected() && infos.connected(); }));
+  const auto image = images.wait();
+  ASSERT_TRUE(image);
+  EXPECT_EQ(image->header.frame_id, "side_optical");
+  EXPECT_TRUE(twin_.took(image->header.stamp)) << image->header.stamp;
+  EXPECT_EQ(image->encoding, "rgb8");
+  EXPECT_EQ(image->width, 96u);
+  EXPECT_EQ(image->height, 96u);
+  const auto info = infos.wait(
+      [&](const sensor_msgs::CameraInfo& i) { return i.header.stamp == image->header.stamp; });
+  ASSERT_TRUE(info);
+  EXPECT_EQ(info->header.frame_id, "side_optical");
+  EXPECT_EQ(info->width, 96u);
+  EXPECT_GT(info->P[0], 0);
+  int coloured = 0;  // the camera's image is grey, the object's rendering is not
+  for (std::size_t i = 0; i < image->data.size(); i += 3) {
+    coloured += std::abs(image->data[i] - image->data[i + 2]) > 40;
+  }
+  EXPECT_GT(coloured, 100);
+  EXPECT_LT(coloured, 96 * 96 / 2);
 }
 
 TEST_F(PoseRefinerCamerasTest, CalibrationSaysWhatIsMissing) {

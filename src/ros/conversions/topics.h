@@ -1,6 +1,8 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <string>
+
 namespace nerf_pose_refiner {
 
 /// Every name of the ROS interface, relative (REP-135). "image", "camera_info", "image_depth",
@@ -43,6 +45,12 @@ constexpr char kEnable[] = "enable";
 
 // action
 constexpr char kRegister[] = "register";
+
+/// The overlay of a further camera, beside kOverlay. @param topic of its images.
+inline std::string overlayOf(const std::string& topic) {
+  const bool is_absolute = !topic.empty() && topic.front() == '/';
+  return "cameras/" + topic.substr(is_absolute ? 1 : 0) + "/" + kOverlay;
+}
 
 }  // namespace topics
 }  // namespace nerf_pose_refiner

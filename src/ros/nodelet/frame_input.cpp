@@ -151,6 +151,24 @@ void FrameInput::report(const CameraFrame& frame, const TrackOutcome& track,
   }
 }
 
+std::vector<PlacedView> FrameInput::placed(const CameraFrame& frame,
+                                           const TrackOutcome& track) const {
+  const Refinement& found = track.refinement;
+  const std::vector<SideView>& views = track.observation->side_views;
+  std::vector<PlacedView> placed = {
+      {frame.camera, toHeader(track.image), track.observation, found.T_O_C}};
+  for (std::size_t i = 0; i < looked_at_.size(); ++i) {
+    const Companion& companion = frame.side_views.at(looked_at_[i] - 1);
+    Pose T_C_V = views.at(i).T_C_V;
+    if (i < found.side_views.size()) T_C_V = found.side_views[i].T_C_V.value_or(T_C_V);
+    T_C_V.t /= track.field->metadata.metres_per_unit;
+    if (!T_C_V.isFinite()) continue;  // the model has no scale
+    placed.push_back({looked_at_[i], toHeader(imageStampOf(companion.image->header)),
+                      views.at(i).observation, found.T_O_C * T_C_V});
+  }
+  return placed;
+}
+
 RigSighting FrameInput::sightings(const CameraFrame& frame, const TrackOutcome& track) const {
   if (frame.camera != 0 || !track.trusted) return RigSighting(places_.size());
   return sightingOf(track.refinement, track.field->metadata, looked_at_, places_.size());

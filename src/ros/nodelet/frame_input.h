@@ -17,6 +17,14 @@
 
 namespace nerf_pose_refiner {
 
+/// An image of a camera, and where the pose that was found puts the object in it.
+struct PlacedView {
+  std::size_t camera = 0;   ///< that took it, @see CameraFrame
+  std_msgs::Header header;  ///< of the image
+  std::shared_ptr<const Observation> observation;
+  Pose T_O_V;  ///< its camera [model units]
+};
+
 /// Makes observations of what all cameras saw at about one time, and says what became of it. Used
 /// by the tracking thread only.
 class FrameInput {
@@ -30,6 +38,10 @@ class FrameInput {
 
   /// Fills in what became of the frame that was observed last.
   void report(const CameraFrame& frame, const TrackOutcome& track, RefinementStatus* status) const;
+
+  /// The images of all cameras that were looked at in the last observation, that of the frame
+  /// first. Requires that the object was found in it.
+  std::vector<PlacedView> placed(const CameraFrame& frame, const TrackOutcome& track) const;
 
   /// How much later than the frame's image the newest image was taken that took part in the pose of
   /// the last observation [s].

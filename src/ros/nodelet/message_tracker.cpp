@@ -94,6 +94,7 @@ std::optional<FrameResult> MessageTracker::process(const CameraFrame& frame) {
       static_cast<float>(clock_().toSec() - frame.image->header.stamp.toSec());
   input_.report(frame, track, &result.status);
   if (track.trusted) remember(frame, track);
+  if (track.found) result.views = input_.placed(frame, track);
   if (T_W_C && track.found) place(*T_W_C, &result);
   return result;
 }

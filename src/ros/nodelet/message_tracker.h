@@ -35,6 +35,7 @@ struct FrameResult {
   std::optional<geometry_msgs::TwistWithCovarianceStamped> twist;
   PoseHypothesisArray hypotheses;  ///< in ~output_frame; empty if TF does not know it
   TrackOutcome track;              ///< the tracker's own result
+  std::vector<PlacedView> views;   ///< the images, if the object was found in them
 };
 
 /// A tracker with messages as its input (images) and output (status, poses).

@@ -15,9 +15,10 @@
 #include "ros/conversions/camera_input.h"
 
 namespace nerf_pose_refiner {
-OverlayPublisher::OverlayPublisher(const image_transport::CameraPublisher& publisher,
+
+OverlayPublisher::OverlayPublisher(std::vector<image_transport::CameraPublisher> publishers,
                                    BackendFactory make_backend, const OverlaySettings& settings)
-    : publisher_(publisher),
+    : publishers_(std::move(publishers)),
       make_backend_(std::move(make_backend)),
       settings_(settings),
       thread_([this] { run(); }) {}
@@ -33,8 +34,17 @@ void OverlayPublisher::change(const OverlaySettings& settings) {
   settings_ = settings;
 }
 
+bool OverlayPublisher::wanted() const {
+  return std::any_of(publishers_.begin(), publishers_.end(),
+                     [](const auto& publisher) { return publisher.getNumSubscribers() > 0; });
+}
+
 void OverlayPublisher::draw(Job job) {
-  if (wanted()) jobs_.put(std::move(job));
+  const auto nobodyLooks = [this](const View& view) {
+    return publishers_.at(view.camera).getNumSubscribers() == 0;
+  };
+  job.views.erase(std::remove_if(job.views.begin(), job.views.end(), nobodyLooks), job.views.end());
+  if (!job.views.empty()) jobs_.put(std::move(job));
 }
 
 void OverlayPublisher::run() {
@@ -70,23 +80,27 @@ void OverlayPublisher::drawNow(const Job& job) {
     std::lock_guard<std::mutex> lock(settings_mutex_);
     settings = settings_;
   }
-  const Camera& full = job.observation->camera;
+  for (const View& view : job.views) drawNow(view, settings);
+}
+
+void OverlayPublisher::drawNow(const View& view, const OverlaySettings& settings) {
+  const Camera& full = view.observation->camera;
   const double shrink = static_cast<double>(settings.width_px) / full.width;
   const Camera camera = full.scaled(std::min(1.0, shrink));
-  const Rendering rendering = loaded_->render({camera, job.T_O_C}, RenderOptions(), cancellation_);
-  const Image seen = resample(overlayGround(*job.observation), full, camera);
+  const Rendering rendering = loaded_->render({camera, view.T_O_C}, RenderOptions(), cancellation_);
+  const Image seen = resample(overlayGround(*view.observation), full, camera);
   const Image8 overlay = drawOverlay(seen, rendering, settings.opacity);
 
   sensor_msgs::Image image;
-  image.header = job.header;
+  image.header = view.header;
   image.width = static_cast<std::uint32_t>(overlay.width);
   image.height = static_cast<std::uint32_t>(overlay.height);
   image.encoding = sensor_msgs::image_encodings::RGB8;
   image.step = 3 * image.width;
   image.data = overlay.values;
   sensor_msgs::CameraInfo info = toMessage(camera);
-  info.header = job.header;
-  publisher_.publish(image, info);
+  info.header = view.header;
+  publishers_.at(view.camera).publish(image, info);
 }
 
 }  // namespace nerf_pose_refiner

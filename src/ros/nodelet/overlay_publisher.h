@@ -7,6 +7,7 @@
 #include <memory>
 #include <mutex>
 #include <thread>
+#include <vector>
 
 #include "backend/backend.h"
 #include "backend/loaded_field.h"
@@ -18,36 +19,46 @@
 
 namespace nerf_pose_refiner {
 
-/// Draws and publishes overlays, with a thread and a backend of its own, so that poses never wait
-/// for them. An image that arrives during drawing replaces the waiting one.
+/// Draws and publishes overlays of one camera or several, with a thread and a backend of its own,
+/// so that poses never wait for them. Images that arrive during drawing replace the waiting ones.
 class OverlayPublisher {
  public:
-  struct Job {
+  /// An image of a camera.
+  struct View {
     std_msgs::Header header;  ///< of the image
     std::shared_ptr<const Observation> observation;
-    std::shared_ptr<const Field> field;
-    Pose T_O_C;  ///< [model units]
+    Pose T_O_C;              ///< its camera [model units]
+    std::size_t camera = 0;  ///< number of its publisher
   };
 
+  /// What the cameras saw at about one time.
+  struct Job {
+    std::shared_ptr<const Field> field;
+    std::vector<View> views;
+  };
+
+  /// @param publishers of the cameras, by their numbers.
   /// @param make_backend called by the drawing thread, when there is something to draw.
-  OverlayPublisher(const image_transport::CameraPublisher& publisher, BackendFactory make_backend,
-                   const OverlaySettings& settings = {});
+  OverlayPublisher(std::vector<image_transport::CameraPublisher> publishers,
+                   BackendFactory make_backend, const OverlaySettings& settings = {});
   ~OverlayPublisher();
 
-  /// Whether the overlay has a subscriber.
-  bool wanted() const { return publisher_.getNumSubscribers() > 0; }
+  /// Whether an overlay has a subscriber.
+  bool wanted() const;
 
   /// Replaces the settings from the next image on. Any thread.
   void change(const OverlaySettings& settings);
 
-  /// Draws an overlay, if there is a subscriber. Returns at once. Any thread.
+  /// Draws the overlays that have subscribers. Returns at once. Any thread.
+  /// @throws std::out_of_range for a camera without a publisher.
   void draw(Job job);
 
  private:
   void run();
   void drawNow(const Job& job);
+  void drawNow(const View& view, const OverlaySettings& settings);
 
-  image_transport::CameraPublisher publisher_;
+  std::vector<image_transport::CameraPublisher> publishers_;
   BackendFactory make_backend_;
   FrameMailbox<Job> jobs_;
   std::mutex settings_mutex_;  ///< guards settings_

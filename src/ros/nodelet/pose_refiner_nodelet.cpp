@@ -6,6 +6,7 @@
 #include <optional>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "backend/gpu_memory.h"
 #include "backend/make_backend.h"
@@ -85,10 +86,17 @@ void PoseRefinerNodelet::advertiseResults() {
   const auto make_overlay_backend = [set = parameters_.instruction_set] {
     return std::shared_ptr<Backend>(makeCpuBackend(1, set));
   };
-  overlay_ = std::make_unique<OverlayPublisher>(
-      image_transport::ImageTransport(pnh).advertiseCamera(
-          topics::kOverlay, 1, on_connect_image, on_connect_image, on_connect, on_connect),
-      make_overlay_backend, parameters_.overlay);
+  std::vector<image_transport::CameraPublisher> overlays;
+  const auto advertiseOverlay = [&](const std::string& topic) {
+    overlays.push_back(image_transport::ImageTransport(pnh).advertiseCamera(
+        topic, 1, on_connect_image, on_connect_image, on_connect, on_connect));
+  };
+  advertiseOverlay(topics::kOverlay);
+  for (const std::string& camera : parameters_.cameras.names()) {
+    advertiseOverlay(topics::overlayOf(camera));
+  }
+  overlay_ = std::make_unique<OverlayPublisher>(std::move(overlays), make_overlay_backend,
+                                                parameters_.overlay);
 }
 
 void PoseRefinerNodelet::startTracking() {

@@ -148,10 +148,17 @@ void TrackingWorker::publish(const FrameResult& result) {
   outputs_.results->publish(result);
   if (result.pose) outputs_.diagnostics->posePublished(result.pose->header.stamp);
   report(result.status);
-  const TrackOutcome& track = result.track;
-  if (!track.found) return;
-  outputs_.overlay->draw(
-      {result.status.header, track.observation, track.field, track.refinement.T_O_C});
+  if (!result.track.found) return;
+  OverlayPublisher::Job overlays;
+  overlays.field = result.track.field;
+  for (const PlacedView& view : result.views) {
+    overlays.views.push_back({view.header, view.observation, view.T_O_V, view.camera});
+  }
+  if (result.views.front().camera != 0) {  // it leads in place of `image`
+    overlays.views.push_back(overlays.views.front());
+    overlays.views.back().camera = 0;
+  }
+  outputs_.overlay->draw(std::move(overlays));
 }
 
 void TrackingWorker::report(const RefinementStatus& status) {

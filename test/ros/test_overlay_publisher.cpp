@@ -1,0 +1,85 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+// Overlays of several cameras, of which some have no subscriber.
+#include "ros/nodelet/overlay_publisher.h"
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <memory>
+#include <optional>
+#include <stdexcept>
+#include <string>
+
+#include "field/object_metadata.h"
+#include "pose_refiner_graph.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+class OverlayPublisherTest : public PoseRefinerTest {
+ protected:
+  static image_transport::CameraPublisher advertise(const std::string& camera) {
+    return image_transport::ImageTransport(world->nh).advertiseCamera(camera + "/image_raw", 1);
+  }
+
+  static OverlayPublisher::View viewOf(std::size_t camera, double stamp_s) {
+    OverlayPublisher::View view;
+    view.header.frame_id = kFrame;
+    view.header.stamp = ros::Time(stamp_s);
+    view.observation = std::make_shared<const Observation>(
+        observeScene(*world->scene, squareCamera(96), world->T_O_C));
+    view.T_O_C = world->T_O_C;
+    view.camera = camera;
+    return view;
+  }
+
+  /// A view that cannot be drawn.
+  static OverlayPublisher::View nothing(std::size_t camera, double stamp_s) {
+    OverlayPublisher::View view = viewOf(camera, stamp_s);
+    view.observation = nullptr;
+    return view;
+  }
+
+  std::atomic<int> backends_{0};
+  std::shared_ptr<const Field> field_ =
+      std::make_shared<const Field>(loadField(world->root + "/models/toy.safetensors"));
+  OverlayPublisher publisher_{{advertise("overlays/first"), advertise("overlays/second")}, [this] {
+                                ++backends_;
+                                return std::shared_ptr<Backend>(makeCpuBackend(1));
+                              }};
+};
+
+TEST_F(OverlayPublisherTest, DrawsForThoseWhoLookAlone) {
+  EXPECT_FALSE(publisher_.wanted());
+  publisher_.draw({field_, {nothing(0, 1), nothing(1, 1)}});
+  EXPECT_EQ(backends_, 0);
+  Listener<sensor_msgs::Image> second(world->nh, "overlays/second/image_raw");
+  ASSERT_TRUE(waitUntil([&] { return publisher_.wanted(); }));
+  publisher_.draw({field_, {nothing(0, 2), viewOf(1, 2)}});
+  const auto image = second.wait();
+  ASSERT_TRUE(image);
+  EXPECT_EQ(image->header.stamp, ros::Time(2));
+  EXPECT_EQ(image->width, 96u);
+  EXPECT_EQ(backends_, 1);
+  EXPECT_THROW(publisher_.draw({field_, {viewOf(2, 3)}}), std::out_of_range);
+}
+
+TEST_F(OverlayPublisherTest, DrawsEachCameraByItself) {
+  Listener<sensor_msgs::Image> first(world->nh, "overlays/first/image_raw");
+  Listener<sensor_msgs::Image> second(world->nh, "overlays/second/image_raw");
+  ASSERT_TRUE(waitUntil([&] { return first.connected() && second.connected(); }));
+  std::optional<sensor_msgs::Image> one, other;
+  double stamp_s = 0;
+  ASSERT_TRUE(waitUntil([&] {  // until both subscriptions are known to the publishers
+    stamp_s += 1;
+    publisher_.draw({field_, {viewOf(0, stamp_s), viewOf(1, stamp_s + 0.5)}});
+    one = first.last();
+    other = second.last();
+    return one && other;
+  }));
+  EXPECT_EQ(one->header.stamp.nsec, 0u);
+  EXPECT_EQ(other->header.stamp.nsec, 500000000u);
+}
+
+}  // namespace
+}  // namespace nerf_pose_refiner
