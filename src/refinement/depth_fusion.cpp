@@ -42,7 +42,8 @@ bool shows(const DepthFit& fit) {
 
 /// Another distance makes the bias less certain.
 DepthFusion::Bias DepthFusion::biasAt(const DepthNoise& noise, double distance_m) const {
-  const double first = noise.biasDeviation_m(distance_m);
+  constexpr double kLeast_m2 = 1e-12;  // for a sensor that is said to have none
+  const double first = std::max(std::sqrt(kLeast_m2), noise.biasDeviation_m(distance_m));
   if (!bias_) return {0, first * first};
   const double apart = noise.bias_fraction * (distance_m - learnt_at_m_);
   return {bias_->mean_m, std::min(first * first, bias_->variance_m2 + apart * apart)};
@@ -142,7 +143,7 @@ DepthPrior DepthFusion::priorAlone(const DepthNoise& noise, const FieldMetadata&
                                    const Prior& prior) const {
   const double unit_m = object.metres_per_unit;
   const Bias bias = biasAt(noise, unit_m * (prior.T_O_C.t - object.centre).norm());
-  constexpr double kLeast = 1e-3, kLeast_m2 = 1e-12;  // of widths; of the bias
+  constexpr double kLeast = 1e-3;  // of widths
   DepthPrior from;
   from.T_O_C = prior.T_O_C;
   from.covariance.setZero();
@@ -151,7 +152,7 @@ DepthPrior DepthFusion::priorAlone(const DepthNoise& noise, const FieldMetadata&
       Eigen::Vector3d::Constant(std::pow(std::max(kLeast, prior.rotation_rad), 2) / 3);
   from.covariance = withoutFreeTurn(from.covariance, object);
   from.bias = bias.mean_m / unit_m;
-  from.bias_variance = std::max(kLeast_m2, bias.variance_m2) / (unit_m * unit_m);
+  from.bias_variance = bias.variance_m2 / (unit_m * unit_m);
   return from;
 }
 

@@ -70,6 +70,19 @@ TEST_F(KeyframeDepthTest, TakesPartInThePose) {
   EXPECT_GE(found.score, alone.score - 1e-9);
 }
 
+TEST_F(KeyframeDepthTest, TakesPartWhereASensorIsSaidToHaveNoBias) {
+  DepthImage depth = *sensor({0.001, 0, 0.2, 0.001});
+  depth.noise.bias_m = depth.noise.bias_fraction = 0;
+  const auto follower = refiner();
+  for (int i = 0; i < 3; ++i) {  // later ones begin with what was learnt of the bias
+    const Observation observation = with(std::make_shared<const DepthImage>(depth));
+    const Refinement found = follower->follow({observation, i * kImage_ns}, nearTruth());
+    EXPECT_EQ(found.depth.use, DepthUse::kUsed) << found.depth.message;
+    EXPECT_TRUE(found.T_O_C.isFinite());
+    EXPECT_NEAR(found.depth.bias_m, 0, 1e-5);
+  }
+}
+
 TEST_F(KeyframeDepthTest, LearnsTheBiasSlowly) {
   const auto follower = refiner();
   const Observation observation = with(sensor({0.001, 0.002, 0.1, 0}));
