@@ -99,6 +99,15 @@ std::vector<Image> pyramidOf(const Rendering& rendering, const Camera& camera,
   return pyramid;
 }
 
+// A small object is a matter of fractions of a pixel, and its rays are few.
+int raysPerSide(const KeyframeSettings& settings, const Camera& camera) {
+  constexpr int kMost = 4;
+  const int side = std::max(camera.width, camera.height);
+  int rays = settings.rays_per_side;
+  while (rays < kMost && 2 * rays * side <= settings.max_more_rays) rays *= 2;
+  return rays;
+}
+
 int windowOf(const KeyframeSettings& settings, int level) {
   if (settings.levels == 1) return settings.finest_window_px;
   const double coarseness = static_cast<double>(level) / (settings.levels - 1);
@@ -135,6 +144,7 @@ void KeyframeSettings::validate() const {
   require(levels >= 1 && levels <= 8, "keyframe: levels", levels);
   require(rays_per_side == 1 || rays_per_side == 2 || rays_per_side == 4, "keyframe: rays_per_side",
           rays_per_side);
+  require(max_more_rays >= 0, "keyframe: max_more_rays", max_more_rays);
   require(max_side_px >= 16, "keyframe: max_side_px", max_side_px);
   require(finest_window_px >= 1, "keyframe: finest_window_px", finest_window_px);
   require(coarsest_window_px >= 1, "keyframe: coarsest_window_px", coarsest_window_px);
@@ -186,7 +196,7 @@ RenderedWindow renderWindow(const LoadedField& field, const View& view,
   window.camera =
       keyframeCamera(view.camera, view.T_O_C, field.field().metadata, settings, &window.reduction);
   window.view = view;
-  const int n = settings.rays_per_side;
+  const int n = raysPerSide(settings, window.camera);
   const Camera finer = window.camera.resized(n * window.camera.width, n * window.camera.height);
   window.rendering = field.render({finer, view.T_O_C}, RenderOptions(), cancellation);
   return window;

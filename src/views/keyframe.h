@@ -13,7 +13,8 @@ namespace nerf_pose_refiner {
 struct KeyframeSettings {
   int levels = 4;              ///< each with half the resolution of the one before, 1..8
   int max_side_px = 400;       ///< of the finest level; larger windows are reduced
-  int rays_per_side = 1;       ///< rays per pixel side of the finest level: 1, 2 or 4
+  int rays_per_side = 1;       ///< least rays per pixel side of the finest level: 1, 2 or 4
+  int max_more_rays = 400;     ///< small windows get up to 4, while a side has at most so many
   int finest_window_px = 10;   ///< half width of the window of local colours, finest level
   int coarsest_window_px = 3;  ///< the same for the coarsest level; linear in between
   int max_points = 2000;       ///< chosen points per level
@@ -41,7 +42,7 @@ Camera keyframeCamera(const Camera& camera, const Pose& T_O_C, const FieldMetada
 /// What is rendered for a keyframe: the window that contains the object.
 struct RenderedWindow {
   View view;            ///< of the image
-  Rendering rendering;  ///< has `rays_per_side` pixels along each pixel of `camera`
+  Rendering rendering;  ///< has 1, 2 or 4 pixels along each pixel of `camera`
   Camera camera;        ///< of the keyframe's finest level, @see keyframeCamera
   int reduction = 1;    ///< pixels of the image along one of the keyframe
 };

@@ -17,7 +17,7 @@ struct ViewBankSettings {
   int views = 162;      ///< number of viewpoints; 162 are about 16 degrees apart
   int object_px = 100;  ///< object diameter in the views [px]
   double distance = 4;  ///< of the camera from the object's centre [object diameters]
-  KeyframeSettings keyframe = {3, 128, 1, 8, 3, 700, 120, 2500, 0.97f, 4};
+  KeyframeSettings keyframe = {3, 128, 1, 0, 8, 3, 700, 120, 2500, 0.97f, 4};
 
   /// @throws std::invalid_argument naming the value that is out of range.
   void validate() const;

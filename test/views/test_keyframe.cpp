@@ -193,6 +193,21 @@ TEST_F(KeyframeOfScene, ReducesALargeImage) {
   EXPECT_EQ(render().reduction, 1);
 }
 
+TEST_F(KeyframeOfScene, SmallObjectsGetMoreRays) {
+  const auto raysOf = [&](double distance, const KeyframeSettings& settings) {
+    const Pose T_O_C = cameraAround(*scene_, 0.6, 0.5, distance);
+    const RenderedWindow window = renderWindow(*scene_, {kKeyframeCamera, T_O_C}, settings);
+    return window.rendering.alpha.width / window.camera.width;
+  };
+  KeyframeSettings settings;  // 1.2 diameters are 480 px / the distance in diameters
+  settings.max_more_rays = 400;
+  EXPECT_EQ(raysOf(2, settings), 1);  // 240 px
+  EXPECT_EQ(raysOf(3, settings), 2);  // 160 px
+  EXPECT_EQ(raysOf(8, settings), 4);  // 60 px
+  settings.max_more_rays = 0;
+  EXPECT_EQ(raysOf(8, settings), 1);
+}
+
 TEST_F(KeyframeOfScene, SeveralAreAsOneByOne) {
   const Pose other = cameraAround(*scene_, 2.0, -0.3);
   const std::vector<KeyframePoints> both =
