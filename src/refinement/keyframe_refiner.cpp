@@ -104,7 +104,7 @@ void KeyframeRefiner::noteKind(const Observation& observation) {
 Refinement KeyframeRefiner::follow(const TimedObservation& image, const Prior& prior,
                                    const CancellationToken& cancellation) {
   noteKind(image.observation);
-  const Expectation near = {prior, track_odds_};
+  const Expectation near = {prior, track_odds_, false};
   if (image.observation.isDepthAlone()) return followByDepth(image, near, cancellation);
   const Camera& camera = image.observation.camera;
   adaptTo(image.observation);
@@ -239,7 +239,7 @@ Refinement KeyframeRefiner::refine(const TimedObservation& image, const Expectat
   Refinement result;
   result.T_O_C = prior.T_O_C;
   try {
-    result = conclude(search(), prior);
+    result = conclude(lookedBeside(search(), expected, cancellation), prior);
     if (result.outcome == Outcome::kRefined) judge(expected, cancellation, &result);
     if (!observation.side_views.empty()) {
       const Vector6 motion = motionTo(image.stamp_ns, prior.T_O_C);
@@ -312,52 +312,6 @@ void KeyframeRefiner::renewFor(const View& view, std::int64_t stamp_ns) {
   }
   due_ns_ = stamp_ns + static_cast<std::int64_t>(1e9 * settings_.renewal_s);
   renderer_->request(next);
-}
-
-/// Says how likely the best hypothesis is right, and how far off it may be.
-void KeyframeRefiner::judge(const Expectation& expected, const CancellationToken& cancellation,
-                            Refinement* found) {
-  const FieldMetadata& object = field_->field().metadata;
-  const Hypothesis& best = found->hypotheses.front();
-  found->covariance += systematicCovariance(found->covariance, found->T_O_C, object);
-  if (const auto other = search_->secondOpinion(best, cancellation)) {
-    found->covariance +=
-        disagreement(cameraTwist(best.T_O_C, other->T_O_C, object.centre), other->beside_rad);
-  }
-  const double by_image = scoreProbability(best.score, scores_);
-  const double odds = priorOdds(found->T_O_C, expected.prior, object);
-  const bool is_there = distanceFromPrior(found->T_O_C, expected.prior, object) <= kWithinPrior;
-  found->found_probability = withOdds(by_image, is_there ? expected.odds : odds);
-}
-
-void KeyframeRefiner::holdTrack(const Refinement& found) {
-  const bool is_found = found.outcome == Outcome::kRefined;
-  holdTrack(found, is_found ? scoreProbability(found.hypotheses.front().score, scores_) : 0);
-}
-
-/// A pose that is certain by its image alone is worth kTrackOdds in the images after it. Each that
-/// is rather wrong by its image alone takes a little of that: images of a sequence are alike, so
-/// their scores are no independent evidence.
-/// @param probability that the image alone gives what was found.
-void KeyframeRefiner::holdTrack(const Refinement& found, double probability) {
-  constexpr double kCertain = 0.9, kEven = 0.5, kKept = 0.97;
-  const bool is_found = found.outcome == Outcome::kRefined;
-  const double told = is_found ? found.unmistaken.value_or(1) : 0;
-  if (told * found.found_probability.value_or(0) < kEven) {
-    track_odds_ = 1;
-    return;
-  }
-  const double by_image = told * probability;
-  if (by_image >= kCertain) track_odds_ = kTrackOdds;
-  if (by_image < kEven) track_odds_ = std::max(1.0, kKept * track_odds_);
-}
-
-/// Sets the score, once all that sees the object has been heard.
-void KeyframeRefiner::rate(Refinement* found) const {
-  if (watch_) watch_->judge(found);
-  found->score = *found->found_probability *
-                 withinProbability(found->covariance, field_->field().metadata) *
-                 found->unmistaken.value_or(1);
 }
 
 Refinement KeyframeRefiner::conclude(const HypothesisTable& found, const Prior& prior) const {

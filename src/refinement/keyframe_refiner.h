@@ -15,6 +15,7 @@
 #include "refinement/field_refiner.h"
 #include "refinement/keyframe_search.h"
 #include "refinement/look_alike_watch.h"
+#include "refinement/rolled_scores.h"
 #include "refinement/side_views.h"
 #include "views/keyframe_renderer.h"
 
@@ -72,7 +73,8 @@ class KeyframeRefiner {
   /// Where the object is expected, and what speaks for that beside the image.
   struct Expectation {
     Prior prior;
-    double odds = 1;  // of a pose within the prior
+    double odds = 1;      // of a pose within the prior
+    bool is_anew = true;  // it is looked for; false: it is followed from image to image
   };
 
   Refinement refine(const TimedObservation& image, const Expectation& expected,
@@ -116,6 +118,12 @@ class KeyframeRefiner {
   void holdTrack(const Refinement& found, double by_image);
   Refinement conclude(const HypothesisTable& found, const Prior& prior) const;
   void judge(const Expectation& expected, const CancellationToken& cancellation, Refinement* found);
+  HypothesisTable lookedBeside(const HypothesisTable& found, const Expectation& expected,
+                               const CancellationToken& cancellation);
+  bool isClear(const Hypothesis& found) const;
+  std::optional<double> wrongScore(const Hypothesis& best, const Expectation& expected,
+                                   const CancellationToken& cancellation);
+  double probabilityByImage(const Refinement& found) const;
   void rate(Refinement* found) const;
 
   Backend* backend_;
@@ -128,7 +136,8 @@ class KeyframeRefiner {
   std::optional<LookAlikeWatch> watch_;  // nothing: the object is not taken for itself
   std::optional<Pose> sure_;             // of the last image that showed the object for certain
   bool was_sure_ = true;                 // that image is the last one
-  double track_odds_ = 1;                // that what is followed is there, beside the image
+  std::optional<RolledScores> rolled_;
+  double track_odds_ = 1;  // that what is followed is there, beside the image
   DepthFusion depth_;
   std::optional<DepthSearch> depth_search_;  // nothing: no image had depth alone yet
   std::optional<SideViews> side_views_;

@@ -143,6 +143,37 @@ std::optional<SecondOpinion> KeyframeSearch::secondOpinion(const Hypothesis& fou
   return SecondOpinion{says.T_O_C, viewDistance(*other->keyframe, found.T_O_C).rotation_rad};
 }
 
+HypothesisTable KeyframeSearch::withBeside(const HypothesisTable& found,
+                                           const CancellationToken& cancellation) {
+  constexpr double kTurn_rad = 15 * kDegree, kNearer = 0.08;  // the latter of the distance
+  constexpr std::size_t kMost = 8;
+  if (found.empty() || found.front().state != HypothesisState::kLive) return found;
+  const Pose& best = found.front().T_O_C;
+  const Eigen::Vector3d& centre = field_->field().metadata.centre;
+  std::vector<Pose> beside;
+  for (const double sign : {-1.0, 1.0}) {
+    for (int axis = 0; axis < 3; ++axis) {
+      const Eigen::Vector3d turn = sign * kTurn_rad * best.R.col(axis);
+      const Eigen::Matrix3d R = expSO3(turn);
+      beside.emplace_back(nearestRotation(R * best.R), centre + R * (best.t - centre));
+    }
+    beside.emplace_back(best.R, centre + (1 + sign * kNearer) * (best.t - centre));
+  }
+  HypothesisTable all = found;
+  for (const Hypothesis& end : likeNearest(best, beside, cancellation)) all.push_back(end);
+  return bestOf(all, kMost, field_->field().metadata);
+}
+
+HypothesisTable KeyframeSearch::likeNearest(const Pose& T_O_C,
+                                            const std::vector<Pose>& starts_T_O_C,
+                                            const CancellationToken& cancellation) {
+  const KeyframeSet::Entry* const nearest = kept_.nearest(T_O_C);
+  if (nearest == nullptr) return {};
+  std::vector<KeyframeStart> starts;
+  for (const Pose& start : starts_T_O_C) starts.push_back({nearest->number, start});
+  return aligner_->align(starts, settings_.alignment, cancellation);
+}
+
 /// Coarse alignments from all around the prior; the best go on to the finest level.
 HypothesisTable KeyframeSearch::widely(const Prior& prior, const CancellationToken& cancellation) {
   constexpr double kSpread = 3;  // of the prior's half widths

@@ -65,6 +65,16 @@ class KeyframeSearch {
   std::optional<SecondOpinion> secondOpinion(const Hypothesis& found,
                                              const CancellationToken& cancellation);
 
+  /// Looks for a better pose beside the best one that was found in the image that was looked at
+  /// last: where an object is plain or partly hidden, alignment may end 10 degrees beside it.
+  /// @param found best first. @return with those beside, best first, without equal ones.
+  HypothesisTable withBeside(const HypothesisTable& found, const CancellationToken& cancellation);
+
+  /// Aligns the keyframe that is nearest to a pose from others, in the image that was looked at
+  /// last. @return in the order of the starts; empty without a keyframe.
+  HypothesisTable likeNearest(const Pose& T_O_C, const std::vector<Pose>& starts_T_O_C,
+                              const CancellationToken& cancellation);
+
  private:
   void loadViews(const std::vector<int>& numbers, const CancellationToken& cancellation);
   HypothesisTable widely(const Prior& prior, const CancellationToken& cancellation);

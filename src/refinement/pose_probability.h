@@ -1,6 +1,8 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <optional>
+
 #include "field/field.h"
 #include "refinement/field_refiner.h"
 
@@ -12,7 +14,14 @@ namespace nerf_pose_refiner {
 /// plain object count.
 double scoreProbability(double score, const KeyframeScores& scores);
 
-/// The score at which a pose is as likely right as wrong by that curve.
+/// The same where it is known what wrong poses score in this very image, which says more than what
+/// they score in others: a pose is as likely right as wrong if it scores 0.16 more than the best of
+/// them, give or take a little for what the object's scores are in general.
+/// @param wrong_score the best one's, 0..1; nothing: it is not known.
+double scoreProbability(double score, const std::optional<double>& wrong_score,
+                        const KeyframeScores& scores);
+
+/// The score at which a pose is as likely right as wrong by the object's scores in general.
 double evenScore(const KeyframeScores& scores);
 
 /// The factor by which a track changes the odds of the pose that continues it: objects rarely

@@ -12,6 +12,7 @@ namespace nerf_pose_refiner {
 void KeyframeRefiner::use(const LookAlikes& look_alikes) {
   if (watch_) watch_->giveTestUp(&*renderer_);
   look_alikes_ = beyondSymmetries(look_alikes, field_->field().metadata.symmetries);
+  rolled_.emplace(field_->field().metadata, look_alikes_);
   watch_.reset();
   if (look_alikes_.any()) watch_.emplace(field_, look_alikes_);
 }

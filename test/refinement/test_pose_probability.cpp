@@ -56,6 +56,15 @@ TEST(ScoreProbability, WithoutStatisticsIsThatOfAPlainObject) {
   EXPECT_GT(scoreProbability(0.7, KeyframeScores()), 0.9);
 }
 
+TEST(ScoreProbability, ComparesWithWrongPosesOfTheSameImage) {
+  const KeyframeScores scores = scoresWith(0.1, 0.1);  // even at 0.3
+  const double even = 0.85 * (0.3 + 0.16) + 0.15 * 0.3;
+  EXPECT_NEAR(scoreProbability(even, 0.3, scores), 0.5, 1e-9);
+  EXPECT_NEAR(scoreProbability(even + std::log(9.0) / 18, 0.3, scores), 0.9, 1e-9);
+  EXPECT_GT(scoreProbability(0.4, 0.1, scores), scoreProbability(0.4, 0.35, scores));
+  EXPECT_EQ(scoreProbability(0.4, std::nullopt, scores), scoreProbability(0.4, scores));
+}
+
 class PriorOdds : public testing::Test {
  protected:
   PriorOdds() {
