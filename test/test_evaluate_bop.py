@@ -157,6 +157,9 @@ class Scene(unittest.TestCase):
         self.assertEqual(wrong.returncode, 2)
         self.assertIn('needs a rough pose: --start robot', wrong.stderr)
         self.assertEqual(self.run_program('--depth-bias', '0', '0').returncode, 2)
+        blind = self.run_program(*depth, '--preset', 'align')
+        self.assertEqual(blind.returncode, 2)
+        self.assertIn('--preset align compares colours alone: --depth needs --preset keyframes', blind.stderr)
         write(os.path.join(self.top, 'tools', 'refine'), NO_IMAGE)
         self.assertIn('refine: cannot read depth', self.run_program(*depth).stderr)
         os.unlink(self.picture('depth', 12))  # which does not show the object

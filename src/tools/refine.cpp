@@ -326,11 +326,15 @@ void refine(const RefineOptions& options, const CancellationToken& cancellation)
   if (has_image != options.transforms.empty()) {
     throw std::invalid_argument("give an image, or --transforms");
   }
+  RefinerSettings settings = RefinerSettings::named(options.preset);
+  if (!options.depth.empty() && settings.method != Method::kKeyframes) {
+    throw std::invalid_argument("--preset " + options.preset +
+                                " compares colours alone: --depth needs --preset keyframes");
+  }
   const auto field = std::make_shared<const Field>(loadField(options.model));
   const FieldMetadata& object = field->metadata;
   const RefineCase input =
       has_image ? caseOfImage(options, object) : caseOfDataset(options, object, cancellation);
-  RefinerSettings settings = RefinerSettings::named(options.preset);
   settings.seed = options.seed;
   settings.keyframes.real_time = false;  // there is no next image to be in time for
   const Observation observation = observationOf(input, options.background);

@@ -348,7 +348,9 @@ class WholePath(unittest.TestCase):
                                    (('--depth', small), 1, 'view_003.png\': it is not a PNG of 16-bit grey'),
                                    (('--depth', depth, '--background', '0', '0', '0'), 2, 'depth alone takes neither'),
                                    (('--depth-unit', '1', path('deep.png')), 2, '--depth'),
-                                   (('--depth', depth, '--preset', 'track'), 2, 'compares colours')):
+                                   (('--depth', depth, '--preset', 'track'), 2, '--preset track compares colours'),
+                                   (('--depth', depth, path('deep.png'), '--preset', 'align'), 2,
+                                    '--preset align compares colours alone: --depth needs --preset keyframes')):
             result = run(REFINE, self.model, *words, *camera, '--pose', *pose)
             self.assertEqual((result.returncode, why in result.stderr), (status, True), result.stderr)
 
