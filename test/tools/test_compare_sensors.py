@@ -8,6 +8,7 @@ import csv
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 import unittest
@@ -23,6 +24,13 @@ from kiosk_model import put_kiosk_model  # noqa: E402
 PROGRAM = os.path.join(TOP, 'scripts', 'compare_sensors')
 IMAGE, DEPTH, SIDE = '/camera/image/compressed', '/camera/depth/image', '/side_camera/image/compressed'
 FIRST_S, LAST_S, IMAGES = 1700000006.55, 1700000007.35, 8  # by this time the hastily learned model fits well
+# Says how long the table is by now, and what it was called with, and fails.
+FAILS = '''#!/usr/bin/env python3
+import os, sys
+table = os.path.join(os.path.dirname(sys.argv[sys.argv.index('-o') + 1]), 'table.md')
+lines = len(open(table).readlines()) if os.path.exists(table) else 0
+sys.exit(f'{lines} lines, a|b, {sys.argv[sys.argv.index("--image") + 1:]}\\nmore')
+'''
 # The model is learned in seconds: its poses need not be trusted.
 QUICK = ('--', '--points', '100', '--start-rotation', '5', '--start-translation', '0.05', '--min-score', '0',
          '--trust-score', '0', '--max-failures', '100')
@@ -52,10 +60,14 @@ def setUpModule():
     write_excerpt()
 
 
-def compare(name, *words):
-    command = [sys.executable, PROGRAM, MODEL, BAG, '-o', path(name), '--tools', os.path.dirname(EVALUATE), *words]
+def compare(name, *words, tools=os.path.dirname(EVALUATE)):
+    command = [sys.executable, PROGRAM, MODEL, BAG, '-o', path(name), '--tools', tools, *words]
     return subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, universal_newlines=True, timeout=300,
                           check=False)
+
+
+def cells_of(table):
+    return [[cell.strip() for cell in re.split(r'(?<!\\)\|', line.strip('|'))] for line in table.splitlines()]
 
 
 class Comparison(unittest.TestCase):
@@ -63,7 +75,7 @@ class Comparison(unittest.TestCase):
         result = compare('all', '--truth-frame', 'ground_truth_object', '--image', IMAGE, '--depth', DEPTH, '--cameras',
                          SIDE, '--fixed-frame', 'room', '--window', '2', *QUICK, '--window-apart', '2')
         self.assertEqual(result.returncode, 0, result.stderr)
-        rows = [[cell.strip() for cell in line.strip('|').split('|')] for line in result.stdout.splitlines()]
+        rows = cells_of(result.stdout)
         names = ['colours', 'colours and depth', 'depth alone', '2 cameras', '2 cameras and depth', 'window of 2']
         self.assertEqual([row[0] for row in rows], ['sensors', '---', *names])
         by_name = {row[0]: dict(zip(rows[0], row)) for row in rows[2:]}
@@ -110,6 +122,39 @@ class Comparison(unittest.TestCase):
         result = compare('none', *truth, '--window', '2')
         self.assertEqual(result.returncode, 2)
         self.assertIn('--window needs --fixed-frame', result.stderr)
+        result = compare('none', *truth, tools=path('none'))
+        self.assertIn("'evaluate_bag' of this package was not found", result.stderr)
+        self.assertEqual((result.returncode, result.stdout), (1, ''))
+
+    def test_a_set_that_fails_is_a_row(self):
+        result = compare('one', '--truth', '/ground_truth/object_pose', '--image', IMAGE, '--cameras', '/no/camera',
+                         '--fixed-frame', 'room', '--window', '1', *QUICK, '--frames', '2')
+        self.assertEqual(result.returncode, 1)
+        rows = cells_of(result.stdout)[2:]
+        self.assertEqual([(row[0], row[1], len(row)) for row in rows],
+                         [('colours', '2', 11), ('2 cameras', '', 11), ('window of 1', '2', 11)])
+        self.assertTrue(rows[1][2].startswith('failed: evaluate_bag: ') and '/no/camera' in rows[1][2], rows[1])
+        begun = [line for line in result.stderr.splitlines() if line.endswith(' of 3)')]
+        self.assertEqual(begun, ['colours (1 of 3)', '2 cameras (2 of 3)', 'window of 1 (3 of 3)'])
+        with open(path('one/table.md'), encoding='utf-8') as file:
+            self.assertEqual(file.read(), result.stdout)
+        self.assertGreater(os.path.getsize(path('one/sensors.png')), 5000)
+
+    def test_the_table_grows_and_depth_alone_takes_no_options_of_colours(self):
+        shutil.rmtree(path('fails'), ignore_errors=True)  # a table of another run
+        os.makedirs(path('fails'))
+        with open(path('fails/evaluate_bag'), 'w', encoding='utf-8') as file:
+            file.write(FAILS)
+        os.chmod(path('fails/evaluate_bag'), 0o755)
+        result = compare('fails', '--truth', '/true', '--image', IMAGE, '--depth', DEPTH, '--', '--mask', '/mask',
+                         '--seed', '2', '--camera-info=/info', tools=path('fails'))
+        self.assertEqual(result.returncode, 1, result.stderr)
+        of_colours = [IMAGE, '--mask', '/mask', '--seed', '2', '--camera-info=/info']
+        self.assertEqual([row[2] for row in cells_of(result.stdout)[2:]], [
+            f'failed: 0 lines, a\\|b, {of_colours}',
+            f"failed: 3 lines, a\\|b, {[IMAGE, '--depth', DEPTH, *of_colours[1:]]}",
+            f"failed: 4 lines, a\\|b, {[DEPTH, '--seed', '2']}"])
+        self.assertFalse(os.path.exists(path('fails/sensors.png')))
 
 
 if __name__ == '__main__':
