@@ -187,15 +187,26 @@ std::optional<Pose> BagEvaluation::startOf(const BagFrame& frame, const Pose& tr
   return wrong.inverse();
 }
 
+namespace {
+
+/// Why a companion has no image.
+std::string whyNone(const Companion& companion) {
+  return companion.why_none.empty() ? "no image near in time" : companion.why_none;
+}
+
+}  // namespace
+
 Observation BagEvaluation::observe(const BagFrame& frame) {
   side_views_ = 0;
   try {
     Observation observation = input_.observe(frame.image, *frame.info, {frame.mask, nullptr});
-    if (frame.depth.image && !observation.isDepthAlone()) {
+    if (observation.isDepthAlone()) return observation;
+    if (frame.depth.image) {
       observation.depth =
           depthFromMessage(frame.depth.image, *frame.depth.info, frame.T_C_D, settings_.depth);
+    } else if (!bag_.topics().depth.empty()) {
+      ++result_.depth_refused[whyNone(frame.depth)];
     }
-    if (observation.isDepthAlone()) return observation;
     if (settings_.window.views > 0) {
       observation.T_W_C =
           bag_.cameraInFixed(frame.image->header.frame_id, frame.image->header.stamp);
@@ -212,7 +223,7 @@ void BagEvaluation::addSideViews(const BagFrame& frame, Observation* observation
   for (std::size_t i = 0; i < frame.side_views.size(); ++i) {
     const BagSideView& seen = frame.side_views[i];
     if (!seen.image) {
-      ++result_.cameras_refused[seen.why_none.empty() ? "no image near in time" : seen.why_none];
+      ++result_.cameras_refused[whyNone(seen)];
       continue;
     }
     SideView view;

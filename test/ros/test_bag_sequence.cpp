@@ -209,8 +209,33 @@ TEST_F(BagOfTwoCameras, WithoutItsPlaceAnImageIsLeftOut) {
             stamped(*picture(7).toCompressedImageMsg(cv_bridge::PNG), late, "side"));
   const BagFrame frame = open().frame(2);
   EXPECT_FALSE(frame.side_views.front().image);
-  EXPECT_NE(frame.side_views.front().why_none.find("extrapolation"), std::string::npos)
-      << frame.side_views.front().why_none;
+  EXPECT_EQ(frame.side_views.front().why_none, "TF does not know its place");
+}
+
+TEST_F(RecordedBag, WithoutItsPlaceADepthImageIsLeftOut) {
+  writeImages();
+  topics.image = "/camera/image_raw";
+  topics.depth = "/depth/image";
+  cv_bridge::CvImage depth;
+  depth.encoding = sensor_msgs::image_encodings::TYPE_16UC1;
+  depth.image = cv::Mat(6, 8, CV_16UC1, cv::Scalar(2000));
+  for (int i = 0; i < 2; ++i) {
+    bag.write("/depth/image", stampOf(i), stamped(*depth.toImageMsg(), stampOf(i), "depth"));
+  }
+  bag.write("/depth/camera_info", kFirst,
+            stamped(toMessage(Camera{8, 6, 5, 5, 3.5, 2.5}), kFirst, "depth"));
+  tf2_msgs::TFMessage place;  // of the first image alone
+  place.transforms.push_back(toTransform(poseAt(0.5, 0, stampOf(0), "world"), "depth"));
+  bag.write("/tf", kFirst, place);
+  const BagSequence sequence = open();
+  const BagFrame first = sequence.frame(0);
+  EXPECT_TRUE(first.depth.image) << first.depth.why_none;
+  EXPECT_NEAR(first.T_C_D.t.x(), 0.5, 1e-9);
+  const BagFrame second = sequence.frame(1);
+  EXPECT_TRUE(second.image);
+  EXPECT_FALSE(second.depth.image);
+  EXPECT_EQ(second.depth.why_none, "TF does not know its place");
+  EXPECT_EQ(sequence.frame(2).depth.why_none, "") << "there is none";
 }
 
 TEST_F(BagOfTwoCameras, NamesWhatIsMissing) {

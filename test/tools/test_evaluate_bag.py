@@ -165,8 +165,9 @@ def render_depth(truth, info, name):
     return cv2.imread(name + '_depth.png', cv2.IMREAD_UNCHANGED)
 
 
-def write_with_depth(name, images, factor=1):
-    """The bag's first images, with the model's depth beside them, as a camera of the same frame takes it."""
+def write_with_depth(name, images, factor=1, frame=None):
+    """The bag's first images, with the model's depth beside them, as a camera of the same frame takes it; or of another
+    frame, as far as it is named."""
     number, infos = 0, {}
     with rosbag.Bag(BAG) as bag, rosbag.Bag(name, 'w') as part:
         for topic, message, stamp in bag.read_messages():
@@ -181,6 +182,7 @@ def write_with_depth(name, images, factor=1):
             depth = render_depth(message.pose, infos[stamp], path('depth_%d' % number))
             picture, info = Image(), CameraInfo(**{key: getattr(infos[stamp], key) for key in CameraInfo.__slots__})
             picture.header = info.header
+            picture.header.frame_id = frame or info.header.frame_id
             picture.height, picture.width = depth.shape
             picture.encoding, picture.step = '16UC1', 2 * depth.shape[1]
             picture.data = (depth * factor).astype('<u2').tobytes()
@@ -216,6 +218,22 @@ class Depth(unittest.TestCase):
         self.assertTrue(all('times the distance' in why for why in summary['depth_refused']), summary['depth_refused'])
         alone, _ = self.evaluate('alone', path('tenths.bag'))
         self.assertEqual(rows, alone)
+
+    def test_depth_whose_place_or_time_does_not_fit_is_left_out(self):
+        write_with_depth(path('nowhere.bag'), 4, frame='nowhere')
+        rows, summary = self.evaluate('nowhere', path('nowhere.bag'), '--depth', '/depth/image')
+        self.assertEqual(summary['with_depth'], 0)
+        self.assertEqual(summary['depth_refused'], {'TF does not know its place': 4})
+        alone, _ = self.evaluate('without', path('nowhere.bag'))
+        self.assertEqual(rows, alone)
+        with rosbag.Bag(path('nowhere.bag')) as bag, rosbag.Bag(path('rare.bag'), 'w') as rare:
+            seen = set()
+            for topic, message, stamp in bag.read_messages():
+                if topic != '/depth/image' or topic not in seen:  # the first of its images
+                    rare.write(topic, message, stamp)
+                seen.add(topic)
+        _, summary = self.evaluate('rare', path('rare.bag'), '--depth', '/depth/image')
+        self.assertEqual(summary['depth_refused'], {'TF does not know its place': 1, 'no image near in time': 3})
 
     def test_a_topic_that_is_missing_is_named(self):
         result = run(EVALUATE, MODEL, BAG, '-o', path('none'), *self.OPTIONS, '--depth', '/no/depth')

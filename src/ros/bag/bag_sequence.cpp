@@ -25,6 +25,8 @@ namespace {
 // Poses of the topic with the truth are looked up as TF is, under a unique name.
 constexpr char kTruthFrame[] = "nerf_pose_refiner/recorded_truth";
 constexpr double kKeepAll_s = 1e8;
+// Reasons are counted, so TF's own words, in which times differ from image to image, do not do.
+constexpr char kNoPlace[] = "TF does not know its place";
 
 geometry_msgs::TransformStamped transformOf(const std_msgs::Header& header,
                                             const geometry_msgs::Pose& pose) {
@@ -204,39 +206,31 @@ void BagSequence::addDepth(BagFrame* frame) const {
   if (!depth_) return;
   const ros::Time stamp = frame->image->header.stamp;
   frame->depth = depth_->nearest(frame->index, stamp);
-  if (!frame->depth.image) return;
-  try {
-    frame->T_C_D = placeOf(frame->depth, *frame->image, stamp);
-  } catch (const std::runtime_error& e) {
-    throw std::runtime_error(topics_.depth + ": " + e.what());
-  }
+  frame->T_C_D = placeOf(&frame->depth, *frame->image, stamp);
 }
 
 void BagSequence::addSideViews(BagFrame* frame) const {
   for (const BagCompanion& camera : cameras_) {
     BagSideView view;
     static_cast<Companion&>(view) = camera.nearest(frame->index, frame->image->header.stamp);
-    if (view.image) {
-      try {
-        view.T_C_V = placeOf(view, *frame->image, view.image->header.stamp);
-      } catch (const std::runtime_error& e) {  // as where the last image is later than the last TF
-        view.image = nullptr;
-        view.why_none = e.what();
-      }
-    }
+    if (view.image) view.T_C_V = placeOf(&view, *frame->image, view.image->header.stamp);
     frame->side_views.push_back(std::move(view));
   }
 }
 
-/// A companion's camera in an image's at a time [m].
-Pose BagSequence::placeOf(const Companion& companion, const sensor_msgs::Image& image,
+/// A companion's camera in an image's at a time [m]. Where TF does not know it, as where it ends
+/// before the last image, the companion is left out.
+Pose BagSequence::placeOf(Companion* companion, const sensor_msgs::Image& image,
                           const ros::Time& stamp) const {
-  const std::string& camera = companion.image->header.frame_id;
+  if (!companion->image) return {};
+  const std::string& camera = companion->image->header.frame_id;
   if (camera == image.header.frame_id) return {};
   try {
     return fromMessage(transforms_.lookupTransform(image.header.frame_id, camera, stamp).transform);
-  } catch (const tf2::TransformException& e) {
-    throw std::runtime_error(e.what());
+  } catch (const tf2::TransformException&) {
+    companion->image = nullptr;
+    companion->why_none = kNoPlace;
+    return {};
   }
 }
 

@@ -51,7 +51,8 @@ struct BagFrame {
   sensor_msgs::ImagePtr image;
   sensor_msgs::CameraInfoConstPtr info;
   sensor_msgs::ImagePtr mask;           ///< null: none with this stamp
-  Companion depth;                      ///< the nearest in time within the tolerance; or none
+  Companion depth;                      ///< the nearest in time within the tolerance; null: there
+                                        ///< is none, or TF does not know its place
   Pose T_C_D;                           ///< of its camera in the image's [m]
   std::vector<BagSideView> side_views;  ///< as many as BagTopics::cameras
 };
@@ -98,8 +99,7 @@ class BagSequence {
   void readCompanions();
   void addDepth(BagFrame* frame) const;
   void addSideViews(BagFrame* frame) const;
-  Pose placeOf(const Companion& companion, const sensor_msgs::Image& image,
-               const ros::Time& stamp) const;
+  Pose placeOf(Companion* companion, const sensor_msgs::Image& image, const ros::Time& stamp) const;
   void readInitialPoses();
   void readTruth();
 
