@@ -200,6 +200,13 @@ TEST_F(PoseRefinerCamerasTest, CalibrationSaysWhatIsMissing) {
 TEST_F(PoseRefinerCamerasTest, TheSecondOneLeadsWhileTheFirstIsSilent) {
   begin();
   ASSERT_TRUE(waitForStatus([](const auto& s) { return s.cameras == 2; })) << lastMessage();
+  Listener<sensor_msgs::Image> overlay(rig_, "overlay/image_raw");
+  Listener<sensor_msgs::Image> its_own(rig_, "cameras/side_camera/image/overlay/image_raw");
+  ASSERT_TRUE(waitUntil([&] { return overlay.connected() && its_own.connected(); }));
+  const auto showsTheSecond = [](const Listener<sensor_msgs::Image>& listener) {
+    const auto image = listener.last();
+    return image && image->header.frame_id == "side_optical";
+  };
   world->camera->pause(true);
   status_.clear();
   poses_.clear();
@@ -210,7 +217,8 @@ TEST_F(PoseRefinerCamerasTest, TheSecondOneLeadsWhileTheFirstIsSilent) {
     if (last && last->cameras_used == "side_camera/image") alone = last;
     const auto pose = poses_.last();
     return alone && pose && twin_.took(pose->header.stamp) &&
-           pose->header.stamp >= alone->header.stamp;
+           pose->header.stamp >= alone->header.stamp && showsTheSecond(overlay) &&
+           showsTheSecond(its_own);
   });
   world->camera->pause(false);
   ASSERT_TRUE(led) << lastMessage();

@@ -40,10 +40,15 @@ bool OverlayPublisher::wanted() const {
 }
 
 void OverlayPublisher::draw(Job job) {
-  const auto nobodyLooks = [this](const View& view) {
-    return publishers_.at(view.camera).getNumSubscribers() == 0;
+  const auto nobodyLooks = [this](std::size_t camera) {
+    return publishers_.at(camera).getNumSubscribers() == 0;
   };
-  job.views.erase(std::remove_if(job.views.begin(), job.views.end(), nobodyLooks), job.views.end());
+  const auto isInVain = [&](View& view) {
+    std::vector<std::size_t>& cameras = view.cameras;
+    cameras.erase(std::remove_if(cameras.begin(), cameras.end(), nobodyLooks), cameras.end());
+    return cameras.empty();
+  };
+  job.views.erase(std::remove_if(job.views.begin(), job.views.end(), isInVain), job.views.end());
   if (!job.views.empty()) jobs_.put(std::move(job));
 }
 
@@ -63,10 +68,14 @@ void OverlayPublisher::run() {
       field_.reset();
       backend_.reset();  // the next image is drawn with another one
     } catch (const std::exception& e) {
-      if (cancellation_.cancelRequested() || !errors_.passes()) continue;
-      ROS_ERROR("overlay: %s", e.what());
+      logThrottled(e);
     }
   }
+}
+
+void OverlayPublisher::logThrottled(const std::exception& error) {
+  if (cancellation_.cancelRequested() || !errors_.passes()) return;
+  ROS_ERROR("overlay: %s", error.what());
 }
 
 void OverlayPublisher::drawNow(const Job& job) {
@@ -80,7 +89,15 @@ void OverlayPublisher::drawNow(const Job& job) {
     std::lock_guard<std::mutex> lock(settings_mutex_);
     settings = settings_;
   }
-  for (const View& view : job.views) drawNow(view, settings);
+  for (const View& view : job.views) {
+    try {
+      drawNow(view, settings);
+    } catch (const BackendLost&) {
+      throw;  // the other views cannot be drawn either
+    } catch (const std::exception& e) {
+      logThrottled(e);
+    }
+  }
 }
 
 void OverlayPublisher::drawNow(const View& view, const OverlaySettings& settings) {
@@ -100,7 +117,7 @@ void OverlayPublisher::drawNow(const View& view, const OverlaySettings& settings
   image.data = overlay.values;
   sensor_msgs::CameraInfo info = toMessage(camera);
   info.header = view.header;
-  publishers_.at(view.camera).publish(image, info);
+  for (const std::size_t number : view.cameras) publishers_.at(number).publish(image, info);
 }
 
 }  // namespace nerf_pose_refiner

@@ -4,6 +4,7 @@
 #include <image_transport/image_transport.h>
 #include <std_msgs/Header.h>
 
+#include <exception>
 #include <memory>
 #include <mutex>
 #include <thread>
@@ -27,8 +28,8 @@ class OverlayPublisher {
   struct View {
     std_msgs::Header header;  ///< of the image
     std::shared_ptr<const Observation> observation;
-    Pose T_O_C;              ///< its camera [model units]
-    std::size_t camera = 0;  ///< number of its publisher
+    Pose T_O_C;                        ///< its camera [model units]
+    std::vector<std::size_t> cameras;  ///< numbers of its publishers
   };
 
   /// What the cameras saw at about one time.
@@ -57,6 +58,7 @@ class OverlayPublisher {
   void run();
   void drawNow(const Job& job);
   void drawNow(const View& view, const OverlaySettings& settings);
+  void logThrottled(const std::exception& error);
 
   std::vector<image_transport::CameraPublisher> publishers_;
   BackendFactory make_backend_;

@@ -152,11 +152,10 @@ void TrackingWorker::publish(const FrameResult& result) {
   OverlayPublisher::Job overlays;
   overlays.field = result.track.field;
   for (const PlacedView& view : result.views) {
-    overlays.views.push_back({view.header, view.observation, view.T_O_V, view.camera});
+    overlays.views.push_back({view.header, view.observation, view.T_O_V, {view.camera}});
   }
   if (result.views.front().camera != 0) {  // it leads in place of `image`
-    overlays.views.push_back(overlays.views.front());
-    overlays.views.back().camera = 0;
+    overlays.views.front().cameras.push_back(0);
   }
   outputs_.overlay->draw(std::move(overlays));
 }
