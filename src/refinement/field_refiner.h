@@ -70,9 +70,9 @@ struct Refinement {
   /// Probability that it is the right one of the poses that look alike, @see LookAlikes. Nothing:
   /// the object is not taken for itself.
   std::optional<double> unmistaken;
-  /// The best score of poses that are wrong for certain, @see RolledScores. Nothing: none were
-  /// tried.
-  std::optional<double> wrong_score;
+  /// The best score of wrong poses in the same image, @see RolledScores. Nothing: too few of them
+  /// could be compared with it.
+  std::optional<double> rolled_score;
   double visible_fraction = 0;             ///< 0..1
   std::optional<double> mask_agreement;    ///< @see maskAgreement; nothing: there was no mask
   DepthReport depth;                       ///< what became of the observation's depth

@@ -9,26 +9,15 @@
 
 namespace nerf_pose_refiner {
 
-/// Hypotheses with what is better beside the best one, unless that is clear. (A turn that images
-/// hardly hold is the watch's to find.)
-HypothesisTable KeyframeRefiner::lookedBeside(const HypothesisTable& found,
-                                              const Expectation& expected,
-                                              const CancellationToken& cancellation) {
-  if (!expected.is_anew || found.empty() || look_alikes_.axis || isClear(found.front())) {
-    return found;
-  }
-  return search_->withBeside(found, cancellation);
-}
-
 /// Whether a hypothesis scores so well that nothing else has to be tried.
 bool KeyframeRefiner::isClear(const Hypothesis& found) const {
   constexpr double kClear = 0.97;
-  return scoreProbability(found.score, scores_) > kClear;
+  return found.state == HypothesisState::kLive && scoreProbability(found.score, scores_) > kClear;
 }
 
 /// Says how likely the best hypothesis is right, and how far off it may be.
-void KeyframeRefiner::judge(const Expectation& expected, const CancellationToken& cancellation,
-                            Refinement* found) {
+void KeyframeRefiner::judge(const TimedObservation& image, const Expectation& expected,
+                            const CancellationToken& cancellation, Refinement* found) {
   const FieldMetadata& object = field_->field().metadata;
   const Hypothesis& best = found->hypotheses.front();
   found->covariance += systematicCovariance(found->covariance, found->T_O_C, object);
@@ -36,31 +25,34 @@ void KeyframeRefiner::judge(const Expectation& expected, const CancellationToken
     found->covariance +=
         disagreement(cameraTwist(best.T_O_C, other->T_O_C, object.centre), other->beside_rad);
   }
-  found->wrong_score = wrongScore(best, expected, cancellation);
+  found->rolled_score = rolledScore(image, best, expected, cancellation);
   const double by_image = probabilityByImage(*found);
   const double odds = priorOdds(found->T_O_C, expected.prior, object);
   const bool is_there = distanceFromPrior(found->T_O_C, expected.prior, object) <= kWithinPrior;
   found->found_probability = withOdds(by_image, is_there ? expected.odds : odds);
 }
 
-/// Images of a track that are clear need no comparison with wrong poses. In others, one is tried an
-/// image: those of the images before say the rest.
-std::optional<double> KeyframeRefiner::wrongScore(const Hypothesis& best,
-                                                  const Expectation& expected,
-                                                  const CancellationToken& cancellation) {
-  if (expected.is_anew) {
-    rolled_->tryAll(best, &*search_, cancellation);
-  } else if (isClear(best)) {
-    return std::nullopt;
-  } else {
-    rolled_->tryNext(best, &*search_, cancellation);
+/// What wrong poses score in an image; nothing: it is not known. A track needs it most in images
+/// that are not clear; in those that are, it is kept up to date.
+std::optional<double> KeyframeRefiner::rolledScore(const TimedObservation& image,
+                                                   const Hypothesis& best,
+                                                   const Expectation& expected,
+                                                   const CancellationToken& cancellation) {
+  constexpr std::int64_t kUpToDate_ns = 100000000;
+  const std::optional<std::int64_t> last_ns = rolled_->last_ns();
+  const bool is_up_to_date =
+      last_ns && *last_ns <= image.stamp_ns && image.stamp_ns - *last_ns < kUpToDate_ns;
+  if (expected.is_search) {
+    rolled_->tryAll(image, best, &*search_, cancellation);
+  } else if (!is_up_to_date || !isClear(best)) {
+    rolled_->tryNext(image, best, &*search_, cancellation);
   }
-  return rolled_->best();
+  return rolled_->bestBeside(best.T_O_C, image.stamp_ns);
 }
 
 /// Of a pose that was found.
 double KeyframeRefiner::probabilityByImage(const Refinement& found) const {
-  return scoreProbability(found.hypotheses.front().score, found.wrong_score, scores_);
+  return scoreProbability(found.hypotheses.front().score, found.rolled_score, scores_);
 }
 
 void KeyframeRefiner::holdTrack(const Refinement& found) {

@@ -153,9 +153,8 @@ Refinement KeyframeRefiner::find(const TimedObservation& image, const Prior& pri
           starts.back().T_O_C = candidates_T_O_C[i];
         }
         makeAt(camera, rendered, cancellation);
-        return withoutMistake(image.observation,
-                              search_->from(image.observation, starts, cancellation), prior,
-                              cancellation);
+        return withoutMistake(image.observation, aligned(image.observation, starts, cancellation),
+                              prior, cancellation);
       },
       cancellation);
   lookPastOccluders(image, hint, cancellation, &result);
@@ -187,9 +186,8 @@ Refinement KeyframeRefiner::settle(const TimedObservation& image,
           starts.back().T_O_C = one.T_O_C;
         }
         makeAt(camera, poses, cancellation);
-        return withoutMistake(image.observation,
-                              search_->from(image.observation, starts, cancellation), anywhere,
-                              cancellation);
+        return withoutMistake(image.observation, aligned(image.observation, starts, cancellation),
+                              anywhere, cancellation);
       },
       cancellation);
   if (result.outcome != Outcome::kRefined) return result;
@@ -199,6 +197,15 @@ Refinement KeyframeRefiner::settle(const TimedObservation& image,
   result.score *= found > 0 ? *result.found_probability / found : 0;
   holdTrack(result);
   return result;
+}
+
+/// Aligns from rough poses, and looks beside the best one unless that is clear.
+HypothesisTable KeyframeRefiner::aligned(const Observation& observation,
+                                         const HypothesisTable& starts,
+                                         const CancellationToken& cancellation) {
+  const HypothesisTable found = search_->from(observation, starts, cancellation);
+  if (found.empty() || isClear(found.front())) return found;
+  return search_->withBeside(observation, found, cancellation);
 }
 
 /// Time since the object was found last; nothing: it was not, or too long ago.
@@ -239,8 +246,8 @@ Refinement KeyframeRefiner::refine(const TimedObservation& image, const Expectat
   Refinement result;
   result.T_O_C = prior.T_O_C;
   try {
-    result = conclude(lookedBeside(search(), expected, cancellation), prior);
-    if (result.outcome == Outcome::kRefined) judge(expected, cancellation, &result);
+    result = conclude(search(), prior);
+    if (result.outcome == Outcome::kRefined) judge(image, expected, cancellation, &result);
     if (!observation.side_views.empty()) {
       const Vector6 motion = motionTo(image.stamp_ns, prior.T_O_C);
       side_views_->join(observation, {prior, scores_, &*search_, motion}, cancellation, &result);

@@ -73,8 +73,8 @@ class KeyframeRefiner {
   /// Where the object is expected, and what speaks for that beside the image.
   struct Expectation {
     Prior prior;
-    double odds = 1;      // of a pose within the prior
-    bool is_anew = true;  // it is looked for; false: it is followed from image to image
+    double odds = 1;        // of a pose within the prior
+    bool is_search = true;  // it is looked for; false: it is followed from image to image
   };
 
   Refinement refine(const TimedObservation& image, const Expectation& expected,
@@ -117,12 +117,14 @@ class KeyframeRefiner {
   void holdTrack(const Refinement& found);
   void holdTrack(const Refinement& found, double by_image);
   Refinement conclude(const HypothesisTable& found, const Prior& prior) const;
-  void judge(const Expectation& expected, const CancellationToken& cancellation, Refinement* found);
-  HypothesisTable lookedBeside(const HypothesisTable& found, const Expectation& expected,
-                               const CancellationToken& cancellation);
+  HypothesisTable aligned(const Observation& observation, const HypothesisTable& starts,
+                          const CancellationToken& cancellation);
+  void judge(const TimedObservation& image, const Expectation& expected,
+             const CancellationToken& cancellation, Refinement* found);
   bool isClear(const Hypothesis& found) const;
-  std::optional<double> wrongScore(const Hypothesis& best, const Expectation& expected,
-                                   const CancellationToken& cancellation);
+  std::optional<double> rolledScore(const TimedObservation& image, const Hypothesis& best,
+                                    const Expectation& expected,
+                                    const CancellationToken& cancellation);
   double probabilityByImage(const Refinement& found) const;
   void rate(Refinement* found) const;
 

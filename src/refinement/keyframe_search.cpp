@@ -81,6 +81,26 @@ std::shared_ptr<const KeyframePoints> KeyframeSearch::nearestTo(const Pose& T_O_
   return nearest == nullptr ? nullptr : nearest->keyframe;
 }
 
+void KeyframeSearch::lookAt(const Observation& observation, const FrameWindow& window) {
+  aligner_->observe(observation, window);
+  looked_at_ = {observation.camera, window.pixels};
+}
+
+void KeyframeSearch::lookAround(const Observation& observation, const KeyframePoints& keyframe,
+                                const Pose& T_O_C, double margin) {
+  lookAt(observation, frameWindowFor(keyframe, observation.camera, T_O_C, margin));
+}
+
+/// Whether what was looked at last contains the object in a pose, but for its rim.
+bool KeyframeSearch::sees(const KeyframePoints& keyframe, const Pose& T_O_C) const {
+  constexpr double kRim = 0.1;
+  const PixelWindow object = frameWindowFor(keyframe, looked_at_.camera, T_O_C, -kRim).pixels;
+  const PixelWindow& seen = looked_at_.pixels;
+  return object.x >= seen.x && object.y >= seen.y &&
+         object.x + object.width <= seen.x + seen.width &&
+         object.y + object.height <= seen.y + seen.height;
+}
+
 std::vector<KeyframeStart> KeyframeSearch::startsOf(const std::vector<Pose>& poses,
                                                     KeyframeSet* set) {
   std::vector<KeyframeStart> starts;
@@ -97,16 +117,14 @@ HypothesisTable KeyframeSearch::near(const Observation& observation, const Prior
   const KeyframeSet::Entry* const nearest = kept_.nearest(prior.T_O_C);
   if (nearest == nullptr) return {};
   const KeyframePoints& keyframe = *nearest->keyframe;
-  aligner_->observe(observation,
-                    frameWindowFor(keyframe, observation.camera, prior.T_O_C, kWindowMargin));
+  lookAround(observation, keyframe, prior.T_O_C, kWindowMargin);
   HypothesisTable found =
       aligner_->align({{nearest->number, prior.T_O_C}}, settings_.alignment, cancellation);
   const bool doubtful =
       found.front().state != HypothesisState::kLive || found.front().score < doubtful_score_;
   if (!doubtful || settings_.wide_starts == 0) return found;
   constexpr double kWideMargin = 0.5;
-  aligner_->observe(observation,
-                    frameWindowFor(keyframe, observation.camera, prior.T_O_C, kWideMargin));
+  lookAround(observation, keyframe, prior.T_O_C, kWideMargin);
   for (const Hypothesis& other : widely(prior, cancellation)) found.push_back(other);
   std::stable_sort(found.begin(), found.end(), isBetter);
   return found;
@@ -117,8 +135,7 @@ HypothesisTable KeyframeSearch::close(const Observation& observation, const Pose
   constexpr int kFine = 1;
   const KeyframeSet::Entry* const nearest = kept_.nearest(T_O_C);
   if (nearest == nullptr) return {};
-  aligner_->observe(observation,
-                    frameWindowFor(*nearest->keyframe, observation.camera, T_O_C, kWindowMargin));
+  lookAround(observation, *nearest->keyframe, T_O_C, kWindowMargin);
   KeyframeAlignmentSettings fine = settings_.alignment;
   fine.coarsest_level = std::max(fine.finest_level, std::min(fine.coarsest_level, kFine));
   HypothesisTable found = aligner_->align({{nearest->number, T_O_C}}, fine, cancellation);
@@ -132,7 +149,7 @@ std::optional<SecondOpinion> KeyframeSearch::secondOpinion(const Hypothesis& fou
                                                            const CancellationToken& cancellation) {
   constexpr double kMinBeside_rad = 4 * kDegree, kMinScore = 0.6;  // of the pose's own
   const KeyframeSet::Entry* const other = kept_.beside(found.T_O_C, kMinBeside_rad);
-  if (other == nullptr) return std::nullopt;
+  if (other == nullptr || !sees(*other->keyframe, found.T_O_C)) return std::nullopt;
   KeyframeAlignmentSettings finest = settings_.alignment;
   finest.coarsest_level = finest.finest_level;
   const Hypothesis says =
@@ -143,32 +160,35 @@ std::optional<SecondOpinion> KeyframeSearch::secondOpinion(const Hypothesis& fou
   return SecondOpinion{says.T_O_C, viewDistance(*other->keyframe, found.T_O_C).rotation_rad};
 }
 
-HypothesisTable KeyframeSearch::withBeside(const HypothesisTable& found,
+HypothesisTable KeyframeSearch::withBeside(const Observation& observation,
+                                           const HypothesisTable& found,
                                            const CancellationToken& cancellation) {
   constexpr double kTurn_rad = 15 * kDegree, kNearer = 0.08;  // the latter of the distance
   constexpr std::size_t kMost = 8;
   if (found.empty() || found.front().state != HypothesisState::kLive) return found;
   const Pose& best = found.front().T_O_C;
   const Eigen::Vector3d& centre = field_->field().metadata.centre;
-  std::vector<Pose> beside;
+  std::vector<Pose> starts = {best};  // too, for losses are of one keyframe
   for (const double sign : {-1.0, 1.0}) {
     for (int axis = 0; axis < 3; ++axis) {
-      const Eigen::Vector3d turn = sign * kTurn_rad * best.R.col(axis);
-      const Eigen::Matrix3d R = expSO3(turn);
-      beside.emplace_back(nearestRotation(R * best.R), centre + R * (best.t - centre));
+      const Eigen::Matrix3d R = expSO3(Eigen::Vector3d(sign * kTurn_rad * best.R.col(axis)));
+      starts.emplace_back(nearestRotation(R * best.R), centre + R * (best.t - centre));
     }
-    beside.emplace_back(best.R, centre + (1 + sign * kNearer) * (best.t - centre));
+    starts.emplace_back(best.R, centre + (1 + sign * kNearer) * (best.t - centre));
   }
-  HypothesisTable all = found;
-  for (const Hypothesis& end : likeNearest(best, beside, cancellation)) all.push_back(end);
-  return bestOf(all, kMost, field_->field().metadata);
+  HypothesisTable ends = alignNearest(observation, best, starts, cancellation);
+  std::stable_sort(ends.begin(), ends.end(), isBetter);
+  const bool is_better = !ends.empty() && ends.front().state == HypothesisState::kLive &&
+                         ends.front().score >= found.front().score;
+  return is_better ? bestOf(ends, kMost, field_->field().metadata) : found;
 }
 
-HypothesisTable KeyframeSearch::likeNearest(const Pose& T_O_C,
-                                            const std::vector<Pose>& starts_T_O_C,
-                                            const CancellationToken& cancellation) {
+HypothesisTable KeyframeSearch::alignNearest(const Observation& observation, const Pose& T_O_C,
+                                             const std::vector<Pose>& starts_T_O_C,
+                                             const CancellationToken& cancellation) {
   const KeyframeSet::Entry* const nearest = kept_.nearest(T_O_C);
   if (nearest == nullptr) return {};
+  lookAround(observation, *nearest->keyframe, T_O_C, kWindowMargin);
   std::vector<KeyframeStart> starts;
   for (const Pose& start : starts_T_O_C) starts.push_back({nearest->number, start});
   return aligner_->align(starts, settings_.alignment, cancellation);
@@ -202,7 +222,7 @@ HypothesisTable KeyframeSearch::around(const Observation& observation, const Pri
     --window.finest;
     ++window.levels;
   }
-  aligner_->observe(observation, window);
+  lookAt(observation, window);
   const std::vector<Pose> poses = posesAround(prior, object, 1, settings_.starts);
   const HypothesisTable rough =
       aligner_->align(startsOf(poses, &small_), coarse(settings_.alignment, 1), cancellation);
@@ -218,8 +238,7 @@ HypothesisTable KeyframeSearch::from(const Observation& observation, const Hypot
   const std::vector<KeyframeStart> starts = startsOf(posesOf(poses), &kept_);
   if (starts.empty()) return {};
   const KeyframeSet::Entry* const nearest = kept_.nearest(starts.front().T_O_C);
-  aligner_->observe(observation, frameWindowFor(*nearest->keyframe, observation.camera,
-                                                starts.front().T_O_C, kMargin));
+  lookAround(observation, *nearest->keyframe, starts.front().T_O_C, kMargin);
   HypothesisTable found = aligner_->align(starts, settings_.alignment, cancellation);
   std::stable_sort(found.begin(), found.end(), isBetter);
   return found;

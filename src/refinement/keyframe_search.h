@@ -61,21 +61,35 @@ class KeyframeSearch {
   /// Aligns another keyframe than the nearest one, from a pose that was found in the image that was
   /// looked at last. Where both end apart, what they show does not stay on the object as it turns:
   /// the shading of a bottle, say.
-  /// @return nothing: there is no other one in reach, or it explains the image badly.
+  /// @return nothing: there is no other one in reach, it explains the image badly, or what was
+  /// looked at last does not contain the object there.
   std::optional<SecondOpinion> secondOpinion(const Hypothesis& found,
                                              const CancellationToken& cancellation);
 
-  /// Looks for a better pose beside the best one that was found in the image that was looked at
-  /// last: where an object is plain or partly hidden, alignment may end 10 degrees beside it.
-  /// @param found best first. @return with those beside, best first, without equal ones.
-  HypothesisTable withBeside(const HypothesisTable& found, const CancellationToken& cancellation);
+  /// Looks for a better pose beside the best one that was found: where an object is plain or partly
+  /// hidden, alignment may end 10 degrees beside it.
+  /// @param found best first. @return with those beside, whose places say how far the best one may
+  /// be off; best first, without equal ones.
+  HypothesisTable withBeside(const Observation& observation, const HypothesisTable& found,
+                             const CancellationToken& cancellation);
 
-  /// Aligns the keyframe that is nearest to a pose from others, in the image that was looked at
-  /// last. @return in the order of the starts; empty without a keyframe.
-  HypothesisTable likeNearest(const Pose& T_O_C, const std::vector<Pose>& starts_T_O_C,
-                              const CancellationToken& cancellation);
+  /// Aligns the keyframe that is nearest to a pose from starts around the same place.
+  /// @return in the order of the starts; empty without a keyframe.
+  HypothesisTable alignNearest(const Observation& observation, const Pose& T_O_C,
+                               const std::vector<Pose>& starts_T_O_C,
+                               const CancellationToken& cancellation);
 
  private:
+  /// Of the image that was looked at last.
+  struct LookedAt {
+    Camera camera;
+    PixelWindow pixels;
+  };
+
+  void lookAt(const Observation& observation, const FrameWindow& window);
+  void lookAround(const Observation& observation, const KeyframePoints& keyframe, const Pose& T_O_C,
+                  double margin);
+  bool sees(const KeyframePoints& keyframe, const Pose& T_O_C) const;
   void loadViews(const std::vector<int>& numbers, const CancellationToken& cancellation);
   HypothesisTable widely(const Prior& prior, const CancellationToken& cancellation);
   std::vector<KeyframeStart> startsOf(const std::vector<Pose>& poses, KeyframeSet* set);
@@ -84,6 +98,7 @@ class KeyframeSearch {
   KeyframeSearchSettings settings_;
   double doubtful_score_;
   std::unique_ptr<KeyframeAligner> aligner_;
+  LookedAt looked_at_;
   KeyframeSet kept_;  // as large as the object is in the images
   ViewBank bank_;
   KeyframeSet small_;            // those of the bank that were asked for

@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "math/angle.h"
+#include "refinement/covariance.h"
 
 namespace nerf_pose_refiner {
 
@@ -26,6 +27,20 @@ LookAlikes beyondSymmetries(LookAlikes look_alikes, const Symmetries& symmetries
   };
   motions.erase(std::remove_if(motions.begin(), motions.end(), is_told), motions.end());
   return look_alikes;
+}
+
+bool mayBeTakenFor(const Pose& a_T_O_C, const Pose& b_T_O_C, const FieldMetadata& object,
+                   const LookAlikes& look_alikes, const PoseBounds& bounds) {
+  const auto isNear = [&](const Pose& b) {
+    Pose a = nearestEquivalent(a_T_O_C, b, object.symmetries);
+    if (look_alikes.axis) a = nearestEquivalent(a, b, Symmetries(look_alikes.axis, {}));
+    const Vector6 away = cameraTwist(a, b, object.centre);
+    return away.tail<3>().norm() < bounds.rotation_rad &&
+           away.head<3>().norm() < bounds.offset * object.diameter;
+  };
+  return isNear(b_T_O_C) ||
+         std::any_of(look_alikes.motions.begin(), look_alikes.motions.end(),
+                     [&](const Pose& motion) { return isNear(motion * b_T_O_C); });
 }
 
 double noiseOf(const FieldMetadata& object) {

@@ -12,6 +12,17 @@ namespace nerf_pose_refiner {
 /// was registered, allow anyway.
 LookAlikes beyondSymmetries(LookAlikes look_alikes, const Symmetries& symmetries);
 
+/// How far apart poses may be that count as the same.
+struct PoseBounds {
+  double rotation_rad;
+  double offset;  ///< of the object's centre [diameters]
+};
+
+/// Whether an object in one pose is, or may be taken for being, in another one: after its
+/// symmetries, and what looks alike.
+bool mayBeTakenFor(const Pose& a_T_O_C, const Pose& b_T_O_C, const FieldMetadata& object,
+                   const LookAlikes& look_alikes, const PoseBounds& bounds);
+
 /// Size of renderings that are compared with images, @see PoseEvidence [px a diameter].
 constexpr int kEvidence_px = 80;
 

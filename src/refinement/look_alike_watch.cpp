@@ -50,12 +50,9 @@ LookAlikeWatch::LookAlikeWatch(std::shared_ptr<const LoadedField> field,
 void LookAlikeWatch::begin(const Observation& observation, const Pose& T_O_C, const Prior& prior,
                            const CancellationToken& cancellation) {
   const FieldMetadata& object = field_->field().metadata;
+  forget();
   belief_.emplace(look_alikes_,
                   [&](const Pose& motion) { return priorOdds(motion * T_O_C, prior, object); });
-  last_.reset();
-  guess_.reset();
-  unexpected_rad_ = 0;
-  if (test_) test_->is_valid = false;
   auto image = objectImage(observation, T_O_C, object, kEvidence_px);
   if (!image) return;
   LookAlikeTest test(std::move(*image), T_O_C, look_alikes_);
@@ -64,6 +61,14 @@ void LookAlikeWatch::begin(const Observation& observation, const Pose& T_O_C, co
   const LookAlikeEvidence evidence = test.evidence(noiseOf(object));
   holds_ = fixesTurn(look_alikes_, evidence);
   belief_->see(evidence);
+}
+
+void LookAlikeWatch::forget() {
+  belief_.reset();
+  last_.reset();
+  guess_.reset();
+  unexpected_rad_ = 0;
+  if (test_) test_->is_valid = false;
 }
 
 Pose LookAlikeWatch::steadied(const Observation& observation, const Pose& expected,

@@ -31,6 +31,9 @@ class LookAlikeWatch {
   void begin(const Observation& observation, const Pose& T_O_C, const Prior& prior,
              const CancellationToken& cancellation);
 
+  /// What was believed of the object's pose, and a test that is under way, are of no use any more.
+  void forget();
+
   /// A pose that tracking found, without a sudden turn about the axis that the image does not ask
   /// for: what covers the object drags it along where it is held least. Renders where there is one.
   /// @param expected where the object was predicted. @throws Cancelled.

@@ -62,13 +62,13 @@ double scoreProbability(double score, const KeyframeScores& scores) {
   return logistic((score - evenScore(scores)) / scoreWidth(scores));
 }
 
-double scoreProbability(double score, const std::optional<double>& wrong_score,
+double scoreProbability(double score, const std::optional<double>& rolled_score,
                         const KeyframeScores& scores) {
   // Fitted to right and wrong poses of five objects in photos, recordings and clutter; four of them
   // predict the fifth's better by this than by its scores in general.
   constexpr double kMargin = 0.16, kOfImage = 0.85, kWidth = 1.0 / 18;
-  if (!wrong_score) return scoreProbability(score, scores);
-  const double even = kOfImage * (*wrong_score + kMargin) + (1 - kOfImage) * evenScore(scores);
+  if (!rolled_score) return scoreProbability(score, scores);
+  const double even = kOfImage * (*rolled_score + kMargin) + (1 - kOfImage) * evenScore(scores);
   return logistic((score - even) / kWidth);
 }
 

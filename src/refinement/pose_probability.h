@@ -14,11 +14,11 @@ namespace nerf_pose_refiner {
 /// plain object count.
 double scoreProbability(double score, const KeyframeScores& scores);
 
-/// The same where it is known what wrong poses score in this very image, which says more than what
-/// they score in others: a pose is as likely right as wrong if it scores 0.16 more than the best of
-/// them, give or take a little for what the object's scores are in general.
-/// @param wrong_score the best one's, 0..1; nothing: it is not known.
-double scoreProbability(double score, const std::optional<double>& wrong_score,
+/// The same where wrong poses were tried in this very image, whose scores say more than those in
+/// others: 85 % of the score at which right and wrong are equally likely is that of the best of
+/// them and 0.16 more, 15 % the object's even score.
+/// @param rolled_score the best one's, 0..1, @see RolledScores; nothing: it is not known.
+double scoreProbability(double score, const std::optional<double>& rolled_score,
                         const KeyframeScores& scores);
 
 /// The score at which a pose is as likely right as wrong by the object's scores in general.

@@ -2,48 +2,62 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
 #include <optional>
 
 #include "field/field.h"
 #include "refinement/keyframe_search.h"
+#include "refinement/sighting_log.h"
 
 namespace nerf_pose_refiner {
 
-/// What poses score in an image that are wrong for certain: the one that was found, rolled about
-/// the line of sight, and aligned from there. In clutter and where an object is plain, these score
-/// nearly as well as it does, and its own score proves little.
+/// What poses score in an image that are wrong: the one that was found, rolled about the line of
+/// sight, and aligned from there. In clutter, and where an object is plain, these score nearly as
+/// well as the one that was found, whose own score then proves little.
 class RolledScores {
  public:
   /// Rolls by 45, 90, ..., 315 degrees.
   static constexpr int kRolls = 7;
 
-  /// @param look_alikes poses that may be taken for the one that was found say nothing of it.
+  /// @param look_alikes beside the object's symmetries: what may be taken for the pose that was
+  /// found says nothing of it.
   RolledScores(const FieldMetadata& object, const LookAlikes& look_alikes)
       : object_(object), look_alikes_(look_alikes) {}
 
-  void forget() { scores_.fill(std::nullopt); }
-
-  /// Tries all rolls in the image that was searched last. @throws Cancelled.
-  void tryAll(const Hypothesis& found, KeyframeSearch* search,
+  /// Tries all rolls in an image. @throws Cancelled.
+  void tryAll(const TimedObservation& image, const Hypothesis& found, KeyframeSearch* search,
               const CancellationToken& cancellation);
 
-  /// Tries one of them, each in its turn; the others keep what they scored in images before.
-  /// @throws Cancelled.
-  void tryNext(const Hypothesis& found, KeyframeSearch* search,
+  /// Tries one of them, each in its turn. The others keep what they scored in images of the last
+  /// 0.8 s. @throws Cancelled.
+  void tryNext(const TimedObservation& image, const Hypothesis& found, KeyframeSearch* search,
                const CancellationToken& cancellation);
 
-  /// The best one's score, 0..1. Nothing: too few were tried that did not end at a pose like the
-  /// one that was found.
-  std::optional<double> best() const;
+  /// When one was tried last, by the stamp of its image; nothing: never.
+  std::optional<std::int64_t> last_ns() const { return last_ns_; }
+
+  /// The best score, 0..1, of those that are not like a pose in an image of a time. Nothing: there
+  /// are too few.
+  std::optional<double> bestBeside(const Pose& T_O_C, std::int64_t stamp_ns) const;
 
  private:
-  void tryRolls(int first, int count, const Hypothesis& found, KeyframeSearch* search,
-                const CancellationToken& cancellation);
-  bool isAlike(const Pose& a_T_O_C, const Pose& b_T_O_C) const;
+  /// Where a roll ended.
+  struct End {
+    std::int64_t stamp_ns;
+    Pose motion;  ///< from the pose that was found there, in O: the object moves on meanwhile
+    double score;
+  };
+
+  void forgetAfterJump(const Pose& T_O_C);
+  void tryRolls(int first, int count, const TimedObservation& image, const Hypothesis& found,
+                KeyframeSearch* search, const CancellationToken& cancellation);
 
   const FieldMetadata& object_;
   LookAlikes look_alikes_;
-  std::array<std::optional<double>, kRolls> scores_;
+  std::array<std::optional<End>, kRolls>
+      ends_;  // nothing: the image does not show the object there
+  std::optional<std::int64_t> last_ns_;
+  std::optional<Pose> last_T_O_C_;  // that was found there
   int next_ = 0;
 };
 

@@ -261,6 +261,7 @@ void SideViews::joinCameras(const Observation& observation, const KeyframeScores
     group->probability = std::max(group->probability, scoreProbability(report.score, scores));
     if (group->opinions.size() > 1) continue;
     found->hypotheses = {sides[i].hypotheses.front()};
+    found->rolled_score.reset();  // which was of the own image
     found->visible_fraction = sides[i].hypotheses.front().visible_fraction;
   }
 }

@@ -31,7 +31,13 @@ HypothesisTable KeyframeRefiner::withoutMistake(const Observation& observation,
   constexpr int kRounds = 3;  // a pose that is far off shows the way, the next one the place
   sure_.reset();
   was_sure_ = true;
-  if (!watch_ || !isSure(found, kHintOdds)) return found;
+  if (!watch_) return found;
+  const bool may_be_there = !found.empty() && found.front().state == HypothesisState::kLive &&
+                            found.front().score > doubtfulScore(scores_);
+  if (!may_be_there) {
+    watch_->forget();  // what was believed is of another search
+    return found;
+  }
   HypothesisTable best = found;
   Pose& first = best.front().T_O_C;
   // Alignment may go far along the turn that it holds least: the prior says more of that.

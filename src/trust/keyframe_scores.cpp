@@ -13,6 +13,7 @@
 #include "image/filter.h"
 #include "math/random.h"
 #include "refinement/covariance.h"
+#include "refinement/look_alike_poses.h"
 #include "trust/clutter_blocks.h"
 #include "trust/shown_sides.h"
 
@@ -23,7 +24,7 @@ constexpr std::uint64_t kScoreSeed = 5;
 enum ScoreStream : std::uint64_t { kScoreNoise, kScoreTurn, kScoreShift };
 
 constexpr int kViews = 8, kSide_px = 128;
-constexpr double kRight_rad = 0.087, kRightOffset = 0.05;  // [diameters]
+constexpr PoseBounds kRight = {0.087, 0.05};
 constexpr double kNear_rad = 0.03, kNearOffset = 0.02;     // of starts
 constexpr double kBeside_rad = 0.7, kBesideOffset = 0.15;  // of starts of wrong poses
 constexpr int kWrongStarts = 4;
@@ -139,22 +140,13 @@ class ScoreTrials {
   }
 
   bool isRight(const Pose& T_O_C, const Pose& truth) const {
-    const Vector6 error =
-        cameraTwist(nearestEquivalent(T_O_C, truth, object_.symmetries), truth, object_.centre);
-    return error.tail<3>().norm() < kRight_rad &&
-           error.head<3>().norm() < kRightOffset * object_.diameter;
+    return mayBeTakenFor(T_O_C, truth, object_, LookAlikes(), kRight);
   }
 
-  /// Whether the object may be taken for itself so: which pose it is in is asked on its own.
-  bool isLookAlike(const Pose& T_O_C, const Pose& truth) const {
-    const LookAlikes& known = object_.look_alikes;
-    if (known.axis) {
-      const Symmetries turns(known.axis, {});
-      if (isRight(nearestEquivalent(T_O_C, truth, turns), truth)) return true;
-    }
-    return std::any_of(known.motions.begin(), known.motions.end(), [&](const Pose& motion) {
-      return isRight(motion.inverse() * T_O_C, truth);
-    });
+  /// Right, or a pose that the object may be taken for: which of these it is in is asked on its
+  /// own.
+  bool isRightOrAlike(const Pose& T_O_C, const Pose& truth) const {
+    return mayBeTakenFor(T_O_C, truth, object_, object_.look_alikes, kRight);
   }
 
   std::vector<Hypothesis> align(const ShownSide& side, const Image& image,
@@ -189,8 +181,7 @@ class ScoreTrials {
     double best = 0;
     for (const Hypothesis& found : align(side, image, starts)) {
       const Pose& truth = side.points->T_O_C;
-      const bool is_wrong =
-          !shows_object || (!isRight(found.T_O_C, truth) && !isLookAlike(found.T_O_C, truth));
+      const bool is_wrong = !shows_object || !isRightOrAlike(found.T_O_C, truth);
       if (found.state == HypothesisState::kLive && is_wrong) best = std::max(best, found.score);
     }
     wrong_.push_back(best);

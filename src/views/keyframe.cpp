@@ -104,7 +104,7 @@ int raysPerSide(const KeyframeSettings& settings, const Camera& camera) {
   constexpr int kMost = 4;
   const int side = std::max(camera.width, camera.height);
   int rays = settings.rays_per_side;
-  while (rays < kMost && 2 * rays * side <= settings.max_more_rays) rays *= 2;
+  while (rays < kMost && 2 * rays * side <= settings.max_rays_of_side) rays *= 2;
   return rays;
 }
 
@@ -144,7 +144,7 @@ void KeyframeSettings::validate() const {
   require(levels >= 1 && levels <= 8, "keyframe: levels", levels);
   require(rays_per_side == 1 || rays_per_side == 2 || rays_per_side == 4, "keyframe: rays_per_side",
           rays_per_side);
-  require(max_more_rays >= 0, "keyframe: max_more_rays", max_more_rays);
+  require(max_rays_of_side >= 0, "keyframe: max_rays_of_side", max_rays_of_side);
   require(max_side_px >= 16, "keyframe: max_side_px", max_side_px);
   require(finest_window_px >= 1, "keyframe: finest_window_px", finest_window_px);
   require(coarsest_window_px >= 1, "keyframe: coarsest_window_px", coarsest_window_px);

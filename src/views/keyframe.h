@@ -14,7 +14,7 @@ struct KeyframeSettings {
   int levels = 4;              ///< each with half the resolution of the one before, 1..8
   int max_side_px = 400;       ///< of the finest level; larger windows are reduced
   int rays_per_side = 1;       ///< least rays per pixel side of the finest level: 1, 2 or 4
-  int max_more_rays = 400;     ///< small windows get up to 4, while a side has at most so many
+  int max_rays_of_side = 400;  ///< rays are doubled, up to 4, while a side has at most so many
   int finest_window_px = 10;   ///< half width of the window of local colours, finest level
   int coarsest_window_px = 3;  ///< the same for the coarsest level; linear in between
   int max_points = 2000;       ///< chosen points per level

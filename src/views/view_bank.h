@@ -13,11 +13,24 @@
 namespace nerf_pose_refiner {
 
 /// Settings of a view bank.
+/// Keyframes for coarse alignment from many starts.
+inline KeyframeSettings smallKeyframes() {
+  KeyframeSettings settings;
+  settings.levels = 3;
+  settings.max_side_px = 128;
+  settings.max_rays_of_side = 0;
+  settings.finest_window_px = 8;
+  settings.max_points = 700;
+  settings.max_outline = 120;
+  settings.max_shown = 2500;
+  return settings;
+}
+
 struct ViewBankSettings {
   int views = 162;      ///< number of viewpoints; 162 are about 16 degrees apart
   int object_px = 100;  ///< object diameter in the views [px]
   double distance = 4;  ///< of the camera from the object's centre [object diameters]
-  KeyframeSettings keyframe = {3, 128, 1, 0, 8, 3, 700, 120, 2500, 0.97f, 4};
+  KeyframeSettings keyframe = smallKeyframes();
 
   /// @throws std::invalid_argument naming the value that is out of range.
   void validate() const;

@@ -58,41 +58,107 @@ class RolledScoresTest : public testing::Test {
 
 TEST_F(RolledScoresTest, AreFarBelowTheObjectsOwn) {
   RolledScores rolled(object(), LookAlikes());
-  EXPECT_FALSE(rolled.best());
-  const Hypothesis found = foundIn(sceneBeforeClutter(*scene_, kRolledCamera, truth_));
-  rolled.tryAll(found, &search_, {});
-  ASSERT_TRUE(rolled.best());
+  EXPECT_FALSE(rolled.bestBeside(truth_, 0));
+  EXPECT_FALSE(rolled.last_ns());
+  const TimedObservation image = {sceneBeforeClutter(*scene_, kRolledCamera, truth_), 7};
+  const Hypothesis found = foundIn(image.observation);
+  rolled.tryAll(image, found, &search_, {});
+  ASSERT_TRUE(rolled.bestBeside(found.T_O_C, 7));
   EXPECT_GT(found.score, 0.8);
-  EXPECT_LT(*rolled.best(), 0.5);
-  rolled.forget();
-  EXPECT_FALSE(rolled.best());
+  EXPECT_LT(*rolled.bestBeside(found.T_O_C, 7), 0.5);
+  EXPECT_EQ(rolled.last_ns(), 7);
 }
 
 TEST_F(RolledScoresTest, AreThoseOfAPoseThatIsNotThere) {
   RolledScores rolled(object(), LookAlikes());
-  const Hypothesis found = foundIn(clutterAlone());
-  rolled.tryAll(found, &search_, {});
-  ASSERT_TRUE(rolled.best());
-  EXPECT_GT(*rolled.best(), found.score - 0.1);
+  const TimedObservation image = {clutterAlone(), 0};
+  const Hypothesis found = foundIn(image.observation);
+  rolled.tryAll(image, found, &search_, {});
+  ASSERT_TRUE(rolled.bestBeside(found.T_O_C, 0));
+  EXPECT_GT(*rolled.bestBeside(found.T_O_C, 0), found.score - 0.1);
 }
 
 TEST_F(RolledScoresTest, OneAnImageIsEnoughInTime) {
-  const Hypothesis found = foundIn(sceneBeforeClutter(*scene_, kRolledCamera, truth_));
+  TimedObservation image = {sceneBeforeClutter(*scene_, kRolledCamera, truth_), 0};
+  const Hypothesis found = foundIn(image.observation);
   RolledScores at_once(object(), LookAlikes()), in_turn(object(), LookAlikes());
-  at_once.tryAll(found, &search_, {});
-  for (int i = 0; i < 3; ++i) in_turn.tryNext(found, &search_, {});
-  EXPECT_FALSE(in_turn.best()) << "three say too little";
-  for (int i = 3; i < RolledScores::kRolls; ++i) in_turn.tryNext(found, &search_, {});
-  ASSERT_TRUE(in_turn.best());
-  EXPECT_EQ(*in_turn.best(), *at_once.best());
+  at_once.tryAll(image, found, &search_, {});
+  for (int i = 0; i < RolledScores::kRolls; ++i) {
+    if (i < 4) {
+      EXPECT_FALSE(in_turn.bestBeside(truth_, image.stamp_ns)) << "too few";
+    }
+    image.stamp_ns += 33000000;
+    in_turn.tryNext(image, found, &search_, {});
+  }
+  const auto best = in_turn.bestBeside(truth_, image.stamp_ns);
+  ASSERT_TRUE(best);
+  EXPECT_EQ(*best, *at_once.bestBeside(truth_, 0));
+}
+
+TEST_F(RolledScoresTest, SayNothingOfOtherTimes) {
+  RolledScores rolled(object(), LookAlikes());
+  const TimedObservation image = {sceneBeforeClutter(*scene_, kRolledCamera, truth_), 1000000000};
+  rolled.tryAll(image, foundIn(image.observation), &search_, {});
+  EXPECT_TRUE(rolled.bestBeside(truth_, 1800000000));
+  EXPECT_FALSE(rolled.bestBeside(truth_, 1800000001)) << "more than 0.8 s later";
+  EXPECT_FALSE(rolled.bestBeside(truth_, 999999999)) << "a clock that went back";
+}
+
+TEST_F(RolledScoresTest, GoAlongWithTheObject) {
+  // Half a turn between two images 0.7 s apart, each of which tries its rolls.
+  LookAlikes half;
+  const Eigen::Vector3d sight = (truth_.t - object().centre).normalized();
+  const Eigen::Matrix3d roll = expSO3(Eigen::Vector3d(M_PI * sight));
+  half.motions.emplace_back(roll, object().centre - roll * object().centre);
+  RolledScores rolled(object(), half);
+  const TimedObservation image = {sceneBeforeClutter(*scene_, kRolledCamera, truth_), 0};
+  const Hypothesis found = foundIn(image.observation);
+  rolled.tryAll(image, found, &search_, {});
+  const auto at_once = rolled.bestBeside(found.T_O_C, 0);
+  const Eigen::Matrix3d turn = expSO3(Eigen::Vector3d(1.2 * sight));
+  const Pose later(turn * found.T_O_C.R,
+                   object().centre + turn * (found.T_O_C.t - object().centre));
+  EXPECT_EQ(rolled.bestBeside(later, 700000000), at_once);
+}
+
+TEST_F(RolledScoresTest, AreVoidOnceTheObjectIsFoundElsewhere) {
+  const TimedObservation image = {sceneBeforeClutter(*scene_, kRolledCamera, truth_), 0};
+  const Hypothesis found = foundIn(image.observation);
+  RolledScores rolled(object(), LookAlikes());
+  rolled.tryAll(image, found, &search_, {});
+  Hypothesis other = found;
+  other.T_O_C = rolledAbout(object().centre, M_PI, found.T_O_C);
+  rolled.tryNext(image, other, &search_, {});
+  EXPECT_FALSE(rolled.bestBeside(other.T_O_C, 0));
 }
 
 TEST_F(RolledScoresTest, SayNothingOfWhatLooksAlike) {
-  LookAlikes turns;
-  turns.axis = SymmetryAxis{(truth_.t - object().centre).normalized(), object().centre};
-  RolledScores rolled(object(), turns);
-  rolled.tryAll(foundIn(sceneBeforeClutter(*scene_, kRolledCamera, truth_)), &search_, {});
-  EXPECT_FALSE(rolled.best()) << "an object that looks the same at every roll";
+  const Eigen::Vector3d sight = (truth_.t - object().centre).normalized();
+  const TimedObservation image = {sceneBeforeClutter(*scene_, kRolledCamera, truth_), 0};
+  const Hypothesis found = foundIn(image.observation);
+  const auto comparable = [&](const LookAlikes& known) {
+    RolledScores rolled(object(), known);
+    rolled.tryAll(image, found, &search_, {});
+    return rolled.bestBeside(found.T_O_C, 0).has_value();
+  };
+  LookAlikes turns, quarters;
+  turns.axis = SymmetryAxis{sight, object().centre};
+  for (int i = 1; i < 8; ++i) {
+    const Eigen::Matrix3d roll = expSO3(Eigen::Vector3d(i * 45 * kDegree * sight));
+    quarters.motions.emplace_back(roll, object().centre - roll * object().centre);
+  }
+  EXPECT_TRUE(comparable(LookAlikes()));
+  EXPECT_FALSE(comparable(turns)) << "an object that looks the same at every roll";
+  EXPECT_FALSE(comparable(quarters)) << "the same by single motions";
+}
+
+TEST_F(RolledScoresTest, SayNothingWhereTheImageDoesNotShowTheObject) {
+  Observation hidden = sceneBeforeClutter(*scene_, kRolledCamera, truth_);
+  const Hypothesis found = foundIn(hidden);
+  hidden.weight = Image(kRolledCamera.width, kRolledCamera.height, 1, 0.0f);
+  RolledScores rolled(object(), LookAlikes());
+  rolled.tryAll({hidden, 0}, found, &search_, {});
+  EXPECT_FALSE(rolled.bestBeside(found.T_O_C, 0)) << "nothing was compared, so nothing is worse";
 }
 
 TEST_F(RolledScoresTest, ABetterPoseBesideTheFoundOneGoesFirst) {
@@ -101,16 +167,29 @@ TEST_F(RolledScoresTest, ABetterPoseBesideTheFoundOneGoesFirst) {
   Hypothesis beside = right;  // as if alignment had ended there
   const Eigen::Matrix3d turn = expSO3(Eigen::Vector3d(0, 12 * kDegree, 0));
   beside.T_O_C = {turn * truth_.R, object().centre + turn * (truth_.t - object().centre)};
-  beside.loss = 2 * right.loss;
-  const HypothesisTable found = search_.withBeside({beside}, {});
+  beside.score = 0.5 * right.score;
+  const HypothesisTable found = search_.withBeside(observation, {beside}, {});
   ASSERT_FALSE(found.empty());
   const PoseError error = poseError(found.front().T_O_C, truth_, object().centre, kRolledCamera);
   EXPECT_LT(error.rotation_rad, 1 * kDegree);
   for (std::size_t i = 1; i < found.size(); ++i) EXPECT_GE(found[i].loss, found[i - 1].loss);
-  EXPECT_TRUE(search_.withBeside({}, {}).empty());
+  beside.score = 1;  // by a keyframe that shows less
+  EXPECT_EQ(search_.withBeside(observation, {beside}, {}).front().T_O_C.R, beside.T_O_C.R);
+  EXPECT_TRUE(search_.withBeside(observation, {}, {}).empty());
 }
 
-TEST_F(RolledScoresTest, ImagesThatAreClearNeedNone) {
+TEST_F(RolledScoresTest, AnotherPlaceIsNotJudgedByWhatWasLookedAtLast) {
+  const Observation observation = sceneBeforeClutter(*scene_, kRolledCamera, truth_);
+  const Hypothesis found = foundIn(observation);
+  Hypothesis elsewhere = found;  // by more than the window is wide
+  elsewhere.T_O_C.t += 1.5 * object().diameter * truth_.R.col(0);
+  search_.add(std::make_shared<const KeyframePoints>(renderKeyframe(
+      *scene_, {kRolledCamera, cameraAround(*scene_, 0.6, 0.4)}, KeyframeSettings())));
+  EXPECT_TRUE(search_.secondOpinion(found, {}));
+  EXPECT_FALSE(search_.secondOpinion(elsewhere, {}));
+}
+
+TEST_F(RolledScoresTest, ASearchTriesAllOfThemATrackOneAfterTheOther) {
   KeyframeSearchSettings settings;
   settings.real_time = false;
   KeyframeRefiner refiner(backend_.get(), scene_, settings);
@@ -119,12 +198,20 @@ TEST_F(RolledScoresTest, ImagesThatAreClearNeedNone) {
   near.T_O_C = truth_;
   near.rotation_rad = 5 * kDegree;
   near.translation = 0.05;
-  const Refinement followed = refiner.follow({observation, 0}, near);
-  ASSERT_EQ(followed.outcome, Outcome::kRefined);
-  EXPECT_FALSE(followed.wrong_score);
-  const Refinement found = refiner.find({observation, 0}, near);
-  ASSERT_TRUE(found.wrong_score);
-  EXPECT_LT(*found.wrong_score, found.hypotheses.front().score - 0.3);
+  constexpr int kImages = 14;  // clear ones, 50 ms apart: one roll in every second
+  for (int i = 0; i < kImages; ++i) {
+    const Refinement followed = refiner.follow({observation, i * 50000000}, near);
+    ASSERT_EQ(followed.outcome, Outcome::kRefined);
+    if (i < 6) {
+      EXPECT_FALSE(followed.rolled_score) << i;
+    } else if (i == kImages - 1) {
+      EXPECT_TRUE(followed.rolled_score);
+    }
+  }
+  KeyframeRefiner other(backend_.get(), scene_, settings);
+  const Refinement found = other.find({observation, 0}, near);
+  ASSERT_TRUE(found.rolled_score);
+  EXPECT_LT(*found.rolled_score, found.hypotheses.front().score - 0.3);
 }
 
 }  // namespace

@@ -200,11 +200,11 @@ TEST_F(KeyframeOfScene, SmallObjectsGetMoreRays) {
     return window.rendering.alpha.width / window.camera.width;
   };
   KeyframeSettings settings;  // 1.2 diameters are 480 px / the distance in diameters
-  settings.max_more_rays = 400;
+  settings.max_rays_of_side = 400;
   EXPECT_EQ(raysOf(2, settings), 1);  // 240 px
   EXPECT_EQ(raysOf(3, settings), 2);  // 160 px
   EXPECT_EQ(raysOf(8, settings), 4);  // 60 px
-  settings.max_more_rays = 0;
+  settings.max_rays_of_side = 0;
   EXPECT_EQ(raysOf(8, settings), 1);
 }
 
