@@ -2,6 +2,7 @@
 #include "refinement/rolled_scores.h"
 
 #include <algorithm>
+#include <numeric>
 #include <vector>
 
 #include "math/angle.h"
@@ -17,13 +18,15 @@ Pose rolledAbout(const Eigen::Vector3d& point, double angle_rad, const Pose& T_O
 void RolledScores::tryAll(const TimedObservation& image, const Hypothesis& found,
                           KeyframeSearch* search, const CancellationToken& cancellation) {
   ends_.fill(std::nullopt);
-  tryRolls(0, kRolls, image, found, search, cancellation);
+  std::vector<int> all(kRolls);
+  std::iota(all.begin(), all.end(), 0);
+  tryRolls(all, image, found, search, cancellation);
 }
 
 void RolledScores::tryNext(const TimedObservation& image, const Hypothesis& found,
                            KeyframeSearch* search, const CancellationToken& cancellation) {
   forgetAfterJump(found.T_O_C);
-  tryRolls(next_, 1, image, found, search, cancellation);
+  tryRolls({next_}, image, found, search, cancellation);
   next_ = (next_ + 1) % kRolls;
 }
 
@@ -36,17 +39,17 @@ void RolledScores::forgetAfterJump(const Pose& T_O_C) {
   }
 }
 
-void RolledScores::tryRolls(int first, int count, const TimedObservation& image,
+void RolledScores::tryRolls(const std::vector<int>& rolls, const TimedObservation& image,
                             const Hypothesis& found, KeyframeSearch* search,
                             const CancellationToken& cancellation) {
   std::vector<Pose> rolled;
-  for (int i = first; i < first + count; ++i) {
+  for (const int i : rolls) {
     rolled.push_back(rolledAbout(object_.centre, 2 * M_PI * (i + 1) / (kRolls + 1), found.T_O_C));
   }
   const HypothesisTable ends =
       search->alignNearest(image.observation, found.T_O_C, rolled, cancellation);
   for (std::size_t i = 0; i < ends.size(); ++i) {
-    std::optional<End>& end = ends_[first + i];
+    std::optional<End>& end = ends_[rolls[i]];
     end.reset();
     if (ends[i].state == HypothesisState::kLive) {
       end = End{image.stamp_ns, ends[i].T_O_C * found.T_O_C.inverse(), ends[i].score};

@@ -4,6 +4,7 @@
 #include <array>
 #include <cstdint>
 #include <optional>
+#include <vector>
 
 #include "field/field.h"
 #include "refinement/keyframe_search.h"
@@ -49,8 +50,9 @@ class RolledScores {
   };
 
   void forgetAfterJump(const Pose& T_O_C);
-  void tryRolls(int first, int count, const TimedObservation& image, const Hypothesis& found,
-                KeyframeSearch* search, const CancellationToken& cancellation);
+  void tryRolls(const std::vector<int>& rolls, const TimedObservation& image,
+                const Hypothesis& found, KeyframeSearch* search,
+                const CancellationToken& cancellation);
 
   const FieldMetadata& object_;
   LookAlikes look_alikes_;

@@ -48,7 +48,7 @@ class KeyframeAlignerOnScene : public testing::Test, protected KeyframeScene {
 
 TEST_F(KeyframeAlignerOnScene, StaysAtThePoseItself) {
   const Hypothesis found = align(imageOf(truth_), keyframeAt(truth_), truth_);
-  expectFound(found, 0.1, 0.0015);
+  expectFound(found, 0.1, 0.002);
   EXPECT_GT(found.visible_fraction, 0.9);
 }
 
