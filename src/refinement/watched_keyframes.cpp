@@ -32,6 +32,7 @@ HypothesisTable KeyframeRefiner::withoutMistake(const Observation& observation,
   sure_.reset();
   was_sure_ = true;
   if (!watch_) return found;
+  // (What scores little in general may still score far more than wrong poses of this image.)
   const bool may_be_there = !found.empty() && found.front().state == HypothesisState::kLive &&
                             found.front().score > doubtfulScore(scores_);
   if (!may_be_there) {

@@ -160,6 +160,19 @@ TEST_F(LabelledBottle, AFirstPoseWithoutTheLabelSaysThatItsTurnIsUnknown) {
   EXPECT_GT(found.hypotheses.size(), 2u);
 }
 
+TEST_F(LabelledBottle, ASearchThatFindsNothingBelievesNothingOfTheLastOne) {
+  const Pose truth = seenFrom(kLabelSide);
+  KeyframeRefiner refiner = this->refiner();
+  refiner.use(turnsAboutZ());
+  const Prior prior = priorAt(truth, 15);
+  ASSERT_GT(refiner.find({imageAt(truth), 0}, prior).unmistaken.value(), 0.9);
+  Observation empty = imageAt(truth);
+  empty.image = clutter(kLookAlikeCamera.width, kLookAlikeCamera.height, 11);
+  const Refinement none = refiner.find({empty, kFrame_ns}, prior);
+  ASSERT_EQ(none.outcome, Outcome::kRefined);
+  EXPECT_EQ(none.unmistaken, 0);
+}
+
 TEST_F(LabelledBottle, AFirstPoseOnTheWrongSideIsTurnedToTheLabel) {
   const Pose truth = seenFrom(kLabelSide);
   KeyframeRefiner refiner = this->refiner();
