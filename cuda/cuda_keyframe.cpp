@@ -91,9 +91,7 @@ OutlineGroups outlineOf(const KeyframeLevel& level) {
     groups.tiles.push_back(static_cast<int>(groups.points.size()));
     for (std::int32_t i = level.outline_tiles[t]; i < level.outline_tiles[t + 1]; ++i) {
       const OutlinePoint& from = level.outline[i];
-      CudaOutlinePoint to = {plain(from.point), plain(from.normal), {}};
-      std::copy(std::begin(from.opacity), std::end(from.opacity), to.opacity);
-      groups.points.push_back(to);
+      groups.points.push_back({plain(from.point), plain(from.normal), from.look});
     }
     while (groups.points.size() % kPointGroup != 0) groups.points.push_back({});
   }
@@ -147,6 +145,7 @@ CudaKeyframeLevel levelAt(const KeyframeLevel& level, const LevelPlaces& at,
   to.outline_points = static_cast<int>(level.outline.size());
   to.point_count = level.point_count + to.outline_points;
   to.outline_weight = level.outline_weight;
+  to.outline_evidence = level.outline_evidence;
   to.runs = reinterpret_cast<const ShownRun*>(memory + at.runs);
   to.shown = reinterpret_cast<const Vec3<float>*>(memory + at.shown);
   to.shown_colour = reinterpret_cast<const Vec3<float>*>(memory + at.shown_colour);

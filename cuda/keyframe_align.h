@@ -37,7 +37,7 @@ struct ChosenColours {
 /// A place on the outline, @see OutlinePoint. What fills groups has no normal, and is never seen.
 struct CudaOutlinePoint {
   Vec3<float> p, normal;
-  float opacity[kOutlineOpacities];
+  OutlineLook look;
 };
 
 /// Cells of a run: 32 neighbours in a row of the grid.
@@ -57,7 +57,7 @@ struct CudaKeyframeLevel {
   int shown_count, chosen_count, outline_count, tile_count;
   int point_count;     ///< of chosen points and of the outline, without what fills groups
   int outline_points;  ///< of it, likewise
-  float outline_weight;
+  float outline_weight, outline_evidence;
   const ShownRun* runs;      ///< [height][runsOf(width)]
   const Vec3<float>* shown;  ///< [shown_count], by cells
   const Vec3<float>* shown_colour;
@@ -89,7 +89,7 @@ struct CudaAlignedKeyframe {
   /// @see TileScatter: gradients, information, squared information; TileEvidence: judged, seen,
   /// tone.
   double tiles[kTileSums];
-  double loss, most_weight;
+  double loss, most_weight, most_evidence;
   double explained, chance;  ///< @see EvidenceSums
   std::int64_t evaluations;
 };

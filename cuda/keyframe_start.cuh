@@ -111,6 +111,7 @@ class StartAlignment {
       shared_.scene.image = task_.frame[frame_level];
       shared_.seen.outline = shared_.scene.level.outline_points;
       shared_.seen.outline_weight = shared_.scene.level.outline_weight;
+      shared_.seen.outline_evidence = shared_.scene.level.outline_evidence;
       setTrial(shared_.best.pose);
       shared_.best.sums = {};
       shared_.best.loss = HUGE_VAL;
@@ -240,14 +241,15 @@ class StartAlignment {
       return;
     }
     const OutlineOpacities seen = outlineOpacities(profile);
-    const OutlineRules of_outline = {rules.robust_scale, scene.level.outline_weight};
     if (kOnlyEvidence) {
-      addOutlineEvidence(point.opacity, seen, of_outline, evidenceIn(terms));
+      addOutlineEvidence(point.look, seen, {rules.robust_scale, scene.level.outline_evidence},
+                         evidenceIn(terms));
       return;
     }
     float along[6];
     flowAlongNormal(K, shared_.transform, point.p, place, along);
-    addOutlinePoint(point.opacity, seen, along, of_outline, &terms->sums);
+    addOutlinePoint(point.look, seen, along, {rules.robust_scale, scene.level.outline_weight},
+                    &terms->sums);
     terms->count = 1;
   }
 
@@ -322,6 +324,7 @@ class StartAlignment {
     const double loss = keyframeLoss(shared_.sums.cost, shared_.seen, rules.robust_scale);
     if (!(loss < shared_.best.loss)) return false;
     shared_.best.most_weight = shared_.seen.mostWeight();
+    shared_.best.most_evidence = shared_.seen.mostEvidence();
     shared_.best.loss = loss;
     shared_.best.pose = shared_.trial;
     shared_.best.sums = shared_.sums;

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "math/keyframe_alignment.h"
+#include "math/outline_alignment.h"
 #include "nerf_pose_refiner/camera.h"
 #include "nerf_pose_refiner/pose.h"
 
@@ -50,7 +51,7 @@ struct LocalColourColumns {
 struct OutlinePoint {
   Eigen::Vector3f point;   ///< relative to the object's centre, in the axes of O [model units]
   Eigen::Vector3f normal;  ///< a pixel of the keyframe to the outside, at the point's depth, alike
-  float opacity[5];        ///< from two pixels inside to two pixels outside
+  OutlineLook look;        ///< along the normal
 };
 
 /// One resolution of a keyframe: what alignment compares with an image.
@@ -74,7 +75,8 @@ struct KeyframeLevel {
   LocalColourColumns local;            ///< ... by this: the colour is (colour - mean) / deviation
   std::vector<ChosenSurface> surface;  ///< around the chosen ones
   std::vector<OutlinePoint> outline;   ///< evenly along it, sorted by tiles
-  float outline_weight = 0;            ///< of one of them, beside a chosen point
+  float outline_weight = 0;            ///< of one of them in alignment, beside a chosen point
+  float outline_evidence = 0;          ///< the same in what speaks for a pose
   std::vector<std::int32_t> outline_tiles;  ///< where each tile begins; last: their number
   std::vector<std::int32_t> tiles;  ///< where each tile begins among the chosen; last: their number
 };

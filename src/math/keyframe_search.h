@@ -61,11 +61,15 @@ struct SeenPoints {
   double weight;  ///< of those in the image
   int outline;    ///< points of it
   int outline_seen;
-  float outline_weight;  ///< of one
+  float outline_weight;    ///< of one, in alignment
+  float outline_evidence;  ///< of one, in what speaks for a pose
 
   /// Of all of them.
   NPR_HOST_DEVICE double mostWeight() const {
     return points + static_cast<double>(outline_weight) * outline;
+  }
+  NPR_HOST_DEVICE double mostEvidence() const {
+    return points + static_cast<double>(outline_evidence) * outline;
   }
 };
 

@@ -217,8 +217,9 @@ std::vector<KeyframePoints> keyframesOf(const std::vector<RenderedWindow>& windo
   // The fine levels, which take longest, come first.
   parallelFor(keyframeThreads(), count * settings.levels, [&](int task) {
     const int i = task % count, level = task / count;
-    keyframes[i].levels[level] = makeLevel(pyramids[i][level], levelView(windows[i], object, level),
-                                           windowOf(settings, level), settings);
+    keyframes[i].levels[level] =
+        makeLevel(pyramids[i][level], levelView(windows[i], object, level),
+                  windowOf(settings, level), level == 0 && !settings.for_starts, settings);
   });
   return keyframes;
 }

@@ -22,6 +22,7 @@ struct KeyframeSettings {
   int max_shown = 4000;        ///< pixels per level from which local colours are computed
   float min_alpha = 0.97f;     ///< below this, a pixel may show the background, too
   float max_depth_step = 4;    ///< between neighbouring pixels, in widths of a pixel at that depth
+  bool for_starts = false;     ///< compared with images from so far aside that outlines differ
   bool grey = false;           ///< for grey images: all channels hold the brightness
 
   /// @throws std::invalid_argument naming the value that is out of range.

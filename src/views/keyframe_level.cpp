@@ -45,13 +45,13 @@ class LevelMaker {
     height_ = layers.height;
   }
 
-  KeyframeLevel make(int window) {
+  KeyframeLevel make(int window, bool holds_distance) {
     findShown();
     layGrid(window);
     normaliseColours();
     fillShown();
     fillChosen(choose());
-    fillOutline();
+    fillOutline(holds_distance);
     return std::move(level_);
   }
 
@@ -333,21 +333,25 @@ class LevelMaker {
     }
   }
 
-  // The more information the interior has, the less the outline counts: the model's outline may be
-  // wrong by a fraction of a pixel, and the background may look like the object.
-  float outlineWeight() const {
-    constexpr float kMin = 0.2f, kMax = 4, kEnough = 60;
+  // The more information the interior has, the less the outline counts, from 1 to 0.
+  float outlineShare() const {
+    constexpr float kEnough = 60;
     float information = 0;
     for (std::size_t i = 0; i < level_.surface.size(); ++i) {
       for (const Eigen::Vector2f& gradient : level_.surface[i].gradient)
         information += level_.weight[i] * gradient.squaredNorm();
     }
     const float missing = std::min(1.0f, kEnough / std::max(information, 1.0f));
-    return kMin + (kMax - kMin) * missing * missing;
+    return missing * missing;
   }
 
-  void fillOutline() {
-    level_.outline_weight = outlineWeight();
+  void fillOutline(bool holds_distance) {
+    // In other light shading takes the interior along, so in the end the outline says more of the
+    // distance. But clutter holds outlines, and many poses have alike ones: as evidence and from
+    // afar it is worth less.
+    const float share = outlineShare();
+    level_.outline_evidence = 0.2f + 3.8f * share;
+    level_.outline_weight = holds_distance ? 2 + 6 * share : level_.outline_evidence;
     level_.outline_tiles = {0};
     int tile = -1;
     for (const OutlinePlace& place : outlineOf(smooth_, view_, settings_.max_outline)) {
@@ -375,8 +379,8 @@ class LevelMaker {
 }  // namespace
 
 KeyframeLevel makeLevel(const Image& layers, const KeyframeView& view, int window,
-                        const KeyframeSettings& settings) {
-  return LevelMaker(layers, view, settings).make(window);
+                        bool holds_distance, const KeyframeSettings& settings) {
+  return LevelMaker(layers, view, settings).make(window, holds_distance);
 }
 
 }  // namespace nerf_pose_refiner

@@ -35,7 +35,8 @@ struct KeyframeView {
 
 /// Makes one level of a keyframe.
 /// @param layers [h][w][kKeyframeChannels], not smoothed. @param window half width [px].
+/// @param holds_distance alignment ends at it, so its outline counts.
 KeyframeLevel makeLevel(const Image& layers, const KeyframeView& view, int window,
-                        const KeyframeSettings& settings);
+                        bool holds_distance, const KeyframeSettings& settings);
 
 }  // namespace nerf_pose_refiner

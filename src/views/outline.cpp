@@ -91,9 +91,7 @@ class OutlineFinder {
       if (opacityAt(place + away * outside) > kClear) return std::nullopt;
     }
     OutlinePoint found;
-    for (int i = 0; i < kOutlineOpacities; ++i) {
-      found.opacity[i] = opacityAt(place + static_cast<float>(i - kOutlineCompared) * outside);
-    }
+    found.look = lookAlong(place, outside);
     // The expected point of an outline pixel is on its inner side, so only its depth is used.
     const float depth = pointAt(place).z();
     const auto inwards = static_cast<float>(kOutlineReach);
@@ -104,6 +102,32 @@ class OutlineFinder {
         inObject(Eigen::Vector3f(depth * slope.x(), depth * slope.y(), depth) - view_.centre);
     found.normal = inObject({depth * per_px.x(), depth * per_px.y(), 0});
     return found;
+  }
+
+  Eigen::Array3f colourAt(const Eigen::Vector2f& place) const {
+    return Eigen::Array3f(sample(place, 0), sample(place, 1), sample(place, 2)) /
+           sample(place, kKeyframeAlpha);
+  }
+
+  // The light on the object is another one than the model learned, so its shading is believed in
+  // part: colours differ by this power of what they differ by in the keyframe.
+  OutlineLook lookAlong(const Eigen::Vector2f& place, const Eigen::Vector2f& outside) const {
+    constexpr float kBelieved = 0.7f, kMost = 3;
+    constexpr float kDark = 0.05f;  // added to colours, as ratios of dark ones are noise
+    constexpr float kShown = 0.2f;  // less opacity shows too little of the object's colour
+    constexpr auto reach = static_cast<float>(kOutlineReach);
+    const Eigen::Array3f inside =
+        0.5f * (colourAt(place - reach * outside) + colourAt(place - (reach - 1) * outside));
+    Eigen::Array3f colour = inside;
+    OutlineLook look;
+    for (int i = 0; i < kOutlineOpacities; ++i) {
+      const Eigen::Vector2f there = place + static_cast<float>(i - kOutlineCompared) * outside;
+      look.opacity[i] = opacityAt(there);
+      if (look.opacity[i] > kShown) colour = colourAt(there);
+      const Eigen::Array3f ratio = ((colour + kDark) / (inside + kDark)).max(1 / kMost).min(kMost);
+      Eigen::Map<Eigen::Array3f>(look.shade[i]) = ratio.pow(kBelieved);
+    }
+    return look;
   }
 
   const Image& layers_;

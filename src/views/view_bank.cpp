@@ -84,7 +84,8 @@ std::size_t memoryBytes(const KeyframePoints& keyframe) {
     const std::size_t chosen = level.chosen.cell.size();
     bytes += bytesOf(level.shown) + 3 * sizeof(float) * level.shown.cell.size();
     bytes += bytesOf(level.chosen) + chosen * (10 * sizeof(float) + sizeof(ChosenSurface));
-    bytes += level.tiles.size() * sizeof(std::int32_t);
+    bytes += level.outline.size() * sizeof(OutlinePoint);
+    bytes += (level.tiles.size() + level.outline_tiles.size()) * sizeof(std::int32_t);
   }
   return bytes;
 }

@@ -23,6 +23,7 @@ inline KeyframeSettings smallKeyframes() {
   settings.max_points = 700;
   settings.max_outline = 120;
   settings.max_shown = 2500;
+  settings.for_starts = true;
   return settings;
 }
 

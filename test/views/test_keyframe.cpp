@@ -266,7 +266,7 @@ TEST(KeyframeLevel, LeavesOutWhatIsBesideADepthJump) {
     KeyframeSettings settings;
     settings.max_depth_step = max_depth_step;
     std::set<int> cells;
-    const KeyframeLevel level = makeLevel(layers, view, 3, settings);
+    const KeyframeLevel level = makeLevel(layers, view, 3, true, settings);
     for (const int cell : level.shown.cell) {
       if (cell < level.width * level.height) cells.insert(cell);
     }

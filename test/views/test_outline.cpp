@@ -16,6 +16,9 @@ constexpr int kSide = 49;
 // The axes of the camera are those of the object; a pixel is one unit wide at depth 1.
 const KeyframeView kView = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {0, 0, 1}, {1, 1}};
 
+// A round body is darker towards its edge.
+float brightnessAt(float radius) { return 0.9f - 0.03f * radius; }
+
 // A disc; its points are where its pixels are.
 Image disc(float radius) {
   Image layers(kSide, kSide, kKeyframeChannels);
@@ -24,6 +27,7 @@ Image disc(float radius) {
       const float u = static_cast<float>(x) - kMiddle, v = static_cast<float>(y) - kMiddle;
       const float alpha = 0.5f * std::erfc((std::hypot(u, v) - radius) / 1.2f);
       layers.at(x, y, kKeyframeAlpha) = alpha;
+      for (int c = 0; c < 3; ++c) layers.at(x, y, c) = alpha * brightnessAt(std::hypot(u, v));
       layers.at(x, y, kKeyframePoint) = alpha * u;
       layers.at(x, y, kKeyframePoint + 1) = alpha * v;
     }
@@ -39,9 +43,19 @@ TEST(Outline, LiesOnADisc) {
     const Eigen::Vector3f& p = place.point.point;
     EXPECT_NEAR(p.norm(), kRadius, 0.1f);
     EXPECT_GT(p.normalized().dot(place.point.normal), 0.99f);  // outside, a pixel long
-    EXPECT_NEAR(place.point.opacity[kOutlineCompared], 0.5f, 0.02f);
-    EXPECT_GT(place.point.opacity[0], 0.9f);
-    EXPECT_LT(place.point.opacity[kOutlineOpacities - 1], 0.1f);
+    EXPECT_NEAR(place.point.look.opacity[kOutlineCompared], 0.5f, 0.02f);
+    EXPECT_GT(place.point.look.opacity[0], 0.9f);
+    EXPECT_LT(place.point.look.opacity[kOutlineOpacities - 1], 0.1f);
+  }
+}
+
+// At the edge, relative to the mean of two and three pixels inside it, and believed in part.
+TEST(Outline, TellsTheShadingTowardsIt) {
+  const float ratio = (brightnessAt(kRadius) + 0.05f) / (brightnessAt(kRadius - 2.5f) + 0.05f);
+  for (const OutlinePlace& place : outlineOf(disc(kRadius), kView, 1000)) {
+    for (const float shade : place.point.look.shade[kOutlineCompared]) {
+      EXPECT_NEAR(shade, std::pow(ratio, 0.7f), 0.02f);
+    }
   }
 }
 

@@ -27,7 +27,7 @@ double scoreOf(const AlignedKeyframe& aligned, double robust_scale) {
   constexpr double kMinEvidence = 0.15;  // of what points of full contrast would give
   const double explained = aligned.evidence.explained, chance = aligned.evidence.chance;
   if (!(chance > 0)) return 0;
-  const double evidence = chance / (aligned.most_weight * chanceLoss(robust_scale));
+  const double evidence = chance / (aligned.most_evidence * chanceLoss(robust_scale));
   const double contrast = std::max(0.0, 1 - explained / chance);
   // Clutter easily holds an outline, and local contrast that agrees by chance. Parts that are light
   // and dark where the object's are it hardly holds.

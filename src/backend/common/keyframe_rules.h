@@ -15,6 +15,7 @@ struct AlignedKeyframe {
   TileScatter scatter;
   double loss = 0;                    ///< mean over the points of the finest level
   double most_weight = 0;             ///< of these points, were all of them seen
+  double most_evidence = 0;           ///< alike, by what they weigh as evidence
   EvidenceSums<float> evidence = {};  ///< of the pose
   TileEvidence tiles;                 ///< alike
   int evaluations = 0;

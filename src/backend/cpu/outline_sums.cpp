@@ -61,7 +61,7 @@ int sumOutline(const KernelView& view, const OutlineTile& tile, const OutlineRul
     if (!look(view, point, &seen)) continue;
     float along[6];
     flowAlongNormal(view.image.K, view.pose, plain(point.point), seen.place, along);
-    addOutlinePoint(point.opacity, seen.opacities, along, rules, sums);
+    addOutlinePoint(point.look, seen.opacities, along, rules, sums);
     ++count;
   }
   return count;
@@ -72,7 +72,7 @@ void sumOutlineEvidence(const KernelView& view, const OutlineTile& tile, const O
   SeenOutline seen;
   for (int i = tile.first; i < tile.last; ++i) {
     const OutlinePoint& point = tile.level.outline[i];
-    if (look(view, point, &seen)) addOutlineEvidence(point.opacity, seen.opacities, rules, sums);
+    if (look(view, point, &seen)) addOutlineEvidence(point.look, seen.opacities, rules, sums);
   }
 }
 

@@ -169,8 +169,9 @@ AlignedKeyframe StartAligner::evaluate(const CameraPose<double>& pose,
     add(tile, &evaluated.sums);
     evaluated.scatter.addTile(equationsOf(tile));
   }
-  SeenPoints seen = {shown_weight_, evaluated.sums.weight, static_cast<int>(points.outline.size()),
-                     0, points.outline_weight};
+  SeenPoints seen = {
+      shown_weight_,         evaluated.sums.weight,  static_cast<int>(points.outline.size()), 0,
+      points.outline_weight, points.outline_evidence};
   for (std::size_t t = 0; t + 1 < points.outline_tiles.size(); ++t) {
     PointSums<float> tile = {};
     seen.outline_seen +=
@@ -181,6 +182,7 @@ AlignedKeyframe StartAligner::evaluate(const CameraPose<double>& pose,
   }
   evaluated.loss = keyframeLoss(evaluated.sums.cost, seen, rules.robust_scale);
   evaluated.most_weight = seen.mostWeight();
+  evaluated.most_evidence = seen.mostEvidence();
   ++evaluations_;
   return evaluated;
 }
@@ -213,7 +215,7 @@ void StartAligner::findEvidence(const KeyframeLevelRules& rules, AlignedKeyframe
   for (std::size_t t = 0; t + 1 < level.outline_tiles.size(); ++t) {
     EvidenceSums<float> tile = {};
     sumOutlineEvidence(view, {level, level.outline_tiles[t], level.outline_tiles[t + 1]},
-                       {rules.robust_scale, level.outline_weight}, &tile);
+                       {rules.robust_scale, level.outline_evidence}, &tile);
     add(tile);
   }
 }
