@@ -12,7 +12,6 @@
 
 namespace nerf_pose_refiner {
 
-/// Settings of a view bank.
 /// Keyframes for coarse alignment from many starts.
 inline KeyframeSettings smallKeyframes() {
   KeyframeSettings settings;
@@ -27,6 +26,7 @@ inline KeyframeSettings smallKeyframes() {
   return settings;
 }
 
+/// Settings of a view bank.
 struct ViewBankSettings {
   int views = 162;      ///< number of viewpoints; 162 are about 16 degrees apart
   int object_px = 100;  ///< object diameter in the views [px]

@@ -193,6 +193,23 @@ TEST_F(KeyframeOfScene, ReducesALargeImage) {
   EXPECT_EQ(render().reduction, 1);
 }
 
+// In the last steps outlines hold the distance; from afar they only mislead.
+TEST_F(KeyframeOfScene, OutlinesLeadInTheLastStepsNearTheKeyframe) {
+  KeyframeSettings settings;
+  const KeyframePoints near = render(settings);
+  for (std::size_t i = 0; i < near.levels.size(); ++i) {
+    const KeyframeLevel& level = near.levels[i];
+    if (i == 0) {
+      EXPECT_GT(level.outline_weight, level.outline_evidence + 1.5f);
+    } else {
+      EXPECT_EQ(level.outline_weight, level.outline_evidence) << "level " << i;
+    }
+  }
+  settings.for_starts = true;
+  const KeyframeLevel from_afar = render(settings).levels.front();
+  EXPECT_EQ(from_afar.outline_weight, from_afar.outline_evidence);
+}
+
 TEST_F(KeyframeOfScene, SmallObjectsGetMoreRays) {
   const auto raysOf = [&](double distance, const KeyframeSettings& settings) {
     const Pose T_O_C = cameraAround(*scene_, 0.6, 0.5, distance);

@@ -52,7 +52,9 @@ TEST(Outline, LiesOnADisc) {
 // At the edge, relative to the mean of two and three pixels inside it, and believed in part.
 TEST(Outline, TellsTheShadingTowardsIt) {
   const float ratio = (brightnessAt(kRadius) + 0.05f) / (brightnessAt(kRadius - 2.5f) + 0.05f);
-  for (const OutlinePlace& place : outlineOf(disc(kRadius), kView, 1000)) {
+  const std::vector<OutlinePlace> outline = outlineOf(disc(kRadius), kView, 1000);
+  ASSERT_FALSE(outline.empty());
+  for (const OutlinePlace& place : outline) {
     for (const float shade : place.point.look.shade[kOutlineCompared]) {
       EXPECT_NEAR(shade, std::pow(ratio, 0.7f), 0.02f);
     }
