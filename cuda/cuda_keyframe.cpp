@@ -32,7 +32,7 @@ class Packer {
 
 /// Where the lists of a level are.
 struct LevelPlaces {
-  std::size_t runs, shown, shown_colour, places, colours, outline, tiles;
+  std::size_t runs, shown, shown_colour, shown_normal, light, places, colours, outline, tiles;
   int outline_count, tile_count;
 };
 
@@ -101,12 +101,16 @@ OutlineGroups outlineOf(const KeyframeLevel& level) {
 LevelPlaces packLevel(const KeyframeLevel& level, Packer* packer) {
   const int shown_count = shownCount(level);
   // One at least: cells that are not shown look at it, too.
-  std::vector<Vec3<float>> shown(std::max(shown_count, 1)), shown_colour(shown.size());
+  std::vector<Vec3<float>> shown(std::max(shown_count, 1)), shown_colour(shown.size()),
+      shown_normal(shown.size());
   for (int i = 0; i < shown_count; ++i) {
     shown[i] = {level.shown.x[i], level.shown.y[i], level.shown.z[i]};
     shown_colour[i] = {level.shown_colour[0][i], level.shown_colour[1][i],
                        level.shown_colour[2][i]};
+    shown_normal[i] = level.shown_normal[i];
   }
+  std::vector<CudaLightSample> light;
+  for (const std::int32_t i : level.light_samples) light.push_back({i, level.shown.cell[i]});
   std::vector<ChosenPlace> places(level.chosen.size());
   for (std::size_t i = 0; i < places.size(); ++i) {
     places[i].p = {level.chosen.x[i], level.chosen.y[i], level.chosen.z[i]};
@@ -121,6 +125,8 @@ LevelPlaces packLevel(const KeyframeLevel& level, Packer* packer) {
   at.runs = packer->add(runsOfLevel(level, shown_count));
   at.shown = packer->add(shown);
   at.shown_colour = packer->add(shown_colour);
+  at.shown_normal = packer->add(shown_normal);
+  at.light = packer->add(light);
   at.places = packer->add(places);
   at.colours = packer->add(coloursOf(level));
   at.outline = packer->add(outline.points);
@@ -142,12 +148,15 @@ CudaKeyframeLevel levelAt(const KeyframeLevel& level, const LevelPlaces& at,
   to.outline_count = at.outline_count;
   to.tile_count = at.tile_count;
   to.outline_points = static_cast<int>(level.outline.size());
+  to.light_count = static_cast<int>(level.light_samples.size());
   to.point_count = level.point_count + to.outline_points;
   to.outline_weight = level.outline_weight;
   to.outline_evidence = level.outline_evidence;
   to.runs = reinterpret_cast<const ShownRun*>(memory + at.runs);
   to.shown = reinterpret_cast<const Vec3<float>*>(memory + at.shown);
   to.shown_colour = reinterpret_cast<const Vec3<float>*>(memory + at.shown_colour);
+  to.shown_normal = reinterpret_cast<const Vec3<float>*>(memory + at.shown_normal);
+  to.light = reinterpret_cast<const CudaLightSample*>(memory + at.light);
   to.places = reinterpret_cast<const ChosenPlace*>(memory + at.places);
   to.colours = reinterpret_cast<const ChosenColours*>(memory + at.colours);
   to.outline = reinterpret_cast<const CudaOutlinePoint*>(memory + at.outline);

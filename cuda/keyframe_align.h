@@ -51,17 +51,25 @@ struct ShownRun {
 
 inline __host__ __device__ int runsOf(int width) { return (width + kRunCells - 1) / kRunCells; }
 
+/// A shown point that tells the light, and its cell.
+struct CudaLightSample {
+  int shown, cell;
+};
+
 /// A level of a keyframe, @see KeyframeLevel.
 struct CudaKeyframeLevel {
   int spacing, width, height, window;
   int shown_count, chosen_count, outline_count, tile_count;
+  int light_count;     ///< <= kMaxLightSamples
   int point_count;     ///< of chosen points and of the outline, without what fills groups
   int outline_points;  ///< of it, likewise
   float outline_weight, outline_evidence;
   const ShownRun* runs;      ///< [height][runsOf(width)]
   const Vec3<float>* shown;  ///< [shown_count], by cells
   const Vec3<float>* shown_colour;
-  const ChosenPlace* places;  ///< [chosen_count]: whole groups, sorted by tiles
+  const Vec3<float>* shown_normal;
+  const CudaLightSample* light;  ///< [light_count]
+  const ChosenPlace* places;     ///< [chosen_count]: whole groups, sorted by tiles
   const ChosenColours* colours;
   const CudaOutlinePoint* outline;  ///< [outline_count]: whole groups, sorted by tiles
   /// [tile_count + 1]: where each tile begins, first of chosen points, then of the outline, whose

@@ -6,6 +6,7 @@
 #include <cooperative_groups.h>
 
 #include "keyframe_align.h"
+#include "math/relighting.h"
 
 namespace nerf_pose_refiner {
 
@@ -49,6 +50,7 @@ struct LevelScene {
   OcclusionTest* tests;
   int* nearest;
   SeenPoint* points;
+  LightEstimate light;  ///< from the keyframe to the frame
 
   __device__ float4* rowPlane(int plane) const { return rows + plane * level.width * level.height; }
 };
@@ -169,8 +171,9 @@ __device__ inline CellSums<kPlanes> sampleCell(const LevelScene& scene,
   if (kPlanes == kRowPlanes) {
     // Where a part of the object is hidden, covered or outside of the image, the keyframe's colours
     // are normalised over the rest of it, too: otherwise what is left would differ in mean and
-    // spread.
-    const Vec3<float> shown = level.shown_colour[i];
+    // spread. And they are in the light of the frame.
+    const Vec3<float> shown =
+        lightGain(scene.light.change, level.shown_normal[i]) * level.shown_colour[i];
     const float rendered[3] = {shown.x, shown.y, shown.z};
     sums.set(kPlanes - 2, rendered, weight);
   }
@@ -258,10 +261,11 @@ __device__ inline SeenPoint seenPoint(const LevelScene& scene, const PointTransf
       projectionJacobian(scene.image.K, inCamera(pose, place.p));
   const Vec3<float> tangent[2] = {transposedTimes(pose.R, chosen.tangent[0]),
                                   transposedTimes(pose.R, chosen.tangent[1])};
+  const float gain = lightGain(scene.light.change, surfaceNormal(chosen.tangent));
   for (int c = 0; c < 3; ++c) {
     const Pixel<float> gradient = carriedGradient(projection, tangent, chosen.gradient[c]);
-    const float rescaled = seen.inverse_deviation[c] / chosen.local.inverse_deviation[c];
-    point.rendered.value[c] = renormalised(chosen.colour[c], chosen.local, seen, c);
+    const float rescaled = gain * seen.inverse_deviation[c] / chosen.local.inverse_deviation[c];
+    point.rendered.value[c] = renormalised(chosen.colour[c], chosen.local, seen, gain, c);
     point.rendered.du[c] = rescaled * gradient.u;
     point.rendered.dv[c] = rescaled * gradient.v;
   }

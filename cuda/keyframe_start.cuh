@@ -1,6 +1,7 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "keyframe_light.cuh"
 #include "keyframe_outline.cuh"
 #include "keyframe_sums.cuh"
 
@@ -121,11 +122,20 @@ class StartAlignment {
     __syncthreads();
     const LevelScene& scene = shared_.scene;
     findSeenCells(crew_, scene, shared_.transform);
+    findLight();
     sumRows<kRowPlanes>(crew_, scene, shared_.transform, row_memory_, crews_);
     crew_.sync();
     forOwnPoints([&](int i, int) {
       if (i < scene.level.chosen_count) scene.points[i] = seenPoint(scene, shared_.transform, i);
     });
+  }
+
+  /// Every block for itself: there are few samples.
+  __device__ void findLight() {
+    LevelScene& scene = shared_.scene;
+    const LightSample own = lightSampleAt(scene, shared_.transform, threadIdx.x);
+    const auto sum = [this](double of_lane) { return sumOverWarps(of_lane); };
+    estimateLight(own, sum, &scene.light);
   }
 
   __device__ void alignLevel(const KeyframeLevelRules& rules, bool from_start_too) {
@@ -269,7 +279,8 @@ class StartAlignment {
         pointResidual(seen.rendered, pixel, seen.local, rules.observed_fraction);
     if (kOnlyEvidence) {
       const ChosenColours& chosen = scene.level.colours[i];
-      const float rendered = brightnessOf(chosen.colour, chosen.local);
+      const float gain = lightGain(scene.light.change, surfaceNormal(chosen.tangent));
+      const float rendered = gain * brightnessOf(chosen.colour, chosen.local);
       const float observed = brightnessOf(pixel[0].value, pixel[1].value, pixel[2].value);
       addEvidence(residual, {rendered, observed}, weight, rules.robust_scale, evidenceIn(terms));
       return;

@@ -7,6 +7,7 @@
 
 #include "math/keyframe_alignment.h"
 #include "math/outline_alignment.h"
+#include "math/relighting.h"
 #include "nerf_pose_refiner/camera.h"
 #include "nerf_pose_refiner/pose.h"
 
@@ -66,6 +67,8 @@ struct KeyframeLevel {
   /// is none.
   PointColumns shown;
   std::vector<float> shown_colour[3];
+  std::vector<Vec3<float>> shown_normal;    ///< of the surface, @see surfaceNormal; 0: not known
+  std::vector<std::int32_t> light_samples;  ///< some of them, which tell the light, in order
 
   /// Pixels that say most about the pose, sorted by tiles; each tile is a whole number of groups.
   PointColumns chosen;

@@ -139,10 +139,11 @@ NPR_HOST_DEVICE inline LocalColours<T> weightedLocalColours(const T sums[kLocalW
 }
 
 /// A keyframe's colour, normalised by all of its neighbours, normalised by those alone that are
-/// seen.
+/// seen. @param seen in the frame's light. @param gain of it, @see lightGain.
 NPR_HOST_DEVICE inline float renormalised(float colour, const LocalColours<float>& all,
-                                          const LocalColours<float>& seen, int channel) {
-  const float plain = colour / all.inverse_deviation[channel] + all.mean[channel];
+                                          const LocalColours<float>& seen, float gain,
+                                          int channel) {
+  const float plain = gain * (colour / all.inverse_deviation[channel] + all.mean[channel]);
   return (plain - seen.mean[channel]) * seen.inverse_deviation[channel];
 }
 

@@ -10,31 +10,15 @@
 #include "backend/common/image_levels.h"
 #include "math/keyframe_alignment.h"
 #include "math/tile_scatter.h"
+#include "views/chosen_points.h"
 #include "views/depth_range.h"
 #include "views/outline.h"
 
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr int kCellSide = 8;  // points are distributed evenly over cells of this size [px]
 /// Of colours around a point, over all channels, at which it counts half.
 constexpr float kPlainDeviation = 0.1f;
-
-// A pixel that may be chosen as a point.
-struct Candidate {
-  int pixel = 0;
-  float information = 0;
-};
-
-// The candidates of a cell that were not chosen yet.
-struct CellCandidates {
-  Candidate* begin = nullptr;
-  Candidate* end = nullptr;
-};
-
-bool isBetter(const Candidate& a, const Candidate& b) {
-  return a.information != b.information ? a.information > b.information : a.pixel < b.pixel;
-}
 
 class LevelMaker {
  public:
@@ -50,7 +34,7 @@ class LevelMaker {
     layGrid(window);
     normaliseColours();
     fillShown();
-    fillChosen(choose());
+    fillChosen(choosePoints(normalised_, shown_, settings_.max_points));
     fillOutline(holds_distance);
     return std::move(level_);
   }
@@ -187,10 +171,26 @@ class LevelMaker {
     points->cell.push_back(cell);
   }
 
+  // By the neighbours that are shown: a silhouette's are on one side.
+  Vec3<float> normalAt(int x, int y) const {
+    const auto isShown = [this](int u, int v) {
+      return u >= 0 && v >= 0 && u < width_ && v < height_ && shown_[v * width_ + u];
+    };
+    const auto step = [&](int du, int dv) {
+      const int before = isShown(x - du, y - dv) ? 1 : 0, behind = isShown(x + du, y + dv) ? 1 : 0;
+      const Eigen::Vector3f along =
+          pointAt(x + behind * du, y + behind * dv) - pointAt(x - before * du, y - before * dv);
+      return Vec3<float>{along.x(), along.y(), along.z()};
+    };
+    const Vec3<float> tangent[2] = {step(1, 0), step(0, 1)};
+    return surfaceNormal(tangent);
+  }
+
   void addShown(int pixel, int cell) {
     addPoint(pixel, cell, &level_.shown);
     const Eigen::Vector3f colour = colourAt(pixel);
     for (int c = 0; c < 3; ++c) level_.shown_colour[c].push_back(colour[c]);
+    level_.shown_normal.push_back(normalAt(pixel % width_, pixel / width_));
   }
 
   void fillShown() {
@@ -201,78 +201,11 @@ class LevelMaker {
       last = pixel;
       addShown(pixel, cell);
     });
+    const int count = shown.size();
+    for (int i = 0; i < count; i += (count - 1) / kMaxLightSamples + 1) {
+      level_.light_samples.push_back(i);
+    }
     while (shown.size() % kPointGroup != 0) addShown(last, none);
-  }
-
-  // What a pixel says of the pose: the squared gradient of its colours. 0 where a neighbour is not
-  // known.
-  float informationAt(int x, int y) const {
-    if (x == 0 || y == 0 || x + 1 == width_ || y + 1 == height_) return 0;
-    const char* const shown = shown_.data() + y * width_ + x;
-    if (!shown[0] || !shown[-1] || !shown[1] || !shown[-width_] || !shown[width_]) return 0;
-    const float* const here = normalised_.pixel(x, y);
-    const int right = 3, down = 3 * width_;
-    float sum = 0;
-    for (int c = 0; c < 3; ++c) {
-      const float du = here[c + right] - here[c - right];
-      const float dv = here[c + down] - here[c - down];
-      sum += du * du + dv * dv;
-    }
-    return sum;
-  }
-
-  // Appends the pixels of a cell that say something.
-  void addCandidates(int cell_x, int cell_y, std::vector<Candidate>* all) const {
-    for (int y = cell_y; y < std::min(cell_y + kCellSide, height_); ++y) {
-      for (int x = cell_x; x < std::min(cell_x + kCellSide, width_); ++x) {
-        const float information = informationAt(x, y);
-        if (information > 0) all->push_back({y * width_ + x, information});
-      }
-    }
-  }
-
-  // Those of every cell that has any, row by row. @param all becomes their memory.
-  std::vector<CellCandidates> candidates(std::vector<Candidate>* all) const {
-    all->reserve(shown_.size());  // so that they stay where they are
-    std::vector<CellCandidates> cells;
-    for (int y = 0; y < height_; y += kCellSide) {
-      for (int x = 0; x < width_; x += kCellSide) {
-        Candidate* const begin = all->data() + all->size();
-        addCandidates(x, y, all);
-        Candidate* const end = all->data() + all->size();
-        if (begin != end) cells.push_back({begin, end});
-      }
-    }
-    return cells;
-  }
-
-  // The best of every cell first, then the second best, until there are enough.
-  std::vector<Candidate> choose() const {
-    std::vector<Candidate> all;
-    std::vector<CellCandidates> cells = candidates(&all);
-    const auto enough = static_cast<std::size_t>(settings_.max_points);
-    std::vector<Candidate> chosen;
-    while (chosen.size() < enough) {
-      std::vector<Candidate> next = takeBest(&cells);
-      if (next.empty()) break;
-      std::sort(next.begin(), next.end(), isBetter);
-      next.resize(std::min(next.size(), enough - chosen.size()));
-      chosen.insert(chosen.end(), next.begin(), next.end());
-    }
-    return chosen;
-  }
-
-  // Takes the best candidate out of every cell that has any.
-  // (Few ranks are needed, so cells are not sorted.)
-  static std::vector<Candidate> takeBest(std::vector<CellCandidates>* cells) {
-    std::vector<Candidate> best;
-    for (CellCandidates& cell : *cells) {
-      if (cell.begin == cell.end) continue;
-      Candidate* const found = std::min_element(cell.begin, cell.end, isBetter);
-      best.push_back(*found);
-      *found = *--cell.end;
-    }
-    return best;
   }
 
   int tileOf(int pixel) const { return tileOfPixel(pixel, width_); }
@@ -316,10 +249,10 @@ class LevelMaker {
   }
 
   // Tile by tile.
-  void fillChosen(const std::vector<Candidate>& chosen) {
+  void fillChosen(const std::vector<int>& chosen) {
     std::vector<std::pair<int, int>> places;  // tile and pixel
     places.reserve(chosen.size());
-    for (const Candidate& one : chosen) places.emplace_back(tileOf(one.pixel), one.pixel);
+    for (const int pixel : chosen) places.emplace_back(tileOf(pixel), pixel);
     std::sort(places.begin(), places.end());
     level_.point_count = static_cast<int>(places.size());
     level_.tiles = {0};

@@ -137,6 +137,11 @@ TEST_F(CudaKeyframeAligner, SumsAsTheCpu) {
   expectSameSums(observed(imageOf(truth_)), keyframe(truth_), poses);
 }
 
+TEST_F(CudaKeyframeAligner, SumsAsTheCpuInOtherLight) {
+  const Image lit = imageInLight(truth_, {0.7f, -0.5f, 0.4f});
+  expectSameSums(observed(lit), keyframe(truth_), startsAround(4));
+}
+
 TEST_F(CudaKeyframeAligner, SumsAsTheCpuWhatIsCovered) {
   expectSameSums(withoutCovered(covered(imageOf(truth_))), keyframe(truth_), startsAround(4));
 }

@@ -1,6 +1,7 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cmath>
 #include <memory>
 
 #include "backend/loaded_field.h"
@@ -34,6 +35,32 @@ class KeyframeScene {
         const float colour = gain[static_cast<Eigen::Index>(c)] * scene.image.values[3 * i + c];
         float& value = image.values[3 * i + c];
         value = colour + alpha * offset + (1 - alpha) * value;
+      }
+    }
+    return image;
+  }
+
+  /// The scene before clutter in other light: the logarithm of its brightness changes with the
+  /// surface's normal, which looks away from the camera. @param change of it, in the axes of O.
+  Image imageInLight(const Pose& T_O_C, const Eigen::Vector3f& change) const {
+    const Rendering rendering = scene_->render({kCamera, T_O_C}, RenderOptions(), {});
+    const auto pointAt = [&](int x, int y) -> Eigen::Vector3f {
+      return Eigen::Map<const Eigen::Vector3f>(rendering.point.pixel(x, y)) /
+             rendering.alpha.at(x, y, 0);
+    };
+    const Image plain = imageOf(T_O_C), black = imageOf(T_O_C, Eigen::Array3f::Zero());
+    Image image = plain;
+    for (int y = 1; y + 1 < image.height; ++y) {
+      for (int x = 1; x + 1 < image.width; ++x) {
+        const Eigen::Vector3f normal = (pointAt(x + 1, y) - pointAt(x - 1, y))
+                                           .cross(pointAt(x, y + 1) - pointAt(x, y - 1))
+                                           .normalized();
+        if (!normal.allFinite()) continue;
+        const float gain = std::exp(change.dot(normal));
+        for (int c = 0; c < 3; ++c) {
+          const float empty = black.at(x, y, c);
+          image.at(x, y, c) = empty + gain * (plain.at(x, y, c) - empty);
+        }
       }
     }
     return image;

@@ -25,6 +25,13 @@ void add(const PointSums<float>& tile, PointSums<double>* sums) {
   for (int k = 0; k < 6; ++k) sums->gradient[k] += tile.gradient[k];
 }
 
+Vec3<float> normalOf(const ChosenSurface& surface) {
+  const Vec3<float> tangent[2] = {
+      {surface.tangent[0].x(), surface.tangent[0].y(), surface.tangent[0].z()},
+      {surface.tangent[1].x(), surface.tangent[1].y(), surface.tangent[1].z()}};
+  return surfaceNormal(tangent);
+}
+
 int countOf(const KeyframeLevel& level) {
   return level.point_count + static_cast<int>(level.outline.size());
 }
@@ -38,6 +45,7 @@ void StartAligner::beginLevel(int index, const CameraPose<double>& pose) {
   hideOccluded(pose);
   sampleFrame(pose);
   takeLocalColours(&local_);
+  findLight();
   compareWhatIsSeen();
   carryGradients(pose);
 }
@@ -59,28 +67,55 @@ void StartAligner::hideOccluded(const CameraPose<double>& pose) {
   shown_weight_ = std::accumulate(weight_.begin(), weight_.end(), 0.0);
 }
 
+// By what was sampled of the frame.
+void StartAligner::findLight() {
+  const KeyframeLevel& level = *level_;
+  std::vector<LightSample>& samples = light_samples_;
+  samples.clear();
+  for (const std::int32_t i : level.light_samples) {
+    const float* const frame =
+        grid_.data() + kBoxChannels * static_cast<std::size_t>(level.shown.cell[i]);
+    const float weight = frame[kLocalWeight];
+    if (!(weight > 0)) continue;
+    const float seen[3] = {frame[0] / weight, frame[1] / weight, frame[2] / weight};
+    const float rendered[3] = {level.shown_colour[0][i], level.shown_colour[1][i],
+                               level.shown_colour[2][i]};
+    samples.push_back(
+        {level.shown_normal[i], logBrightness(seen) - logBrightness(rendered), weight});
+  }
+  LightEstimate estimate = {};
+  for (int round = 0; round < kLightRounds; ++round) {
+    LightSums sums;
+    for (const LightSample& sample : samples) addLightSample(sample, round, estimate, &sums);
+    estimate = solveLight(sums);
+  }
+  light_ = estimate.change;
+}
+
 // Where a part of the object is hidden, covered or outside of the image, the keyframe's colours are
-// normalised over the rest of it, too: otherwise what is left would differ in mean and spread.
+// normalised over the rest of it, too: otherwise what is left would differ in mean and spread. And
+// they are in the light of the frame.
 void StartAligner::compareWhatIsSeen() {
   const KeyframeLevel& level = *level_;
-  for (int c = 0; c < 3; ++c) rendered_[c] = level.colour[c];
-  rendered_local_ = level.local;
-  bool all_seen = true;
   for (int i = 0; i < level.shown.size(); ++i) {
     float* const sums = grid_.data() + kBoxChannels * static_cast<std::size_t>(level.shown.cell[i]);
     const float weight = sums[kLocalWeight];
-    all_seen = all_seen && weight == 1;
+    const float gain = lightGain(light_, level.shown_normal[i]);
     for (int c = 0; c < 3; ++c) {
-      const float colour = level.shown_colour[c][i];
+      const float colour = gain * level.shown_colour[c][i];
       sums[c] = weight * colour;
       sums[3 + c] = weight * colour * colour;
     }
   }
-  if (all_seen) return;
   takeLocalColours(&rendered_local_);
+  for (std::vector<float>& rendered : rendered_) rendered.resize(level.chosen.size());
+  gain_.resize(level.chosen.size());
   for (int i = 0; i < level.chosen.size(); ++i) {
     const LocalColours<float> all = level.local.at(i), seen = rendered_local_.at(i);
-    for (int c = 0; c < 3; ++c) rendered_[c][i] = renormalised(level.colour[c][i], all, seen, c);
+    gain_[i] = lightGain(light_, normalOf(level.surface[i]));
+    for (int c = 0; c < 3; ++c) {
+      rendered_[c][i] = renormalised(level.colour[c][i], all, seen, gain_[i], c);
+    }
   }
 }
 
@@ -105,7 +140,7 @@ void StartAligner::carryGradients(const CameraPose<double>& pose) {
       const Pixel<float> gradient = carriedGradient(
           projection, tangent, Pixel<float>{surface.gradient[c].x(), surface.gradient[c].y()});
       const float rescaled =
-          rendered_local_.inverse_deviation[c][i] / level.local.inverse_deviation[c][i];
+          gain_[i] * rendered_local_.inverse_deviation[c][i] / level.local.inverse_deviation[c][i];
       rendered_du_[c][i] = rescaled * gradient.u;
       rendered_dv_[c][i] = rescaled * gradient.v;
     }
@@ -194,7 +229,7 @@ void StartAligner::findEvidence(const KeyframeLevelRules& rules, AlignedKeyframe
   brightness_.resize(level.chosen.size());
   for (int i = 0; i < level.chosen.size(); ++i) {
     const float colour[3] = {level.colour[0][i], level.colour[1][i], level.colour[2][i]};
-    brightness_[i] = brightnessOf(colour, level.local.at(i));
+    brightness_[i] = gain_[i] * brightnessOf(colour, level.local.at(i));
   }
   const KernelView view = {image_, transformOf(aligned->pose)};
   const KernelColours compared = colours();

@@ -27,6 +27,7 @@ class StartAligner {
   KernelColours colours() const;
   PointTransform<float> transformOf(const CameraPose<double>& pose) const;
   void hideOccluded(const CameraPose<double>& pose);
+  void findLight();
   void compareWhatIsSeen();
   void carryGradients(const CameraPose<double>& pose);
   void sampleFrame(const CameraPose<double>& pose);
@@ -43,8 +44,10 @@ class StartAligner {
   KernelImage image_ = {};
   std::vector<std::int32_t> hidden_;  // cells of the keyframe that the object itself hides
   std::vector<float> grid_, sums_;    // of colours in the keyframe's cells, @see boxSums
+  LightChange light_ = {0, 0, 0};     // from the keyframe to the frame
+  std::vector<LightSample> light_samples_;
   // Of the chosen points:
-  std::vector<float> weight_, brightness_;
+  std::vector<float> weight_, brightness_, gain_;
   std::vector<float> rendered_[3], rendered_du_[3], rendered_dv_[3];
   LocalColourColumns rendered_local_, local_;  // around them in the rendering, in the frame
   double shown_weight_ = 0;                    // of all
