@@ -57,7 +57,7 @@ __device__ inline LightSums gatherLanes(double own) {
 
 /// The light by all threads of a block; each brings a sample, of weight 0 if it has none.
 /// @param sumOverWarps sums numbers of the lanes over all warps, for the lanes of the first one.
-/// @param light in shared memory. All threads see it.
+/// @param light in shared memory. All threads see it; its change is the one that is believed.
 template <typename Sum>
 __device__ inline void estimateLight(const LightSample& sample, const Sum& sumOverWarps,
                                      LightEstimate* light) {
@@ -67,7 +67,10 @@ __device__ inline void estimateLight(const LightSample& sample, const Sum& sumOv
     const double total = sumOverWarps(sumOverLanes(sums));
     if (warpIndex() == 0) {
       sums = gatherLanes(total);
-      if (laneIndex() == 0) *light = solveLight(sums);
+      if (laneIndex() == 0) {
+        *light = solveLight(sums);
+        if (round + 1 == kLightRounds) light->change = believedChange(*light, sums);
+      }
     }
     __syncthreads();
   }

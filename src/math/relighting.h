@@ -41,7 +41,8 @@ struct LightSample {
 
 /// Normal equations of the unknowns.
 struct LightSums {
-  float weight = 0;
+  float seen = 0;                             ///< weight of the places
+  float weight = 0;                           ///< the same, of what is explained
   float information[kLightInformation] = {};  ///< lower triangle, row by row
   float gradient[kLightUnknowns] = {};
 };
@@ -64,6 +65,7 @@ NPR_HOST_DEVICE inline float logBrightness(const float colour[3]) {
 NPR_HOST_DEVICE inline void addLightSample(const LightSample& sample, int round,
                                            const LightEstimate& estimate, LightSums* sums) {
   float weight = sample.weight;
+  sums->seen += weight;
   if (round > 0) {
     const float scale = lightScale(round);
     const float r =
@@ -112,6 +114,16 @@ NPR_HOST_DEVICE inline LightEstimate solveLight(const LightSums& sums) {
   estimate.mean = solution[0];
   estimate.change = {solution[1], solution[2], solution[3]};
   return estimate;
+}
+
+/// The change that is believed of the last round's: a light explains most of what is seen of the
+/// object; what covers half of it does not, nor does a wrong pose.
+NPR_HOST_DEVICE inline LightChange believedChange(const LightEstimate& estimate,
+                                                  const LightSums& sums) {
+  constexpr float kNone = 0.55f, kAll = 0.75f;  // explained share of what is seen
+  const float share = sums.seen > 0 ? sums.weight / sums.seen : 0;
+  const float belief = (share - kNone) / (kAll - kNone);
+  return (belief > 0 ? (belief < 1 ? belief : 1.0f) : 0.0f) * estimate.change;
 }
 
 /// By what a light multiplies the colours of a surface, but for what all have in common.

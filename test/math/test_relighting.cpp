@@ -28,14 +28,23 @@ std::vector<LightSample> ballIn(const LightChange& change) {
   return samples;
 }
 
-LightEstimate estimated(const std::vector<LightSample>& samples) {
+// @param last set to the sums of the last round.
+LightEstimate estimated(const std::vector<LightSample>& samples, LightSums* last = nullptr) {
   LightEstimate estimate = {};
+  LightSums sums;
   for (int round = 0; round < kLightRounds; ++round) {
-    LightSums sums;
+    sums = {};
     for (const LightSample& sample : samples) addLightSample(sample, round, estimate, &sums);
     estimate = solveLight(sums);
   }
+  if (last) *last = sums;
   return estimate;
+}
+
+LightChange believed(const std::vector<LightSample>& samples) {
+  LightSums last;
+  const LightEstimate estimate = estimated(samples, &last);
+  return believedChange(estimate, last);
 }
 
 void expectNear(const LightChange& a, const LightChange& b, float most) {
@@ -77,6 +86,23 @@ TEST(Relighting, AFaceTellsOnlyItsOwnBrightness) {
   EXPECT_NEAR(found.mean + dot(found.change, samples[0].normal), -0.4f, 0.01f);
   EXPECT_LT(norm(found.change), 0.01f);
 }
+
+TEST(Relighting, IsBelievedWhereItExplainsMostOfTheObject) {
+  expectNear(believed(ballIn(kChange)), kChange, 0.05f);
+  std::vector<LightSample> wrong = ballIn(kChange);  // another object, say
+  for (std::size_t i = 0; i < wrong.size(); ++i) wrong[i].log_ratio += i % 2 ? 0.5f : -0.5f;
+  expectNear(believed(wrong), {0, 0, 0}, 0);
+}
+
+TEST(Relighting, IsNotBelievedWhereHalfIsCovered) {
+  std::vector<LightSample> samples = ballIn(kChange);
+  for (LightSample& sample : samples) {
+    if (sample.normal.x > 0) sample.log_ratio = sample.normal.y > 0 ? 1.2f : -1.5f;
+  }
+  EXPECT_LT(norm(believed(samples)), 0.5f * norm(kChange));
+}
+
+TEST(Relighting, NothingSeenIsNoChange) { expectNear(believed({}), {0, 0, 0}, 0); }
 
 TEST(Relighting, TooFewPlacesTellNothing) {
   std::vector<LightSample> samples = ballIn(kChange);

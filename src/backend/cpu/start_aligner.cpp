@@ -84,12 +84,13 @@ void StartAligner::findLight() {
         {level.shown_normal[i], logBrightness(seen) - logBrightness(rendered), weight});
   }
   LightEstimate estimate = {};
+  LightSums sums;
   for (int round = 0; round < kLightRounds; ++round) {
-    LightSums sums;
+    sums = {};
     for (const LightSample& sample : samples) addLightSample(sample, round, estimate, &sums);
     estimate = solveLight(sums);
   }
-  light_ = estimate.change;
+  light_ = believedChange(estimate, sums);
 }
 
 // Where a part of the object is hidden, covered or outside of the image, the keyframe's colours are
