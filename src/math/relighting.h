@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cmath>
+#include <vector>
 
 #include "math/host_device.h"
 #include "math/vec.h"
@@ -124,6 +125,19 @@ NPR_HOST_DEVICE inline LightChange believedChange(const LightEstimate& estimate,
   const float share = sums.seen > 0 ? sums.weight / sums.seen : 0;
   const float belief = (share - kNone) / (kAll - kNone);
   return (belief > 0 ? (belief < 1 ? belief : 1.0f) : 0.0f) * estimate.change;
+}
+
+/// The light by all places, on one processor's thread; its change is the one that is believed.
+inline LightEstimate estimateLight(const std::vector<LightSample>& samples) {
+  LightEstimate estimate = {};
+  LightSums sums;
+  for (int round = 0; round < kLightRounds; ++round) {
+    sums = {};
+    for (const LightSample& sample : samples) addLightSample(sample, round, estimate, &sums);
+    estimate = solveLight(sums);
+  }
+  estimate.change = believedChange(estimate, sums);
+  return estimate;
 }
 
 /// By what a light multiplies the colours of a surface, but for what all have in common.

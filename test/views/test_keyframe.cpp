@@ -83,6 +83,29 @@ TEST_F(KeyframeOfScene, PointsLieOnTheSurface) {
   }
 }
 
+TEST_F(KeyframeOfScene, NormalsLookAwayFromTheCameraAndSomePlacesTellTheLight) {
+  const KeyframePoints keyframe = render();
+  for (const KeyframeLevel& level : keyframe.levels) {
+    ASSERT_EQ(level.shown_normal.size(), level.shown.cell.size());
+    ASSERT_FALSE(level.light_samples.empty());
+    EXPECT_LE(level.light_samples.size(), static_cast<std::size_t>(kMaxLightSamples));
+    int known = 0;
+    for (std::size_t k = 0; k < level.light_samples.size(); ++k) {
+      const std::int32_t i = level.light_samples[k];
+      ASSERT_TRUE(k == 0 || i > level.light_samples[k - 1]);
+      ASSERT_LT(level.shown.cell[i], level.width * level.height);  // none of those that fill up
+      const Vec3<float>& n = level.shown_normal[i];
+      if (norm(n) == 0) continue;
+      ++known;
+      EXPECT_NEAR(norm(n), 1, 1e-5);
+      const Eigen::Vector3d point =
+          keyframe.centre + Eigen::Vector3d(level.shown.x[i], level.shown.y[i], level.shown.z[i]);
+      EXPECT_GT(Eigen::Vector3d(n.x, n.y, n.z).dot(point - keyframe.T_O_C.t), 0);
+    }
+    EXPECT_GT(known, static_cast<int>(level.light_samples.size()) / 2);
+  }
+}
+
 TEST_F(KeyframeOfScene, PointsProjectToTheirPixels) {
   const KeyframeSettings settings = dense();
   const KeyframePoints keyframe = render(settings);

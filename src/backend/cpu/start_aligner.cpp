@@ -83,14 +83,7 @@ void StartAligner::findLight() {
     samples.push_back(
         {level.shown_normal[i], logBrightness(seen) - logBrightness(rendered), weight});
   }
-  LightEstimate estimate = {};
-  LightSums sums;
-  for (int round = 0; round < kLightRounds; ++round) {
-    sums = {};
-    for (const LightSample& sample : samples) addLightSample(sample, round, estimate, &sums);
-    estimate = solveLight(sums);
-  }
-  light_ = believedChange(estimate, sums);
+  light_ = estimateLight(samples).change;
 }
 
 // Where a part of the object is hidden, covered or outside of the image, the keyframe's colours are
