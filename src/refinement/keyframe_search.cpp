@@ -157,7 +157,10 @@ std::optional<SecondOpinion> KeyframeSearch::secondOpinion(const Hypothesis& fou
   if (says.state != HypothesisState::kLive || says.score < kMinScore * found.score) {
     return std::nullopt;
   }
-  return SecondOpinion{says.T_O_C, viewDistance(*other->keyframe, found.T_O_C).rotation_rad};
+  const auto besideOf = [&](const KeyframeSet::Entry& entry) {
+    return viewDistance(*entry.keyframe, found.T_O_C).rotation_rad;
+  };
+  return SecondOpinion{says.T_O_C, besideOf(*other), besideOf(*kept_.nearest(found.T_O_C))};
 }
 
 HypothesisTable KeyframeSearch::withBeside(const Observation& observation,

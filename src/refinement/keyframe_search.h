@@ -15,8 +15,9 @@ namespace nerf_pose_refiner {
 
 /// What another keyframe says of a pose.
 struct SecondOpinion {
-  Pose T_O_C;             ///< where it is aligned
-  double beside_rad = 0;  ///< how far beside the pose it was rendered, @see ViewDistance
+  Pose T_O_C;                 ///< where it is aligned
+  double beside_rad = 0;      ///< how far beside the pose it was rendered, @see ViewDistance
+  double own_beside_rad = 0;  ///< the same of the nearest keyframe, which found the pose
 };
 
 /// Looks for an object in an image with the keyframes that there are.

@@ -113,10 +113,12 @@ Matrix6 systematicCovariance(const Matrix6& of_twist, const Pose& T_O_C,
   return kOverNoise * rotated(variances.asDiagonal(), sight);
 }
 
-Matrix6 disagreement(const Vector6& away, double beside_rad) {
-  constexpr double kMinHeld = 0.1;
+Matrix6 disagreement(const Vector6& away, double beside_rad, double own_beside_rad) {
+  constexpr double kMinHeld = 0.1, kMinShare = 0.1;
   const double taken_along = beside_rad > 0 ? away.tail<3>().norm() / beside_rad : 0;
-  const Vector6 error = away / std::max(kMinHeld, 1 - taken_along);
+  const double share = beside_rad > 0 ? own_beside_rad / beside_rad : 1;
+  const Vector6 error =
+      std::clamp(share, kMinShare, 1.0) / std::max(kMinHeld, 1 - taken_along) * away;
   return error * error.transpose();
 }
 

@@ -59,11 +59,14 @@ double withinProbability(const Matrix6& of_twist, const FieldMetadata& object);
 Matrix6 systematicCovariance(const Matrix6& of_twist, const Pose& T_O_C,
                              const FieldMetadata& object);
 
-/// The covariance that two keyframes show by ending apart, as a twist of the pose. If the second
-/// one turns the object by as much as it was rendered beside it, the image does not fix that turn.
+/// The covariance that two keyframes show by ending apart, as a twist of the pose. Where an image
+/// holds a turn badly, a keyframe drags the pose a share of the way to where it was rendered: if
+/// the second one turns the object by as much as it was rendered beside it, the image does not fix
+/// that turn. The first one drags by the same share of its own way.
 /// @param away from the pose to where the second keyframe is aligned, @see cameraTwist.
-/// @param beside_rad how far beside the pose that one was rendered.
-Matrix6 disagreement(const Vector6& away, double beside_rad);
+/// @param beside_rad how far beside the pose that one was rendered. @param own_beside_rad the same
+/// of the keyframe that found the pose.
+Matrix6 disagreement(const Vector6& away, double beside_rad, double own_beside_rad);
 
 /// A score of alignment to the field (calibratedScore, scoreOfFraction) on the scale of
 /// probabilities: 0.1 is as likely right as wrong, 0.18 right in nine of ten cases.

@@ -119,6 +119,23 @@ TEST(WithinProbability, IsThatOfTheWorstDirection) {
   EXPECT_NEAR(withinProbability(covariance, object), 0.95 * 0.6827, 1e-3);
 }
 
+TEST(Disagreement, IsWhatTheKeyframesOwnWayMayHaveDragged) {
+  const auto deviation = [](double away_rad, double beside_rad, double own_beside_rad) {
+    Vector6 away = Vector6::Zero();
+    away[0] = 0.1;
+    away[4] = away_rad;
+    const Matrix6 covariance = disagreement(away, beside_rad, own_beside_rad);
+    EXPECT_NEAR(covariance(0, 4), 0.1 / away_rad * covariance(4, 4), 1e-12) << "of one direction";
+    return std::sqrt(covariance(4, 4));
+  };
+  // Dragged a quarter of its way of 0.2, a keyframe is off by a third of what is left of it.
+  EXPECT_NEAR(deviation(0.05, 0.2, 0.2), 0.05 / 0.75, 1e-12);
+  EXPECT_NEAR(deviation(0.05, 0.2, 0.1), 0.5 * 0.05 / 0.75, 1e-12);
+  EXPECT_NEAR(deviation(0.05, 0.2, 0), 0.1 * 0.05 / 0.75, 1e-12) << "a tenth at least";
+  EXPECT_NEAR(deviation(0.05, 0.2, 0.4), 0.05 / 0.75, 1e-12) << "never more than it shows";
+  EXPECT_NEAR(deviation(0.2, 0.2, 0.2), 2, 1e-12) << "the turn is not held at all";
+}
+
 TEST(FieldScoreProbability, PassesThroughItsTwoPoints) {
   EXPECT_NEAR(fieldScoreProbability(0.1), 0.5, 1e-12);
   EXPECT_NEAR(fieldScoreProbability(0.18), 0.9, 1e-12);
