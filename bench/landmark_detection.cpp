@@ -145,7 +145,7 @@ class Benchmark {
     }
     if (!is_right) {
       std::printf(" from truth ");
-      describe(settled_.settle({trial.observation, 0}, {{trial.T_O_C, 1}}, {}), trial);
+      describe(settled_.settle({trial.observation, 0}, {trial.T_O_C}, {}), trial);
     }
     std::printf(" %.2f s: %s\n", found.seconds, stage.c_str());
     std::fflush(stdout);
@@ -163,6 +163,7 @@ class Benchmark {
     if (!truth) return evidence;
     const double near = std::max(1.5, 0.02 * truth->diameter_px);
     for (const FeatureMatch& match : matcher_.match(features)) {
+      if (match.ratio > options_.detection.candidates.max_ratio) continue;
       ++evidence.matches;
       const FeaturePlace& feature = features.places[static_cast<std::size_t>(match.feature)];
       const Landmark& landmark = landmarks_.places[static_cast<std::size_t>(match.landmark)];
@@ -189,7 +190,7 @@ class Benchmark {
       *rank = static_cast<int>(i);
       std::printf(" [evidence %.2f, %.1f deg, %.1f %%]", candidates[i].evidence,
                   error.rotation_rad / kDegree, 100 * error.object_offset / object_.diameter);
-      return settled_.settle({trial.observation, 0}, {{candidates[i].T_O_C, 1}}, {});
+      return settled_.settle({trial.observation, 0}, {candidates[i].T_O_C}, {});
     }
     return {};
   }
@@ -261,7 +262,7 @@ void addOptions(CLI::App* app, Options* o) {
   app->add_option("--every", o->every, "only every so many-th view");
   app->add_option("--seeds", o->seeds, "so often each view, in other places");
   app->add_option("--threads", o->threads, "0: all cores");
-  app->add_option("--ratio", o->detection.matching.max_ratio, "of matches, at most");
+  app->add_option("--ratio", o->detection.candidates.max_ratio, "of matches that vote, at most");
   app->add_option("--groups", o->detection.candidates.most_groups, "of votes");
   app->add_option("--candidates", o->detection.candidates.most_candidates, "at most");
   app->add_option("--landmarks", o->detection.candidates.least_landmarks, "that agree");

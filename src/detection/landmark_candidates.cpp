@@ -32,6 +32,19 @@ class DistinctMatches {
   std::set<int> landmarks_;
 };
 
+const FeaturePlace& featureOf(const FeatureMatch& match, const MatchedImage& image) {
+  return image.features[static_cast<std::size_t>(match.feature)];
+}
+
+const Landmark& landmarkOf(const FeatureMatch& match, const MatchedImage& image) {
+  return image.landmarks.places[static_cast<std::size_t>(match.landmark)];
+}
+
+/// The pose that a match speaks for by itself.
+Pose poseOf(const FeatureMatch& match, const MatchedImage& image) {
+  return poseFromMatch(image.camera, featureOf(match, image), landmarkOf(match, image));
+}
+
 /// Makes the candidates of one image.
 class CandidateSearch {
  public:
@@ -39,13 +52,14 @@ class CandidateSearch {
                   const LandmarkCandidateSettings& settings)
       : image_(image), object_(object), settings_(settings) {
     for (const FeatureMatch& match : image.matches) {
-      const FeaturePlace& feature = image.features[static_cast<std::size_t>(match.feature)];
-      const Landmark& landmark = image.landmarks.places[static_cast<std::size_t>(match.landmark)];
-      const auto vote =
-          voteFor(poseFromMatch(image.camera, feature, landmark), image.camera, object);
+      if (match.ratio > settings.max_ratio) continue;
+      const Pose T_O_C = poseOf(match, image);
+      const auto vote = voteFor(T_O_C, image.camera, object);
       if (!vote) continue;
+      const FeaturePlace& feature = featureOf(match, image);
       votes_.push_back(*vote);
-      points_.push_back({landmark.point.cast<double>(), {feature.x, feature.y}});
+      poses_.push_back(T_O_C);
+      points_.push_back({landmarkOf(match, image).point.cast<double>(), {feature.x, feature.y}});
       landmarks_.push_back(match.landmark);
     }
   }
@@ -62,16 +76,31 @@ class CandidateSearch {
       for (const int match : used) counter.remove(match);
       counter.remove(vote);
     }
-    std::stable_sort(
-        candidates.begin(), candidates.end(),
-        [](const PoseCandidate& a, const PoseCandidate& b) { return a.evidence > b.evidence; });
-    if (candidates.size() > static_cast<std::size_t>(settings_.most_candidates)) {
-      candidates.resize(static_cast<std::size_t>(settings_.most_candidates));
+    keepBest(settings_.most_candidates, &candidates);
+    return candidates;
+  }
+
+  PoseCandidates ofSingleMatches() const {
+    const VoteCounter counter(votes_, settings_.votes);
+    PoseCandidates candidates;
+    for (std::size_t i = 0; i < votes_.size(); ++i) {
+      const double agreeing = counter.count(static_cast<int>(i));
+      candidates.push_back({poses_[i], agreeing, CandidateSource::kLandmarks});
     }
+    keepBest(settings_.most_single, &candidates);
     return candidates;
   }
 
  private:
+  static void keepBest(int most, PoseCandidates* candidates) {
+    std::stable_sort(
+        candidates->begin(), candidates->end(),
+        [](const PoseCandidate& a, const PoseCandidate& b) { return a.evidence > b.evidence; });
+    if (candidates->size() > static_cast<std::size_t>(most)) {
+      candidates->resize(static_cast<std::size_t>(most));
+    }
+  }
+
   double thresholdOf(int vote) const {
     return thresholdFor(votes_[static_cast<std::size_t>(vote)].diameter_px, settings_);
   }
@@ -131,6 +160,7 @@ class CandidateSearch {
   const LandmarkCandidateSettings& settings_;
   // Of the matches whose vote makes sense.
   std::vector<PoseVote> votes_;
+  std::vector<Pose> poses_;
   std::vector<PointMatch> points_;
   std::vector<int> landmarks_;
 };
@@ -145,16 +175,12 @@ int landmarksAt(const Pose& T_O_C, const MatchedImage& image, const FieldMetadat
   const Pose T_C_O = T_O_C.inverse();
   DistinctMatches matches;
   for (const FeatureMatch& match : image.matches) {
-    const FeaturePlace& feature = image.features[static_cast<std::size_t>(match.feature)];
-    const Landmark& landmark = image.landmarks.places[static_cast<std::size_t>(match.landmark)];
-    const Eigen::Vector3d point_C = T_C_O * landmark.point.cast<double>();
-    // (What is on the far side of the object is not seen.)
-    const Eigen::Vector3d ray_O = T_O_C.R * point_C.normalized();
-    if (!(point_C.z() > 0) || ray_O.dot(landmark.R_O_F.col(2).cast<double>()) <= 0) continue;
-    const Eigen::Vector2d pixel(feature.x, feature.y);
-    if ((image.camera.project(point_C) - pixel).norm() <= threshold) {
-      matches.add(pixel, match.landmark);
-    }
+    const Eigen::Vector3d point_C = T_C_O * landmarkOf(match, image).point.cast<double>();
+    if (!(point_C.z() > 0)) continue;
+    const Eigen::Vector2d pixel(featureOf(match, image).x, featureOf(match, image).y);
+    if ((image.camera.project(point_C) - pixel).norm() > threshold) continue;
+    const auto vote = voteFor(poseOf(match, image), image.camera, object);
+    if (vote && agree(*vote, *seen, settings.votes)) matches.add(pixel, match.landmark);
   }
   return matches.count();
 }
@@ -163,6 +189,11 @@ PoseCandidates landmarkCandidates(const MatchedImage& image, const FieldMetadata
                                   const LandmarkCandidateSettings& settings,
                                   const CancellationToken& cancellation) {
   return CandidateSearch(image, object, settings).run(cancellation);
+}
+
+PoseCandidates singleMatchCandidates(const MatchedImage& image, const FieldMetadata& object,
+                                     const LandmarkCandidateSettings& settings) {
+  return CandidateSearch(image, object, settings).ofSingleMatches();
 }
 
 }  // namespace nerf_pose_refiner

@@ -17,9 +17,11 @@ struct FieldMetadata;
 
 struct LandmarkCandidateSettings {
   VoteTolerance votes;
+  double max_ratio = 0.9;           ///< of matches that vote, @see FeatureMatch
   int least_landmarks = 4;          ///< that agree with a candidate
   int most_candidates = 24;         ///< that are returned
   int most_groups = 150;            ///< of votes that are looked at
+  int most_single = 300;            ///< poses of single matches that are returned
   double threshold = 0.02;          ///< of a landmark from its feature [diameters in the image]
   double least_threshold_px = 1.5;  ///< the same, at least
 };
@@ -32,7 +34,9 @@ struct MatchedImage {
   std::vector<FeatureMatch> matches;
 };
 
-/// How many landmarks are seen where a pose puts them, each at a place of its own.
+/// How many landmarks are seen where a pose puts them, of the size and orientation that they have
+/// there, each at a place of its own. Matches that look like several places count, too: that the
+/// best one of thousands agrees with the pose is rarely chance.
 int landmarksAt(const Pose& T_O_C, const MatchedImage& image, const FieldMetadata& object,
                 const LandmarkCandidateSettings& settings);
 
@@ -43,5 +47,11 @@ int landmarksAt(const Pose& T_O_C, const MatchedImage& image, const FieldMetadat
 PoseCandidates landmarkCandidates(const MatchedImage& image, const FieldMetadata& object,
                                   const LandmarkCandidateSettings& settings,
                                   const CancellationToken& cancellation);
+
+/// The poses that single matches vote for, those first that most others agree with: rough, and
+/// nearly all wrong, but where little of the object is seen one of them may be the only right one.
+/// Their evidence is the number of votes that agree.
+PoseCandidates singleMatchCandidates(const MatchedImage& image, const FieldMetadata& object,
+                                     const LandmarkCandidateSettings& settings);
 
 }  // namespace nerf_pose_refiner

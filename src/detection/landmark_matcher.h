@@ -9,15 +9,15 @@
 
 namespace nerf_pose_refiner {
 
-/// A feature of an image that looks like a landmark, and like no other place on the object.
+/// A feature of an image and the landmark that looks most like it.
 struct FeatureMatch {
   int feature = 0;
   int landmark = 0;
-  float ratio = 0;  ///< of the distance of its descriptor to that of the best other place
+  float ratio =
+      0;  ///< of its descriptor's distances to the landmark and to the next place, at most 1
 };
 
 struct MatchingSettings {
-  double max_ratio = 0.9;     ///< of the distances to the best landmark and to the next place
   double other_place = 0.05;  ///< landmarks farther apart are other places [diameters]
   int neighbours = 6;         ///< that are looked at
   int checks = 64;            ///< leaves of the trees that a search looks at
@@ -25,7 +25,7 @@ struct MatchingSettings {
 };
 
 /// Finds the landmarks that features of images look like, by a forest of randomised kd-trees
-/// (Silpa- Anan and Hartley 2008). Any thread may search.
+/// (Silpa-Anan and Hartley 2008). Any thread may search.
 class LandmarkMatcher {
  public:
   /// @param landmarks live longer. @param diameter of the object [model units].

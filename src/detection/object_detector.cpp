@@ -16,12 +16,13 @@
 namespace nerf_pose_refiner {
 namespace {
 
-/// What landmarks that agree with a pose say for it. Chance makes as few agree as are asked for; of
-/// the candidates in images without the object, each further one halves the number.
-/// @param further landmarks than are asked for.
-double oddsOfLandmarks(double further) {
-  constexpr double kMax = 20;  // the image has to agree, too: parts of objects look alike
-  return std::min(kMax, std::exp2(std::max(0.0, further)));
+/// What landmarks that agree with a pose say for it. One agrees by chance with one wrong pose in
+/// ten (of 240 in images of other objects), more than one hardly ever; but neighbours are often
+/// alike.
+double oddsOfLandmarks(int landmarks) {
+  constexpr double kOfEach = 3;
+  constexpr double kMax = 100;  // the image has to agree, too: parts of objects look alike
+  return std::min(kMax, std::pow(kOfEach, std::max(0, landmarks - 1)));
 }
 
 /// Distances at which the object may be [diameters].
@@ -96,19 +97,25 @@ ImageCandidates ObjectDetector::candidates(const Observation& observation, const
   cancellation.check();
   result.matched.emplace(
       MatchedImage{*part, features.places, *landmarks_, matcher_.match(features)});
-  const FieldMetadata& object = field_->field().metadata;
-  for (const PoseCandidate& candidate :
-       landmarkCandidates(*result.matched, object, settings_.candidates, cancellation)) {
-    if (isAtDistance(area, (candidate.T_O_C.t - object.centre).norm())) {
-      result.poses.push_back(candidate);
-    }
-  }
+  result.poses = atDistance(area, landmarkCandidates(*result.matched, field_->field().metadata,
+                                                     settings_.candidates, cancellation));
   if (features.size() == 0) {
     result.message = "the image has no features";
   } else if (result.poses.empty()) {
     result.message = "no pose agrees with enough landmarks";
   }
   return result;
+}
+
+/// Those of the distances that an area leaves.
+PoseCandidates ObjectDetector::atDistance(const SearchArea& area, PoseCandidates candidates) const {
+  const FieldMetadata& object = field_->field().metadata;
+  const auto isBeyond = [&](const PoseCandidate& one) {
+    return !isAtDistance(area, (one.T_O_C.t - object.centre).norm());
+  };
+  candidates.erase(std::remove_if(candidates.begin(), candidates.end(), isBeyond),
+                   candidates.end());
+  return candidates;
 }
 
 PoseCandidates ObjectDetector::templateCandidates(const Observation& observation,
@@ -132,22 +139,49 @@ PoseCandidates ObjectDetector::templateCandidates(const Observation& observation
   return candidates;
 }
 
+/// One search of an image.
+struct ObjectDetector::Search {
+  const Observation& observation;
+  const CancellationToken& cancellation;
+  std::chrono::steady_clock::time_point begin = std::chrono::steady_clock::now();
+  std::vector<Refinement> doubted = {};  // poses that were found but not trusted
+  Detections detections = {};
+
+  bool isTimeUp(double budget_s) const { return budget_s > 0 && secondsSince(begin) > budget_s; }
+};
+
 /// The best candidates, as well as small views of the object explain the image.
-PoseCandidates ObjectDetector::ranked(const Observation& observation,
-                                      const PoseCandidates& candidates, int most,
-                                      const CancellationToken& cancellation) {
+PoseCandidates ObjectDetector::ranked(const PoseCandidates& candidates, int most,
+                                      const Search& search) {
   if (!ranking_) ranking_.emplace(backend_, field_, settings_.keyframes);
   PoseCandidates best;
-  for (const AlignedCandidate& one :
-       ranking_->rank(observation, candidates, static_cast<std::size_t>(most), cancellation)) {
+  for (const AlignedCandidate& one : ranking_->rank(
+           search.observation, candidates, static_cast<std::size_t>(most), search.cancellation)) {
     best.push_back(one.candidate);
   }
   return best;
 }
 
+/// The candidates of single matches whose aligned poses further landmarks agree with, best first.
+PoseCandidates ObjectDetector::singleMatches(const MatchedImage& matched, const SearchArea& area,
+                                             const Search& search) {
+  constexpr int kLeast = 2;  // landmarks: one proves nothing
+  const FieldMetadata& object = field_->field().metadata;
+  const PoseCandidates all =
+      atDistance(area, singleMatchCandidates(matched, object, settings_.candidates));
+  PoseCandidates best;
+  for (const PoseCandidate& one :
+       atDistance(area, ranked(all, settings_.max_ranked_single, search))) {
+    if (landmarksAt(one.T_O_C, matched, object, settings_.candidates) >= kLeast) {
+      best.push_back(one);
+    }
+  }
+  return best;
+}
+
 /// Aligns what may be the same instance as the best candidate, and takes it from the list.
-Refinement ObjectDetector::takeBest(const Observation& observation, ImageCandidates* candidates,
-                                    const CancellationToken& cancellation) {
+/// Landmarks speak for the pose that the image leads to, whatever it was found by.
+Refinement ObjectDetector::takeBest(ImageCandidates* candidates, const Search& search) {
   const FieldMetadata& object = field_->field().metadata;
   PoseCandidates& poses = candidates->poses;
   const Pose best = poses.front().T_O_C;
@@ -155,80 +189,86 @@ Refinement ObjectDetector::takeBest(const Observation& observation, ImageCandida
       std::stable_partition(poses.begin(), poses.end(), [&](const PoseCandidate& candidate) {
         return !isSameInstance(candidate.T_O_C, best, object);
       });
-  std::vector<RoughPose> rough;
+  std::vector<Pose> rough;
   for (auto one = same; one != poses.end(); ++one) {
-    if (static_cast<int>(rough.size()) < settings_.max_at_once) rough.push_back({one->T_O_C, 1});
+    if (static_cast<int>(rough.size()) < settings_.max_at_once) rough.push_back(one->T_O_C);
   }
   poses.erase(same, poses.end());
-  Refinement found = refiner_.settle({observation, 0}, rough, cancellation);
-  cancellation.check();
-  // Landmarks speak for the pose that the image leads to, whatever it was found by.
-  if (found.outcome == Outcome::kRefined && candidates->matched) {
-    const int landmarks =
-        landmarksAt(found.T_O_C, *candidates->matched, object, settings_.candidates);
-    const double odds = oddsOfLandmarks(landmarks - settings_.candidates.least_landmarks);
-    const double by_image = *found.found_probability;
-    found.found_probability = withOdds(by_image, odds);
-    found.score *= by_image > 0 ? *found.found_probability / by_image : 0;
-  }
+  const auto odds = [&](const Pose& T_O_C) {
+    if (!candidates->matched) return 1.0;
+    return oddsOfLandmarks(landmarksAt(T_O_C, *candidates->matched, object, settings_.candidates));
+  };
+  const Refinement found =
+      refiner_.settle({search.observation, 0}, rough, odds, search.cancellation);
+  search.cancellation.check();
   return found;
 }
 
-void ObjectDetector::settleAll(const Observation& observation,
-                               std::chrono::steady_clock::time_point begin,
-                               ImageCandidates* candidates, std::vector<Refinement>* found,
-                               const CancellationToken& cancellation) {
+void ObjectDetector::settleAll(ImageCandidates* candidates, Search* search) {
   const FieldMetadata& object = field_->field().metadata;
+  std::vector<Refinement>& found = search->detections.found;
   int refused = 0;
-  while (!candidates->poses.empty() && static_cast<int>(found->size()) < settings_.max_instances) {
-    if (refused >= (found->empty() ? settings_.max_tried : settings_.max_tried_beside)) break;
-    if (settings_.budget_s > 0 && secondsSince(begin) > settings_.budget_s) break;
-    const Refinement one = takeBest(observation, candidates, cancellation);
-    const bool is_known = std::any_of(found->begin(), found->end(), [&](const Refinement& other) {
+  while (!candidates->poses.empty() && static_cast<int>(found.size()) < settings_.max_instances) {
+    if (refused >= (found.empty() ? settings_.max_tried : settings_.max_tried_beside)) break;
+    if (search->isTimeUp(settings_.budget_s)) break;
+    const Refinement one = takeBest(candidates, *search);
+    const auto isSame = [&](const Refinement& other) {
       return isSameInstance(one.T_O_C, other.T_O_C, object);
-    });
-    if (is_known) continue;
-    if (one.outcome == Outcome::kRefined && one.score >= settings_.least_score) {
-      found->push_back(one);
+    };
+    if (std::any_of(found.begin(), found.end(), isSame)) continue;
+    // Where a likelier pose of the same place is too uncertain, this one is no surer.
+    const bool is_second =
+        std::any_of(search->doubted.begin(), search->doubted.end(), [&](const Refinement& other) {
+          return isSame(other) &&
+                 other.found_probability.value_or(0) >= one.found_probability.value_or(0);
+        });
+    if (one.outcome == Outcome::kRefined && one.score >= settings_.least_score && !is_second) {
+      found.push_back(one);
       refused = 0;
     } else {
+      search->doubted.push_back(one);
       ++refused;
     }
   }
 }
 
 /// Adds what is found in an area.
-void ObjectDetector::detectIn(const SearchArea& area, const Observation& observation,
-                              std::chrono::steady_clock::time_point begin, Detections* detections,
-                              const CancellationToken& cancellation) {
+void ObjectDetector::detectIn(const SearchArea& area, Search* search) {
   area.validate();
-  ImageCandidates all = candidates(observation, area, cancellation);
+  Detections& detections = search->detections;
+  ImageCandidates all = candidates(search->observation, area, search->cancellation);
   if (templates_) {
-    for (const PoseCandidate& one : templateCandidates(observation, area, cancellation)) {
+    for (const PoseCandidate& one :
+         templateCandidates(search->observation, area, search->cancellation)) {
       all.poses.push_back(one);
     }
-    all.poses = ranked(observation, all.poses, settings_.max_ranked, cancellation);
-    if (!all.poses.empty()) all.message.clear();
+    all.poses = ranked(all.poses, settings_.max_ranked, *search);
   }
-  if (detections->message.empty()) detections->message = all.message;
-  detections->candidates.insert(detections->candidates.end(), all.poses.begin(), all.poses.end());
-  settleAll(observation, begin, &all, &detections->found, cancellation);
+  if (detections.message.empty()) detections.message = all.message;
+  const auto settle = [&] {
+    detections.candidates.insert(detections.candidates.end(), all.poses.begin(), all.poses.end());
+    settleAll(&all, search);
+  };
+  settle();
+  if (templates_ || !all.matched || !detections.found.empty()) return;
+  if (search->isTimeUp(settings_.budget_s)) return;
+  all.poses = singleMatches(*all.matched, area, *search);
+  settle();
 }
 
 Detections ObjectDetector::detect(const Observation& observation, const SearchArea& area,
                                   const CancellationToken& cancellation) {
-  const auto begin = std::chrono::steady_clock::now();
+  Search search = {observation, cancellation};
   observation.validate();
-  Detections detections;
+  Detections& detections = search.detections;
   if (observation.isDepthAlone()) {
     detections.message = "detection compares colours: depth alone needs an initial pose";
     return detections;
   }
   for (const SearchArea& part : areasOf(observation, area)) {
-    detectIn(part, observation, begin, &detections, cancellation);
-    const bool time_is_up = settings_.budget_s > 0 && secondsSince(begin) > settings_.budget_s;
+    detectIn(part, &search);
     const bool is_enough = static_cast<int>(detections.found.size()) >= settings_.max_instances;
-    if (time_is_up || is_enough) break;
+    if (search.isTimeUp(settings_.budget_s) || is_enough) break;
   }
   std::vector<Refinement>& found = detections.found;
   std::stable_sort(found.begin(), found.end(),
@@ -238,7 +278,7 @@ Detections ObjectDetector::detect(const Observation& observation, const SearchAr
   } else if (detections.message.empty() || !detections.candidates.empty()) {
     detections.message = "no candidate explains the image well enough";
   }
-  detections.seconds = secondsSince(begin);
+  detections.seconds = secondsSince(search.begin);
   return detections;
 }
 

@@ -31,6 +31,7 @@ struct DetectionSettings {
   TemplateSearchSettings templates;
   KeyframeSearchSettings keyframes;
   int max_ranked = 12;          ///< of the candidates of a plain object, after their ranking
+  int max_ranked_single = 6;    ///< of the poses of single matches, after their ranking
   int max_image_side_px = 800;  ///< larger images are reduced to it for their features
   int max_instances = 10;       ///< that are returned
   int max_at_once = 4;          ///< candidates of one place that are aligned
@@ -94,17 +95,15 @@ class ObjectDetector {
                     const CancellationToken& cancellation);
 
  private:
-  Refinement takeBest(const Observation& observation, ImageCandidates* candidates,
-                      const CancellationToken& cancellation);
+  struct Search;
 
-  void detectIn(const SearchArea& area, const Observation& observation,
-                std::chrono::steady_clock::time_point begin, Detections* detections,
-                const CancellationToken& cancellation);
-  void settleAll(const Observation& observation, std::chrono::steady_clock::time_point begin,
-                 ImageCandidates* candidates, std::vector<Refinement>* found,
-                 const CancellationToken& cancellation);
-  PoseCandidates ranked(const Observation& observation, const PoseCandidates& candidates, int most,
-                        const CancellationToken& cancellation);
+  PoseCandidates atDistance(const SearchArea& area, PoseCandidates candidates) const;
+  PoseCandidates ranked(const PoseCandidates& candidates, int most, const Search& search);
+  PoseCandidates singleMatches(const MatchedImage& matched, const SearchArea& area,
+                               const Search& search);
+  Refinement takeBest(ImageCandidates* candidates, const Search& search);
+  void settleAll(ImageCandidates* candidates, Search* search);
+  void detectIn(const SearchArea& area, Search* search);
 
   Backend* backend_;
   std::shared_ptr<const LoadedField> field_;

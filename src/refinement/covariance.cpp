@@ -17,6 +17,14 @@ namespace {
 // A loss that is higher than the best one by this fraction of it is e times less likely.
 constexpr double kLossTemperature = 0.05;
 
+bool hasWeight(const Hypothesis& h) {
+  return h.state == HypothesisState::kLive && std::isfinite(h.loss);
+}
+
+/// The difference of losses that makes a hypothesis e times less likely. @param least the best
+/// one's.
+double scaleOfLosses(double least) { return kLossTemperature * std::max(std::abs(least), 1e-9); }
+
 // The twist of a rotation by 1 rad about an axis: motion of a point, rotation.
 Vector6 turnOf(const SymmetryAxis& axis, const Eigen::Vector3d& point) {
   return (Vector6() << axis.direction.cross(point - axis.point), axis.direction).finished();
@@ -123,14 +131,29 @@ std::vector<double> hypothesisWeights(const HypothesisTable& hypotheses) {
   double least = 0, sum = 0;
   for (std::size_t i = 0; i < hypotheses.size(); ++i) {
     const Hypothesis& h = hypotheses[i];
-    if (h.state != HypothesisState::kLive || !std::isfinite(h.loss)) continue;
+    if (!hasWeight(h)) continue;
     if (sum == 0) least = h.loss;  // best first
-    const double scale = kLossTemperature * std::max(std::abs(least), 1e-9);
-    weights[i] = std::exp(-(h.loss - least) / scale);
+    weights[i] = std::exp(-(h.loss - least) / scaleOfLosses(least));
     sum += weights[i];
   }
   for (double& weight : weights) weight /= sum > 0 ? sum : 1;
   return weights;
+}
+
+HypothesisTable weighed(const HypothesisTable& hypotheses,
+                        const std::function<double(const Pose&)>& odds) {
+  HypothesisTable result = hypotheses;
+  const auto best = std::find_if(result.begin(), result.end(), hasWeight);
+  if (best == result.end()) return result;
+  const double scale = scaleOfLosses(best->loss);
+  const double of_best = odds(best->T_O_C);
+  for (Hypothesis& h : result) {
+    if (hasWeight(h)) h.loss -= scale * std::log(odds(h.T_O_C) / of_best);
+  }
+  std::stable_sort(result.begin(), result.end(), [](const Hypothesis& a, const Hypothesis& b) {
+    return hasWeight(a) && hasWeight(b) ? a.loss < b.loss : hasWeight(a) && !hasWeight(b);
+  });
+  return result;
 }
 
 Matrix6 poseCovariance(const HypothesisTable& hypotheses, const Prior& prior,

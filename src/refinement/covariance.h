@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <functional>
 #include <vector>
 
 #include "backend/hypotheses.h"
@@ -51,6 +52,11 @@ Matrix6 freeAbout(const SymmetryAxis& axis, const Matrix6& of_twist, const Eigen
 
 /// Probabilities of the hypotheses by their losses; they sum to 1. Only live ones are not 0.
 std::vector<double> hypothesisWeights(const HypothesisTable& hypotheses);
+
+/// Hypotheses whose losses also say what else speaks for them, so that their weights are multiplied
+/// by its odds; the best first. @param odds of a pose, above 0.
+HypothesisTable weighed(const HypothesisTable& hypotheses,
+                        const std::function<double(const Pose&)>& odds);
 
 /// Covariance of the twist (v, w) between the best hypothesis and the true pose.
 ///

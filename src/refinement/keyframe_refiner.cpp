@@ -25,13 +25,14 @@ Pose extrapolated(const Pose& before, const Pose& now, double ratio) {
           now.t + ratio * (now.t - before.t)};
 }
 
-/// The odds of a pose by the most likely one of those that it may have come from.
-double oddsOf(const Pose& T_O_C, const std::vector<RoughPose>& rough, const FieldMetadata& object) {
+/// How near to one of those poses that it may have come from a pose is, as odds.
+double oddsOfStart(const Pose& T_O_C, const std::vector<Pose>& rough_T_O_C,
+                   const FieldMetadata& object) {
   double best = 0;
-  for (const RoughPose& one : rough) {
+  for (const Pose& rough : rough_T_O_C) {
     Prior near;
-    near.T_O_C = one.T_O_C;
-    best = std::max(best, one.odds * priorOdds(T_O_C, near, object));
+    near.T_O_C = rough;
+    best = std::max(best, priorOdds(T_O_C, near, object));
   }
   return best;
 }
@@ -164,13 +165,13 @@ Refinement KeyframeRefiner::find(const TimedObservation& image, const Prior& pri
 }
 
 Refinement KeyframeRefiner::settle(const TimedObservation& image,
-                                   const std::vector<RoughPose>& rough,
+                                   const std::vector<Pose>& rough_T_O_C, const PoseOdds& odds,
                                    const CancellationToken& cancellation) {
   const Camera& camera = image.observation.camera;
   adaptTo(image.observation);
   // Any of them may be right, however far it is from the first one.
   Prior anywhere;
-  anywhere.T_O_C = rough.at(0).T_O_C;
+  anywhere.T_O_C = rough_T_O_C.at(0);
   anywhere.rotation_rad = M_PI;
   anywhere.translation = 1;
   Refinement result = refine(
@@ -179,21 +180,26 @@ Refinement KeyframeRefiner::settle(const TimedObservation& image,
         if (!objectRegion(camera, anywhere, field_->field().metadata)) return {};
         waitForRenderings(cancellation);
         HypothesisTable starts;
-        std::vector<Pose> poses;
-        for (const RoughPose& one : rough) {
-          poses.push_back(one.T_O_C);
+        for (const Pose& rough : rough_T_O_C) {
           starts.emplace_back();
-          starts.back().T_O_C = one.T_O_C;
+          starts.back().T_O_C = rough;
         }
-        makeAt(camera, poses, cancellation);
-        return withoutMistake(image.observation, aligned(image.observation, starts, cancellation),
-                              anywhere, cancellation);
+        makeAt(camera, rough_T_O_C, cancellation);
+        HypothesisTable found = search_->from(image.observation, starts, cancellation);
+        if (found.empty() || found.front().state != HypothesisState::kLive) return found;
+        // A keyframe from beside drags the pose along: one of the place itself decides.
+        makeAt(camera, {found.front().T_O_C}, cancellation);
+        found = withoutMistake(image.observation,
+                               search_->withBeside(image.observation, found, cancellation),
+                               anywhere, cancellation);
+        return odds ? weighed(found, odds) : found;
       },
       cancellation);
   if (result.outcome != Outcome::kRefined) return result;
   remember(image.stamp_ns, result.T_O_C);
   const double found = *result.found_probability;
-  result.found_probability = withOdds(found, oddsOf(result.T_O_C, rough, field_->field().metadata));
+  const double of_start = oddsOfStart(result.T_O_C, rough_T_O_C, field_->field().metadata);
+  result.found_probability = withOdds(found, of_start * (odds ? odds(result.T_O_C) : 1));
   result.score *= found > 0 ? *result.found_probability / found : 0;
   holdTrack(result);
   return result;

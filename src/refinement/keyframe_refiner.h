@@ -21,11 +21,9 @@
 
 namespace nerf_pose_refiner {
 
-/// A pose that was found otherwise than by keyframes.
-struct RoughPose {
-  Pose T_O_C;       ///< [model units]
-  double odds = 1;  ///< the factor by which what found it changes the odds that it is right
-};
+/// The factor by which what is seen otherwise than by keyframes changes the odds that a pose, T_O_C
+/// [model units], is right.
+using PoseOdds = std::function<double(const Pose&)>;
 
 /// Finds an object in images by keyframes: in those of a sequence each time near a pose that is
 /// nearly right, while new keyframes are rendered beside that.
@@ -53,9 +51,10 @@ class KeyframeRefiner {
                   const std::vector<Pose>& candidates_T_O_C = {});
 
   /// From poses that were found otherwise and are nearly right if one is; renders keyframes there.
-  /// @param rough of one place in the image, one at least. @throws as `follow`.
-  Refinement settle(const TimedObservation& image, const std::vector<RoughPose>& rough,
-                    const CancellationToken& cancellation = {});
+  /// @param rough_T_O_C of one place in the image, one at least. @param odds also of the poses that
+  /// alignment leads to; nothing: all alike. @throws as `follow`.
+  Refinement settle(const TimedObservation& image, const std::vector<Pose>& rough_T_O_C,
+                    const PoseOdds& odds, const CancellationToken& cancellation = {});
 
   /// Judges poses by these scores, in place of the object's own.
   void use(const KeyframeScores& scores);

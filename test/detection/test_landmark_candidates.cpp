@@ -5,6 +5,7 @@
 
 #include <Eigen/Geometry>
 
+#include <algorithm>
 #include <cmath>
 #include <vector>
 
@@ -164,6 +165,49 @@ TEST_F(LandmarkCandidatesTest, LandmarksAreCountedWhereAPosePutsThem) {
   EXPECT_EQ(count(turned), 0) << "they are on the far side";
   show(right, 0, 20);  // the same landmarks once more
   EXPECT_EQ(count(right), 20);
+}
+
+TEST_F(LandmarkCandidatesTest, LandmarksCountIfTheyLookAsThePosePutsThem) {
+  const Pose pose(expSO3({0.1, 0.2, 0.3}), {0.1, 0, 4});
+  const auto countWith = [&](float size, float turn_rad, float ratio) {
+    features_.clear();
+    matches_.clear();
+    show(pose, 0, 20);
+    for (std::size_t i = 0; i < features_.size(); ++i) {
+      features_[i].size_px *= size;
+      features_[i].angle_rad += turn_rad;
+      matches_[i].ratio = ratio;
+    }
+    return landmarksAt(pose.inverse(), {kCandidateCamera, features_, landmarks_, matches_}, object_,
+                       {});
+  };
+  EXPECT_EQ(countWith(1.2f, 0.3f, 0.5f), 20);
+  EXPECT_EQ(countWith(1, 0, 0.99f), 20) << "though they look like other places, too";
+  EXPECT_EQ(countWith(1, 1, 0.5f), 0) << "turned";
+  EXPECT_EQ(countWith(2, 0, 0.5f), 0) << "twice as large";
+}
+
+TEST_F(LandmarkCandidatesTest, SingleMatchesSpeakForPoses) {
+  const Pose truth = {expSO3({0.1, 0.2, 0.7}), {0.3, -0.2, 5}};
+  addWrong(50);
+  show(truth, 0, 2);
+  matches_.front().ratio = 0.95f;  // does not vote
+  const MatchedImage image = {kCandidateCamera, features_, landmarks_, matches_};
+  LandmarkCandidateSettings settings;
+  const PoseCandidates all = singleMatchCandidates(image, object_, settings);
+  ASSERT_GE(all.size(), 40u);  // some wrong ones are no poses at all
+  ASSERT_LE(all.size(), 51u);
+  const auto isRight = [&](const PoseCandidate& one) {
+    return rotationDistance(one.T_O_C.R.transpose(), truth.R) < 0.3;
+  };
+  EXPECT_GE(std::count_if(all.begin(), all.end(), isRight), 2);
+  EXPECT_TRUE(std::is_sorted(
+      all.begin(), all.end(),
+      [](const PoseCandidate& a, const PoseCandidate& b) { return a.evidence > b.evidence; }));
+  settings.most_single = 5;
+  const PoseCandidates few = singleMatchCandidates(image, object_, settings);
+  ASSERT_EQ(few.size(), 5u);
+  EXPECT_EQ(few[0].evidence, all[0].evidence);
 }
 
 }  // namespace

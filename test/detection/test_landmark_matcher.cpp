@@ -32,7 +32,7 @@ ImageFeatures featureAt(float angle) {
   return features;
 }
 
-TEST(LandmarkMatcher, TakesTheNearestIfTheNextPlaceIsMuchFarther) {
+TEST(LandmarkMatcher, TakesTheNearestAndComparesItWithTheNextPlace) {
   const Landmarks landmarks = landmarksAt({0, 1, 2}, 1);
   const LandmarkMatcher matcher(landmarks, 1, {});
   const auto matches = matcher.match(featureAt(0.1f));
@@ -43,9 +43,12 @@ TEST(LandmarkMatcher, TakesTheNearestIfTheNextPlaceIsMuchFarther) {
   EXPECT_NEAR(matches[0].ratio, std::sin(0.05) / std::sin(0.45), 1e-4);
 }
 
-TEST(LandmarkMatcher, LeavesOutWhatLooksLikeTwoPlaces) {
+TEST(LandmarkMatcher, SaysWhatLooksLikeTwoPlaces) {
   const Landmarks landmarks = landmarksAt({0, 1}, 1);
-  EXPECT_TRUE(LandmarkMatcher(landmarks, 1, {}).match(featureAt(0.49f)).empty());
+  const auto matches = LandmarkMatcher(landmarks, 1, {}).match(featureAt(0.49f));
+  ASSERT_EQ(matches.size(), 1u);
+  EXPECT_EQ(matches[0].landmark, 0);
+  EXPECT_NEAR(matches[0].ratio, std::sin(0.245) / std::sin(0.255), 1e-4);
 }
 
 TEST(LandmarkMatcher, LandmarksOfOnePlaceDoNotCompete) {
@@ -54,7 +57,9 @@ TEST(LandmarkMatcher, LandmarksOfOnePlaceDoNotCompete) {
   ASSERT_EQ(matches.size(), 1u);
   EXPECT_LT(matches[0].ratio, 0.1);
   // In an object half as large they are places of their own.
-  EXPECT_TRUE(LandmarkMatcher(landmarks, 0.5, {}).match(featureAt(0.01f)).empty());
+  const auto apart = LandmarkMatcher(landmarks, 0.5, {}).match(featureAt(0.01f));
+  ASSERT_EQ(apart.size(), 1u);
+  EXPECT_NEAR(apart[0].ratio, 1, 1e-3);
 }
 
 TEST(LandmarkMatcher, NothingToMatch) {

@@ -108,6 +108,18 @@ TEST_F(ObjectDetectorTest, FindsItPartlyCovered) {
   expectTruth(detections.found[0], truth_);
 }
 
+TEST_F(ObjectDetectorTest, FindsItByASingleMatchWhereTooFewAgree) {
+  DetectionSettings settings;
+  settings.candidates.least_landmarks = 1000;
+  ObjectDetector detector = detectorWith(settings);
+  const Detections detections = detector.detect(observed(imageOf(truth_)), {}, {});
+  ASSERT_EQ(detections.found.size(), 1u) << detections.message;
+  expectTruth(detections.found[0], truth_);
+  settings.candidates.max_ratio = 0;  // none votes
+  ObjectDetector without = detectorWith(settings);
+  EXPECT_TRUE(without.detect(observed(imageOf(truth_)), {}, {}).found.empty());
+}
+
 TEST_F(ObjectDetectorTest, KeepsInstancesApart) {
   const Pose left = cameraAround(*scene_, 0.6, 0.5, 5), right = cameraAround(*scene_, 2.0, 0.3, 5);
   const auto moved = [&](const Pose& pose, double across) -> Pose {

@@ -101,6 +101,31 @@ TEST(PoseCovariance, SpansHypothesesOfEqualRight) {
 }
 
 // Along the line of sight a model's share of the distance, across it one of the diameter.
+TEST(Weighed, MultipliesWeightsByOdds) {
+  HypothesisTable table(4);
+  const double losses[4] = {1, 1.05, 1.1, 1};
+  for (int i = 0; i < 4; ++i) {
+    table[i].state = i < 3 ? HypothesisState::kLive : HypothesisState::kOutOfImage;
+    table[i].loss = losses[i];
+    table[i].T_O_C.t.x() = i;
+  }
+  const std::vector<double> before = hypothesisWeights(table);
+  const auto odds = [](const Pose& pose) { return pose.t.x() == 2 ? 3.0 : 0.5; };
+  const HypothesisTable kept = weighed(table, odds);
+  const std::vector<double> after = hypothesisWeights(kept);
+  EXPECT_EQ(kept[0].T_O_C.t.x(), 0);
+  EXPECT_EQ(kept[1].T_O_C.t.x(), 2);  // e^-2 times 6: between the others' 1 and e^-1
+  EXPECT_NEAR(after[1] / after[0], 6 * before[2] / before[0], 1e-9);
+  EXPECT_NEAR(after[2] / after[0], before[1] / before[0], 1e-9);
+  EXPECT_EQ(after[3], 0);
+
+  const HypothesisTable changed =
+      weighed(table, [](const Pose& pose) { return pose.t.x() == 2 ? 100.0 : 1.0; });
+  EXPECT_EQ(changed[0].T_O_C.t.x(), 2);
+  EXPECT_GT(hypothesisWeights(changed)[0], 0.8);
+  EXPECT_EQ(weighed({}, odds).size(), 0u);
+}
+
 TEST(PoseCovariance, AddsWhatTheModelIsOffBy) {
   FieldMetadata learned = object();
   learned.centre.setZero();

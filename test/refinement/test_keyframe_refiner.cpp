@@ -179,17 +179,17 @@ TEST_F(KeyframeRefinerTest, SettlesOnTheRightOneOfRoughPoses) {
   KeyframeRefiner refiner(backend_.get(), field_, fromFile());
   const Observation observation = imageAt(truth);
   const Refinement found =
-      refiner.settle({observation, 0}, {{cameraAround(*field_, 2, 0.4)}, {offBy(truth, 3, 0.02)}});
+      refiner.settle({observation, 0}, {cameraAround(*field_, 2, 0.4), offBy(truth, 3, 0.02)}, {});
   expectFound(found, truth, 0.5);
   EXPECT_GT(found.score, 0.9);
 }
 
-TEST_F(KeyframeRefinerTest, WhatFoundARoughPoseChangesItsOdds) {
+TEST_F(KeyframeRefinerTest, WhatElseIsSeenOfAPoseChangesItsOdds) {
   const Pose truth = truthAt(0);
   const Observation observation = imageAt(truth);
   const auto settledWith = [&](double odds) {
     KeyframeRefiner refiner(backend_.get(), field_, fromFile());
-    return refiner.settle({observation, 0}, {{truth, odds}});
+    return refiner.settle({observation, 0}, {truth}, [&](const Pose&) { return odds; });
   };
   const Refinement even = settledWith(1), unlikely = settledWith(1e-3);
   ASSERT_TRUE(even.found_probability && unlikely.found_probability);
