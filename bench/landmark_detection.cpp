@@ -263,6 +263,8 @@ void addOptions(CLI::App* app, Options* o) {
   app->add_option("--seeds", o->seeds, "so often each view, in other places");
   app->add_option("--threads", o->threads, "0: all cores");
   app->add_option("--ratio", o->detection.candidates.max_ratio, "of matches that vote, at most");
+  app->add_option("--features", o->detection.features.max_features, "of an image, at most");
+  app->add_option("--single", o->detection.candidates.most_single, "poses of single matches");
   app->add_option("--groups", o->detection.candidates.most_groups, "of votes");
   app->add_option("--candidates", o->detection.candidates.most_candidates, "at most");
   app->add_option("--landmarks", o->detection.candidates.least_landmarks, "that agree");
@@ -279,6 +281,7 @@ int run(int argc, char** argv) {
   addOptions(&app, &options);
   CLI11_PARSE(app, argc, argv);
   options.detection.matching.threads = options.threads;
+  options.detection.max_instances = 1;
   try {
     Benchmark(options).run();
   } catch (const std::exception& error) {

@@ -148,6 +148,7 @@ struct ObjectDetector::Search {
   Detections detections = {};
 
   bool isTimeUp(double budget_s) const { return budget_s > 0 && secondsSince(begin) > budget_s; }
+  bool isEnough(int most) const { return static_cast<int>(detections.found.size()) >= most; }
 };
 
 /// The best candidates, as well as small views of the object explain the image.
@@ -208,7 +209,7 @@ void ObjectDetector::settleAll(ImageCandidates* candidates, Search* search) {
   const FieldMetadata& object = field_->field().metadata;
   std::vector<Refinement>& found = search->detections.found;
   int refused = 0;
-  while (!candidates->poses.empty() && static_cast<int>(found.size()) < settings_.max_instances) {
+  while (!candidates->poses.empty() && !search->isEnough(settings_.max_instances)) {
     if (refused >= (found.empty() ? settings_.max_tried : settings_.max_tried_beside)) break;
     if (search->isTimeUp(settings_.budget_s)) break;
     const Refinement one = takeBest(candidates, *search);
@@ -232,28 +233,26 @@ void ObjectDetector::settleAll(ImageCandidates* candidates, Search* search) {
   }
 }
 
-/// Adds what is found in an area.
+/// Adds what is found in an area: first what is found fastest.
 void ObjectDetector::detectIn(const SearchArea& area, Search* search) {
   area.validate();
   Detections& detections = search->detections;
   ImageCandidates all = candidates(search->observation, area, search->cancellation);
-  if (templates_) {
-    for (const PoseCandidate& one :
-         templateCandidates(search->observation, area, search->cancellation)) {
-      all.poses.push_back(one);
-    }
-    all.poses = ranked(all.poses, settings_.max_ranked, *search);
-  }
   if (detections.message.empty()) detections.message = all.message;
-  const auto settle = [&] {
+  const auto settle = [&](PoseCandidates poses) {
+    all.poses = std::move(poses);
     detections.candidates.insert(detections.candidates.end(), all.poses.begin(), all.poses.end());
     settleAll(&all, search);
   };
-  settle();
-  if (templates_ || !all.matched || !detections.found.empty()) return;
-  if (search->isTimeUp(settings_.budget_s)) return;
-  all.poses = singleMatches(*all.matched, area, *search);
-  settle();
+  settle(std::move(all.poses));
+  if (all.matched && detections.found.empty() && !search->isTimeUp(settings_.budget_s)) {
+    settle(singleMatches(*all.matched, area, *search));
+  }
+  if (templates_ && !search->isEnough(settings_.max_instances) &&
+      !search->isTimeUp(settings_.budget_s)) {
+    settle(ranked(templateCandidates(search->observation, area, search->cancellation),
+                  settings_.max_ranked, *search));
+  }
 }
 
 Detections ObjectDetector::detect(const Observation& observation, const SearchArea& area,
@@ -267,8 +266,7 @@ Detections ObjectDetector::detect(const Observation& observation, const SearchAr
   }
   for (const SearchArea& part : areasOf(observation, area)) {
     detectIn(part, &search);
-    const bool is_enough = static_cast<int>(detections.found.size()) >= settings_.max_instances;
-    if (search.isTimeUp(settings_.budget_s) || is_enough) break;
+    if (search.isTimeUp(settings_.budget_s) || search.isEnough(settings_.max_instances)) break;
   }
   std::vector<Refinement>& found = detections.found;
   std::stable_sort(found.begin(), found.end(),

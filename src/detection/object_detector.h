@@ -25,7 +25,7 @@ namespace nerf_pose_refiner {
 /// How an object is detected.
 struct DetectionSettings {
   DetectionModelSettings model;
-  FeatureSettings features = {bestFeatureKind(), 4000};  ///< of images, clutter and all
+  FeatureSettings features = {bestFeatureKind(), 8000};  ///< of images, clutter and all
   MatchingSettings matching;
   LandmarkCandidateSettings candidates;
   TemplateSearchSettings templates;

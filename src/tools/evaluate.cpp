@@ -277,7 +277,8 @@ class Evaluation {
     std::unique_ptr<ObjectDetector>& detector =
         detectors_[batch.scene.name + batch.variant.profile];
     if (!detector) {
-      const DetectionSettings settings;
+      DetectionSettings settings;
+      settings.max_instances = 1;  // each image shows one at most
       const fs::path model = fs::path(options_.models) / (batch.scene.name + ".safetensors");
       detector = std::make_unique<ObjectDetector>(
           backend_.get(), field,

@@ -208,8 +208,10 @@ void RefinerSearch::beginDetection(const CancellationToken& cancellation) {
   const std::string path =
       detection_.landmarks_path ? detection_.landmarks_path(object_) : std::string();
   DetectionModel model = detectionModelFor(*field_, detection_.settings.model, path, cancellation);
+  DetectionSettings settings = detection_.settings;
+  settings.max_instances = 1;  // that is tracked from then on
   detector_ = std::make_unique<ObjectDetector>(processor_.backend.get(), field_, std::move(model),
-                                               detection_.settings);
+                                               settings);
   detector_->use(scores);
   detector_->use(look_alikes);
 }
