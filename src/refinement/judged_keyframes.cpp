@@ -22,8 +22,10 @@ void KeyframeRefiner::judge(const TimedObservation& image, const Expectation& ex
   const Hypothesis& best = found->hypotheses.front();
   found->covariance += systematicCovariance(found->covariance, found->T_O_C, object);
   if (const auto other = search_->secondOpinion(best, cancellation)) {
+    // (Elsewhere the keyframe that found the pose need not be the nearest one.)
+    const double own_rad = expected.is_settled ? other->own_beside_rad : other->beside_rad;
     found->covariance += disagreement(cameraTwist(best.T_O_C, other->T_O_C, object.centre),
-                                      other->beside_rad, other->own_beside_rad);
+                                      other->beside_rad, own_rad);
   }
   found->rolled_score = rolledScore(image, best, expected, cancellation);
   const double by_image = probabilityByImage(*found);

@@ -175,7 +175,7 @@ Refinement KeyframeRefiner::settle(const TimedObservation& image,
   anywhere.rotation_rad = M_PI;
   anywhere.translation = 1;
   Refinement result = refine(
-      image, {anywhere, 1},
+      image, {anywhere, 1, /*is_search=*/true, /*is_settled=*/true},
       [&]() -> HypothesisTable {
         if (!objectRegion(camera, anywhere, field_->field().metadata)) return {};
         waitForRenderings(cancellation);

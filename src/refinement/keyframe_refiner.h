@@ -72,8 +72,9 @@ class KeyframeRefiner {
   /// Where the object is expected, and what speaks for that beside the image.
   struct Expectation {
     Prior prior;
-    double odds = 1;        // of a pose within the prior
-    bool is_search = true;  // it is looked for; false: it is followed from image to image
+    double odds = 1;          // of a pose within the prior
+    bool is_search = true;    // it is looked for; false: it is followed from image to image
+    bool is_settled = false;  // keyframes are rendered where it is found
   };
 
   Refinement refine(const TimedObservation& image, const Expectation& expected,

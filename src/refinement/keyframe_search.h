@@ -17,7 +17,7 @@ namespace nerf_pose_refiner {
 struct SecondOpinion {
   Pose T_O_C;                 ///< where it is aligned
   double beside_rad = 0;      ///< how far beside the pose it was rendered, @see ViewDistance
-  double own_beside_rad = 0;  ///< the same of the nearest keyframe, which found the pose
+  double own_beside_rad = 0;  ///< the same of the nearest keyframe
 };
 
 /// Looks for an object in an image with the keyframes that there are.
