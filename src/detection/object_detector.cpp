@@ -18,11 +18,12 @@ namespace {
 
 /// What landmarks that agree with a pose say for it. One agrees by chance with one wrong pose in
 /// ten (of 240 in images of other objects), more than one hardly ever; but neighbours are often
-/// alike.
-double oddsOfLandmarks(int landmarks) {
-  constexpr double kOfEach = 3;
-  constexpr double kMax = 100;  // the image has to agree, too: parts of objects look alike
-  return std::min(kMax, std::pow(kOfEach, std::max(0, landmarks - 1)));
+/// alike, and on plain objects, which have few, wrong poses were seen that several agree with.
+double oddsOfLandmarks(int landmarks, bool is_plain) {
+  const int by_chance = is_plain ? 4 : 1;
+  const double of_each = is_plain ? 2 : 3;
+  const double most = is_plain ? 20 : 100;  // the image has to agree, too: parts look alike
+  return std::min(most, std::pow(of_each, std::max(0, landmarks - by_chance)));
 }
 
 /// Distances at which the object may be [diameters].
@@ -197,7 +198,8 @@ Refinement ObjectDetector::takeBest(ImageCandidates* candidates, const Search& s
   poses.erase(same, poses.end());
   const auto odds = [&](const Pose& T_O_C) {
     if (!candidates->matched) return 1.0;
-    return oddsOfLandmarks(landmarksAt(T_O_C, *candidates->matched, object, settings_.candidates));
+    return oddsOfLandmarks(landmarksAt(T_O_C, *candidates->matched, object, settings_.candidates),
+                           templates_.has_value());
   };
   const Refinement found =
       refiner_.settle({search.observation, 0}, rough, odds, search.cancellation);
