@@ -65,9 +65,9 @@ std::vector<FeatureMatch> LandmarkMatcher::match(const ImageFeatures& features) 
            (placeOf(other) - placeOf(0)).norm() <= other_place_) {
       ++other;
     }
-    // Where all are of one place, the last one bounds the distance to the next place from below.
-    const float next = squares.at<float>(std::min(other, count - 1));
-    const float ratio = std::sqrt(squares.at<float>(0) / std::max(next, 1e-12f));
+    const float ratio =
+        other < count ? std::sqrt(squares.at<float>(0) / std::max(squares.at<float>(other), 1e-12f))
+                      : 0;
     found[static_cast<std::size_t>(i)] = FeatureMatch{i, numbers.at<int>(0), ratio};
   };
   parallelFor(threadCount(settings_.threads), features.size(), matchOne);

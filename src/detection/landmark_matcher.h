@@ -13,8 +13,9 @@ namespace nerf_pose_refiner {
 struct FeatureMatch {
   int feature = 0;
   int landmark = 0;
-  float ratio =
-      0;  ///< of its descriptor's distances to the landmark and to the next place, at most 1
+  /// Of its descriptor's distances to the landmark and to the next place, at most 1; 0: none of the
+  /// neighbours is of another place.
+  float ratio = 0;
 };
 
 struct MatchingSettings {

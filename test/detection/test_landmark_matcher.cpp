@@ -62,6 +62,13 @@ TEST(LandmarkMatcher, LandmarksOfOnePlaceDoNotCompete) {
   EXPECT_NEAR(apart[0].ratio, 1, 1e-3);
 }
 
+TEST(LandmarkMatcher, NeighboursOfOnePlaceAloneHaveNoRatio) {
+  const Landmarks landmarks = landmarksAt({0, 0.02f}, 0.04f);
+  const auto matches = LandmarkMatcher(landmarks, 1, {}).match(featureAt(0.009f));
+  ASSERT_EQ(matches.size(), 1u);
+  EXPECT_EQ(matches[0].ratio, 0) << "though both look alike";
+}
+
 TEST(LandmarkMatcher, NothingToMatch) {
   const Landmarks none, some = landmarksAt({0, 1}, 1);
   EXPECT_TRUE(LandmarkMatcher(none, 1, {}).match(featureAt(0)).empty());
