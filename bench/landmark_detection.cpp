@@ -43,7 +43,7 @@ struct Options {
 };
 
 /// An image and where its camera was.
-struct TrialImage {
+struct Scene {
   Observation observation;
   Pose T_O_C;
   double width;  ///< of the object's diameter, of the image's
@@ -91,11 +91,12 @@ class Benchmark {
       how.photos = options_.photos;
       how.seed = static_cast<std::uint64_t>(seed);
       for (std::size_t i = options_.first; i < dataset.views.size(); i += options_.every) {
-        const PosedView view = how.viewOf(dataset.views[i], i);
+        const TrialImage image = how.imageOf(dataset.views, i);
+        const PosedView& view = image.view;
         const double distance = (view.T_O_C.t - object_.centre).norm() / object_.diameter;
         const double width = view.camera.fx / view.camera.width / distance;
         std::printf("%d/%-3zu width %.2f", seed, i, width);
-        look({how.of(view, i), view.T_O_C, width});
+        look({image.observation, view.T_O_C, width});
       }
     }
   }
@@ -122,7 +123,7 @@ class Benchmark {
     return detectionModelFor(*field_, settings, path, {});
   }
 
-  void look(const TrialImage& trial) {
+  void look(const Scene& trial) {
     const Evidence evidence = evidenceIn(trial);
     const Detections found = detector_.detect(trial.observation, {}, {});
     seconds_.push_back(found.seconds);
@@ -151,7 +152,7 @@ class Benchmark {
     std::fflush(stdout);
   }
 
-  Evidence evidenceIn(const TrialImage& trial) const {
+  Evidence evidenceIn(const Scene& trial) const {
     Evidence evidence;
     FeatureSettings settings = options_.detection.features;
     settings.kind = landmarks_.kind;
@@ -180,7 +181,7 @@ class Benchmark {
   }
 
   /// From the first candidate that is nearly right.
-  Refinement settleNear(const PoseCandidates& candidates, const TrialImage& trial, int* rank) {
+  Refinement settleNear(const PoseCandidates& candidates, const Scene& trial, int* rank) {
     constexpr double kRotation = 16 * kDegree, kOffset = 0.2;  // [diameters]
     for (std::size_t i = 0; i < candidates.size(); ++i) {
       const PoseError error = errorOf(candidates[i].T_O_C, trial);
@@ -196,7 +197,7 @@ class Benchmark {
   }
 
   std::string stageOf(const Evidence& evidence, int rank, const Refinement& settled,
-                      const TrialImage& trial) const {
+                      const Scene& trial) const {
     const int least = options_.detection.candidates.least_landmarks;
     if (rank < 0 && model_.templates) return "lost: candidates";
     if (evidence.right_matches < least) return "lost: matches";
@@ -206,7 +207,7 @@ class Benchmark {
     return settled.score < options_.detection.least_score ? "lost: score" : "lost: order";
   }
 
-  void describe(const Refinement& refined, const TrialImage& trial) const {
+  void describe(const Refinement& refined, const Scene& trial) const {
     const PoseError error = errorOf(refined.T_O_C, trial);
     const double raw = refined.hypotheses.empty() ? 0 : refined.hypotheses.front().score;
     std::printf("%s %.2f (by image %.2f, raw %.2f, visible %.2f), %.2f deg, %.1f %%",
@@ -215,12 +216,12 @@ class Benchmark {
                 error.rotation_rad / kDegree, 100 * error.object_offset / object_.diameter);
   }
 
-  PoseError errorOf(const Pose& T_O_C, const TrialImage& trial) const {
+  PoseError errorOf(const Pose& T_O_C, const Scene& trial) const {
     return poseError(T_O_C, trial.T_O_C, object_.centre, trial.observation.camera,
                      object_.symmetries);
   }
 
-  bool isRight(const Pose& T_O_C, const TrialImage& trial) const {
+  bool isRight(const Pose& T_O_C, const Scene& trial) const {
     const PoseError error = errorOf(T_O_C, trial);
     return error.rotation_rad < 5 * kDegree && error.object_offset < 0.05 * object_.diameter;
   }

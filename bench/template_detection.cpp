@@ -44,7 +44,7 @@ struct Options {
 };
 
 /// An image and where its camera was.
-struct TrialImage {
+struct Scene {
   std::size_t number;  // in its data
   Observation observation;
   Pose T_O_C;
@@ -82,10 +82,10 @@ class Benchmark {
   }
 
  private:
-  TrialImage recorded(const RecordedSequence& sequence, std::size_t i) const {
+  Scene recorded(const RecordedSequence& sequence, std::size_t i) const {
     const double unit_m = object_.metres_per_unit > 0 ? object_.metres_per_unit : 1;
     const Pose& T_C_O = sequence.frames[i].T_C_O;
-    TrialImage trial;
+    Scene trial;
     trial.number = i;
     trial.observation.image = toFloat(readImage(sequence.frames[i].file));
     trial.observation.camera = sequence.camera;
@@ -95,7 +95,7 @@ class Benchmark {
   }
 
   /// What trials of a dataset meet, in an image that has its background already.
-  void disturb(TrialImage* trial) const {
+  void disturb(Scene* trial) const {
     const TrialObservation& how = options_.observation;
     const DisturbanceDraw draw = {how.seed, trial->number};
     Image& image = trial->observation.image;
@@ -111,7 +111,7 @@ class Benchmark {
     if (how.noise > 0) addGaussianNoise(how.noise, draw, &image);
   }
 
-  void look(const TemplateSearch& search, const TrialImage& trial) {
+  void look(const TemplateSearch& search, const Scene& trial) {
     const Camera& camera = trial.observation.camera;
     const double whole = camera.fx / camera.width;
     const DistanceRange range = {std::max(0.8, whole / options_.largest),
@@ -134,7 +134,7 @@ class Benchmark {
   }
 
   /// Aligns the first candidates and takes the best score.
-  void align(const PoseCandidates& candidates, const TrialImage& trial) {
+  void align(const PoseCandidates& candidates, const Scene& trial) {
     const auto begin = std::chrono::steady_clock::now();
     KeyframeRefiner refiner(backend_.get(), field_, KeyframeSearchSettings());
     Refinement best;
@@ -155,14 +155,14 @@ class Benchmark {
                 best.score, degrees, 100 * offset, is_right ? "" : "WRONG");
   }
 
-  PoseError errorOf(const Pose& T_O_C, const TrialImage& trial) const {
+  PoseError errorOf(const Pose& T_O_C, const Scene& trial) const {
     return poseError(T_O_C, trial.T_O_C, object_.centre, trial.observation.camera,
                      object_.symmetries);
   }
 
   /// Of the first candidate that is nearly right; -1: there is none. Far away a fraction of the
   /// distance counts: alignment follows the size in the image.
-  int rankOf(const PoseCandidates& found, const TrialImage& trial) const {
+  int rankOf(const PoseCandidates& found, const Scene& trial) const {
     const double distance = (trial.T_O_C.t - object_.centre).norm();
     const double near = std::max(0.2 * object_.diameter, 0.1 * distance);
     for (std::size_t i = 0; i < found.size(); ++i) {

@@ -14,9 +14,10 @@ import unittest
 TOP = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 SCRIPTS = os.path.join(TOP, 'scripts')
 SOURCES = ('.cpp', '.h', '.inl', '.cu', '.cuh', '.cmake', '.py', '.msg', '.srv', '.launch', '.test', '.yaml', '.xml')
-OWN_MODULES = ('bars', 'depth_sensor', 'evaluation_frames', 'faults', 'kiosk_model', 'motion', 'nerf_pose_refiner', 'object_command', 'photo_trials',
-               'photos', 'pose_evaluation', 'recorded_trial', 'rig', 'run_faults', 'run_record', 'scenes', 'soak_verdict',
-               'source_files', 'stepped_demo', 'svg_plot', 'trial_plots', 'trial_statistics', 'trial_tables', 'trials')
+OWN_MODULES = ('bars', 'depth_sensor', 'detection_tables', 'evaluation_frames', 'faults', 'kiosk_model', 'motion',
+               'nerf_pose_refiner', 'object_command', 'photo_trials', 'photos', 'pose_evaluation', 'recorded_trial',
+               'rig', 'run_faults', 'run_record', 'scenes', 'soak_verdict', 'source_files', 'stepped_demo', 'svg_plot',
+               'trial_plots', 'trial_statistics', 'trial_tables', 'trials')
 
 
 def run(*command, **environment):

@@ -15,6 +15,7 @@ import unittest
 TOP = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 SCRIPT = os.path.join(TOP, 'scripts', 'tabulate_trials')
 sys.path.insert(0, os.path.join(TOP, 'scripts', 'lib'))
+import detection_tables  # noqa: E402
 import trial_statistics  # noqa: E402
 import trial_tables  # noqa: E402
 import trials  # noqa: E402
@@ -24,6 +25,8 @@ COLUMNS = ('experiment', 'scene', 'kind', 'method', 'loss', 'variant', 'conditio
            'seconds', 'samples', 'engine')
 TRACES = ('experiment', 'scene', 'kind', 'method', 'loss', 'variant', 'condition', 'view', 'start', 'stage', 'seconds',
           'samples', 'deg', 'units')
+SIGHTINGS = ('experiment', 'scene', 'kind', 'method', 'loss', 'variant', 'condition', 'protocol', 'view', 'start',
+             'instance', 'width', 'visible', 'deg', 'diameters', 'score')
 FOUR = (('0.5', '0.005', '0.002'), ('4.9', '0.06', '0.02'), ('5.0', '0.04', '0.3'), ('', '', ''))  # errors
 HAS_MATPLOTLIB = importlib.util.find_spec('matplotlib') is not None
 
@@ -291,6 +294,62 @@ class Refusals(InFolder):
 
 
 @unittest.skipUnless(HAS_MATPLOTLIB, 'no matplotlib')
+
+
+class Detection(InFolder):
+    def setUp(self):
+        super().setUp()
+        detected = dict(experiment='detect', method='detection', loss='', protocol='robot')
+        self.trials = [trial(view='0', condition='group', **detected), trial(view='1', condition='group', **detected),
+                       trial(view='0', condition='absent', errors=('', '', ''), **detected)]
+        group = dict(detected, scene='chair', kind='synthetic', variant='', condition='group', start='0', width='0.22',
+                     visible='0.65', score='0.9')
+        nobodys = dict(group, instance='', width='', visible='', deg='', diameters='')
+        self.sightings = [
+            dict(group, view='0', instance='0', deg='1', diameters='0.01'),
+            dict(group, view='0', instance='1', deg='9', diameters='0.01'),  # found, and wrong
+            dict(nobodys, view='0'),
+            dict(group, view='1', instance='0', deg='', diameters='', score=''),  # not found
+            dict(group, view='1', instance='1', deg='4', diameters='0.049', width='0.28', visible='1'),
+            dict(nobodys, view='0', condition='absent')]
+
+    def read(self, rows):
+        self.write('a/trials-0-of-1.csv', self.trials)
+        self.write('a/instances-0-of-1.csv', rows, SIGHTINGS)
+        notes = []
+        return trials.read_trials([self.path('a')], notes), trials.read_sightings([self.path('a')], notes)
+
+    def test_recall_and_precision(self):
+        table, = detection_tables.tables_of(*self.read(self.sightings))
+        group, absent = table.rows
+        self.assertEqual((group['condition'], group['images'], group['instances']), ('group', 2, 4))
+        self.assertEqual((group['poses'], group['wrong']), (4, 2))
+        self.assertEqual((group['recall'], group['precision']), (0.5, 0.5))
+        self.assertEqual((absent['images'], absent['instances'], absent['poses'], absent['wrong']), (1, 0, 1, 1))
+        self.assertIn('| chair | absent | 1 | 0 |  | 1 | 1 | 0.00 [0.00, 0.79] |', table.markdown())
+
+    def test_a_trial_that_was_written_again_counts_once(self):
+        _, sightings = self.read(self.sightings[:3] + self.sightings)
+        self.assertEqual(sorted(map(len, sightings.values())), [1, 2, 3])
+
+    def test_recall_by_size_and_visibility(self):
+        _, sightings = self.read(self.sightings)
+        rows = [row for of_trial in sightings.values() for row in of_trial]
+        self.assertEqual([(round(p[0], 3), round(p[1], 3), p[4]) for p in detection_tables.recall_by(rows, 'width')],
+                         [(0.225, 0.333, 3), (0.275, 1, 1)])
+        self.assertEqual([(round(p[0], 3), p[4]) for p in detection_tables.recall_by(rows, 'visible')],
+                         [(0.65, 3), (0.95, 1)])
+
+    @unittest.skipUnless(HAS_MATPLOTLIB, 'matplotlib is not installed')
+    def test_page_and_plot(self):
+        self.read(self.sightings)
+        subprocess.run([SCRIPT, self.path('a')], check=True, capture_output=True)
+        page = content(self.path('a', 'tables', 'results.md')).decode()
+        self.assertIn('## What detection found (a) synthetic scenes', page)
+        self.assertIn('(instances_detect.png)', page)
+        self.assertTrue(os.path.exists(self.path('a', 'tables', 'instances_detect.svg')))
+
+
 class Plots(unittest.TestCase):
     def test_errors_are_held_between_stages(self):
         from trial_plots import held

@@ -8,8 +8,10 @@ import matplotlib
 matplotlib.use('Agg')
 from matplotlib import pyplot  # noqa: E402 (after the choice of a backend without a display)
 
+from detection_tables import recall_by
 from trial_statistics import groups
 from trial_tables import CONDITIONS, LOSSES, MEAN, METHODS, SCALES, family, rank, sorting
+from trials import natural
 
 matplotlib.rcParams.update({'svg.hashsalt': 'nerf_pose_refiner', 'svg.fonttype': 'none'})
 COLOURS = {'inerf': '#b2182b', 'single': '#ef8a62', 'multiple': '#2166ac', 'alignment': '#1b7837',
@@ -173,6 +175,32 @@ def plot_noise(rows, protocol, name, folder, saved):
         axis.set_title('%s: under 5 deg and 0.05 %s' % (scene, scale), fontsize='medium')
         figure.colorbar(mesh, ax=axis)
         save(figure, folder, '%s_%s' % (name, scene.replace(', ', '_').replace(' ', '_')), saved)
+
+
+def plot_sightings(sightings, folder):
+    """Recall of detection over the size of instances and over what is visible of them, a figure for each experiment.
+    Returns the PNG files' names. @param sightings {key of the trial: rows}"""
+    saved = []
+    rows = [row for of_trial in sightings.values() for row in of_trial]
+    labels = {'width': "object's diameter [widths of the image]", 'visible': 'visible part of the instance'}
+    for (experiment,), part in sorted(groups(rows, ('experiment',)).items()):
+        figure, axes = pyplot.subplots(1, 2, figsize=(11, 3.8), sharey=True)
+        for axis, (column, label) in zip(axes, labels.items()):
+            for (scene,), of_scene in sorted(groups(part, ('scene',)).items(), key=lambda item: natural(item[0][0])):
+                points = recall_by(of_scene, column)
+                if not points:
+                    continue
+                places, recalls, lows, highs, counts = zip(*points)
+                axis.errorbar(places, recalls, fmt='o-', capsize=3, label='%s (%d)' % (scene, sum(counts)), yerr=[
+                    [recall - low for recall, low in zip(recalls, lows)],
+                    [high - recall for recall, high in zip(recalls, highs)]])
+            axis.set(xlabel=label, ylim=(0, 1.02))
+            axis.grid(True, alpha=0.4)
+        axes[0].set_ylabel('fraction found')
+        axes[0].legend(loc='lower right', fontsize='small')
+        figure.suptitle('%s: instances found within 5 deg and 0.05 d' % experiment)
+        save(figure, folder, 'instances_' + experiment, saved)
+    return saved
 
 
 def plot_all(trials, traces, tables, folder):

@@ -12,7 +12,7 @@ METHODS = ('inerf', 'single', 'multiple', 'alignment', 'detection')
 LOSSES = ('l1', 'l2', 'log_l1', 'relative_l2', 'mape', 'smape', 'smooth_l1')
 KINDS = ('synthetic', 'forward_facing', 'masked')
 CONDITIONS = ('clean', 'paper_noise', 'brightness', 'gaussian', 'poisson', 'discs', 'photo', 'occluder', 'light',
-              'motion_blur', 'defocus', 'focal', 'placed', 'placed_robot', 'absent')
+              'motion_blur', 'defocus', 'focal', 'placed', 'placed_robot', 'hidden', 'group', 'absent')
 EXPERIMENTS = ('table1', 'losses', 'noise', 'robot', 'detect', 'ablation', 'curves')
 TITLES = {'table1': 'Table I', 'losses': 'Losses (Table II)', 'noise': 'Disturbed observations', 'robot':
           'Errors as robots have them', 'detect': 'Detection', 'ablation': 'Ablations', 'curves': 'Optimisation curves'}

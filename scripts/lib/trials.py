@@ -18,7 +18,10 @@ TRACE_NUMBERS = ('seconds', 'samples')
 TRACE_ERRORS = ('deg', 'units')
 TRACE_COLUMNS = TRACE_TEXT + TRACE_NUMBERS + TRACE_ERRORS
 TRACE_KEY = ('experiment', 'scene', 'method', 'loss', 'variant', 'condition', 'view', 'start')
-NAN_WHEN_EMPTY = ('score',)  # says nothing about the error, so it is not infinite
+SIGHTING_TEXT = ('experiment', 'scene', 'kind', 'method', 'loss', 'variant', 'condition', 'protocol', 'view', 'start',
+                 'instance')  # the last is empty for a pose without an instance
+SIGHTING_NUMBERS = ('width', 'visible', 'deg', 'diameters', 'score')
+NAN_WHEN_EMPTY = ('score', 'width', 'visible')  # say nothing about the error, so they are not infinite
 
 
 def natural(text):
@@ -139,6 +142,22 @@ def read_traces(folders, notes):
         for key, rows in of_file.items():
             traces.setdefault(key, rows)
     return [(rows[0], rows) for rows in sorted(traces.values(), key=lambda rows: sort_key(rows[0], TRACE_KEY))]
+
+
+def read_sightings(folders, notes):
+    """What detection found, of all shards: {key of the trial: [row, ...]}. A trial that was written twice, after an
+    interruption, counts once."""
+    sightings = {}
+    for path in files_of(folders, 'instances-*.csv') + files_of(folders, 'instances.csv'):
+        of_file = {}
+        for row in read_rows(path, SIGHTING_TEXT, SIGHTING_NUMBERS, notes):
+            rows = of_file.setdefault(key_of(row, TRIAL_KEY), [])
+            if row['instance'] == '0' and rows:
+                rows = of_file[key_of(row, TRIAL_KEY)] = []
+            rows.append(row)
+        for key, rows in of_file.items():
+            sightings.setdefault(key, rows)
+    return sightings
 
 
 def read_runs(folders):

@@ -123,15 +123,17 @@ void applyGainBias(double amount, const DisturbanceDraw& draw, PremultipliedImag
   }
 }
 
-void occlude(double fraction, const DisturbanceDraw& draw, const Image& alpha, Image* image) {
+double occlude(double fraction, const DisturbanceDraw& draw, const Image& alpha, Image* image) {
   int x0 = alpha.width, y0 = alpha.height, x1 = 0, y1 = 0;
+  double object = 0, hidden = 0;  // pixels
   for (int y = 0; y < alpha.height; ++y) {
     for (int x = 0; x < alpha.width; ++x) {
       if (alpha.at(x, y, 0) < 0.5f) continue;
       x0 = std::min(x0, x), x1 = std::max(x1, x), y0 = std::min(y0, y), y1 = std::max(y1, y);
+      ++object;
     }
   }
-  if (x1 < x0) return;
+  if (x1 < x0) return 0;
   const double side = std::sqrt(fraction * (x1 - x0) * (y1 - y0));
   const auto drawn = [&](int k) { return randomUniform(draw.seed, kOccluder, 2 * draw.index + k); };
   const int left = x0 + static_cast<int>((x1 - x0 - side) * drawn(0));
@@ -140,8 +142,10 @@ void occlude(double fraction, const DisturbanceDraw& draw, const Image& alpha, I
     for (int x = std::max(0, left); x < std::min<int>(alpha.width, left + side); ++x) {
       const float stripe = (x / 8 + y / 8) % 2 ? 0.35f : 0.25f;
       for (int c = 0; c < 3; ++c) image->at(x, y, c) = stripe + 0.05f * c;
+      if (alpha.at(x, y, 0) >= 0.5f) ++hidden;
     }
   }
+  return hidden / object;
 }
 
 void blurByMotion(double length_px, const DisturbanceDraw& draw, Image* image) {

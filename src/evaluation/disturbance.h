@@ -28,7 +28,8 @@ void cutDiscs(int count, double radius_px, const DisturbanceDraw& draw, Premulti
 /// Other lighting of the object: gain in 1 +- amount per channel and an offset of a sixth of that.
 void applyGainBias(double amount, const DisturbanceDraw& draw, PremultipliedImage* image);
 /// Puts a dark square over a fraction of the object's box.
-void occlude(double fraction, const DisturbanceDraw& draw, const Image& alpha, Image* image);
+/// @return the fraction of the object that it hides, 0..1.
+double occlude(double fraction, const DisturbanceDraw& draw, const Image& alpha, Image* image);
 /// A straight motion of the camera during the exposure, in a direction that is drawn.
 void blurByMotion(double length_px, const DisturbanceDraw& draw, Image* image);
 void defocus(double sigma_px, Image* image);

@@ -1,8 +1,6 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include "evaluation/placement.h"
 
-#include <Eigen/Geometry>
-
 #include <algorithm>
 #include <cmath>
 #include <memory>
@@ -17,26 +15,26 @@ namespace {
 
 constexpr std::uint64_t kStream = 71;  // of random numbers
 
-// The pixels that show the object.
-Eigen::AlignedBox2d boxOf(const Image& alpha) {
+}  // namespace
+
+Eigen::AlignedBox2d silhouetteBox(const PosedView& view) {
+  constexpr int kOpaque = 128;  // half of it
   Eigen::AlignedBox2d box;
-  for (int y = 0; y < alpha.height; ++y) {
-    for (int x = 0; x < alpha.width; ++x) {
-      if (alpha.at(x, y, 0) >= 0.5f) box.extend(Eigen::Vector2d(x, y));
+  for (int y = 0; y < view.rgba->height; ++y) {
+    for (int x = 0; x < view.rgba->width; ++x) {
+      if (view.rgba->at(x, y, 3) >= kOpaque) box.extend(Eigen::Vector2d(x, y));
     }
   }
+  if (box.isEmpty()) throw std::invalid_argument("'" + view.name + "' shows no object");
   return box;
 }
-
-}  // namespace
 
 PosedView placed(const PosedView& view, const Placement& placement, const DisturbanceDraw& draw) {
   const auto drawn = [&](std::uint64_t k) {
     return static_cast<double>(randomUniform(draw.seed, kStream, 3 * draw.index + k));
   };
   const PremultipliedImage object = premultiply(*view.rgba);
-  const Eigen::AlignedBox2d box = boxOf(object.alpha);
-  if (box.isEmpty()) throw std::invalid_argument("'" + view.name + "' shows no object");
+  const Eigen::AlignedBox2d box = silhouetteBox(view);
   const double most = std::min(placement.most_width * placement.width / box.sizes().maxCoeff(),
                                placement.height / (box.sizes().y() + 2));
   const double least =

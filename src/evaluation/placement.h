@@ -1,6 +1,8 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <Eigen/Geometry>
+
 #include "dataset/dataset.h"
 #include "evaluation/disturbance.h"
 
@@ -11,6 +13,9 @@ struct Placement {
   int width = 640, height = 480;               ///< of the image [px]
   double least_width = 0.2, most_width = 0.5;  ///< longer side of the object [widths of the image]
 };
+
+/// The pixels that show a view's object. @throws std::invalid_argument if there are none.
+Eigen::AlignedBox2d silhouetteBox(const PosedView& view);
 
 /// A view as a smaller part of a larger image: its object is of a size that is drawn, evenly in its
 /// logarithm, and wholly in the image, at a place that is drawn. The pose stays, the camera's

@@ -12,9 +12,12 @@
 #include "image/colour.h"
 #include "image/io.h"
 #include "image/resample.h"
+#include "math/random.h"
 
 namespace nerf_pose_refiner {
 namespace {
+
+constexpr std::uint64_t kOccluderStream = 73;  // of random numbers
 
 // A photo that fills the image, its middle cut out.
 Image photoOfSize(const std::string& path, const Camera& camera) {
@@ -72,6 +75,12 @@ const std::vector<Condition>& conditions() {
                     o->gain_bias = 0.3;
                     o->noise = 0.03;
                   }),
+      beforePhoto("hidden",
+                  [](TrialObservation* o) {
+                    o->is_placed = o->occluder_is_most = true;
+                    o->occluder = 0.6;
+                  }),
+      beforePhoto("group", [](TrialObservation* o) { o->is_group = true; }),
       beforePhoto("absent", [](TrialObservation* o) { o->is_placed = o->is_absent = true; }),
   };
   return all;
@@ -127,11 +136,33 @@ std::vector<std::string> TrialObservation::conditionNames() {
   return names;
 }
 
-PosedView TrialObservation::viewOf(const PosedView& view, std::uint64_t index) const {
-  return is_placed ? placed(view, Placement(), {seed, index}) : view;
+TrialImage TrialObservation::imageOf(const std::vector<PosedView>& views,
+                                     std::size_t number) const {
+  const DisturbanceDraw draw = {seed, number};
+  TrialImage image;
+  if (is_group) {
+    GroupView group = placedGroup(views, number, GroupPlacement(), draw);
+    image.view = group.view;
+    image.instances = group.instances;
+  } else {
+    image.view = is_placed ? placed(views.at(number), Placement(), draw) : views.at(number);
+    image.instances = {{image.view.T_O_C, 1}};
+  }
+  double hidden = 0;
+  image.observation = disturbed(image.view, number, &hidden);
+  for (ShownInstance& one : image.instances) one.visible *= 1 - hidden;
+  if (is_absent) image.instances.clear();
+  return image;
 }
 
 Observation TrialObservation::of(const PosedView& view, std::uint64_t index) const {
+  double hidden = 0;
+  return disturbed(view, index, &hidden);
+}
+
+/// @param hidden gets the fraction of the object that the occluder hides.
+Observation TrialObservation::disturbed(const PosedView& view, std::uint64_t index,
+                                        double* hidden) const {
   const DisturbanceDraw draw = {seed, index};
   const Image straight = disturbedColours(*this, view, draw);
   const PremultipliedImage object = disturbedObject(*this, view, straight, draw);
@@ -160,7 +191,9 @@ Observation TrialObservation::of(const PosedView& view, std::uint64_t index) con
     observation.background = background == "mask" ? Background::kMask : Background::kUnknown;
     if (background == "mask") observation.alpha = object.alpha;
   }
-  if (occluder > 0) occlude(occluder, draw, object.alpha, &observation.image);
+  const double covered =
+      occluder_is_most ? occluder * randomUniform(seed, kOccluderStream, index) : occluder;
+  if (covered > 0) *hidden = occlude(covered, draw, object.alpha, &observation.image);
   if (motion_blur > 0) blurByMotion(motion_blur * view.camera.width, draw, &observation.image);
   if (defocus > 0) nerf_pose_refiner::defocus(defocus * view.camera.width, &observation.image);
   if (noise > 0) addGaussianNoise(noise, draw, &observation.image);

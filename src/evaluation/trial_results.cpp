@@ -40,7 +40,9 @@ TrialResults::TrialResults(const std::string& folder, const std::string& suffix,
       trials_(fileIn(folder, "trials-" + suffix),
               {"start_deg", "start_units", "start_diameters", "deg", "units", "diameters", "pixels",
                "outcome", "score", "seconds", "samples", "engine"}),
-      traces_(fileIn(folder, "traces-" + suffix), {"stage", "seconds", "samples", "deg", "units"}) {
+      traces_(fileIn(folder, "traces-" + suffix), {"stage", "seconds", "samples", "deg", "units"}),
+      instances_(fileIn(folder, "instances-" + suffix),
+                 {"instance", "width", "visible", "deg", "diameters", "score"}) {
   std::replace(backend_.begin(), backend_.end(), ',', ';');  // which would end the cell
 }
 
@@ -76,6 +78,21 @@ void TrialResults::addTrace(const TrialKey& key, const Pose& initial_T_O_C,
     addRow(entry.stage, entry.best_T_O_C);
   }
   traces_.add(key, rows);
+}
+
+void TrialResults::addSightings(const TrialKey& key, const std::vector<Sighting>& sightings,
+                                double diameter) {
+  std::vector<std::vector<std::string>> rows;
+  for (const Sighting& one : sightings) {
+    const std::string none;
+    rows.push_back({one.instance ? std::to_string(*one.instance) : none,
+                    one.instance ? cellOf(one.width) : none,
+                    one.instance ? cellOf(one.visible) : none,
+                    one.error ? cellOf(one.error->rotation_rad * kDegreesPerRad) : none,
+                    one.error ? cellOf(one.error->object_offset / diameter) : none,
+                    one.error || !one.instance ? cellOf(one.score) : none});
+  }
+  instances_.add(key, rows);
 }
 
 }  // namespace nerf_pose_refiner

@@ -3,8 +3,10 @@
 
 #include <functional>
 #include <string>
+#include <vector>
 
 #include "evaluation/pose_error.h"
+#include "evaluation/sighting.h"
 #include "evaluation/trial_table.h"
 #include "refinement/field_refiner.h"
 
@@ -17,7 +19,8 @@ struct TrialScale {
 };
 
 /// Results of trials in a folder: trials-<suffix> with a row per trial, traces-<suffix> with a row
-/// per stage. @see TrialTable
+/// per stage, and instances-<suffix> with a row per instance that an image shows and per pose that
+/// is none of theirs. @see TrialTable
 class TrialResults {
  public:
   /// @param folder is created if it is not there. @param backend in words, for every row.
@@ -35,9 +38,12 @@ class TrialResults {
   void addTrace(const TrialKey& key, const Pose& initial_T_O_C, const Refinement& refinement,
                 double unit, const std::function<PoseError(const Pose& T_O_C)>& error_of);
 
+  /// What detection found in the image of a trial. @param diameter of the object [model units].
+  void addSightings(const TrialKey& key, const std::vector<Sighting>& sightings, double diameter);
+
  private:
   std::string backend_;
-  TrialTable trials_, traces_;
+  TrialTable trials_, traces_, instances_;
 };
 
 }  // namespace nerf_pose_refiner

@@ -2,8 +2,10 @@
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
+#include <limits>
 #include <map>
 #include <memory>
+#include <optional>
 #include <set>
 #include <stdexcept>
 #include <string>
@@ -187,14 +189,10 @@ class Evaluation {
     disturbance.photos = options_.photos;
     const int available = static_cast<int>(scene.dataset.views.size());
     for (const int v : chosenViews(experiment.views, available)) {
-      PosedView view;
-      Observation observation;  // made when a trial needs it
+      std::optional<TrialImage> image;  // made when a trial needs it
       forEachBatch(scene, experiment, condition, v, [&](const Batch& batch) {
-        if (observation.image.empty()) {
-          view = disturbance.viewOf(scene.dataset.views[v], v);
-          observation = disturbance.of(view, v);
-        }
-        runBatch(batch, view, observation);
+        if (!image) image = disturbance.imageOf(scene.dataset.views, static_cast<std::size_t>(v));
+        runBatch(batch, *image);
       });
     }
   }
@@ -238,8 +236,9 @@ class Evaluation {
 
   /// Starts that an earlier process has written are searched again, for a search's samples depend a
   /// little on the others', and are not written.
-  void runBatch(const Batch& batch, const PosedView& view, const Observation& observation) {
+  void runBatch(const Batch& batch, const TrialImage& shown) {
     const std::vector<TrialKey>& keys = batch.keys;
+    const PosedView& view = shown.view;
     const FieldMetadata& object = batch.scene.object();
     const TrialProtocol protocol(batch.experiment.protocol, batch.scene.kind, object);
     const TrialScale scale = {protocol.unit, object.diameter};
@@ -249,12 +248,21 @@ class Evaluation {
       priors.push_back(
           protocol.prior(view.T_O_C, object, plan_.seed, kStartsPerView * key.view + key.start));
     }
-    const Observation image = trialImage(observation, first.method, batch.variant);
-    const std::vector<Refinement> refinements = refineAll(batch, protocol.unit, image, priors);
-    cancellation_.check();  // what was interrupted is no result
+    const Observation image = trialImage(shown.observation, first.method, batch.variant);
     const auto errorOf = [&](const Pose& T_O_C) {
-      return poseError(T_O_C, view.T_O_C, object.centre, view.camera);
+      return poseError(T_O_C, view.T_O_C, object.centre, view.camera, object.symmetries);
     };
+    std::vector<Refinement> refinements;
+    if (first.method == "detection") {
+      const Detections detections = detect(batch, image);
+      refinements.assign(keys.size(), ofFirstInstance(detections, errorOf));
+      const std::vector<Sighting> sightings =
+          sightingsOf(shown.instances, detections.found, view.camera, object);
+      if (!results_.has(first)) results_.addSightings(first, sightings, object.diameter);
+    } else {
+      refinements = refineAll(batch, protocol.unit, image, priors);
+    }
+    cancellation_.check();  // what was interrupted is no result
     for (std::size_t i = 0; i < keys.size(); ++i) {
       if (results_.has(keys[i])) continue;
       const Refinement& refinement = refinements[i];
@@ -265,20 +273,21 @@ class Evaluation {
       ++done_;
     }
     if (isDrawn(batch)) {
-      drawTrial(batch, observation, priors.front().T_O_C, refinements.front().T_O_C);
+      drawTrial(batch, shown.observation, priors.front().T_O_C, refinements.front().T_O_C);
     }
     line_.show(0, first.scene + " " + first.experiment + " " + first.condition + ": view " +
                       std::to_string(first.view) + ", " + std::to_string(done_) + " trials");
   }
 
-  /// The best instance that is found without a start.
-  Refinement detect(const Batch& batch, const Observation& image) {
+  /// All instances that are found without a start.
+  Detections detect(const Batch& batch, const Observation& image) {
     const std::shared_ptr<const LoadedField>& field = batch.scene.fields.at(batch.variant.profile);
+    const bool is_group = TrialObservation::named(batch.keys.front().condition, "alpha").is_group;
     std::unique_ptr<ObjectDetector>& detector =
-        detectors_[batch.scene.name + batch.variant.profile];
+        detectors_[batch.scene.name + batch.variant.profile + (is_group ? " group" : "")];
     if (!detector) {
       DetectionSettings settings;
-      settings.max_instances = 1;  // each image shows one at most
+      if (!is_group) settings.max_instances = 1;
       const fs::path model = fs::path(options_.models) / (batch.scene.name + ".safetensors");
       detector = std::make_unique<ObjectDetector>(
           backend_.get(), field,
@@ -286,18 +295,27 @@ class Evaluation {
           settings);
       calibrate(detector.get(), backend_.get(), *field, cancellation_);
     }
-    const Detections detections = detector->detect(image, {}, cancellation_);
-    Refinement best;
-    if (!detections.found.empty()) best = detections.found.front();
-    best.seconds = detections.seconds;
-    return best;
+    return detector->detect(image, {}, cancellation_);
+  }
+
+  /// The pose nearest to the view's own.
+  template <typename ErrorOf>
+  static Refinement ofFirstInstance(const Detections& detections, const ErrorOf& error_of) {
+    Refinement nearest;
+    double least = std::numeric_limits<double>::infinity();
+    for (const Refinement& one : detections.found) {
+      const double offset = error_of(one.T_O_C).object_offset;
+      if (offset < least) nearest = one;
+      least = std::min(least, offset);
+    }
+    nearest.seconds = detections.seconds;
+    return nearest;
   }
 
   std::vector<Refinement> refineAll(const Batch& batch, double unit, const Observation& image,
                                     const std::vector<Prior>& priors) {
     const LoadedField& field = *batch.scene.fields.at(batch.variant.profile);
     const TrialKey& key = batch.keys.front();
-    if (key.method == "detection") return {priors.size(), detect(batch, image)};
     const RefinerSettings settings = trialSettings(key.method, key.loss.empty() ? "l2" : key.loss,
                                                    batch.variant, unit, plan_.seed);
     TrialKey likewise = key;

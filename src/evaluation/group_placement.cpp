@@ -1,0 +1,177 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "evaluation/group_placement.h"
+
+#include <Eigen/Geometry>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <memory>
+#include <opencv2/imgproc.hpp>
+
+#include "evaluation/placement.h"
+#include "image/colour.h"
+#include "image/resample.h"
+#include "math/angle.h"
+#include "math/random.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+constexpr std::uint64_t kGroupStream = 72;  // of random numbers
+
+/// The smallest rotation that takes one direction to another one, less than 180 degrees away.
+Eigen::Matrix3d rotationTo(const Eigen::Vector3d& from, const Eigen::Vector3d& to) {
+  const Eigen::Vector3d cross = from.normalized().cross(to.normalized());
+  const double sine = cross.norm();
+  if (sine < 1e-12) return Eigen::Matrix3d::Identity();
+  const double angle = std::atan2(sine, from.normalized().dot(to.normalized()));
+  return Eigen::AngleAxisd(angle, cross / sine).toRotationMatrix();
+}
+
+/// What a camera sees that is turned by R about the centre of the image's: x_to = R x_from.
+Image turned(const Image& image, const Camera& from, const Eigen::Matrix3d& R, const Camera& to) {
+  const Eigen::Vector2d outside(-2, -2);
+  cv::Mat x(to.height, to.width, CV_32F), y(to.height, to.width, CV_32F);
+  for (int v = 0; v < to.height; ++v) {
+    for (int u = 0; u < to.width; ++u) {
+      const Eigen::Vector3d seen = R.transpose() * to.direction(u, v);
+      const Eigen::Vector2d pixel = seen.z() > 0 ? from.project(seen) : outside;
+      x.at<float>(v, u) = static_cast<float>(pixel.x());
+      y.at<float>(v, u) = static_cast<float>(pixel.y());
+    }
+  }
+  const cv::Mat source(image.height, image.width, CV_32FC(image.channels),
+                       const_cast<float*>(image.values.data()));
+  Image result(to.width, to.height, image.channels);
+  cv::Mat target(to.height, to.width, CV_32FC(image.channels), result.values.data());
+  cv::remap(source, target, x, y, cv::INTER_LINEAR, cv::BORDER_CONSTANT);
+  return result;
+}
+
+/// Puts instances into an image, one after the other.
+class Group {
+ public:
+  Group(const GroupPlacement& placement, const DisturbanceDraw& draw)
+      : placement_(placement),
+        draw_(draw),
+        image_{Image(placement.width, placement.height, 3),
+               Image(placement.width, placement.height, 1)},
+        owners_(placement.width, placement.height, 1) {}
+
+  GroupView of(const std::vector<PosedView>& views, std::size_t first) {
+    constexpr int kTries = 30;  // a place
+    const int count = placement_.least + drawnBelow(placement_.most - placement_.least + 1);
+    aim(views.at(first));
+    for (int i = 0; i < count; ++i) {
+      const std::size_t number = i == 0 ? first : drawnBelow(static_cast<int>(views.size()));
+      for (int k = 0; k < kTries && !add(views[number]); ++k) {
+      }
+    }
+    GroupView result = {views[first], {}};
+    result.view.camera = result.view.photo_camera = camera_;
+    result.view.distortion = {};
+    result.view.T_O_C = poses_.front();
+    result.view.rgba = std::make_shared<const Image8>(straightBytes(image_));
+    for (std::size_t i = 0; i < poses_.size(); ++i) {
+      result.instances.push_back({poses_[i], visiblePart(i, owners_)});
+    }
+    return result;
+  }
+
+ private:
+  double drawn() {
+    const std::uint64_t first = draw_.index << 16;
+    return static_cast<double>(randomUniform(draw_.seed, kGroupStream, first + drawn_count_++));
+  }
+  int drawnBelow(int n) { return std::min(n - 1, static_cast<int>(drawn() * n)); }
+
+  /// Sets the camera, so that the first instance is as large as is drawn.
+  void aim(const PosedView& first) {
+    const double ratio = placement_.most_width / placement_.least_width;
+    const double width = placement_.width;
+    const double longest = silhouetteBox(first).sizes().maxCoeff();
+    const double scale = width * placement_.least_width * std::pow(ratio, drawn()) / longest;
+    const double focal = std::max(first.camera.fx * scale, placement_.least_focal * width);
+    camera_ = {placement_.width,
+               placement_.height,
+               focal,
+               focal,
+               (width - 1) / 2,
+               (placement_.height - 1) / 2.0};
+  }
+
+  double visiblePart(std::size_t instance, const Image8& owners) const {
+    const auto own = std::count(owners.values.begin(), owners.values.end(), instance + 1);
+    return static_cast<double>(own) / pixels_[instance];
+  }
+
+  /// A place where an object is wholly in the image, if there is one.
+  Eigen::Vector2d drawnPlace(double radius_px) {
+    const auto along = [&](int side) {
+      const double margin = std::min(radius_px, (side - 1) / 2.0);
+      return margin + drawn() * (side - 1 - 2 * margin);
+    };
+    const double x = along(camera_.width);
+    return {x, along(camera_.height)};
+  }
+
+  /// At a place that is drawn, in front of the others. @return false: it would hide too much.
+  bool add(const PosedView& view) {
+    const Eigen::AlignedBox2d box = silhouetteBox(view);
+    const double scale = std::min(1.0, camera_.fx / view.camera.fx);
+    const Eigen::Vector2d place = drawnPlace(camera_.fx / view.camera.fx * box.sizes().norm() / 2);
+    const Eigen::Vector3d to = camera_.direction(place.x(), place.y()).normalized();
+    const Eigen::Matrix3d R =
+        Eigen::AngleAxisd(2 * kPi * drawn(), to).toRotationMatrix() *
+        rotationTo(view.camera.direction(box.center().x(), box.center().y()), to);
+    const Camera reduced = view.camera.scaled(scale);
+    const PremultipliedImage object = premultiply(*view.rgba);
+    const Image alpha = turned(resample(object.alpha, view.camera, reduced), reduced, R, camera_);
+
+    Image8 owners = owners_;
+    int pixels = 0;
+    for (std::size_t i = 0; i < alpha.values.size(); ++i) {
+      if (alpha.values[i] < 0.5f) continue;
+      owners.values[i] = static_cast<std::uint8_t>(poses_.size() + 1);
+      ++pixels;
+    }
+    if (pixels == 0) return false;
+    for (std::size_t i = 0; i < poses_.size(); ++i) {
+      if (visiblePart(i, owners) < placement_.least_visible) return false;
+    }
+    owners_ = owners;
+    pixels_.push_back(pixels);
+    poses_.push_back({view.T_O_C.R * R.transpose(), view.T_O_C.t});
+    putInFront(turned(resample(object.colour, view.camera, reduced), reduced, R, camera_), alpha);
+    return true;
+  }
+
+  void putInFront(const Image& colour, const Image& alpha) {
+    for (std::size_t i = 0; i < alpha.values.size(); ++i) {
+      const float behind = 1 - alpha.values[i];
+      image_.alpha.values[i] = alpha.values[i] + behind * image_.alpha.values[i];
+      for (std::size_t c = 3 * i; c < 3 * i + 3; ++c) {
+        image_.colour.values[c] = colour.values[c] + behind * image_.colour.values[c];
+      }
+    }
+  }
+
+  const GroupPlacement& placement_;
+  const DisturbanceDraw draw_;
+  std::uint64_t drawn_count_ = 0;
+  Camera camera_;
+  PremultipliedImage image_;
+  Image8 owners_;            // of each pixel: 1 + number of its instance; 0: none
+  std::vector<Pose> poses_;  // of instances: T_O_C
+  std::vector<int> pixels_;  // of instances, hidden ones too
+};
+
+}  // namespace
+
+GroupView placedGroup(const std::vector<PosedView>& views, std::size_t first,
+                      const GroupPlacement& placement, const DisturbanceDraw& draw) {
+  return Group(placement, draw).of(views, first);
+}
+
+}  // namespace nerf_pose_refiner
