@@ -39,7 +39,13 @@ struct Options {
   bool only_photos = false;
   std::vector<std::string> photos;
   int every = 1, first = 0, threads = 0, seeds = 1;
-  DetectionSettings detection;
+  DetectionSettings detection = alone();
+
+  static DetectionSettings alone() {
+    DetectionSettings settings;
+    settings.max_instances = 1;
+    return settings;
+  }
 };
 
 /// An image and where its camera was.
@@ -69,7 +75,8 @@ class Benchmark {
         matcher_(landmarks_, object_.diameter, options.detection.matching),
         scores_(keyframeScoresOf(backend_.get(), *field_, {})),
         detector_(backend_.get(), field_, model_, options.detection),
-        settled_(backend_.get(), field_, options.detection.keyframes) {
+        settled_(backend_.get(), field_, options.detection.keyframes),
+        is_same_instance_(field_->field()) {
     detector_.use(scores_);
     settled_.use(scores_);
   }
@@ -93,10 +100,15 @@ class Benchmark {
       for (std::size_t i = options_.first; i < dataset.views.size(); i += options_.every) {
         const TrialImage image = how.imageOf(dataset.views, i);
         const PosedView& view = image.view;
-        const double distance = (view.T_O_C.t - object_.centre).norm() / object_.diameter;
-        const double width = view.camera.fx / view.camera.width / distance;
-        std::printf("%d/%-3zu width %.2f", seed, i, width);
-        look({image.observation, view.T_O_C, width});
+        const Detections found = detector_.detect(image.observation, {}, {});
+        seconds_.push_back(found.seconds);
+        for (const ShownInstance& one : image.instances) {
+          const double distance = (one.T_O_C.t - object_.centre).norm() / object_.diameter;
+          const double width = view.camera.fx / view.camera.width / distance;
+          std::printf("%d/%-3zu width %.2f visible %.2f", seed, i, width, one.visible);
+          look({image.observation, one.T_O_C, width}, found);
+        }
+        if (image.instances.empty()) absent(found);
       }
     }
   }
@@ -123,12 +135,24 @@ class Benchmark {
     return detectionModelFor(*field_, settings, path, {});
   }
 
-  void look(const Scene& trial) {
+  void absent(const Detections& found) {
+    ++stages_[found.found.empty() ? "nothing" : "WRONG"];
+    std::printf("%s in %.2f s\n", found.found.empty() ? "nothing" : "WRONG", found.seconds);
+  }
+
+  /// The one of an instance; null: there is none.
+  const Refinement* poseOf(const Scene& trial, const Detections& found) const {
+    for (const Refinement& one : found.found) {
+      if (is_same_instance_(one.T_O_C, trial.T_O_C)) return &one;
+    }
+    return nullptr;
+  }
+
+  void look(const Scene& trial, const Detections& found) {
     const Evidence evidence = evidenceIn(trial);
-    const Detections found = detector_.detect(trial.observation, {}, {});
-    seconds_.push_back(found.seconds);
-    const bool is_published = !found.found.empty();
-    const bool is_right = is_published && isRight(found.found.front().T_O_C, trial);
+    const Refinement* const pose = poseOf(trial, found);
+    const bool is_published = pose != nullptr;
+    const bool is_right = is_published && isRight(pose->T_O_C, trial);
     std::string stage = is_right ? "found" : is_published ? "WRONG" : "";
     int rank = -1;
     Refinement settled;
@@ -140,7 +164,7 @@ class Benchmark {
                 evidence.features, evidence.matches, evidence.right_matches, evidence.right_votes,
                 evidence.right_group, rank, found.candidates.size());
     if (is_published) {
-      describe(found.found.front(), trial);
+      describe(*pose, trial);
     } else if (rank >= 0) {
       describe(settled, trial);
     }
@@ -247,6 +271,7 @@ class Benchmark {
   KeyframeScores scores_;
   ObjectDetector detector_;
   KeyframeRefiner settled_;
+  SameInstance is_same_instance_;
   std::map<std::string, int> stages_;
   std::vector<double> seconds_;
 };
@@ -273,6 +298,7 @@ void addOptions(CLI::App* app, Options* o) {
   app->add_option("--plain", o->detection.model.plain_landmarks,
                   "objects with fewer landmarks get templates");
   app->add_option("--ranked", o->detection.max_ranked, "candidates of plain objects");
+  app->add_option("--instances", o->detection.max_instances, "looked for in an image");
   app->add_option("--tried", o->detection.max_tried, "candidates, in a row");
 }
 
@@ -281,8 +307,6 @@ int run(int argc, char** argv) {
   Options options;
   addOptions(&app, &options);
   CLI11_PARSE(app, argc, argv);
-  options.detection.matching.threads = options.threads;
-  options.detection.max_instances = 1;
   try {
     Benchmark(options).run();
   } catch (const std::exception& error) {

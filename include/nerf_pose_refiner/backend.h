@@ -16,6 +16,7 @@ struct BackendInfo {
   std::string name;              ///< "cpu" or "cuda"
   std::string description;       ///< for logs: processor, instruction set, threads or memory
   std::size_t memory_bytes = 0;  ///< the processor's own memory; 0: it uses the host's
+  int threads = 0;               ///< of the CPU backend; 0: work on the host takes all cores
   int searches_at_once = 1;      ///< number of concurrent inversions that use the processor fully
   bool warms_up = false;         ///< the first calls allocate memory and take longer
 };

@@ -38,7 +38,10 @@ bool isSamePose(const Pose& a_T_O_C, const Pose& b_T_O_C, const FieldMetadata& o
 
 CandidateRanking::CandidateRanking(Backend* backend, std::shared_ptr<const LoadedField> field,
                                    const KeyframeSearchSettings& settings)
-    : backend_(backend), field_(std::move(field)), settings_(settings) {
+    : backend_(backend),
+      field_(std::move(field)),
+      settings_(settings),
+      is_same_instance_(field_->field()) {
   begin();
 }
 
@@ -64,7 +67,7 @@ const KeyframeSet::Entry* CandidateRanking::viewFor(const Pose& T_O_C,
 
 std::vector<AlignedCandidate> CandidateRanking::rank(const Observation& observation,
                                                      const PoseCandidates& candidates,
-                                                     std::size_t most,
+                                                     const RankingLimits& limits,
                                                      const CancellationToken& cancellation) {
   const std::optional<bool> grey = isGrey(observation);
   if (grey && *grey != settings_.bank.keyframe.grey) {
@@ -94,14 +97,27 @@ std::vector<AlignedCandidate> CandidateRanking::rank(const Observation& observat
   std::stable_sort(
       aligned.begin(), aligned.end(),
       [](const AlignedCandidate& a, const AlignedCandidate& b) { return a.score > b.score; });
+  return chosen(aligned, limits);
+}
+
+/// @param ranked best first.
+std::vector<AlignedCandidate> CandidateRanking::chosen(const std::vector<AlignedCandidate>& ranked,
+                                                       const RankingLimits& limits) const {
   std::vector<AlignedCandidate> best;
   const FieldMetadata& object = field_->field().metadata;
-  for (const AlignedCandidate& one : aligned) {
-    if (best.size() == most) break;
+  for (const AlignedCandidate& one : ranked) {
+    if (best.size() == limits.all) break;
+    const Pose& T_O_C = one.candidate.T_O_C;
     const bool is_known = std::any_of(best.begin(), best.end(), [&](const AlignedCandidate& other) {
-      return isSamePose(one.candidate.T_O_C, other.candidate.T_O_C, object);
+      return isSamePose(T_O_C, other.candidate.T_O_C, object);
     });
-    if (!is_known) best.push_back(one);
+    const auto of_instance =
+        std::count_if(best.begin(), best.end(), [&](const AlignedCandidate& other) {
+          return is_same_instance_(T_O_C, other.candidate.T_O_C);
+        });
+    if (!is_known && static_cast<std::size_t>(of_instance) < limits.of_instance) {
+      best.push_back(one);
+    }
   }
   return best;
 }

@@ -8,6 +8,7 @@
 #include "backend/backend.h"
 #include "backend/loaded_field.h"
 #include "detection/candidate.h"
+#include "detection/same_instance.h"
 #include "nerf_pose_refiner/cancellation_token.h"
 #include "nerf_pose_refiner/observation.h"
 #include "refinement/keyframe_set.h"
@@ -20,6 +21,12 @@ namespace nerf_pose_refiner {
 struct AlignedCandidate {
   PoseCandidate candidate;  ///< with the pose that alignment ends at
   double score = 0;         ///< how well that explains the image, @see KeyframeAligner::align
+};
+
+/// How many candidates go on.
+struct RankingLimits {
+  std::size_t all;
+  std::size_t of_instance;  ///< of one instance, so that the clearest does not take all places
 };
 
 /// Ranks candidates of all sources on common pixels: small views of the object are aligned with
@@ -35,16 +42,19 @@ class CandidateRanking {
   /// @return the best ones, best first, without those that end at the same pose as a better one.
   /// @throws std::invalid_argument for an image that is smaller than four pixels, Cancelled.
   std::vector<AlignedCandidate> rank(const Observation& observation,
-                                     const PoseCandidates& candidates, std::size_t most,
+                                     const PoseCandidates& candidates, const RankingLimits& limits,
                                      const CancellationToken& cancellation);
 
  private:
   void begin();
+  std::vector<AlignedCandidate> chosen(const std::vector<AlignedCandidate>& ranked,
+                                       const RankingLimits& limits) const;
   const KeyframeSet::Entry* viewFor(const Pose& T_O_C, const CancellationToken& cancellation);
 
   Backend* backend_;
   std::shared_ptr<const LoadedField> field_;
   KeyframeSearchSettings settings_;
+  SameInstance is_same_instance_;
   std::unique_ptr<KeyframeAligner> aligner_;
   std::optional<ViewBank> bank_;
   std::optional<KeyframeSet> views_;  // those of the bank that were needed

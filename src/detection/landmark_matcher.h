@@ -22,7 +22,7 @@ struct MatchingSettings {
   double other_place = 0.05;  ///< landmarks farther apart are other places [diameters]
   int neighbours = 6;         ///< that are looked at
   int checks = 64;            ///< leaves of the trees that a search looks at
-  int threads = 0;            ///< 0: all cores
+  int threads = 0;            ///< 0: all cores; in a detector: those of its backend
 };
 
 /// Finds the landmarks that features of images look like, by a forest of randomised kd-trees

@@ -38,12 +38,29 @@ DistanceRange distancesIn(const SearchArea& area, const Camera& part, double dia
   return range;
 }
 
-bool isAllowed(const Image8& allowed, const Camera& part, const Eigen::Vector3d& centre_C) {
+/// Whether a pixel is allowed where the object may be. At its centre, it may have a hole.
+bool isAllowed(const Image8& allowed, const PoseVote& place) {
   if (allowed.empty()) return true;
-  const Eigen::Vector2d pixel = part.project(centre_C);
-  const long x = std::lround(pixel.x()), y = std::lround(pixel.y());
-  return x >= 0 && y >= 0 && x < allowed.width && y < allowed.height &&
-         allowed.at(static_cast<int>(x), static_cast<int>(y), 0) > 0;
+  const double radius = place.diameter_px / 2;
+  const auto clamped = [](double value, int size) {
+    return static_cast<int>(std::clamp<double>(std::lround(value), 0, size));
+  };
+  const int right = clamped(place.x + radius + 1, allowed.width);
+  const int bottom = clamped(place.y + radius + 1, allowed.height);
+  for (int y = clamped(place.y - radius, allowed.height); y < bottom; ++y) {
+    for (int x = clamped(place.x - radius, allowed.width); x < right; ++x) {
+      if (allowed.at(x, y, 0) > 0) return true;
+    }
+  }
+  return false;
+}
+
+/// With as many threads as the backend may use.
+DetectionSettings confined(DetectionSettings settings, const Backend& backend) {
+  for (int* threads : {&settings.matching.threads, &settings.templates.threads}) {
+    if (*threads == 0) *threads = backend.info().threads;
+  }
+  return settings;
 }
 
 }  // namespace
@@ -58,8 +75,9 @@ void DetectionSettings::validate() const {
   require(max_instances >= 1, "DetectionSettings::max_instances", max_instances);
   require(max_tried >= 1, "DetectionSettings::max_tried", max_tried);
   require(max_ranked >= 1, "DetectionSettings::max_ranked", max_ranked);
-  require(max_at_once >= 1, "DetectionSettings::max_at_once", max_at_once);
+  require(max_ranked_single >= 1, "DetectionSettings::max_ranked_single", max_ranked_single);
   require(max_tried_beside >= 1, "DetectionSettings::max_tried_beside", max_tried_beside);
+  require(max_at_once >= 1, "DetectionSettings::max_at_once", max_at_once);
   require(least_score >= 0 && least_score <= 1, "DetectionSettings::least_score", least_score);
   require(budget_s >= 0, "DetectionSettings::budget_s", budget_s);
 }
@@ -68,13 +86,14 @@ ObjectDetector::ObjectDetector(Backend* backend, std::shared_ptr<const LoadedFie
                                DetectionModel model, const DetectionSettings& settings)
     : backend_(backend),
       field_(std::move(field)),
-      settings_(settings),
+      settings_(confined(settings, *backend)),
       landmarks_(std::make_unique<const Landmarks>(std::move(model.landmarks))),
-      matcher_(*landmarks_, field_->field().metadata.diameter, settings.matching),
-      refiner_(backend, field_, settings.keyframes) {
+      matcher_(*landmarks_, field_->field().metadata.diameter, settings_.matching),
+      refiner_(backend, field_, settings.keyframes),
+      is_same_instance_(field_->field()) {
   settings_.validate();
   if (model.templates) {
-    templates_.emplace(std::move(model.templates), field_->field().metadata, settings.templates);
+    templates_.emplace(std::move(model.templates), field_->field().metadata, settings_.templates);
   }
 }
 
@@ -133,7 +152,8 @@ PoseCandidates ObjectDetector::templateCandidates(const Observation& observation
   const Image8 allowed = allowedPixels(observation, *part);
   PoseCandidates candidates;
   for (const PoseCandidate& candidate : findings.candidates) {
-    if (isAllowed(allowed, *part, candidate.T_O_C.inverse() * object.centre)) {
+    const auto place = voteFor(candidate.T_O_C, *part, object);
+    if (place && isAllowed(allowed, *place)) {
       candidates.push_back(candidate);
     }
   }
@@ -144,21 +164,35 @@ PoseCandidates ObjectDetector::templateCandidates(const Observation& observation
 struct ObjectDetector::Search {
   const Observation& observation;
   const CancellationToken& cancellation;
+  const SameInstance& is_same_instance;
   std::chrono::steady_clock::time_point begin = std::chrono::steady_clock::now();
   std::vector<Refinement> doubted = {};  // poses that were found but not trusted
   Detections detections = {};
 
   bool isTimeUp(double budget_s) const { return budget_s > 0 && secondsSince(begin) > budget_s; }
   bool isEnough(int most) const { return static_cast<int>(detections.found.size()) >= most; }
+  bool isFound(const Pose& T_O_C) const {
+    const std::vector<Refinement>& found = detections.found;
+    return std::any_of(found.begin(), found.end(),
+                       [&](const Refinement& one) { return is_same_instance(T_O_C, one.T_O_C); });
+  }
+  void eraseFound(PoseCandidates* candidates) const {
+    const auto is_found = [this](const PoseCandidate& one) { return isFound(one.T_O_C); };
+    candidates->erase(std::remove_if(candidates->begin(), candidates->end(), is_found),
+                      candidates->end());
+  }
 };
 
-/// The best candidates, as well as small views of the object explain the image.
-PoseCandidates ObjectDetector::ranked(const PoseCandidates& candidates, int most,
-                                      const Search& search) {
+/// The best candidates of instances that are not found yet, as well as small views of the object
+/// explain the image.
+PoseCandidates ObjectDetector::ranked(PoseCandidates candidates, int most, const Search& search) {
   if (!ranking_) ranking_.emplace(backend_, field_, settings_.keyframes);
+  search.eraseFound(&candidates);
+  const RankingLimits limits = {static_cast<std::size_t>(most),
+                                static_cast<std::size_t>(settings_.max_at_once)};
   PoseCandidates best;
-  for (const AlignedCandidate& one : ranking_->rank(
-           search.observation, candidates, static_cast<std::size_t>(most), search.cancellation)) {
+  for (const AlignedCandidate& one :
+       ranking_->rank(search.observation, candidates, limits, search.cancellation)) {
     best.push_back(one.candidate);
   }
   return best;
@@ -187,10 +221,9 @@ Refinement ObjectDetector::takeBest(ImageCandidates* candidates, const Search& s
   const FieldMetadata& object = field_->field().metadata;
   PoseCandidates& poses = candidates->poses;
   const Pose best = poses.front().T_O_C;
-  const auto same =
-      std::stable_partition(poses.begin(), poses.end(), [&](const PoseCandidate& candidate) {
-        return !isSameInstance(candidate.T_O_C, best, object);
-      });
+  const auto same = std::stable_partition(
+      poses.begin(), poses.end(),
+      [&](const PoseCandidate& candidate) { return !is_same_instance_(candidate.T_O_C, best); });
   std::vector<Pose> rough;
   for (auto one = same; one != poses.end(); ++one) {
     if (static_cast<int>(rough.size()) < settings_.max_at_once) rough.push_back(one->T_O_C);
@@ -208,25 +241,23 @@ Refinement ObjectDetector::takeBest(ImageCandidates* candidates, const Search& s
 }
 
 void ObjectDetector::settleAll(ImageCandidates* candidates, Search* search) {
-  const FieldMetadata& object = field_->field().metadata;
-  std::vector<Refinement>& found = search->detections.found;
+  const std::vector<Refinement>& found = search->detections.found;
+  const std::size_t before = found.size();
   int refused = 0;
   while (!candidates->poses.empty() && !search->isEnough(settings_.max_instances)) {
-    if (refused >= (found.empty() ? settings_.max_tried : settings_.max_tried_beside)) break;
-    if (search->isTimeUp(settings_.budget_s)) break;
+    const int most = found.size() > before ? settings_.max_tried_beside : settings_.max_tried;
+    if (refused >= most || search->isTimeUp(settings_.budget_s)) break;
     const Refinement one = takeBest(candidates, *search);
-    const auto isSame = [&](const Refinement& other) {
-      return isSameInstance(one.T_O_C, other.T_O_C, object);
-    };
-    if (std::any_of(found.begin(), found.end(), isSame)) continue;
+    if (search->isFound(one.T_O_C)) continue;
     // Where a likelier pose of the same place is too uncertain, this one is no surer.
-    const bool is_second =
+    const bool is_outdone =
         std::any_of(search->doubted.begin(), search->doubted.end(), [&](const Refinement& other) {
-          return isSame(other) &&
+          return is_same_instance_(one.T_O_C, other.T_O_C) &&
                  other.found_probability.value_or(0) >= one.found_probability.value_or(0);
         });
-    if (one.outcome == Outcome::kRefined && one.score >= settings_.least_score && !is_second) {
-      found.push_back(one);
+    if (one.outcome == Outcome::kRefined && one.score >= settings_.least_score && !is_outdone) {
+      search->detections.found.push_back(one);
+      search->eraseFound(&candidates->poses);
       refused = 0;
     } else {
       search->doubted.push_back(one);
@@ -239,6 +270,7 @@ void ObjectDetector::settleAll(ImageCandidates* candidates, Search* search) {
 void ObjectDetector::detectIn(const SearchArea& area, Search* search) {
   area.validate();
   Detections& detections = search->detections;
+  const std::size_t before = detections.found.size();
   ImageCandidates all = candidates(search->observation, area, search->cancellation);
   if (detections.message.empty()) detections.message = all.message;
   const auto settle = [&](PoseCandidates poses) {
@@ -247,11 +279,13 @@ void ObjectDetector::detectIn(const SearchArea& area, Search* search) {
     settleAll(&all, search);
   };
   settle(std::move(all.poses));
-  if (all.matched && detections.found.empty() && !search->isTimeUp(settings_.budget_s)) {
+  const auto goesOn = [&] {
+    return !search->isEnough(settings_.max_instances) && !search->isTimeUp(settings_.budget_s);
+  };
+  if (all.matched && detections.found.size() == before && goesOn()) {
     settle(singleMatches(*all.matched, area, *search));
   }
-  if (templates_ && !search->isEnough(settings_.max_instances) &&
-      !search->isTimeUp(settings_.budget_s)) {
+  if (templates_ && goesOn()) {
     settle(ranked(templateCandidates(search->observation, area, search->cancellation),
                   settings_.max_ranked, *search));
   }
@@ -259,7 +293,7 @@ void ObjectDetector::detectIn(const SearchArea& area, Search* search) {
 
 Detections ObjectDetector::detect(const Observation& observation, const SearchArea& area,
                                   const CancellationToken& cancellation) {
-  Search search = {observation, cancellation};
+  Search search = {observation, cancellation, is_same_instance_};
   observation.validate();
   Detections& detections = search.detections;
   if (observation.isDepthAlone()) {
@@ -280,15 +314,6 @@ Detections ObjectDetector::detect(const Observation& observation, const SearchAr
   }
   detections.seconds = secondsSince(search.begin);
   return detections;
-}
-
-bool isSameInstance(const Pose& a_T_O_C, const Pose& b_T_O_C, const FieldMetadata& object) {
-  constexpr double kAcross = 0.35, kAlong = 0.2;  // [diameters], [distances]
-  const Eigen::Vector3d a = a_T_O_C.inverse() * object.centre;
-  const Eigen::Vector3d b = b_T_O_C.inverse() * object.centre;
-  const Eigen::Vector3d scaled = b * (a.norm() / b.norm());
-  return (scaled - a).norm() < kAcross * object.diameter &&
-         std::abs(std::log(a.norm() / b.norm())) < kAlong;
 }
 
 }  // namespace nerf_pose_refiner

@@ -15,6 +15,7 @@
 #include "detection/detection_model.h"
 #include "detection/landmark_candidates.h"
 #include "detection/landmark_matcher.h"
+#include "detection/same_instance.h"
 #include "detection/search_area.h"
 #include "detection/template_search.h"
 #include "nerf_pose_refiner/observation.h"
@@ -34,9 +35,9 @@ struct DetectionSettings {
   int max_ranked_single = 6;    ///< of the poses of single matches, after their ranking
   int max_image_side_px = 800;  ///< larger images are reduced to it for their features
   int max_instances = 10;       ///< that are returned
+  int max_tried_beside = 2;     ///< the same once they have led to an instance: others are as clear
   int max_at_once = 4;          ///< candidates of one place that are aligned
   int max_tried = 6;            ///< candidates in a row that alignment refuses end the search
-  int max_tried_beside = 2;     ///< the same once an instance is found: others are as clear
   double least_score = 0.9;     ///< probability of a pose to be trusted, 0..1
   double budget_s = 0;          ///< no candidate is tried after it; 0: there is no limit
 
@@ -98,7 +99,7 @@ class ObjectDetector {
   struct Search;
 
   PoseCandidates atDistance(const SearchArea& area, PoseCandidates candidates) const;
-  PoseCandidates ranked(const PoseCandidates& candidates, int most, const Search& search);
+  PoseCandidates ranked(PoseCandidates candidates, int most, const Search& search);
   PoseCandidates singleMatches(const MatchedImage& matched, const SearchArea& area,
                                const Search& search);
   Refinement takeBest(ImageCandidates* candidates, const Search& search);
@@ -111,11 +112,8 @@ class ObjectDetector {
   std::unique_ptr<const Landmarks> landmarks_;  // the matcher points at them
   LandmarkMatcher matcher_;
   KeyframeRefiner refiner_;
+  SameInstance is_same_instance_;
   std::optional<TemplateSearch> templates_;
   std::optional<CandidateRanking> ranking_;  // made when it is needed first
 };
-
-/// Whether two poses are of one instance: its centre and its size are nearly the same.
-bool isSameInstance(const Pose& a_T_O_C, const Pose& b_T_O_C, const FieldMetadata& object);
-
 }  // namespace nerf_pose_refiner

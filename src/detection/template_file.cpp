@@ -65,7 +65,7 @@ TemplateBank readBank(const InputFile& file, std::uint64_t key) {
   const std::size_t of_view = kViewNumbers + 1 + std::size_t{kEdgeNumbers} * header.edges;
   if (std::memcmp(header.format, kTemplateFormat, sizeof kTemplateFormat) != 0 ||
       header.key != key || header.views > kMaxViews || header.edges > kMaxEdges ||
-      header.edges % (2 * TemplateView::kParts) != 0 ||
+      header.edges % TemplateView::kRun != 0 ||
       file.size() != sizeof header + header.views * of_view * sizeof(double)) {
     throw std::runtime_error("no templates of this object");
   }

@@ -70,7 +70,7 @@ struct TemplateSearch::ImagePart {
 
 DistanceRange DistanceRange::usual(const Camera& camera) {
   constexpr double kNearest = 0.8;  // nearer, a part of the object is beside or behind the camera
-  const double whole = camera.fx / camera.width;
+  const double whole = camera.fx / std::max(camera.width, camera.height);
   return {std::max(kNearest, whole), std::max(kNearest, 8 * whole)};
 }
 

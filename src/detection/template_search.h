@@ -22,7 +22,8 @@ namespace nerf_pose_refiner {
 struct DistanceRange {
   double nearest, farthest;  ///< of its centre [diameters]
 
-  /// Those at which an object's diameter spans from 1/8 to all of the width of a camera's images.
+  /// Those at which an object's diameter spans from 1/8 to all of the longer side of a camera's
+  /// images.
   static DistanceRange usual(const Camera& camera);
 
   /// @throws std::invalid_argument for a range that makes no sense.
@@ -38,7 +39,7 @@ struct TemplateSearchSettings {
   int fitted = 4000;           ///< best hits, equally many of each distance
   int candidates = 200;        ///< that are returned, at most
   double min_evidence = 0.2;   ///< of them: mean response over a template's edges, 0..1
-  int threads = 0;             ///< 0: all cores
+  int threads = 0;             ///< 0: all cores; in a detector: those of its backend
   std::string instruction_set = "auto";  ///< "auto", "baseline" or "avx2"
 
   /// @throws std::invalid_argument naming the value that is out of range.

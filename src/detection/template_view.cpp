@@ -138,7 +138,8 @@ void TemplateBankSettings::validate() const {
   require(views >= 1 && views <= 5000, "TemplateBankSettings::views", views);
   require(object_px >= 32 && object_px <= 512, "TemplateBankSettings::object_px", object_px);
   require(distance > 1, "TemplateBankSettings::distance", distance);
-  require(edges >= 32 && edges <= 1024 && edges % 32 == 0, "TemplateBankSettings::edges", edges);
+  require(edges >= 1 && edges <= 1024 && edges % TemplateView::kRun == 0,
+          "TemplateBankSettings::edges", edges);
 }
 
 TemplateView makeTemplateView(const Rendering& rendering, const View& view,

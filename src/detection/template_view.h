@@ -23,6 +23,9 @@ struct TemplateEdge {
 struct TemplateView {
   /// Of the parts that the edges are divided into by their places: some may be covered.
   static constexpr int kParts = 4;
+  /// Numbers of edges are multiples of it: kernels take 16 of every part at a time, of every second
+  /// edge, too.
+  static constexpr int kRun = 2 * kParts * 16;
 
   Eigen::Matrix3d R_O_V;  ///< axes of the view's camera in O
   /// Part after part, equally many in each. Every second one alone makes as even a choice. Empty:
@@ -31,7 +34,7 @@ struct TemplateView {
 };
 
 /// The edges of a rendering whose camera looks at the object's centre.
-/// @param count of edges, a multiple of 2 * TemplateView::kParts; where a view shows fewer, some
+/// @param count of edges, a multiple of TemplateView::kRun; where a view shows fewer, some
 /// count twice.
 TemplateView makeTemplateView(const Rendering& rendering, const View& view,
                               const FieldMetadata& object, int count);
@@ -40,7 +43,7 @@ struct TemplateBankSettings {
   int views = 300;        ///< from all around: some 12 degrees apart
   int object_px = 128;    ///< that the object's diameter spans in a rendering
   double distance = 2.8;  ///< of the camera from the object's centre [diameters]
-  int edges = 128;        ///< of a view, a multiple of 32
+  int edges = 128;        ///< of a view, a multiple of TemplateView::kRun
 
   /// @throws std::invalid_argument naming the value that is out of range.
   void validate() const;

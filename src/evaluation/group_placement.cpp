@@ -71,15 +71,23 @@ class Group {
     GroupView result = {views[first], {}};
     result.view.camera = result.view.photo_camera = camera_;
     result.view.distortion = {};
-    result.view.T_O_C = poses_.front();
+    result.view.T_O_C = placed_.front().T_O_C;
     result.view.rgba = std::make_shared<const Image8>(straightBytes(image_));
-    for (std::size_t i = 0; i < poses_.size(); ++i) {
-      result.instances.push_back({poses_[i], visiblePart(i, owners_)});
+    for (std::size_t i = 0; i < placed_.size(); ++i) {
+      result.instances.push_back({placed_[i].T_O_C, visiblePart(i, owners_)});
     }
     return result;
   }
 
  private:
+  /// An instance in the image.
+  struct Placed {
+    Pose T_O_C;
+    Eigen::Vector2d middle;
+    double size;  // its longer side [px]
+    int pixels;   // hidden ones, too
+  };
+
   double drawn() {
     const std::uint64_t first = draw_.index << 16;
     return static_cast<double>(randomUniform(draw_.seed, kGroupStream, first + drawn_count_++));
@@ -103,7 +111,7 @@ class Group {
 
   double visiblePart(std::size_t instance, const Image8& owners) const {
     const auto own = std::count(owners.values.begin(), owners.values.end(), instance + 1);
-    return static_cast<double>(own) / pixels_[instance];
+    return static_cast<double>(own) / placed_[instance].pixels;
   }
 
   /// A place where an object is wholly in the image, if there is one.
@@ -119,8 +127,13 @@ class Group {
   /// At a place that is drawn, in front of the others. @return false: it would hide too much.
   bool add(const PosedView& view) {
     const Eigen::AlignedBox2d box = silhouetteBox(view);
-    const double scale = std::min(1.0, camera_.fx / view.camera.fx);
-    const Eigen::Vector2d place = drawnPlace(camera_.fx / view.camera.fx * box.sizes().norm() / 2);
+    const double enlarged = camera_.fx / view.camera.fx, scale = std::min(1.0, enlarged);
+    const Eigen::Vector2d place = drawnPlace(enlarged * box.sizes().norm() / 2);
+    const double size = enlarged * box.sizes().maxCoeff();
+    for (const Placed& other : placed_) {
+      const double apart = placement_.least_apart * (size + other.size) / 2;
+      if ((place - other.middle).norm() < apart) return false;
+    }
     const Eigen::Vector3d to = camera_.direction(place.x(), place.y()).normalized();
     const Eigen::Matrix3d R =
         Eigen::AngleAxisd(2 * kPi * drawn(), to).toRotationMatrix() *
@@ -133,16 +146,15 @@ class Group {
     int pixels = 0;
     for (std::size_t i = 0; i < alpha.values.size(); ++i) {
       if (alpha.values[i] < 0.5f) continue;
-      owners.values[i] = static_cast<std::uint8_t>(poses_.size() + 1);
+      owners.values[i] = static_cast<std::uint8_t>(placed_.size() + 1);
       ++pixels;
     }
     if (pixels == 0) return false;
-    for (std::size_t i = 0; i < poses_.size(); ++i) {
+    for (std::size_t i = 0; i < placed_.size(); ++i) {
       if (visiblePart(i, owners) < placement_.least_visible) return false;
     }
     owners_ = owners;
-    pixels_.push_back(pixels);
-    poses_.push_back({view.T_O_C.R * R.transpose(), view.T_O_C.t});
+    placed_.push_back({{view.T_O_C.R * R.transpose(), view.T_O_C.t}, place, size, pixels});
     putInFront(turned(resample(object.colour, view.camera, reduced), reduced, R, camera_), alpha);
     return true;
   }
@@ -162,9 +174,8 @@ class Group {
   std::uint64_t drawn_count_ = 0;
   Camera camera_;
   PremultipliedImage image_;
-  Image8 owners_;            // of each pixel: 1 + number of its instance; 0: none
-  std::vector<Pose> poses_;  // of instances: T_O_C
-  std::vector<int> pixels_;  // of instances, hidden ones too
+  Image8 owners_;  // of each pixel: 1 + number of its instance; 0: none
+  std::vector<Placed> placed_;
 };
 
 }  // namespace

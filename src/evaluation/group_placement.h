@@ -17,6 +17,9 @@ struct GroupPlacement {
   double least_width = 0.2, most_width = 0.3;
   double least_focal = 0.6;    ///< [widths of the image]; where it decides, objects are larger
   double least_visible = 0.6;  ///< of each instance, 0..1
+  /// Between the middles of two instances [longer sides of them]: solid objects that are about
+  /// equally far away do not come nearer.
+  double least_apart = 0.5;
 };
 
 /// What an image shows of an instance of an object.

@@ -25,7 +25,15 @@ Pose extrapolated(const Pose& before, const Pose& now, double ratio) {
           now.t + ratio * (now.t - before.t)};
 }
 
-/// How near to one of those poses that it may have come from a pose is, as odds.
+/// Makes the hypothesis of a pose the first one.
+void bringForward(const Pose& T_O_C, HypothesisTable* hypotheses) {
+  const auto one = std::find_if(hypotheses->begin(), hypotheses->end(), [&](const Hypothesis& h) {
+    return h.T_O_C.R == T_O_C.R && h.T_O_C.t == T_O_C.t;
+  });
+  std::rotate(hypotheses->begin(), one, std::next(one));
+}
+
+/// The odds of a pose by its distance from the nearest of the poses that it may have come from.
 double oddsOfStart(const Pose& T_O_C, const std::vector<Pose>& rough_T_O_C,
                    const FieldMetadata& object) {
   double best = 0;
@@ -187,6 +195,7 @@ Refinement KeyframeRefiner::settle(const TimedObservation& image,
         makeAt(camera, rough_T_O_C, cancellation);
         HypothesisTable found = search_->from(image.observation, starts, cancellation);
         if (found.empty() || found.front().state != HypothesisState::kLive) return found;
+        if (odds) bringForward(weighed(found, odds).front().T_O_C, &found);
         // A keyframe from beside drags the pose along: one of the place itself decides.
         makeAt(camera, {found.front().T_O_C}, cancellation);
         found = withoutMistake(image.observation,

@@ -132,7 +132,7 @@ TEST_F(ObjectDetectorTest, KeepsInstancesApart) {
   ASSERT_EQ(detections.found.size(), 2u) << detections.message;
   EXPECT_GE(detections.found[0].score, detections.found[1].score);
   for (const Pose& truth : truths) {
-    const bool first = isSameInstance(detections.found[0].T_O_C, truth, object());
+    const bool first = SameInstance(scene_->field())(detections.found[0].T_O_C, truth);
     expectTruth(detections.found[first ? 0 : 1], truth);
   }
   DetectionSettings one;
@@ -299,15 +299,21 @@ TEST_F(ObjectDetectorTest, WhatMakesNoSenseIsRefused) {
 }
 
 TEST(SameInstance, IsNearlyAtTheSamePlaceAndAsFar) {
-  FieldMetadata object;
-  object.diameter = 1;
+  Field field;
+  field.metadata.diameter = 1;
   const auto at = [](double x, double z) {
     return Pose(Eigen::Matrix3d::Identity(), {x, 0, z}).inverse();
   };
-  EXPECT_TRUE(isSameInstance(at(0, 4), at(0.3, 4), object));
-  EXPECT_FALSE(isSameInstance(at(0, 4), at(0.4, 4), object));
-  EXPECT_TRUE(isSameInstance(at(0, 4), at(0, 4.8), object));  // log 1.2 = 0.18
-  EXPECT_FALSE(isSameInstance(at(0, 4), at(0, 5), object));
+  const SameInstance of_cube(field);  // its box has sides of 1
+  EXPECT_TRUE(of_cube(at(0, 4), at(0.3, 4)));
+  EXPECT_FALSE(of_cube(at(0, 4), at(0.4, 4)));
+  EXPECT_TRUE(of_cube(at(0, 4), at(0, 4.8)));  // log 1.2 = 0.18
+  EXPECT_FALSE(of_cube(at(0, 4), at(0, 5)));
+  field.metadata.box = Box{{0, 0, 0}, {0.3, 0.3, 1}};  // a bottle
+  EXPECT_TRUE(SameInstance(field)(at(0, 4), at(0.2, 4)));
+  EXPECT_FALSE(SameInstance(field)(at(0, 4), at(0.3, 4)));
+  field.metadata.box = Box{{0, 0, 0}, {0.01, 0.01, 1}};  // poses of a needle are not exact, either
+  EXPECT_TRUE(SameInstance(field)(at(0, 4), at(0.14, 4)));
 }
 
 }  // namespace

@@ -25,7 +25,7 @@ TemplateBank someBank() {
   bank.views.resize(2);
   bank.views[0].R_O_V = expSO3({0.1, 0.2, 0.3});
   bank.views[1].R_O_V = expSO3({0.3, 0.2, 0.1});
-  for (int i = 0; i < 2 * TemplateView::kParts; ++i) {
+  for (int i = 0; i < TemplateView::kRun; ++i) {
     bank.views[1].edges.push_back({{0.1f * i, 0.2f, -0.3f}, 0.4f * i});
   }
   return bank;
@@ -60,6 +60,14 @@ TEST_F(TemplateFileTest, ReadsWhatWasWritten) {
       EXPECT_EQ(read->views[i].edges[k].normal_rad, written.views[i].edges[k].normal_rad);
     }
   }
+}
+
+// Kernels would read beyond the edges.
+TEST_F(TemplateFileTest, EdgesThatAreNoWholeRunsAreNone) {
+  TemplateBank bank = someBank();
+  bank.views[1].edges.resize(TemplateView::kRun / 2);
+  saveTemplates(bank, 7, path_);
+  EXPECT_FALSE(loadTemplates(path_, 7));
 }
 
 TEST_F(TemplateFileTest, OfAnotherObjectIsNone) { EXPECT_FALSE(loadTemplates(path_, 8)); }

@@ -18,6 +18,7 @@ BackendInfo CpuBackend::info() const {
   const int threads = processor_->threads;
   BackendInfo info;
   info.name = "cpu";
+  info.threads = threads;
   info.description = std::string("CPU, ") + processor_->kernels->name + ", " +
                      std::to_string(threads) + (threads == 1 ? " thread" : " threads");
   return info;
