@@ -157,6 +157,12 @@ class Benchmark {
     int rank = -1;
     Refinement settled;
     if (!is_right) settled = settleNear(found.candidates, trial, &rank);
+    if (!is_right && rank < 0 && model_.templates) {
+      const PoseCandidates before = detector_.templateCandidates(trial.observation, {}, {});
+      int first = -1;
+      settleNear(before, trial, &first);
+      std::printf(" [before ranking %d of %zu]", first, before.size());
+    }
     if (stage.empty()) stage = stageOf(evidence, rank, settled, trial);
     ++stages_[stage];
     if (!found.candidates.empty()) std::printf(" [first %.2f]", found.candidates[0].evidence);
@@ -297,6 +303,7 @@ void addOptions(CLI::App* app, Options* o) {
   app->add_option("--score", o->detection.least_score, "of what is published");
   app->add_option("--plain", o->detection.model.plain_landmarks,
                   "objects with fewer landmarks get templates");
+  app->add_option("--scanned", o->detection.templates.scanned_px, "width of plain objects [px]");
   app->add_option("--ranked", o->detection.max_ranked, "candidates of plain objects");
   app->add_option("--instances", o->detection.max_instances, "looked for in an image");
   app->add_option("--tried", o->detection.max_tried, "candidates, in a row");

@@ -18,14 +18,15 @@ double thresholdFor(double diameter_px, const LandmarkCandidateSettings& setting
   return std::max(settings.least_threshold_px, settings.threshold * diameter_px);
 }
 
-/// Matches, each at a place of its own and of a landmark of its own.
+/// Counts matches, each at a place of its own and of a landmark of its own.
 class DistinctMatches {
  public:
   void add(const Eigen::Vector2d& pixel, int landmark) {
-    pixels_.emplace(std::lround(pixel.x()), std::lround(pixel.y()));
-    landmarks_.insert(landmark);
+    const std::pair<long, long> place(std::lround(pixel.x()), std::lround(pixel.y()));
+    if (pixels_.count(place) > 0 || !landmarks_.insert(landmark).second) return;
+    pixels_.insert(place);
   }
-  int count() const { return static_cast<int>(std::min(pixels_.size(), landmarks_.size())); }
+  int count() const { return static_cast<int>(pixels_.size()); }
 
  private:
   std::set<std::pair<long, long>> pixels_;
@@ -40,9 +41,27 @@ const Landmark& landmarkOf(const FeatureMatch& match, const MatchedImage& image)
   return image.landmarks.places[static_cast<std::size_t>(match.landmark)];
 }
 
-/// The pose that a match speaks for by itself.
-Pose poseOf(const FeatureMatch& match, const MatchedImage& image) {
-  return poseFromMatch(image.camera, featureOf(match, image), landmarkOf(match, image));
+/// The pose that a match speaks for by itself, and where its landmark is for that pose.
+struct MatchedPose {
+  Pose T_O_C;
+  Eigen::Vector3d point_O;
+};
+
+/// @param reference_T_O_C of the poses that look alike by the object's symmetries, the nearest to
+/// it. Turns about an axis are left as they are: for those, one match is too rough.
+MatchedPose poseOf(const FeatureMatch& match, const MatchedImage& image,
+                   const Pose& reference_T_O_C, const Symmetries& symmetries) {
+  const Landmark& landmark = landmarkOf(match, image);
+  const Eigen::Vector3d point_O = landmark.point.cast<double>();
+  const Pose T_O_C = poseFromMatch(image.camera, featureOf(match, image), landmark);
+  const auto nearness = [&](const Pose& motion) {
+    return (motion.R * T_O_C.R).cwiseProduct(reference_T_O_C.R).sum();
+  };
+  const std::vector<Pose>& motions = symmetries.motions();
+  const Pose nearest =
+      *std::max_element(motions.begin(), motions.end(),
+                        [&](const Pose& a, const Pose& b) { return nearness(a) < nearness(b); });
+  return {nearest * T_O_C, nearest * point_O};
 }
 
 /// Makes the candidates of one image.
@@ -53,13 +72,14 @@ class CandidateSearch {
       : image_(image), object_(object), settings_(settings) {
     for (const FeatureMatch& match : image.matches) {
       if (match.ratio > settings.max_ratio) continue;
-      const Pose T_O_C = poseOf(match, image);
-      const auto vote = voteFor(T_O_C, image.camera, object);
+      // Of symmetric poses one stands for all, so that matches of one instance agree.
+      const MatchedPose one = poseOf(match, image, Pose(), object.symmetries);
+      const auto vote = voteFor(one.T_O_C, image.camera, object);
       if (!vote) continue;
       const FeaturePlace& feature = featureOf(match, image);
       votes_.push_back(*vote);
-      poses_.push_back(T_O_C);
-      points_.push_back({landmarkOf(match, image).point.cast<double>(), {feature.x, feature.y}});
+      poses_.push_back(one.T_O_C);
+      points_.push_back({one.point_O, {feature.x, feature.y}});
       landmarks_.push_back(match.landmark);
     }
   }
@@ -67,11 +87,16 @@ class CandidateSearch {
   PoseCandidates run(const CancellationToken& cancellation) {
     VoteCounter counter(votes_, settings_.votes);
     PoseCandidates candidates;
-    for (int i = 0; i < settings_.most_groups; ++i) {
+    for (int tried = 0; tried < settings_.most_groups;) {
       cancellation.check();
       const std::vector<int> group = counter.largestGroup();
       if (static_cast<int>(group.size()) < settings_.least_landmarks) break;
-      const int vote = group.front();  // the one that the group is around
+      const int vote = group.front();                        // the one that the group is around
+      if (landmarksIn(group) < settings_.least_landmarks) {  // a texture that repeats one of them
+        counter.remove(vote);
+        continue;
+      }
+      ++tried;
       const std::vector<int> used = addFrom(group, counter.left(), &candidates);
       for (const int match : used) counter.remove(match);
       counter.remove(vote);
@@ -129,24 +154,28 @@ class CandidateSearch {
         add(*other, left, candidates);
       }
     }
-    std::vector<int> used;
-    for (const int inlier : pose->inliers) used.push_back(left[static_cast<std::size_t>(inlier)]);
-    return used;
+    return matchesOf(*pose, left);
   }
 
-  /// @param left what inliers are numbers of.
-  int landmarksIn(const PointPose& pose, const std::vector<int>& left) const {
+  int landmarksIn(const std::vector<int>& group) const {
     DistinctMatches matches;
-    for (const int inlier : pose.inliers) {
-      const auto match = static_cast<std::size_t>(left[static_cast<std::size_t>(inlier)]);
+    for (const int member : group) {
+      const auto match = static_cast<std::size_t>(member);
       matches.add(points_[match].pixel, landmarks_[match]);
     }
     return matches.count();
   }
 
+  /// @param left what inliers are numbers of.
+  static std::vector<int> matchesOf(const PointPose& pose, const std::vector<int>& left) {
+    std::vector<int> matches;
+    for (const int inlier : pose.inliers) matches.push_back(left[static_cast<std::size_t>(inlier)]);
+    return matches;
+  }
+
   bool add(const PointPose& pose, const std::vector<int>& left, PoseCandidates* candidates) const {
     const Pose T_O_C = pose.T_C_O.inverse();
-    const int landmarks = landmarksIn(pose, left);
+    const int landmarks = landmarksIn(matchesOf(pose, left));
     if (landmarks < settings_.least_landmarks) return false;
     if (!voteFor(T_O_C, image_.camera, object_)) return false;
     candidates->push_back({T_O_C, static_cast<double>(landmarks), CandidateSource::kLandmarks});
@@ -175,14 +204,22 @@ int landmarksAt(const Pose& T_O_C, const MatchedImage& image, const FieldMetadat
   const Pose T_C_O = T_O_C.inverse();
   DistinctMatches matches;
   for (const FeatureMatch& match : image.matches) {
-    const Eigen::Vector3d point_C = T_C_O * landmarkOf(match, image).point.cast<double>();
+    const MatchedPose one = poseOf(match, image, T_O_C, object.symmetries);
+    const Eigen::Vector3d point_C = T_C_O * one.point_O;
     if (!(point_C.z() > 0)) continue;
     const Eigen::Vector2d pixel(featureOf(match, image).x, featureOf(match, image).y);
     if ((image.camera.project(point_C) - pixel).norm() > threshold) continue;
-    const auto vote = voteFor(poseOf(match, image), image.camera, object);
+    const auto vote = voteFor(one.T_O_C, image.camera, object);
     if (vote && agree(*vote, *seen, settings.votes)) matches.add(pixel, match.landmark);
   }
   return matches.count();
+}
+
+double oddsOfLandmarks(int landmarks, bool is_plain) {
+  const int by_chance = is_plain ? 4 : 1;
+  const double of_each = is_plain ? 2 : 3;
+  const double most = is_plain ? 20 : 100;  // the image has to agree, too: parts look alike
+  return std::min(most, std::pow(of_each, std::max(0, landmarks - by_chance)));
 }
 
 PoseCandidates landmarkCandidates(const MatchedImage& image, const FieldMetadata& object,

@@ -40,6 +40,11 @@ struct MatchedImage {
 int landmarksAt(const Pose& T_O_C, const MatchedImage& image, const FieldMetadata& object,
                 const LandmarkCandidateSettings& settings);
 
+/// How much likelier a pose is for the landmarks that agree with it. One agrees by chance with one
+/// in ten wrong poses (of 240 in images of other objects), more than one with hardly any; but
+/// neighbours are often alike. With wrong poses of plain objects, which have few, several agreed.
+double oddsOfLandmarks(int landmarks, bool is_plain);
+
 /// Poses that many matches agree with. Each match votes for a pose by the place, the size and the
 /// orientation of its feature; the pose of a group of votes is that of its points. A match belongs
 /// to one candidate alone, so that several instances are apart from each other; but of points in a

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <opencv2/flann.hpp>
 #include <optional>
 #include <stdexcept>
@@ -20,6 +21,24 @@ cv::Mat view(const Descriptors& rows) {
           const_cast<float*>(rows.data())};
 }
 
+/// Between a place and the nearest one that looks like another place.
+double apart(const Eigen::Vector3d& a, const Eigen::Vector3d& b, const Symmetries& symmetries) {
+  double least = std::numeric_limits<double>::infinity();
+  for (const Pose& motion : symmetries.motions()) {
+    const Eigen::Vector3d moved = motion * a;
+    double distance = (moved - b).norm();
+    if (const auto& axis = symmetries.axis()) {  // of the two circles about it
+      const auto split = [&](const Eigen::Vector3d& p) -> Eigen::Vector2d {
+        const double height = (p - axis->point).dot(axis->direction);
+        return {height, (p - axis->point - height * axis->direction).norm()};
+      };
+      distance = (split(moved) - split(b)).norm();
+    }
+    least = std::min(least, distance);
+  }
+  return least;
+}
+
 }  // namespace
 
 struct LandmarkMatcher::Trees {
@@ -34,9 +53,10 @@ struct LandmarkMatcher::Trees {
 };
 
 LandmarkMatcher::LandmarkMatcher(const Landmarks& landmarks, double diameter,
-                                 const MatchingSettings& settings)
+                                 const MatchingSettings& settings, const Symmetries& symmetries)
     : landmarks_(&landmarks),
-      other_place_(static_cast<float>(settings.other_place * diameter)),
+      other_place_(settings.other_place * diameter),
+      symmetries_(symmetries),
       settings_(settings) {
   if (landmarks.size() > 0) trees_ = std::make_unique<Trees>(landmarks.descriptors);
 }
@@ -56,13 +76,14 @@ std::vector<FeatureMatch> LandmarkMatcher::match(const ImageFeatures& features) 
     cv::Mat numbers(1, count, CV_32S), squares(1, count, CV_32F);
     trees_->index.knnSearch(query, numbers, squares, count,
                             cv::flann::SearchParams(settings_.checks));
-    const auto placeOf = [&](int rank) -> const Eigen::Vector3f& {
-      return landmarks_->places[static_cast<std::size_t>(numbers.at<int>(rank))].point;
+    const auto placeOf = [&](int rank) -> Eigen::Vector3d {
+      const auto number = static_cast<std::size_t>(numbers.at<int>(rank));
+      return landmarks_->places[number].point.cast<double>();
     };
     if (numbers.at<int>(0) < 0) return;
     int other = 1;
     while (other < count && numbers.at<int>(other) >= 0 &&
-           (placeOf(other) - placeOf(0)).norm() <= other_place_) {
+           apart(placeOf(other), placeOf(0), symmetries_) <= other_place_) {
       ++other;
     }
     const float ratio =

@@ -6,6 +6,7 @@
 
 #include "detection/image_features.h"
 #include "detection/landmarks.h"
+#include "nerf_pose_refiner/symmetry.h"
 
 namespace nerf_pose_refiner {
 
@@ -30,7 +31,9 @@ struct MatchingSettings {
 class LandmarkMatcher {
  public:
   /// @param landmarks live longer. @param diameter of the object [model units].
-  LandmarkMatcher(const Landmarks& landmarks, double diameter, const MatchingSettings& settings);
+  /// @param symmetries of the object: places that look alike by them are one.
+  LandmarkMatcher(const Landmarks& landmarks, double diameter, const MatchingSettings& settings,
+                  const Symmetries& symmetries = {});
   ~LandmarkMatcher();
   LandmarkMatcher(LandmarkMatcher&&) noexcept;
 
@@ -41,7 +44,8 @@ class LandmarkMatcher {
   struct Trees;
 
   const Landmarks* landmarks_;
-  float other_place_;  // [model units]
+  double other_place_;  // [model units]
+  Symmetries symmetries_;
   MatchingSettings settings_;
   std::unique_ptr<Trees> trees_;  // null: there are no landmarks
 };

@@ -16,16 +16,6 @@
 namespace nerf_pose_refiner {
 namespace {
 
-/// What landmarks that agree with a pose say for it. One agrees by chance with one wrong pose in
-/// ten (of 240 in images of other objects), more than one hardly ever; but neighbours are often
-/// alike, and on plain objects, which have few, wrong poses were seen that several agree with.
-double oddsOfLandmarks(int landmarks, bool is_plain) {
-  const int by_chance = is_plain ? 4 : 1;
-  const double of_each = is_plain ? 2 : 3;
-  const double most = is_plain ? 20 : 100;  // the image has to agree, too: parts look alike
-  return std::min(most, std::pow(of_each, std::max(0, landmarks - by_chance)));
-}
-
 /// Distances at which the object may be [diameters].
 DistanceRange distancesIn(const SearchArea& area, const Camera& part, double diameter) {
   constexpr double kNearest = 0.8;
@@ -88,7 +78,8 @@ ObjectDetector::ObjectDetector(Backend* backend, std::shared_ptr<const LoadedFie
       field_(std::move(field)),
       settings_(confined(settings, *backend)),
       landmarks_(std::make_unique<const Landmarks>(std::move(model.landmarks))),
-      matcher_(*landmarks_, field_->field().metadata.diameter, settings_.matching),
+      matcher_(*landmarks_, field_->field().metadata.diameter, settings_.matching,
+               field_->field().metadata.symmetries),
       refiner_(backend, field_, settings.keyframes),
       is_same_instance_(field_->field()) {
   settings_.validate();
@@ -249,13 +240,8 @@ void ObjectDetector::settleAll(ImageCandidates* candidates, Search* search) {
     if (refused >= most || search->isTimeUp(settings_.budget_s)) break;
     const Refinement one = takeBest(candidates, *search);
     if (search->isFound(one.T_O_C)) continue;
-    // Where a likelier pose of the same place is too uncertain, this one is no surer.
-    const bool is_outdone =
-        std::any_of(search->doubted.begin(), search->doubted.end(), [&](const Refinement& other) {
-          return is_same_instance_(one.T_O_C, other.T_O_C) &&
-                 other.found_probability.value_or(0) >= one.found_probability.value_or(0);
-        });
-    if (one.outcome == Outcome::kRefined && one.score >= settings_.least_score && !is_outdone) {
+    if (one.outcome == Outcome::kRefined && one.score >= settings_.least_score &&
+        !isOutdone(one, search->doubted, is_same_instance_)) {
       search->detections.found.push_back(one);
       search->eraseFound(&candidates->poses);
       refused = 0;
@@ -289,6 +275,14 @@ void ObjectDetector::detectIn(const SearchArea& area, Search* search) {
     settle(ranked(templateCandidates(search->observation, area, search->cancellation),
                   settings_.max_ranked, *search));
   }
+}
+
+bool isOutdone(const Refinement& pose, const std::vector<Refinement>& doubted,
+               const SameInstance& is_same_instance) {
+  return std::any_of(doubted.begin(), doubted.end(), [&](const Refinement& other) {
+    return is_same_instance(pose.T_O_C, other.T_O_C) &&
+           other.found_probability.value_or(0) >= pose.found_probability.value_or(0);
+  });
 }
 
 Detections ObjectDetector::detect(const Observation& observation, const SearchArea& area,

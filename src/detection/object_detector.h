@@ -116,4 +116,10 @@ class ObjectDetector {
   std::optional<TemplateSearch> templates_;
   std::optional<CandidateRanking> ranking_;  // made when it is needed first
 };
+/// Whether a likelier pose of the same place was refused because the image does not say exactly
+/// enough where it is: then this one is no surer, whatever its own covariance says.
+/// @param doubted poses that were found but not trusted.
+bool isOutdone(const Refinement& pose, const std::vector<Refinement>& doubted,
+               const SameInstance& is_same_instance);
+
 }  // namespace nerf_pose_refiner

@@ -17,11 +17,17 @@ constexpr int kLanes = 32;
 constexpr int kLanes = 16;
 #endif
 typedef uint8_t Bytes __attribute__((vector_size(kLanes)));
-typedef int16_t Words __attribute__((vector_size(2 * kLanes)));
+typedef uint16_t Words __attribute__((vector_size(kLanes)));
 
-/// Sum over the edges of one part, for as many positions as there are lanes.
-inline void sumPart(const uint8_t* place, const int32_t* offset, int edges, Words* sum) {
-  *sum = Words{};
+/// Sums at as many positions as there are lanes. Bytes become words in place, the two halves of
+/// each word: to widen a vector would cross its lanes.
+struct Sums {
+  Words low, high;  ///< at even positions, at odd ones (of little-endian processors)
+};
+
+/// Sum over the edges of one part.
+inline Sums sumPart(const uint8_t* place, const int32_t* offset, int edges) {
+  Sums sum = {};
   for (int e = 0; e < edges; e += kEdgesPerSum) {
     Bytes few = {};
     for (int k = 0; k < kEdgesPerSum; ++k) {
@@ -29,26 +35,39 @@ inline void sumPart(const uint8_t* place, const int32_t* offset, int edges, Word
       memcpy(&responses, place + offset[e + k], sizeof responses);
       few += responses;
     }
-    *sum += __builtin_convertvector(few, Words);
+    const Words both = (Words)few;
+    sum.low += both & 0xff;
+    sum.high += both >> 8;
   }
+  return sum;
+}
+
+inline Words lesser(Words a, Words b) { return a < b ? a : b; }
+
+/// Of all parts but the least one.
+inline Sums sumBest(const uint8_t* place, const EdgeOffsets& edges) {
+  Sums sum = sumPart(place, edges.offset, edges.per_part), least = sum;
+  for (int part = 1; part < kTemplateParts; ++part) {
+    const Sums of_part = sumPart(place, edges.offset + part * edges.per_part, edges.per_part);
+    sum.low += of_part.low;
+    sum.high += of_part.high;
+    least.low = lesser(of_part.low, least.low);
+    least.high = lesser(of_part.high, least.high);
+  }
+  return {sum.low - least.low, sum.high - least.high};
 }
 
 void score(const ScoreArea& area, const EdgeOffsets& edges, int16_t* scores) {
   const int columns = area.runs * kScoreRun;
   for (int row = 0; row < area.rows; ++row) {
     const uint8_t* const places = area.first + (int64_t)row * area.row_step;
+    int16_t* const here = scores + (int64_t)row * columns;
     for (int column = 0; column < columns; column += kLanes) {
-      const uint8_t* const place = places + column;
-      Words sum, of_part;
-      sumPart(place, edges.offset, edges.per_part, &sum);
-      Words least = sum;
-      for (int part = 1; part < kTemplateParts; ++part) {
-        sumPart(place, edges.offset + part * edges.per_part, edges.per_part, &of_part);
-        sum += of_part;
-        least = of_part < least ? of_part : least;
+      const Sums sum = sumBest(places + column, edges);
+      for (int k = 0; k < kLanes / 2; ++k) {
+        here[column + 2 * k] = (int16_t)sum.low[k];
+        here[column + 2 * k + 1] = (int16_t)sum.high[k];
       }
-      sum -= least;
-      memcpy(scores + (int64_t)row * columns + column, &sum, sizeof sum);
     }
   }
 }

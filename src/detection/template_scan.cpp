@@ -5,56 +5,132 @@
 #include <cmath>
 #include <tuple>
 
+#include "concurrency/parallel.h"
 #include "image/resample.h"
+#include "math/angle.h"
 
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr double kTurn = 2 * 3.14159265358979323846;
+constexpr double kTurn = 2 * kPi;
 constexpr int kTileRows = 8;  // of positions, of which one may be a hit
-
-/// Scores of the positions in an image.
-struct ScoreMap {
-  int columns, rows;
-  int row_length;  // whole runs
-  std::vector<std::int16_t> scores;
-};
 
 /// The best position of a part of the image.
 struct TilePeak {
-  int score, column, row;
+  int score = -1, column = 0, row = 0;
+
+  bool isBetterThan(const TilePeak& other) const {
+    return std::tie(other.score, row, column) < std::tie(score, other.row, other.column);
+  }
 };
 
-TilePeak peakOf(const ScoreMap& map, int left, int top) {
-  TilePeak peak = {-1, left, top};
-  const int right = std::min(map.columns, left + kScoreRun);
-  for (int row = top; row < std::min(map.rows, top + kTileRows); ++row) {
-    const std::int16_t* const scores =
-        map.scores.data() + static_cast<std::ptrdiff_t>(row) * map.row_length;
-    std::int16_t most = 0;
-    for (int column = left; column < right; ++column) most = std::max(most, scores[column]);
-    if (most <= peak.score) continue;
-    const auto place = std::find(scores + left, scores + right, most);
-    peak = {most, static_cast<int>(place - scores), row};
-  }
-  return peak;
-}
+/// Positions of an image, from `left` and `top` on.
+struct Block {
+  int left, top, columns, rows;
+};
 
-std::vector<TilePeak> bestPeaks(const ScoreMap& map, int count) {
-  std::vector<TilePeak> peaks;
-  for (int top = 0; top < map.rows; top += kTileRows) {
-    for (int left = 0; left < map.columns; left += kScoreRun) {
-      peaks.push_back(peakOf(map, left, top));
+/// Scans the positions of a level with all templates: block after block, whose responses then stay
+/// in a core's cache for all of them.
+class LevelScan {
+ public:
+  LevelScan(const TemplateLevel& level, const TemplateSet& templates, int count,
+            const TemplateKernels& kernels)
+      : level_(level),
+        templates_(templates),
+        count_(static_cast<std::size_t>(count)),
+        kernels_(kernels),
+        of_views_(templates.bank.views.size()) {
+    for (std::size_t view = 0; view < of_views_.size(); ++view) {
+      if (templates.bank.views[view].edges.empty()) continue;
+      of_views_[view].resize(static_cast<std::size_t>(templates.rotations));
+      for (int k = 0; k < templates.rotations; ++k) {
+        Template& one = of_views_[view][static_cast<std::size_t>(k)];
+        placeEdges(templates.turned(static_cast<int>(view), k), level.scale, 2, level.memory,
+                   &one.offsets);
+        one.peaks.resize(count_);
+      }
     }
   }
-  const auto most = std::min<std::ptrdiff_t>(count, static_cast<std::ptrdiff_t>(peaks.size()));
-  std::partial_sort(
-      peaks.begin(), peaks.begin() + most, peaks.end(), [](const TilePeak& a, const TilePeak& b) {
-        return std::tie(b.score, a.row, a.column) < std::tie(a.score, b.row, b.column);
-      });
-  peaks.resize(static_cast<std::size_t>(most));
-  return peaks;
-}
+
+  void run(int threads, const CancellationToken& cancellation) {
+    const int stride = level_.memory.stride();
+    const Camera& camera = level_.scale.camera;
+    const int columns = (camera.width + stride - 1) / stride;
+    const int rows = (camera.height + stride - 1) / stride;
+    for (int top = 0; top < rows; top += kBlockRows) {
+      for (int left = 0; left < columns; left += kScoreRun) {
+        const Block block = {left, top, std::min(kScoreRun, columns - left),
+                             std::min(kBlockRows, rows - top)};
+        parallelFor(threads, static_cast<int>(of_views_.size()), [&](int view) {
+          cancellation.check();
+          for (Template& one : of_views_[static_cast<std::size_t>(view)]) scan(block, &one);
+        });
+      }
+    }
+  }
+
+  /// Those of a view after those of the one before, of each rotation the best first.
+  std::vector<TemplateHit> hits() const {
+    std::vector<TemplateHit> hits;
+    for (std::size_t view = 0; view < of_views_.size(); ++view) {
+      for (std::size_t rotation = 0; rotation < of_views_[view].size(); ++rotation) {
+        for (const TilePeak& peak : of_views_[view][rotation].peaks) {
+          if (peak.score < 0) break;
+          TemplateHit hit;
+          hit.score = peak.score;
+          hit.view = static_cast<int>(view);
+          hit.rotation = static_cast<int>(rotation);
+          hit.pixel = Eigen::Vector2d(peak.column, peak.row) * level_.memory.stride();
+          hits.push_back(hit);
+        }
+      }
+    }
+    return hits;
+  }
+
+ private:
+  static constexpr int kBlockRows = 8 * kTileRows;
+
+  /// A view, turned in the image.
+  struct Template {
+    std::vector<std::int32_t> offsets;
+    std::vector<TilePeak> peaks;  // so far, best first
+  };
+
+  void scan(const Block& block, Template* one) const {
+    std::int16_t scores[kBlockRows * kScoreRun];
+    kernels_.score(
+        {level_.memory.place(block.left, block.top), level_.memory.columns(), block.rows, 1},
+        {one->offsets.data(), static_cast<int>(one->offsets.size()) / kTemplateParts}, scores);
+    for (int top = 0; top < block.rows; top += kTileRows) {
+      TilePeak peak;
+      for (int row = top; row < std::min(block.rows, top + kTileRows); ++row) {
+        const std::int16_t* const here = scores + row * kScoreRun;
+        std::int16_t most = 0;
+        for (int column = 0; column < block.columns; ++column) most = std::max(most, here[column]);
+        if (most <= peak.score) continue;
+        const auto column = std::find(here, here + block.columns, most) - here;
+        peak = {most, block.left + static_cast<int>(column), block.top + row};
+      }
+      keep(peak, &one->peaks);
+    }
+  }
+
+  static void keep(const TilePeak& peak, std::vector<TilePeak>* best) {
+    if (!peak.isBetterThan(best->back())) return;
+    const auto place = std::find_if(best->begin(), best->end(), [&](const TilePeak& other) {
+      return peak.isBetterThan(other);
+    });
+    std::move_backward(place, best->end() - 1, best->end());
+    *place = peak;
+  }
+
+  const TemplateLevel& level_;
+  const TemplateSet& templates_;
+  std::size_t count_;
+  const TemplateKernels& kernels_;
+  std::vector<std::vector<Template>> of_views_;  // [view][rotation]
+};
 
 /// How far edges may be from the object's centre, a multiple of the stride [px].
 int marginOf(const TemplateScale& scale, int stride) {
@@ -89,33 +165,10 @@ TurnedView TemplateSet::turned(int view, int rotation) const {
 }
 
 std::vector<TemplateHit> scanLevel(const TemplateLevel& level, const TemplateSet& templates,
-                                   int view, int count, const TemplateKernels& kernels) {
-  std::vector<TemplateHit> hits;
-  if (templates.bank.views[static_cast<std::size_t>(view)].edges.empty()) return hits;
-  const int stride = level.memory.stride();
-  const Camera& camera = level.scale.camera;
-  ScoreMap map;
-  map.columns = (camera.width + stride - 1) / stride;
-  map.rows = (camera.height + stride - 1) / stride;
-  const int runs = (map.columns + kScoreRun - 1) / kScoreRun;
-  map.row_length = runs * kScoreRun;
-  map.scores.resize(static_cast<std::size_t>(map.rows) * map.row_length);
-  std::vector<std::int32_t> offsets;
-  for (int rotation = 0; rotation < templates.rotations; ++rotation) {
-    placeEdges(templates.turned(view, rotation), level.scale, 2, level.memory, &offsets);
-    kernels.score({level.memory.place(0, 0), level.memory.columns(), map.rows, runs},
-                  {offsets.data(), static_cast<int>(offsets.size()) / kTemplateParts},
-                  map.scores.data());
-    for (const TilePeak& peak : bestPeaks(map, count)) {
-      TemplateHit hit;
-      hit.score = peak.score;
-      hit.view = view;
-      hit.rotation = rotation;
-      hit.pixel = Eigen::Vector2d(peak.column, peak.row) * stride;
-      hits.push_back(hit);
-    }
-  }
-  return hits;
+                                   const ScanWork& work, const CancellationToken& cancellation) {
+  LevelScan scan(level, templates, work.hits_per_template, work.kernels);
+  scan.run(work.threads, cancellation);
+  return scan.hits();
 }
 
 double meanResponse(int score, int edges) {

@@ -7,6 +7,7 @@
 
 #include "detection/template_kernels.h"
 #include "detection/template_placement.h"
+#include "nerf_pose_refiner/cancellation_token.h"
 
 namespace nerf_pose_refiner {
 
@@ -41,11 +42,17 @@ struct TemplateSet {
   TurnedView turned(int view, int rotation) const;
 };
 
-/// Places where a view of an object fits an image, in each of its rotations: those of the highest
-/// scores, in different parts of the image. Every second edge counts.
-/// @param count of hits of each rotation, at most.
+/// How a level is scanned.
+struct ScanWork {
+  int hits_per_template;  ///< at most, >= 1
+  int threads;
+  const TemplateKernels& kernels;
+};
+
+/// Places where an object fits an image, of each view and rotation: those of the highest scores, in
+/// different parts of the image. Every second edge counts. @throws Cancelled.
 std::vector<TemplateHit> scanLevel(const TemplateLevel& level, const TemplateSet& templates,
-                                   int view, int count, const TemplateKernels& kernels);
+                                   const ScanWork& work, const CancellationToken& cancellation);
 
 /// The mean response over the edges that count, 0..1. @param edges of the template.
 double meanResponse(int score, int edges);

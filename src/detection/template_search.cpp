@@ -140,29 +140,20 @@ TemplateFindings TemplateSearch::find(const Image& image, const Camera& camera,
 std::vector<TemplateHit> TemplateSearch::scan(const ImagePart& part,
                                               const CancellationToken& cancellation,
                                               std::uint64_t* lookups) const {
-  const int threads = threadCount(settings_.threads);
-  const int views = static_cast<int>(bank_->views.size());
+  const ScanWork work = {settings_.hits_per_template, threadCount(settings_.threads), kernels_};
   const TemplateSet templates = {*bank_, settings_.rotations};
   const int share = std::max(1, settings_.fitted / static_cast<int>(part.distances.size()));
-  std::vector<TemplateHit> all, here;
+  std::vector<TemplateHit> all;
   for (int i = 0; i < static_cast<int>(part.distances.size()); ++i) {
     const TemplateLevel level = makeTemplateLevel(part.image, part.camera,
                                                   part.scale(i, settings_.scanned_px), kScanStride);
-    here.clear();
-    std::vector<std::vector<TemplateHit>> of_views(views);
-    parallelFor(threads, views, [&](int view) {
-      cancellation.check();
-      of_views[view] = scanLevel(level, templates, view, settings_.hits_per_template, kernels_);
-    });
+    std::vector<TemplateHit> here = scanLevel(level, templates, work, cancellation);
+    for (TemplateHit& hit : here) hit.level = i;
     const Camera& camera = level.scale.camera;
     const auto positions = static_cast<std::uint64_t>((camera.width + 1) / kScanStride) *
                            static_cast<std::uint64_t>((camera.height + 1) / kScanStride);
-    for (int view = 0; view < views; ++view) {
-      *lookups += positions * settings_.rotations * bank_->views[view].edges.size() / 2;
-      for (TemplateHit& hit : of_views[view]) {
-        hit.level = i;
-        here.push_back(hit);
-      }
+    for (const TemplateView& view : bank_->views) {
+      *lookups += positions * settings_.rotations * view.edges.size() / 2;
     }
     const auto best = std::min<std::ptrdiff_t>(share, static_cast<std::ptrdiff_t>(here.size()));
     std::partial_sort(here.begin(), here.begin() + best, here.end(), isBetterHit);

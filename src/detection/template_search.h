@@ -31,7 +31,7 @@ struct DistanceRange {
 };
 
 struct TemplateSearchSettings {
-  double scanned_px = 96;      ///< that the object spans where all of the image is looked through
+  double scanned_px = 72;      ///< that the object spans where all of the image is looked through
   double fitted_px = 192;      ///< the same where what was found is fitted
   double distance_step = 1.2;  ///< from a distance to the next, a factor
   int rotations = 20;          ///< of a view in the image, evenly over the circle

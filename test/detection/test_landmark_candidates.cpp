@@ -56,6 +56,20 @@ class LandmarkCandidatesTest : public testing::Test {
     }
   }
 
+  /// The second twenty landmarks are the first ones, half a turn about z away.
+  void SetUpCopies(const Symmetries& symmetries) {
+    object_.symmetries = symmetries;
+    features_.clear();
+    matches_.clear();
+    const Eigen::Matrix3f turn = expSO3({0, 0, M_PI}).cast<float>();
+    for (std::size_t i = 0; i < 20; ++i) {
+      Landmark& copy = landmarks_.places[20 + i];
+      copy = landmarks_.places[i];
+      copy.point = turn * copy.point;
+      copy.R_O_F = turn * copy.R_O_F;
+    }
+  }
+
   void addWrong(int count) {
     for (int i = 0; i < count; ++i) {
       FeaturePlace feature;
@@ -118,6 +132,74 @@ TEST_F(LandmarkCandidatesTest, OnePlaceInTheImageCountsOnce) {
   show(truth, 0, 3);
   for (int i = 0; i < 5; ++i) show(truth, 2, 3);
   EXPECT_TRUE(candidates().empty());
+}
+
+TEST_F(LandmarkCandidatesTest, ALandmarkOrAPlaceServesOneMatch) {
+  const Pose truth = {Eigen::Matrix3d::Identity(), {0, 0, 5}};
+  const auto count = [&] {
+    return landmarksAt(truth.inverse(), {kCandidateCamera, features_, landmarks_, matches_},
+                       object_, {});
+  };
+  // One landmark at three places a pixel apart, and three landmarks at one place.
+  for (int i = 0; i < 3; ++i) {
+    show(truth, 0, 1);
+    features_.back().x += static_cast<float>(i);
+  }
+  EXPECT_EQ(count(), 1);
+  show(truth, 1, 2);
+  for (int i = 2; i < 4; ++i) {
+    landmarks_.places[static_cast<std::size_t>(i)] = landmarks_.places[1];
+    show(truth, i, i + 1);
+  }
+  EXPECT_EQ(count(), 2);
+}
+
+TEST_F(LandmarkCandidatesTest, ATextureThatRepeatsALandmarkHidesNothing) {
+  const Pose truth = {expSO3({0.1, 0.2, 0.7}), {1.2, 0.5, 5}};
+  show(truth, 0, 8);
+  for (int i = 0; i < 40; ++i) {
+    show({expSO3({0, 0, 0.02 * i}), {-1, 0.01 * i, 4}}, 30, 31);
+  }
+  LandmarkCandidateSettings settings;
+  settings.most_groups = 2;
+  const PoseCandidates found = landmarkCandidates(
+      {kCandidateCamera, features_, landmarks_, matches_}, object_, settings, {});
+  ASSERT_FALSE(found.empty());
+  EXPECT_EQ(found[0].evidence, 8);
+  expectPose(found[0], truth);
+}
+
+TEST_F(LandmarkCandidatesTest, MatchesAgreeWhicheverCopyOfAPlaceTheyAreOf) {
+  const SymmetryAxis axis;
+  const Symmetries twofold(std::nullopt, {turnAbout(axis, M_PI)});
+  const Symmetries fourfold(std::nullopt, {turnAbout(axis, M_PI / 2)});
+  for (const Symmetries& symmetries : {twofold, fourfold}) {
+    SetUpCopies(symmetries);
+    const Pose truth = {expSO3({0.4, 0.2, 0.1}), {0.3, -0.2, 5}};
+    show(truth, 0, 20);
+    // Those of every second feature are taken for their copies.
+    for (std::size_t i = 1; i < 20; i += 2) matches_[i].landmark += 20;
+    const PoseCandidates found = candidates();
+    ASSERT_FALSE(found.empty());
+    EXPECT_EQ(found[0].evidence, 20);
+    const Pose nearest = nearestEquivalent(found[0].T_O_C, truth.inverse(), symmetries);
+    expectPose({nearest, 0, CandidateSource::kLandmarks}, truth);
+    const auto count = [&](const Pose& T_O_C) {
+      return landmarksAt(T_O_C, {kCandidateCamera, features_, landmarks_, matches_}, object_, {});
+    };
+    EXPECT_EQ(count(truth.inverse()), 20);
+    EXPECT_EQ(count(turnAbout(axis, M_PI) * truth.inverse()), 20);
+  }
+}
+
+TEST(OddsOfLandmarks, GrowWithEachBeyondChanceUpToABound) {
+  for (const int few : {0, 1}) EXPECT_EQ(oddsOfLandmarks(few, false), 1);
+  EXPECT_EQ(oddsOfLandmarks(2, false), 3);
+  EXPECT_EQ(oddsOfLandmarks(3, false), 9);
+  EXPECT_EQ(oddsOfLandmarks(50, false), 100);
+  for (const int few : {0, 4}) EXPECT_EQ(oddsOfLandmarks(few, true), 1);
+  EXPECT_EQ(oddsOfLandmarks(6, true), 4);
+  EXPECT_EQ(oddsOfLandmarks(50, true), 20);
 }
 
 TEST_F(LandmarkCandidatesTest, OfAPlaneBothPosesAreThere) {

@@ -62,6 +62,21 @@ TEST(LandmarkMatcher, LandmarksOfOnePlaceDoNotCompete) {
   EXPECT_NEAR(apart[0].ratio, 1, 1e-3);
 }
 
+TEST(LandmarkMatcher, PlacesThatLookAlikeBySymmetryDoNotCompete) {
+  const Landmarks landmarks = landmarksAt({0, 0.02f, 1}, 1);
+  // Half a turn about the middle of the first two.
+  const Pose turn(Eigen::Vector3d(-1, -1, 1).asDiagonal().toDenseMatrix(), {1, 0, 0});
+  const Symmetries twofold(std::nullopt, {turn});
+  EXPECT_LT(LandmarkMatcher(landmarks, 1, {}, twofold).match(featureAt(0.01f))[0].ratio, 0.1);
+  EXPECT_NEAR(LandmarkMatcher(landmarks, 1, {}).match(featureAt(0.01f))[0].ratio, 1, 1e-3);
+  // All turns about that middle: the third place is on another circle.
+  const Symmetries round(SymmetryAxis{{0, 0, 1}, {0.5, 0, 0}}, {});
+  EXPECT_LT(LandmarkMatcher(landmarks, 1, {}, round).match(featureAt(0.01f))[0].ratio, 0.1);
+  // About x: each place is alone on its circle.
+  const Symmetries rolled(SymmetryAxis{{1, 0, 0}, {0, 0, 0}}, {});
+  EXPECT_NEAR(LandmarkMatcher(landmarks, 1, {}, rolled).match(featureAt(0.01f))[0].ratio, 1, 1e-3);
+}
+
 TEST(LandmarkMatcher, NeighboursOfOnePlaceAloneHaveNoRatio) {
   const Landmarks landmarks = landmarksAt({0, 0.02f}, 0.04f);
   const auto matches = LandmarkMatcher(landmarks, 1, {}).match(featureAt(0.009f));

@@ -298,6 +298,23 @@ TEST_F(ObjectDetectorTest, WhatMakesNoSenseIsRefused) {
   EXPECT_THROW(detectorWith(settings), std::invalid_argument);
 }
 
+TEST(IsOutdone, ByALikelierPoseOfTheSamePlaceAlone) {
+  Field field;
+  field.metadata.diameter = 1;
+  const SameInstance is_same(field);
+  const auto found = [](double x, double probability) {
+    Refinement one;
+    one.T_O_C = Pose(Eigen::Matrix3d::Identity(), {x, 0, 4}).inverse();
+    one.found_probability = probability;
+    return one;
+  };
+  EXPECT_TRUE(isOutdone(found(0, 0.95), {found(0.1, 0.97)}, is_same));
+  EXPECT_FALSE(isOutdone(found(0, 0.95), {found(0.1, 0.9)}, is_same)) << "less likely";
+  EXPECT_FALSE(isOutdone(found(0, 0.95), {found(1, 0.97)}, is_same)) << "elsewhere";
+  EXPECT_FALSE(isOutdone(found(0, 0.95), {}, is_same));
+  EXPECT_TRUE(isOutdone(found(0, 0.95), {found(1, 0.97), found(0, 0.96)}, is_same)) << "any";
+}
+
 TEST(SameInstance, IsNearlyAtTheSamePlaceAndAsFar) {
   Field field;
   field.metadata.diameter = 1;
