@@ -14,13 +14,13 @@ namespace {
 
 constexpr double kAnyDistance = 1e3;  // small views are compared at the image's own levels
 
-/// All of an image, at all levels.
-FrameWindow wholeImage(const Camera& camera) {
+/// A part of an image at all levels.
+FrameWindow atAllLevels(const PixelWindow& pixels) {
   FrameWindow window;
-  window.pixels = {0, 0, camera.width, camera.height};
+  window.pixels = pixels;
   window.finest = 0;
   window.levels = 1;
-  while (window.levels < 8 && std::min(camera.width, camera.height) >> window.levels >= 2) {
+  while (window.levels < 8 && std::min(pixels.width, pixels.height) >> window.levels >= 2) {
     ++window.levels;
   }
   return window;
@@ -84,7 +84,7 @@ std::vector<AlignedCandidate> CandidateRanking::rank(const Observation& observat
   }
   std::vector<AlignedCandidate> aligned;
   if (starts.empty()) return aligned;
-  aligner_->observe(observation, wholeImage(observation.camera));
+  aligner_->observe(observation, atAllLevels(limits.window));
   KeyframeAlignmentSettings rules = settings_.alignment;
   rules.observed_fraction = rules.coarse_observed_fraction;
   rules.convergence_px = rules.coarse_convergence_px;

@@ -23,9 +23,10 @@ struct AlignedCandidate {
   double score = 0;         ///< how well that explains the image, @see KeyframeAligner::align
 };
 
-/// How many candidates go on.
+/// What is looked at, and how many candidates go on.
 struct RankingLimits {
-  std::size_t all;
+  PixelWindow window;       ///< of the image
+  std::size_t all;          ///< candidates
   std::size_t of_instance;  ///< of one instance, so that the clearest does not take all places
 };
 

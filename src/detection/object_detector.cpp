@@ -6,10 +6,8 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "backend/common/observed_colours.h"
 #include "concurrency/seconds_since.h"
 #include "field/field.h"
-#include "image/resample.h"
 #include "math/require.h"
 #include "refinement/pose_probability.h"
 
@@ -91,23 +89,19 @@ ObjectDetector::ObjectDetector(Backend* backend, std::shared_ptr<const LoadedFie
 ImageCandidates ObjectDetector::candidates(const Observation& observation, const SearchArea& area,
                                            const CancellationToken& cancellation) const {
   ImageCandidates result;
-  const std::optional<Camera> part =
+  const std::optional<SearchedPart> part =
       searchedPart(observation.camera, area, settings_.max_image_side_px);
   if (!part) {
-    result.message = "the box leaves too little of the image";
+    result.message = area.box ? "the box leaves too little of the image" : "the image is too small";
     return result;
   }
-  const bool is_whole =
-      part->width == observation.camera.width && part->height == observation.camera.height;
   FeatureSettings settings = settings_.features;
   settings.kind = landmarks_->kind;
-  const Image colours = observedColours(observation);
-  const ImageFeatures features =
-      findFeatures(luminance(is_whole ? colours : resample(colours, observation.camera, *part)),
-                   allowedPixels(observation, *part), settings);
+  const ImageFeatures features = findFeatures(luminance(coloursOf(observation, *part)),
+                                              allowedPixels(observation, part->camera), settings);
   cancellation.check();
   result.matched.emplace(
-      MatchedImage{*part, features.places, *landmarks_, matcher_.match(features)});
+      MatchedImage{part->camera, features.places, *landmarks_, matcher_.match(features)});
   result.poses = atDistance(area, landmarkCandidates(*result.matched, field_->field().metadata,
                                                      settings_.candidates, cancellation));
   if (features.size() == 0) {
@@ -132,18 +126,18 @@ PoseCandidates ObjectDetector::atDistance(const SearchArea& area, PoseCandidates
 PoseCandidates ObjectDetector::templateCandidates(const Observation& observation,
                                                   const SearchArea& area,
                                                   const CancellationToken& cancellation) const {
-  const std::optional<Camera> part =
+  const std::optional<SearchedPart> part =
       searchedPart(observation.camera, area, settings_.max_image_side_px);
   if (!part || !templates_) return {};
+  const Camera& camera = part->camera;
   const FieldMetadata& object = field_->field().metadata;
-  const Image colours = observedColours(observation);
   const TemplateFindings findings =
-      templates_->find(resample(colours, observation.camera, *part), *part,
-                       distancesIn(area, *part, object.diameter), cancellation);
-  const Image8 allowed = allowedPixels(observation, *part);
+      templates_->find(coloursOf(observation, *part), camera,
+                       distancesIn(area, camera, object.diameter), cancellation);
+  const Image8 allowed = allowedPixels(observation, camera);
   PoseCandidates candidates;
   for (const PoseCandidate& candidate : findings.candidates) {
-    const auto place = voteFor(candidate.T_O_C, *part, object);
+    const auto place = voteFor(candidate.T_O_C, camera, object);
     if (place && isAllowed(allowed, *place)) {
       candidates.push_back(candidate);
     }
@@ -157,6 +151,7 @@ struct ObjectDetector::Search {
   const CancellationToken& cancellation;
   const SameInstance& is_same_instance;
   std::chrono::steady_clock::time_point begin = std::chrono::steady_clock::now();
+  PixelWindow window = {};               // of the image, that is searched now
   std::vector<Refinement> doubted = {};  // poses that were found but not trusted
   Detections detections = {};
 
@@ -179,7 +174,7 @@ struct ObjectDetector::Search {
 PoseCandidates ObjectDetector::ranked(PoseCandidates candidates, int most, const Search& search) {
   if (!ranking_) ranking_.emplace(backend_, field_, settings_.keyframes);
   search.eraseFound(&candidates);
-  const RankingLimits limits = {static_cast<std::size_t>(most),
+  const RankingLimits limits = {search.window, static_cast<std::size_t>(most),
                                 static_cast<std::size_t>(settings_.max_at_once)};
   PoseCandidates best;
   for (const AlignedCandidate& one :
@@ -257,6 +252,8 @@ void ObjectDetector::detectIn(const SearchArea& area, Search* search) {
   area.validate();
   Detections& detections = search->detections;
   const std::size_t before = detections.found.size();
+  const auto part = searchedPart(search->observation.camera, area, settings_.max_image_side_px);
+  if (part) search->window = part->window;
   ImageCandidates all = candidates(search->observation, area, search->cancellation);
   if (detections.message.empty()) detections.message = all.message;
   const auto settle = [&](PoseCandidates poses) {
@@ -272,8 +269,9 @@ void ObjectDetector::detectIn(const SearchArea& area, Search* search) {
     settle(singleMatches(*all.matched, area, *search));
   }
   if (templates_ && goesOn()) {
-    settle(ranked(templateCandidates(search->observation, area, search->cancellation),
-                  settings_.max_ranked, *search));
+    const PoseCandidates rough =
+        templateCandidates(search->observation, area, search->cancellation);
+    if (!search->isTimeUp(settings_.budget_s)) settle(ranked(rough, settings_.max_ranked, *search));
   }
 }
 

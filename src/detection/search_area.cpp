@@ -5,6 +5,7 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "backend/common/observed_colours.h"
 #include "image/resample.h"
 
 namespace nerf_pose_refiner {
@@ -30,7 +31,8 @@ std::vector<SearchArea> areasOf(const Observation& observation, const SearchArea
   return areas;
 }
 
-std::optional<Camera> searchedPart(const Camera& camera, const SearchArea& area, int max_side_px) {
+std::optional<SearchedPart> searchedPart(const Camera& camera, const SearchArea& area,
+                                         int max_side_px) {
   constexpr int kMinSide_px = 32;
   int left = 0, top = 0, right = camera.width, bottom = camera.height;
   if (area.box) {
@@ -48,7 +50,15 @@ std::optional<Camera> searchedPart(const Camera& camera, const SearchArea& area,
   if (std::min(width, height) < kMinSide_px) return std::nullopt;
   const Camera part = camera.cropped(left, top, width, height);
   const double scale = std::min(1.0, static_cast<double>(max_side_px) / std::max(width, height));
-  return scale < 1 ? part.scaled(scale) : part;
+  return SearchedPart{{left, top, width, height}, scale < 1 ? part.scaled(scale) : part};
+}
+
+Image coloursOf(const Observation& observation, const SearchedPart& part) {
+  const PixelWindow& window = part.window;
+  Image colours = observedColours(observation, window);
+  if (part.camera.width == window.width && part.camera.height == window.height) return colours;
+  const Camera camera = observation.camera.cropped(window.x, window.y, window.width, window.height);
+  return resample(colours, camera, part.camera);
 }
 
 Image8 allowedPixels(const Observation& observation, const Camera& part) {

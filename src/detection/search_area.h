@@ -30,9 +30,18 @@ struct SearchArea {
 /// area itself.
 std::vector<SearchArea> areasOf(const Observation& observation, const SearchArea& area);
 
-/// The camera of the part of an image that is searched, reduced: a box and what is around it.
-/// Nothing, if too little of that is in the image. @param max_side_px of the result.
-std::optional<Camera> searchedPart(const Camera& camera, const SearchArea& area, int max_side_px);
+/// The part of an image that is searched: a box and what is around it.
+struct SearchedPart {
+  PixelWindow window;  ///< of the image
+  Camera camera;       ///< of the window, reduced
+};
+
+/// Nothing, if too little of it is in the image. @param max_side_px of the part, reduced.
+std::optional<SearchedPart> searchedPart(const Camera& camera, const SearchArea& area,
+                                         int max_side_px);
+
+/// What an observation shows of a part, reduced, [h][w][3].
+Image coloursOf(const Observation& observation, const SearchedPart& part);
 
 /// Where an observation says that the object may be, 0 or 255, [h][w][1]; empty: everywhere.
 /// @param part of its image, resized.

@@ -22,6 +22,10 @@ class CandidateRankingTest : public testing::Test, protected KeyframeScene {
   }
 
   std::unique_ptr<Backend> backend_ = makeCpuBackend(2);
+  static RankingLimits limits(std::size_t all, std::size_t of_instance) {
+    return {{0, 0, kCamera.width, kCamera.height}, all, of_instance};
+  }
+
   CandidateRanking ranking_{backend_.get(), scene_, KeyframeSearchSettings()};
 };
 
@@ -31,7 +35,7 @@ TEST_F(CandidateRankingTest, TheOneThatIsNearlyRightComesFirst) {
     candidates.push_back({cameraAround(*scene_, azimuth, 0.2), 100, CandidateSource::kTemplates});
   }
   candidates.push_back({offBy(truth_, {0.5, 0.5, -0.5}, 6), 4, CandidateSource::kLandmarks});
-  const auto ranked = ranking_.rank(observed(imageOf(truth_)), candidates, {3, 3}, {});
+  const auto ranked = ranking_.rank(observed(imageOf(truth_)), candidates, limits(3, 3), {});
   ASSERT_FALSE(ranked.empty());
   ASSERT_LE(ranked.size(), 3u);
   EXPECT_EQ(ranked[0].candidate.source, CandidateSource::kLandmarks);
@@ -46,7 +50,7 @@ TEST_F(CandidateRankingTest, ThoseThatEndAtOnePoseAreOne) {
       {offBy(truth_, {0.5, 0.5, -0.5}, 4), 1, CandidateSource::kTemplates},
       {offBy(truth_, {-0.5, 0.5, 0.5}, 4), 1, CandidateSource::kTemplates},
       {truth_, 1, CandidateSource::kTemplates}};
-  EXPECT_EQ(ranking_.rank(observed(imageOf(truth_)), candidates, {10, 10}, {}).size(), 1u);
+  EXPECT_EQ(ranking_.rank(observed(imageOf(truth_)), candidates, limits(10, 10), {}).size(), 1u);
 }
 
 TEST_F(CandidateRankingTest, OneInstanceDoesNotTakeAllPlaces) {
@@ -57,8 +61,8 @@ TEST_F(CandidateRankingTest, OneInstanceDoesNotTakeAllPlaces) {
   const Pose& beside = truth_;
   candidates.push_back(
       {{beside.R, beside.t + beside.R.col(0) * object().diameter}, 1, CandidateSource::kTemplates});
-  const auto all = ranking_.rank(observed(imageOf(truth_)), candidates, {10, 10}, {});
-  const auto few = ranking_.rank(observed(imageOf(truth_)), candidates, {10, 1}, {});
+  const auto all = ranking_.rank(observed(imageOf(truth_)), candidates, limits(10, 10), {});
+  const auto few = ranking_.rank(observed(imageOf(truth_)), candidates, limits(10, 1), {});
   const SameInstance isSame(scene_->field());
   for (std::size_t i = 0; i < few.size(); ++i) {
     for (std::size_t k = 0; k < i; ++k) {
@@ -77,9 +81,9 @@ TEST_F(CandidateRankingTest, WorksInGreyImagesBetweenColouredOnes) {
     const float mean = (grey.values[i] + grey.values[i + 1] + grey.values[i + 2]) / 3;
     grey.values[i] = grey.values[i + 1] = grey.values[i + 2] = mean;
   }
-  const auto of_colours = ranking_.rank(observed(imageOf(truth_)), candidates, {10, 10}, {});
-  const auto of_grey = ranking_.rank(observed(grey), candidates, {10, 10}, {});
-  const auto again = ranking_.rank(observed(imageOf(truth_)), candidates, {10, 10}, {});
+  const auto of_colours = ranking_.rank(observed(imageOf(truth_)), candidates, limits(10, 10), {});
+  const auto of_grey = ranking_.rank(observed(grey), candidates, limits(10, 10), {});
+  const auto again = ranking_.rank(observed(imageOf(truth_)), candidates, limits(10, 10), {});
   ASSERT_EQ(of_colours.size(), 1u);
   ASSERT_EQ(of_grey.size(), 1u);
   ASSERT_EQ(again.size(), 1u);
@@ -89,14 +93,14 @@ TEST_F(CandidateRankingTest, WorksInGreyImagesBetweenColouredOnes) {
 }
 
 TEST_F(CandidateRankingTest, WithoutCandidatesThereIsNone) {
-  EXPECT_TRUE(ranking_.rank(observed(imageOf(truth_)), {}, {10, 10}, {}).empty());
+  EXPECT_TRUE(ranking_.rank(observed(imageOf(truth_)), {}, limits(10, 10), {}).empty());
 }
 
 TEST_F(CandidateRankingTest, CanBeCancelled) {
   const CancellationToken cancellation;
   cancellation.requestCancel();
   EXPECT_THROW(ranking_.rank(observed(imageOf(truth_)), {{truth_, 1, CandidateSource::kTemplates}},
-                             {10, 10}, cancellation),
+                             limits(10, 10), cancellation),
                Cancelled);
 }
 

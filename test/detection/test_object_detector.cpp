@@ -206,6 +206,12 @@ TEST_F(ObjectDetectorTest, ImagesWithoutFeaturesGiveAReason) {
   }
 }
 
+TEST_F(ObjectDetectorTest, ATinyImageGivesAReason) {
+  Observation tiny = observed(Image(20, 20, 3, 0.5f));
+  tiny.camera = {20, 20, 30, 30, 9.5, 9.5};
+  EXPECT_EQ(detector_.detect(tiny, {}, {}).message, "the image is too small");
+}
+
 TEST_F(ObjectDetectorTest, ABoxOutsideOfTheImageGivesAReason) {
   SearchArea area;
   area.box = Eigen::AlignedBox2d(Eigen::Vector2d(1000, 0), Eigen::Vector2d(1200, 100));
@@ -258,6 +264,32 @@ TEST_F(PlainObjectTest, IsFoundByTemplates) {
   masked.background = Background::kMask;
   masked.alpha = Image(kCamera.width, kCamera.height, 1);  // the object is nowhere
   EXPECT_TRUE(detector_.detect(masked, {}, {}).found.empty());
+}
+
+TEST_F(PlainObjectTest, IsFoundInATallBox) {
+  SearchArea area;
+  area.box = Eigen::AlignedBox2d(Eigen::Vector2d(115, 0), Eigen::Vector2d(205, 240));
+  const Detections detections = detector_.detect(observed(imageOf(truth_)), area, {});
+  ASSERT_EQ(detections.found.size(), 1u) << detections.message;
+  expectTruth(detections.found[0], truth_);
+}
+
+TEST_F(PlainObjectTest, IsFoundWhereTheMaskHasAHoleAtItsCentre) {
+  Observation masked = observed(imageOf(truth_));
+  masked.background = Background::kMask;
+  masked.alpha = scene_->render({kCamera, truth_}, RenderOptions(), {}).alpha;
+  const Eigen::Vector2d centre = kCamera.project(truth_.inverse() * object().centre);
+  for (int y = -8; y <= 8; ++y) {
+    for (int x = -8; x <= 8; ++x) {
+      masked.alpha.at(static_cast<int>(centre.x()) + x, static_cast<int>(centre.y()) + y, 0) = 0;
+    }
+  }
+  const SameInstance is_same(scene_->field());
+  const PoseCandidates candidates = detector_.templateCandidates(masked, {}, {});
+  EXPECT_TRUE(std::any_of(candidates.begin(), candidates.end(), [&](const PoseCandidate& one) {
+    return is_same(one.T_O_C, truth_) &&
+           (kCamera.project(one.T_O_C.inverse() * object().centre) - centre).norm() < 4;
+  }));
 }
 
 TEST_F(PlainObjectTest, IsNotFoundWhereItIsNot) {

@@ -223,6 +223,8 @@ TEST(DistanceRange, SpansEightTimesTheSize) {
   const DistanceRange range = DistanceRange::usual({640, 480, 1280, 1280, 319.5, 239.5});
   EXPECT_DOUBLE_EQ(range.nearest, 2);
   EXPECT_DOUBLE_EQ(range.farthest, 16);
+  const DistanceRange upright = DistanceRange::usual({480, 640, 1280, 1280, 239.5, 319.5});
+  EXPECT_DOUBLE_EQ(upright.nearest, 2);
 }
 
 }  // namespace
