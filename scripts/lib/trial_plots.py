@@ -15,7 +15,7 @@ from trials import natural
 
 matplotlib.rcParams.update({'svg.hashsalt': 'nerf_pose_refiner', 'svg.fonttype': 'none'})
 COLOURS = {'inerf': '#b2182b', 'single': '#ef8a62', 'multiple': '#2166ac', 'alignment': '#1b7837',
-           'detection': '#762a83'}
+           'keyframes': '#e08214', 'detection': '#762a83'}
 AXES = {'deg': ('rotation [degrees]', (5, 1)), 'units': ('camera centre [units]', (0.05, 0.01)),
         'diameters': ("object's centre [diameters]", (0.05, 0.01))}
 STYLES = ('-', '--', '-.', ':')

@@ -8,17 +8,17 @@ import os
 from trial_statistics import groups, mean_summary, share_of, summary, with_interval
 from trials import natural
 
-METHODS = ('inerf', 'single', 'multiple', 'alignment', 'detection')
+METHODS = ('inerf', 'single', 'multiple', 'alignment', 'keyframes', 'detection')
 LOSSES = ('l1', 'l2', 'log_l1', 'relative_l2', 'mape', 'smape', 'smooth_l1')
 KINDS = ('synthetic', 'forward_facing', 'masked')
 CONDITIONS = ('clean', 'paper_noise', 'brightness', 'gaussian', 'poisson', 'discs', 'photo', 'occluder', 'light',
               'motion_blur', 'defocus', 'focal', 'placed', 'placed_robot', 'hidden', 'group', 'absent')
-EXPERIMENTS = ('table1', 'losses', 'noise', 'robot', 'detect', 'ablation', 'curves')
+EXPERIMENTS = ('table1', 'losses', 'noise', 'robot', 'detect', 'hint', 'ablation', 'curves')
 TITLES = {'table1': 'Table I', 'losses': 'Losses (Table II)', 'noise': 'Disturbed observations', 'robot':
-          'Errors as robots have them', 'detect': 'Detection', 'ablation': 'Ablations', 'curves': 'Optimisation curves'}
+          'Errors as robots have them', 'detect': 'Detection', 'hint': 'From an initial pose', 'ablation': 'Ablations', 'curves': 'Optimisation curves'}
 PARTS = {'synthetic': '(a) synthetic scenes', 'forward_facing': '(b) forward-facing scenes',
          'masked': '(c) photos with masks'}
-SCALES = {'paper': ('units', 'u'), 'robot': ('diameters', 'd')}  # what the protocol's bounds count in
+SCALES = {'paper': ('units', 'u'), 'robot': ('diameters', 'd'), 'far': ('diameters', 'd')}  # what the protocol's bounds count in
 MEAN = 'mean'
 
 

@@ -24,7 +24,8 @@ namespace fs = std::filesystem;
 
 constexpr std::array<const char*, 3> kKinds = {"synthetic", "forward_facing", "masked"};
 constexpr int kFolderDepth = 3;
-const std::vector<std::string> kMethods = {"inerf", "single", "multiple", "alignment", "detection"};
+const std::vector<std::string> kMethods = {"inerf",     "single",    "multiple",
+                                           "alignment", "keyframes", "detection"};
 
 [[noreturn]] void fail(const std::string& where, const std::string& what) {
   throw std::invalid_argument(where + ": " + what);
@@ -133,7 +134,7 @@ Experiment experimentFrom(const Json& json, const std::string& where) {
   keys.rejectUnknown();
   keys.require(!e.name.empty() && e.name.find_first_of(",\"\n") == std::string::npos, "name",
                "a word without commas and quotes");
-  keys.requireNames("protocol", {e.protocol}, {"paper", "robot"});
+  keys.requireNames("protocol", {e.protocol}, {"paper", "robot", "far"});
   keys.requireNames("methods", e.methods, kMethods);
   keys.requireNames("losses", e.losses, losses);
   keys.requireNames("conditions", e.conditions, TrialObservation::conditionNames());

@@ -14,6 +14,7 @@ namespace {
 constexpr double kRotation = 15 * kDegree;           // half width per axis
 constexpr double kUnits = 0.25, kUnitsAhead = 0.15;  // the same; of forward-facing scenes
 constexpr double kDiameters = 0.15;                  // the same, of the robot's protocol
+constexpr double kFarRotation = 45 * kDegree, kFarDiameters = 0.3;
 constexpr double kSearchFraction = 1.2;  // the paper's: hypotheses within 0.3 units, starts 0.25
 
 std::string presetOf(const std::string& method) {
@@ -27,15 +28,15 @@ std::string presetOf(const std::string& method) {
 }  // namespace
 
 TrialProtocol::TrialProtocol(const std::string& name, SceneKind kind, const FieldMetadata& object) {
-  const bool paper = name == "paper";
+  const bool paper = name == "paper", far = name == "far";
   const bool measured = kind == SceneKind::kMasked || object.metres_per_unit > 0;
   unit = measured ? object.diameter / kInversionUnitsPerDiameter : 1;
   const double width = paper ? (kind == SceneKind::kForwardFacing ? kUnitsAhead : kUnits) * unit
-                             : kDiameters * object.diameter;
-  start.rotation_rad = kRotation;
+                             : (far ? kFarDiameters : kDiameters) * object.diameter;
+  start.rotation_rad = far ? kFarRotation : kRotation;
   start.translation = width;
   start.about_object = !paper;
-  search_rotation_rad = kRotation;
+  search_rotation_rad = start.rotation_rad;
   search_translation = (paper ? kSearchFraction : 1) * width / object.diameter;
 }
 

@@ -17,7 +17,7 @@ namespace nerf_pose_refiner {
 /// "paper" (Lin et al., section V): the camera is turned about itself by up to 15 degrees an axis,
 /// and moved along the axes of O by up to 0.25 units (forward-facing scenes: 0.15). "robot": the
 /// object is turned about its centre as much, and moved along the camera's axes by up to 0.15 of
-/// its diameter.
+/// its diameter. "far": the same by up to 45 degrees and 0.3 diameters.
 struct TrialProtocol {
   StartSpread start;
   double unit;  ///< of the paper [model units]

@@ -15,17 +15,14 @@
 #include "backend/common/draw_overlay.h"
 #include "backend/loaded_field.h"
 #include "dataset/dataset.h"
-#include "detection/detection_model.h"
-#include "detection/landmark_file.h"
-#include "detection/object_detector.h"
 #include "evaluation/trial.h"
 #include "evaluation/trial_observation.h"
 #include "evaluation/trial_results.h"
 #include "field/model_file.h"
 #include "image/io.h"
 #include "tools/tool.h"
+#include "tools/tracker_trials.h"
 #include "tools/trial_shard.h"
-#include "tracking/calibrate_detector.h"
 
 // Runs the trials of a plan on the scenes of a data folder. What is there already is not run again.
 
@@ -231,7 +228,8 @@ class Evaluation {
   /// Inversions fill a device better together; where nothing is gained by it, less is lost by an
   /// interruption.
   int startsAtOnce(const std::string& method) const {
-    return method == "alignment" || method == "detection" ? 1 : backend_->info().searches_at_once;
+    const bool is_inversion = method == "inerf" || method == "single" || method == "multiple";
+    return is_inversion ? backend_->info().searches_at_once : 1;
   }
 
   /// Starts that an earlier process has written are searched again, for a search's samples depend a
@@ -254,7 +252,8 @@ class Evaluation {
     };
     std::vector<Refinement> refinements;
     if (first.method == "detection") {
-      const Detections detections = detect(batch, image);
+      const bool is_group = TrialObservation::named(first.condition, "alpha").is_group;
+      const Detections detections = trackerOf(batch).detect(image, is_group);
       refinements.assign(keys.size(), ofFirstInstance(detections, errorOf));
       const std::vector<Sighting> sightings =
           sightingsOf(shown.instances, detections.found, view.camera, object);
@@ -279,23 +278,15 @@ class Evaluation {
                       std::to_string(first.view) + ", " + std::to_string(done_) + " trials");
   }
 
-  /// All instances that are found without a start.
-  Detections detect(const Batch& batch, const Observation& image) {
-    const std::shared_ptr<const LoadedField>& field = batch.scene.fields.at(batch.variant.profile);
-    const bool is_group = TrialObservation::named(batch.keys.front().condition, "alpha").is_group;
-    std::unique_ptr<ObjectDetector>& detector =
-        detectors_[batch.scene.name + batch.variant.profile + (is_group ? " group" : "")];
-    if (!detector) {
-      DetectionSettings settings;
-      if (!is_group) settings.max_instances = 1;
+  /// Of the batch's scene and profile.
+  TrackerTrials& trackerOf(const Batch& batch) {
+    std::unique_ptr<TrackerTrials>& tracker = trackers_[batch.scene.name + batch.variant.profile];
+    if (!tracker) {
       const fs::path model = fs::path(options_.models) / (batch.scene.name + ".safetensors");
-      detector = std::make_unique<ObjectDetector>(
-          backend_.get(), field,
-          detectionModelFor(*field, settings.model, landmarkPathOf(model.string()), cancellation_),
-          settings);
-      calibrate(detector.get(), backend_.get(), *field, cancellation_);
+      tracker = std::make_unique<TrackerTrials>(
+          backend_, batch.scene.fields.at(batch.variant.profile), model.string(), cancellation_);
     }
-    return detector->detect(image, {}, cancellation_);
+    return *tracker;
   }
 
   /// The pose nearest to the view's own.
@@ -316,6 +307,11 @@ class Evaluation {
                                     const std::vector<Prior>& priors) {
     const LoadedField& field = *batch.scene.fields.at(batch.variant.profile);
     const TrialKey& key = batch.keys.front();
+    if (key.method == "keyframes") {
+      std::vector<Refinement> found;
+      for (const Prior& prior : priors) found.push_back(trackerOf(batch).search(image, prior));
+      return found;
+    }
     const RefinerSettings settings = trialSettings(key.method, key.loss.empty() ? "l2" : key.loss,
                                                    batch.variant, unit, plan_.seed);
     TrialKey likewise = key;
@@ -369,7 +365,7 @@ class Evaluation {
   std::shared_ptr<Backend> backend_;
   TrialResults results_;
   ProgressLine line_;
-  std::map<std::string, std::unique_ptr<ObjectDetector>> detectors_;  // by scene and profile
+  std::map<std::string, std::unique_ptr<TrackerTrials>> trackers_;  // by scene and profile
   std::set<std::vector<std::string>> warmed_;  // trials whose like has its memory and graphs
   int done_ = 0;
 };

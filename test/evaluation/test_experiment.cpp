@@ -112,6 +112,11 @@ TEST(TrialProtocol, lengthsByHand) {
   EXPECT_EQ(robot.start.translation, 0.75);
   EXPECT_TRUE(robot.start.about_object);
   EXPECT_EQ(robot.search_translation, 0.15);
+  const TrialProtocol far("far", SceneKind::kSynthetic, object);
+  EXPECT_EQ(far.start.translation, 1.5);
+  EXPECT_EQ(far.search_translation, 0.3);
+  EXPECT_NEAR(far.start.rotation_rad, M_PI / 4, 1e-12);
+  EXPECT_EQ(far.search_rotation_rad, far.start.rotation_rad);
 }
 
 TEST(TrialSettings, variantsChangeWhatTheyName) {
