@@ -152,6 +152,7 @@ struct ObjectDetector::Search {
   const SameInstance& is_same_instance;
   std::chrono::steady_clock::time_point begin = std::chrono::steady_clock::now();
   PixelWindow window = {};               // of the image, that is searched now
+  double odds = 1;                       // of poses in it
   std::vector<Refinement> doubted = {};  // poses that were found but not trusted
   Detections detections = {};
 
@@ -216,8 +217,9 @@ Refinement ObjectDetector::takeBest(ImageCandidates* candidates, const Search& s
   }
   poses.erase(same, poses.end());
   const auto odds = [&](const Pose& T_O_C) {
-    if (!candidates->matched) return 1.0;
-    return oddsOfLandmarks(landmarksAt(T_O_C, *candidates->matched, object, settings_.candidates),
+    if (!candidates->matched) return search.odds;
+    return search.odds *
+           oddsOfLandmarks(landmarksAt(T_O_C, *candidates->matched, object, settings_.candidates),
                            templates_.has_value());
   };
   const Refinement found =
@@ -254,6 +256,7 @@ void ObjectDetector::detectIn(const SearchArea& area, Search* search) {
   const std::size_t before = detections.found.size();
   const auto part = searchedPart(search->observation.camera, area, settings_.max_image_side_px);
   if (part) search->window = part->window;
+  search->odds = area.odds;
   ImageCandidates all = candidates(search->observation, area, search->cancellation);
   if (detections.message.empty()) detections.message = all.message;
   const auto settle = [&](PoseCandidates poses) {

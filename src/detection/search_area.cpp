@@ -17,6 +17,9 @@ void SearchArea::validate() const {
   if (distance && !(std::isfinite(*distance) && *distance > 0)) {
     throw std::invalid_argument("the distance of the object is " + std::to_string(*distance));
   }
+  if (!(std::isfinite(odds) && odds > 0)) {
+    throw std::invalid_argument("the odds of the area are " + std::to_string(odds));
+  }
 }
 
 std::vector<SearchArea> areasOf(const Observation& observation, const SearchArea& area) {

@@ -21,6 +21,8 @@ struct SearchArea {
   std::optional<Eigen::AlignedBox2d> box;  ///< the object is seen in it: borders of pixels [px]
   /// Of its centre from the camera, give or take a third [model units].
   std::optional<double> distance;
+  /// How much likelier a pose is right than one that is found in a whole image.
+  double odds = 1;
 
   /// @throws std::invalid_argument for a box or a distance that makes no sense.
   void validate() const;

@@ -10,15 +10,10 @@
 #include "refinement/field_refiner.h"
 #include "refinement/look_alike_belief.h"
 #include "refinement/look_alike_test.h"
+#include "refinement/timed_observation.h"
 #include "views/keyframe_renderer.h"
 
 namespace nerf_pose_refiner {
-
-/// An image of a sequence.
-struct TimedObservation {
-  const Observation& observation;
-  std::int64_t stamp_ns = 0;  ///< when it was taken; says when a keyframe is due
-};
 
 /// Watches over a track of an object that may be taken for itself: whether the pose that is tracked
 /// is the right one of those that look alike. Tests of a tracked pose run in the thread that

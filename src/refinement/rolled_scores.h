@@ -9,6 +9,7 @@
 #include "field/field.h"
 #include "refinement/keyframe_search.h"
 #include "refinement/sighting_log.h"
+#include "refinement/timed_observation.h"
 
 namespace nerf_pose_refiner {
 

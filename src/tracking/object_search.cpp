@@ -6,6 +6,8 @@
 #include <utility>
 
 #include "backend/backend_lost.h"
+#include "refinement/plan.h"
+#include "refinement/pose_probability.h"
 #include "trust/keyframe_scores.h"
 #include "trust/look_alikes.h"
 #include "trust/mask_agreement.h"
@@ -165,8 +167,10 @@ Refinement RefinerSearch::find(const SearchRequest& request,
     if (!keyframes_) beginKeyframes(cancellation);
     const TimedObservation image = {request.observation, request.stamp_ns};
     if (request.tracked) return keyframes_->follow(image, request.prior, cancellation);
-    return keyframes_->find(image, request.prior, cancellation,
-                            candidatesNear(request, cancellation));
+    const Refinement found =
+        keyframes_->find(image, request.prior, cancellation, candidatesNear(request, cancellation));
+    return detector_ && found.outcome != Outcome::kCancelled ? surer(found, request, cancellation)
+                                                             : found;
   }
   if (request.observation.isDepthAlone()) {
     Refinement nothing =
@@ -200,6 +204,36 @@ std::vector<Pose> RefinerSearch::candidatesNear(const SearchRequest& request,
     if (isWithin(request.prior, pose, object)) near.push_back(pose);
   }
   return near;
+}
+
+/// What is found, or if that is not trusted what detection finds where the prior lets the object
+/// be: few landmarks say little to a search, but much for a pose that they agree with.
+Refinement RefinerSearch::surer(const Refinement& found, const SearchRequest& request,
+                                const CancellationToken& cancellation) {
+  const FieldMetadata& object = field_->field().metadata;
+  const Prior& prior = request.prior;
+  const double least = detection_.settings.least_score;
+  if (found.outcome == Outcome::kRefined && found.score >= least) return found;
+  const auto region = objectRegion(request.observation.camera, prior, object);
+  if (!region || request.observation.isDepthAlone()) return found;
+  SearchArea area;
+  area.odds = kHintOdds;
+  area.box = Eigen::AlignedBox2d(Eigen::Vector2d(region->x_min, region->y_min),
+                                 Eigen::Vector2d(region->x_max, region->y_max));
+  const double distance = (prior.T_O_C.t - object.centre).norm();
+  if (prior.translation * object.diameter < (SearchArea::kDistanceRatio - 1) / 2 * distance) {
+    area.distance = distance;
+  }
+  keyframes_->waitForRenderings(cancellation);
+  detector_->setTrustScore(least);
+  const Detections detections = detector_->detect(request.observation, area, cancellation);
+  for (const Refinement& one : detections.found) {
+    Refinement detected = one;
+    detected.T_O_C = nearestEquivalent(one.T_O_C, prior.T_O_C, object.symmetries);
+    detected.seconds = found.seconds + detections.seconds;
+    if (isWithin(prior, detected.T_O_C, object)) return detected;
+  }
+  return found;
 }
 
 void RefinerSearch::beginDetection(const CancellationToken& cancellation) {

@@ -98,6 +98,8 @@ class RefinerSearch : public ObjectSearch {
   void beginDetection(const CancellationToken& cancellation);
   Refinement detectOnce(const Observation& observation, double trust_score,
                         const CancellationToken& cancellation);
+  Refinement surer(const Refinement& found, const SearchRequest& request,
+                   const CancellationToken& cancellation);
   Refinement searchOnce(const SearchRequest& request, const CancellationToken& cancellation);
   void replaceProcessor(const std::shared_ptr<const Field>& field);
   std::vector<Pose> candidatesNear(const SearchRequest& request,

@@ -20,6 +20,7 @@
 #include "support/revolved_scene.h"
 #include "support/scene_backend.h"
 #include "support/scene_before_clutter.h"
+#include "support/textured_scene.h"
 #include "tracking/object_tracker.h"
 
 namespace nerf_pose_refiner {
@@ -269,6 +270,68 @@ TEST_F(FirstSearch, MeasuresAnOldModelOnlyWhereItCanBeCancelled) {
   const auto scene = sceneOf(false);
   const auto search = searchBy(scene, 1 << 30);
   EXPECT_EQ(renderingsOfUse(scene, search.get()), 0);
+}
+
+// Landmarks decide where a search from a hint is not sure.
+
+class SearchWithLandmarks : public testing::Test {
+ protected:
+  SearchWithLandmarks() {
+    const auto textured = std::make_shared<TexturedScene>(cpuProcessor(2));
+    scene_ = std::make_shared<DescribedScene>(textured, judged(textured->field().metadata));
+    truth_ = cameraAround(*scene_, 0.6, 0.4, 5);
+    image_ = sceneBeforeClutter(*scene_, kLarge, truth_);
+    // More than a half of it is covered.
+    const Eigen::Vector2d centre =
+        kLarge.project(truth_.inverse() * scene_->field().metadata.centre);
+    for (int y = 0; y < kLarge.height; ++y) {
+      for (int x = 0; x < static_cast<int>(centre.x()) + kCovered; ++x) {
+        for (int c = 0; c < 3; ++c) image_.image.at(x, y, c) = (x / 8 + y / 8) % 2 ? 0.3f : 0.2f;
+      }
+    }
+  }
+
+  Refinement found(const std::unique_ptr<RefinerSearch>& search, const Prior& prior) const {
+    return search->search({image_, prior, false, 0}, {});
+  }
+
+  Prior hint() const {
+    Prior prior;
+    prior.T_O_C = truth_;
+    prior.rotation_rad = 0.8;
+    prior.translation = 0.3;
+    return prior;
+  }
+
+  std::unique_ptr<RefinerSearch> inUse() const {
+    auto search = searchBy(scene_);
+    search->use(std::make_shared<const Field>(scene_->field()));
+    return search;
+  }
+
+  static constexpr int kCovered = 4;  // columns right of the centre
+  const Camera kLarge = {320, 240, 400, 400, 159.5, 119.5};
+  std::shared_ptr<const DescribedScene> scene_;
+  Pose truth_;
+  Observation image_;
+};
+
+TEST_F(SearchWithLandmarks, FindsWhatTheSearchAloneIsNotSureOf) {
+  const auto alone = inUse(), joined = inUse();
+  EXPECT_EQ(joined->detect(image_, 0.9, {}).outcome, Outcome::kRefined);  // makes landmarks
+  EXPECT_LT(found(alone, hint()).score, 0.9);
+  const Refinement sure = found(joined, hint());
+  EXPECT_GE(sure.score, 0.9);
+  EXPECT_LT(rotationDistance(sure.T_O_C.R, truth_.R), 0.02);
+}
+
+TEST_F(SearchWithLandmarks, LeavesOutWhatTheHintExcludes) {
+  const auto search = inUse();
+  EXPECT_EQ(search->detect(image_, 0.9, {}).outcome, Outcome::kRefined);
+  Prior other = hint();
+  other.T_O_C = cameraAround(*scene_, 0.6 + 1.5, 0.4, 5);  // the same place, seen from elsewhere
+  other.rotation_rad = 0.26;
+  EXPECT_GT(rotationDistance(found(search, other).T_O_C.R, truth_.R), 0.5);
 }
 
 }  // namespace
