@@ -246,7 +246,7 @@ void declareObservation(CLI::App* app, TrialObservation* observation) {
       ->check(CLI::IsMember({"white", "alpha", "mask", "own", "photo"}))
       ->capture_default_str();
   app->add_option("--photos", observation->photos,
-                  "Images to put behind the object, in turn; none: drawn clutter");
+                  "Images, of which one is drawn to be put behind the object; none: drawn clutter");
   app->add_option("--light", observation->gain_bias, "Gain of the object per channel: 1 +- this");
   app->add_option("--occluder", observation->occluder,
                   "Square over this fraction of the object's box");

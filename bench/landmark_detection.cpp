@@ -289,7 +289,8 @@ void addOptions(CLI::App* app, Options* o) {
                   "photos whose features are landmarks, too; these are saved");
   app->add_flag("--only-photos", o->only_photos, "no landmarks of renderings");
   app->add_option("--condition", o->conditions, "as those of the experiments");
-  app->add_option("--photos", o->photos, "put behind the views, in turn; none: drawn clutter");
+  app->add_option("--photos", o->photos,
+                  "one is drawn, to be put behind a view; none: drawn clutter");
   app->add_option("--first", o->first, "number of the first view");
   app->add_option("--every", o->every, "only every so many-th view");
   app->add_option("--seeds", o->seeds, "so often each view, in other places");

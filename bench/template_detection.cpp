@@ -200,7 +200,7 @@ void addOptions(CLI::App* app, Options* o) {
                   "a dataset's transforms.json, or the folder of a recording's sequence.json")
       ->required();
   app->add_option("--photos", o->observation.photos,
-                  "put behind a dataset's views, in turn; none: drawn clutter");
+                  "one is drawn, to be put behind a view; none: drawn clutter");
   app->add_option("--light", o->observation.gain_bias, "gain per channel: 1 +- this");
   app->add_option("--occluder", o->observation.occluder,
                   "square over this fraction of the object's box");

@@ -17,7 +17,7 @@
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr std::uint64_t kOccluderStream = 73;  // of random numbers
+constexpr std::uint64_t kOccluderStream = 73, kPhotoStream = 74;  // of random numbers
 
 // A photo that fills the image, its middle cut out.
 Image photoOfSize(const std::string& path, const Camera& camera) {
@@ -181,9 +181,11 @@ Observation TrialObservation::disturbed(const PosedView& view, std::uint64_t ind
     observation.image = straight;
     observation.alpha = object.alpha;
   } else {
-    const Image photo = photos.empty()
-                            ? clutter(view.camera.width, view.camera.height, seed + index)
-                            : photoOfSize(photos.at(index % photos.size()), view.camera);
+    const auto count = static_cast<std::uint32_t>(photos.size());
+    const Image photo =
+        count == 0
+            ? clutter(view.camera.width, view.camera.height, seed + index)
+            : photoOfSize(photos[randomIndex(seed, kPhotoStream, index, count)], view.camera);
     observation.image = object.colour;
     for (std::size_t i = 0; i < photo.values.size(); ++i) {
       observation.image.values[i] += (1 - object.alpha.values[i / 3]) * photo.values[i];

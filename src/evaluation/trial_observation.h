@@ -25,7 +25,7 @@ struct TrialObservation {
   /// white; alpha (known); mask (a photo, and a mask); photo (unknown); own (the view's own photo
   /// as it is, its alpha taken for a mask)
   std::string background = "white";
-  std::vector<std::string> photos;  ///< put behind the object, in turn; none: clutter
+  std::vector<std::string> photos;  ///< one is drawn, to be put behind the object; none: clutter
 
   // The paper's noise, on the object's straight colours before anything is put behind it.
   double brightness = 0;     ///< added to the value of HSV, at most 1 then

@@ -69,8 +69,9 @@ void declare(CLI::App* app, EvaluateOptions* options) {
   app->add_option("-o,--output", options->output, "Folder for the trials' lines")->required();
   app->add_option("--only", options->only, "Names of experiments; default: all of the plan");
   app->add_option("--scene", options->scenes, "Names of scenes; default: all below the folder");
-  app->add_option("--photo", options->photos,
-                  "Images to put behind the object, in turn; default: drawn clutter")
+  app->add_option(
+         "--photo", options->photos,
+         "Images, of which one is drawn to be put behind the object; default: drawn clutter")
       ->check(CLI::ExistingFile);
   app->add_option("--shard", options->shard, "i/n: one of n parts of the trials, i from 0")
       ->capture_default_str();
