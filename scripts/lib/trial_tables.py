@@ -15,7 +15,8 @@ CONDITIONS = ('clean', 'paper_noise', 'brightness', 'gaussian', 'poisson', 'disc
               'motion_blur', 'defocus', 'focal', 'placed', 'placed_robot', 'hidden', 'group', 'absent')
 EXPERIMENTS = ('table1', 'losses', 'noise', 'robot', 'detect', 'hint', 'ablation', 'curves')
 TITLES = {'table1': 'Table I', 'losses': 'Losses (Table II)', 'noise': 'Disturbed observations', 'robot':
-          'Errors as robots have them', 'detect': 'Detection', 'hint': 'From an initial pose', 'ablation': 'Ablations', 'curves': 'Optimisation curves'}
+          'Errors as robots have them', 'detect': 'Detection', 'hint': 'From an initial pose', 'ablation': 'Ablations',
+          'curves': 'Optimisation curves'}
 PARTS = {'synthetic': '(a) synthetic scenes', 'forward_facing': '(b) forward-facing scenes',
          'masked': '(c) photos with masks'}
 SCALES = {'paper': ('units', 'u'), 'robot': ('diameters', 'd'), 'far': ('diameters', 'd')}  # what the protocol's bounds count in

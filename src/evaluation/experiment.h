@@ -41,9 +41,9 @@ struct SearchVariant {
 /// Trials of one kind: every scene of the kinds, condition, view, start, method, loss and variant.
 struct Experiment {
   std::string name;
-  std::string protocol = "paper";       ///< or "robot", "far", @see TrialProtocol
-  std::vector<std::string> methods;     ///< inerf, single, multiple, alignment, keyframes, detection
-  std::vector<std::string> losses;      ///< of the first three; the others have their own
+  std::string protocol = "paper";    ///< or "robot", "far", @see TrialProtocol
+  std::vector<std::string> methods;  ///< inerf, single, multiple, alignment, keyframes, detection
+  std::vector<std::string> losses;   ///< of the first three; the others have their own
   std::vector<std::string> conditions;  ///< @see TrialObservation::named
   std::vector<SceneKind> kinds;         ///< of scenes
   std::vector<SearchVariant> variants;
