@@ -137,6 +137,9 @@ class Benchmark {
 
   void absent(const Detections& found) {
     ++stages_[found.found.empty() ? "nothing" : "WRONG"];
+    for (const Refinement& one : found.found) {
+      std::printf("[chroma %.3f] ", one.chromatic_difference.value_or(-1));
+    }
     std::printf("%s in %.2f s\n", found.found.empty() ? "nothing" : "WRONG", found.seconds);
   }
 
@@ -240,6 +243,7 @@ class Benchmark {
   void describe(const Refinement& refined, const Scene& trial) const {
     const PoseError error = errorOf(refined.T_O_C, trial);
     const double raw = refined.hypotheses.empty() ? 0 : refined.hypotheses.front().score;
+    std::printf("[chroma %.3f] ", refined.chromatic_difference.value_or(-1));
     std::printf("%s %.2f (by image %.2f, raw %.2f, visible %.2f), %.2f deg, %.1f %%",
                 isRight(refined.T_O_C, trial) ? "right" : "wrong", refined.score,
                 refined.found_probability.value_or(0), raw, refined.visible_fraction,

@@ -12,7 +12,8 @@ METHODS = ('inerf', 'single', 'multiple', 'alignment', 'keyframes', 'detection')
 LOSSES = ('l1', 'l2', 'log_l1', 'relative_l2', 'mape', 'smape', 'smooth_l1')
 KINDS = ('synthetic', 'forward_facing', 'masked')
 CONDITIONS = ('clean', 'paper_noise', 'brightness', 'gaussian', 'poisson', 'discs', 'photo', 'occluder', 'light',
-              'motion_blur', 'defocus', 'focal', 'placed', 'placed_robot', 'hidden', 'group', 'absent')
+              'motion_blur', 'defocus', 'focal', 'placed', 'placed_robot', 'hidden', 'group', 'recoloured',
+              'absent')
 EXPERIMENTS = ('table1', 'losses', 'noise', 'robot', 'detect', 'hint', 'ablation', 'curves')
 TITLES = {'table1': 'Table I', 'losses': 'Losses (Table II)', 'noise': 'Disturbed observations', 'robot':
           'Errors as robots have them', 'detect': 'Detection', 'hint': 'From an initial pose', 'ablation': 'Ablations',

@@ -81,6 +81,8 @@ const std::vector<Condition>& conditions() {
                     o->occluder = 0.6;
                   }),
       beforePhoto("group", [](TrialObservation* o) { o->is_group = true; }),
+      beforePhoto("recoloured",
+                  [](TrialObservation* o) { o->is_placed = o->is_recoloured = true; }),
       beforePhoto("absent", [](TrialObservation* o) { o->is_placed = o->is_absent = true; }),
   };
   return all;
@@ -104,6 +106,12 @@ PremultipliedImage disturbedObject(const TrialObservation& how, const PosedView&
   PremultipliedImage object = premultiply(*view.rgba);
   for (std::size_t i = 0; i < straight.values.size(); ++i) {
     object.colour.values[i] = straight.values[i] * object.alpha.values[i / 3];
+  }
+  if (how.is_recoloured) {
+    for (std::size_t i = 0; i < object.colour.values.size(); i += 3) {
+      std::rotate(&object.colour.values[i], &object.colour.values[i + 2],
+                  &object.colour.values[i] + 3);
+    }
   }
   if (how.is_absent) {
     std::fill(object.colour.values.begin(), object.colour.values.end(), 0.0f);
@@ -151,7 +159,7 @@ TrialImage TrialObservation::imageOf(const std::vector<PosedView>& views,
   double hidden = 0;
   image.observation = disturbed(image.view, number, &hidden);
   for (ShownInstance& one : image.instances) one.visible *= 1 - hidden;
-  if (is_absent) image.instances.clear();
+  if (is_absent || is_recoloured) image.instances.clear();
   return image;
 }
 

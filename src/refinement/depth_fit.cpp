@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "backend/common/plain_pose.h"
+#include "math/median.h"
 #include "math/robust.h"
 
 namespace nerf_pose_refiner {
@@ -24,13 +25,6 @@ constexpr double kWidening_px = 0.7, kWideningVariance_px2 = 0.7 * 0.7;
 
 // Errors of the learned surface, which all places share in part, beside the sensor's [variances].
 constexpr double kOverNoise = 2.5;
-
-double medianOf(std::vector<double> values) {
-  if (values.empty()) return 0;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 /// Sums of the normal equations.
 struct DepthSystem {

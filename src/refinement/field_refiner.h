@@ -73,6 +73,8 @@ struct Refinement {
   /// The best score of wrong poses in the same image, @see RolledScores. Nothing: too few of them
   /// could be compared with it.
   std::optional<double> rolled_score;
+  /// Of the object's colours in the image, @see chromaticDifference; nothing: not compared.
+  std::optional<double> chromatic_difference;
   double visible_fraction = 0;             ///< 0..1
   std::optional<double> mask_agreement;    ///< @see maskAgreement; nothing: there was no mask
   DepthReport depth;                       ///< what became of the observation's depth

@@ -1,6 +1,7 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
 
+#include "refinement/colour_comparison.h"
 #include "refinement/covariance.h"
 #include "refinement/keyframe_refiner.h"
 #include "refinement/pose_probability.h"
@@ -27,11 +28,16 @@ void KeyframeRefiner::judge(const TimedObservation& image, const Expectation& ex
     found->covariance += disagreement(cameraTwist(best.T_O_C, other->T_O_C, object.centre),
                                       other->beside_rad, own_rad);
   }
+  if (const KeyframePoints* const nearest = search_->nearest(best.T_O_C);
+      nearest != nullptr && expected.is_search) {
+    found->chromatic_difference = chromaticDifference(*nearest, image.observation, best.T_O_C);
+  }
   found->rolled_score = rolledScore(image, best, expected, cancellation);
   const double by_image = probabilityByImage(*found);
+  const double of_colours = oddsOfColours(found->chromatic_difference);
   const double odds = priorOdds(found->T_O_C, expected.prior, object);
   const bool is_there = distanceFromPrior(found->T_O_C, expected.prior, object) <= kWithinPrior;
-  found->found_probability = withOdds(by_image, is_there ? expected.odds : odds);
+  found->found_probability = withOdds(by_image, of_colours * (is_there ? expected.odds : odds));
 }
 
 /// What wrong poses score in an image; nothing: it is not known. A track needs it most in images

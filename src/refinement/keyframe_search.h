@@ -31,6 +31,12 @@ class KeyframeSearch {
 
   void add(std::shared_ptr<const KeyframePoints> keyframe) { kept_.add(std::move(keyframe)); }
 
+  /// That of the nearest view; null: there is none.
+  const KeyframePoints* nearest(const Pose& T_O_C) {
+    const KeyframeSet::Entry* const entry = kept_.nearest(T_O_C);
+    return entry == nullptr ? nullptr : entry->keyframe.get();
+  }
+
   /// Renders all small views now, which `around` does on first use of each. @throws Cancelled.
   void prepare(const CancellationToken& cancellation);
 

@@ -127,4 +127,10 @@ double fieldScoreProbability(double score) {
   return logistic(std::log(9.0) * (score - kMiddle) / (kNineOfTen - kMiddle));
 }
 
+double oddsOfColours(const std::optional<double>& chromatic_difference) {
+  constexpr double kOwn = 0.15, kOther = 0.2, kLogOdds = -4.605170185988091;  // of 0.01
+  if (!chromatic_difference) return 1;
+  return std::exp(kLogOdds * std::clamp((*chromatic_difference - kOwn) / (kOther - kOwn), 0., 1.));
+}
+
 }  // namespace nerf_pose_refiner
