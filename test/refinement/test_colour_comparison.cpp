@@ -3,6 +3,9 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
+#include <optional>
+
 #include "refinement/pose_probability.h"
 
 namespace nerf_pose_refiner {
