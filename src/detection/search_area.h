@@ -19,7 +19,7 @@ struct SearchArea {
   static constexpr std::size_t kMaxBoxes = 20;
 
   std::optional<Eigen::AlignedBox2d> box;  ///< the object is seen in it: borders of pixels [px]
-  /// Of its centre from the camera, give or take a third [model units].
+  /// Of its centre from the camera, which may be a third nearer or half as far again [model units].
   std::optional<double> distance;
   /// How much likelier a pose is right than one that is found in a whole image.
   double odds = 1;

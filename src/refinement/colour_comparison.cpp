@@ -44,6 +44,7 @@ ReducedImage reducedImage(const KeyframePoints& keyframe, const Observation& obs
                           const Pose& T_C_O, double pixels) {
   const Camera& camera = observation.camera;
   const Eigen::Vector3d centre_C = T_C_O * keyframe.centre;
+  if (!(centre_C.z() > 0)) return {};
   const Eigen::Vector2d centre = camera.project(centre_C);
   const double diameter = keyframe.diameter * camera.fx / centre_C.z();
   const auto clamped = [](double value, int most) {

@@ -30,7 +30,7 @@ void bringForward(const Pose& T_O_C, HypothesisTable* hypotheses) {
   const auto one = std::find_if(hypotheses->begin(), hypotheses->end(), [&](const Hypothesis& h) {
     return h.T_O_C.R == T_O_C.R && h.T_O_C.t == T_O_C.t;
   });
-  std::rotate(hypotheses->begin(), one, std::next(one));
+  if (one != hypotheses->end()) std::rotate(hypotheses->begin(), one, std::next(one));
 }
 
 /// The odds of a pose by its distance from the nearest of the poses that it may have come from.

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "support/expect_error.h"
@@ -118,6 +119,42 @@ TEST(TrialObservation, theFocalLengthIsSaidWrong) {
 }
 
 // A photo with a mask is shown as it is, the background included.
+TEST(TrialObservation, saysHowMuchOfAnInstanceIsVisible) {
+  const std::vector<PosedView> views(8, squareView(51, 102, 204));
+  const TrialObservation robot = TrialObservation::named("placed_robot", "alpha");
+  const TrialObservation hidden = TrialObservation::named("hidden", "alpha");
+  double least = 1, most = 0;
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    const TrialImage quarter = robot.imageOf(views, i), drawn = hidden.imageOf(views, i);
+    ASSERT_EQ(quarter.instances.size(), 1u);
+    EXPECT_NEAR(quarter.instances[0].visible, 0.75, 0.02);
+    least = std::min(least, drawn.instances.at(0).visible);
+    most = std::max(most, drawn.instances.at(0).visible);
+  }
+  EXPECT_GE(least, 0.38);
+  EXPECT_LT(least, 0.7);
+  EXPECT_GT(most, 0.75);
+}
+
+TEST(TrialObservation, otherColoursAreAnotherObject) {
+  const std::vector<PosedView> views = {squareView(51, 102, 204)};
+  const TrialImage other = TrialObservation::named("recoloured", "alpha").imageOf(views, 0);
+  EXPECT_TRUE(other.instances.empty());
+  const Eigen::Vector2d middle = other.view.camera.project({0, 0, 1});
+  const int x = static_cast<int>(middle.x()), y = static_cast<int>(middle.y());
+  EXPECT_NEAR(other.observation.image.at(x, y, 0), 204 / 255.0, 0.01);
+  EXPECT_NEAR(other.observation.image.at(x, y, 1), 51 / 255.0, 0.01);
+  EXPECT_NEAR(other.observation.image.at(x, y, 2), 102 / 255.0, 0.01);
+}
+
+TEST(TrialObservation, aGroupShowsSeveralInstances) {
+  const std::vector<PosedView> views(3, squareView(51, 102, 204));
+  const TrialImage group = TrialObservation::named("group", "alpha").imageOf(views, 1);
+  EXPECT_GE(group.instances.size(), 2u);
+  EXPECT_EQ(group.observation.image.width, 640);
+  EXPECT_TRUE(TrialObservation::named("absent", "alpha").imageOf(views, 1).instances.empty());
+}
+
 TEST(TrialObservation, ownPhotoKeepsItsBackground) {
   PosedView view = squareView(51, 51, 51);
   Image8 photo = *view.rgba;

@@ -83,6 +83,11 @@ TEST_F(ChromaticDifferenceTest, ThereIsNothingToCompare) {
   }
   EXPECT_FALSE(differenceIn(grey)) << "grey";
   EXPECT_FALSE(differenceIn(imageOf({0, 1, 2}, {0.05f, 0.05f, 0.05f}))) << "dark";
+  const Pose behind(Eigen::Matrix3d::Identity(), {0, 0, 2});
+  EXPECT_FALSE(chromaticDifference(keyframe_, imageOf({0, 1, 2}, {1, 1, 1}), behind));
+  // All but a pixel or two is outside of the image.
+  const Pose at_edge(Eigen::Matrix3d::Identity(), {0.99, 0, -0.65});
+  EXPECT_FALSE(chromaticDifference(keyframe_, imageOf({0, 1, 2}, {1, 1, 1}), at_edge));
   const Pose beside(Eigen::Matrix3d::Identity(), {30, 0, -2});
   EXPECT_FALSE(chromaticDifference(keyframe_, imageOf({0, 1, 2}, {1, 1, 1}), beside));
 }
