@@ -38,7 +38,8 @@ struct Options {
   std::string training;  // data; empty: landmarks of renderings alone
   bool only_photos = false;
   std::vector<std::string> photos;
-  int every = 1, first = 0, threads = 0, seeds = 1;
+  BackendChoice backend = {"cpu", 0, "auto", 0};
+  int every = 1, first = 0, seeds = 1;
   DetectionSettings detection = alone();
 
   static DetectionSettings alone() {
@@ -67,7 +68,7 @@ class Benchmark {
  public:
   explicit Benchmark(const Options& options)
       : options_(options),
-        backend_(makeBackend(BackendChoice{"cpu", options.threads, "auto", 0})),
+        backend_(makeBackend(options.backend)),
         field_(backend_->load(std::make_shared<const Field>(loadField(options.model)))),
         object_(field_->field().metadata),
         model_(makeModel()),
@@ -102,6 +103,7 @@ class Benchmark {
         const PosedView& view = image.view;
         const Detections found = detector_.detect(image.observation, {}, {});
         seconds_.push_back(found.seconds);
+        add(found.times);
         for (const ShownInstance& one : image.instances) {
           const double distance = (one.T_O_C.t - object_.centre).norm() / object_.diameter;
           const double width = view.camera.fx / view.camera.width / distance;
@@ -133,6 +135,13 @@ class Benchmark {
     }
     std::printf("made in %.1f s\n", secondsSince(begin));
     return detectionModelFor(*field_, settings, path, {});
+  }
+
+  void add(const DetectionTimes& times) {
+    times_.landmarks += times.landmarks;
+    times_.templates += times.templates;
+    times_.ranking += times.ranking;
+    times_.settling += times.settling;
   }
 
   void absent(const Detections& found) {
@@ -267,8 +276,12 @@ class Benchmark {
       std::printf("%s %d of %d; ", stage.c_str(), count, images);
     }
     stages_.clear();
-    std::printf("median %.2f s, p95 %.2f s\n", percentile(seconds_, 0.5),
+    std::printf("median %.3f s, p95 %.3f s", percentile(seconds_, 0.5),
                 percentile(seconds_, 0.95));
+    const double searches = static_cast<double>(seconds_.size());
+    std::printf("; means: landmarks %.3f s, templates %.3f s, ranking %.3f s, settling %.3f s\n",
+                times_.landmarks / searches, times_.templates / searches,
+                times_.ranking / searches, times_.settling / searches);
   }
 
   Options options_;
@@ -284,6 +297,7 @@ class Benchmark {
   SameInstance is_same_instance_;
   std::map<std::string, int> stages_;
   std::vector<double> seconds_;
+  DetectionTimes times_;
 };
 
 void addOptions(CLI::App* app, Options* o) {
@@ -298,7 +312,8 @@ void addOptions(CLI::App* app, Options* o) {
   app->add_option("--first", o->first, "number of the first view");
   app->add_option("--every", o->every, "only every so many-th view");
   app->add_option("--seeds", o->seeds, "so often each view, in other places");
-  app->add_option("--threads", o->threads, "0: all cores");
+  app->add_option("--backend", o->backend.backend, "cpu or cuda")->capture_default_str();
+  app->add_option("--threads", o->backend.threads, "of the CPU; 0: all cores");
   app->add_option("--ratio", o->detection.candidates.max_ratio, "of matches that vote, at most");
   app->add_option("--features", o->detection.features.max_features, "of an image, at most");
   app->add_option("--single", o->detection.candidates.most_single, "poses of single matches");

@@ -172,14 +172,15 @@ struct ObjectDetector::Search {
 
 /// The best candidates of instances that are not found yet, as well as small views of the object
 /// explain the image.
-PoseCandidates ObjectDetector::ranked(PoseCandidates candidates, int most, const Search& search) {
+PoseCandidates ObjectDetector::ranked(PoseCandidates candidates, int most, Search* search) {
+  const TimeSpent time(&search->detections.times.ranking);
   if (!ranking_) ranking_.emplace(backend_, field_, settings_.keyframes);
-  search.eraseFound(&candidates);
-  const RankingLimits limits = {search.window, static_cast<std::size_t>(most),
+  search->eraseFound(&candidates);
+  const RankingLimits limits = {search->window, static_cast<std::size_t>(most),
                                 static_cast<std::size_t>(settings_.max_at_once)};
   PoseCandidates best;
   for (const AlignedCandidate& one :
-       ranking_->rank(search.observation, candidates, limits, search.cancellation)) {
+       ranking_->rank(search->observation, candidates, limits, search->cancellation)) {
     best.push_back(one.candidate);
   }
   return best;
@@ -187,7 +188,7 @@ PoseCandidates ObjectDetector::ranked(PoseCandidates candidates, int most, const
 
 /// The candidates of single matches whose aligned poses further landmarks agree with, best first.
 PoseCandidates ObjectDetector::singleMatches(const MatchedImage& matched, const SearchArea& area,
-                                             const Search& search) {
+                                             Search* search) {
   constexpr int kLeast = 2;  // landmarks: one proves nothing
   const FieldMetadata& object = field_->field().metadata;
   const PoseCandidates all =
@@ -229,6 +230,7 @@ Refinement ObjectDetector::takeBest(ImageCandidates* candidates, const Search& s
 }
 
 void ObjectDetector::settleAll(ImageCandidates* candidates, Search* search) {
+  const TimeSpent time(&search->detections.times.settling);
   const std::vector<Refinement>& found = search->detections.found;
   const std::size_t before = found.size();
   int refused = 0;
@@ -257,7 +259,9 @@ void ObjectDetector::detectIn(const SearchArea& area, Search* search) {
   const auto part = searchedPart(search->observation.camera, area, settings_.max_image_side_px);
   if (part) search->window = part->window;
   search->odds = area.odds;
-  ImageCandidates all = candidates(search->observation, area, search->cancellation);
+  ImageCandidates all = timed(&detections.times.landmarks, [&] {
+    return candidates(search->observation, area, search->cancellation);
+  });
   if (detections.message.empty()) detections.message = all.message;
   const auto settle = [&](PoseCandidates poses) {
     all.poses = std::move(poses);
@@ -269,12 +273,13 @@ void ObjectDetector::detectIn(const SearchArea& area, Search* search) {
     return !search->isEnough(settings_.max_instances) && !search->isTimeUp(settings_.budget_s);
   };
   if (all.matched && detections.found.size() == before && goesOn()) {
-    settle(singleMatches(*all.matched, area, *search));
+    settle(singleMatches(*all.matched, area, search));
   }
   if (templates_ && goesOn()) {
-    const PoseCandidates rough =
-        templateCandidates(search->observation, area, search->cancellation);
-    if (!search->isTimeUp(settings_.budget_s)) settle(ranked(rough, settings_.max_ranked, *search));
+    const PoseCandidates rough = timed(&detections.times.templates, [&] {
+      return templateCandidates(search->observation, area, search->cancellation);
+    });
+    if (!search->isTimeUp(settings_.budget_s)) settle(ranked(rough, settings_.max_ranked, search));
   }
 }
 

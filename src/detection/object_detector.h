@@ -52,12 +52,21 @@ struct ImageCandidates {
   std::optional<MatchedImage> matched;  ///< what of the image looks like landmarks
 };
 
+/// What the parts of a search took [s].
+struct DetectionTimes {
+  double landmarks = 0;  ///< features, matches and the candidates that they lead to
+  double templates = 0;  ///< their candidates
+  double ranking = 0;    ///< of candidates by small views
+  double settling = 0;   ///< alignment of the best ones, and whether they are trusted
+};
+
 /// What came of an image.
 struct Detections {
   std::vector<Refinement> found;  ///< trusted poses of instances, best first
   std::string message;            ///< why there is none; empty if there is one
   PoseCandidates candidates;      ///< that landmarks or templates spoke for, best first
-  double seconds = 0;
+  double seconds = 0;             ///< all in all
+  DetectionTimes times;
 };
 
 /// Finds the instances of an object in images, without a hint of where they are.
@@ -99,9 +108,9 @@ class ObjectDetector {
   struct Search;
 
   PoseCandidates atDistance(const SearchArea& area, PoseCandidates candidates) const;
-  PoseCandidates ranked(PoseCandidates candidates, int most, const Search& search);
+  PoseCandidates ranked(PoseCandidates candidates, int most, Search* search);
   PoseCandidates singleMatches(const MatchedImage& matched, const SearchArea& area,
-                               const Search& search);
+                               Search* search);
   Refinement takeBest(ImageCandidates* candidates, const Search& search);
   void settleAll(ImageCandidates* candidates, Search* search);
   void detectIn(const SearchArea& area, Search* search);
