@@ -276,12 +276,11 @@ class Benchmark {
       std::printf("%s %d of %d; ", stage.c_str(), count, images);
     }
     stages_.clear();
-    std::printf("median %.3f s, p95 %.3f s", percentile(seconds_, 0.5),
-                percentile(seconds_, 0.95));
+    std::printf("median %.3f s, p95 %.3f s", percentile(seconds_, 0.5), percentile(seconds_, 0.95));
     const double searches = static_cast<double>(seconds_.size());
     std::printf("; means: landmarks %.3f s, templates %.3f s, ranking %.3f s, settling %.3f s\n",
-                times_.landmarks / searches, times_.templates / searches,
-                times_.ranking / searches, times_.settling / searches);
+                times_.landmarks / searches, times_.templates / searches, times_.ranking / searches,
+                times_.settling / searches);
   }
 
   Options options_;
@@ -323,7 +322,8 @@ void addOptions(CLI::App* app, Options* o) {
   app->add_option("--score", o->detection.least_score, "of what is published");
   app->add_option("--plain", o->detection.model.plain_landmarks,
                   "objects with fewer landmarks get templates");
-  app->add_option("--scanned", o->detection.templates.scanned_px, "width of plain objects [px]");
+  app->add_option("--scanned", o->detection.templates.matching.scanned_px,
+                  "width of plain objects [px]");
   app->add_option("--ranked", o->detection.max_ranked, "candidates of plain objects");
   app->add_option("--instances", o->detection.max_instances, "looked for in an image");
   app->add_option("--tried", o->detection.max_tried, "candidates, in a row");

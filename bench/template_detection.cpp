@@ -19,6 +19,7 @@
 #include "concurrency/seconds_since.h"
 #include "dataset/dataset.h"
 #include "detection/template_search.h"
+#include "detection/template_view.h"
 #include "evaluation/disturbance.h"
 #include "evaluation/pose_error.h"
 #include "evaluation/statistics.h"
@@ -36,7 +37,8 @@ namespace {
 struct Options {
   std::string model, data;
   TrialObservation observation;
-  int every = 1, first = 0, threads = 0;
+  BackendChoice backend = {"cpu", 0, "auto", 0};
+  int every = 1, first = 0;
   int aligned = 0;                       // candidates that are aligned; 0: that is not measured
   double largest = 1, smallest = 0.125;  // width of the object, of the image's
   TemplateBankSettings bank;
@@ -54,7 +56,7 @@ class Benchmark {
  public:
   explicit Benchmark(const Options& options)
       : options_(options),
-        backend_(makeBackend(BackendChoice{"cpu", options.threads, "auto", 0})),
+        backend_(makeBackend(options.backend)),
         field_(backend_->load(std::make_shared<const Field>(loadField(options.model)))),
         object_(field_->field().metadata) {}
 
@@ -64,18 +66,18 @@ class Benchmark {
         std::make_shared<const TemplateBank>(makeTemplateBank(*field_, options_.bank, {}));
     std::printf("%zu views in %.1f s, %.2f MiB\n", bank->views.size(), secondsSince(begin),
                 static_cast<double>(bank->memory_bytes()) / (1 << 20));
-    const TemplateSearch search(bank, object_, options_.search);
+    TemplateSearch search(backend_.get(), bank, object_, options_.search);
     const bool is_dataset = options_.data.find(".json") != std::string::npos;
     if (is_dataset) {
       const Dataset dataset = loadDataset(options_.data);
       for (std::size_t i = options_.first; i < dataset.views.size(); i += options_.every) {
         const PosedView& view = dataset.views[i];
-        look(search, {i, options_.observation.of(view, i), view.T_O_C});
+        look(&search, {i, options_.observation.of(view, i), view.T_O_C});
       }
     } else {
       const RecordedSequence sequence = readSequence(options_.data);
       for (std::size_t i = options_.first; i < sequence.frames.size(); i += options_.every) {
-        look(search, recorded(sequence, i));
+        look(&search, recorded(sequence, i));
       }
     }
     report();
@@ -111,14 +113,14 @@ class Benchmark {
     if (how.noise > 0) addGaussianNoise(how.noise, draw, &image);
   }
 
-  void look(const TemplateSearch& search, const Scene& trial) {
+  void look(TemplateSearch* search, const Scene& trial) {
     const Camera& camera = trial.observation.camera;
     const double whole = camera.fx / camera.width;
     const DistanceRange range = {std::max(0.8, whole / options_.largest),
                                  whole / options_.smallest};
     const auto begin = std::chrono::steady_clock::now();
     const TemplateFindings found =
-        search.find(observedColours(trial.observation), camera, range, {});
+        search->find(observedColours(trial.observation), camera, range, {});
     seconds_.push_back(secondsSince(begin));
     ranks_.push_back(rankOf(found.candidates, trial));
     const double distance = (trial.T_O_C.t - object_.centre).norm() / object_.diameter;
@@ -207,19 +209,22 @@ void addOptions(CLI::App* app, Options* o) {
   app->add_option("--noise", o->observation.noise, "standard deviation of Gaussian noise");
   app->add_option("--first", o->first, "number of the first image");
   app->add_option("--every", o->every, "only every so many-th image");
-  app->add_option("--threads", o->threads, "0: all cores");
+  app->add_option("--backend", o->backend.backend, "cpu or cuda")->capture_default_str();
+  app->add_option("--threads", o->backend.threads, "of the CPU; 0: all cores");
   app->add_option("--align", o->aligned, "candidates that are aligned, the best score counts");
   app->add_option("--largest", o->largest, "width of the object, of the image's");
   app->add_option("--smallest", o->smallest, "the same");
   app->add_option("--views", o->bank.views, "of the bank");
   app->add_option("--edges", o->bank.edges, "of a view");
   app->add_option("--view-distance", o->bank.distance, "of the bank's cameras [diameters]");
-  app->add_option("--scanned", o->search.scanned_px, "width of the object in scanned images [px]");
-  app->add_option("--fitted-px", o->search.fitted_px, "the same where hits are fitted [px]");
-  app->add_option("--fitted", o->search.fitted, "hits that are fitted");
-  app->add_option("--step", o->search.distance_step, "from a distance to the next");
-  app->add_option("--rotations", o->search.rotations, "in the image");
-  app->add_option("--hits", o->search.hits_per_template, "of each template");
+  app->add_option("--scanned", o->search.matching.scanned_px,
+                  "width of the object in scanned images [px]");
+  app->add_option("--fitted-px", o->search.matching.fitted_px,
+                  "the same where hits are fitted [px]");
+  app->add_option("--fitted", o->search.matching.fitted, "hits that are fitted");
+  app->add_option("--step", o->search.matching.distance_step, "from a distance to the next");
+  app->add_option("--rotations", o->search.matching.rotations, "in the image");
+  app->add_option("--hits", o->search.matching.hits_per_template, "of each template");
 }
 
 int run(int argc, char** argv) {
@@ -228,7 +233,7 @@ int run(int argc, char** argv) {
   options.observation.background = "photo";
   addOptions(&app, &options);
   CLI11_PARSE(app, argc, argv);
-  options.search.threads = options.threads;
+
   try {
     Benchmark(options).run();
   } catch (const std::exception& error) {

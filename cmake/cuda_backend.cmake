@@ -59,6 +59,7 @@ add_library(${npr_cuda} OBJECT
   cuda/cuda_optimise.cpp
   cuda/cuda_processor.cpp
   cuda/cuda_solver.cpp
+  cuda/cuda_template_matcher.cpp
   cuda/cuda_trainer.cpp
   cuda/descent_update.cu
   cuda/evaluate.cu
@@ -72,11 +73,17 @@ add_library(${npr_cuda} OBJECT
   cuda/probe.cu
   cuda/regions.cu
   cuda/render.cu
+  cuda/template_fit.cu
+  cuda/template_responses.cu
+  cuda/template_scan.cu
   cuda/train_networks.cu
   cuda/train_occupancy.cu
   cuda/train_rays.cu
   cuda/train_update.cu)
 npr_set_cuda_options(${npr_cuda})
+# Responses and places of templates are those of the CPU, bit for bit.
+set_property(SOURCE cuda/template_fit.cu cuda/template_responses.cu cuda/template_scan.cu
+  PROPERTY COMPILE_OPTIONS -fmad=false)
 npr_precompile(${npr_cuda})
 target_include_directories(${npr_cuda} PRIVATE include src)
 target_link_libraries(${npr_cuda} PRIVATE Eigen3::Eigen CUDA::cudart_static OpenMP::OpenMP_CXX)

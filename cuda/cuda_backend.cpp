@@ -6,9 +6,11 @@
 #include <stdexcept>
 #include <string>
 
+#include "backend/common/template_rules.h"
 #include "backend/make_backend.h"
 #include "cuda_keyframe_aligner.h"
 #include "cuda_loaded_field.h"
+#include "cuda_template_matcher.h"
 #include "cuda_trainer.h"
 #include "probe.h"
 
@@ -93,6 +95,14 @@ std::shared_ptr<const LoadedField> CudaBackend::load(std::shared_ptr<const Field
 std::unique_ptr<KeyframeAligner> CudaBackend::makeKeyframeAligner() {
   processor_->enter();
   return std::make_unique<CudaKeyframeAligner>(processor_->device());
+}
+
+std::unique_ptr<TemplateMatcher> CudaBackend::makeTemplateMatcher(
+    std::shared_ptr<const TemplateBank> bank, const TemplateMatchSettings& settings) {
+  settings.validate();
+  requireTemplates(*bank);
+  processor_->enter();
+  return std::make_unique<CudaTemplateMatcher>(processor_->device(), std::move(bank), settings);
 }
 
 std::unique_ptr<FieldTrainer> CudaBackend::makeTrainer(const FieldConfig& config, const Box& box,

@@ -21,6 +21,8 @@ class CudaBackend final : public Backend {
   BackendInfo info() const override;
   std::shared_ptr<const LoadedField> load(std::shared_ptr<const Field> field) override;
   std::unique_ptr<KeyframeAligner> makeKeyframeAligner() override;
+  std::unique_ptr<TemplateMatcher> makeTemplateMatcher(
+      std::shared_ptr<const TemplateBank> bank, const TemplateMatchSettings& settings) override;
   std::unique_ptr<FieldTrainer> makeTrainer(const FieldConfig& config, const Box& box,
                                             std::vector<TrainingView> views,
                                             const TrainingPlan& plan) override;

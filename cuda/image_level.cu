@@ -8,28 +8,6 @@ namespace {
 constexpr int kThreads = 128;
 constexpr int kLanesPerPixel = 8;  // that share the sum of a resampled pixel
 
-/// Old pixels first..last along one axis, which a new one covers.
-struct Taps {
-  int first, last;
-  double middle, scale;
-
-  __device__ Taps(int i, const ImageAxis& from, const ImageAxis& to)
-      : scale(from.focal / to.focal) {
-    middle = (i - to.centre) * scale + from.centre;
-    const double reach = 0.5 * fmax(scale, 1.0) + 0.5;
-    first = static_cast<int>(fmin(fmax(ceil(middle - reach), 0.0), from.size - 1.0));
-    last = static_cast<int>(fmax(fmin(from.size - 1.0, floor(middle + reach)), -1.0));
-  }
-
-  /// Overlap of an old pixel with the new one; enlarging, linear interpolation.
-  __device__ float weight(int j) const {
-    const double offset = j - middle;
-    if (scale < 1) return static_cast<float>(fmax(0.0, 1 - fabs(offset)));
-    const double overlap = fmin(0.5 * scale, offset + 0.5) - fmax(-0.5 * scale, offset - 0.5);
-    return static_cast<float>(fmax(0.0, overlap) / scale);
-  }
-};
-
 /// kLanesPerPixel threads per pixel of the level.
 __global__ void resampleKernel(CudaObservedImage from, CudaCamera to, float4* image,
                                float* weight) {
@@ -37,15 +15,15 @@ __global__ void resampleKernel(CudaObservedImage from, CudaCamera to, float4* im
   const int pixel = index / kLanesPerPixel, part = index % kLanesPerPixel;
   const bool inside = pixel < to.width * to.height;  // all lanes stay for the sums
   const int at = inside ? pixel : 0;
-  const Taps columns(at % to.width, axisX(from.camera), axisX(to));
-  const Taps rows(at / to.width, axisY(from.camera), axisY(to));
+  const TapRange columns = tapRange(axisX(from.camera), axisX(to), at % to.width);
+  const TapRange rows = tapRange(axisY(from.camera), axisY(to), at / to.width);
   const int n = columns.last - columns.first + 1;
   const int taps = n > 0 && rows.last >= rows.first ? n * (rows.last - rows.first + 1) : 0;
   float sum[5] = {};
   for (int k = part; k < taps; k += kLanesPerPixel) {
     const int x = columns.first + k % n, y = rows.first + k / n;
     const std::size_t i = static_cast<std::size_t>(y) * from.camera.width + x;
-    const float fraction = rows.weight(y) * columns.weight(x);
+    const float fraction = rows.weightOf(y) * columns.weightOf(x);
     const float w = fraction * (from.weight ? from.weight[i] : 1.0f);
     const float alpha = from.alpha ? from.alpha[i] : 0.0f;
     const float premultiplied = from.is_mask ? w * alpha : w;

@@ -4,6 +4,7 @@
 #include <cstdint>
 
 #include "math/projection.h"
+#include "math/resample_taps.h"
 
 namespace nerf_pose_refiner {
 
@@ -12,22 +13,6 @@ struct CudaCamera {
   double fx, fy, cx, cy;
   int width, height;
 };
-
-/// One axis of a camera's image.
-struct ImageAxis {
-  int size;              ///< [px]
-  double focal, centre;  ///< of the intrinsics [px]
-};
-
-template <typename Camera>
-NPR_HOST_DEVICE inline ImageAxis axisX(const Camera& camera) {
-  return {camera.width, camera.fx, camera.cx};
-}
-
-template <typename Camera>
-NPR_HOST_DEVICE inline ImageAxis axisY(const Camera& camera) {
-  return {camera.height, camera.fy, camera.cy};
-}
 
 /// One image to be rendered: a pose, and the part of the image that can show the object.
 struct CudaView {

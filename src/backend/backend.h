@@ -12,9 +12,12 @@ namespace nerf_pose_refiner {
 class FieldTrainer;
 class KeyframeAligner;
 class LoadedField;
+class TemplateMatcher;
 struct Box;
 struct Field;
 struct FieldConfig;
+struct TemplateBank;
+struct TemplateMatchSettings;
 struct TrainingPlan;
 struct TrainingView;
 
@@ -35,6 +38,11 @@ class Backend {
 
   /// A new aligner of keyframes with images. One thread may use it, also during other calls.
   virtual std::unique_ptr<KeyframeAligner> makeKeyframeAligner() = 0;
+
+  /// A new matcher of templates. One thread may use it, also during other calls.
+  /// @throws std::invalid_argument for settings that are out of range or a bank that shows nothing.
+  virtual std::unique_ptr<TemplateMatcher> makeTemplateMatcher(
+      std::shared_ptr<const TemplateBank> bank, const TemplateMatchSettings& settings) = 0;
 
   /// A trainer of one new field; it keeps the images.
   virtual std::unique_ptr<FieldTrainer> makeTrainer(const FieldConfig& config, const Box& box,

@@ -45,9 +45,8 @@ bool isAllowed(const Image8& allowed, const PoseVote& place) {
 
 /// With as many threads as the backend may use.
 DetectionSettings confined(DetectionSettings settings, const Backend& backend) {
-  for (int* threads : {&settings.matching.threads, &settings.templates.threads}) {
-    if (*threads == 0) *threads = backend.info().threads;
-  }
+  int& threads = settings.matching.threads;
+  if (threads == 0) threads = backend.info().threads;
   return settings;
 }
 
@@ -82,7 +81,8 @@ ObjectDetector::ObjectDetector(Backend* backend, std::shared_ptr<const LoadedFie
       is_same_instance_(field_->field()) {
   settings_.validate();
   if (model.templates) {
-    templates_.emplace(std::move(model.templates), field_->field().metadata, settings_.templates);
+    templates_.emplace(backend_, std::move(model.templates), field_->field().metadata,
+                       settings_.templates);
   }
 }
 
@@ -125,7 +125,7 @@ PoseCandidates ObjectDetector::atDistance(const SearchArea& area, PoseCandidates
 
 PoseCandidates ObjectDetector::templateCandidates(const Observation& observation,
                                                   const SearchArea& area,
-                                                  const CancellationToken& cancellation) const {
+                                                  const CancellationToken& cancellation) {
   const std::optional<SearchedPart> part =
       searchedPart(observation.camera, area, settings_.max_image_side_px);
   if (!part || !templates_) return {};

@@ -96,7 +96,7 @@ class ObjectDetector {
   /// Poses that templates speak for, in the same part; none without templates.
   /// @throws as `detect`.
   PoseCandidates templateCandidates(const Observation& observation, const SearchArea& area,
-                                    const CancellationToken& cancellation) const;
+                                    const CancellationToken& cancellation);
 
   /// Looks in the observation's boxes, if it has some: one after the other, until there are as many
   /// instances as are asked for.
@@ -109,8 +109,7 @@ class ObjectDetector {
 
   PoseCandidates atDistance(const SearchArea& area, PoseCandidates candidates) const;
   PoseCandidates ranked(PoseCandidates candidates, int most, Search* search);
-  PoseCandidates singleMatches(const MatchedImage& matched, const SearchArea& area,
-                               Search* search);
+  PoseCandidates singleMatches(const MatchedImage& matched, const SearchArea& area, Search* search);
   Refinement takeBest(ImageCandidates* candidates, const Search& search);
   void settleAll(ImageCandidates* candidates, Search* search);
   void detectIn(const SearchArea& area, Search* search);

@@ -3,14 +3,11 @@
 
 #include <cstdint>
 #include <memory>
-#include <string>
 #include <vector>
 
+#include "backend/backend.h"
+#include "backend/template_matcher.h"
 #include "detection/candidate.h"
-#include "detection/template_fit.h"
-#include "detection/template_kernels.h"
-#include "detection/template_scan.h"
-#include "detection/template_view.h"
 #include "field/field.h"
 #include "nerf_pose_refiner/camera.h"
 #include "nerf_pose_refiner/cancellation_token.h"
@@ -31,16 +28,9 @@ struct DistanceRange {
 };
 
 struct TemplateSearchSettings {
-  double scanned_px = 72;      ///< that the object spans where all of the image is looked through
-  double fitted_px = 192;      ///< the same where what was found is fitted
-  double distance_step = 1.2;  ///< from a distance to the next, a factor
-  int rotations = 20;          ///< of a view in the image, evenly over the circle
-  int hits_per_template = 3;   ///< of each view, rotation and distance
-  int fitted = 4000;           ///< best hits, equally many of each distance
-  int candidates = 200;        ///< that are returned, at most
-  double min_evidence = 0.2;   ///< of them: mean response over a template's edges, 0..1
-  int threads = 0;             ///< 0: all cores; in a detector: those of its backend
-  std::string instruction_set = "auto";  ///< "auto", "baseline" or "avx2"
+  TemplateMatchSettings matching;
+  int candidates = 200;       ///< that are returned, at most
+  double min_evidence = 0.2;  ///< of them: mean response over a template's edges, 0..1
 
   /// @throws std::invalid_argument naming the value that is out of range.
   void validate() const;
@@ -68,38 +58,31 @@ struct TemplateFindings {
 /// - A rotation in the image and a distance are no templates of their own: edges are points in
 ///   space, which are turned and projected when they are needed. A bank takes less than 1 MiB.
 /// - The best places of all templates are fitted with all edges: to neighbouring rotations,
-///   distances and views (TemplateFitter).
+///   distances and views.
 /// - Chance reaches more at some distances than at others. Each has its share of the hits that are
 ///   fitted, and a candidate's evidence is what it has beyond their median.
 ///
-/// Candidates are starts for alignment, which decides. May be used by several threads at once.
+/// Candidates are starts for alignment, which decides. Not thread-safe.
 class TemplateSearch {
  public:
-  /// @throws std::invalid_argument for settings that are out of range or a bank without views.
-  TemplateSearch(std::shared_ptr<const TemplateBank> bank, const FieldMetadata& object,
-                 const TemplateSearchSettings& settings);
+  /// @param backend that matches. @throws std::invalid_argument for settings that are out of range
+  /// or a bank that shows nothing.
+  TemplateSearch(Backend* backend, std::shared_ptr<const TemplateBank> bank,
+                 const FieldMetadata& object, const TemplateSearchSettings& settings);
 
   /// @param image [h][w][3] of `camera`: all that is searched. The object's centre is in it.
   /// @throws std::invalid_argument for an image, a camera or distances that make no sense,
   /// Cancelled.
   TemplateFindings find(const Image& image, const Camera& camera, const DistanceRange& distances,
-                        const CancellationToken& cancellation) const;
+                        const CancellationToken& cancellation);
 
  private:
-  struct ImagePart;
-
-  std::vector<TemplateHit> scan(const ImagePart& part, const CancellationToken& cancellation,
-                                std::uint64_t* lookups) const;
-  std::vector<TemplatePose> fit(const ImagePart& part, const std::vector<TemplateHit>& hits,
-                                const CancellationToken& cancellation,
-                                std::uint64_t* lookups) const;
-  PoseCandidates candidatesOf(const ImagePart& part, std::vector<TemplatePose> poses) const;
+  PoseCandidates candidatesOf(const Camera& camera, std::vector<TemplatePose> poses) const;
 
   std::shared_ptr<const TemplateBank> bank_;
   FieldMetadata object_;
   TemplateSearchSettings settings_;
-  const TemplateKernels& kernels_;
-  TemplateFitter fitter_;
+  std::unique_ptr<TemplateMatcher> matcher_;
 };
 
 }  // namespace nerf_pose_refiner

@@ -163,14 +163,6 @@ TemplateView makeTemplateView(const Rendering& rendering, const View& view,
   return made;
 }
 
-std::size_t TemplateBank::memory_bytes() const {
-  std::size_t bytes = 0;
-  for (const TemplateView& view : views) {
-    bytes += sizeof view + view.edges.size() * sizeof(TemplateEdge);
-  }
-  return bytes;
-}
-
 TemplateBank makeTemplateBank(const LoadedField& field, const TemplateBankSettings& settings,
                               const CancellationToken& cancellation) {
   settings.validate();

@@ -6,6 +6,8 @@
 #include <stdexcept>
 #include <vector>
 
+#include "math/resample_taps.h"
+
 namespace nerf_pose_refiner {
 namespace {
 
@@ -15,31 +17,12 @@ struct Taps {
   std::vector<float> weights;
 };
 
-/// One axis of both cameras.
-struct Axis {
-  int size;
-  double focal, centre;
-};
-
-double weightOf(double offset, double scale) {
-  if (scale < 1) return std::max(0.0, 1 - std::abs(offset));
-  // Overlap of the old pixel, [-0.5, 0.5] around `offset`, with the new one, [-scale, scale] / 2.
-  const double overlap = std::min(0.5 * scale, offset + 0.5) - std::max(-0.5 * scale, offset - 0.5);
-  return std::max(0.0, overlap) / scale;
-}
-
-std::vector<Taps> tapsOf(const Axis& from, const Axis& to) {
-  const double scale = from.focal / to.focal;  // old pixels per new pixel
-  const double reach = 0.5 * std::max(scale, 1.0) + 0.5;
+std::vector<Taps> tapsOf(const ImageAxis& from, const ImageAxis& to) {
   std::vector<Taps> taps(to.size);
   for (int i = 0; i < to.size; ++i) {
-    const double middle = (i - to.centre) * scale + from.centre;
-    // Clamped as doubles: a target far outside must not overflow.
-    const double last = std::min(from.size - 1.0, std::floor(middle + reach));
-    taps[i].first = static_cast<int>(std::clamp(std::ceil(middle - reach), 0.0, from.size - 1.0));
-    for (int j = taps[i].first; j <= last; ++j) {
-      taps[i].weights.push_back(static_cast<float>(weightOf(j - middle, scale)));
-    }
+    const TapRange range = tapRange(from, to, i);
+    taps[i].first = range.first;
+    for (int j = range.first; j <= range.last; ++j) taps[i].weights.push_back(range.weightOf(j));
   }
   return taps;
 }
@@ -52,10 +35,8 @@ Image resample(const Image& image, const Camera& camera, const Camera& target) {
   if (image.width != camera.width || image.height != camera.height) {
     throw std::invalid_argument("resample: the image does not have its camera's size");
   }
-  const std::vector<Taps> columns =
-      tapsOf({camera.width, camera.fx, camera.cx}, {target.width, target.fx, target.cx});
-  const std::vector<Taps> rows =
-      tapsOf({camera.height, camera.fy, camera.cy}, {target.height, target.fy, target.cy});
+  const std::vector<Taps> columns = tapsOf(axisX(camera), axisX(target));
+  const std::vector<Taps> rows = tapsOf(axisY(camera), axisY(target));
   const int channels = image.channels;
   const Taps& last = columns.back();
   const int first_column = columns.front().first;

@@ -9,6 +9,7 @@
 #include "backend/hypotheses.h"
 #include "backend/keyframe_aligner.h"
 #include "backend/plans.h"
+#include "backend/template_matcher.h"
 #include "backend/training.h"
 #include "nerf_pose_refiner/observation.h"
 
@@ -175,6 +176,11 @@ std::shared_ptr<const LoadedField> SharedBackend::load(std::shared_ptr<const Fie
 
 std::unique_ptr<KeyframeAligner> SharedBackend::makeKeyframeAligner() {
   return backend_->makeKeyframeAligner();
+}
+
+std::unique_ptr<TemplateMatcher> SharedBackend::makeTemplateMatcher(
+    std::shared_ptr<const TemplateBank> bank, const TemplateMatchSettings& settings) {
+  return backend_->makeTemplateMatcher(std::move(bank), settings);
 }
 
 std::unique_ptr<FieldTrainer> SharedBackend::makeTrainer(const FieldConfig& config, const Box& box,

@@ -9,8 +9,10 @@
 #include <cmath>
 #include <memory>
 #include <stdexcept>
+#include <string>
 #include <vector>
 
+#include "backend/make_backend.h"
 #include "evaluation/clutter.h"
 #include "math/angle.h"
 
@@ -96,15 +98,20 @@ void draw(const Figure& figure, const Place& place, float grey, Image* image) {
 
 TemplateSearchSettings settings() {
   TemplateSearchSettings settings;
-  settings.scanned_px = 48;
-  settings.fitted_px = 80;
-  settings.threads = 2;
+  settings.matching.scanned_px = 48;
+  settings.matching.fitted_px = 80;
   return settings;
 }
 
-TemplateFindings find(const Figure& figure, const Image& image,
-                      const TemplateSearchSettings& settings = nerf_pose_refiner::settings()) {
-  const TemplateSearch search(bankOf(figure), object(), settings);
+/// How an image is looked through.
+struct Processor {
+  int threads = 2;
+  std::string instruction_set = "auto";
+};
+
+TemplateFindings find(const Figure& figure, const Image& image, const Processor& processor = {}) {
+  const auto backend = makeCpuBackend(processor.threads, processor.instruction_set);
+  TemplateSearch search(backend.get(), bankOf(figure), object(), settings());
   const Camera camera = {
       image.width, image.height, 300, 300, 0.5 * (image.width - 1), 0.5 * (image.height - 1)};
   return search.find(image, camera, {1.5, 6}, {});
@@ -142,7 +149,8 @@ TEST(TemplateSearch, FindsASquareInClutterWhereAQuarterIsCovered) {
   square.symmetries =
       Symmetries({}, {Pose(Eigen::AngleAxisd(kPi / 2, Eigen::Vector3d::UnitZ()).toRotationMatrix(),
                            Eigen::Vector3d::Zero())});
-  const TemplateSearch search(bankOf(kSquare), square, settings());
+  const auto backend = makeCpuBackend();
+  TemplateSearch search(backend.get(), bankOf(kSquare), square, settings());
   const TemplateFindings findings = search.find(image, kSearchCamera, {1.5, 6}, {});
   ASSERT_FALSE(findings.candidates.empty());
   const auto is_right = [&place](const PoseCandidate& candidate) {
@@ -184,12 +192,8 @@ TEST(TemplateSearch, LooksThroughImagesThatAreSmallerThanATemplate) {
 
 TEST(TemplateSearch, DoesNotDependOnThreadsOrInstructions) {
   Image image = clutter(160, 120, 5);
-  TemplateSearchSettings one = settings(), other = settings();
-  one.threads = 1;
-  one.instruction_set = "baseline";
-  other.threads = 3;
-  const PoseCandidates a = find(kLetter, image, one).candidates;
-  const PoseCandidates b = find(kLetter, image, other).candidates;
+  const PoseCandidates a = find(kLetter, image, {1, "baseline"}).candidates;
+  const PoseCandidates b = find(kLetter, image, {3, "auto"}).candidates;
   ASSERT_EQ(a.size(), b.size());
   ASSERT_FALSE(a.empty());
   for (std::size_t i = 0; i < a.size(); ++i) {
@@ -199,24 +203,34 @@ TEST(TemplateSearch, DoesNotDependOnThreadsOrInstructions) {
 }
 
 TEST(TemplateSearch, EndsWhenItIsCancelled) {
-  const TemplateSearch search(bankOf(kLetter), object(), settings());
+  const auto backend = makeCpuBackend();
+  TemplateSearch search(backend.get(), bankOf(kLetter), object(), settings());
   const CancellationToken cancellation;
   cancellation.requestCancel();
   EXPECT_THROW(search.find(Image(320, 240, 3), kSearchCamera, {1.5, 6}, cancellation), Cancelled);
 }
 
 TEST(TemplateSearch, RefusesWhatMakesNoSense) {
-  const TemplateSearch search(bankOf(kLetter), object(), settings());
+  const auto backend = makeCpuBackend();
+  TemplateSearch search(backend.get(), bankOf(kLetter), object(), settings());
   const Image image(320, 240, 3);
   EXPECT_THROW(search.find(Image(320, 200, 3), kSearchCamera, {1.5, 6}, {}), std::invalid_argument);
   EXPECT_THROW(search.find(Image(320, 240, 1), kSearchCamera, {1.5, 6}, {}), std::invalid_argument);
   EXPECT_THROW(search.find(image, kSearchCamera, {6, 1.5}, {}), std::invalid_argument);
   EXPECT_THROW(search.find(image, kSearchCamera, {0, 1}, {}), std::invalid_argument);
   TemplateSearchSettings wrong = settings();
-  wrong.rotations = 0;
-  EXPECT_THROW(TemplateSearch(bankOf(kLetter), object(), wrong), std::invalid_argument);
-  EXPECT_THROW(TemplateSearch(std::make_shared<const TemplateBank>(), object(), settings()),
+  wrong.matching.rotations = 0;
+  EXPECT_THROW(TemplateSearch(backend.get(), bankOf(kLetter), object(), wrong),
                std::invalid_argument);
+  const auto with = [&](const TemplateBank& bank) {
+    TemplateSearch(backend.get(), std::make_shared<const TemplateBank>(bank), object(), settings());
+  };
+  EXPECT_THROW(with({}), std::invalid_argument);
+  TemplateBank uneven = *bankOf(kLetter);
+  uneven.views.push_back(uneven.views.front());
+  EXPECT_NO_THROW(with(uneven));
+  uneven.views.back().edges.resize(64);
+  EXPECT_THROW(with(uneven), std::invalid_argument);
 }
 
 TEST(DistanceRange, SpansEightTimesTheSize) {

@@ -7,7 +7,7 @@
 #include <stdexcept>
 
 #include "backend/loaded_field.h"
-#include "detection/template_placement.h"
+#include "detection/placed_template.h"
 #include "field/field.h"
 #include "math/angle.h"
 #include "views/sphere_directions.h"

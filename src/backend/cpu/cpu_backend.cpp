@@ -3,8 +3,10 @@
 
 #include <stdexcept>
 
+#include "backend/common/template_rules.h"
 #include "backend/cpu/cpu_field.h"
 #include "backend/cpu/cpu_keyframe_aligner.h"
+#include "backend/cpu/cpu_template_matcher.h"
 #include "backend/cpu/cpu_trainer.h"
 #include "backend/make_backend.h"
 #include "concurrency/parallel.h"
@@ -32,6 +34,14 @@ std::unique_ptr<KeyframeAligner> CpuBackend::makeKeyframeAligner() {
   return std::make_unique<CpuKeyframeAligner>(*processor_->keyframe_kernels, processor_->threads);
 }
 
+std::unique_ptr<TemplateMatcher> CpuBackend::makeTemplateMatcher(
+    std::shared_ptr<const TemplateBank> bank, const TemplateMatchSettings& settings) {
+  settings.validate();
+  requireTemplates(*bank);
+  return std::make_unique<CpuTemplateMatcher>(
+      std::move(bank), settings, ScanWork{processor_->threads, *processor_->template_kernels});
+}
+
 std::unique_ptr<FieldTrainer> CpuBackend::makeTrainer(const FieldConfig& config, const Box& box,
                                                       std::vector<TrainingView> views,
                                                       const TrainingPlan& plan) {
@@ -46,6 +56,7 @@ std::unique_ptr<Backend> makeCpuBackend(int threads, const std::string& instruct
   auto processor = std::make_shared<CpuProcessor>();
   processor->kernels = &selectCpuKernels(instruction_set);
   processor->keyframe_kernels = &selectKeyframeKernels(instruction_set);
+  processor->template_kernels = &selectTemplateKernels(instruction_set);
   processor->threads = threadCount(threads);
   return std::make_unique<CpuBackend>(std::move(processor));
 }

@@ -4,6 +4,7 @@
 #include "backend/cost_counters.h"
 #include "backend/cpu/cpu_kernels.h"
 #include "backend/cpu/keyframe_kernels.h"
+#include "backend/cpu/template_kernels.h"
 
 namespace nerf_pose_refiner {
 
@@ -11,6 +12,7 @@ namespace nerf_pose_refiner {
 struct CpuProcessor {
   const CpuKernels* kernels = &selectCpuKernels("auto");
   const KeyframeKernels* keyframe_kernels = &selectKeyframeKernels("auto");
+  const TemplateKernels* template_kernels = &selectTemplateKernels("auto");
   int threads = 1;
   CostCounters costs;  ///< of all of them so far
 };

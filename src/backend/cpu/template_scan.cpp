@@ -1,19 +1,14 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "detection/template_scan.h"
+#include "backend/cpu/template_scan.h"
 
 #include <algorithm>
 #include <cmath>
 #include <tuple>
 
 #include "concurrency/parallel.h"
-#include "image/resample.h"
-#include "math/angle.h"
 
 namespace nerf_pose_refiner {
 namespace {
-
-constexpr double kTurn = 2 * kPi;
-constexpr int kTileRows = 8;  // of positions, of which one may be a hit
 
 /// The best position of a part of the image.
 struct TilePeak {
@@ -33,30 +28,28 @@ struct Block {
 /// in a core's cache for all of them.
 class LevelScan {
  public:
-  LevelScan(const TemplateLevel& level, const TemplateSet& templates, int count,
+  LevelScan(const TemplateLevel& level, const TemplateSet& templates,
             const TemplateKernels& kernels)
-      : level_(level),
-        templates_(templates),
-        count_(static_cast<std::size_t>(count)),
-        kernels_(kernels),
-        of_views_(templates.bank.views.size()) {
+      : level_(level), templates_(templates), kernels_(kernels) {
+    of_views_.resize(templates.bank.views.size());
     for (std::size_t view = 0; view < of_views_.size(); ++view) {
       if (templates.bank.views[view].edges.empty()) continue;
-      of_views_[view].resize(static_cast<std::size_t>(templates.rotations));
-      for (int k = 0; k < templates.rotations; ++k) {
+      of_views_[view].resize(static_cast<std::size_t>(templates.settings.rotations));
+      for (int k = 0; k < templates.settings.rotations; ++k) {
         Template& one = of_views_[view][static_cast<std::size_t>(k)];
-        placeEdges(templates.turned(static_cast<int>(view), k), level.scale, 2, level.memory,
+        const auto placement = TemplatePlacement::of(rotationOf(templates.settings, k),
+                                                     level.scale.camera.fx, level.scale.distance());
+        placeEdges(templates.bank.views[view], placement, kScanEdgeStep, level.memory.order(),
                    &one.offsets);
-        one.peaks.resize(count_);
+        one.peaks.resize(static_cast<std::size_t>(templates.settings.hits_per_template));
       }
     }
   }
 
   void run(int threads, const CancellationToken& cancellation) {
-    const int stride = level_.memory.stride();
     const Camera& camera = level_.scale.camera;
-    const int columns = (camera.width + stride - 1) / stride;
-    const int rows = (camera.height + stride - 1) / stride;
+    const int columns = (camera.width + kScanStride - 1) / kScanStride;
+    const int rows = (camera.height + kScanStride - 1) / kScanStride;
     for (int top = 0; top < rows; top += kBlockRows) {
       for (int left = 0; left < columns; left += kScoreRun) {
         const Block block = {left, top, std::min(kScoreRun, columns - left),
@@ -76,12 +69,8 @@ class LevelScan {
       for (std::size_t rotation = 0; rotation < of_views_[view].size(); ++rotation) {
         for (const TilePeak& peak : of_views_[view][rotation].peaks) {
           if (peak.score < 0) break;
-          TemplateHit hit;
-          hit.score = peak.score;
-          hit.view = static_cast<int>(view);
-          hit.rotation = static_cast<int>(rotation);
-          hit.pixel = Eigen::Vector2d(peak.column, peak.row) * level_.memory.stride();
-          hits.push_back(hit);
+          hits.push_back({peak.score, static_cast<int>(view), static_cast<int>(rotation),
+                          peak.column, peak.row});
         }
       }
     }
@@ -100,7 +89,7 @@ class LevelScan {
   void scan(const Block& block, Template* one) const {
     std::int16_t scores[kBlockRows * kScoreRun];
     kernels_.score(
-        {level_.memory.place(block.left, block.top), level_.memory.columns(), block.rows, 1},
+        {level_.memory.place(block.left, block.top), level_.memory.order().columns, block.rows, 1},
         {one->offsets.data(), static_cast<int>(one->offsets.size()) / kTemplateParts}, scores);
     for (int top = 0; top < block.rows; top += kTileRows) {
       TilePeak peak;
@@ -127,53 +116,27 @@ class LevelScan {
 
   const TemplateLevel& level_;
   const TemplateSet& templates_;
-  std::size_t count_;
   const TemplateKernels& kernels_;
   std::vector<std::vector<Template>> of_views_;  // [view][rotation]
 };
 
-/// How far edges may be from the object's centre, a multiple of the stride [px].
-int marginOf(const TemplateScale& scale, int stride) {
-  constexpr double kRadius = 0.6, kNearer = 0.4, kNearest = 0.6;  // [diameters]
-  const double distance = scale.distance();
-  const double nearer = std::max(kNearest, distance - kNearer);
-  const double reach = kRadius * scale.object_px * distance / nearer;
-  return stride * static_cast<int>(std::ceil(reach / stride));
-}
-
 }  // namespace
 
-TemplateScale templateScale(const Camera& camera, double distance, double object_px) {
-  TemplateScale scale;
-  const double focal = std::min(camera.fx, object_px * distance);
-  const auto size = [focal](int pixels, double of_camera) {
-    return std::max(1, static_cast<int>(std::lround(pixels * focal / of_camera)));
-  };
-  scale.camera = camera.resized(size(camera.width, camera.fx), size(camera.height, camera.fy));
-  scale.object_px = scale.camera.fx / distance;
-  return scale;
-}
-
-TemplateLevel makeTemplateLevel(const Image& image, const Camera& camera,
-                                const TemplateScale& wanted, int stride) {
-  return {wanted, ResponseMemory(orientationResponses(resample(image, camera, wanted.camera)),
-                                 stride, marginOf(wanted, stride))};
-}
-
-TurnedView TemplateSet::turned(int view, int rotation) const {
-  return {&bank.views[static_cast<std::size_t>(view)], kTurn * rotation / rotations};
+void placeEdges(const TemplateView& view, const TemplatePlacement& placement, int step,
+                const ResponseOrder& order, std::vector<std::int32_t>* offsets) {
+  offsets->clear();
+  for (std::size_t i = 0; i < view.edges.size(); i += static_cast<std::size_t>(step)) {
+    const TemplateEdge& edge = view.edges[i];
+    offsets->push_back(order.offsetOf(
+        placeEdge(placement, {edge.point.x(), edge.point.y(), edge.point.z()}, edge.normal_rad)));
+  }
 }
 
 std::vector<TemplateHit> scanLevel(const TemplateLevel& level, const TemplateSet& templates,
                                    const ScanWork& work, const CancellationToken& cancellation) {
-  LevelScan scan(level, templates, work.hits_per_template, work.kernels);
+  LevelScan scan(level, templates, work.kernels);
   scan.run(work.threads, cancellation);
   return scan.hits();
-}
-
-double meanResponse(int score, int edges) {
-  constexpr double kCounting = static_cast<double>(kTemplateParts - 1) / kTemplateParts;
-  return score / (kCounting * edges * kMaxResponse);
 }
 
 }  // namespace nerf_pose_refiner

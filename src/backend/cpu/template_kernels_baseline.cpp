@@ -1,5 +1,5 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "detection/template_kernels.inl"
+#include "backend/cpu/template_kernels.inl"
 
 namespace nerf_pose_refiner {
 

@@ -1,6 +1,6 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 // Compiled with -mavx2; called only on processors that have it.
-#include "detection/template_kernels.inl"
+#include "backend/cpu/template_kernels.inl"
 
 namespace nerf_pose_refiner {
 

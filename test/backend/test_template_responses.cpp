@@ -1,12 +1,12 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "detection/template_responses.h"
+#include "backend/cpu/template_responses.h"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
 
-#include "detection/template_kernels.h"
+#include "backend/cpu/template_kernels.h"
 #include "math/random.h"
 
 namespace nerf_pose_refiner {
@@ -99,7 +99,7 @@ TEST(ResponseMemory, GivesEachPositionWhatIsAroundIt) {
             for (int x = -margin; x <= margin; ++x) {
               const int u = column * stride + x, v = row * stride + y;
               const bool inside = u >= 0 && v >= 0 && u < 11 && v < 7;
-              ASSERT_EQ(memory.place(column, row)[memory.offset(bin, x, y)],
+              ASSERT_EQ(memory.place(column, row)[memory.order().offsetOf({bin, x, y})],
                         inside ? responseAt(responses, bin, u, v) : 0)
                   << stride << " " << bin << " " << u << " " << v;
             }
@@ -107,7 +107,8 @@ TEST(ResponseMemory, GivesEachPositionWhatIsAroundIt) {
         }
       }
     }
-    EXPECT_EQ(memory.offset(3, 100, -100), memory.offset(3, margin, -margin));
+    EXPECT_EQ(memory.order().offsetOf({3, 100, -100}),
+              memory.order().offsetOf({3, margin, -margin}));
   }
 }
 

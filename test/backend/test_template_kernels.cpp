@@ -1,5 +1,5 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "detection/template_kernels.h"
+#include "backend/cpu/template_kernels.h"
 
 #include <gtest/gtest.h>
 
@@ -12,8 +12,8 @@
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr int kRows = 5, kRuns = 2, kColumns = kRuns * kScoreRun;
-constexpr int kRowStep = kColumns + 100;
+constexpr int kScoredRows = 5, kRuns = 2, kScoredColumns = kRuns * kScoreRun;
+constexpr int kRowStep = kScoredColumns + 100;
 
 /// A memory of responses, and edges whose places are drawn.
 struct Drawn {
@@ -30,9 +30,9 @@ struct Drawn {
   }
 
   std::vector<std::int16_t> scores(const TemplateKernels& kernels) const {
-    std::vector<std::int16_t> scores(kRows * kColumns, -1);
+    std::vector<std::int16_t> scores(kScoredRows * kScoredColumns, -1);
     const int per_part = static_cast<int>(offsets.size()) / kTemplateParts;
-    kernels.score({responses.data(), kRowStep, kRows, kRuns}, {offsets.data(), per_part},
+    kernels.score({responses.data(), kRowStep, kScoredRows, kRuns}, {offsets.data(), per_part},
                   scores.data());
     return scores;
   }
@@ -56,9 +56,9 @@ TEST(TemplateKernels, AddResponsesAndLeaveTheWorstPartOut) {
   for (const int per_part : {16, 32, 64}) {
     const Drawn drawn(per_part);
     const std::vector<std::int16_t> scores = drawn.scores(*baselineTemplateKernels());
-    for (int row = 0; row < kRows; ++row) {
-      for (int column = 0; column < kColumns; ++column) {
-        ASSERT_EQ(scores[row * kColumns + column], drawn.expected(column, row));
+    for (int row = 0; row < kScoredRows; ++row) {
+      for (int column = 0; column < kScoredColumns; ++column) {
+        ASSERT_EQ(scores[row * kScoredColumns + column], drawn.expected(column, row));
       }
     }
   }

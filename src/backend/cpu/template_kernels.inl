@@ -6,7 +6,7 @@
 #include <stdint.h>
 #include <string.h>
 
-#include "detection/template_kernels.h"
+#include "backend/cpu/template_kernels.h"
 
 namespace nerf_pose_refiner {
 namespace {

@@ -4,15 +4,12 @@
 #include <cstdint>
 #include <string>
 
+#include "math/template_score.h"
+
 namespace nerf_pose_refiner {
 
 /// Positions are scored in runs of so many along a row.
-constexpr int kScoreRun = 32;
-/// Largest response; so many sums of it fit into eight bits.
-constexpr int kMaxResponse = 15;
-constexpr int kEdgesPerSum = 16;
-/// Parts of a template, the worst of which does not count: it may be covered.
-constexpr int kTemplateParts = 4;
+constexpr int kScoreRun = kTileColumns;
 
 /// Where the responses to a template's edges are: offsets from a position's own place in a memory,
 /// part after part.
