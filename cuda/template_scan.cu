@@ -13,7 +13,7 @@ constexpr int kThreads = 32 * kTilesAtOnce;
 constexpr int kPerLane = 4;  // positions, one beside the other: a word of responses
 constexpr int kLanesPerRow = kTileColumns / kPerLane;
 constexpr int kRowsPerPass = 32 / kLanesPerRow;
-constexpr std::uint64_t kLookupsPerLaunch = 1ull << 31;  // some 0.2 ms of a large GPU
+constexpr std::uint64_t kLookupsPerLaunch = 1ull << 29;  // some 0.2 ms of an H100
 
 static_assert(kLanesPerRow * kPerLane == kTileColumns, "a row of a tile is one of lanes");
 
