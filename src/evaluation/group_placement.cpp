@@ -7,9 +7,9 @@
 #include <cmath>
 #include <cstdint>
 #include <memory>
-#include <opencv2/imgproc.hpp>
 
 #include "evaluation/placement.h"
+#include "evaluation/turned_view.h"
 #include "image/colour.h"
 #include "image/resample.h"
 #include "math/angle.h"
@@ -27,26 +27,6 @@ Eigen::Matrix3d rotationTo(const Eigen::Vector3d& from, const Eigen::Vector3d& t
   if (sine < 1e-12) return Eigen::Matrix3d::Identity();
   const double angle = std::atan2(sine, from.normalized().dot(to.normalized()));
   return Eigen::AngleAxisd(angle, cross / sine).toRotationMatrix();
-}
-
-/// What a camera sees that is turned by R about the centre of the image's: x_to = R x_from.
-Image turned(const Image& image, const Camera& from, const Eigen::Matrix3d& R, const Camera& to) {
-  const Eigen::Vector2d outside(-2, -2);
-  cv::Mat x(to.height, to.width, CV_32F), y(to.height, to.width, CV_32F);
-  for (int v = 0; v < to.height; ++v) {
-    for (int u = 0; u < to.width; ++u) {
-      const Eigen::Vector3d seen = R.transpose() * to.direction(u, v);
-      const Eigen::Vector2d pixel = seen.z() > 0 ? from.project(seen) : outside;
-      x.at<float>(v, u) = static_cast<float>(pixel.x());
-      y.at<float>(v, u) = static_cast<float>(pixel.y());
-    }
-  }
-  const cv::Mat source(image.height, image.width, CV_32FC(image.channels),
-                       const_cast<float*>(image.values.data()));
-  Image result(to.width, to.height, image.channels);
-  cv::Mat target(to.height, to.width, CV_32FC(image.channels), result.values.data());
-  cv::remap(source, target, x, y, cv::INTER_LINEAR, cv::BORDER_CONSTANT);
-  return result;
 }
 
 /// Puts instances into an image, one after the other.

@@ -6,14 +6,16 @@
 #include <memory>
 #include <stdexcept>
 
+#include "evaluation/turned_view.h"
 #include "image/colour.h"
 #include "image/resample.h"
+#include "math/angle.h"
 #include "math/random.h"
 
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr std::uint64_t kStream = 71;  // of random numbers
+constexpr std::uint64_t kStream = 71, kTurnStream = 75;  // of random numbers
 
 }  // namespace
 
@@ -29,7 +31,10 @@ Eigen::AlignedBox2d silhouetteBox(const PosedView& view) {
   return box;
 }
 
-PosedView placed(const PosedView& view, const Placement& placement, const DisturbanceDraw& draw) {
+PosedView placed(const PosedView& upright, const Placement& placement,
+                 const DisturbanceDraw& draw) {
+  const double turn = 2 * kPi * randomUniform(draw.seed, kTurnStream, draw.index);
+  const PosedView view = placement.is_turned ? turned(upright, turn) : upright;
   const auto drawn = [&](std::uint64_t k) {
     return static_cast<double>(randomUniform(draw.seed, kStream, 3 * draw.index + k));
   };

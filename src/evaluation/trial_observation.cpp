@@ -47,6 +47,15 @@ Condition beforePhoto(const char* name, void (*disturb)(TrialObservation*)) {
           }};
 }
 
+/// @param least, most of the object's longer side [widths of the image].
+Placement inAnyRotation(double least, double most) {
+  Placement placement;
+  placement.least_width = least;
+  placement.most_width = most;
+  placement.is_turned = true;
+  return placement;
+}
+
 const std::vector<Condition>& conditions() {
   static const std::vector<Condition> all = {
       {"clean", [](TrialObservation*) {}},
@@ -67,23 +76,33 @@ const std::vector<Condition>& conditions() {
       beforePhoto("motion_blur", [](TrialObservation* o) { o->motion_blur = 10.0 / 800; }),
       beforePhoto("defocus", [](TrialObservation* o) { o->defocus = 2.0 / 800; }),
       beforePhoto("focal", [](TrialObservation* o) { o->focal_error = 0.01; }),
-      beforePhoto("placed", [](TrialObservation* o) { o->is_placed = true; }),
+      beforePhoto("placed", [](TrialObservation* o) { o->placement = Placement(); }),
       beforePhoto("placed_robot",
                   [](TrialObservation* o) {
-                    o->is_placed = true;
+                    o->placement = Placement();
                     o->occluder = 0.25;
                     o->gain_bias = 0.3;
                     o->noise = 0.03;
                   }),
       beforePhoto("hidden",
                   [](TrialObservation* o) {
-                    o->is_placed = o->occluder_is_most = true;
+                    o->placement = Placement();
+                    o->occluder_is_most = true;
                     o->occluder = 0.6;
                   }),
+      beforePhoto("turned", [](TrialObservation* o) { o->placement = inAnyRotation(0.2, 0.5); }),
+      beforePhoto("small", [](TrialObservation* o) { o->placement = inAnyRotation(0.125, 0.2); }),
       beforePhoto("group", [](TrialObservation* o) { o->is_group = true; }),
       beforePhoto("recoloured",
-                  [](TrialObservation* o) { o->is_placed = o->is_recoloured = true; }),
-      beforePhoto("absent", [](TrialObservation* o) { o->is_placed = o->is_absent = true; }),
+                  [](TrialObservation* o) {
+                    o->placement = Placement();
+                    o->is_recoloured = true;
+                  }),
+      beforePhoto("absent",
+                  [](TrialObservation* o) {
+                    o->placement = Placement();
+                    o->is_absent = true;
+                  }),
   };
   return all;
 }
@@ -153,7 +172,7 @@ TrialImage TrialObservation::imageOf(const std::vector<PosedView>& views,
     image.view = group.view;
     image.instances = group.instances;
   } else {
-    image.view = is_placed ? placed(views.at(number), Placement(), draw) : views.at(number);
+    image.view = placement ? placed(views.at(number), *placement, draw) : views.at(number);
     image.instances = {{image.view.T_O_C, 1}};
   }
   double hidden = 0;

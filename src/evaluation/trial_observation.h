@@ -3,11 +3,13 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "dataset/dataset.h"
 #include "evaluation/group_placement.h"
+#include "evaluation/placement.h"
 #include "nerf_pose_refiner/observation.h"
 
 namespace nerf_pose_refiner {
@@ -41,8 +43,8 @@ struct TrialObservation {
   double motion_blur = 0;         ///< length of the path, of a direction that is drawn [widths]
   double defocus = 0;             ///< sigma [widths]
   double noise = 0;               ///< standard deviation; clipped at 0 and 1, as a camera does
-  bool is_placed = false;         ///< small and somewhere in a larger image, @see Placement
-  bool is_group = false;          ///< several instances in one image, @see GroupPlacement
+  std::optional<Placement> placement;  ///< small and somewhere in a larger image
+  bool is_group = false;               ///< several instances in one image, @see GroupPlacement
   bool is_recoloured = false;  ///< another object, of the same shape: red is green, green is blue
   bool is_absent = false;      ///< the object is not there
   double focal_error = 0;      ///< fraction by which the given focal length is too great
@@ -54,8 +56,9 @@ struct TrialObservation {
   /// "occluder", "light", "motion_blur", "defocus", "focal"; small and anywhere before one
   /// "placed", the same a quarter covered, in other light and with noise "placed_robot", and
   /// without the object "absent"; placed and up to three fifths covered "hidden", two to five
-  /// instances in one image "group"; placed, an object of the same shape in other colours
-  /// "recoloured".
+  /// instances in one image "group"; placed in any rotation in the image "turned", the same an
+  /// eighth to a fifth of the image wide "small"; placed, an object of the same shape in other
+  /// colours "recoloured".
   /// @param background of those that keep it: alpha or own.
   /// @throws std::invalid_argument listing the names that exist.
   static TrialObservation named(const std::string& condition, const std::string& background);

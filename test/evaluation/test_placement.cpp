@@ -55,6 +55,35 @@ TEST(Placement, TheObjectIsWhollyInTheImageAndAsLargeAsWanted) {
   EXPECT_GT(columns.size(), 15u);
 }
 
+TEST(Placement, ATurnedObjectIsSeenWhereItsPoseSays) {
+  Placement placement;
+  placement.is_turned = true;
+  placement.least_width = 0.125;
+  placement.most_width = 0.2;
+  std::set<int> angles;  // in steps of 30 degrees
+  for (std::uint64_t index = 0; index < 30; ++index) {
+    const PosedView view = placed(squareView(), placement, {1, index});
+    const Pose T_C_O = view.T_O_C.inverse();
+    EXPECT_EQ(T_C_O.t.norm(), 0);
+    const auto isSeen = [&](double x, double y) {
+      const Eigen::Vector2d pixel = view.camera.project(T_C_O * Eigen::Vector3d(x, y, 1));
+      const int u = static_cast<int>(std::lround(pixel.x()));
+      const int v = static_cast<int>(std::lround(pixel.y()));
+      EXPECT_TRUE(u >= -1 && v >= -1 && u <= 640 && v <= 480) << u << ", " << v;
+      return view.rgba->at(std::clamp(u, 0, 639), std::clamp(v, 0, 479), 3) >= 128;
+    };
+    for (const double x : {-1, 1}) {
+      for (const double y : {-1, 1}) {
+        EXPECT_TRUE(isSeen(0.18 * x, 0.18 * y)) << index;
+        EXPECT_FALSE(isSeen(0.22 * x, 0.18 * y)) << index;
+        EXPECT_FALSE(isSeen(0.18 * x, 0.22 * y)) << index;
+      }
+    }
+    angles.insert(static_cast<int>((std::atan2(T_C_O.R(1, 0), T_C_O.R(0, 0)) + 3.2) / 0.5236));
+  }
+  EXPECT_GT(angles.size(), 8u);
+}
+
 TEST(Placement, TheSameDrawGivesTheSameImage) {
   const PosedView a = placed(squareView(), {}, {1, 3}), b = placed(squareView(), {}, {1, 3});
   EXPECT_EQ(a.rgba->values, b.rgba->values);

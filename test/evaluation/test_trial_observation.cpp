@@ -155,6 +155,23 @@ TEST(TrialObservation, aGroupShowsSeveralInstances) {
   EXPECT_TRUE(TrialObservation::named("absent", "alpha").imageOf(views, 1).instances.empty());
 }
 
+TEST(TrialObservation, aTurnedObjectIsAsLargeAsItsConditionSays) {
+  const std::vector<PosedView> views = {squareView(51, 102, 204)};
+  for (const auto& [condition, least, most] :
+       {std::tuple("turned", 0.2, 0.5), std::tuple("small", 0.125, 0.2)}) {
+    for (std::uint64_t seed = 1; seed < 6; ++seed) {
+      TrialObservation how = TrialObservation::named(condition, "alpha");
+      how.seed = seed;
+      const TrialImage image = how.imageOf(views, 0);
+      ASSERT_EQ(image.instances.size(), 1u);
+      const double width = silhouetteBox(image.view).sizes().maxCoeff() / 640;
+      EXPECT_GT(width, least - 0.01) << condition;
+      EXPECT_LT(width, most + 0.01) << condition;
+      EXPECT_EQ(image.instances.front().T_O_C.R, image.view.T_O_C.R);
+    }
+  }
+}
+
 TEST(TrialObservation, ownPhotoKeepsItsBackground) {
   PosedView view = squareView(51, 51, 51);
   Image8 photo = *view.rgba;
