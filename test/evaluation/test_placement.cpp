@@ -69,8 +69,7 @@ TEST(Placement, ATurnedObjectIsSeenWhereItsPoseSays) {
       const Eigen::Vector2d pixel = view.camera.project(T_C_O * Eigen::Vector3d(x, y, 1));
       const int u = static_cast<int>(std::lround(pixel.x()));
       const int v = static_cast<int>(std::lround(pixel.y()));
-      EXPECT_TRUE(u >= -1 && v >= -1 && u <= 640 && v <= 480) << u << ", " << v;
-      return view.rgba->at(std::clamp(u, 0, 639), std::clamp(v, 0, 479), 3) >= 128;
+      return u >= 0 && v >= 0 && u < 640 && v < 480 && view.rgba->at(u, v, 3) >= 128;
     };
     for (const double x : {-1, 1}) {
       for (const double y : {-1, 1}) {
