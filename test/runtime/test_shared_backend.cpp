@@ -13,6 +13,7 @@
 #include "backend/keyframe_aligner.h"
 #include "backend/make_backend.h"
 #include "backend/plans.h"
+#include "backend/template_matcher.h"
 #include "backend/training.h"
 #include "nerf_pose_refiner/observation.h"
 #include "runtime/backend_pool.h"
@@ -100,6 +101,10 @@ class CountingBackend final : public Backend {
   }
   std::unique_ptr<KeyframeAligner> makeKeyframeAligner() override {
     return makeCpuKeyframeAligner(1);
+  }
+  std::unique_ptr<TemplateMatcher> makeTemplateMatcher(
+      std::shared_ptr<const TemplateBank> bank, const TemplateMatchSettings& settings) override {
+    return makeCpuBackend(1)->makeTemplateMatcher(std::move(bank), settings);
   }
   CostCounters costs() const override { return {}; }
 

@@ -14,6 +14,7 @@
 #include "backend/loaded_field.h"
 #include "backend/make_backend.h"
 #include "backend/pose_solver.h"
+#include "backend/template_matcher.h"
 #include "backend/training.h"
 #include "field/field.h"
 
@@ -75,6 +76,10 @@ class SceneBackend final : public Backend {
   std::shared_ptr<const LoadedField> load(std::shared_ptr<const Field>) override { return scene_; }
   std::unique_ptr<KeyframeAligner> makeKeyframeAligner() override {
     return makeCpuKeyframeAligner(2);
+  }
+  std::unique_ptr<TemplateMatcher> makeTemplateMatcher(
+      std::shared_ptr<const TemplateBank> bank, const TemplateMatchSettings& settings) override {
+    return makeCpuBackend(2)->makeTemplateMatcher(std::move(bank), settings);
   }
   std::unique_ptr<FieldTrainer> makeTrainer(const FieldConfig&, const Box&,
                                             std::vector<TrainingView>,

@@ -11,6 +11,7 @@
 #include "backend/keyframe_aligner.h"
 #include "backend/loaded_field.h"
 #include "backend/make_backend.h"
+#include "backend/template_matcher.h"
 #include "support/recording_backend.h"
 
 namespace nerf_pose_refiner {
@@ -47,6 +48,10 @@ class ScriptedBackend final : public Backend {
 
   std::unique_ptr<KeyframeAligner> makeKeyframeAligner() override {
     return makeCpuKeyframeAligner(1);
+  }
+  std::unique_ptr<TemplateMatcher> makeTemplateMatcher(
+      std::shared_ptr<const TemplateBank> bank, const TemplateMatchSettings& settings) override {
+    return makeCpuBackend(1)->makeTemplateMatcher(std::move(bank), settings);
   }
 
   CostCounters costs() const override { return {}; }

@@ -14,6 +14,7 @@
 #include "backend/loaded_field.h"
 #include "backend/make_backend.h"
 #include "backend/pose_solver.h"
+#include "backend/template_matcher.h"
 #include "backend/training.h"
 #include "support/analytic_scene.h"
 #include "support/cpu_processor.h"
@@ -67,6 +68,10 @@ class FailingBackend final : public Backend {
   }
   std::unique_ptr<KeyframeAligner> makeKeyframeAligner() override {
     return makeCpuKeyframeAligner(1);
+  }
+  std::unique_ptr<TemplateMatcher> makeTemplateMatcher(
+      std::shared_ptr<const TemplateBank> bank, const TemplateMatchSettings& settings) override {
+    return makeCpuBackend(1)->makeTemplateMatcher(std::move(bank), settings);
   }
   std::unique_ptr<FieldTrainer> makeTrainer(const FieldConfig&, const Box&,
                                             std::vector<TrainingView>,
