@@ -15,18 +15,29 @@ struct Cancelled : std::runtime_error {
 };
 
 /// Asks a long operation to end, or to pause. Copies share one state, which any thread and any
-/// signal handler may change. A child ends and pauses with its parent, and can end alone.
+/// signal handler may change. A child ends and pauses with its parent, and can end alone, also at a
+/// given time.
 class CancellationToken {
  public:
   CancellationToken() : state_(std::make_shared<State>()) {}
   void requestCancel() const { state_->cancelled.store(true, std::memory_order_relaxed); }
   bool cancelRequested() const {
-    return anyOf([](const State& s) { return s.cancelled.load(std::memory_order_relaxed); });
+    return anyOf([](const State& s) {
+      return s.cancelled.load(std::memory_order_relaxed) ||
+             (s.has_deadline && std::chrono::steady_clock::now() >= s.deadline);
+    });
   }
   /// A token for one part of the operation.
   CancellationToken child() const {
     CancellationToken token;
     token.state_->parent = state_;
+    return token;
+  }
+  /// The same, cancelled from some time on.
+  CancellationToken childUntil(std::chrono::steady_clock::time_point deadline) const {
+    CancellationToken token = child();
+    token.state_->has_deadline = true;
+    token.state_->deadline = deadline;
     return token;
   }
   /// While paused, `check` blocks the threads of the operation.
@@ -46,6 +57,8 @@ class CancellationToken {
     std::atomic<bool> cancelled{false};
     std::atomic<bool> paused{false};
     std::shared_ptr<const State> parent;  ///< null: none
+    bool has_deadline = false;
+    std::chrono::steady_clock::time_point deadline;
   };
 
   template <typename Predicate>

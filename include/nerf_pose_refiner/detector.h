@@ -47,7 +47,7 @@ struct DetectorOptions {
   std::string landmarks_path;
   double trust_score = 0.9;  ///< a pose that is less likely right is no detection, 0..1
   int max_instances = 10;    ///< largest number of instances in one image
-  double budget_s = 0;       ///< time after which no further candidate is tried; 0: no limit
+  double budget_s = 0;       ///< after it what was found until then counts; 0: no limit
 };
 
 /// Where landmarks of a model file are kept: <name>.landmarks beside <name>.safetensors.

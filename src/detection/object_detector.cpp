@@ -50,6 +50,15 @@ DetectionSettings confined(DetectionSettings settings, const Backend& backend) {
   return settings;
 }
 
+/// @param budget_s 0: no limit.
+CancellationToken withBudget(const CancellationToken& cancellation,
+                             std::chrono::steady_clock::time_point begin, double budget_s) {
+  using Clock = std::chrono::steady_clock;
+  if (!(budget_s > 0)) return cancellation;
+  return cancellation.childUntil(
+      begin + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(budget_s)));
+}
+
 }  // namespace
 
 void DetectionSettings::validate() const {
@@ -148,15 +157,13 @@ PoseCandidates ObjectDetector::templateCandidates(const Observation& observation
 /// One search of an image.
 struct ObjectDetector::Search {
   const Observation& observation;
-  const CancellationToken& cancellation;
+  CancellationToken cancellation;  // also when the time is up
   const SameInstance& is_same_instance;
-  std::chrono::steady_clock::time_point begin = std::chrono::steady_clock::now();
   PixelWindow window = {};               // of the image, that is searched now
   double odds = 1;                       // of poses in it
   std::vector<Refinement> doubted = {};  // poses that were found but not trusted
   Detections detections = {};
 
-  bool isTimeUp(double budget_s) const { return budget_s > 0 && secondsSince(begin) > budget_s; }
   bool isEnough(int most) const { return static_cast<int>(detections.found.size()) >= most; }
   bool isFound(const Pose& T_O_C) const {
     const std::vector<Refinement>& found = detections.found;
@@ -236,7 +243,7 @@ void ObjectDetector::settleAll(ImageCandidates* candidates, Search* search) {
   int refused = 0;
   while (!candidates->poses.empty() && !search->isEnough(settings_.max_instances)) {
     const int most = found.size() > before ? settings_.max_tried_beside : settings_.max_tried;
-    if (refused >= most || search->isTimeUp(settings_.budget_s)) break;
+    if (refused >= most) break;
     const Refinement one = takeBest(candidates, *search);
     if (search->isFound(one.T_O_C)) continue;
     if (one.outcome == Outcome::kRefined && one.score >= settings_.least_score &&
@@ -269,9 +276,7 @@ void ObjectDetector::detectIn(const SearchArea& area, Search* search) {
     settleAll(&all, search);
   };
   settle(std::move(all.poses));
-  const auto goesOn = [&] {
-    return !search->isEnough(settings_.max_instances) && !search->isTimeUp(settings_.budget_s);
-  };
+  const auto goesOn = [&] { return !search->isEnough(settings_.max_instances); };
   if (all.matched && detections.found.size() == before && goesOn()) {
     settle(singleMatches(*all.matched, area, search));
   }
@@ -279,7 +284,7 @@ void ObjectDetector::detectIn(const SearchArea& area, Search* search) {
     const PoseCandidates rough = timed(&detections.times.templates, [&] {
       return templateCandidates(search->observation, area, search->cancellation);
     });
-    if (!search->isTimeUp(settings_.budget_s)) settle(ranked(rough, settings_.max_ranked, search));
+    settle(ranked(rough, settings_.max_ranked, search));
   }
 }
 
@@ -293,26 +298,40 @@ bool isOutdone(const Refinement& pose, const std::vector<Refinement>& doubted,
 
 Detections ObjectDetector::detect(const Observation& observation, const SearchArea& area,
                                   const CancellationToken& cancellation) {
-  Search search = {observation, cancellation, is_same_instance_};
+  const auto begin = std::chrono::steady_clock::now();
+  Search search = {observation, withBudget(cancellation, begin, settings_.budget_s),
+                   is_same_instance_};
   observation.validate();
   Detections& detections = search.detections;
   if (observation.isDepthAlone()) {
     detections.message = "detection compares colours: depth alone needs an initial pose";
     return detections;
   }
-  for (const SearchArea& part : areasOf(observation, area)) {
-    detectIn(part, &search);
-    if (search.isTimeUp(settings_.budget_s) || search.isEnough(settings_.max_instances)) break;
+  bool is_time_up = false;
+  try {
+    for (const SearchArea& part : areasOf(observation, area)) {
+      detectIn(part, &search);
+      if (search.isEnough(settings_.max_instances)) break;
+    }
+  } catch (const Cancelled&) {
+    cancellation.check();
+    is_time_up = true;  // what was found until then counts
   }
   std::vector<Refinement>& found = detections.found;
+  const auto is_outdone = [&](const Refinement& one) {
+    return isOutdone(one, search.doubted, is_same_instance_);
+  };
+  found.erase(std::remove_if(found.begin(), found.end(), is_outdone), found.end());
   std::stable_sort(found.begin(), found.end(),
                    [](const Refinement& a, const Refinement& b) { return a.score > b.score; });
   if (!found.empty()) {
     detections.message.clear();
+  } else if (is_time_up) {
+    detections.message = "nothing was found within the time that it may take";
   } else if (detections.message.empty() || !detections.candidates.empty()) {
     detections.message = "no candidate explains the image well enough";
   }
-  detections.seconds = secondsSince(search.begin);
+  detections.seconds = secondsSince(begin);
   return detections;
 }
 

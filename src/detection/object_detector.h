@@ -39,7 +39,7 @@ struct DetectionSettings {
   int max_at_once = 4;          ///< candidates of one place that are aligned
   int max_tried = 6;            ///< candidates in a row that alignment refuses end the search
   double least_score = 0.9;     ///< probability of a pose to be trusted, 0..1
-  double budget_s = 0;          ///< no candidate is tried after it; 0: there is no limit
+  double budget_s = 0;          ///< after it what was found until then counts; 0: no limit
 
   /// @throws std::invalid_argument naming the value that is out of range.
   void validate() const;

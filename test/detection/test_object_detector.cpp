@@ -300,12 +300,18 @@ TEST_F(PlainObjectTest, IsNotFoundWhereItIsNot) {
   EXPECT_EQ(detections.message, "no candidate explains the image well enough");
 }
 
-TEST_F(ObjectDetectorTest, NoCandidateIsTriedAfterTheBudget) {
+TEST_F(ObjectDetectorTest, EndsWhenItsTimeIsUp) {
   DetectionSettings settings;
   settings.budget_s = 1e-9;
-  const Detections detections = detectorWith(settings).detect(observed(imageOf(truth_)), {}, {});
-  EXPECT_FALSE(detections.candidates.empty());
+  ObjectDetector brief = detectorWith(settings);
+  const Detections detections = brief.detect(observed(imageOf(truth_)), {}, {});
   EXPECT_TRUE(detections.found.empty());
+  EXPECT_EQ(detections.message, "nothing was found within the time that it may take");
+  const CancellationToken cancellation;
+  cancellation.requestCancel();
+  EXPECT_THROW(brief.detect(observed(imageOf(truth_)), {}, cancellation), Cancelled);
+  settings.budget_s = 1e3;
+  EXPECT_EQ(detectorWith(settings).detect(observed(imageOf(truth_)), {}, {}).found.size(), 1u);
 }
 
 TEST_F(ObjectDetectorTest, CanBeCancelled) {
