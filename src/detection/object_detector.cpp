@@ -8,6 +8,7 @@
 
 #include "concurrency/seconds_since.h"
 #include "field/field.h"
+#include "detection/shared_features.h"
 #include "math/require.h"
 #include "refinement/pose_probability.h"
 
@@ -106,14 +107,15 @@ ImageCandidates ObjectDetector::candidates(const Observation& observation, const
   }
   FeatureSettings settings = settings_.features;
   settings.kind = landmarks_->kind;
-  const ImageFeatures features = findFeatures(luminance(coloursOf(observation, *part)),
-                                              allowedPixels(observation, part->camera), settings);
+  const auto features = SharedFeatures::ofProcess().of(luminance(coloursOf(observation, *part)),
+                                                       allowedPixels(observation, part->camera),
+                                                       settings);
   cancellation.check();
   result.matched.emplace(
-      MatchedImage{part->camera, features.places, *landmarks_, matcher_.match(features)});
+      MatchedImage{part->camera, features->places, *landmarks_, matcher_.match(*features)});
   result.poses = atDistance(area, landmarkCandidates(*result.matched, field_->field().metadata,
                                                      settings_.candidates, cancellation));
-  if (features.size() == 0) {
+  if (features->size() == 0) {
     result.message = "the image has no features";
   } else if (result.poses.empty()) {
     result.message = "no pose agrees with enough landmarks";
