@@ -1,17 +1,14 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include "evaluation/group_placement.h"
 
-#include <Eigen/Geometry>
-
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <memory>
-#include <opencv2/imgproc.hpp>
 
+#include "evaluation/aimed_view.h"
 #include "evaluation/placement.h"
 #include "image/colour.h"
-#include "image/resample.h"
 #include "math/angle.h"
 #include "math/random.h"
 
@@ -19,35 +16,6 @@ namespace nerf_pose_refiner {
 namespace {
 
 constexpr std::uint64_t kGroupStream = 72;  // of random numbers
-
-/// The smallest rotation that takes one direction to another one, less than 180 degrees away.
-Eigen::Matrix3d rotationTo(const Eigen::Vector3d& from, const Eigen::Vector3d& to) {
-  const Eigen::Vector3d cross = from.normalized().cross(to.normalized());
-  const double sine = cross.norm();
-  if (sine < 1e-12) return Eigen::Matrix3d::Identity();
-  const double angle = std::atan2(sine, from.normalized().dot(to.normalized()));
-  return Eigen::AngleAxisd(angle, cross / sine).toRotationMatrix();
-}
-
-/// What a camera sees that is turned by R about the centre of the image's: x_to = R x_from.
-Image turned(const Image& image, const Camera& from, const Eigen::Matrix3d& R, const Camera& to) {
-  const Eigen::Vector2d outside(-2, -2);
-  cv::Mat x(to.height, to.width, CV_32F), y(to.height, to.width, CV_32F);
-  for (int v = 0; v < to.height; ++v) {
-    for (int u = 0; u < to.width; ++u) {
-      const Eigen::Vector3d seen = R.transpose() * to.direction(u, v);
-      const Eigen::Vector2d pixel = seen.z() > 0 ? from.project(seen) : outside;
-      x.at<float>(v, u) = static_cast<float>(pixel.x());
-      y.at<float>(v, u) = static_cast<float>(pixel.y());
-    }
-  }
-  const cv::Mat source(image.height, image.width, CV_32FC(image.channels),
-                       const_cast<float*>(image.values.data()));
-  Image result(to.width, to.height, image.channels);
-  cv::Mat target(to.height, to.width, CV_32FC(image.channels), result.values.data());
-  cv::remap(source, target, x, y, cv::INTER_LINEAR, cv::BORDER_CONSTANT);
-  return result;
-}
 
 /// Puts instances into an image, one after the other.
 class Group {
@@ -127,20 +95,16 @@ class Group {
   /// At a place that is drawn, in front of the others. @return false: it would hide too much.
   bool add(const PosedView& view) {
     const Eigen::AlignedBox2d box = silhouetteBox(view);
-    const double enlarged = camera_.fx / view.camera.fx, scale = std::min(1.0, enlarged);
+    const double enlarged = camera_.fx / view.camera.fx;
     const Eigen::Vector2d place = drawnPlace(enlarged * box.sizes().norm() / 2);
     const double size = enlarged * box.sizes().maxCoeff();
     for (const Placed& other : placed_) {
       const double apart = placement_.least_apart * (size + other.size) / 2;
       if ((place - other.middle).norm() < apart) return false;
     }
-    const Eigen::Vector3d to = camera_.direction(place.x(), place.y()).normalized();
-    const Eigen::Matrix3d R =
-        Eigen::AngleAxisd(2 * kPi * drawn(), to).toRotationMatrix() *
-        rotationTo(view.camera.direction(box.center().x(), box.center().y()), to);
-    const Camera reduced = view.camera.scaled(scale);
-    const PremultipliedImage object = premultiply(*view.rgba);
-    const Image alpha = turned(resample(object.alpha, view.camera, reduced), reduced, R, camera_);
+    const Eigen::Matrix3d R = rotationToPlace(view, camera_, place, 2 * kPi * drawn());
+    const AimedView aimed = aimedView(view, R, camera_);
+    const Image& alpha = aimed.object.alpha;
 
     Image8 owners = owners_;
     int pixels = 0;
@@ -154,8 +118,8 @@ class Group {
       if (visiblePart(i, owners) < placement_.least_visible) return false;
     }
     owners_ = owners;
-    placed_.push_back({{view.T_O_C.R * R.transpose(), view.T_O_C.t}, place, size, pixels});
-    putInFront(turned(resample(object.colour, view.camera, reduced), reduced, R, camera_), alpha);
+    placed_.push_back({aimed.T_O_C, place, size, pixels});
+    putInFront(aimed.object.colour, alpha);
     return true;
   }
 
