@@ -38,7 +38,8 @@ struct Options {
   std::vector<std::string> photos;
   BackendChoice backend = {"cpu", 0, "auto", 0};
   int seeds = 4, first_seed = 1;
-  bool is_near = false, verbose = false;
+  int first = 0, every = 1;  // views
+  bool is_near = false, verbose = false, each_image = false;
   double least_gone_s = 1, most_gone_s = 4;
   TrackingRules rules = lookingEverywhere();
 
@@ -92,10 +93,10 @@ class Benchmark {
   }
 
   void run() {
-    runTrial(0, 0);  // makes what the first search has to make
+    runTrial(options_.first, 0);  // makes what the first search has to make
     const auto last_seed = static_cast<std::uint64_t>(options_.first_seed + options_.seeds);
     for (auto seed = static_cast<std::uint64_t>(options_.first_seed); seed < last_seed; ++seed) {
-      for (std::size_t view = 0; view < views_.size(); ++view) {
+      for (std::size_t view = options_.first; view < views_.size(); view += options_.every) {
         const Recovery recovery = runTrial(view, seed);
         if (options_.verbose) print(view, seed, recovery);
         all_.push_back(recovery);
@@ -151,6 +152,7 @@ class Benchmark {
       const double before_s = clock_.now_s();
       const TrackOutcome outcome = track(image);
       const bool is_right = outcome.trusted && isRight(outcome, image);
+      if (options_.each_image) print(time_s, outcome, image);
       if (time_s < trial.seen_s) {
         recovery.was_tracked = is_right;
       } else if (time_s < back_s) {
@@ -190,10 +192,30 @@ class Benchmark {
     return outcome;
   }
 
+  PoseError errorOf(const TrackOutcome& outcome, const ReturnImage& image) const {
+    return poseError(outcome.refinement.T_O_C, image.T_O_C, object_.centre,
+                     image.observation.camera, object_.symmetries);
+  }
+
   bool isRight(const TrackOutcome& outcome, const ReturnImage& image) const {
-    const PoseError error = poseError(outcome.refinement.T_O_C, image.T_O_C, object_.centre,
-                                      image.observation.camera, object_.symmetries);
+    const PoseError error = errorOf(outcome, image);
     return error.rotation_rad < 5 * kDegree && error.object_offset < 0.05 * object_.diameter;
+  }
+
+  void print(double time_s, const TrackOutcome& outcome, const ReturnImage& image) const {
+    const PoseError error = errorOf(outcome, image);
+    const char* const how = !outcome.refined    ? "skipped"
+                            : !outcome.prior    ? "detection"
+                            : outcome.from_last ? "tracking"
+                                                : "search";
+    std::printf("  %.2f s %s: %s %s, score %.2f, %.1f deg %.1f %% off, until %.2f s; %s\n", time_s,
+                how,
+                outcome.trusted ? "trusted"
+                : outcome.found ? "found"
+                                : "nothing",
+                toString(outcome.state), outcome.score, error.rotation_rad / kDegree,
+                100 * error.object_offset / object_.diameter,
+                clock_.now_s() - clock_.stamp_s() + time_s, outcome.message.c_str());
   }
 
   static void print(std::size_t view, std::uint64_t seed, const Recovery& one) {
@@ -257,7 +279,10 @@ void addOptions(CLI::App* app, Options* o) {
   app->add_option("--recover", o->rules.recover_s, "the node's ~recover_s");
   app->add_option("--backend", o->backend.backend, "auto, cpu or cuda");
   app->add_option("--threads", o->backend.threads, "of the CPU; 0: all cores");
+  app->add_option("--first", o->first, "number of the first view");
+  app->add_option("--every", o->every, "only every so many-th view");
   app->add_flag("--verbose", o->verbose, "a line for each trial");
+  app->add_flag("--each-image", o->each_image, "a line for each image");
 }
 
 int run(int argc, char** argv) {
