@@ -4,10 +4,17 @@
 #include <sys/resource.h>
 
 namespace nerf_pose_refiner {
+namespace {
 
-void yieldToOtherThreads() {
-  constexpr int kSteps = 4;  // each is worth a quarter of the time
-  setpriority(PRIO_PROCESS, 0, getpriority(PRIO_PROCESS, 0) + kSteps);
+/// @param steps each is worth a fifth of the time.
+void lowerPriority(int steps) {
+  setpriority(PRIO_PROCESS, 0, getpriority(PRIO_PROCESS, 0) + steps);
 }
+
+}  // namespace
+
+void yieldToOtherThreads() { lowerPriority(4); }
+
+void yieldWhollyToOtherThreads() { lowerPriority(16); }
 
 }  // namespace nerf_pose_refiner

@@ -1,17 +1,14 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include "evaluation/group_placement.h"
 
-#include <Eigen/Geometry>
-
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <memory>
 
+#include "evaluation/aimed_view.h"
 #include "evaluation/placement.h"
-#include "evaluation/turned_view.h"
 #include "image/colour.h"
-#include "image/resample.h"
 #include "math/angle.h"
 #include "math/random.h"
 
@@ -19,15 +16,6 @@ namespace nerf_pose_refiner {
 namespace {
 
 constexpr std::uint64_t kGroupStream = 72;  // of random numbers
-
-/// The smallest rotation that takes one direction to another one, less than 180 degrees away.
-Eigen::Matrix3d rotationTo(const Eigen::Vector3d& from, const Eigen::Vector3d& to) {
-  const Eigen::Vector3d cross = from.normalized().cross(to.normalized());
-  const double sine = cross.norm();
-  if (sine < 1e-12) return Eigen::Matrix3d::Identity();
-  const double angle = std::atan2(sine, from.normalized().dot(to.normalized()));
-  return Eigen::AngleAxisd(angle, cross / sine).toRotationMatrix();
-}
 
 /// Puts instances into an image, one after the other.
 class Group {
@@ -107,20 +95,16 @@ class Group {
   /// At a place that is drawn, in front of the others. @return false: it would hide too much.
   bool add(const PosedView& view) {
     const Eigen::AlignedBox2d box = silhouetteBox(view);
-    const double enlarged = camera_.fx / view.camera.fx, scale = std::min(1.0, enlarged);
+    const double enlarged = camera_.fx / view.camera.fx;
     const Eigen::Vector2d place = drawnPlace(enlarged * box.sizes().norm() / 2);
     const double size = enlarged * box.sizes().maxCoeff();
     for (const Placed& other : placed_) {
       const double apart = placement_.least_apart * (size + other.size) / 2;
       if ((place - other.middle).norm() < apart) return false;
     }
-    const Eigen::Vector3d to = camera_.direction(place.x(), place.y()).normalized();
-    const Eigen::Matrix3d R =
-        Eigen::AngleAxisd(2 * kPi * drawn(), to).toRotationMatrix() *
-        rotationTo(view.camera.direction(box.center().x(), box.center().y()), to);
-    const Camera reduced = view.camera.scaled(scale);
-    const PremultipliedImage object = premultiply(*view.rgba);
-    const Image alpha = turned(resample(object.alpha, view.camera, reduced), reduced, R, camera_);
+    const Eigen::Matrix3d R = rotationToPlace(view, camera_, place, 2 * kPi * drawn());
+    const AimedView aimed = aimedView(view, R, camera_);
+    const Image& alpha = aimed.object.alpha;
 
     Image8 owners = owners_;
     int pixels = 0;
@@ -134,8 +118,8 @@ class Group {
       if (visiblePart(i, owners) < placement_.least_visible) return false;
     }
     owners_ = owners;
-    placed_.push_back({{view.T_O_C.R * R.transpose(), view.T_O_C.t}, place, size, pixels});
-    putInFront(turned(resample(object.colour, view.camera, reduced), reduced, R, camera_), alpha);
+    placed_.push_back({aimed.T_O_C, place, size, pixels});
+    putInFront(aimed.object.colour, alpha);
     return true;
   }
 

@@ -6,7 +6,7 @@
 #include <memory>
 #include <stdexcept>
 
-#include "evaluation/turned_view.h"
+#include "evaluation/aimed_view.h"
 #include "image/colour.h"
 #include "image/resample.h"
 #include "math/angle.h"

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "backend/backend_lost.h"
+#include "concurrency/thread_priority.h"
 #include "refinement/plan.h"
 #include "refinement/pose_probability.h"
 #include "trust/keyframe_scores.h"
@@ -264,7 +265,9 @@ Refinement RefinerSearch::detectOnce(const Observation& observation, double trus
   if (keyframes_) keyframes_->waitForRenderings(cancellation);
   if (!detector_) beginDetection(cancellation);
   detector_->setTrustScore(trust_score);
-  const Detections detections = detector_->detect(observation, {}, cancellation);
+  // Objects that are tracked meanwhile, by other threads, need their few milliseconds at once.
+  const Detections detections =
+      callInBackground([&] { return detector_->detect(observation, {}, cancellation); });
   Refinement best;  // diverged
   if (!detections.found.empty()) best = detections.found.front();
   best.seconds = detections.seconds;

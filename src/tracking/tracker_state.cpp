@@ -335,7 +335,9 @@ bool TrackerState::goesOn(std::uint64_t ticket, const Pose& T_C_U, TrackReason r
   const int doubts = doubtful ? doubts_ + 1 : 0;
   const bool is_over = doubts > kDoubtsOfFailure * (rules_.max_failures + 1);
   const bool has_start = running_ && running_->start;  // no detection
-  if (!has_start || rules_.once || is_over) return notTrusted(ticket, reason, message);
+  // Of a lost object it would end the search: that around the last pose, and in whole images.
+  const bool is_guess = doubtful && recovery_start_;
+  if (!has_start || rules_.once || is_over || is_guess) return notTrusted(ticket, reason, message);
   const bool confirmed = confirmed_ && running_->start->tracked;
   if (!trusted(ticket, T_C_U)) return false;
   confirmed_ = confirmed;

@@ -77,7 +77,8 @@ class TrackerState {
   /// @return false if the result is obsolete, for instance after a reset: discard it.
   bool trusted(std::uint64_t ticket, const Pose& T_C_U);
   /// A refinement ended with a pose that is not to be published, but to track from. A track that
-  /// begins with one is not confirmed before the first trusted pose.
+  /// begins with one is not confirmed before the first trusted pose. With a doubtful one, a lost
+  /// object stays lost.
   /// @return false if it is out of date, as `trusted`.
   /// @param doubtful only so many in a row, then it counts as a failure.
   bool goesOn(std::uint64_t ticket, const Pose& T_C_U, TrackReason reason,

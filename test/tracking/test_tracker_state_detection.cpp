@@ -88,6 +88,22 @@ TEST_F(DetectingStateTest, ALostObjectIsLookedForEverywhereAndAroundItsLastPose)
   expect(TrackState::kTracking, TrackReason::kNone);
 }
 
+TEST_F(DetectingStateTest, ADoubtfulPoseDoesNotEndTheSearchForALostObject) {
+  state_.offer(poseAt(at(0)));
+  track(0, 0.5);
+  lose(1);
+  miss(1.1);
+  const ImageDecision doubtful = image(1.2);
+  ASSERT_TRUE(doubtful.recovering);
+  EXPECT_TRUE(state_.goesOn(doubtful.ticket, {}, TrackReason::kLowScore, "", true));
+  expect(TrackState::kLost, TrackReason::kLowScore);
+  const ImageDecision next = image(1.3);
+  ASSERT_TRUE(next.start);
+  EXPECT_EQ(next.start->T_P_U.t.x(), 0.5) << "around the last pose still";
+  EXPECT_TRUE(state_.goesOn(next.ticket, {}, TrackReason::kLowScore, "", false));
+  expect(TrackState::kTracking, TrackReason::kLowScore);
+}
+
 TEST_F(DetectingStateTest, ImagesBetweenDetectionsAreLeftAlone) {
   EXPECT_FALSE(state_.needsInitialPose(at(0)));
   miss(0);
