@@ -59,6 +59,7 @@ TrackerSettings BagEvaluationSettings::tracker() const {
     constexpr double kEveryImage = 1e9;  // [Hz]
     settings.rules.start = TrackStart::kDetect;
     settings.rules.detect_rate_hz = kEveryImage;
+    settings.rules.detect_share = 1;
   }
   settings.mask_mode = MaskMode::kEveryFrame;
   settings.window = window;

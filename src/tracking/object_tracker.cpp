@@ -358,6 +358,7 @@ void ObjectTracker::conclude(const ImageDecision& decision, std::int64_t stamp_n
   bool up_to_date = false;
   {
     std::lock_guard<std::mutex> lock(mutex_);
+    if (decision.detect) state_.detectionTook(refinement.seconds);
     up_to_date = tell(judgement, decision.ticket, T_C_U);
   }
   if (fuses && up_to_date) motion_.accept(stamp_ns);

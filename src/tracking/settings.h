@@ -39,7 +39,8 @@ struct SearchSettings {
 /// When a track begins, continues and ends.
 struct TrackingRules {
   TrackStart start = TrackStart::kInitialPose;
-  double detect_rate_hz = 1;  ///< > 0: images per second, by their stamps, that detection looks at
+  double detect_rate_hz = 3;  ///< > 0: images per second, by their stamps, that detection looks at
+  double detect_share = 0.7;  ///< > 0, at most 1: fraction of the time that detection takes
   double trust_score = 0.9;   ///< 0..1: score at which a track begins
   double min_score = 0.5;     ///< 0..trust_score: while tracking, a lower score is not trusted
   int max_failures = 2;       ///< number of untrusted images in a row that are bridged, >= 0

@@ -182,8 +182,9 @@ bool TrackerState::needsInitialPose(std::int64_t stamp_ns) const {
 /// Whether an image without a pose from outside or from the image before is looked at everywhere.
 bool TrackerState::detectionIsDue(std::int64_t stamp_ns) const {
   if (rules_.start == TrackStart::kInitialPose) return false;
-  return !last_detection_ns_ ||
-         secondsBetween(*last_detection_ns_, stamp_ns) >= 1 / rules_.detect_rate_hz;
+  if (!last_detection_ns_) return true;
+  const double since_s = secondsBetween(*last_detection_ns_, stamp_ns);
+  return since_s >= std::max(1 / rules_.detect_rate_hz, last_detection_s_ / rules_.detect_share);
 }
 
 /// Whether a stamp is not where those before it lead: well before them, or well ahead of them and
@@ -248,6 +249,7 @@ ImageDecision TrackerState::decide(const ImageStamp& image) {
     decision.start.reset();
     decision.recovering = false;
     last_detection_ns_ = image.stamp_ns;
+    last_detection_s_ = 0;
   }
   if (!decision.start && !decision.detect) return decision;
   decision.confirmed = decision.start && decision.start->tracked && confirmed_;

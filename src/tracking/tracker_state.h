@@ -71,6 +71,9 @@ class TrackerState {
   /// time has jumped, else the stamp was wrong.
   ImageDecision decide(const ImageStamp& image);
 
+  /// How long the detection took that ends now [s]: the next one waits accordingly.
+  void detectionTook(double seconds) { last_detection_s_ = seconds; }
+
   /// The start pose cannot be used: a failure of the track or of the initial pose.
   void startRefused(std::uint64_t ticket, TrackReason reason, const std::string& message);
   /// A refinement ended with a trusted pose. @param T_C_U [m]
@@ -142,6 +145,7 @@ class TrackerState {
   bool confirmed_ = false;                         ///< a pose of the track was trusted
   int doubts_ = 0;                                 ///< doubtful images since the last other one
   std::optional<std::int64_t> last_detection_ns_;  ///< stamp of the image it looked at
+  double last_detection_s_ = 0;                    ///< that it took
   int failures_ = 0;                               ///< untrusted images since the last trusted one
   std::optional<std::int64_t> last_stamp_ns_;      ///< of the last image that was not skipped
   double last_lead_s_ = 0;                         ///< by which that was ahead of the clock [s]

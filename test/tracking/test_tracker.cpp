@@ -320,6 +320,8 @@ TEST_F(TrackerTest, SettingsOutOfRangeAreRefused) {
   expect_refused("max_failures", [](Settings s) { s->rules.max_failures = -1; });
   expect_refused("recover_s", [](Settings s) { s->rules.recover_s = NAN; });
   expect_refused("detect_rate_hz", [](Settings s) { s->rules.detect_rate_hz = 0; });
+  expect_refused("detect_share", [](Settings s) { s->rules.detect_share = 0; });
+  expect_refused("detect_share", [](Settings s) { s->rules.detect_share = 1.1; });
   expect_refused("rotation_deg", [](Settings s) { s->initial.rotation_deg = 181; });
   expect_refused("translation", [](Settings s) { s->tracking.translation = -0.1; });
   expect_refused("window.views", [](Settings s) { s->window.views = -1; });

@@ -38,6 +38,34 @@ TEST_F(DetectingStateTest, WithoutAPoseItLooksEverywhereAtARate) {
   EXPECT_TRUE(image(0.5).detect);
 }
 
+TEST_F(DetectingStateTest, ASlowDetectionLeavesTimeForTheSearchAroundTheLastPose) {
+  rules_.detect_share = 0.75;
+  restart();
+  state_.offer(poseAt(at(0)));
+  track(0, 0.5);
+  lose(1);
+  miss(1.1);
+  state_.detectionTook(1.5);  // three quarters of 2 s
+  for (const double seconds : {2.6, 2.8, 3.05}) {
+    const ImageDecision around = image(seconds);
+    EXPECT_FALSE(around.detect) << seconds;
+    ASSERT_TRUE(around.start) << seconds;
+    state_.notTrusted(around.ticket, TrackReason::kLowScore, "");
+  }
+  EXPECT_TRUE(image(3.15).detect);
+}
+
+TEST_F(DetectingStateTest, ASlowDetectionWithoutALastPoseLeavesTimeToOthers) {
+  rules_.detect_share = 0.5;
+  restart();
+  miss(0);
+  state_.detectionTook(2);
+  EXPECT_TRUE(state_.needsInitialPose(at(2)));
+  EXPECT_TRUE(state_.needsInitialPose(at(3.9)));
+  EXPECT_FALSE(state_.needsInitialPose(at(4)));
+  EXPECT_TRUE(image(4).detect);
+}
+
 TEST_F(DetectingStateTest, WhatIsFoundIsTracked) {
   const ImageDecision decision = image(0);
   ASSERT_TRUE(state_.trusted(decision.ticket, {}));

@@ -270,6 +270,7 @@ void readRules(ParamReader& reader, TrackingRules& rules) {
                          {"both", TrackStart::kBoth}},
                         rules.start);
   reader.get("detect_rate_hz", rules.detect_rate_hz);
+  reader.get("detect_share", rules.detect_share);
   reader.get("initial_pose_max_age_s", rules.initial_pose_max_age_s);
   reader.get("image_timeout_s", rules.image_timeout_s);
   reader.get("recover_s", rules.recover_s);
@@ -310,6 +311,8 @@ void PoseRefinerParameters::validate() const {
   requirePositive("~tf_cache_s", frames.tf_cache_s);
   requirePositive("~initial_pose_max_age_s", rules.initial_pose_max_age_s);
   requirePositive("~detect_rate_hz", rules.detect_rate_hz);
+  requirePositive("~detect_share", rules.detect_share);
+  requireFraction("~detect_share", rules.detect_share);
   requireNotNegative("~image_timeout_s", rules.image_timeout_s);
   requireFraction("~tracker/trust_score", rules.trust_score);
   requireFraction("~tracker/min_score", rules.min_score);
