@@ -30,36 +30,21 @@ class LevelScan {
  public:
   LevelScan(const TemplateLevel& level, const TemplateSet& templates,
             const TemplateKernels& kernels)
-      : level_(level), templates_(templates), kernels_(kernels) {
-    of_views_.resize(templates.bank.views.size());
-    for (std::size_t view = 0; view < of_views_.size(); ++view) {
-      if (templates.bank.views[view].edges.empty()) continue;
-      of_views_[view].resize(static_cast<std::size_t>(templates.settings.rotations));
-      for (int k = 0; k < templates.settings.rotations; ++k) {
-        Template& one = of_views_[view][static_cast<std::size_t>(k)];
-        const auto placement = TemplatePlacement::of(rotationOf(templates.settings, k),
-                                                     level.scale.camera.fx, level.scale.distance());
-        placeEdges(templates.bank.views[view], placement, kScanEdgeStep, level.memory.order(),
-                   &one.offsets);
-        one.peaks.resize(static_cast<std::size_t>(templates.settings.hits_per_template));
-      }
-    }
-  }
+      : level_(level),
+        templates_(templates),
+        kernels_(kernels),
+        of_views_(templates.bank.views.size()) {}
 
+  /// Threads share the views, some at a time, so that they rarely wait for each other.
   void run(int threads, const CancellationToken& cancellation) {
-    const Camera& camera = level_.scale.camera;
-    const int columns = (camera.width + kScanStride - 1) / kScanStride;
-    const int rows = (camera.height + kScanStride - 1) / kScanStride;
-    for (int top = 0; top < rows; top += kBlockRows) {
-      for (int left = 0; left < columns; left += kScoreRun) {
-        const Block block = {left, top, std::min(kScoreRun, columns - left),
-                             std::min(kBlockRows, rows - top)};
-        parallelFor(threads, static_cast<int>(of_views_.size()), [&](int view) {
-          cancellation.check();
-          for (Template& one : of_views_[static_cast<std::size_t>(view)]) scan(block, &one);
-        });
-      }
-    }
+    constexpr int kSharesPerThread = 4;
+    const int views = static_cast<int>(of_views_.size());
+    const int shares = std::min(views, kSharesPerThread * threads);
+    parallelFor(threads, shares, [&](int i) {
+      const int first = views * i / shares, end = views * (i + 1) / shares;
+      for (int view = first; view < end; ++view) place(view);
+      scanViews(first, end, cancellation);
+    });
   }
 
   /// Those of a view after those of the one before, of each rotation the best first.
@@ -85,6 +70,39 @@ class LevelScan {
     std::vector<std::int32_t> offsets;
     std::vector<TilePeak> peaks;  // so far, best first
   };
+
+  /// In all rotations.
+  void place(int number) {
+    const TemplateMatchSettings& settings = templates_.settings;
+    const TemplateView& view = templates_.bank.views[static_cast<std::size_t>(number)];
+    if (view.edges.empty()) return;
+    std::vector<Template>& turned = of_views_[static_cast<std::size_t>(number)];
+    turned.resize(static_cast<std::size_t>(settings.rotations));
+    for (int k = 0; k < settings.rotations; ++k) {
+      Template& one = turned[static_cast<std::size_t>(k)];
+      placeEdges(view,
+                 TemplatePlacement::of(rotationOf(settings, k), level_.scale.camera.fx,
+                                       level_.scale.distance()),
+                 kScanEdgeStep, level_.memory.order(), &one.offsets);
+      one.peaks.resize(static_cast<std::size_t>(settings.hits_per_template));
+    }
+  }
+
+  void scanViews(int first, int end, const CancellationToken& cancellation) {
+    const Camera& camera = level_.scale.camera;
+    const int columns = (camera.width + kScanStride - 1) / kScanStride;
+    const int rows = (camera.height + kScanStride - 1) / kScanStride;
+    for (int top = 0; top < rows; top += kBlockRows) {
+      for (int left = 0; left < columns; left += kScoreRun) {
+        cancellation.check();
+        const Block block = {left, top, std::min(kScoreRun, columns - left),
+                             std::min(kBlockRows, rows - top)};
+        for (int view = first; view < end; ++view) {
+          for (Template& one : of_views_[static_cast<std::size_t>(view)]) scan(block, &one);
+        }
+      }
+    }
+  }
 
   void scan(const Block& block, Template* one) const {
     std::int16_t scores[kBlockRows * kScoreRun];
