@@ -86,7 +86,8 @@ class Benchmark {
   void run() {
     std::printf("%d objects of %zu models, %zu of which an image shows\n", options_.count,
                 options_.objects.size(), shown_);
-    measure(compose(0));  // makes what the first search has to make
+    measure(compose(
+        static_cast<std::size_t>(options_.images)));  // makes what the first search has to make
     right_ = wrong_ = instances_ = 0;
     std::vector<Times> all;
     for (int image = 0; image < options_.images; ++image) {

@@ -2,8 +2,9 @@
 //
 // How soon an object that was lost is found again after it has come back into view. A camera takes
 // 30 images per second; the tracker gets the newest one whenever it has done with the last, so that
-// the time it takes decides which images it sees, as in the node. Only its own time counts: images
-// are composed while the clock stands still.
+// the time it takes decides which images it sees, as in the node. Only its own time counts: the
+// clock stands still while images are composed, though the tracker's thread that renders keyframes
+// goes on.
 
 #include <CLI/CLI.hpp>
 

@@ -233,7 +233,6 @@ int run(int argc, char** argv) {
   options.observation.background = "photo";
   addOptions(&app, &options);
   CLI11_PARSE(app, argc, argv);
-
   try {
     Benchmark(options).run();
   } catch (const std::exception& error) {

@@ -81,7 +81,8 @@ add_library(${npr_cuda} OBJECT
   cuda/train_rays.cu
   cuda/train_update.cu)
 npr_set_cuda_options(${npr_cuda})
-# Responses and places of templates are those of the CPU, bit for bit.
+# Responses to templates are those of the CPU on x86-64, bit for bit; places but for the last bits
+# of sines.
 set_property(SOURCE cuda/template_fit.cu cuda/template_responses.cu cuda/template_scan.cu
   PROPERTY COMPILE_OPTIONS -fmad=false)
 npr_precompile(${npr_cuda})

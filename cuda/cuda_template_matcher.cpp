@@ -128,6 +128,7 @@ void CudaTemplateMatcher::scan(const TemplateLevels& levels,
     scanTemplates({templates_, all[i], tiles_.data(), best_.data() + i * per_level,
                    settings_.hits_per_template},
                   stream_);
+    stream_.wait();  // else all levels would be under way before a cancellation is noticed
   }
   NPR_CUDA_CHECK(cudaMemcpyAsync(found_.data(), best_.data(),
                                  per_level * all.size() * sizeof(PeakKey), cudaMemcpyDeviceToHost,
@@ -184,6 +185,7 @@ TemplateMatches CudaTemplateMatcher::match(const Image& image, const Camera& cam
   TemplateMatches found;
   auto begin = std::chrono::steady_clock::now();
   image_.upload(image.values, stream_);
+  stream_.wait();  // the image need not outlive a call that is cancelled
   const TemplateLevels scanned =
       templateLevels(camera, distances, settings_.scanned_px, kScanStride);
   const TemplateLevels fitted = templateLevels(camera, distances, settings_.fitted_px, 1);

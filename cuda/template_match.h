@@ -39,7 +39,7 @@ using PeakKey = std::uint64_t;
 struct Peak {
   int score, column, row;
 };
-constexpr int kMostPositions = 0xffff;  // along an axis
+constexpr int kMostPositions = 0xffff;  // along an axis, or of a window
 NPR_HOST_DEVICE inline PeakKey keyOf(const Peak& peak) {
   const unsigned place = static_cast<unsigned>(kMostPositions - peak.row) << 16 |
                          static_cast<unsigned>(kMostPositions - peak.column);

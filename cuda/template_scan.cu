@@ -65,7 +65,7 @@ __device__ PeakKey mostOfWarp(PeakKey key) {
   return key;
 }
 
-/// The best position of a tile. @param first position of the lane.
+/// The best position of a tile, whose first one is at `left` and `top`.
 __device__ PeakKey peakOfTile(const CudaTemplateLevel& level, const EdgeWords* edges, int per_part,
                               int left, int top) {
   const int columns = (level.width + kScanStride - 1) / kScanStride;

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "math/template_score.h"
 #include "nerf_pose_refiner/camera.h"
 #include "nerf_pose_refiner/cancellation_token.h"
 #include "nerf_pose_refiner/image.h"
@@ -22,11 +23,10 @@ struct TemplateEdge {
 /// An object seen from one side, as edges alone. A template is made of it by a rotation in the
 /// image, a size and a place.
 struct TemplateView {
-  /// Of the parts that the edges are divided into by their places: some may be covered.
-  static constexpr int kParts = 4;
-  /// Numbers of edges are multiples of it: kernels take 16 of every part at a time, of every second
-  /// edge, too.
-  static constexpr int kRun = 2 * kParts * 16;
+  /// Numbers of edges are multiples of it: kernels take so many of a part at once, also in a scan,
+  /// where not all edges count.
+  static constexpr int kRun = kScanEdgeStep * kTemplateParts * kEdgesPerSum;
+  static constexpr int kMostEdges = 2048;  ///< sums of their responses fit into 15 bits
 
   Eigen::Matrix3d R_O_V;  ///< axes of the view's camera in O
   /// Part after part, equally many in each. Every second one alone makes as even a choice. Empty:

@@ -2,13 +2,17 @@
 #include "concurrency/thread_priority.h"
 
 #include <sys/resource.h>
+#include <unistd.h>
+
+#include <algorithm>
 
 namespace nerf_pose_refiner {
 namespace {
 
-/// @param steps each is worth a fifth of the time.
+/// To so much below the process's own. @param steps each is worth a fifth of the time.
 void lowerPriority(int steps) {
-  setpriority(PRIO_PROCESS, 0, getpriority(PRIO_PROCESS, 0) + steps);
+  const int of_process = getpriority(PRIO_PROCESS, static_cast<id_t>(getpid()));
+  setpriority(PRIO_PROCESS, 0, std::max(getpriority(PRIO_PROCESS, 0), of_process + steps));
 }
 
 }  // namespace

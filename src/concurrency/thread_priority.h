@@ -10,6 +10,7 @@ namespace nerf_pose_refiner {
 void yieldToOtherThreads();
 
 /// The same for what may take seconds: it gets what others leave, and 3 % of a core that they use.
+/// (Threads that a library has already, as OpenCV has, keep their priority.)
 void yieldWhollyToOtherThreads();
 
 /// Calls something in a thread of its own that yields wholly, and waits for it. What it throws is

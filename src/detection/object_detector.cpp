@@ -7,8 +7,8 @@
 #include <stdexcept>
 
 #include "concurrency/seconds_since.h"
-#include "field/field.h"
 #include "detection/shared_features.h"
+#include "field/field.h"
 #include "math/require.h"
 #include "refinement/pose_probability.h"
 
@@ -109,7 +109,7 @@ ImageCandidates ObjectDetector::candidates(const Observation& observation, const
   settings.kind = landmarks_->kind;
   const auto features = SharedFeatures::ofProcess().of(luminance(coloursOf(observation, *part)),
                                                        allowedPixels(observation, part->camera),
-                                                       settings);
+                                                       settings, cancellation);
   cancellation.check();
   result.matched.emplace(
       MatchedImage{part->camera, features->places, *landmarks_, matcher_.match(*features)});
@@ -234,7 +234,7 @@ Refinement ObjectDetector::takeBest(ImageCandidates* candidates, const Search& s
   };
   const Refinement found =
       refiner_.settle({search.observation, 0}, rough, odds, search.cancellation);
-  search.cancellation.check();
+  if (found.outcome == Outcome::kCancelled) throw Cancelled();
   return found;
 }
 

@@ -2,6 +2,7 @@
 #include "detection/shared_features.h"
 
 #include <algorithm>
+#include <chrono>
 #include <tuple>
 
 #include "math/checksum.h"
@@ -27,7 +28,9 @@ bool SharedFeatures::isEqual(const Key& a, const Key& b) {
 }
 
 std::shared_ptr<const ImageFeatures> SharedFeatures::of(const Image8& grey, const Image8& where,
-                                                        const FeatureSettings& settings) {
+                                                        const FeatureSettings& settings,
+                                                        const CancellationToken& cancellation) {
+  constexpr std::chrono::milliseconds kTick(2);
   const Key key = {checksumOf(grey, where), grey.width, grey.height, settings};
   std::promise<std::shared_ptr<const ImageFeatures>> promise;
   {
@@ -36,7 +39,11 @@ std::shared_ptr<const ImageFeatures> SharedFeatures::of(const Image8& grey, cons
                                     [&](const Entry& entry) { return isEqual(entry.key, key); });
     if (known != entries_.end()) {
       const auto features = known->features;
+      entries_.splice(entries_.begin(), entries_, known);
       lock.unlock();
+      do {
+        cancellation.check();
+      } while (features.wait_for(kTick) != std::future_status::ready);
       return features.get();
     }
     entries_.push_front({key, promise.get_future().share()});

@@ -8,6 +8,7 @@
 #include <mutex>
 
 #include "detection/image_features.h"
+#include "nerf_pose_refiner/cancellation_token.h"
 
 namespace nerf_pose_refiner {
 
@@ -15,9 +16,10 @@ namespace nerf_pose_refiner {
 /// of an image once. Any thread; who asks for an image that another thread is at waits for it.
 class SharedFeatures {
  public:
-  /// As findFeatures.
+  /// As findFeatures. @throws what that throws, Cancelled.
   std::shared_ptr<const ImageFeatures> of(const Image8& grey, const Image8& where,
-                                          const FeatureSettings& settings);
+                                          const FeatureSettings& settings,
+                                          const CancellationToken& cancellation);
 
   /// Those of this process.
   static SharedFeatures& ofProcess();
@@ -38,7 +40,7 @@ class SharedFeatures {
 
   static bool isEqual(const Key& a, const Key& b);
 
-  std::mutex mutex_;         // guards what follows
+  std::mutex mutex_;          // guards what follows
   std::list<Entry> entries_;  // the latest first
 };
 

@@ -15,7 +15,7 @@ namespace nerf_pose_refiner {
 namespace {
 
 constexpr char kTemplateFormat[8] = {'N', 'P', 'R', 'T', 'P', 'L', '0', '1'};
-constexpr std::uint32_t kMaxViews = 10000, kMaxEdges = 4096;
+constexpr std::uint32_t kMaxViews = 10000;
 constexpr int kViewNumbers = 9;  // of R_O_V, column by column
 constexpr int kEdgeNumbers = 4;
 
@@ -64,7 +64,7 @@ TemplateBank readBank(const InputFile& file, std::uint64_t key) {
   file.read(0, &header, sizeof header);
   const std::size_t of_view = kViewNumbers + 1 + std::size_t{kEdgeNumbers} * header.edges;
   if (std::memcmp(header.format, kTemplateFormat, sizeof kTemplateFormat) != 0 ||
-      header.key != key || header.views > kMaxViews || header.edges > kMaxEdges ||
+      header.key != key || header.views > kMaxViews || header.edges > TemplateView::kMostEdges ||
       header.edges % TemplateView::kRun != 0 ||
       file.size() != sizeof header + header.views * of_view * sizeof(double)) {
     throw std::runtime_error("no templates of this object");

@@ -2,6 +2,7 @@
 #include "tools/bag_evaluation.h"
 
 #include <cmath>
+#include <limits>
 #include <stdexcept>
 #include <utility>
 
@@ -59,7 +60,7 @@ TrackerSettings BagEvaluationSettings::tracker() const {
     constexpr double kEveryImage = 1e9;  // [Hz]
     settings.rules.start = TrackStart::kDetect;
     settings.rules.detect_rate_hz = kEveryImage;
-    settings.rules.detect_share = 1;
+    settings.rules.detect_share = std::numeric_limits<double>::infinity();
   }
   settings.mask_mode = MaskMode::kEveryFrame;
   settings.window = window;

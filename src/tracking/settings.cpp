@@ -26,8 +26,8 @@ void TrackingRules::validate() const {
   require_at_least_0(image_timeout_s, "image_timeout_s");
   require(detect_rate_hz > 0 && std::isfinite(detect_rate_hz), "detect_rate_hz", detect_rate_hz,
           "above 0");
-  require(detect_share > 0 && detect_share <= 1, "detect_share", detect_share,
-          "above 0, at most 1");
+  require((detect_share > 0 && detect_share <= 1) || std::isinf(detect_share), "detect_share",
+          detect_share, "above 0, at most 1, or infinite");
   require(initial_pose_max_age_s > 0, "initial_pose_max_age_s", initial_pose_max_age_s, "above 0");
 }
 

@@ -40,13 +40,14 @@ struct SearchSettings {
 struct TrackingRules {
   TrackStart start = TrackStart::kInitialPose;
   double detect_rate_hz = 3;  ///< > 0: images per second, by their stamps, that detection looks at
-  double detect_share = 0.7;  ///< > 0, at most 1: fraction of the time that detection takes
-  double trust_score = 0.9;   ///< 0..1: score at which a track begins
-  double min_score = 0.5;     ///< 0..trust_score: while tracking, a lower score is not trusted
-  int max_failures = 2;       ///< number of untrusted images in a row that are bridged, >= 0
-  bool predict = true;        ///< follow the motion, see MotionFilter
-  double recover_s = 5;       ///< a lost object is searched for during this time [s]; 0: never
-  bool once = false;          ///< after one trusted pose, wait for the next initial pose
+  /// Fraction of the time that detection takes, > 0, at most 1; infinite: the rate alone counts.
+  double detect_share = 0.7;
+  double trust_score = 0.9;  ///< 0..1: score at which a track begins
+  double min_score = 0.5;    ///< 0..trust_score: while tracking, a lower score is not trusted
+  int max_failures = 2;      ///< number of untrusted images in a row that are bridged, >= 0
+  bool predict = true;       ///< follow the motion, see MotionFilter
+  double recover_s = 5;      ///< a lost object is searched for during this time [s]; 0: never
+  bool once = false;         ///< after one trusted pose, wait for the next initial pose
   /// Images may come from another camera than before: transforms carry poses from one to another.
   bool cameras_change = false;
   InitialPosePolicy initial_pose_policy = InitialPosePolicy::kWhenNotTracking;

@@ -231,6 +231,12 @@ TEST(TemplateSearch, RefusesWhatMakesNoSense) {
   EXPECT_NO_THROW(with(uneven));
   uneven.views.back().edges.resize(64);
   EXPECT_THROW(with(uneven), std::invalid_argument);
+  TemplateBank many = *bankOf(kLetter);
+  many.views.front().edges.resize(TemplateView::kMostEdges, many.views.front().edges.front());
+  EXPECT_NO_THROW(with(many));
+  many.views.front().edges.resize(TemplateView::kMostEdges + TemplateView::kRun,
+                                  many.views.front().edges.front());
+  EXPECT_THROW(with(many), std::invalid_argument);
 }
 
 TEST(DistanceRange, SpansEightTimesTheSize) {

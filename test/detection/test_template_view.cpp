@@ -71,7 +71,7 @@ TEST(TemplateView, HasTheContourAndInnerEdges) {
 TEST(TemplateView, DividesEdgesIntoPartsByTheirPlaces) {
   const Scene scene;
   const TemplateView made = makeTemplateView(scene.rendering, scene.view, templateObject(), 128);
-  for (int part = 0; part < TemplateView::kParts; ++part) {
+  for (int part = 0; part < kTemplateParts; ++part) {
     Eigen::Vector3f low = made.edges[32 * part].point, high = low;
     for (int i = 32 * part; i < 32 * (part + 1); ++i) {
       low = low.cwiseMin(made.edges[i].point);

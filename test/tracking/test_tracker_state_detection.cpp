@@ -1,4 +1,6 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include <limits>
+
 #include "tracker_state_fixture.h"
 
 namespace nerf_pose_refiner {
@@ -64,6 +66,16 @@ TEST_F(DetectingStateTest, ASlowDetectionWithoutALastPoseLeavesTimeToOthers) {
   EXPECT_TRUE(state_.needsInitialPose(at(3.9)));
   EXPECT_FALSE(state_.needsInitialPose(at(4)));
   EXPECT_TRUE(image(4).detect);
+}
+
+TEST_F(DetectingStateTest, EveryImageIsLookedAtWhereNeitherRateNorShareIsLimited) {
+  rules_.detect_rate_hz = 1e9;
+  rules_.detect_share = std::numeric_limits<double>::infinity();
+  restart();
+  miss(0);
+  state_.detectionTook(2);
+  EXPECT_FALSE(state_.needsInitialPose(at(0.033)));
+  EXPECT_TRUE(image(0.033).detect);
 }
 
 TEST_F(DetectingStateTest, WhatIsFoundIsTracked) {

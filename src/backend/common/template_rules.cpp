@@ -109,6 +109,11 @@ void requireTemplateImage(const Image& image, const Camera& camera) {
 void requireTemplates(const TemplateBank& bank) {
   const int edges = bank.edges();
   if (edges == 0) throw std::invalid_argument("TemplateMatcher: no view shows anything");
+  if (edges > TemplateView::kMostEdges) {
+    throw std::invalid_argument("TemplateMatcher: a view has " + std::to_string(edges) +
+                                " edges, must be at most " +
+                                std::to_string(TemplateView::kMostEdges));
+  }
   for (const TemplateView& view : bank.views) {
     const int of_view = static_cast<int>(view.edges.size());
     if (of_view != 0 && (of_view != edges || of_view % TemplateView::kRun != 0)) {
