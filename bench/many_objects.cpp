@@ -171,16 +171,6 @@ class Benchmark {
     return views_[kind][(number + kind) % views_[kind].size()];
   }
 
-  static void putInFront(const PremultipliedImage& object, PremultipliedImage* image) {
-    for (std::size_t i = 0; i < image->alpha.values.size(); ++i) {
-      const float behind = 1 - object.alpha.values[i];
-      image->alpha.values[i] = object.alpha.values[i] + behind * image->alpha.values[i];
-      for (std::size_t c = 3 * i; c < 3 * i + 3; ++c) {
-        image->colour.values[c] = object.colour.values[c] + behind * image->colour.values[c];
-      }
-    }
-  }
-
   Times measure(const Scene& scene) {
     Times times;
     times.at_once = detectAtOnce(differentBits(scene.observation));

@@ -277,6 +277,7 @@ void addOptions(CLI::App* app, Options* o) {
   app->add_option("--start", o->rules.start, "the node's ~start")
       ->transform(CLI::CheckedTransformer(starts));
   app->add_option("--rate", o->rules.detect_rate_hz, "the node's ~detect_rate_hz");
+  app->add_option("--share", o->rules.detect_share, "the node's ~detect_share");
   app->add_option("--recover", o->rules.recover_s, "the node's ~recover_s");
   app->add_option("--backend", o->backend.backend, "auto, cpu or cuda");
   app->add_option("--threads", o->backend.threads, "of the CPU; 0: all cores");

@@ -62,6 +62,16 @@ Eigen::Matrix3d rotationToPlace(const PosedView& view, const Camera& to,
          rotationTo(view.camera.direction(middle.x(), middle.y()), towards);
 }
 
+void putInFront(const PremultipliedImage& object, PremultipliedImage* image) {
+  for (std::size_t i = 0; i < image->alpha.values.size(); ++i) {
+    const float behind = 1 - object.alpha.values[i];
+    image->alpha.values[i] = object.alpha.values[i] + behind * image->alpha.values[i];
+    for (std::size_t c = 3 * i; c < 3 * i + 3; ++c) {
+      image->colour.values[c] = object.colour.values[c] + behind * image->colour.values[c];
+    }
+  }
+}
+
 PosedView turned(const PosedView& view, double angle_rad) {
   const Camera& from = view.camera;
   const double right = std::max(from.cx, from.width - 1 - from.cx);

@@ -24,6 +24,9 @@ AimedView aimedView(const PosedView& view, const Eigen::Matrix3d& R, const Camer
 Eigen::Matrix3d rotationToPlace(const PosedView& view, const Camera& to,
                                 const Eigen::Vector2d& place, double roll_rad);
 
+/// Puts an object into an image of the same size, before what is there.
+void putInFront(const PremultipliedImage& object, PremultipliedImage* image);
+
 /// A view whose camera is turned about its optical axis, in an image that all of it is in.
 /// @param angle_rad of the image, from its axis x to its axis y.
 PosedView turned(const PosedView& view, double angle_rad);

@@ -119,18 +119,8 @@ class Group {
     }
     owners_ = owners;
     placed_.push_back({aimed.T_O_C, place, size, pixels});
-    putInFront(aimed.object.colour, alpha);
+    putInFront(aimed.object, &image_);
     return true;
-  }
-
-  void putInFront(const Image& colour, const Image& alpha) {
-    for (std::size_t i = 0; i < alpha.values.size(); ++i) {
-      const float behind = 1 - alpha.values[i];
-      image_.alpha.values[i] = alpha.values[i] + behind * image_.alpha.values[i];
-      for (std::size_t c = 3 * i; c < 3 * i + 3; ++c) {
-        image_.colour.values[c] = colour.values[c] + behind * image_.colour.values[c];
-      }
-    }
   }
 
   const GroupPlacement& placement_;
