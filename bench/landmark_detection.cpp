@@ -206,7 +206,7 @@ class Benchmark {
     if (!truth) return evidence;
     const double near = std::max(1.5, 0.02 * truth->diameter_px);
     for (const FeatureMatch& match : matcher_.match(features)) {
-      if (match.ratio > options_.detection.candidates.max_ratio) continue;
+      if (match.rank > 0 || match.ratio > options_.detection.candidates.max_ratio) continue;
       ++evidence.matches;
       const FeaturePlace& feature = features.places[static_cast<std::size_t>(match.feature)];
       const Landmark& landmark = landmarks_.places[static_cast<std::size_t>(match.landmark)];

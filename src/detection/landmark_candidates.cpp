@@ -71,7 +71,7 @@ class CandidateSearch {
                   const LandmarkCandidateSettings& settings)
       : image_(image), object_(object), settings_(settings) {
     for (const FeatureMatch& match : image.matches) {
-      if (match.ratio > settings.max_ratio) continue;
+      if (match.rank > 0 || match.ratio > settings.max_ratio) continue;
       // Of symmetric poses one stands for all, so that matches of one instance agree.
       const MatchedPose one = poseOf(match, image, Pose(), object.symmetries);
       const auto vote = voteFor(one.T_O_C, image.camera, object);
@@ -202,13 +202,21 @@ int landmarksAt(const Pose& T_O_C, const MatchedImage& image, const FieldMetadat
   if (!seen) return 0;
   const double threshold = thresholdFor(seen->diameter_px, settings);
   const Pose T_C_O = T_O_C.inverse();
+  const auto isAt = [&](const Eigen::Vector3d& point_C, const Eigen::Vector2d& pixel) {
+    return point_C.z() > 0 && (image.camera.project(point_C) - pixel).norm() <= threshold;
+  };
+  const std::vector<Pose>& motions = object.symmetries.motions();
   DistinctMatches matches;
   for (const FeatureMatch& match : image.matches) {
-    const MatchedPose one = poseOf(match, image, T_O_C, object.symmetries);
-    const Eigen::Vector3d point_C = T_C_O * one.point_O;
-    if (!(point_C.z() > 0)) continue;
     const Eigen::Vector2d pixel(featureOf(match, image).x, featureOf(match, image).y);
-    if ((image.camera.project(point_C) - pixel).norm() > threshold) continue;
+    const Eigen::Vector3d point_O = landmarkOf(match, image).point.cast<double>();
+    // Most are elsewhere, which is found out faster than the pose that a match speaks for.
+    if (std::none_of(motions.begin(), motions.end(),
+                     [&](const Pose& motion) { return isAt(T_C_O * (motion * point_O), pixel); })) {
+      continue;
+    }
+    const MatchedPose one = poseOf(match, image, T_O_C, object.symmetries);
+    if (!isAt(T_C_O * one.point_O, pixel)) continue;
     const auto vote = voteFor(one.T_O_C, image.camera, object);
     if (vote && agree(*vote, *seen, settings.votes)) matches.add(pixel, match.landmark);
   }
@@ -216,7 +224,7 @@ int landmarksAt(const Pose& T_O_C, const MatchedImage& image, const FieldMetadat
 }
 
 double oddsOfLandmarks(int landmarks, bool is_plain) {
-  const int by_chance = is_plain ? 4 : 1;
+  const int by_chance = is_plain ? 4 : 2;
   const double of_each = is_plain ? 2 : 3;
   const double most = is_plain ? 20 : 100;  // the image has to agree, too: parts look alike
   return std::min(most, std::pow(of_each, std::max(0, landmarks - by_chance)));

@@ -35,14 +35,15 @@ struct MatchedImage {
 };
 
 /// How many landmarks are seen where a pose puts them, of the size and orientation that they have
-/// there, each at a place of its own. Matches that look like several places count, too: that the
-/// best one of thousands agrees with the pose is rarely chance.
+/// there, each at a place of its own. Matches that look like several places count, too, and those
+/// that are not their feature's best: that one of six of thousands agrees with the pose is rarely
+/// chance.
 int landmarksAt(const Pose& T_O_C, const MatchedImage& image, const FieldMetadata& object,
                 const LandmarkCandidateSettings& settings);
 
-/// How much likelier a pose is for the landmarks that agree with it. One agrees by chance with one
-/// in ten wrong poses (of 240 in images of other objects), more than one with hardly any; but
-/// neighbours are often alike. With wrong poses of plain objects, which have few, several agreed.
+/// How much likelier a pose is for the landmarks that agree with it. Of 105 wrong poses in images
+/// of other objects one agreed with 14, two with 20, three or four with 12, more with none; and
+/// neighbours are often alike. Plain objects have few, of which each is more often one of six.
 double oddsOfLandmarks(int landmarks, bool is_plain);
 
 /// Poses that many matches agree with. Each match votes for a pose by the place, the size and the

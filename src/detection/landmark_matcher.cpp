@@ -5,7 +5,6 @@
 #include <cmath>
 #include <limits>
 #include <opencv2/flann.hpp>
-#include <optional>
 #include <stdexcept>
 
 #include "concurrency/parallel.h"
@@ -70,7 +69,7 @@ std::vector<FeatureMatch> LandmarkMatcher::match(const ImageFeatures& features) 
     throw std::invalid_argument("the features are of another kind than the landmarks");
   }
   const int count = std::min(settings_.neighbours, landmarks_->size());
-  std::vector<std::optional<FeatureMatch>> found(features.places.size());
+  std::vector<std::vector<FeatureMatch>> found(features.places.size());
   const auto matchOne = [&](int i) {
     const cv::Mat query = view(features.descriptors).row(i);
     cv::Mat numbers(1, count, CV_32S), squares(1, count, CV_32F);
@@ -89,12 +88,14 @@ std::vector<FeatureMatch> LandmarkMatcher::match(const ImageFeatures& features) 
     const float ratio =
         other < count ? std::sqrt(squares.at<float>(0) / std::max(squares.at<float>(other), 1e-12f))
                       : 0;
-    found[static_cast<std::size_t>(i)] = FeatureMatch{i, numbers.at<int>(0), ratio};
+    for (int rank = 0; rank < count && numbers.at<int>(rank) >= 0; ++rank) {
+      found[static_cast<std::size_t>(i)].push_back({i, numbers.at<int>(rank), ratio, rank});
+    }
   };
   parallelFor(threadCount(settings_.threads), features.size(), matchOne);
   std::vector<FeatureMatch> matches;
-  for (const auto& match : found) {
-    if (match) matches.push_back(*match);
+  for (const auto& of_feature : found) {
+    matches.insert(matches.end(), of_feature.begin(), of_feature.end());
   }
   return matches;
 }

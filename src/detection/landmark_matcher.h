@@ -14,14 +14,15 @@ namespace nerf_pose_refiner {
 struct FeatureMatch {
   int feature = 0;
   int landmark = 0;
-  /// Of its descriptor's distances to the landmark and to the next place, at most 1; 0: none of the
-  /// neighbours is of another place.
+  /// Of its descriptor's distances to the most similar landmark and to the next place, at most 1;
+  /// 0: none of the neighbours is of another place.
   float ratio = 0;
+  int rank = 0;  ///< of the landmark among those that the feature looks like; 0: the most similar
 };
 
 struct MatchingSettings {
   double other_place = 0.05;  ///< landmarks farther apart are other places [diameters]
-  int neighbours = 6;         ///< that are looked at
+  int neighbours = 6;         ///< of a feature: so many matches
   int checks = 64;            ///< leaves of the trees that a search looks at
   int threads = 0;            ///< 0: all cores; in a detector: those of its backend
 };
@@ -37,7 +38,8 @@ class LandmarkMatcher {
   ~LandmarkMatcher();
   LandmarkMatcher(LandmarkMatcher&&) noexcept;
 
-  /// @throws std::invalid_argument for features of another kind than the landmarks.
+  /// The neighbours of each feature, feature by feature. @throws std::invalid_argument for features
+  /// of another kind than the landmarks.
   std::vector<FeatureMatch> match(const ImageFeatures& features) const;
 
  private:

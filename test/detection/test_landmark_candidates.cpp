@@ -193,9 +193,9 @@ TEST_F(LandmarkCandidatesTest, MatchesAgreeWhicheverCopyOfAPlaceTheyAreOf) {
 }
 
 TEST(OddsOfLandmarks, GrowWithEachBeyondChanceUpToABound) {
-  for (const int few : {0, 1}) EXPECT_EQ(oddsOfLandmarks(few, false), 1);
-  EXPECT_EQ(oddsOfLandmarks(2, false), 3);
-  EXPECT_EQ(oddsOfLandmarks(3, false), 9);
+  for (const int few : {0, 2}) EXPECT_EQ(oddsOfLandmarks(few, false), 1);
+  EXPECT_EQ(oddsOfLandmarks(3, false), 3);
+  EXPECT_EQ(oddsOfLandmarks(4, false), 9);
   EXPECT_EQ(oddsOfLandmarks(50, false), 100);
   for (const int few : {0, 4}) EXPECT_EQ(oddsOfLandmarks(few, true), 1);
   EXPECT_EQ(oddsOfLandmarks(6, true), 4);
@@ -251,7 +251,7 @@ TEST_F(LandmarkCandidatesTest, LandmarksAreCountedWhereAPosePutsThem) {
 
 TEST_F(LandmarkCandidatesTest, LandmarksCountIfTheyLookAsThePosePutsThem) {
   const Pose pose(expSO3({0.1, 0.2, 0.3}), {0.1, 0, 4});
-  const auto countWith = [&](float size, float turn_rad, float ratio) {
+  const auto countWith = [&](float size, float turn_rad, float ratio, int rank = 0) {
     features_.clear();
     matches_.clear();
     show(pose, 0, 20);
@@ -259,14 +259,23 @@ TEST_F(LandmarkCandidatesTest, LandmarksCountIfTheyLookAsThePosePutsThem) {
       features_[i].size_px *= size;
       features_[i].angle_rad += turn_rad;
       matches_[i].ratio = ratio;
+      matches_[i].rank = rank;
     }
     return landmarksAt(pose.inverse(), {kCandidateCamera, features_, landmarks_, matches_}, object_,
                        {});
   };
   EXPECT_EQ(countWith(1.2f, 0.3f, 0.5f), 20);
   EXPECT_EQ(countWith(1, 0, 0.99f), 20) << "though they look like other places, too";
+  EXPECT_EQ(countWith(1, 0, 0.5f, 3), 20) << "though they look more like other landmarks";
   EXPECT_EQ(countWith(1, 1, 0.5f), 0) << "turned";
   EXPECT_EQ(countWith(2, 0, 0.5f), 0) << "twice as large";
+}
+
+TEST_F(LandmarkCandidatesTest, OnlyTheMostSimilarLandmarkVotes) {
+  show({expSO3({0.1, 0.2, 0.7}), {0.3, -0.2, 5}}, 0, 20);
+  ASSERT_FALSE(candidates().empty());
+  for (FeatureMatch& match : matches_) match.rank = 1;
+  EXPECT_TRUE(candidates().empty());
 }
 
 TEST_F(LandmarkCandidatesTest, SingleMatchesSpeakForPoses) {
