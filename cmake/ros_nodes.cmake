@@ -71,9 +71,9 @@ target_link_libraries(${PROJECT_NAME}_initial_pose_marker_node PRIVATE ${ros_lib
 
 # Tools that read bags need ROS. The script of the evaluation is installed beside them.
 if(CLI11_FOUND)
-  npr_add_tool(check_trust src/tools/check_trust.cpp src/tools/trust_trials.cpp)
-  npr_add_tool(evaluate_bag src/tools/bag_evaluation.cpp src/tools/evaluate_bag.cpp
-    src/tools/evaluation_files.cpp)
+  npr_add_tool(check_trust src/ros/bag/check_trust.cpp src/ros/bag/trust_trials.cpp)
+  npr_add_tool(evaluate_bag src/ros/bag/bag_evaluation.cpp src/ros/bag/evaluate_bag.cpp
+    src/ros/bag/evaluation_files.cpp)
   foreach(tool check_trust evaluate_bag)
     target_link_libraries(${PROJECT_NAME}_${tool} PRIVATE ${tools} ${ros_library})
     npr_reuse_precompiled(${PROJECT_NAME}_${tool} ${tools})

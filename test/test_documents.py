@@ -158,7 +158,8 @@ class Names(unittest.TestCase):
 
     def test_programs_and_their_options_exist(self):
         self.assertLessEqual({'train', 'evaluate_bag', 'capture_views', 'pose_refiner', 'llff_to_transforms'}, programs())
-        options = ''.join(read(path) for path in glob.glob(os.path.join(TOP, 'src', 'tools', '*.cpp')))
+        options = ''.join(read(path) for folder in ('tools', 'ros/bag')
+                          for path in glob.glob(os.path.join(TOP, 'src', folder, '*.cpp')))
         options += ''.join(read('scripts/' + name) for name in ('llff_to_transforms', 'make_board', 'photos_to_object'))
         # Of train: an option for each setting of a registration.
         for name in re.findall(r'visit\("(\w+)"', read('src/registration/registration_options.h')):

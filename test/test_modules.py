@@ -70,9 +70,8 @@ LIBRARIES = {
 # it alone.
 MODULES = {module: (uses, LIBRARIES[module]) for module, uses in modules_used().items()}
 MODULES['evaluation'] = (tuple(LIBRARIES), (EIGEN, JSON, OPENCV))
-MODULES['ros'] = (tuple(MODULES), (EIGEN, OPENCV, POSIX, ROS))
-# (Without catkin those tools are built that use no ROS.)
 MODULES['tools'] = (tuple(MODULES), (EIGEN, JSON, POSIX, CLI))
+MODULES['ros'] = (tuple(MODULES), (EIGEN, JSON, OPENCV, POSIX, CLI, ROS))
 MODULES['cuda'] = (('backend', 'field', 'geometry', 'image', 'math', 'concurrency'),
                    (EIGEN, CUDA, C_HEADERS, OPENMP))
 

@@ -1,7 +1,7 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 // What evaluate_bag measures is what the node does: on the same images, without drops, both find
 // the same poses, bit for bit.
-#include "tools/bag_evaluation.h"
+#include "ros/bag/bag_evaluation.h"
 
 #include <gtest/gtest.h>
 

@@ -4,7 +4,7 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "tools/bag_evaluation.h"
+#include "ros/bag/bag_evaluation.h"
 
 namespace nerf_pose_refiner {
 

@@ -1,5 +1,5 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "tools/evaluation_files.h"
+#include "ros/bag/evaluation_files.h"
 
 #include <cerrno>
 #include <cmath>

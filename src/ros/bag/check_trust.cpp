@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "field/object_metadata.h"
+#include "ros/bag/trust_trials.h"
 #include "tools/tool.h"
-#include "tools/trust_trials.h"
 
 // A model and recordings to how far published poses can be believed.
 

@@ -12,8 +12,8 @@
 #include "backend/backend.h"
 #include "detection/landmark_file.h"
 #include "field/object_metadata.h"
-#include "tools/bag_evaluation.h"
-#include "tools/evaluation_files.h"
+#include "ros/bag/bag_evaluation.h"
+#include "ros/bag/evaluation_files.h"
 #include "tools/refine_case.h"
 #include "tools/tool.h"
 

@@ -1,5 +1,5 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "tools/trust_trials.h"
+#include "ros/bag/trust_trials.h"
 
 #include <algorithm>
 #include <stdexcept>

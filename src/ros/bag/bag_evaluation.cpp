@@ -1,5 +1,5 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-#include "tools/bag_evaluation.h"
+#include "ros/bag/bag_evaluation.h"
 
 #include <cmath>
 #include <limits>
