@@ -73,7 +73,7 @@ class Benchmark {
         object_(field_->field().metadata),
         model_(makeModel()),
         landmarks_(model_.landmarks),
-        matcher_(landmarks_, object_.diameter, options.detection.matching),
+        matcher_(backend_.get(), landmarks_, object_, options.detection.matching),
         scores_(keyframeScoresOf(backend_.get(), *field_, {})),
         detector_(backend_.get(), field_, model_, options.detection),
         settled_(backend_.get(), field_, options.detection.keyframes),
@@ -103,7 +103,7 @@ class Benchmark {
         const PosedView& view = image.view;
         const Detections found = detector_.detect(image.observation, {}, {});
         seconds_.push_back(found.seconds);
-        add(found.times);
+        times_ += found.times;
         for (const ShownInstance& one : image.instances) {
           const double distance = (one.T_O_C.t - object_.centre).norm() / object_.diameter;
           const double width = view.camera.fx / view.camera.width / distance;
@@ -135,13 +135,6 @@ class Benchmark {
     }
     std::printf("made in %.1f s\n", secondsSince(begin));
     return detectionModelFor(*field_, settings, path, {});
-  }
-
-  void add(const DetectionTimes& times) {
-    times_.landmarks += times.landmarks;
-    times_.templates += times.templates;
-    times_.ranking += times.ranking;
-    times_.settling += times.settling;
   }
 
   void absent(const Detections& found) {
@@ -278,9 +271,11 @@ class Benchmark {
     stages_.clear();
     std::printf("median %.3f s, p95 %.3f s", percentile(seconds_, 0.5), percentile(seconds_, 0.95));
     const double searches = static_cast<double>(seconds_.size());
-    std::printf("; means: landmarks %.3f s, templates %.3f s, ranking %.3f s, settling %.3f s\n",
-                times_.landmarks / searches, times_.templates / searches, times_.ranking / searches,
-                times_.settling / searches);
+    std::printf(
+        "; means: features %.3f s, landmarks %.3f s, templates %.3f s, ranking %.3f s, settling "
+        "%.3f s\n",
+        times_.features / searches, times_.landmarks / searches, times_.templates / searches,
+        times_.ranking / searches, times_.settling / searches);
   }
 
   Options options_;

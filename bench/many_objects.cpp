@@ -65,7 +65,7 @@ struct Scene {
 /// Seconds of all objects together.
 struct Times {
   double all = 0, processor = 0, at_once = 0;
-  double landmarks = 0, templates = 0, ranking = 0, settling = 0;  // of `all`
+  DetectionTimes parts;  // of `all`
 };
 
 class Benchmark {
@@ -94,16 +94,20 @@ class Benchmark {
       all.push_back(measure(compose(static_cast<std::size_t>(image))));
       print(all.back());
     }
-    const auto median = [&](double Times::*part) {
+    const auto setMedian = [&](double* of, const auto& partOf) {
       std::vector<double> values;
-      for (const Times& one : all) values.push_back(one.*part);
-      return percentile(values, 0.5);
+      for (const Times& one : all) values.push_back(partOf(one));
+      *of = percentile(values, 0.5);
     };
     std::printf("median: ");
     Times middle;
-    for (double Times::*part : {&Times::all, &Times::processor, &Times::at_once, &Times::landmarks,
-                                &Times::templates, &Times::ranking, &Times::settling}) {
-      middle.*part = median(part);
+    for (double Times::*part : {&Times::all, &Times::processor, &Times::at_once}) {
+      setMedian(&(middle.*part), [&](const Times& one) { return one.*part; });
+    }
+    for (double DetectionTimes::*part :
+         {&DetectionTimes::features, &DetectionTimes::landmarks, &DetectionTimes::templates,
+          &DetectionTimes::ranking, &DetectionTimes::settling}) {
+      setMedian(&(middle.parts.*part), [&](const Times& one) { return one.parts.*part; });
     }
     print(middle);
     std::printf("shown objects found %d of %d; published wrong %d\n", right_, instances_, wrong_);
@@ -178,10 +182,7 @@ class Benchmark {
     for (const LookedFor& object : objects_) {
       const Detections found = object.detector->detect(scene.observation, {}, {});
       times.all += found.seconds;
-      times.landmarks += found.times.landmarks;
-      times.templates += found.times.templates;
-      times.ranking += found.times.ranking;
-      times.settling += found.times.settling;
+      times.parts += found.times;
       judge(found, object, scene);
     }
     times.processor = processorSeconds() - processor;
@@ -224,10 +225,10 @@ class Benchmark {
 
   static void print(const Times& times) {
     std::printf(
-        "%.2f s one after the other (landmarks %.2f, templates %.2f, ranking %.2f, settling %.2f; "
-        "processor %.2f), at once %.2f s\n",
-        times.all, times.landmarks, times.templates, times.ranking, times.settling, times.processor,
-        times.at_once);
+        "%.2f s one after the other (features %.3f, landmarks %.3f, templates %.2f, "
+        "ranking %.2f, settling %.2f; processor %.2f), at once %.2f s\n",
+        times.all, times.parts.features, times.parts.landmarks, times.parts.templates,
+        times.parts.ranking, times.parts.settling, times.processor, times.at_once);
     std::fflush(stdout);
   }
 

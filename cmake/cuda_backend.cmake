@@ -49,6 +49,7 @@ add_library(${npr_cuda} OBJECT
   cuda/contrast.cu
   cuda/cuda_align.cpp
   cuda/cuda_backend.cpp
+  cuda/cuda_descriptor_index.cpp
   cuda/cuda_error.cpp
   cuda/cuda_field.cpp
   cuda/cuda_frame.cpp
@@ -62,6 +63,7 @@ add_library(${npr_cuda} OBJECT
   cuda/cuda_template_matcher.cpp
   cuda/cuda_trainer.cpp
   cuda/descent_update.cu
+  cuda/descriptor_search.cu
   cuda/evaluate.cu
   cuda/gpu_memory.cpp
   cuda/hypotheses.cu

@@ -8,6 +8,7 @@
 
 #include "backend/common/template_rules.h"
 #include "backend/make_backend.h"
+#include "cuda_descriptor_index.h"
 #include "cuda_keyframe_aligner.h"
 #include "cuda_loaded_field.h"
 #include "cuda_template_matcher.h"
@@ -103,6 +104,11 @@ std::unique_ptr<TemplateMatcher> CudaBackend::makeTemplateMatcher(
   requireTemplates(*bank);
   processor_->enter();
   return std::make_unique<CudaTemplateMatcher>(processor_->device(), std::move(bank), settings);
+}
+
+std::unique_ptr<DescriptorIndex> CudaBackend::makeDescriptorIndex(const Descriptors& rows) {
+  processor_->enter();
+  return std::make_unique<CudaDescriptorIndex>(processor_->device(), rows);
 }
 
 std::unique_ptr<FieldTrainer> CudaBackend::makeTrainer(const FieldConfig& config, const Box& box,

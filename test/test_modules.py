@@ -20,6 +20,7 @@ EIGEN = r'Eigen/'
 JSON = r'nlohmann/json\.hpp'
 YAML = r'yaml-cpp/\w+\.h'
 OPENCV = r'opencv2/'
+FLANN = r'opencv2/flann\.hpp'
 CLI = r'CLI/CLI\.hpp'
 OPENMP = r'omp\.h'
 POSIX = r'(unistd|fcntl|dirent|spawn|sys/\w+)\.h'
@@ -56,7 +57,7 @@ LIBRARIES = {
     'image': (OPENCV,),
     'dataset': (EIGEN, JSON),
     'field': (EIGEN, JSON, YAML),
-    'backend': (EIGEN, SIMD, C_HEADERS),
+    'backend': (EIGEN, FLANN, SIMD, C_HEADERS),
     'views': (EIGEN,),
     'refinement': (EIGEN,),
     'detection': (EIGEN, OPENCV, C_HEADERS),

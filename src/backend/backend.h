@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "backend/cost_counters.h"
+#include "backend/descriptor_index.h"
 #include "nerf_pose_refiner/backend.h"
 
 namespace nerf_pose_refiner {
@@ -43,6 +44,11 @@ class Backend {
   /// @throws std::invalid_argument for settings that are out of range or a bank that shows nothing.
   virtual std::unique_ptr<TemplateMatcher> makeTemplateMatcher(
       std::shared_ptr<const TemplateBank> bank, const TemplateMatchSettings& settings) = 0;
+
+  /// A new index of descriptors. One thread may use it, also during other calls.
+  /// @param rows live longer. @throws std::invalid_argument for none, or for more than
+  /// DescriptorIndex::kMostColumns columns.
+  virtual std::unique_ptr<DescriptorIndex> makeDescriptorIndex(const Descriptors& rows) = 0;
 
   /// A trainer of one new field; it keeps the images.
   virtual std::unique_ptr<FieldTrainer> makeTrainer(const FieldConfig& config, const Box& box,

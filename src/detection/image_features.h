@@ -1,11 +1,11 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <Eigen/Core>
 #include <cstdint>
 #include <string>
 #include <vector>
 
+#include "backend/descriptor_index.h"
 #include "nerf_pose_refiner/image.h"
 
 namespace nerf_pose_refiner {
@@ -26,13 +26,10 @@ struct FeaturePlace {
   float angle_rad = 0;  ///< its orientation, from x to y
 };
 
-/// Descriptors of length 1, one in a row.
-using Descriptors = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-
 /// Local features of an image: places and descriptors in the same order.
 struct ImageFeatures {
   std::vector<FeaturePlace> places;
-  Descriptors descriptors;
+  Descriptors descriptors;  ///< of length 1
 
   int size() const { return static_cast<int>(places.size()); }
 };

@@ -4,13 +4,17 @@
 #include <memory>
 #include <vector>
 
+#include "backend/backend.h"
+#include "backend/descriptor_index.h"
 #include "detection/image_features.h"
 #include "detection/landmarks.h"
 #include "nerf_pose_refiner/symmetry.h"
 
 namespace nerf_pose_refiner {
 
-/// A feature of an image and the landmark that looks most like it.
+struct FieldMetadata;
+
+/// A feature of an image and a landmark that looks like it.
 struct FeatureMatch {
   int feature = 0;
   int landmark = 0;
@@ -23,33 +27,29 @@ struct FeatureMatch {
 struct MatchingSettings {
   double other_place = 0.05;  ///< landmarks farther apart are other places [diameters]
   int neighbours = 6;         ///< of a feature: so many matches
-  int checks = 64;            ///< leaves of the trees that a search looks at
-  int threads = 0;            ///< 0: all cores; in a detector: those of its backend
+
+  /// @throws std::invalid_argument naming the value that is out of range.
+  void validate() const;
 };
 
-/// Finds the landmarks that features of images look like, by a forest of randomised kd-trees
-/// (Silpa-Anan and Hartley 2008). Any thread may search.
+/// Finds the landmarks that features of images look like. One caller at a time.
 class LandmarkMatcher {
  public:
-  /// @param landmarks live longer. @param diameter of the object [model units].
-  /// @param symmetries of the object: places that look alike by them are one.
-  LandmarkMatcher(const Landmarks& landmarks, double diameter, const MatchingSettings& settings,
-                  const Symmetries& symmetries = {});
-  ~LandmarkMatcher();
-  LandmarkMatcher(LandmarkMatcher&&) noexcept;
+  /// @param landmarks live longer. @param object of them; places that look alike by its symmetries
+  /// are one. @throws std::invalid_argument for settings that are out of range.
+  LandmarkMatcher(Backend* backend, const Landmarks& landmarks, const FieldMetadata& object,
+                  const MatchingSettings& settings);
 
   /// The neighbours of each feature, feature by feature. @throws std::invalid_argument for features
   /// of another kind than the landmarks.
   std::vector<FeatureMatch> match(const ImageFeatures& features) const;
 
  private:
-  struct Trees;
-
   const Landmarks* landmarks_;
   double other_place_;  // [model units]
   Symmetries symmetries_;
   MatchingSettings settings_;
-  std::unique_ptr<Trees> trees_;  // null: there are no landmarks
+  std::unique_ptr<DescriptorIndex> index_;  // null: there are no landmarks
 };
 
 }  // namespace nerf_pose_refiner

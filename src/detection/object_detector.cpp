@@ -44,13 +44,6 @@ bool isAllowed(const Image8& allowed, const PoseVote& place) {
   return false;
 }
 
-/// With as many threads as the backend may use.
-DetectionSettings confined(DetectionSettings settings, const Backend& backend) {
-  int& threads = settings.matching.threads;
-  if (threads == 0) threads = backend.info().threads;
-  return settings;
-}
-
 /// @param budget_s 0: no limit.
 CancellationToken withBudget(const CancellationToken& cancellation,
                              std::chrono::steady_clock::time_point begin, double budget_s) {
@@ -64,6 +57,7 @@ CancellationToken withBudget(const CancellationToken& cancellation,
 
 void DetectionSettings::validate() const {
   model.validate();
+  matching.validate();
   require(features.max_features >= 1, "DetectionSettings::features.max_features",
           features.max_features);
   require(candidates.least_landmarks >= 4, "DetectionSettings::candidates.least_landmarks",
@@ -83,10 +77,9 @@ ObjectDetector::ObjectDetector(Backend* backend, std::shared_ptr<const LoadedFie
                                DetectionModel model, const DetectionSettings& settings)
     : backend_(backend),
       field_(std::move(field)),
-      settings_(confined(settings, *backend)),
+      settings_(settings),
       landmarks_(std::make_unique<const Landmarks>(std::move(model.landmarks))),
-      matcher_(*landmarks_, field_->field().metadata.diameter, settings_.matching,
-               field_->field().metadata.symmetries),
+      matcher_(backend, *landmarks_, field_->field().metadata, settings_.matching),
       refiner_(backend, field_, settings.keyframes),
       is_same_instance_(field_->field()) {
   settings_.validate();
@@ -107,14 +100,18 @@ ImageCandidates ObjectDetector::candidates(const Observation& observation, const
   }
   FeatureSettings settings = settings_.features;
   settings.kind = landmarks_->kind;
-  const auto features = SharedFeatures::ofProcess().of(luminance(coloursOf(observation, *part)),
-                                                       allowedPixels(observation, part->camera),
-                                                       settings, cancellation);
+  const auto features = timed(&result.times.features, [&] {
+    return SharedFeatures::ofProcess().of(luminance(coloursOf(observation, *part)),
+                                          allowedPixels(observation, part->camera), settings,
+                                          cancellation);
+  });
   cancellation.check();
-  result.matched.emplace(
-      MatchedImage{part->camera, features->places, *landmarks_, matcher_.match(*features)});
-  result.poses = atDistance(area, landmarkCandidates(*result.matched, field_->field().metadata,
-                                                     settings_.candidates, cancellation));
+  timed(&result.times.landmarks, [&] {
+    result.matched.emplace(
+        MatchedImage{part->camera, features->places, *landmarks_, matcher_.match(*features)});
+    result.poses = atDistance(area, landmarkCandidates(*result.matched, field_->field().metadata,
+                                                       settings_.candidates, cancellation));
+  });
   if (features->size() == 0) {
     result.message = "the image has no features";
   } else if (result.poses.empty()) {
@@ -268,9 +265,8 @@ void ObjectDetector::detectIn(const SearchArea& area, Search* search) {
   const auto part = searchedPart(search->observation.camera, area, settings_.max_image_side_px);
   if (part) search->window = part->window;
   search->odds = area.odds;
-  ImageCandidates all = timed(&detections.times.landmarks, [&] {
-    return candidates(search->observation, area, search->cancellation);
-  });
+  ImageCandidates all = candidates(search->observation, area, search->cancellation);
+  detections.times += all.times;
   if (detections.message.empty()) detections.message = all.message;
   const auto settle = [&](PoseCandidates poses) {
     all.poses = std::move(poses);

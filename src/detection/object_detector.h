@@ -45,19 +45,30 @@ struct DetectionSettings {
   void validate() const;
 };
 
+/// What the parts of a search took [s].
+struct DetectionTimes {
+  double features = 0;   ///< of the image, also to wait for another detector that finds them
+  double landmarks = 0;  ///< matches and the candidates that they lead to
+  double templates = 0;  ///< their candidates
+  double ranking = 0;    ///< of candidates by small views
+  double settling = 0;   ///< alignment of the best ones, and whether they are trusted
+
+  DetectionTimes& operator+=(const DetectionTimes& other) {
+    features += other.features;
+    landmarks += other.landmarks;
+    templates += other.templates;
+    ranking += other.ranking;
+    settling += other.settling;
+    return *this;
+  }
+};
+
 /// Poses that landmarks speak for.
 struct ImageCandidates {
   PoseCandidates poses;                 ///< best first
   std::string message;                  ///< why there is none; empty if there is one
   std::optional<MatchedImage> matched;  ///< what of the image looks like landmarks
-};
-
-/// What the parts of a search took [s].
-struct DetectionTimes {
-  double landmarks = 0;  ///< features, matches and the candidates that they lead to
-  double templates = 0;  ///< their candidates
-  double ranking = 0;    ///< of candidates by small views
-  double settling = 0;   ///< alignment of the best ones, and whether they are trusted
+  DetectionTimes times;                 ///< of features and landmarks
 };
 
 /// What came of an image.

@@ -183,6 +183,10 @@ std::unique_ptr<TemplateMatcher> SharedBackend::makeTemplateMatcher(
   return backend_->makeTemplateMatcher(std::move(bank), settings);
 }
 
+std::unique_ptr<DescriptorIndex> SharedBackend::makeDescriptorIndex(const Descriptors& rows) {
+  return backend_->makeDescriptorIndex(rows);
+}
+
 std::unique_ptr<FieldTrainer> SharedBackend::makeTrainer(const FieldConfig& config, const Box& box,
                                                          std::vector<TrainingView> views,
                                                          const TrainingPlan& plan) {

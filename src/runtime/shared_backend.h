@@ -25,10 +25,11 @@ class SharedBackend final : public Backend {
 
   BackendInfo info() const override;
   std::shared_ptr<const LoadedField> load(std::shared_ptr<const Field> field) override;
-  /// Aligners are not serialised, nor are matchers.
+  /// Aligners are not serialised, nor are matchers and indices.
   std::unique_ptr<KeyframeAligner> makeKeyframeAligner() override;
   std::unique_ptr<TemplateMatcher> makeTemplateMatcher(
       std::shared_ptr<const TemplateBank> bank, const TemplateMatchSettings& settings) override;
+  std::unique_ptr<DescriptorIndex> makeDescriptorIndex(const Descriptors& rows) override;
   /// Each step of the trainer is serialised on its own.
   std::unique_ptr<FieldTrainer> makeTrainer(const FieldConfig& config, const Box& box,
                                             std::vector<TrainingView> views,

@@ -106,6 +106,9 @@ class CountingBackend final : public Backend {
       std::shared_ptr<const TemplateBank> bank, const TemplateMatchSettings& settings) override {
     return makeCpuBackend(1)->makeTemplateMatcher(std::move(bank), settings);
   }
+  std::unique_ptr<DescriptorIndex> makeDescriptorIndex(const Descriptors& rows) override {
+    return makeCpuBackend(1)->makeDescriptorIndex(rows);
+  }
   CostCounters costs() const override { return {}; }
 
   int loads = 0;

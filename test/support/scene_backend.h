@@ -81,6 +81,9 @@ class SceneBackend final : public Backend {
       std::shared_ptr<const TemplateBank> bank, const TemplateMatchSettings& settings) override {
     return makeCpuBackend(2)->makeTemplateMatcher(std::move(bank), settings);
   }
+  std::unique_ptr<DescriptorIndex> makeDescriptorIndex(const Descriptors& rows) override {
+    return makeCpuBackend(1)->makeDescriptorIndex(rows);
+  }
   std::unique_ptr<FieldTrainer> makeTrainer(const FieldConfig&, const Box&,
                                             std::vector<TrainingView>,
                                             const TrainingPlan&) override {

@@ -53,6 +53,9 @@ class ScriptedBackend final : public Backend {
       std::shared_ptr<const TemplateBank> bank, const TemplateMatchSettings& settings) override {
     return makeCpuBackend(1)->makeTemplateMatcher(std::move(bank), settings);
   }
+  std::unique_ptr<DescriptorIndex> makeDescriptorIndex(const Descriptors& rows) override {
+    return makeCpuBackend(1)->makeDescriptorIndex(rows);
+  }
 
   CostCounters costs() const override { return {}; }
 

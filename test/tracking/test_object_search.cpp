@@ -73,6 +73,9 @@ class FailingBackend final : public Backend {
       std::shared_ptr<const TemplateBank> bank, const TemplateMatchSettings& settings) override {
     return makeCpuBackend(1)->makeTemplateMatcher(std::move(bank), settings);
   }
+  std::unique_ptr<DescriptorIndex> makeDescriptorIndex(const Descriptors& rows) override {
+    return makeCpuBackend(1)->makeDescriptorIndex(rows);
+  }
   std::unique_ptr<FieldTrainer> makeTrainer(const FieldConfig&, const Box&,
                                             std::vector<TrainingView>,
                                             const TrainingPlan&) override {

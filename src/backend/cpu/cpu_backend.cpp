@@ -4,6 +4,7 @@
 #include <stdexcept>
 
 #include "backend/common/template_rules.h"
+#include "backend/cpu/cpu_descriptor_index.h"
 #include "backend/cpu/cpu_field.h"
 #include "backend/cpu/cpu_keyframe_aligner.h"
 #include "backend/cpu/cpu_template_matcher.h"
@@ -40,6 +41,10 @@ std::unique_ptr<TemplateMatcher> CpuBackend::makeTemplateMatcher(
   requireTemplates(*bank);
   return std::make_unique<CpuTemplateMatcher>(
       std::move(bank), settings, ScanWork{processor_->threads, *processor_->template_kernels});
+}
+
+std::unique_ptr<DescriptorIndex> CpuBackend::makeDescriptorIndex(const Descriptors& rows) {
+  return std::make_unique<CpuDescriptorIndex>(rows, processor_->threads);
 }
 
 std::unique_ptr<FieldTrainer> CpuBackend::makeTrainer(const FieldConfig& config, const Box& box,

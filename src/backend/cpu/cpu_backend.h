@@ -24,6 +24,7 @@ class CpuBackend final : public Backend {
   std::unique_ptr<KeyframeAligner> makeKeyframeAligner() override;
   std::unique_ptr<TemplateMatcher> makeTemplateMatcher(
       std::shared_ptr<const TemplateBank> bank, const TemplateMatchSettings& settings) override;
+  std::unique_ptr<DescriptorIndex> makeDescriptorIndex(const Descriptors& rows) override;
   std::unique_ptr<FieldTrainer> makeTrainer(const FieldConfig& config, const Box& box,
                                             std::vector<TrainingView> views,
                                             const TrainingPlan& plan) override;
