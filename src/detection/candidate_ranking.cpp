@@ -49,7 +49,7 @@ CandidateRanking::CandidateRanking(Backend* backend, std::shared_ptr<const Loade
 void CandidateRanking::begin() {
   views_.reset();
   aligner_ = backend_->makeKeyframeAligner();
-  bank_.emplace(field_, settings_.bank);
+  bank_ = ViewBank::of(field_, settings_.bank);
   views_.emplace(aligner_.get(), settings_.bank.views,
                  ViewDistance{settings_.reach_rotation_deg * kDegree, kAnyDistance});
   is_loaded_.assign(static_cast<std::size_t>(settings_.bank.views), 0);

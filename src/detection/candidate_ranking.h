@@ -57,7 +57,7 @@ class CandidateRanking {
   KeyframeSearchSettings settings_;
   SameInstance is_same_instance_;
   std::unique_ptr<KeyframeAligner> aligner_;
-  std::optional<ViewBank> bank_;
+  std::shared_ptr<ViewBank> bank_;
   std::optional<KeyframeSet> views_;  // those of the bank that were needed
   std::vector<char> is_loaded_;       // of the bank's views: whether it is in `views_`
 };

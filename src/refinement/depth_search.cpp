@@ -18,15 +18,15 @@ bool hasMoreEvidence(const DepthFit& a, const DepthFit& b) { return a.evidence >
 }  // namespace
 
 DepthSearch::DepthSearch(std::shared_ptr<const LoadedField> field, const ViewBankSettings& bank)
-    : field_(std::move(field)), bank_(field_, bank) {}
+    : field_(std::move(field)), bank_(ViewBank::of(field_, bank)) {}
 
 const DepthSearch::SmallView& DepthSearch::nearestView(const Pose& T_O_C,
                                                        const CancellationToken& cancellation) {
   constexpr int kFine = 500, kCoarse = 150;
-  const int number = bank_.around(T_O_C, 0).front();
+  const int number = bank_->around(T_O_C, 0).front();
   const auto known = views_.find(number);
   if (known != views_.end()) return known->second;
-  const KeyframePoints& keyframe = *bank_.view(number, cancellation);
+  const KeyframePoints& keyframe = *bank_->view(number, cancellation);
   return views_
       .emplace(number,
                SmallView{depthSurfaceOf(keyframe, kFine), depthSurfaceOf(keyframe, kCoarse)})
@@ -39,7 +39,7 @@ std::vector<DepthFit> DepthSearch::around(const DepthImage& depth, const DepthPr
   constexpr int kStarts = 160;
   constexpr std::size_t kMiddle = 12, kFinalists = 4;
   const FieldMetadata& object = field_->field().metadata;
-  bank_.make(bank_.around(prior.T_O_C, 1.4 * prior.rotation_rad), cancellation);
+  bank_->make(bank_->around(prior.T_O_C, 1.4 * prior.rotation_rad), cancellation);
   std::vector<DepthFit> rough, middle;
   for (const Pose& start : posesAround(prior, object, 1, kStarts)) {
     cancellation.check();

@@ -41,7 +41,7 @@ class DepthSearch {
   const SmallView& nearestView(const Pose& T_O_C, const CancellationToken& cancellation);
 
   std::shared_ptr<const LoadedField> field_;
-  ViewBank bank_;
+  std::shared_ptr<ViewBank> bank_;
   std::map<int, SmallView> views_;                  // by their numbers in the bank
   std::shared_ptr<const KeyframePoints> keyframe_;  // that surface_ was taken from
   DepthSurface surface_;

@@ -49,17 +49,17 @@ KeyframeSearch::KeyframeSearch(Backend* backend, const std::shared_ptr<const Loa
       aligner_(backend->makeKeyframeAligner()),
       kept_(aligner_.get(), settings.max_keyframes,
             {settings.reach_rotation_deg * kDegree, settings.reach_distance}),
-      bank_(field, settings.bank),
+      bank_(ViewBank::of(field, settings.bank)),
       small_(aligner_.get(), settings.bank.views,
              {settings.reach_rotation_deg * kDegree, kAnyScale}),
       is_loaded_(settings.bank.views, 0) {}
 
 void KeyframeSearch::loadViews(const std::vector<int>& numbers,
                                const CancellationToken& cancellation) {
-  bank_.make(numbers, cancellation);
+  bank_->make(numbers, cancellation);
   for (const int number : numbers) {
     if (is_loaded_[number]) continue;
-    small_.add(bank_.view(number, cancellation));
+    small_.add(bank_->view(number, cancellation));
     is_loaded_[number] = 1;
   }
 }
@@ -215,7 +215,7 @@ HypothesisTable KeyframeSearch::around(const Observation& observation, const Pri
   constexpr std::size_t kMiddle = 32, kFinalists = 4;
   const FieldMetadata& object = field_->field().metadata;
   // A turn about each of three axes adds up to 1.7 of them.
-  const std::vector<int> sides = bank_.around(prior.T_O_C, 1.4 * prior.rotation_rad);
+  const std::vector<int> sides = bank_->around(prior.T_O_C, 1.4 * prior.rotation_rad);
   loadViews(sides, cancellation);
   const KeyframeSet::Entry* const nearest = small_.nearest(prior.T_O_C);
   if (nearest == nullptr) return {};

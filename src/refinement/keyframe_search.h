@@ -107,7 +107,7 @@ class KeyframeSearch {
   std::unique_ptr<KeyframeAligner> aligner_;
   LookedAt looked_at_;
   KeyframeSet kept_;  // as large as the object is in the images
-  ViewBank bank_;
+  std::shared_ptr<ViewBank> bank_;
   KeyframeSet small_;            // those of the bank that were asked for
   std::vector<char> is_loaded_;  // of the bank's views: whether it is in `small_`
 };

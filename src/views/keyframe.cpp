@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <stdexcept>
 #include <string>
+#include <tuple>
 #include <utility>
 
 #include "backend/common/image_levels.h"
@@ -139,6 +140,15 @@ KeyframeView levelView(const RenderedWindow& window, const FieldMetadata& object
 }
 
 }  // namespace
+
+bool operator==(const KeyframeSettings& a, const KeyframeSettings& b) {
+  const auto all = [](const KeyframeSettings& s) {
+    return std::tie(s.levels, s.max_side_px, s.rays_per_side, s.max_rays_of_side,
+                    s.finest_window_px, s.coarsest_window_px, s.max_points, s.max_outline,
+                    s.max_shown, s.min_alpha, s.max_depth_step, s.for_starts, s.grey);
+  };
+  return all(a) == all(b);
+}
 
 void KeyframeSettings::validate() const {
   require(levels >= 1 && levels <= 8, "keyframe: levels", levels);

@@ -29,6 +29,8 @@ struct KeyframeSettings {
   void validate() const;
 };
 
+bool operator==(const KeyframeSettings& a, const KeyframeSettings& b);
+
 /// Whether a keyframe of a view can be compared with its image: the object is in front of the
 /// camera, at most a few times as large as the image, and more than a few pixels wide.
 bool fitsKeyframe(const View& view, const FieldMetadata& object);

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -18,6 +19,11 @@ std::size_t bytesOf(const PointColumns& points) {
 }
 
 }  // namespace
+
+bool operator==(const ViewBankSettings& a, const ViewBankSettings& b) {
+  return a.views == b.views && a.object_px == b.object_px && a.distance == b.distance &&
+         a.keyframe == b.keyframe;
+}
 
 std::vector<View> viewsOf(const FieldMetadata& object, const ViewBankSettings& settings) {
   settings.validate();
@@ -38,6 +44,23 @@ ViewBank::ViewBank(std::shared_ptr<const LoadedField> field, const ViewBankSetti
       seen_from_(viewsOf(field_->field().metadata, settings)),
       views_(seen_from_.size()) {}
 
+std::shared_ptr<ViewBank> ViewBank::of(const std::shared_ptr<const LoadedField>& field,
+                                       const ViewBankSettings& settings) {
+  static std::mutex mutex;
+  static std::vector<std::weak_ptr<ViewBank>> banks;  // those that are in use, and past ones
+  const std::lock_guard<std::mutex> lock(mutex);
+  banks.erase(std::remove_if(banks.begin(), banks.end(),
+                             [](const std::weak_ptr<ViewBank>& bank) { return bank.expired(); }),
+              banks.end());
+  for (const std::weak_ptr<ViewBank>& one : banks) {
+    const std::shared_ptr<ViewBank> bank = one.lock();
+    if (bank && bank->field_ == field && bank->settings_ == settings) return bank;
+  }
+  const auto bank = std::make_shared<ViewBank>(field, settings);
+  banks.push_back(bank);
+  return bank;
+}
+
 std::vector<int> ViewBank::around(const Pose& T_O_C, double angle_rad) const {
   const Eigen::Vector3d sight = (T_O_C.t - field_->field().metadata.centre).normalized();
   const auto cosine = [&](int i) { return -seen_from_[i].T_O_C.R.col(2).dot(sight); };
@@ -51,28 +74,42 @@ std::vector<int> ViewBank::around(const Pose& T_O_C, double angle_rad) const {
   return numbers;
 }
 
+/// Two threads that need a view at the same time may both render it: the first one's stays.
 void ViewBank::make(const std::vector<int>& numbers, const CancellationToken& cancellation) {
   std::vector<int> missing;
   std::vector<View> views;
-  for (const int number : numbers) {
-    if (views_.at(number)) continue;
-    missing.push_back(number);
-    views.push_back(seen_from_[number]);
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    for (const int number : numbers) {
+      if (views_.at(number)) continue;
+      missing.push_back(number);
+      views.push_back(seen_from_[number]);
+    }
   }
   std::vector<KeyframePoints> made =
       renderKeyframes(*field_, views, settings_.keyframe, cancellation);
+  const std::lock_guard<std::mutex> lock(mutex_);
   for (std::size_t i = 0; i < made.size(); ++i) {
-    views_[missing[i]] = std::make_shared<const KeyframePoints>(std::move(made[i]));
+    std::shared_ptr<const KeyframePoints>& view = views_[missing[i]];
+    if (!view) view = std::make_shared<const KeyframePoints>(std::move(made[i]));
   }
 }
 
 std::shared_ptr<const KeyframePoints> ViewBank::view(int number,
                                                      const CancellationToken& cancellation) {
   make({number}, cancellation);
+  const std::lock_guard<std::mutex> lock(mutex_);
   return views_[number];
 }
 
+int ViewBank::made() const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  const auto missing = std::count(views_.begin(), views_.end(), nullptr);
+  return static_cast<int>(static_cast<std::ptrdiff_t>(views_.size()) - missing);
+}
+
 std::size_t ViewBank::memory_bytes() const {
+  const std::lock_guard<std::mutex> lock(mutex_);
   std::size_t bytes = 0;
   for (const auto& view : views_) bytes += view ? memoryBytes(*view) : 0;
   return bytes;

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <memory>
+#include <mutex>
 #include <vector>
 
 #include "backend/keyframe_points.h"
@@ -37,18 +38,27 @@ struct ViewBankSettings {
   void validate() const;
 };
 
+bool operator==(const ViewBankSettings& a, const ViewBankSettings& b);
+
 /// What a bank's keyframes show, in its order. @throws std::invalid_argument as `validate`.
 std::vector<View> viewsOf(const FieldMetadata& object, const ViewBankSettings& settings);
 
 /// Small keyframes of an object from all sides, with which a search begins. Each is rendered on
-/// first use. Not thread-safe.
+/// first use. Any thread may use it if its field may be.
 class ViewBank {
  public:
   ViewBank(std::shared_ptr<const LoadedField> field, const ViewBankSettings& settings);
 
+  /// The bank that others of this process use already for the same field with the same settings, or
+  /// else a new one.
+  static std::shared_ptr<ViewBank> of(const std::shared_ptr<const LoadedField>& field,
+                                      const ViewBankSettings& settings);
+
   /// Indices of the views whose line of sight to the object's centre differs from that of a pose by
   /// at most an angle; at least the nearest one.
   std::vector<int> around(const Pose& T_O_C, double angle_rad) const;
+
+  int size() const { return static_cast<int>(seen_from_.size()); }
 
   /// Renders those of these views that were not yet. @throws Cancelled.
   void make(const std::vector<int>& numbers, const CancellationToken& cancellation);
@@ -56,13 +66,18 @@ class ViewBank {
   /// A view, which is rendered on first use. @throws Cancelled.
   std::shared_ptr<const KeyframePoints> view(int number, const CancellationToken& cancellation);
 
-  /// Memory of the views rendered so far.
+  /// Number of the views rendered so far.
+  int made() const;
+
+  /// Memory of them.
   std::size_t memory_bytes() const;
 
  private:
   std::shared_ptr<const LoadedField> field_;
   ViewBankSettings settings_;
   std::vector<View> seen_from_;
+
+  mutable std::mutex mutex_;                                  // guards what follows
   std::vector<std::shared_ptr<const KeyframePoints>> views_;  // null: not rendered yet
 };
 

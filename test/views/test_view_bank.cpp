@@ -6,6 +6,8 @@
 #include <cmath>
 #include <set>
 #include <stdexcept>
+#include <thread>
+#include <vector>
 
 #include "backend/loaded_field.h"
 #include "math/angle.h"
@@ -67,6 +69,34 @@ TEST_F(ViewBankTest, MakesSeveralAtOnce) {
   ViewBank other(scene_, ViewBankSettings());
   EXPECT_EQ(bank_.view(5, {})->levels[0].chosen.x, other.view(5, {})->levels[0].chosen.x);
   EXPECT_EQ(bank_.memory_bytes(), bytes);  // nothing was made again
+}
+
+TEST_F(ViewBankTest, IsSharedByThoseWhoWantTheSame) {
+  const auto first = ViewBank::of(scene_, ViewBankSettings());
+  EXPECT_EQ(ViewBank::of(scene_, ViewBankSettings()), first);
+  ViewBankSettings grey, far;
+  grey.keyframe.grey = true;
+  far.distance = 5;
+  EXPECT_NE(ViewBank::of(scene_, grey), first);
+  EXPECT_NE(ViewBank::of(scene_, far), first);
+  EXPECT_NE(ViewBank::of(makeAnalyticScene(1, cpuProcessor(1)), ViewBankSettings()), first);
+}
+
+TEST_F(ViewBankTest, IsGivenUpWithItsLastUser) {
+  ViewBank::of(scene_, ViewBankSettings())->make({1}, {});
+  EXPECT_EQ(ViewBank::of(scene_, ViewBankSettings())->made(), 0);
+}
+
+TEST_F(ViewBankTest, ThreadsGetTheSameViews) {
+  std::vector<std::shared_ptr<const KeyframePoints>> one(8), other(8);
+  const auto takeAll = [&](auto* views) {
+    for (int number = 0; number < 8; ++number) (*views)[number] = bank_.view(number, {});
+  };
+  std::thread beside([&] { takeAll(&other); });
+  takeAll(&one);
+  beside.join();
+  EXPECT_EQ(one, other);
+  EXPECT_EQ(bank_.made(), 8);
 }
 
 TEST_F(ViewBankTest, CanBeCancelled) {
