@@ -7,6 +7,7 @@
 
 #include "backend/backend_lost.h"
 #include "concurrency/thread_priority.h"
+#include "refinement/grey_image.h"
 #include "refinement/plan.h"
 #include "refinement/pose_probability.h"
 #include "trust/keyframe_scores.h"
@@ -46,6 +47,7 @@ void RefinerSearch::use(std::shared_ptr<const Field> field) {
     processor_ = find_processor_();
     configure(initial_settings_, tracking_settings_);
   }
+  filler_.reset();
   keyframes_.reset();
   scores_.reset();
   look_alikes_.reset();
@@ -122,6 +124,7 @@ Refinement RefinerSearch::search(const SearchRequest& request,
 void RefinerSearch::replaceProcessor(const std::shared_ptr<const Field>& field) {
   SearchProcessor another = find_processor_();  // before anything is given up: it may find none
   std::shared_ptr<const LoadedField> loaded = another.backend->load(field);
+  filler_.reset();
   keyframes_.reset();
   detector_.reset();
   field_ = std::move(loaded);
@@ -131,6 +134,7 @@ void RefinerSearch::replaceProcessor(const std::shared_ptr<const Field>& field) 
 
 Refinement RefinerSearch::searchOnce(const SearchRequest& request,
                                      const CancellationToken& cancellation) {
+  const ViewBankFiller::Pause pause(request.tracked ? nullptr : filler_.get());
   Refinement result = find(request, cancellation);
   const bool has_mask = request.observation.background == Background::kMask;
   if (has_mask && result.outcome == Outcome::kRefined) {
@@ -265,9 +269,15 @@ Refinement RefinerSearch::detectOnce(const Observation& observation, double trus
   if (keyframes_) keyframes_->waitForRenderings(cancellation);
   if (!detector_) beginDetection(cancellation);
   detector_->setTrustScore(trust_score);
+  const ViewBankFiller::Pause pause(filler_.get());
   // Objects that are tracked meanwhile, by other threads, need their few milliseconds at once.
   const Detections detections =
       callInBackground([&] { return detector_->detect(observation, {}, cancellation); });
+  if (!filler_) {
+    ViewBankSettings bank = detection_.settings.keyframes.bank;
+    bank.keyframe.grey = isGrey(observation).value_or(false);
+    filler_ = std::make_unique<ViewBankFiller>(ViewBank::of(field_, bank));
+  }
   Refinement best;  // diverged
   if (!detections.found.empty()) best = detections.found.front();
   best.seconds = detections.seconds;

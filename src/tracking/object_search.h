@@ -13,6 +13,7 @@
 #include "detection/object_detector.h"
 #include "refinement/field_refiner.h"
 #include "refinement/keyframe_refiner.h"
+#include "views/view_bank_filler.h"
 
 namespace nerf_pose_refiner {
 
@@ -75,7 +76,8 @@ struct DetectionSetup {
 /// that.
 class RefinerSearch : public ObjectSearch {
  public:
-  /// @param find_processor called when the first object is set, and when its processor was lost.
+  /// @param find_processor called when the first object is set, and when its processor was lost;
+  /// its backend may be used by several threads.
   RefinerSearch(ProcessorFactory find_processor, const RefinerSettings& initial,
                 const RefinerSettings& tracking, DetectionSetup detection = {});
 
@@ -83,7 +85,8 @@ class RefinerSearch : public ObjectSearch {
   void use(std::shared_ptr<const Field> field) override;
   void configure(const RefinerSettings& initial, const RefinerSettings& tracking) override;
   Refinement search(const SearchRequest& request, const CancellationToken& cancellation) override;
-  /// The first time for an object, its landmarks may have to be made.
+  /// The first time for an object, its landmarks may have to be made. From then on the small views
+  /// of it that searches need are rendered beside them.
   Refinement detect(const Observation& observation, double trust_score,
                     const CancellationToken& cancellation) override;
 
@@ -119,6 +122,7 @@ class RefinerSearch : public ObjectSearch {
   std::optional<KeyframeRefiner> keyframes_;  ///< of field_; created on first use
   DetectionSetup detection_;
   std::unique_ptr<ObjectDetector> detector_;  ///< of field_; null: not asked for yet
+  std::unique_ptr<ViewBankFiller> filler_;    ///< of the views that rank its candidates
 };
 
 }  // namespace nerf_pose_refiner

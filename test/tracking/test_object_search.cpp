@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <future>
 #include <stdexcept>
+#include <thread>
 #include <vector>
 
 #include "backend/backend_lost.h"
@@ -331,6 +332,13 @@ TEST_F(SearchWithLandmarks, FindsWhatTheSearchAloneIsNotSureOf) {
   const Refinement sure = found(joined, hint());
   EXPECT_GE(sure.score, 0.9);
   EXPECT_LT(rotationDistance(sure.T_O_C.R, truth_.R), 0.02);
+}
+
+TEST_F(SearchWithLandmarks, RendersSmallViewsBesideSearches) {
+  const auto search = inUse();
+  const auto bank = ViewBank::of(scene_, DetectionSettings().keyframes.bank);
+  search->detect(image_, 0.9, {});
+  while (bank->made() < bank->size()) std::this_thread::yield();  // nobody asks for them
 }
 
 TEST_F(SearchWithLandmarks, LeavesOutWhatTheHintExcludes) {
