@@ -99,6 +99,9 @@ class ObjectDetector {
   /// Tells poses apart that look like these, in place of the object's own.
   void use(const LookAlikes& look_alikes) { refiner_.use(look_alikes); }
 
+  /// Whether the object is looked for by templates, too, at each distance that an area leaves.
+  bool usesTemplates() const { return templates_.has_value(); }
+
   /// Poses that landmarks speak for, in the part of the image that the area and the observation's
   /// mask leave. @throws as `detect`.
   ImageCandidates candidates(const Observation& observation, const SearchArea& area,

@@ -52,6 +52,7 @@ void RefinerSearch::use(std::shared_ptr<const Field> field) {
   scores_.reset();
   look_alikes_.reset();
   detector_.reset();
+  last_distance_.reset();
   try {
     field_ = processor_.backend->load(field);
     prepare();
@@ -135,6 +136,8 @@ void RefinerSearch::replaceProcessor(const std::shared_ptr<const Field>& field) 
 Refinement RefinerSearch::searchOnce(const SearchRequest& request,
                                      const CancellationToken& cancellation) {
   const ViewBankFiller::Pause pause(request.tracked ? nullptr : filler_.get());
+  last_distance_ = (request.prior.T_O_C.t - field_->field().metadata.centre).norm();
+  if (request.tracked) detections_ = 0;
   Refinement result = find(request, cancellation);
   const bool has_mask = request.observation.background == Background::kMask;
   if (has_mask && result.outcome == Outcome::kRefined) {
@@ -255,6 +258,15 @@ void RefinerSearch::beginDetection(const CancellationToken& cancellation) {
   detector_->use(look_alikes);
 }
 
+/// Where detection looks: the object may come back nearer or farther away, but more often does not.
+SearchArea RefinerSearch::nextArea() {
+  constexpr int kEverywhere = 3;  // every so many-th image
+  SearchArea area;
+  const bool is_everywhere = ++detections_ % kEverywhere == 0;
+  if (detector_->usesTemplates() && !is_everywhere) area.distance = last_distance_;
+  return area;
+}
+
 Refinement RefinerSearch::detect(const Observation& observation, double trust_score,
                                  const CancellationToken& cancellation) {
   return onProcessor([&] { return detectOnce(observation, trust_score, cancellation); },
@@ -272,7 +284,7 @@ Refinement RefinerSearch::detectOnce(const Observation& observation, double trus
   const ViewBankFiller::Pause pause(filler_.get());
   // Objects that are tracked meanwhile, by other threads, need their few milliseconds at once.
   const Detections detections =
-      callInBackground([&] { return detector_->detect(observation, {}, cancellation); });
+      callInBackground([&] { return detector_->detect(observation, nextArea(), cancellation); });
   if (!filler_) {
     ViewBankSettings bank = detection_.settings.keyframes.bank;
     bank.keyframe.grey = isGrey(observation).value_or(false);

@@ -62,7 +62,7 @@ class DescribedScene final : public LoadedField {
 };
 
 /// Has one scene, whatever is loaded.
-class SceneBackend final : public Backend {
+class SceneBackend : public Backend {
  public:
   /// @param memory_bytes what it says of its own memory, @see BackendInfo.
   explicit SceneBackend(std::shared_ptr<const LoadedField> scene, std::size_t memory_bytes = 0)

@@ -17,6 +17,7 @@
 #include "backend/pose_solver.h"
 #include "backend/template_matcher.h"
 #include "backend/training.h"
+#include "evaluation/clutter.h"
 #include "support/analytic_scene.h"
 #include "support/cpu_processor.h"
 #include "support/revolved_scene.h"
@@ -279,6 +280,69 @@ TEST_F(FirstSearch, MeasuresAnOldModelOnlyWhereItCanBeCancelled) {
   const auto scene = sceneOf(false);
   const auto search = searchBy(scene, 1 << 30);
   EXPECT_EQ(renderingsOfUse(scene, search.get()), 0);
+}
+
+/// Finds no template anywhere, and notes at which distances it looked.
+class NotingBackend final : public SceneBackend {
+ public:
+  using SceneBackend::SceneBackend;
+
+  std::unique_ptr<TemplateMatcher> makeTemplateMatcher(std::shared_ptr<const TemplateBank>,
+                                                       const TemplateMatchSettings&) override {
+    return std::make_unique<Matcher>(&distances);
+  }
+
+  std::vector<double> distances;  ///< that were looked at last [diameters]
+
+ private:
+  class Matcher final : public TemplateMatcher {
+   public:
+    explicit Matcher(std::vector<double>* distances) : distances_(distances) {}
+    TemplateMatches match(const Image&, const Camera&, const std::vector<double>& distances,
+                          const CancellationToken&) override {
+      *distances_ = distances;
+      return {};
+    }
+
+   private:
+    std::vector<double>* distances_;
+  };
+};
+
+TEST(RefinerSearch, LooksForAPlainObjectAtItsLastDistanceMoreOften) {
+  const auto plain = makeAnalyticScene(1, cpuProcessor(2));
+  const auto scene = std::make_shared<DescribedScene>(plain, judged(plain->field().metadata));
+  const auto backend = std::make_shared<NotingBackend>(scene);
+  const RefinerSettings settings = RefinerSettings::named("keyframes");
+  DetectionSetup detection;
+  detection.settings.model.plain_landmarks = 1 << 30;
+  RefinerSearch search([&] { return SearchProcessor{backend}; }, settings, settings, detection);
+  search.use(std::make_shared<const Field>(scene->field()));
+  Prior prior;
+  prior.T_O_C = cameraAround(*scene, 0.6, 0.5);
+  const Observation shown = sceneBeforeClutter(*scene, kCamera, prior.T_O_C);
+  Observation gone = shown;
+  gone.image = clutter(kCamera.width, kCamera.height, 3);
+  const auto looksAt = [&](const Observation& image) {
+    search.detect(image, 0.9, {});
+    return std::make_pair(backend->distances.front(), backend->distances.back());
+  };
+
+  const auto everywhere = looksAt(gone);  // nothing is known yet
+  const FieldMetadata& object = scene->field().metadata;
+  const double last = (prior.T_O_C.t - object.centre).norm() / object.diameter;
+  for (int round = 0; round < 2; ++round) {
+    EXPECT_EQ(search.search({shown, prior, true, round}, {}).outcome, Outcome::kRefined);
+    for (int image = 0; image < 2; ++image) {
+      const auto [nearest, farthest] = looksAt(gone);
+      EXPECT_NEAR(nearest, last / SearchArea::kDistanceRatio, 1e-6);
+      EXPECT_GE(farthest, last * SearchArea::kDistanceRatio / 1.2);
+      EXPECT_LE(farthest, last * SearchArea::kDistanceRatio * 1.2);
+      // The search around the last pose does not begin this anew.
+      search.search({gone, prior, false, round}, {});
+    }
+    EXPECT_EQ(looksAt(gone), everywhere);
+  }
 }
 
 // Landmarks decide where a search from a hint is not sure.
