@@ -39,7 +39,7 @@ struct SearchSettings {
 /// When a track begins, continues and ends.
 struct TrackingRules {
   TrackStart start = TrackStart::kInitialPose;
-  double detect_rate_hz = 3;  ///< > 0: images per second, by their stamps, that detection looks at
+  double detect_rate_hz = 30;  ///< > 0: images per second, by stamps, that detection looks at
   /// Fraction of the time that detection takes, > 0, at most 1; infinite: the rate alone counts.
   double detect_share = 0.7;
   double trust_score = 0.9;  ///< 0..1: score at which a track begins
