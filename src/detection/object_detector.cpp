@@ -120,6 +120,15 @@ ImageCandidates ObjectDetector::candidates(const Observation& observation, const
   return result;
 }
 
+double ObjectDetector::oddsAt(const Pose& T_O_C, const MatchedImage& matched) const {
+  return oddsOfLandmarks(
+      landmarksAt(T_O_C, matched, field_->field().metadata, settings_.candidates), usesTemplates());
+}
+
+void ObjectDetector::weigh(const MatchedImage& matched, Refinement* pose) const {
+  if (pose->outcome == Outcome::kRefined) changeOdds(oddsAt(pose->T_O_C, matched), pose);
+}
+
 /// Those of the distances that an area leaves.
 PoseCandidates ObjectDetector::atDistance(const SearchArea& area, PoseCandidates candidates) const {
   const FieldMetadata& object = field_->field().metadata;
@@ -212,7 +221,6 @@ PoseCandidates ObjectDetector::singleMatches(const MatchedImage& matched, const 
 /// Aligns what may be the same instance as the best candidate, and takes it from the list.
 /// Landmarks speak for the pose that the image leads to, whatever it was found by.
 Refinement ObjectDetector::takeBest(ImageCandidates* candidates, const Search& search) {
-  const FieldMetadata& object = field_->field().metadata;
   PoseCandidates& poses = candidates->poses;
   const Pose best = poses.front().T_O_C;
   const auto same = std::stable_partition(
@@ -224,10 +232,7 @@ Refinement ObjectDetector::takeBest(ImageCandidates* candidates, const Search& s
   }
   poses.erase(same, poses.end());
   const auto odds = [&](const Pose& T_O_C) {
-    if (!candidates->matched) return search.odds;
-    return search.odds *
-           oddsOfLandmarks(landmarksAt(T_O_C, *candidates->matched, object, settings_.candidates),
-                           templates_.has_value());
+    return search.odds * (candidates->matched ? oddsAt(T_O_C, *candidates->matched) : 1);
   };
   const Refinement found =
       refiner_.settle({search.observation, 0}, rough, odds, search.cancellation);

@@ -107,6 +107,10 @@ class ObjectDetector {
   ImageCandidates candidates(const Observation& observation, const SearchArea& area,
                              const CancellationToken& cancellation) const;
 
+  /// Makes a pose that was found without landmarks likelier by those that agree with it.
+  /// @param matched of the same image.
+  void weigh(const MatchedImage& matched, Refinement* pose) const;
+
   /// Poses that templates speak for, in the same part; none without templates.
   /// @throws as `detect`.
   PoseCandidates templateCandidates(const Observation& observation, const SearchArea& area,
@@ -121,6 +125,7 @@ class ObjectDetector {
  private:
   struct Search;
 
+  double oddsAt(const Pose& T_O_C, const MatchedImage& matched) const;
   PoseCandidates atDistance(const SearchArea& area, PoseCandidates candidates) const;
   PoseCandidates ranked(PoseCandidates candidates, int most, Search* search);
   PoseCandidates singleMatches(const MatchedImage& matched, const SearchArea& area, Search* search);

@@ -206,10 +206,8 @@ Refinement KeyframeRefiner::settle(const TimedObservation& image,
       cancellation);
   if (result.outcome != Outcome::kRefined) return result;
   remember(image.stamp_ns, result.T_O_C);
-  const double found = *result.found_probability;
   const double of_start = oddsOfStart(result.T_O_C, rough_T_O_C, field_->field().metadata);
-  result.found_probability = withOdds(found, of_start * (odds ? odds(result.T_O_C) : 1));
-  result.score *= found > 0 ? *result.found_probability / found : 0;
+  changeOdds(of_start * (odds ? odds(result.T_O_C) : 1), &result);
   holdTrack(result);
   return result;
 }

@@ -96,6 +96,13 @@ double withOdds(double probability, double odds) {
   return probability * odds / (probability * odds + (1 - probability));
 }
 
+void changeOdds(double odds, Refinement* refined) {
+  const double before = refined->found_probability.value_or(refined->score);
+  const double after = withOdds(before, odds);
+  refined->found_probability = after;
+  refined->score *= before > 0 ? after / before : 0;
+}
+
 double withinProbability(const Matrix6& of_twist, const FieldMetadata& object) {
   constexpr double kRotation_rad = 5 * M_PI / 180, kOffset = 0.05;
   // A turn about a free axis of symmetry is no error.

@@ -49,6 +49,9 @@ double priorOdds(const Pose& T_O_C, const Prior& prior, const FieldMetadata& obj
 /// A probability after evidence that changes the odds by a factor.
 double withOdds(double probability, double odds);
 
+/// The same of a pose that was refined: of how likely it was found, and of its score.
+void changeOdds(double odds, Refinement* refined);
+
 /// How likely a pose is within 5 degrees and 5 % of the diameter if its errors have a covariance.
 /// @param of_twist @see poseCovariance.
 double withinProbability(const Matrix6& of_twist, const FieldMetadata& object);

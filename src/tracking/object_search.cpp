@@ -173,12 +173,9 @@ Refinement RefinerSearch::find(const SearchRequest& request,
   const RefinerSettings& settings = request.tracked ? tracking_settings_ : initial_settings_;
   if (settings.method == Method::kKeyframes) {
     if (!keyframes_) beginKeyframes(cancellation);
-    const TimedObservation image = {request.observation, request.stamp_ns};
-    if (request.tracked) return keyframes_->follow(image, request.prior, cancellation);
-    const Refinement found =
-        keyframes_->find(image, request.prior, cancellation, candidatesNear(request, cancellation));
-    return detector_ && found.outcome != Outcome::kCancelled ? surer(found, request, cancellation)
-                                                             : found;
+    return request.tracked ? keyframes_->follow({request.observation, request.stamp_ns},
+                                                request.prior, cancellation)
+                           : findByKeyframes(request, cancellation);
   }
   if (request.observation.isDepthAlone()) {
     Refinement nothing =
@@ -200,16 +197,29 @@ Refinement RefinerSearch::find(const SearchRequest& request,
   return found;
 }
 
-/// Poses that landmarks speak for and that agree with the prior; none while there are no landmarks.
-std::vector<Pose> RefinerSearch::candidatesNear(const SearchRequest& request,
-                                                const CancellationToken& cancellation) const {
-  std::vector<Pose> near;
-  if (!detector_ || request.observation.isDepthAlone()) return near;
+/// Landmarks, once there are some, have their say: poses that they speak for join the search's own,
+/// and what is found is the likelier the more of them agree with it.
+Refinement RefinerSearch::findByKeyframes(const SearchRequest& request,
+                                          const CancellationToken& cancellation) {
+  const bool sees_landmarks = detector_ && !request.observation.isDepthAlone();
+  const ImageCandidates seen = sees_landmarks
+                                   ? detector_->candidates(request.observation, {}, cancellation)
+                                   : ImageCandidates();
+  Refinement found = keyframes_->find({request.observation, request.stamp_ns}, request.prior,
+                                      cancellation, posesNear(request.prior, seen.poses));
+  if (!detector_ || found.outcome == Outcome::kCancelled) return found;
+  if (seen.matched) detector_->weigh(*seen.matched, &found);
+  return surer(found, request, cancellation);
+}
+
+/// Those candidates that agree with a prior.
+std::vector<Pose> RefinerSearch::posesNear(const Prior& prior,
+                                           const PoseCandidates& candidates) const {
   const FieldMetadata& object = field_->field().metadata;
-  for (const PoseCandidate& candidate :
-       detector_->candidates(request.observation, {}, cancellation).poses) {
-    const Pose pose = nearestEquivalent(candidate.T_O_C, request.prior.T_O_C, object.symmetries);
-    if (isWithin(request.prior, pose, object)) near.push_back(pose);
+  std::vector<Pose> near;
+  for (const PoseCandidate& candidate : candidates) {
+    const Pose pose = nearestEquivalent(candidate.T_O_C, prior.T_O_C, object.symmetries);
+    if (isWithin(prior, pose, object)) near.push_back(pose);
   }
   return near;
 }

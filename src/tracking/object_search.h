@@ -103,12 +103,12 @@ class RefinerSearch : public ObjectSearch {
   SearchArea nextArea();
   Refinement detectOnce(const Observation& observation, double trust_score,
                         const CancellationToken& cancellation);
+  Refinement findByKeyframes(const SearchRequest& request, const CancellationToken& cancellation);
   Refinement surer(const Refinement& found, const SearchRequest& request,
                    const CancellationToken& cancellation);
   Refinement searchOnce(const SearchRequest& request, const CancellationToken& cancellation);
   void replaceProcessor(const std::shared_ptr<const Field>& field);
-  std::vector<Pose> candidatesNear(const SearchRequest& request,
-                                   const CancellationToken& cancellation) const;
+  std::vector<Pose> posesNear(const Prior& prior, const PoseCandidates& candidates) const;
 
   ProcessorFactory find_processor_;
   RefinerSettings initial_settings_;

@@ -120,6 +120,24 @@ TEST_F(ObjectDetectorTest, FindsItByASingleMatchWhereTooFewAgree) {
   EXPECT_TRUE(without.detect(observed(imageOf(truth_)), {}, {}).found.empty());
 }
 
+TEST_F(ObjectDetectorTest, LandmarksWeighAPoseThatWasFoundOtherwise) {
+  const ImageCandidates seen = detector_.candidates(observed(imageOf(truth_)), {}, {});
+  ASSERT_TRUE(seen.matched);
+  const auto weighed = [&](const Pose& T_O_C, Outcome outcome) {
+    Refinement pose;
+    pose.outcome = outcome;
+    pose.T_O_C = T_O_C;
+    pose.found_probability = 0.5;
+    pose.score = 0.4;
+    detector_.weigh(*seen.matched, &pose);
+    return pose.score;
+  };
+  EXPECT_NEAR(weighed(truth_, Outcome::kRefined), 0.8 * 100 / 101, 1e-6) << "as much as they may";
+  const Pose elsewhere = cameraAround(*scene_, 2.5, -0.2);
+  EXPECT_NEAR(weighed(elsewhere, Outcome::kRefined), 0.4, 1e-6) << "where none agree";
+  EXPECT_EQ(weighed(truth_, Outcome::kDiverged), 0.4) << "there is no pose";
+}
+
 TEST_F(ObjectDetectorTest, KeepsInstancesApart) {
   const Pose left = cameraAround(*scene_, 0.6, 0.5, 5), right = cameraAround(*scene_, 2.0, 0.3, 5);
   const auto moved = [&](const Pose& pose, double across) -> Pose {

@@ -91,6 +91,19 @@ TEST(WithOdds, MultipliesThem) {
   EXPECT_EQ(withOdds(0, 20), 0);
 }
 
+TEST(ChangeOdds, KeepsWhatTheCovarianceTakesFromTheScore) {
+  Refinement refined;
+  refined.found_probability = 0.5;
+  refined.score = 0.4;  // within 5 degrees in four of five cases
+  changeOdds(3, &refined);
+  EXPECT_DOUBLE_EQ(*refined.found_probability, 0.75);
+  EXPECT_DOUBLE_EQ(refined.score, 0.6);
+  Refinement impossible;
+  impossible.found_probability = impossible.score = 0;
+  changeOdds(100, &impossible);
+  EXPECT_EQ(impossible.score, 0);
+}
+
 TEST_F(PriorOdds, AreUnchangedWithinReach) {
   EXPECT_EQ(at({0, 0, 0}, {0, 0, 0}), 1);
   EXPECT_EQ(at({0, 29 * kDegree, 0}, {0.59, 0, 0}), 1);
