@@ -209,7 +209,9 @@ Refinement RefinerSearch::findByKeyframes(const SearchRequest& request,
                                       cancellation, posesNear(request.prior, seen.poses));
   if (!detector_ || found.outcome == Outcome::kCancelled) return found;
   if (seen.matched) detector_->weigh(*seen.matched, &found);
-  return surer(found, request, cancellation);
+  // A lost object with texture is found as soon in the whole of another image.
+  const bool is_enough = request.recovering && !detector_->usesTemplates();
+  return is_enough ? found : surer(found, request, cancellation);
 }
 
 /// Those candidates that agree with a prior.

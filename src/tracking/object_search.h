@@ -23,6 +23,7 @@ struct SearchRequest {
   Prior prior;
   bool tracked = false;       ///< the prior is the pose in the image before
   std::int64_t stamp_ns = 0;  ///< time of the image
+  bool recovering = false;    ///< the prior is where the object was lost
 };
 
 /// Finds the object in an image. An interface, so that tests can replace it. Not thread-safe.

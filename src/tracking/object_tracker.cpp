@@ -317,10 +317,11 @@ void ObjectTracker::refine(const TrackerImage& image, const ImageDecision& decis
   window_.addTo(image.at.stamp_ns, own.get());
   result->observation = std::move(own);
   const Observation& observation = *result->observation;
-  result->refinement =
-      decision.detect ? search_->detect(observation, settings_.rules.trust_score, image.cancel)
-                      : search_->search({observation, *result->prior, tracked, image.at.stamp_ns},
-                                        image.cancel);
+  result->refinement = decision.detect
+                           ? search_->detect(observation, settings_.rules.trust_score, image.cancel)
+                           : search_->search({observation, *result->prior, tracked,
+                                              image.at.stamp_ns, decision.recovering},
+                                             image.cancel);
   conclude(decision, image.at.stamp_ns, result);
   if (result->trusted) {
     window_.learn(observation, image.at.stamp_ns, field_->metadata, result->refinement);

@@ -414,5 +414,51 @@ TEST_F(SearchWithLandmarks, LeavesOutWhatTheHintExcludes) {
   EXPECT_GT(rotationDistance(found(search, other).T_O_C.R, truth_.R), 0.5);
 }
 
+/// Counts how often features are compared with landmarks.
+class CountingBackend final : public SceneBackend {
+ public:
+  using SceneBackend::SceneBackend;
+
+  std::unique_ptr<DescriptorIndex> makeDescriptorIndex(const Descriptors& rows) override {
+    return std::make_unique<Index>(SceneBackend::makeDescriptorIndex(rows), &comparisons);
+  }
+
+  int comparisons = 0;
+
+ private:
+  class Index final : public DescriptorIndex {
+   public:
+    Index(std::unique_ptr<DescriptorIndex> index, int* comparisons)
+        : index_(std::move(index)), comparisons_(comparisons) {}
+    std::vector<Neighbour> nearest(const Descriptors& queries, int count) override {
+      ++*comparisons_;
+      return index_->nearest(queries, count);
+    }
+
+   private:
+    std::unique_ptr<DescriptorIndex> index_;
+    int* comparisons_;
+  };
+};
+
+TEST_F(SearchWithLandmarks, LeavesASecondLookToOtherImagesWhileRecovering) {
+  const auto backend = std::make_shared<CountingBackend>(scene_);
+  const RefinerSettings settings = RefinerSettings::named("keyframes");
+  DetectionSetup textured;
+  textured.settings.model.plain_landmarks = 0;
+  RefinerSearch search([&] { return SearchProcessor{backend}; }, settings, settings, textured);
+  search.use(std::make_shared<const Field>(scene_->field()));
+  Observation gone = image_;
+  gone.image = clutter(kLarge.width, kLarge.height, 3);
+  search.detect(gone, 0.9, {});
+  const auto comparisonsOf = [&](bool recovering) {
+    const int before = backend->comparisons;
+    EXPECT_LT(search.search({gone, hint(), false, 0, recovering}, {}).score, 0.9);
+    return backend->comparisons - before;
+  };
+  EXPECT_EQ(comparisonsOf(true), 1);
+  EXPECT_EQ(comparisonsOf(false), 2) << "a hint may be all there is";
+}
+
 }  // namespace
 }  // namespace nerf_pose_refiner
