@@ -3,11 +3,14 @@
 
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <future>
+#include <memory>
 #include <stdexcept>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "backend/backend_lost.h"
@@ -18,6 +21,7 @@
 #include "backend/template_matcher.h"
 #include "backend/training.h"
 #include "evaluation/clutter.h"
+#include "runtime/shared_backend.h"
 #include "support/analytic_scene.h"
 #include "support/cpu_processor.h"
 #include "support/revolved_scene.h"
@@ -31,12 +35,18 @@ namespace {
 
 const Camera kCamera = {160, 120, 200, 200, 79.5, 59.5};
 
+/// For the threads that a search has.
+template <typename Own, typename... Arguments>
+std::shared_ptr<Backend> shared(const Arguments&... arguments) {
+  return std::make_shared<SharedBackend>(std::make_unique<Own>(arguments...));
+}
+
 // A processor that fails for good is replaced.
 
 /// Renders until it fails.
 class FailingField final : public LoadedField {
  public:
-  FailingField(std::shared_ptr<const LoadedField> scene, const bool* fails)
+  FailingField(std::shared_ptr<const LoadedField> scene, const std::atomic<bool>* fails)
       : scene_(std::move(scene)), fails_(fails) {}
 
   const Field& field() const override { return scene_->field(); }
@@ -54,13 +64,13 @@ class FailingField final : public LoadedField {
 
  private:
   std::shared_ptr<const LoadedField> scene_;
-  const bool* fails_;
+  const std::atomic<bool>* fails_;
 };
 
 /// Loads the analytic scene, whatever it is asked for.
 class FailingBackend final : public Backend {
  public:
-  FailingBackend(std::shared_ptr<const LoadedField> scene, const bool* fails)
+  FailingBackend(std::shared_ptr<const LoadedField> scene, const std::atomic<bool>* fails)
       : scene_(std::move(scene)), fails_(fails) {}
 
   BackendInfo info() const override { return {}; }
@@ -87,7 +97,7 @@ class FailingBackend final : public Backend {
 
  private:
   std::shared_ptr<const LoadedField> scene_;
-  const bool* fails_;
+  const std::atomic<bool>* fails_;
 };
 
 class LostProcessor : public testing::TestWithParam<const char*> {
@@ -95,7 +105,7 @@ class LostProcessor : public testing::TestWithParam<const char*> {
   SearchProcessor find() {
     ++found_;
     if (found_ > available_) throw std::runtime_error("there is no other processor");
-    return {std::make_shared<FailingBackend>(scene_, found_ == 1 ? &first_fails_ : &never_)};
+    return {shared<FailingBackend>(scene_, found_ == 1 ? &first_fails_ : &never_)};
   }
 
   std::unique_ptr<RefinerSearch> makeSearch() {
@@ -114,7 +124,7 @@ class LostProcessor : public testing::TestWithParam<const char*> {
   std::shared_ptr<const LoadedField> scene_ = makeAnalyticScene(1, cpuProcessor(2));
   std::shared_ptr<const Field> object_ = std::make_shared<const Field>(scene_->field());
   Pose truth_ = cameraAround(*scene_, 0.6, 0.5);
-  bool first_fails_ = false, never_ = false;
+  std::atomic<bool> first_fails_{false}, never_{false};
   int found_ = 0, available_ = 2;
 };
 
@@ -177,9 +187,7 @@ std::unique_ptr<RefinerSearch> searchBy(const std::shared_ptr<const DescribedSce
   RefinerSettings settings = RefinerSettings::named("keyframes");
   settings.keyframes.real_time = false;
   return std::make_unique<RefinerSearch>(
-      [scene, memory_bytes] {
-        return SearchProcessor{std::make_shared<SceneBackend>(scene, memory_bytes)};
-      },
+      [scene, memory_bytes] { return SearchProcessor{shared<SceneBackend>(scene, memory_bytes)}; },
       settings, settings);
 }
 
@@ -312,7 +320,9 @@ class NotingBackend final : public SceneBackend {
 TEST(RefinerSearch, LooksForAPlainObjectAtItsLastDistanceMoreOften) {
   const auto plain = makeAnalyticScene(1, cpuProcessor(2));
   const auto scene = std::make_shared<DescribedScene>(plain, judged(plain->field().metadata));
-  const auto backend = std::make_shared<NotingBackend>(scene);
+  auto noting = std::make_unique<NotingBackend>(scene);
+  const std::vector<double>& distances = noting->distances;
+  const auto backend = std::make_shared<SharedBackend>(std::move(noting));
   const RefinerSettings settings = RefinerSettings::named("keyframes");
   DetectionSetup detection;
   detection.settings.model.plain_landmarks = 1 << 30;
@@ -325,7 +335,7 @@ TEST(RefinerSearch, LooksForAPlainObjectAtItsLastDistanceMoreOften) {
   gone.image = clutter(kCamera.width, kCamera.height, 3);
   const auto looksAt = [&](const Observation& image) {
     search.detect(image, 0.9, {});
-    return std::make_pair(backend->distances.front(), backend->distances.back());
+    return std::make_pair(distances.front(), distances.back());
   };
 
   const auto everywhere = looksAt(gone);  // nothing is known yet
@@ -352,6 +362,8 @@ class SearchWithLandmarks : public testing::Test {
   SearchWithLandmarks() {
     const auto textured = std::make_shared<TexturedScene>(cpuProcessor(2));
     scene_ = std::make_shared<DescribedScene>(textured, judged(textured->field().metadata));
+    backend_ = shared<SceneBackend>(scene_);
+    object_ = std::make_shared<const Field>(scene_->field());
     truth_ = cameraAround(*scene_, 0.6, 0.4, 5);
     image_ = sceneBeforeClutter(*scene_, kLarge, truth_);
     // More than a half of it is covered.
@@ -377,14 +389,19 @@ class SearchWithLandmarks : public testing::Test {
   }
 
   std::unique_ptr<RefinerSearch> inUse() const {
-    auto search = searchBy(scene_);
-    search->use(std::make_shared<const Field>(scene_->field()));
+    RefinerSettings settings = RefinerSettings::named("keyframes");
+    settings.keyframes.real_time = false;
+    auto search = std::make_unique<RefinerSearch>([this] { return SearchProcessor{backend_}; },
+                                                  settings, settings);
+    search->use(object_);
     return search;
   }
 
   static constexpr int kCovered = 4;  // columns right of the centre
   const Camera kLarge = {320, 240, 400, 400, 159.5, 119.5};
   std::shared_ptr<const DescribedScene> scene_;
+  std::shared_ptr<Backend> backend_;  // of all searches
+  std::shared_ptr<const Field> object_;
   Pose truth_;
   Observation image_;
 };
@@ -400,7 +417,8 @@ TEST_F(SearchWithLandmarks, FindsWhatTheSearchAloneIsNotSureOf) {
 
 TEST_F(SearchWithLandmarks, RendersSmallViewsBesideSearches) {
   const auto search = inUse();
-  const auto bank = ViewBank::of(scene_, DetectionSettings().keyframes.bank);
+  const auto bank =
+      ViewBank::of(backend_->load(object_), DetectionSettings().keyframes.bank);  // the search's
   search->detect(image_, 0.9, {});
   while (bank->made() < bank->size()) std::this_thread::yield();  // nobody asks for them
 }
@@ -442,7 +460,9 @@ class CountingBackend final : public SceneBackend {
 };
 
 TEST_F(SearchWithLandmarks, LeavesASecondLookToOtherImagesWhileRecovering) {
-  const auto backend = std::make_shared<CountingBackend>(scene_);
+  auto counting = std::make_unique<CountingBackend>(scene_);
+  const int& comparisons = counting->comparisons;
+  const auto backend = std::make_shared<SharedBackend>(std::move(counting));
   const RefinerSettings settings = RefinerSettings::named("keyframes");
   DetectionSetup textured;
   textured.settings.model.plain_landmarks = 0;
@@ -452,9 +472,9 @@ TEST_F(SearchWithLandmarks, LeavesASecondLookToOtherImagesWhileRecovering) {
   gone.image = clutter(kLarge.width, kLarge.height, 3);
   search.detect(gone, 0.9, {});
   const auto comparisonsOf = [&](bool recovering) {
-    const int before = backend->comparisons;
+    const int before = comparisons;
     EXPECT_LT(search.search({gone, hint(), false, 0, recovering}, {}).score, 0.9);
-    return backend->comparisons - before;
+    return comparisons - before;
   };
   EXPECT_EQ(comparisonsOf(true), 1);
   EXPECT_EQ(comparisonsOf(false), 2) << "a hint may be all there is";
