@@ -330,6 +330,7 @@ TEST_F(TrackerTest, SettingsOutOfRangeAreRefused) {
 
 TEST_F(TrackerTest, AnObjectThatIsNotDetectedIsWaitedFor) {
   settings_.rules.start = TrackStart::kDetect;
+  settings_.rules.detect_rate_hz = 3;
   restart();
   search_->outcome = Outcome::kDiverged;
   const TrackOutcome outcome = track(0);
