@@ -17,6 +17,7 @@
 #include "backend/template_matcher.h"
 #include "backend/training.h"
 #include "field/field.h"
+#include "runtime/shared_backend.h"
 
 namespace nerf_pose_refiner {
 
@@ -95,5 +96,11 @@ class SceneBackend : public Backend {
   std::shared_ptr<const LoadedField> scene_;
   std::size_t memory_bytes_;
 };
+
+/// A backend that threads may share, as those of a search do.
+template <typename Own, typename... Arguments>
+std::shared_ptr<Backend> sharedBackend(const Arguments&... arguments) {
+  return std::make_shared<SharedBackend>(std::make_unique<Own>(arguments...));
+}
 
 }  // namespace nerf_pose_refiner
