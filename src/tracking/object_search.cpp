@@ -136,8 +136,10 @@ void RefinerSearch::replaceProcessor(const std::shared_ptr<const Field>& field) 
 Refinement RefinerSearch::searchOnce(const SearchRequest& request,
                                      const CancellationToken& cancellation) {
   const ViewBankFiller::Pause pause(request.tracked ? nullptr : filler_.get());
-  last_distance_ = (request.prior.T_O_C.t - field_->field().metadata.centre).norm();
-  if (request.tracked) detections_ = 0;
+  if (request.tracked) {  // a hint may be anything: the camera in the object's centre, say
+    last_distance_ = (request.prior.T_O_C.t - field_->field().metadata.centre).norm();
+    detections_ = 0;
+  }
   Refinement result = find(request, cancellation);
   const bool has_mask = request.observation.background == Background::kMask;
   if (has_mask && result.outcome == Outcome::kRefined) {

@@ -88,7 +88,8 @@ class RefinerSearch : public ObjectSearch {
   Refinement search(const SearchRequest& request, const CancellationToken& cancellation) override;
   /// The first time for an object, its landmarks may have to be made. From then on the small views
   /// of it that searches need are rendered beside them. An object that takes templates is looked
-  /// for at about its last distance in two of three images: that takes half of the time.
+  /// for at about the distance at which it was tracked last in two of three images, which is
+  /// faster.
   Refinement detect(const Observation& observation, double trust_score,
                     const CancellationToken& cancellation) override;
 
@@ -125,7 +126,7 @@ class RefinerSearch : public ObjectSearch {
   std::optional<KeyframeRefiner> keyframes_;  ///< of field_; created on first use
   DetectionSetup detection_;
   std::unique_ptr<ObjectDetector> detector_;  ///< of field_; null: not asked for yet
-  std::optional<double> last_distance_;       ///< of the object, by the last prior [model units]
+  std::optional<double> last_distance_;       ///< at which it was tracked [model units]
   int detections_ = 0;                        ///< since it was tracked
   std::unique_ptr<ViewBankFiller> filler_;    ///< of the views that rank its candidates
 };

@@ -75,6 +75,10 @@ TEST(RefinerSearch, LooksForAPlainObjectAtItsLastDistanceMoreOften) {
 
   const auto everywhere = looksAt(gone);  // nothing is known yet
   const FieldMetadata& object = scene->field().metadata;
+  Prior inside = prior;
+  inside.T_O_C.t = object.centre;  // a hint that makes no sense says nothing of the distance
+  search.search({shown, inside, false, 0}, {});
+  EXPECT_EQ(looksAt(gone), everywhere);
   const double last = (prior.T_O_C.t - object.centre).norm() / object.diameter;
   for (int round = 0; round < 2; ++round) {
     EXPECT_EQ(search.search({shown, prior, true, round}, {}).outcome, Outcome::kRefined);
