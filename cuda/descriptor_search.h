@@ -4,7 +4,6 @@
 #include <cuda_fp16.h>
 #include <cuda_runtime_api.h>
 
-#include <cstddef>
 #include <cstdint>
 
 namespace nerf_pose_refiner {
