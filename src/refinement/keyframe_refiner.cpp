@@ -196,6 +196,7 @@ Refinement KeyframeRefiner::settle(const TimedObservation& image,
         HypothesisTable found = search_->from(image.observation, starts, cancellation);
         if (found.empty() || found.front().state != HypothesisState::kLive) return found;
         if (odds) bringForward(weighed(found, odds).front().T_O_C, &found);
+        if (isHopeless(found.front(), odds)) return {};
         // A keyframe from beside drags the pose along: one of the place itself decides.
         makeAt(camera, {found.front().T_O_C}, cancellation);
         found = withoutMistake(image.observation,
@@ -210,6 +211,15 @@ Refinement KeyframeRefiner::settle(const TimedObservation& image,
   changeOdds(of_start * (odds ? odds(result.T_O_C) : 1), &result);
   holdTrack(result);
   return result;
+}
+
+/// Whether a pose that was aligned explains the image so badly that no other keyframe of its place
+/// makes it right. (Of 3000 such poses, two of a thousand that were trusted in the end were so
+/// unlikely, and half of the others.)
+bool KeyframeRefiner::isHopeless(const Hypothesis& aligned, const PoseOdds& odds) const {
+  constexpr double kHopeless = 0.005;
+  const double by_image = scoreProbability(aligned.score, scores_);
+  return withOdds(by_image, odds ? odds(aligned.T_O_C) : 1) < kHopeless;
 }
 
 /// Aligns from rough poses, and looks beside the best one unless that is clear.

@@ -184,6 +184,17 @@ TEST_F(KeyframeRefinerTest, SettlesOnTheRightOneOfRoughPoses) {
   EXPECT_GT(found.score, 0.9);
 }
 
+TEST_F(KeyframeRefinerTest, GivesUpPosesThatExplainNothing) {
+  const Pose rough = truthAt(0);
+  Observation empty = imageAt(rough);
+  empty.image = clutter(kCamera.width, kCamera.height, 7);
+  KeyframeRefiner refiner(backend_.get(), field_, fromFile());
+  EXPECT_NE(refiner.settle({empty, 0}, {rough}, {}).outcome, Outcome::kRefined);
+  // What speaks for it beside the image keeps it.
+  const auto sure = [](const Pose&) { return 1e6; };
+  EXPECT_EQ(refiner.settle({empty, 0}, {rough}, sure).outcome, Outcome::kRefined);
+}
+
 TEST_F(KeyframeRefinerTest, WhatElseIsSeenOfAPoseChangesItsOdds) {
   const Pose truth = truthAt(0);
   const Observation observation = imageAt(truth);
