@@ -193,7 +193,7 @@ TemplateMatches CudaTemplateMatcher::match(const Image& image, const Camera& cam
   scan(scanned, cancellation);
   for (std::size_t i = 0; i < distances.size(); ++i) {
     std::vector<TemplateHit> hits = hitsOf(i);
-    keepBestHits(settings_, distances.size(), &hits);
+    keepBestHits(settings_, &hits);
     for (const TemplateHit& hit : hits) {
       TemplatePose pose = poseOf(hit, settings_, scanned.scales[i], static_cast<int>(i));
       pose.pixel = movedTo(fitted.scales[i].camera, scanned.scales[i].camera, pose.pixel);

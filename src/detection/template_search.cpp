@@ -85,21 +85,22 @@ TemplateFindings TemplateSearch::find(const Image& image, const Camera& camera,
                         : pose.evidence - chance[static_cast<std::size_t>(pose.level)];
   }
   TemplateFindings findings;
-  findings.candidates = candidatesOf(camera, std::move(matches.poses));
+  findings.candidates = candidatesOf(camera, std::move(matches.poses), scanned.size());
   findings.lookups = matches.lookups;
   findings.scan_s = matches.scan_s;
   findings.fit_s = matches.fit_s;
   return findings;
 }
 
-PoseCandidates TemplateSearch::candidatesOf(const Camera& camera,
-                                            std::vector<TemplatePose> poses) const {
+PoseCandidates TemplateSearch::candidatesOf(const Camera& camera, std::vector<TemplatePose> poses,
+                                            std::size_t distances) const {
+  const std::size_t most = distances * static_cast<std::size_t>(settings_.candidates);
   std::stable_sort(poses.begin(), poses.end(), [](const TemplatePose& a, const TemplatePose& b) {
     return a.evidence > b.evidence;
   });
   PoseCandidates candidates;
   for (const TemplatePose& pose : poses) {
-    if (static_cast<int>(candidates.size()) == settings_.candidates) break;
+    if (candidates.size() == most) break;
     if (!(pose.evidence > 0)) break;
     const TemplateView& view = bank_->views[static_cast<std::size_t>(pose.view)];
     TemplateScale scale;

@@ -29,7 +29,7 @@ struct DistanceRange {
 
 struct TemplateSearchSettings {
   TemplateMatchSettings matching;
-  int candidates = 200;       ///< that are returned, at most
+  int candidates = 16;        ///< that are returned, at most, times the number of distances
   double min_evidence = 0.2;  ///< of them: mean response over a template's edges, 0..1
 
   /// @throws std::invalid_argument naming the value that is out of range.
@@ -77,7 +77,8 @@ class TemplateSearch {
                         const CancellationToken& cancellation);
 
  private:
-  PoseCandidates candidatesOf(const Camera& camera, std::vector<TemplatePose> poses) const;
+  PoseCandidates candidatesOf(const Camera& camera, std::vector<TemplatePose> poses,
+                              std::size_t distances) const;
 
   std::shared_ptr<const TemplateBank> bank_;
   FieldMetadata object_;

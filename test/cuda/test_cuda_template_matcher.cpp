@@ -40,7 +40,7 @@ TemplateMatchSettings quick() {
   settings.scanned_px = 40;
   settings.fitted_px = 90;
   settings.rotations = 9;
-  settings.fitted = 300;
+  settings.fitted = 60;
   return settings;
 }
 

@@ -92,10 +92,9 @@ TemplateLevels templateLevels(const Camera& camera, const std::vector<double>& d
   return levels;
 }
 
-void keepBestHits(const TemplateMatchSettings& settings, std::size_t distances,
-                  std::vector<TemplateHit>* hits) {
-  const int share = std::max(1, settings.fitted / static_cast<int>(distances));
-  const auto best = std::min<std::ptrdiff_t>(share, static_cast<std::ptrdiff_t>(hits->size()));
+void keepBestHits(const TemplateMatchSettings& settings, std::vector<TemplateHit>* hits) {
+  const auto best =
+      std::min<std::ptrdiff_t>(settings.fitted, static_cast<std::ptrdiff_t>(hits->size()));
   std::partial_sort(hits->begin(), hits->begin() + best, hits->end(), isBetterHit);
   hits->resize(static_cast<std::size_t>(best));
 }

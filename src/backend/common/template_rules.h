@@ -48,9 +48,8 @@ struct TemplateHit {
   int column = 0, row = 0;  ///< of the position
 };
 
-/// Of the hits of one level those that are fitted, best first. @param distances that are scanned.
-void keepBestHits(const TemplateMatchSettings& settings, std::size_t distances,
-                  std::vector<TemplateHit>* hits);
+/// Of the hits of one level those that are fitted, best first.
+void keepBestHits(const TemplateMatchSettings& settings, std::vector<TemplateHit>* hits);
 
 /// @throws std::invalid_argument for an image that has not its camera's size, or no RGB.
 void requireTemplateImage(const Image& image, const Camera& camera);

@@ -55,7 +55,7 @@ TemplateMatches CpuTemplateMatcher::match(const Image& image, const Camera& came
     std::vector<TemplateHit> hits =
         scanLevel(levelOf(scanned, small, i), {*bank_, settings_}, work_, cancellation);
     found.lookups += scanLookups(*bank_, settings_, scanned.scales[i].camera);
-    keepBestHits(settings_, distances.size(), &hits);
+    keepBestHits(settings_, &hits);
     for (const TemplateHit& hit : hits) {
       found.poses.push_back(poseOf(hit, settings_, scanned.scales[i], static_cast<int>(i)));
     }
