@@ -72,7 +72,7 @@ void KeyframeRefiner::holdTrack(const Refinement& found) {
 /// their scores are no independent evidence.
 /// @param probability that the image alone gives what was found.
 void KeyframeRefiner::holdTrack(const Refinement& found, double probability) {
-  constexpr double kCertain = 0.9, kEven = 0.5, kKept = 0.97;
+  constexpr double kCertain = 0.9, kEven = 0.5, kKept = 0.93;
   const bool is_found = found.outcome == Outcome::kRefined;
   const double told = is_found ? found.unmistaken.value_or(1) : 0;
   if (told * found.found_probability.value_or(0) < kEven) {

@@ -333,9 +333,11 @@ bool TrackerState::trusted(std::uint64_t ticket, const Pose& T_C_U) {
 
 bool TrackerState::goesOn(std::uint64_t ticket, const Pose& T_C_U, TrackReason reason,
                           const std::string& message, bool doubtful) {
-  constexpr int kDoubtsOfFailure = 30;  // of images that failures would bridge
+  // So many doubtful images are worth a failure. What detection finds again soon is given up
+  // sooner.
+  const int doubts_of_failure = rules_.start == TrackStart::kInitialPose ? 30 : 10;
   const int doubts = doubtful ? doubts_ + 1 : 0;
-  const bool is_over = doubts > kDoubtsOfFailure * (rules_.max_failures + 1);
+  const bool is_over = doubts > doubts_of_failure * (rules_.max_failures + 1);
   const bool has_start = running_ && running_->start;  // no detection
   // Of a lost object it would end the search: that around the last pose, and in whole images.
   const bool is_guess = doubtful && recovery_start_;

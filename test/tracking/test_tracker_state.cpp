@@ -76,15 +76,22 @@ TEST_F(TrackerStateTest, GoesOnFromAnUncertainPoseOfATrack) {
 
 TEST_F(TrackerStateTest, GoesOnFromDoubtfulPosesForAWhile) {
   rules_.max_failures = 0;
-  restart();
-  state_.offer(poseAt(at(0)));
-  track(0);
-  for (int i = 1; i <= 30; ++i) {
-    state_.goesOn(image(0.1 * i).ticket, {}, TrackReason::kLowScore, "", true);
-    expect(TrackState::kTracking, TrackReason::kLowScore);
+  for (const auto& [start, most] :
+       {std::make_pair(TrackStart::kInitialPose, 30), std::make_pair(TrackStart::kBoth, 10)}) {
+    rules_.start = start;
+    restart();
+    state_.offer(poseAt(at(0)));
+    track(0);
+    const auto doubt = [&](int i) {
+      state_.goesOn(image(0.1 * i).ticket, {}, TrackReason::kLowScore, "", true);
+    };
+    for (int i = 1; i <= most; ++i) {
+      doubt(i);
+      expect(TrackState::kTracking, TrackReason::kLowScore);
+    }
+    doubt(most + 1);
+    expect(TrackState::kLost, TrackReason::kLowScore);
   }
-  state_.goesOn(image(3.1).ticket, {}, TrackReason::kLowScore, "", true);
-  expect(TrackState::kLost, TrackReason::kLowScore);
 }
 
 TEST_F(TrackerStateTest, IsConfirmedByItsFirstTrustedPose) {
