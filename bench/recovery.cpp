@@ -123,6 +123,7 @@ class Benchmark {
     const TrackerSettings settings = settingsOf(options_);
     DetectionSetup detection;
     detection.landmarks_path = [this](const auto&) { return landmarkPathOf(options_.model); };
+    detection.is_expected = options_.rules.start != TrackStart::kInitialPose;
     return std::make_unique<RefinerSearch>(
         [this] { return backends_.searchProcessor(options_.backend); }, settings.initial.refiner,
         settings.tracking.refiner, detection);

@@ -7,6 +7,7 @@
 #include <random>
 
 #include "evaluation/aimed_view.h"
+#include "evaluation/disturbance.h"
 #include "evaluation/placement.h"
 #include "evaluation/trial_observation.h"
 #include "math/angle.h"
@@ -136,7 +137,12 @@ ReturnImage imageAt(const ReturnTrial& trial, double time_s, const std::vector<P
   } else {
     seen.rgba = std::make_shared<const Image8>(trial.camera.width, trial.camera.height, 4);
   }
-  return {how.of(seen, trial.seed), seen.T_O_C};
+  ReturnImage image = {how.of(seen, trial.seed), seen.T_O_C};
+  // As of a sensor: no two images are the same, so that each is looked at anew.
+  constexpr double kNoise = 0.004;
+  const auto number = static_cast<std::uint64_t>(std::llround(1e3 * time_s));
+  addGaussianNoise(kNoise, {trial.seed, number}, &image.observation.image);
+  return image;
 }
 
 }  // namespace nerf_pose_refiner

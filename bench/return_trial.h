@@ -46,8 +46,8 @@ struct ReturnDraw {
 /// @throws std::invalid_argument if a view shows no object.
 ReturnTrial drawReturn(const std::vector<PosedView>& views, const ReturnDraw& draw);
 
-/// What the camera sees some time after the trial's beginning, before a photo. The object sways a
-/// little, so that no two images are the same. @throws std::runtime_error.
+/// What the camera sees some time after the trial's beginning, before a photo, with a sensor's
+/// noise. The object sways a little. @throws std::runtime_error.
 ReturnImage imageAt(const ReturnTrial& trial, double time_s, const std::vector<PosedView>& views,
                     const std::vector<std::string>& photos);
 

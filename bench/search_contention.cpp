@@ -153,6 +153,7 @@ class Benchmark {
     settings.rules = rules;
     DetectionSetup detection;
     detection.landmarks_path = [model](const auto&) { return landmarkPathOf(model); };
+    detection.is_expected = true;
     auto search = std::make_unique<RefinerSearch>(
         [this] { return backends_.searchProcessor(options_.backend); }, settings.initial.refiner,
         settings.tracking.refiner, detection);

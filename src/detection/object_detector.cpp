@@ -21,8 +21,8 @@ DistanceRange distancesIn(const SearchArea& area, const Camera& part, double dia
   DistanceRange range = DistanceRange::usual(part);
   if (area.distance) {
     const double distance = *area.distance / diameter;
-    range = {std::max(kNearest, distance / SearchArea::kDistanceRatio),
-             std::max(kNearest, distance * SearchArea::kDistanceRatio)};
+    range = {std::max(kNearest, distance / area.distance_ratio),
+             std::max(kNearest, distance * area.distance_ratio)};
   }
   return range;
 }
@@ -167,11 +167,15 @@ struct ObjectDetector::Search {
   const Observation& observation;
   CancellationToken cancellation;  // also when the time is up
   const SameInstance& is_same_instance;
+  DetectionCues cues;
   PixelWindow window = {};               // of the image, that is searched now
   double odds = 1;                       // of poses in it
   std::vector<Refinement> doubted = {};  // poses that were found but not trusted
   Detections detections = {};
 
+  bool isGlance() const { return cues != DetectionCues::kAll; }
+  /// How many of so many candidates are tried.
+  int share(int all) const { return isGlance() ? std::max(1, all / 2) : all; }
   bool isEnough(int most) const { return static_cast<int>(detections.found.size()) >= most; }
   bool isFound(const Pose& T_O_C) const {
     const std::vector<Refinement>& found = detections.found;
@@ -206,8 +210,9 @@ PoseCandidates ObjectDetector::singleMatches(const MatchedImage& matched, const 
                                              Search* search) {
   constexpr int kLeast = 2;  // landmarks: one proves nothing
   const FieldMetadata& object = field_->field().metadata;
-  const PoseCandidates all =
-      atDistance(area, singleMatchCandidates(matched, object, settings_.candidates));
+  LandmarkCandidateSettings settings = settings_.candidates;
+  settings.most_single = search->share(settings.most_single);
+  const PoseCandidates all = atDistance(area, singleMatchCandidates(matched, object, settings));
   PoseCandidates best;
   for (const PoseCandidate& one :
        atDistance(area, ranked(all, settings_.max_ranked_single, search))) {
@@ -226,9 +231,10 @@ Refinement ObjectDetector::takeBest(ImageCandidates* candidates, const Search& s
   const auto same = std::stable_partition(
       poses.begin(), poses.end(),
       [&](const PoseCandidate& candidate) { return !is_same_instance_(candidate.T_O_C, best); });
+  const int most = search.isGlance() ? 1 : settings_.max_at_once;
   std::vector<Pose> rough;
   for (auto one = same; one != poses.end(); ++one) {
-    if (static_cast<int>(rough.size()) < settings_.max_at_once) rough.push_back(one->T_O_C);
+    if (static_cast<int>(rough.size()) < most) rough.push_back(one->T_O_C);
   }
   poses.erase(same, poses.end());
   const auto odds = [&](const Pose& T_O_C) {
@@ -247,7 +253,7 @@ void ObjectDetector::settleAll(ImageCandidates* candidates, Search* search) {
   int refused = 0;
   while (!candidates->poses.empty() && !search->isEnough(settings_.max_instances)) {
     const int most = found.size() > before ? settings_.max_tried_beside : settings_.max_tried;
-    if (refused >= most) break;
+    if (refused >= search->share(most)) break;
     const Refinement one = takeBest(candidates, *search);
     if (search->isFound(one.T_O_C)) continue;
     if (one.outcome == Outcome::kRefined && one.score >= settings_.least_score &&
@@ -262,33 +268,45 @@ void ObjectDetector::settleAll(ImageCandidates* candidates, Search* search) {
   }
 }
 
-/// Adds what is found in an area: first what is found fastest.
-void ObjectDetector::detectIn(const SearchArea& area, Search* search) {
-  area.validate();
+void ObjectDetector::settleFrom(PoseCandidates poses, ImageCandidates* all, Search* search) {
+  PoseCandidates& noted = search->detections.candidates;
+  noted.insert(noted.end(), poses.begin(), poses.end());
+  all->poses = std::move(poses);
+  settleAll(all, search);
+}
+
+/// Adds what landmarks lead to: first what several agree on, then, if that is nothing, what one
+/// does. @return with what of the image looks like landmarks.
+ImageCandidates ObjectDetector::findByLandmarks(const SearchArea& area, Search* search) {
   Detections& detections = search->detections;
   const std::size_t before = detections.found.size();
-  const auto part = searchedPart(search->observation.camera, area, settings_.max_image_side_px);
-  if (part) search->window = part->window;
-  search->odds = area.odds;
   ImageCandidates all = candidates(search->observation, area, search->cancellation);
   detections.times += all.times;
   if (detections.message.empty()) detections.message = all.message;
-  const auto settle = [&](PoseCandidates poses) {
-    all.poses = std::move(poses);
-    detections.candidates.insert(detections.candidates.end(), all.poses.begin(), all.poses.end());
-    settleAll(&all, search);
-  };
-  settle(std::move(all.poses));
-  const auto goesOn = [&] { return !search->isEnough(settings_.max_instances); };
-  if (all.matched && detections.found.size() == before && goesOn()) {
-    settle(singleMatches(*all.matched, area, search));
+  settleFrom(std::move(all.poses), &all, search);
+  const bool goes_on = search->cues != DetectionCues::kAgreeingLandmarks &&
+                       detections.found.size() == before &&
+                       !search->isEnough(settings_.max_instances);
+  if (all.matched && goes_on) {
+    settleFrom(singleMatches(*all.matched, area, search), &all, search);
   }
-  if (templates_ && goesOn()) {
-    const PoseCandidates rough = timed(&detections.times.templates, [&] {
-      return templateCandidates(search->observation, area, search->cancellation);
-    });
-    settle(ranked(rough, settings_.max_ranked, search));
-  }
+  return all;
+}
+
+/// Adds what is found in an area: first what is found fastest.
+void ObjectDetector::detectIn(const SearchArea& area, Search* search) {
+  area.validate();
+  const auto part = searchedPart(search->observation.camera, area, settings_.max_image_side_px);
+  if (part) search->window = part->window;
+  search->odds = area.odds;
+  const bool by_landmarks = search->cues != DetectionCues::kTemplates;
+  ImageCandidates all = by_landmarks ? findByLandmarks(area, search) : ImageCandidates();
+  const bool by_templates = templates_ && (search->cues == DetectionCues::kAll || !by_landmarks);
+  if (!by_templates || search->isEnough(settings_.max_instances)) return;
+  const PoseCandidates rough = timed(&search->detections.times.templates, [&] {
+    return templateCandidates(search->observation, area, search->cancellation);
+  });
+  settleFrom(ranked(rough, settings_.max_ranked, search), &all, search);
 }
 
 bool isOutdone(const Refinement& pose, const std::vector<Refinement>& doubted,
@@ -300,10 +318,10 @@ bool isOutdone(const Refinement& pose, const std::vector<Refinement>& doubted,
 }
 
 Detections ObjectDetector::detect(const Observation& observation, const SearchArea& area,
-                                  const CancellationToken& cancellation) {
+                                  const CancellationToken& cancellation, DetectionCues cues) {
   const auto begin = std::chrono::steady_clock::now();
   Search search = {observation, withBudget(cancellation, begin, settings_.budget_s),
-                   is_same_instance_};
+                   is_same_instance_, cues};
   observation.validate();
   Detections& detections = search.detections;
   if (observation.isDepthAlone()) {

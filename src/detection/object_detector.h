@@ -45,6 +45,15 @@ struct DetectionSettings {
   void validate() const;
 };
 
+/// What an object is looked for by. All but the first are glances, which take a fraction of the
+/// time: half as many candidates are tried, too, and of each place the best one alone.
+enum class DetectionCues {
+  kAll,
+  kAgreeingLandmarks,  ///< several of which lead to the same pose
+  kLandmarks,          ///< and single ones
+  kTemplates,          ///< none without templates
+};
+
 /// What the parts of a search took [s].
 struct DetectionTimes {
   double features = 0;   ///< of the image, also to wait for another detector that finds them
@@ -120,7 +129,8 @@ class ObjectDetector {
   /// instances as are asked for.
   /// @throws std::invalid_argument for an observation that makes no sense, Cancelled.
   Detections detect(const Observation& observation, const SearchArea& area,
-                    const CancellationToken& cancellation);
+                    const CancellationToken& cancellation,
+                    DetectionCues cues = DetectionCues::kAll);
 
  private:
   struct Search;
@@ -132,6 +142,8 @@ class ObjectDetector {
   Refinement takeBest(ImageCandidates* candidates, const Search& search);
   void settleAll(ImageCandidates* candidates, Search* search);
   void detectIn(const SearchArea& area, Search* search);
+  ImageCandidates findByLandmarks(const SearchArea& area, Search* search);
+  void settleFrom(PoseCandidates poses, ImageCandidates* all, Search* search);
 
   Backend* backend_;
   std::shared_ptr<const LoadedField> field_;

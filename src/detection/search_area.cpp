@@ -17,6 +17,9 @@ void SearchArea::validate() const {
   if (distance && !(std::isfinite(*distance) && *distance > 0)) {
     throw std::invalid_argument("the distance of the object is " + std::to_string(*distance));
   }
+  if (!(std::isfinite(distance_ratio) && distance_ratio > 1)) {
+    throw std::invalid_argument("the ratio of distances is " + std::to_string(distance_ratio));
+  }
   if (!(std::isfinite(odds) && odds > 0)) {
     throw std::invalid_argument("the odds of the area are " + std::to_string(odds));
   }
@@ -81,8 +84,8 @@ Image8 allowedPixels(const Observation& observation, const Camera& part) {
 }
 
 bool isAtDistance(const SearchArea& area, double distance) {
-  return !area.distance || (distance < SearchArea::kDistanceRatio * *area.distance &&
-                            SearchArea::kDistanceRatio * distance > *area.distance);
+  return !area.distance || (distance < area.distance_ratio * *area.distance &&
+                            area.distance_ratio * distance > *area.distance);
 }
 
 }  // namespace nerf_pose_refiner

@@ -14,13 +14,12 @@ namespace nerf_pose_refiner {
 
 /// What is known of where the object is. All of it may be left out.
 struct SearchArea {
-  static constexpr double kDistanceRatio = 1.5;  ///< of distances that agree, at most
   /// Of an observation's boxes, at most: each takes the time of a small image.
   static constexpr std::size_t kMaxBoxes = 20;
 
   std::optional<Eigen::AlignedBox2d> box;  ///< the object is seen in it: borders of pixels [px]
-  /// Of its centre from the camera, which may be a third nearer or half as far again [model units].
-  std::optional<double> distance;
+  std::optional<double> distance;          ///< of its centre from the camera [model units]
+  double distance_ratio = 1.5;             ///< it may be so many times nearer or farther, above 1
   /// How much likelier a pose is right than one that is found in a whole image.
   double odds = 1;
 

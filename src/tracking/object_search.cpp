@@ -1,6 +1,7 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include "tracking/object_search.h"
 
+#include <cmath>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -139,6 +140,9 @@ Refinement RefinerSearch::searchOnce(const SearchRequest& request,
   if (request.tracked) {  // a hint may be anything: the camera in the object's centre, say
     last_distance_ = (request.prior.T_O_C.t - field_->field().metadata.centre).norm();
     detections_ = 0;
+    if (detection_.is_expected && !request.observation.isDepthAlone()) {
+      fillViews(request.observation);
+    }
   }
   Refinement result = find(request, cancellation);
   const bool has_mask = request.observation.background == Background::kMask;
@@ -200,20 +204,20 @@ Refinement RefinerSearch::find(const SearchRequest& request,
 }
 
 /// Landmarks, once there are some, have their say: poses that they speak for join the search's own,
-/// and what is found is the likelier the more of them agree with it.
+/// and what is found is the likelier the more of them agree with it. Not so where an object was
+/// lost: detection hears them in other images, and this one is soon done with.
 Refinement RefinerSearch::findByKeyframes(const SearchRequest& request,
                                           const CancellationToken& cancellation) {
-  const bool sees_landmarks = detector_ && !request.observation.isDepthAlone();
-  const ImageCandidates seen = sees_landmarks
-                                   ? detector_->candidates(request.observation, {}, cancellation)
-                                   : ImageCandidates();
-  Refinement found = keyframes_->find({request.observation, request.stamp_ns}, request.prior,
-                                      cancellation, posesNear(request.prior, seen.poses));
-  if (!detector_ || found.outcome == Outcome::kCancelled) return found;
+  const TimedObservation image = {request.observation, request.stamp_ns};
+  if (!detector_ || request.recovering || request.observation.isDepthAlone()) {
+    return keyframes_->find(image, request.prior, cancellation);
+  }
+  const ImageCandidates seen = detector_->candidates(request.observation, {}, cancellation);
+  Refinement found =
+      keyframes_->find(image, request.prior, cancellation, posesNear(request.prior, seen.poses));
+  if (found.outcome == Outcome::kCancelled) return found;
   if (seen.matched) detector_->weigh(*seen.matched, &found);
-  // A lost object with texture is found as soon in the whole of another image.
-  const bool is_enough = request.recovering && !detector_->usesTemplates();
-  return is_enough ? found : surer(found, request, cancellation);
+  return surer(found, request, cancellation);
 }
 
 /// Those candidates that agree with a prior.
@@ -243,7 +247,7 @@ Refinement RefinerSearch::surer(const Refinement& found, const SearchRequest& re
   area.box = Eigen::AlignedBox2d(Eigen::Vector2d(region->x_min, region->y_min),
                                  Eigen::Vector2d(region->x_max, region->y_max));
   const double distance = (prior.T_O_C.t - object.centre).norm();
-  if (prior.translation * object.diameter < (SearchArea::kDistanceRatio - 1) / 2 * distance) {
+  if (prior.translation * object.diameter < (area.distance_ratio - 1) / 2 * distance) {
     area.distance = distance;
   }
   keyframes_->waitForRenderings(cancellation);
@@ -272,13 +276,38 @@ void RefinerSearch::beginDetection(const CancellationToken& cancellation) {
   detector_->use(look_alikes);
 }
 
-/// Where detection looks: the object may come back nearer or farther away, but more often does not.
-SearchArea RefinerSearch::nextArea() {
-  constexpr int kEverywhere = 3;  // every so many-th image
-  SearchArea area;
-  const bool is_everywhere = ++detections_ % kEverywhere == 0;
-  if (detector_->usesTemplates() && !is_everywhere) area.distance = last_distance_;
-  return area;
+/// What detection does with the next image. To look for an object by all means and at all distances
+/// takes long, and what comes back meanwhile is not seen. So where it was tracked before, each
+/// image has a part of that: landmarks, which take the least time, or, of a plain object, templates
+/// at the distance at which it was tracked last, and at a part of all distances, in turns.
+RefinerSearch::DetectionPart RefinerSearch::nextPart(const Camera& camera) {
+  constexpr int kParts = 3;  // of the distances
+  DetectionPart next;
+  if (!last_distance_) return next;
+  const int number = detections_++;
+  if (!detector_->usesTemplates()) {
+    const bool also_single = number % 3 == 2;
+    next.cues = also_single ? DetectionCues::kLandmarks : DetectionCues::kAgreeingLandmarks;
+    return next;
+  }
+  const bool by_landmarks = number % 2 == 0, at_last = number % 4 == 1;
+  next.cues = by_landmarks ? DetectionCues::kLandmarks : DetectionCues::kTemplates;
+  if (by_landmarks) return next;
+  const DistanceRange all = DistanceRange::usual(camera);  // [diameters]
+  const double part = std::pow(all.farthest / all.nearest, 1.0 / kParts);
+  const double middle = all.nearest * std::pow(part, number / 4 % kParts + 0.5);
+  const double diameter = field_->field().metadata.diameter;
+  next.area.distance = at_last ? *last_distance_ : middle * diameter;
+  next.area.distance_ratio = std::sqrt(part);
+  return next;
+}
+
+/// Begins to render the small views of the object beside searches.
+void RefinerSearch::fillViews(const Observation& observation) {
+  if (filler_) return;
+  ViewBankSettings bank = detection_.settings.keyframes.bank;
+  bank.keyframe.grey = isGrey(observation).value_or(false);
+  filler_ = std::make_unique<ViewBankFiller>(ViewBank::of(field_, bank));
 }
 
 Refinement RefinerSearch::detect(const Observation& observation, double trust_score,
@@ -296,14 +325,11 @@ Refinement RefinerSearch::detectOnce(const Observation& observation, double trus
   if (!detector_) beginDetection(cancellation);
   detector_->setTrustScore(trust_score);
   const ViewBankFiller::Pause pause(filler_.get());
+  const DetectionPart part = nextPart(observation.camera);
   // Objects that are tracked meanwhile, by other threads, need their few milliseconds at once.
-  const Detections detections =
-      callInBackground([&] { return detector_->detect(observation, nextArea(), cancellation); });
-  if (!filler_) {
-    ViewBankSettings bank = detection_.settings.keyframes.bank;
-    bank.keyframe.grey = isGrey(observation).value_or(false);
-    filler_ = std::make_unique<ViewBankFiller>(ViewBank::of(field_, bank));
-  }
+  const Detections detections = callInBackground(
+      [&] { return detector_->detect(observation, part.area, cancellation, part.cues); });
+  fillViews(observation);
   Refinement best;  // diverged
   if (!detections.found.empty()) best = detections.found.front();
   best.seconds = detections.seconds;

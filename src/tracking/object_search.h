@@ -68,6 +68,9 @@ struct DetectionSetup {
   DetectionSettings settings;
   /// The file that keeps an object's landmarks; empty: they are made anew for each user of it.
   std::function<std::string(const std::shared_ptr<const Field>&)> landmarks_path = {};
+  /// The object is looked for in whole images when it is lost: the small views that this needs are
+  /// rendered as soon as it is tracked.
+  bool is_expected = false;
 };
 
 /// Searches with a backend: widely around an initial pose, narrowly around the last one.
@@ -87,13 +90,19 @@ class RefinerSearch : public ObjectSearch {
   void configure(const RefinerSettings& initial, const RefinerSettings& tracking) override;
   Refinement search(const SearchRequest& request, const CancellationToken& cancellation) override;
   /// The first time for an object, its landmarks may have to be made. From then on the small views
-  /// of it that searches need are rendered beside them. An object that takes templates is looked
-  /// for at about the distance at which it was tracked last in two of three images, which is
-  /// faster.
+  /// of it that searches need are rendered beside them. An object that was tracked is looked for in
+  /// parts, one in each image: by landmarks; a plain one also by templates at about its last
+  /// distance, and at others.
   Refinement detect(const Observation& observation, double trust_score,
                     const CancellationToken& cancellation) override;
 
  private:
+  /// What of detection is done with an image.
+  struct DetectionPart {
+    SearchArea area;
+    DetectionCues cues = DetectionCues::kAll;
+  };
+
   template <typename Call>
   Refinement onProcessor(const Call& call, bool takes_turn, const CancellationToken& cancellation);
   Refinement find(const SearchRequest& request, const CancellationToken& cancellation);
@@ -102,7 +111,8 @@ class RefinerSearch : public ObjectSearch {
   void beginKeyframes(const CancellationToken& cancellation);
   void prepare();
   void beginDetection(const CancellationToken& cancellation);
-  SearchArea nextArea();
+  DetectionPart nextPart(const Camera& camera);
+  void fillViews(const Observation& observation);
   Refinement detectOnce(const Observation& observation, double trust_score,
                         const CancellationToken& cancellation);
   Refinement findByKeyframes(const SearchRequest& request, const CancellationToken& cancellation);

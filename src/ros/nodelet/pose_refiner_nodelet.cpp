@@ -222,6 +222,7 @@ DetectionSetup PoseRefinerNodelet::detectionSetup() const {
   setup.landmarks_path = [process = process_](const std::shared_ptr<const Field>& field) {
     return landmarkPathOf(process->models, field);
   };
+  setup.is_expected = parameters_.tracker.rules.start != TrackStart::kInitialPose;
   return setup;
 }
 
