@@ -240,8 +240,10 @@ Refinement ObjectDetector::takeBest(ImageCandidates* candidates, const Search& s
   const auto odds = [&](const Pose& T_O_C) {
     return search.odds * (candidates->matched ? oddsAt(T_O_C, *candidates->matched) : 1);
   };
+  constexpr double kHopeless = 0.005;
+  const double least = search.isGlance() ? kHopeless : 0;
   const Refinement found =
-      refiner_.settle({search.observation, 0}, rough, odds, search.cancellation);
+      refiner_.settle({search.observation, 0}, rough, odds, search.cancellation, least);
   if (found.outcome == Outcome::kCancelled) throw Cancelled();
   return found;
 }

@@ -174,7 +174,8 @@ Refinement KeyframeRefiner::find(const TimedObservation& image, const Prior& pri
 
 Refinement KeyframeRefiner::settle(const TimedObservation& image,
                                    const std::vector<Pose>& rough_T_O_C, const PoseOdds& odds,
-                                   const CancellationToken& cancellation) {
+                                   const CancellationToken& cancellation,
+                                   double least_probability) {
   const Camera& camera = image.observation.camera;
   adaptTo(image.observation);
   // Any of them may be right, however far it is from the first one.
@@ -196,7 +197,9 @@ Refinement KeyframeRefiner::settle(const TimedObservation& image,
         HypothesisTable found = search_->from(image.observation, starts, cancellation);
         if (found.empty() || found.front().state != HypothesisState::kLive) return found;
         if (odds) bringForward(weighed(found, odds).front().T_O_C, &found);
-        if (isHopeless(found.front(), odds)) return {};
+        const double by_image = scoreProbability(found.front().score, scores_);
+        const double of_pose = odds ? odds(found.front().T_O_C) : 1;
+        if (withOdds(by_image, of_pose) < least_probability) return {};
         // A keyframe from beside drags the pose along: one of the place itself decides.
         makeAt(camera, {found.front().T_O_C}, cancellation);
         found = withoutMistake(image.observation,
@@ -211,15 +214,6 @@ Refinement KeyframeRefiner::settle(const TimedObservation& image,
   changeOdds(of_start * (odds ? odds(result.T_O_C) : 1), &result);
   holdTrack(result);
   return result;
-}
-
-/// Whether a pose that was aligned explains the image so badly that no other keyframe of its place
-/// makes it right. (Of 3000 such poses, two of a thousand that were trusted in the end were so
-/// unlikely, and half of the others.)
-bool KeyframeRefiner::isHopeless(const Hypothesis& aligned, const PoseOdds& odds) const {
-  constexpr double kHopeless = 0.005;
-  const double by_image = scoreProbability(aligned.score, scores_);
-  return withOdds(by_image, odds ? odds(aligned.T_O_C) : 1) < kHopeless;
 }
 
 /// Aligns from rough poses, and looks beside the best one unless that is clear.

@@ -52,10 +52,12 @@ class KeyframeRefiner {
 
   /// From poses that were found otherwise and are nearly right if one is; renders keyframes there.
   /// @param rough_T_O_C of one place in the image, one at least. @param odds also of the poses that
-  /// alignment leads to; nothing: all alike. @return refined only if what is found may be right.
-  /// @throws as `follow`.
+  /// alignment leads to; nothing: all alike. @param least_probability a pose that is less likely
+  /// right once it is aligned is given up: a keyframe of its own place might still make it right,
+  /// but takes as long again. @throws as `follow`.
   Refinement settle(const TimedObservation& image, const std::vector<Pose>& rough_T_O_C,
-                    const PoseOdds& odds, const CancellationToken& cancellation = {});
+                    const PoseOdds& odds, const CancellationToken& cancellation = {},
+                    double least_probability = 0);
 
   /// Judges poses by these scores, in place of the object's own.
   void use(const KeyframeScores& scores);
@@ -123,7 +125,6 @@ class KeyframeRefiner {
   void judge(const TimedObservation& image, const Expectation& expected,
              const CancellationToken& cancellation, Refinement* found);
   bool isClear(const Hypothesis& found) const;
-  bool isHopeless(const Hypothesis& aligned, const PoseOdds& odds) const;
   std::optional<double> rolledScore(const TimedObservation& image, const Hypothesis& best,
                                     const Expectation& expected,
                                     const CancellationToken& cancellation);

@@ -184,15 +184,18 @@ TEST_F(KeyframeRefinerTest, SettlesOnTheRightOneOfRoughPoses) {
   EXPECT_GT(found.score, 0.9);
 }
 
-TEST_F(KeyframeRefinerTest, GivesUpPosesThatExplainNothing) {
+TEST_F(KeyframeRefinerTest, GivesUpPosesThatExplainTooLittle) {
   const Pose rough = truthAt(0);
   Observation empty = imageAt(rough);
   empty.image = clutter(kCamera.width, kCamera.height, 7);
   KeyframeRefiner refiner(backend_.get(), field_, fromFile());
-  EXPECT_NE(refiner.settle({empty, 0}, {rough}, {}).outcome, Outcome::kRefined);
-  // What speaks for it beside the image keeps it.
-  const auto sure = [](const Pose&) { return 1e6; };
-  EXPECT_EQ(refiner.settle({empty, 0}, {rough}, sure).outcome, Outcome::kRefined);
+  const auto outcome = [&](double odds, double least_probability) {
+    const auto always = [odds](const Pose&) { return odds; };
+    return refiner.settle({empty, 0}, {rough}, always, {}, least_probability).outcome;
+  };
+  EXPECT_EQ(outcome(1, 0), Outcome::kRefined);
+  EXPECT_NE(outcome(1, 0.1), Outcome::kRefined);
+  EXPECT_EQ(outcome(1e6, 0.1), Outcome::kRefined) << "what speaks for it beside the image keeps it";
 }
 
 TEST_F(KeyframeRefinerTest, WhatElseIsSeenOfAPoseChangesItsOdds) {
