@@ -50,7 +50,7 @@ struct TemplateMatchSettings {
   double distance_step = 1.2;  ///< from a distance to the next, a factor
   int rotations = 20;          ///< of a view in the image, evenly over the circle
   int hits_per_template = 3;   ///< of each view, rotation and distance
-  int fitted = 300;            ///< best hits of each distance
+  int fitted = 400;            ///< best hits of each distance
 
   /// @throws std::invalid_argument naming the value that is out of range.
   void validate() const;

@@ -29,7 +29,7 @@ struct DistanceRange {
 
 struct TemplateSearchSettings {
   TemplateMatchSettings matching;
-  int candidates = 16;        ///< that are returned, at most, times the number of distances
+  int candidates = 20;        ///< that are returned, at most, times the number of distances
   double min_evidence = 0.2;  ///< of them: mean response over a template's edges, 0..1
 
   /// @throws std::invalid_argument naming the value that is out of range.
