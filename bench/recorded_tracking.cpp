@@ -8,6 +8,7 @@
 #include <time.h>
 #include <CLI/CLI.hpp>
 
+#include <array>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
@@ -23,10 +24,12 @@
 #include "evaluation/statistics.h"
 #include "field/object_frame.h"
 #include "field/object_metadata.h"
+#include "geometry/line_of_sight.h"
 #include "geometry/matrix6.h"
 #include "image/io.h"
 #include "math/angle.h"
 #include "recorded_sequence.h"
+#include "refinement/covariance.h"
 #include "runtime/shared_backend.h"
 #include "tracking/object_tracker.h"
 
@@ -53,6 +56,8 @@ double milliseconds(clockid_t clock) {
 /// What was measured of the frames of one or more recordings.
 struct Tally {
   std::vector<double> deg, percent, wall_ms, process_ms, squared_error;
+  /// Squares of the errors by their stated variances: across and along the view, tilt and roll.
+  std::array<double, 4> squared_parts = {};
   int frames = 0, right = 0, lost = 0, trusted = 0, trusted_wrong = 0;
 
   void add(const Tally& other) {
@@ -64,6 +69,8 @@ struct Tally {
     append(&wall_ms, other.wall_ms);
     append(&process_ms, other.process_ms);
     append(&squared_error, other.squared_error);
+    for (std::size_t i = 0; i < squared_parts.size(); ++i)
+      squared_parts[i] += other.squared_parts[i];
     frames += other.frames;
     right += other.right;
     lost += other.lost;
@@ -79,7 +86,28 @@ struct Tally {
         static_cast<double>(trusted) / frames, trusted_wrong, percentile(deg, 0.5),
         percentile(percent, 0.5), mean(squared_error) / 6, percentile(wall_ms, 0.5),
         percentile(wall_ms, 0.95), percentile(process_ms, 0.5), mean(process_ms));
+    const auto of_deviation = [this](std::size_t part, int directions) {
+      return std::sqrt(squared_parts[part] / std::max(1, directions * right));
+    };
+    std::printf(
+        "%-28s errors by their stated deviations: across the view %.2f, along it %.2f; tilt %.2f, "
+        "roll %.2f\n",
+        "", of_deviation(0, 2), of_deviation(1, 1), of_deviation(2, 2), of_deviation(3, 1));
     std::fflush(stdout);
+  }
+
+  /// @param away from the pose found to the true one, @see cameraTwist.
+  void addError(const Vector6& away, const Pose& T_O_C, const Matrix6& covariance,
+                const Eigen::Vector3d& centre) {
+    squared_error.push_back(std::min(100.0, squaredDistance(away, covariance)));
+    const Eigen::Matrix3d sight = T_O_C.R * lineOfSightAxes(T_O_C.inverse() * centre);
+    const Vector6 error = rotationOfTwists(sight).transpose() * away;
+    const Vector6 variance = rotated(covariance, sight.transpose()).diagonal();
+    const Vector6 squared = error.cwiseAbs2().cwiseQuotient(variance).cwiseMin(100);
+    squared_parts[0] += squared[0] + squared[1];
+    squared_parts[1] += squared[2];
+    squared_parts[2] += squared[3] + squared[4];
+    squared_parts[3] += squared[5];
   }
 
   static double mean(const std::vector<double>& values) {
@@ -221,8 +249,8 @@ class RecordedTracking {
       tally->deg.push_back(deg);
       tally->percent.push_back(100 * fraction);
       const Vector6 away = cameraTwist(outcome.refinement.T_O_C, truth, field_->metadata.centre);
-      tally->squared_error.push_back(
-          std::min(100.0, squaredDistance(away, outcome.refinement.covariance)));
+      tally->addError(away, outcome.refinement.T_O_C, outcome.refinement.covariance,
+                      field_->metadata.centre);
     }
     if (options_.verbose) {
       const Eigen::Vector3d centre_C = truth.inverse() * field_->metadata.centre;
