@@ -109,7 +109,7 @@ class CandidateSearch {
     const VoteCounter counter(votes_, settings_.votes);
     PoseCandidates candidates;
     for (std::size_t i = 0; i < votes_.size(); ++i) {
-      const double agreeing = counter.count(static_cast<int>(i));
+      const double agreeing = landmarksIn(counter.agreeing(static_cast<int>(i)));
       candidates.push_back({poses_[i], agreeing, CandidateSource::kLandmarks});
     }
     keepBest(settings_.most_single, &candidates);

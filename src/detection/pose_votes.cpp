@@ -46,10 +46,13 @@ std::vector<int> VoteCounter::largestGroup() const {
   for (int i = 0; i < static_cast<int>(counts_.size()); ++i) {
     if (is_left_[i] && (best < 0 || counts_[i] > counts_[best])) best = i;
   }
+  return best < 0 ? std::vector<int>() : agreeing(best);
+}
+
+std::vector<int> VoteCounter::agreeing(int vote) const {
   std::vector<int> group;
-  if (best < 0) return group;
-  for (const int vote : agreeing_[static_cast<std::size_t>(best)]) {
-    if (is_left_[vote]) group.push_back(vote);
+  for (const int other : agreeing_[static_cast<std::size_t>(vote)]) {
+    if (is_left_[other]) group.push_back(other);
   }
   return group;
 }

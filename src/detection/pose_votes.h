@@ -40,8 +40,8 @@ class VoteCounter {
 
   /// The vote that most others agree with, itself counted, and those others; empty: none is left.
   std::vector<int> largestGroup() const;
-  /// How many of those that are left agree with a vote, itself counted.
-  int count(int vote) const { return counts_[static_cast<std::size_t>(vote)]; }
+  /// Those of the votes that are left which agree with a vote, itself included.
+  std::vector<int> agreeing(int vote) const;
   /// A vote counts no more.
   void remove(int vote);
   /// The votes that count, in order.

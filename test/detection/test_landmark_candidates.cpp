@@ -301,5 +301,19 @@ TEST_F(LandmarkCandidatesTest, SingleMatchesSpeakForPoses) {
   EXPECT_EQ(few[0].evidence, all[0].evidence);
 }
 
+TEST_F(LandmarkCandidatesTest, ATextureThatRepeatsALandmarkSpeaksForNoSingleMatch) {
+  const Pose truth = {expSO3({0, 0, 0.7}), {1.2, 0.5, 5}};
+  show(truth, 0, 8);
+  for (int i = 0; i < 40; ++i) {
+    show({expSO3({0, 0, 0.01 * i}), {-1, 0.01 * i, 4}}, 30, 31);
+  }
+  const PoseCandidates all =
+      singleMatchCandidates({kCandidateCamera, features_, landmarks_, matches_}, object_, {});
+  ASSERT_EQ(all.size(), 48u);
+  EXPECT_EQ(all[0].evidence, 8);
+  EXPECT_LT(rotationDistance(all[0].T_O_C.R.transpose(), truth.R), 0.3);
+  EXPECT_EQ(all[8].evidence, 1) << "of the forty";
+}
+
 }  // namespace
 }  // namespace nerf_pose_refiner
