@@ -100,7 +100,10 @@ class LostProcessor : public testing::TestWithParam<const char*> {
 
   std::unique_ptr<RefinerSearch> makeSearch() {
     const RefinerSettings settings = RefinerSettings::named(GetParam());
-    return std::make_unique<RefinerSearch>([this] { return find(); }, settings, settings);
+    DetectionSetup detection;
+    detection.settings.model.landmarks.views = detection.settings.model.templates.views = 8;
+    return std::make_unique<RefinerSearch>([this] { return find(); }, settings, settings,
+                                           detection);
   }
 
   Refinement searchWith(RefinerSearch* search) {
@@ -111,7 +114,12 @@ class LostProcessor : public testing::TestWithParam<const char*> {
     return search->search({observeScene(*scene_, kCamera, truth_), prior, true, 0}, {});
   }
 
-  std::shared_ptr<const LoadedField> scene_ = makeAnalyticScene(1, cpuProcessor(2));
+  static std::shared_ptr<const LoadedField> judgedScene() {
+    const auto plain = makeAnalyticScene(1, cpuProcessor(2));
+    return std::make_shared<DescribedScene>(plain, judged(plain->field().metadata));
+  }
+
+  std::shared_ptr<const LoadedField> scene_ = judgedScene();
   std::shared_ptr<const Field> object_ = std::make_shared<const Field>(scene_->field());
   Pose truth_ = cameraAround(*scene_, 0.6, 0.5);
   std::atomic<bool> first_fails_{false}, never_{false};

@@ -1,6 +1,7 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <memory>
 #include <optional>
 #include <thread>
@@ -15,6 +16,7 @@
 #include "support/cpu_processor.h"
 #include "support/scene_backend.h"
 #include "support/scene_before_clutter.h"
+#include "support/temporary_folder.h"
 #include "support/textured_scene.h"
 #include "tracking/object_search.h"
 #include "views/view_bank.h"
@@ -65,6 +67,7 @@ TEST(RefinerSearch, LooksForALostPlainObjectInParts) {
   const RefinerSettings settings = RefinerSettings::named("keyframes");
   DetectionSetup detection;
   detection.settings.model.plain_landmarks = 1 << 30;
+  detection.settings.model.landmarks.views = detection.settings.model.templates.views = 8;
   RefinerSearch search([&] { return SearchProcessor{backend}; }, settings, settings, detection);
   search.use(std::make_shared<const Field>(scene->field()));
   Prior prior;
@@ -111,6 +114,9 @@ TEST(RefinerSearch, LooksForALostPlainObjectInParts) {
 
 class SearchWithLandmarks : public testing::Test {
  protected:
+  static void SetUpTestSuite() { files_ = std::make_unique<TemporaryFolder>(); }
+  static void TearDownTestSuite() { files_.reset(); }
+
   SearchWithLandmarks() {
     const auto textured = std::make_shared<TexturedScene>(cpuProcessor(2));
     scene_ = std::make_shared<DescribedScene>(textured, judged(textured->field().metadata));
@@ -140,15 +146,31 @@ class SearchWithLandmarks : public testing::Test {
     return prior;
   }
 
+  /// Waits for views that nobody asks for.
+  static void waitForAll(const ViewBank& bank) {
+    while (bank.made() < bank.size()) {
+      // Leaves the core to the thread that makes them: its priority is low.
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+  }
+
+  /// Landmarks are made once, for all tests.
+  static DetectionSetup detection() {
+    DetectionSetup setup;
+    setup.landmarks_path = [](const auto&) { return files_->file("object.landmarks"); };
+    return setup;
+  }
+
   std::unique_ptr<RefinerSearch> inUse() const {
     RefinerSettings settings = RefinerSettings::named("keyframes");
     settings.keyframes.real_time = false;
     auto search = std::make_unique<RefinerSearch>([this] { return SearchProcessor{backend_}; },
-                                                  settings, settings);
+                                                  settings, settings, detection());
     search->use(object_);
     return search;
   }
 
+  static inline std::unique_ptr<TemporaryFolder> files_;
   static constexpr int kCovered = 4;  // columns right of the centre
   const Camera kLarge = {320, 240, 400, 400, 159.5, 119.5};
   std::shared_ptr<const DescribedScene> scene_;
@@ -172,7 +194,7 @@ TEST_F(SearchWithLandmarks, RendersSmallViewsBesideSearches) {
   const auto bank =
       ViewBank::of(backend_->load(object_), DetectionSettings().keyframes.bank);  // the search's
   search->detect(image_, 0.9, {});
-  while (bank->made() < bank->size()) std::this_thread::yield();  // nobody asks for them
+  waitForAll(*bank);
 }
 
 TEST_F(SearchWithLandmarks, RendersSmallViewsOfATrackedObjectThatMayHaveToBeDetected) {
@@ -181,14 +203,14 @@ TEST_F(SearchWithLandmarks, RendersSmallViewsOfATrackedObjectThatMayHaveToBeDete
   near.rotation_rad = 0.1;
   near.translation = 0.05;
   for (const bool is_expected : {false, true}) {
-    DetectionSetup setup;
+    DetectionSetup setup = detection();
     setup.is_expected = is_expected;
     RefinerSearch search([this] { return SearchProcessor{backend_}; }, settings, settings, setup);
     search.use(object_);
     const auto bank = ViewBank::of(backend_->load(object_), setup.settings.keyframes.bank);
     search.search({image_, near, true, 0}, {});
     if (is_expected) {
-      while (bank->made() < bank->size()) std::this_thread::yield();  // nobody asks for them
+      waitForAll(*bank);
     } else {
       EXPECT_LT(bank->made(), bank->size());
     }
@@ -236,7 +258,7 @@ TEST_F(SearchWithLandmarks, LeavesASecondLookToOtherImagesWhileRecovering) {
   const int& comparisons = counting->comparisons;
   const auto backend = std::make_shared<SharedBackend>(std::move(counting));
   const RefinerSettings settings = RefinerSettings::named("keyframes");
-  DetectionSetup textured;
+  DetectionSetup textured = detection();
   textured.settings.model.plain_landmarks = 0;
   RefinerSearch search([&] { return SearchProcessor{backend}; }, settings, settings, textured);
   search.use(std::make_shared<const Field>(scene_->field()));
