@@ -2,8 +2,8 @@
 #include "views/view_bank_filler.h"
 
 #include <gtest/gtest.h>
-#include <chrono>
 
+#include <chrono>
 #include <memory>
 #include <optional>
 #include <stdexcept>
