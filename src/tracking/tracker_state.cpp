@@ -30,12 +30,13 @@ void TrackerState::forgetPoses() {
   last_.reset();
   recovery_start_.reset();
   last_detection_ns_.reset();
-  failures_ = 0;
+  failures_ = doubts_ = 0;
   running_.reset();
 }
 
 /// Ends the track. The object is searched for around its last pose.
 void TrackerState::lose(TrackReason reason, const std::string& message) {
+  doubts_ = 0;
   if (last_) {
     recovery_start_ = std::exchange(last_, std::nullopt);
     // A wide search and the higher threshold, as from an initial pose.
@@ -124,7 +125,7 @@ void TrackerState::timeWentBackTo(std::int64_t stamp_ns) {
   last_.reset();
   recovery_start_.reset();
   last_detection_ns_.reset();
-  failures_ = 0;
+  failures_ = doubts_ = 0;
   running_.reset();
   if (initial_pose_ && secondsBetween(stamp_ns, initial_pose_->stamp_ns) > kClockJump_s) {
     initial_pose_.reset();

@@ -91,7 +91,25 @@ TEST_F(TrackerStateTest, GoesOnFromDoubtfulPosesForAWhile) {
     }
     doubt(most + 1);
     expect(TrackState::kLost, TrackReason::kLowScore);
+    state_.reset();  // what comes then begins anew
+    state_.offer(poseAt(at(0.1 * (most + 2))));
+    doubt(most + 2);
+    expect(TrackState::kTracking, TrackReason::kLowScore);
   }
+}
+
+TEST_F(TrackerStateTest, DoubtfulImagesBecomeFailures) {
+  rules_.max_failures = 2;
+  rules_.start = TrackStart::kBoth;
+  restart();
+  state_.offer(poseAt(at(0)));
+  track(0);
+  for (int i = 1; i <= 3 * 10 + 2; ++i) {  // ten for each failure and the last, then the failures
+    state_.goesOn(image(0.1 * i).ticket, {}, TrackReason::kLowScore, "", true);
+    expect(TrackState::kTracking, TrackReason::kLowScore);
+  }
+  state_.goesOn(image(3.3).ticket, {}, TrackReason::kLowScore, "", true);
+  expect(TrackState::kLost, TrackReason::kLowScore);
 }
 
 TEST_F(TrackerStateTest, IsConfirmedByItsFirstTrustedPose) {
