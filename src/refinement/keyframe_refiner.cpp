@@ -183,6 +183,7 @@ Refinement KeyframeRefiner::settle(const TimedObservation& image,
   anywhere.T_O_C = rough_T_O_C.at(0);
   anywhere.rotation_rad = M_PI;
   anywhere.translation = 1;
+  bool is_given_up = false;
   Refinement result = refine(
       image, {anywhere, 1, /*is_search=*/true, /*is_settled=*/true},
       [&]() -> HypothesisTable {
@@ -199,7 +200,8 @@ Refinement KeyframeRefiner::settle(const TimedObservation& image,
         if (odds) bringForward(weighed(found, odds).front().T_O_C, &found);
         const double by_image = scoreProbability(found.front().score, scores_);
         const double of_pose = odds ? odds(found.front().T_O_C) : 1;
-        if (withOdds(by_image, of_pose) < least_probability) return {};
+        is_given_up = withOdds(by_image, of_pose) < least_probability;
+        if (is_given_up) return {};
         // A keyframe from beside drags the pose along: one of the place itself decides.
         makeAt(camera, {found.front().T_O_C}, cancellation);
         found = withoutMistake(image.observation,
@@ -208,6 +210,7 @@ Refinement KeyframeRefiner::settle(const TimedObservation& image,
         return odds ? weighed(found, odds) : found;
       },
       cancellation);
+  if (is_given_up) result.outcome = Outcome::kDiverged;
   if (result.outcome != Outcome::kRefined) return result;
   remember(image.stamp_ns, result.T_O_C);
   const double of_start = oddsOfStart(result.T_O_C, rough_T_O_C, field_->field().metadata);
@@ -265,7 +268,10 @@ Refinement KeyframeRefiner::refine(const TimedObservation& image, const Expectat
   try {
     result = conclude(search(), prior);
     if (result.outcome == Outcome::kRefined) judge(image, expected, cancellation, &result);
-    if (!observation.side_views.empty()) {
+    // Where nothing is known of the place, other cameras do not look for what this one does not
+    // see.
+    const bool has_place = !expected.is_settled || result.outcome == Outcome::kRefined;
+    if (!observation.side_views.empty() && has_place) {
       const Vector6 motion = motionTo(image.stamp_ns, prior.T_O_C);
       side_views_->join(observation, {prior, scores_, &*search_, motion}, cancellation, &result);
     }
