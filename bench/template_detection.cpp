@@ -221,7 +221,8 @@ void addOptions(CLI::App* app, Options* o) {
                   "width of the object in scanned images [px]");
   app->add_option("--fitted-px", o->search.matching.fitted_px,
                   "the same where hits are fitted [px]");
-  app->add_option("--fitted", o->search.matching.fitted, "hits that are fitted");
+  app->add_option("--fitted", o->search.matching.fitted,
+                  "best hits of each distance that are fitted");
   app->add_option("--step", o->search.matching.distance_step, "from a distance to the next");
   app->add_option("--rotations", o->search.matching.rotations, "in the image");
   app->add_option("--hits", o->search.matching.hits_per_template, "of each template");
