@@ -176,6 +176,10 @@ struct ObjectDetector::Search {
   bool isGlance() const { return cues != DetectionCues::kAll; }
   /// How many of so many candidates are tried.
   int share(int all) const { return isGlance() ? std::max(1, all / 2) : all; }
+  /// How many candidates of a place are tried.
+  int ofOnePlace(const DetectionSettings& settings) const {
+    return isGlance() ? 1 : settings.max_at_once;
+  }
   bool isEnough(int most) const { return static_cast<int>(detections.found.size()) >= most; }
   bool isFound(const Pose& T_O_C) const {
     const std::vector<Refinement>& found = detections.found;
@@ -196,7 +200,7 @@ PoseCandidates ObjectDetector::ranked(PoseCandidates candidates, int most, Searc
   if (!ranking_) ranking_.emplace(backend_, field_, settings_.keyframes);
   search->eraseFound(&candidates);
   const RankingLimits limits = {search->window, static_cast<std::size_t>(most),
-                                static_cast<std::size_t>(settings_.max_at_once)};
+                                static_cast<std::size_t>(search->ofOnePlace(settings_))};
   PoseCandidates best;
   for (const AlignedCandidate& one :
        ranking_->rank(search->observation, candidates, limits, search->cancellation)) {
@@ -224,14 +228,15 @@ PoseCandidates ObjectDetector::singleMatches(const MatchedImage& matched, const 
 }
 
 /// Aligns what may be the same instance as the best candidate, and takes it from the list.
-/// Landmarks speak for the pose that the image leads to, whatever it was found by.
+/// Landmarks, where they were looked for, speak for the pose that the image leads to, whatever it
+/// was found by.
 Refinement ObjectDetector::takeBest(ImageCandidates* candidates, const Search& search) {
   PoseCandidates& poses = candidates->poses;
   const Pose best = poses.front().T_O_C;
   const auto same = std::stable_partition(
       poses.begin(), poses.end(),
       [&](const PoseCandidate& candidate) { return !is_same_instance_(candidate.T_O_C, best); });
-  const int most = search.isGlance() ? 1 : settings_.max_at_once;
+  const int most = search.ofOnePlace(settings_);
   std::vector<Pose> rough;
   for (auto one = same; one != poses.end(); ++one) {
     if (static_cast<int>(rough.size()) < most) rough.push_back(one->T_O_C);

@@ -51,7 +51,7 @@ enum class DetectionCues {
   kAll,
   kAgreeingLandmarks,  ///< several of which lead to the same pose
   kLandmarks,          ///< and single ones
-  kTemplates,          ///< none without templates
+  kTemplates,          ///< alone; finds nothing of an object that has none
 };
 
 /// What the parts of a search took [s].

@@ -241,7 +241,7 @@ Refinement RefinerSearch::surer(const Refinement& found, const SearchRequest& re
   const double least = detection_.settings.least_score;
   if (found.outcome == Outcome::kRefined && found.score >= least) return found;
   const auto region = objectRegion(request.observation.camera, prior, object);
-  if (!region || request.observation.isDepthAlone()) return found;
+  if (!region) return found;
   SearchArea area;
   area.odds = kHintOdds;
   area.box = Eigen::AlignedBox2d(Eigen::Vector2d(region->x_min, region->y_min),
@@ -279,12 +279,17 @@ void RefinerSearch::beginDetection(const CancellationToken& cancellation) {
 /// What detection does with the next image. To look for an object by all means and at all distances
 /// takes long, and what comes back meanwhile is not seen. So where it was tracked before, each
 /// image has a part of that: landmarks, which take the least time, or, of a plain object, templates
-/// at the distance at which it was tracked last, and at a part of all distances, in turns.
-RefinerSearch::DetectionPart RefinerSearch::nextPart(const Camera& camera) {
-  constexpr int kParts = 3;  // of the distances
+/// at the distance at which it was tracked last, and at a part of all distances, in turns. What
+/// such glances leave out, one image of each round has.
+RefinerSearch::DetectionPart RefinerSearch::nextPart(const Observation& observation) {
+  constexpr int kParts = 3;             // of the distances
+  constexpr int kGlances = 4 * kParts;  // of a round
+  constexpr double kLeastRatio = 1.05;  // where a camera leaves but one distance
   DetectionPart next;
   if (!last_distance_) return next;
-  const int number = detections_++;
+  const int number = detections_;
+  detections_ = (detections_ + 1) % (kGlances + 1);
+  if (number == kGlances) return next;
   if (!detector_->usesTemplates()) {
     const bool also_single = number % 3 == 2;
     next.cues = also_single ? DetectionCues::kLandmarks : DetectionCues::kAgreeingLandmarks;
@@ -293,12 +298,17 @@ RefinerSearch::DetectionPart RefinerSearch::nextPart(const Camera& camera) {
   const bool by_landmarks = number % 2 == 0, at_last = number % 4 == 1;
   next.cues = by_landmarks ? DetectionCues::kLandmarks : DetectionCues::kTemplates;
   if (by_landmarks) return next;
-  const DistanceRange all = DistanceRange::usual(camera);  // [diameters]
+  if (at_last) {
+    next.area.distance = *last_distance_;
+    return next;
+  }
+  // Boxes are small, and each has its own distances: all of them take little time.
+  if (!observation.boxes.empty()) return next;
+  const DistanceRange all = DistanceRange::usual(observation.camera);  // [diameters]
   const double part = std::pow(all.farthest / all.nearest, 1.0 / kParts);
-  const double middle = all.nearest * std::pow(part, number / 4 % kParts + 0.5);
-  const double diameter = field_->field().metadata.diameter;
-  next.area.distance = at_last ? *last_distance_ : middle * diameter;
-  next.area.distance_ratio = std::sqrt(part);
+  const double middle = all.nearest * std::pow(part, number / 4 + 0.5);
+  next.area.distance = middle * field_->field().metadata.diameter;
+  next.area.distance_ratio = std::max(kLeastRatio, std::sqrt(part));
   return next;
 }
 
@@ -325,7 +335,7 @@ Refinement RefinerSearch::detectOnce(const Observation& observation, double trus
   if (!detector_) beginDetection(cancellation);
   detector_->setTrustScore(trust_score);
   const ViewBankFiller::Pause pause(filler_.get());
-  const DetectionPart part = nextPart(observation.camera);
+  const DetectionPart part = nextPart(observation);
   // Objects that are tracked meanwhile, by other threads, need their few milliseconds at once.
   const Detections detections = callInBackground(
       [&] { return detector_->detect(observation, part.area, cancellation, part.cues); });

@@ -111,7 +111,7 @@ class RefinerSearch : public ObjectSearch {
   void beginKeyframes(const CancellationToken& cancellation);
   void prepare();
   void beginDetection(const CancellationToken& cancellation);
-  DetectionPart nextPart(const Camera& camera);
+  DetectionPart nextPart(const Observation& observation);
   void fillViews(const Observation& observation);
   Refinement detectOnce(const Observation& observation, double trust_score,
                         const CancellationToken& cancellation);
@@ -137,7 +137,7 @@ class RefinerSearch : public ObjectSearch {
   DetectionSetup detection_;
   std::unique_ptr<ObjectDetector> detector_;  ///< of field_; null: not asked for yet
   std::optional<double> last_distance_;       ///< at which it was tracked [model units]
-  int detections_ = 0;                        ///< since it was tracked
+  int detections_ = 0;                        ///< since it was tracked, of a round
   std::unique_ptr<ViewBankFiller> filler_;    ///< of the views that rank its candidates
 };
 

@@ -107,6 +107,8 @@ TEST(RefinerSearch, LooksForALostPlainObjectInParts) {
       from = beside->second;
     }
     EXPECT_NEAR(from, everywhere->second, 0.01);
+    EXPECT_EQ(looksAt(), everywhere) << "at last by all means";
+    EXPECT_FALSE(looksAt()) << "and then as before";
   }
 }
 
