@@ -176,10 +176,6 @@ struct ObjectDetector::Search {
   bool isGlance() const { return cues != DetectionCues::kAll; }
   /// How many of so many candidates are tried.
   int share(int all) const { return isGlance() ? std::max(1, all / 2) : all; }
-  /// How many candidates of a place are tried.
-  int ofOnePlace(const DetectionSettings& settings) const {
-    return isGlance() ? 1 : settings.max_at_once;
-  }
   bool isEnough(int most) const { return static_cast<int>(detections.found.size()) >= most; }
   bool isFound(const Pose& T_O_C) const {
     const std::vector<Refinement>& found = detections.found;
@@ -200,7 +196,7 @@ PoseCandidates ObjectDetector::ranked(PoseCandidates candidates, int most, Searc
   if (!ranking_) ranking_.emplace(backend_, field_, settings_.keyframes);
   search->eraseFound(&candidates);
   const RankingLimits limits = {search->window, static_cast<std::size_t>(most),
-                                static_cast<std::size_t>(search->ofOnePlace(settings_))};
+                                static_cast<std::size_t>(settings_.max_at_once)};
   PoseCandidates best;
   for (const AlignedCandidate& one :
        ranking_->rank(search->observation, candidates, limits, search->cancellation)) {
@@ -236,7 +232,7 @@ Refinement ObjectDetector::takeBest(ImageCandidates* candidates, const Search& s
   const auto same = std::stable_partition(
       poses.begin(), poses.end(),
       [&](const PoseCandidate& candidate) { return !is_same_instance_(candidate.T_O_C, best); });
-  const int most = search.ofOnePlace(settings_);
+  const int most = search.isGlance() ? 1 : settings_.max_at_once;
   std::vector<Pose> rough;
   for (auto one = same; one != poses.end(); ++one) {
     if (static_cast<int>(rough.size()) < most) rough.push_back(one->T_O_C);

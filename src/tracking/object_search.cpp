@@ -280,16 +280,18 @@ void RefinerSearch::beginDetection(const CancellationToken& cancellation) {
 /// takes long, and what comes back meanwhile is not seen. So where it was tracked before, each
 /// image has a part of that: landmarks, which take the least time, or, of a plain object, templates
 /// at the distance at which it was tracked last, and at a part of all distances, in turns. What
-/// such glances leave out, one image of each round has.
+/// such glances leave out, an image after some rounds has.
 RefinerSearch::DetectionPart RefinerSearch::nextPart(const Observation& observation) {
   constexpr int kParts = 3;             // of the distances
   constexpr int kGlances = 4 * kParts;  // of a round
+  constexpr int kRounds = 5;            // between two images that are looked at by all means
   constexpr double kLeastRatio = 1.05;  // where a camera leaves but one distance
+  constexpr double kLeastLast = 1.4;    // about the last distance
   DetectionPart next;
   if (!last_distance_) return next;
   const int number = detections_;
-  detections_ = (detections_ + 1) % (kGlances + 1);
-  if (number == kGlances) return next;
+  detections_ = (detections_ + 1) % (kRounds * kGlances + 1);
+  if (number == kRounds * kGlances) return next;
   if (!detector_->usesTemplates()) {
     const bool also_single = number % 3 == 2;
     next.cues = also_single ? DetectionCues::kLandmarks : DetectionCues::kAgreeingLandmarks;
@@ -298,17 +300,14 @@ RefinerSearch::DetectionPart RefinerSearch::nextPart(const Observation& observat
   const bool by_landmarks = number % 2 == 0, at_last = number % 4 == 1;
   next.cues = by_landmarks ? DetectionCues::kLandmarks : DetectionCues::kTemplates;
   if (by_landmarks) return next;
-  if (at_last) {
-    next.area.distance = *last_distance_;
-    return next;
-  }
   // Boxes are small, and each has its own distances: all of them take little time.
-  if (!observation.boxes.empty()) return next;
+  if (!at_last && !observation.boxes.empty()) return next;
   const DistanceRange all = DistanceRange::usual(observation.camera);  // [diameters]
   const double part = std::pow(all.farthest / all.nearest, 1.0 / kParts);
-  const double middle = all.nearest * std::pow(part, number / 4 + 0.5);
-  next.area.distance = middle * field_->field().metadata.diameter;
-  next.area.distance_ratio = std::max(kLeastRatio, std::sqrt(part));
+  const double middle = all.nearest * std::pow(part, number / 4 % kParts + 0.5);
+  const double diameter = field_->field().metadata.diameter;
+  next.area.distance = at_last ? *last_distance_ : middle * diameter;
+  next.area.distance_ratio = std::max(at_last ? kLeastLast : kLeastRatio, std::sqrt(part));
   return next;
 }
 

@@ -137,7 +137,7 @@ class RefinerSearch : public ObjectSearch {
   DetectionSetup detection_;
   std::unique_ptr<ObjectDetector> detector_;  ///< of field_; null: not asked for yet
   std::optional<double> last_distance_;       ///< at which it was tracked [model units]
-  int detections_ = 0;                        ///< since it was tracked, of a round
+  int detections_ = 0;                        ///< since it was tracked, or since one by all means
   std::unique_ptr<ViewBankFiller> filler_;    ///< of the views that rank its candidates
 };
 
