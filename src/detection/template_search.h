@@ -59,9 +59,8 @@ struct TemplateFindings {
 ///   space, which are turned and projected when they are needed. A bank takes less than 1 MiB.
 /// - The best places of all templates are fitted with all edges: to neighbouring rotations,
 ///   distances and views.
-/// - Chance reaches more at some distances than at others. Equally many hits of each are fitted,
-/// and
-///   a candidate's evidence is what it has beyond their median.
+/// - Chance reaches more at some distances than at others. As many hits are fitted at each, and a
+///   candidate's evidence is what it has beyond their median.
 ///
 /// Candidates are starts for alignment, which decides. Not thread-safe.
 class TemplateSearch {

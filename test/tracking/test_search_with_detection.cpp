@@ -112,6 +112,13 @@ TEST(RefinerSearch, LooksForALostPlainObjectInParts) {
   for (int glance = 12; glance < kGlances; ++glance) EXPECT_NE(looksAt(), everywhere);
   EXPECT_EQ(looksAt(), everywhere) << "at last by all means";
   EXPECT_FALSE(looksAt()) << "and then as before";
+
+  gone.boxes = {{60, 40, 100, 80}};
+  looksAt();  // at its last distance
+  EXPECT_FALSE(looksAt());
+  const LookedAt in_box = looksAt();
+  ASSERT_TRUE(in_box);
+  EXPECT_GT(in_box->second, 2 * everywhere->second) << "what fills a box may be far away";
 }
 
 // Landmarks decide where a search from a hint is not sure.
