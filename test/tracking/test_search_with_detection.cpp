@@ -58,49 +58,66 @@ class NotingBackend final : public SceneBackend {
 /// Where an image was looked at by templates [diameters]; nothing: nowhere.
 using LookedAt = std::optional<std::pair<double, double>>;
 
-TEST(RefinerSearch, LooksForALostPlainObjectInParts) {
-  const auto plain = makeAnalyticScene(1, cpuProcessor(2));
-  const auto scene = std::make_shared<DescribedScene>(plain, judged(plain->field().metadata));
-  auto noting = std::make_unique<NotingBackend>(scene);
-  std::vector<double>* const distances = &noting->distances;
-  const auto backend = std::make_shared<SharedBackend>(std::move(noting));
-  const RefinerSettings settings = RefinerSettings::named("keyframes");
-  DetectionSetup detection;
-  detection.settings.model.plain_landmarks = 1 << 30;
-  detection.settings.model.landmarks.views = detection.settings.model.templates.views = 8;
-  RefinerSearch search([&] { return SearchProcessor{backend}; }, settings, settings, detection);
-  search.use(std::make_shared<const Field>(scene->field()));
-  Prior prior;
-  prior.T_O_C = cameraAround(*scene, 0.6, 0.5);
-  const Observation shown = sceneBeforeClutter(*scene, kSmall, prior.T_O_C);
-  Observation gone = shown;
-  gone.image = clutter(kSmall.width, kSmall.height, 3);
-  const auto looksAt = [&]() -> LookedAt {
-    distances->clear();
-    search.detect(gone, 0.9, {});
-    if (distances->empty()) return std::nullopt;
-    return std::make_pair(distances->front(), distances->back());
-  };
+constexpr int kGlances = 60;  // after these, a lost object is looked for by all means
 
+/// A plain object that has been hidden: `gone` does not show it.
+class SearchForAPlainObject : public testing::Test {
+ protected:
+  SearchForAPlainObject() {
+    auto noting = std::make_unique<NotingBackend>(scene_);
+    distances_ = &noting->distances;
+    const auto backend = std::make_shared<SharedBackend>(std::move(noting));
+    const RefinerSettings settings = RefinerSettings::named("keyframes");
+    DetectionSetup detection;
+    detection.settings.model.plain_landmarks = 1 << 30;
+    detection.settings.model.landmarks.views = detection.settings.model.templates.views = 8;
+    search_ = std::make_unique<RefinerSearch>([backend] { return SearchProcessor{backend}; },
+                                              settings, settings, detection);
+    search_->use(std::make_shared<const Field>(scene_->field()));
+    prior_.T_O_C = cameraAround(*scene_, 0.6, 0.5);
+    shown_ = sceneBeforeClutter(*scene_, kSmall, prior_.T_O_C);
+    gone_ = shown_;
+    gone_.image = clutter(kSmall.width, kSmall.height, 3);
+  }
+
+  LookedAt looksAt() {
+    distances_->clear();
+    search_->detect(gone_, 0.9, {});
+    if (distances_->empty()) return std::nullopt;
+    return std::make_pair(distances_->front(), distances_->back());
+  }
+
+  Outcome track(const Observation& observation, bool is_tracked, int track) {
+    return search_->search({observation, prior_, is_tracked, track}, {}).outcome;
+  }
+
+  const std::shared_ptr<const LoadedField> plain_ = makeAnalyticScene(1, cpuProcessor(2));
+  const std::shared_ptr<const DescribedScene> scene_ =
+      std::make_shared<DescribedScene>(plain_, judged(plain_->field().metadata));
+  std::unique_ptr<RefinerSearch> search_;
+  std::vector<double>* distances_ = nullptr;
+  Prior prior_;
+  Observation shown_, gone_;
+};
+
+TEST_F(SearchForAPlainObject, GoesOnInParts) {
   const LookedAt everywhere = looksAt();  // nothing is known yet
   ASSERT_TRUE(everywhere);
-  const FieldMetadata& object = scene->field().metadata;
-  Prior inside = prior;
+  const FieldMetadata& object = scene_->field().metadata;
+  Prior inside = prior_;
   inside.T_O_C.t = object.centre;  // a hint that makes no sense says nothing of the distance
-  search.search({shown, inside, false, 0}, {});
+  search_->search({shown_, inside, false, 0}, {});
   EXPECT_EQ(looksAt(), everywhere);
-  const double last = (prior.T_O_C.t - object.centre).norm() / object.diameter;
-  constexpr int kGlances = 60;
-  for (int track = 0; track < 2; ++track) {
-    EXPECT_EQ(search.search({shown, prior, true, track}, {}).outcome, Outcome::kRefined);
+  const double last = (prior_.T_O_C.t - object.centre).norm() / object.diameter;
+  for (int id = 0; id < 2; ++id) {
+    EXPECT_EQ(track(shown_, true, id), Outcome::kRefined);
     double from = everywhere->first;
     for (int part = 0; part < 3; ++part) {
       EXPECT_FALSE(looksAt()) << "by landmarks";
       const LookedAt at_last = looksAt();
       ASSERT_TRUE(at_last);
       EXPECT_NEAR(at_last->first * at_last->second, last * last, 0.01) << "in the middle of it";
-      // The search around the last pose does not begin this anew.
-      search.search({gone, prior, false, track}, {});
+      track(gone_, false, id);  // the search around the last pose does not begin this anew
       EXPECT_FALSE(looksAt());
       const LookedAt beside = looksAt();
       ASSERT_TRUE(beside);
@@ -112,9 +129,15 @@ TEST(RefinerSearch, LooksForALostPlainObjectInParts) {
   for (int glance = 12; glance < kGlances; ++glance) EXPECT_NE(looksAt(), everywhere);
   EXPECT_EQ(looksAt(), everywhere) << "at last by all means";
   EXPECT_FALSE(looksAt()) << "and then as before";
+}
 
-  gone.boxes = {{60, 40, 100, 80}};
-  looksAt();  // at its last distance
+TEST_F(SearchForAPlainObject, LooksIntoABoxAsFarAsItsSizeAsks) {
+  const LookedAt everywhere = looksAt();
+  ASSERT_TRUE(everywhere);
+  EXPECT_EQ(track(shown_, true, 0), Outcome::kRefined);
+  gone_.boxes = {{60, 40, 100, 80}};
+  EXPECT_FALSE(looksAt()) << "by landmarks";
+  ASSERT_TRUE(looksAt()) << "at the last distance";
   EXPECT_FALSE(looksAt());
   const LookedAt in_box = looksAt();
   ASSERT_TRUE(in_box);
