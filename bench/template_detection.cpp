@@ -215,7 +215,7 @@ void addOptions(CLI::App* app, Options* o) {
   app->add_option("--largest", o->largest, "width of the object, of the image's");
   app->add_option("--smallest", o->smallest, "the same");
   app->add_option("--views", o->bank.views, "of the bank");
-  app->add_option("--edges", o->bank.edges, "of a view");
+  app->add_option("--features", o->bank.features, "of a view");
   app->add_option("--view-distance", o->bank.distance, "of the bank's cameras [diameters]");
   app->add_option("--scanned", o->search.matching.scanned_px,
                   "width of the object in scanned images [px]");

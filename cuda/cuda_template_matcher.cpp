@@ -12,12 +12,12 @@ namespace nerf_pose_refiner {
 namespace {
 
 /// What a fit looks up, at most: windows at the border of an image are smaller.
-std::uint64_t fitLookups(int edges) {
+std::uint64_t fitLookups(int features) {
   const auto window = [](int round) {
     const std::uint64_t side = 2 * fitReach(round) + 1;
     return side * side;
   };
-  return static_cast<std::uint64_t>(edges) *
+  return static_cast<std::uint64_t>(features) *
          (kTurnedAndMoved * window(0) + kViewsBeside * window(1) + kClose * window(2));
 }
 
@@ -26,30 +26,31 @@ std::uint64_t fitLookups(int edges) {
 CudaTemplateMatcher::CudaTemplateMatcher(int device, std::shared_ptr<const TemplateBank> bank,
                                          const TemplateMatchSettings& settings)
     : device_(device), bank_(std::move(bank)), settings_(settings) {
-  const int count = bank_->edges();
-  std::vector<CudaTemplateEdge> edges(bank_->views.size() * static_cast<std::size_t>(count));
+  const int count = bank_->features();
+  std::vector<CudaTemplateFeature> features(bank_->views.size() * static_cast<std::size_t>(count));
   const std::vector<std::vector<ViewBeside>> all_beside = viewsBeside(*bank_);
   std::vector<int> beside(bank_->views.size() * kViewsBeside, -1);
   std::vector<double> turns(beside.size(), 0);
   for (std::size_t view = 0; view < bank_->views.size(); ++view) {
-    const std::vector<TemplateEdge>& of_view = bank_->views[view].edges;
+    const std::vector<TemplateFeature>& of_view = bank_->views[view].features;
     if (!of_view.empty()) shown_.push_back(static_cast<int>(view));
-    std::transform(of_view.begin(), of_view.end(),
-                   edges.begin() + static_cast<std::ptrdiff_t>(view) * count,
-                   [](const TemplateEdge& edge) -> CudaTemplateEdge {
-                     return {{edge.point.x(), edge.point.y(), edge.point.z()}, edge.normal_rad};
-                   });
+    std::transform(
+        of_view.begin(), of_view.end(),
+        features.begin() + static_cast<std::ptrdiff_t>(view) * count,
+        [](const TemplateFeature& feature) -> CudaTemplateFeature {
+          return {{feature.point.x(), feature.point.y(), feature.point.z()}, feature.normal_rad};
+        });
     for (std::size_t k = 0; k < all_beside[view].size(); ++k) {
       beside[view * kViewsBeside + k] = all_beside[view][k].view;
       turns[view * kViewsBeside + k] = all_beside[view][k].turn_rad;
     }
   }
-  edges_.upload(edges, stream_);
+  features_.upload(features, stream_);
   shown_on_device_.upload(shown_, stream_);
   beside_.upload(beside, stream_);
   turns_.upload(turns, stream_);
   stream_.wait();
-  templates_ = {edges_.data(), shown_on_device_.data(), static_cast<int>(shown_.size()), count,
+  templates_ = {features_.data(), shown_on_device_.data(), static_cast<int>(shown_.size()), count,
                 settings.rotations};
 }
 
@@ -211,7 +212,7 @@ TemplateMatches CudaTemplateMatcher::match(const Image& image, const Camera& cam
     const TemplateScale& scale = fitted.scales[static_cast<std::size_t>(pose.level)];
     pose.pixel = movedTo(camera, scale.camera, pose.pixel);
   }
-  found.lookups += found.poses.size() * fitLookups(templates_.edge_count);
+  found.lookups += found.poses.size() * fitLookups(templates_.feature_count);
   found.fit_s = secondsSince(begin);
   return found;
 }

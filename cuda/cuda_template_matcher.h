@@ -52,7 +52,7 @@ class CudaTemplateMatcher final : public TemplateMatcher {
   TemplateMatchSettings settings_;
   CudaStream stream_;
   CudaTemplates templates_ = {};
-  DeviceBuffer<CudaTemplateEdge> edges_;
+  DeviceBuffer<CudaTemplateFeature> features_;
   std::vector<int> shown_;
   DeviceBuffer<int> shown_on_device_, beside_;
   DeviceBuffer<double> turns_;

@@ -37,7 +37,7 @@ class Fit {
     const int best = kMostPositions - static_cast<int>(key & 0xffff);
     pose.x = left + best % columns;
     pose.y = top + best / columns;
-    pose.evidence = meanResponse(static_cast<int>(key >> 16) - 1, task_.templates.edge_count);
+    pose.evidence = meanResponse(static_cast<int>(key >> 16) - 1, task_.templates.feature_count);
     if (pose.evidence > best_.evidence) best_ = pose;
   }
 
@@ -45,22 +45,22 @@ class Fit {
 
  private:
   __device__ void place(const CudaTemplatePose& pose) {
-    const int count = task_.templates.edge_count;
-    const CudaTemplateEdge* edges =
-        task_.templates.edges + static_cast<std::int64_t>(pose.view) * count;
+    const int count = task_.templates.feature_count;
+    const CudaTemplateFeature* features =
+        task_.templates.features + static_cast<std::int64_t>(pose.view) * count;
     const TemplatePlacement placement =
         TemplatePlacement::of(pose.rotation_rad, level_.focal, pose.distance);
     __syncthreads();  // the last offsets are read
     for (int e = static_cast<int>(threadIdx.x); e < count; e += kThreads) {
       offsets_[e] =
-          level_.order.offsetOf(placeEdge(placement, edges[e].point, edges[e].normal_rad));
+          level_.order.offsetOf(placeFeature(placement, features[e].point, features[e].normal_rad));
     }
     __syncthreads();
   }
 
   __device__ int scoreAt(int x, int y) const {
     const std::uint8_t* place = level_.responses + level_.order.placeOf(x, y);
-    const int per_part = task_.templates.edge_count / kTemplateParts;
+    const int per_part = task_.templates.feature_count / kTemplateParts;
     int sum = 0, least = 0;
     for (int part = 0; part < kTemplateParts; ++part) {
       int of_part = 0;
@@ -87,7 +87,7 @@ class Fit {
 
   const FitTask& task_;
   const CudaTemplateLevel& level_;
-  int* offsets_;  // of the edges, of the pose that is considered
+  int* offsets_;  // of the features, of the pose that is considered
   CudaTemplatePose best_ = {0, 0, 0, 0, 0, 0, -1};
 };
 
@@ -124,7 +124,7 @@ __global__ void fitKernel(const __grid_constant__ FitTask task, int first) {
 }  // namespace
 
 void fitTemplates(const FitTask& task, cudaStream_t stream) {
-  const std::size_t shared = task.templates.edge_count * sizeof(int);
+  const std::size_t shared = task.templates.feature_count * sizeof(int);
   for (int first = 0; first < task.count; first += kFitsPerLaunch) {
     const int blocks = std::min(kFitsPerLaunch, task.count - first);
     fitKernel<<<blocks, kThreads, shared, stream>>>(task, first);

@@ -10,17 +10,17 @@
 
 namespace nerf_pose_refiner {
 
-/// An edge of a view (@see TemplateEdge).
-struct CudaTemplateEdge {
+/// A feature of a view (@see TemplateFeature).
+struct CudaTemplateFeature {
   Vec3<float> point;
   float normal_rad;
 };
 
 /// What is looked for, in the memory of the device.
 struct CudaTemplates {
-  const CudaTemplateEdge* edges;  ///< [views][edge_count]
-  const int* shown;               ///< numbers of the views that have edges
-  int shown_count, edge_count;
+  const CudaTemplateFeature* features;  ///< [views][feature_count]
+  const int* shown;                     ///< numbers of the views that have features
+  int shown_count, feature_count;
   int rotations;
 };
 

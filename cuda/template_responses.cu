@@ -89,7 +89,8 @@ __global__ void agreementKernel(const __grid_constant__ ResponseTask task) {
       agreement(task.scratch.gradients[i], *task.scratch.half, task.directions[blockIdx.y]);
 }
 
-/// A thread per pixel: of each orientation the most of 3 x 3 neighbours, without the mean of all.
+/// A thread per pixel: of each orientation the most of 3 x 3 neighbours, without the mean of all;
+/// and that to no edge.
 __global__ void responseKernel(const __grid_constant__ ResponseTask task) {
   const int i = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
   const int pixels = pixelsOf(task);
@@ -115,6 +116,8 @@ __global__ void responseKernel(const __grid_constant__ ResponseTask task) {
   for (int bin = 0; bin < kOrientations; ++bin) {
     task.responses[task.order.indexOf(bin, x, y)] = responseAbove(mean, most[bin]);
   }
+  task.responses[task.order.indexOf(kFlatBin, x, y)] =
+      flatResponse(task.scratch.gradients[i], *task.scratch.half);
 }
 
 int blocksFor(int items) { return (items + kThreads - 1) / kThreads; }

@@ -17,8 +17,8 @@ constexpr std::uint64_t kLookupsPerLaunch = 1ull << 29;  // some 0.2 ms of an H1
 
 static_assert(kLanesPerRow * kPerLane == kTileColumns, "a row of a tile is one of lanes");
 
-/// Where an edge's responses are: words, and by how many bits they are shifted.
-struct EdgeWords {
+/// Where a feature's responses are: words, and by how many bits they are shifted.
+struct FeatureWords {
   int offset, shift;
 };
 
@@ -27,17 +27,17 @@ struct FourSums {
   unsigned even, odd;
 };
 
-/// Sum over the edges of a part, at the four positions of a word. (Whole words are read: at an
+/// Sum over the features of a part, at the four positions of a word. (Whole words are read: at an
 /// unaligned place they are two of them.)
-__device__ FourSums sumPart(const unsigned* place, const EdgeWords* edges, int count) {
+__device__ FourSums sumPart(const unsigned* place, const FeatureWords* features, int count) {
   FourSums sum = {0, 0};
-  for (int e = 0; e < count; e += kEdgesPerSum) {
+  for (int e = 0; e < count; e += kFeaturesPerSum) {
     unsigned few = 0;  // four bytes, none of which can overflow
 #pragma unroll
-    for (int k = 0; k < kEdgesPerSum; ++k) {
-      const EdgeWords edge = edges[e + k];
-      const unsigned* words = place + edge.offset;
-      few += __funnelshift_r(__ldg(words), __ldg(words + 1), edge.shift);
+    for (int k = 0; k < kFeaturesPerSum; ++k) {
+      const FeatureWords feature = features[e + k];
+      const unsigned* words = place + feature.offset;
+      few += __funnelshift_r(__ldg(words), __ldg(words + 1), feature.shift);
     }
     sum.even += few & 0x00ff00ffu;
     sum.odd += (few >> 8) & 0x00ff00ffu;
@@ -46,10 +46,10 @@ __device__ FourSums sumPart(const unsigned* place, const EdgeWords* edges, int c
 }
 
 /// Of all parts but the least one.
-__device__ FourSums sumBest(const unsigned* place, const EdgeWords* edges, int per_part) {
-  FourSums sum = sumPart(place, edges, per_part), least = sum;
+__device__ FourSums sumBest(const unsigned* place, const FeatureWords* features, int per_part) {
+  FourSums sum = sumPart(place, features, per_part), least = sum;
   for (int part = 1; part < kTemplateParts; ++part) {
-    const FourSums of_part = sumPart(place, edges + part * per_part, per_part);
+    const FourSums of_part = sumPart(place, features + part * per_part, per_part);
     sum.even += of_part.even;
     sum.odd += of_part.odd;
     least.even = __vminu2(least.even, of_part.even);
@@ -66,8 +66,8 @@ __device__ PeakKey mostOfWarp(PeakKey key) {
 }
 
 /// The best position of a tile, whose first one is at `left` and `top`.
-__device__ PeakKey peakOfTile(const CudaTemplateLevel& level, const EdgeWords* edges, int per_part,
-                              int left, int top) {
+__device__ PeakKey peakOfTile(const CudaTemplateLevel& level, const FeatureWords* features,
+                              int per_part, int left, int top) {
   const int columns = (level.width + kScanStride - 1) / kScanStride;
   const int rows = (level.height + kScanStride - 1) / kScanStride;
   const int lane = static_cast<int>(threadIdx.x) % 32;
@@ -79,7 +79,7 @@ __device__ PeakKey peakOfTile(const CudaTemplateLevel& level, const EdgeWords* e
     // A multiple of four, but for the margin before the first column: that is part of the offsets.
     const int place = row * level.order.columns + column;
     const FourSums sums =
-        sumBest(reinterpret_cast<const unsigned*>(level.responses) + place / 4, edges, per_part);
+        sumBest(reinterpret_cast<const unsigned*>(level.responses) + place / 4, features, per_part);
     const unsigned scores[kPerLane] = {sums.even & 0xffff, sums.odd & 0xffff, sums.even >> 16,
                                        sums.odd >> 16};
     for (int k = 0; k < kPerLane; ++k) {
@@ -92,21 +92,22 @@ __device__ PeakKey peakOfTile(const CudaTemplateLevel& level, const EdgeWords* e
 
 /// blockIdx.x is a template, from `first` on, blockIdx.y and z are parts of the image.
 __global__ void scanKernel(const __grid_constant__ ScanTask task, int first) {
-  extern __shared__ EdgeWords edges[];
+  extern __shared__ FeatureWords features[];
   const CudaTemplateLevel& level = task.level;
   const int number = first + static_cast<int>(blockIdx.x);
-  const int count = task.templates.edge_count / kScanEdgeStep;
-  const CudaTemplateEdge* of_view =
-      task.templates.edges + task.templates.shown[number / task.templates.rotations] *
-                                 static_cast<std::int64_t>(task.templates.edge_count);
+  const int count = task.templates.feature_count / kScanFeatureStep;
+  const CudaTemplateFeature* of_view =
+      task.templates.features + task.templates.shown[number / task.templates.rotations] *
+                                    static_cast<std::int64_t>(task.templates.feature_count);
   const TemplatePlacement placement = TemplatePlacement::of(
       2 * kPi * (number % task.templates.rotations) / task.templates.rotations, level.focal,
       level.distance);
   for (int e = static_cast<int>(threadIdx.x); e < count; e += kThreads) {
-    const CudaTemplateEdge edge = of_view[kScanEdgeStep * e];
-    const int place = level.order.placeOf(0, 0) +
-                      level.order.offsetOf(placeEdge(placement, edge.point, edge.normal_rad));
-    edges[e] = {place / 4, place % 4 * 8};
+    const CudaTemplateFeature feature = of_view[kScanFeatureStep * e];
+    const int place =
+        level.order.placeOf(0, 0) +
+        level.order.offsetOf(placeFeature(placement, feature.point, feature.normal_rad));
+    features[e] = {place / 4, place % 4 * 8};
   }
   __syncthreads();
   const TileGrid grid = TileGrid::of(level.width, level.height);
@@ -114,7 +115,7 @@ __global__ void scanKernel(const __grid_constant__ ScanTask task, int first) {
   const int row = static_cast<int>(blockIdx.z) * kTilesAtOnce + static_cast<int>(threadIdx.x) / 32;
   if (row >= grid.rows) return;
   const PeakKey peak =
-      peakOfTile(level, edges, count / kTemplateParts, column * kTileColumns, row * kTileRows);
+      peakOfTile(level, features, count / kTemplateParts, column * kTileColumns, row * kTileRows);
   if (threadIdx.x % 32 == 0) {
     task.tiles[static_cast<std::int64_t>(number) * grid.size() + row * grid.columns + column] =
         peak;
@@ -143,15 +144,16 @@ __global__ void bestKernel(const __grid_constant__ ScanTask task) {
 
 void scanTemplates(const ScanTask& task, cudaStream_t stream) {
   const TileGrid grid = TileGrid::of(task.level.width, task.level.height);
-  const int edges = task.templates.edge_count / kScanEdgeStep;
+  const int features = task.templates.feature_count / kScanFeatureStep;
   const int templates = task.templates.shown_count * task.templates.rotations;
-  const auto lookups = static_cast<std::uint64_t>(grid.size()) * kTileColumns * kTileRows * edges;
+  const auto lookups =
+      static_cast<std::uint64_t>(grid.size()) * kTileColumns * kTileRows * features;
   const int at_once = static_cast<int>(std::clamp<std::uint64_t>(
       kLookupsPerLaunch / lookups, 1, static_cast<std::uint64_t>(templates)));
   for (int first = 0; first < templates; first += at_once) {
     const dim3 blocks(std::min(at_once, templates - first), grid.columns,
                       (grid.rows + kTilesAtOnce - 1) / kTilesAtOnce);
-    scanKernel<<<blocks, kThreads, edges * sizeof(EdgeWords), stream>>>(task, first);
+    scanKernel<<<blocks, kThreads, features * sizeof(FeatureWords), stream>>>(task, first);
   }
   bestKernel<<<(32 * templates + kThreads - 1) / kThreads, kThreads, 0, stream>>>(task);
   NPR_CUDA_CHECK(cudaGetLastError());

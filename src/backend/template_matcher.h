@@ -13,25 +13,25 @@
 
 namespace nerf_pose_refiner {
 
-/// A place on an edge that a view of an object shows: on its contour, or inside where its colours
-/// change.
-struct TemplateEdge {
+/// A place that a view of an object shows: on its contour, inside where its colours change, or
+/// where they do not.
+struct TemplateFeature {
   Eigen::Vector3f point;  ///< relative to the object's centre, in the view's axes [diameters]
-  float normal_rad;       ///< direction across the edge in the image; its sign says nothing
+  float normal_rad;  ///< direction across the edge in the image, whose sign says nothing; kNoNormal
 };
 
-/// An object seen from one side, as edges alone. A template is made of it by a rotation in the
-/// image, a size and a place.
+/// An object seen from one side, as places with and without an edge. A template is made of it by a
+/// rotation in the image, a size and a place.
 struct TemplateView {
-  /// Numbers of edges are multiples of it: kernels take so many of a part at once, also in a scan,
-  /// where not all edges count.
-  static constexpr int kRun = kScanEdgeStep * kTemplateParts * kEdgesPerSum;
-  static constexpr int kMostEdges = 2048;  ///< sums of their responses fit into 15 bits
+  /// Numbers of features are multiples of it: kernels take so many of a part at once, also in a
+  /// scan, where not all features count.
+  static constexpr int kRun = kScanFeatureStep * kTemplateParts * kFeaturesPerSum;
+  static constexpr int kMostFeatures = 2048;  ///< sums of their responses fit into 15 bits
 
   Eigen::Matrix3d R_O_V;  ///< axes of the view's camera in O
   /// Part after part, equally many in each. Every second one alone makes as even a choice. Empty:
   /// this view shows next to nothing.
-  std::vector<TemplateEdge> edges;
+  std::vector<TemplateFeature> features;
 };
 
 /// An object from all around.
@@ -40,7 +40,7 @@ struct TemplateBank {
 
   std::size_t memory_bytes() const;
   /// Of a view that has any; 0: none has. All have equally many.
-  int edges() const;
+  int features() const;
 };
 
 /// How templates are matched.
@@ -62,14 +62,14 @@ struct TemplatePose {
   double rotation_rad = 0;  ///< from the image's axis x to its axis y
   double distance = 0;      ///< of the object's centre [diameters]
   Eigen::Vector2d pixel;    ///< of it
-  double evidence = -1;     ///< mean response over the edges that count, 0..1
+  double evidence = -1;     ///< mean response over the features that count, 0..1
   int level = 0;            ///< number of the distance at which it was looked for
 };
 
 /// Where templates match an image, and what it took to find out.
 struct TemplateMatches {
   std::vector<TemplatePose> poses;  ///< level after level, of each the best hits first
-  std::uint64_t lookups = 0;        ///< of responses at the edges of templates
+  std::uint64_t lookups = 0;        ///< of responses at the features of templates
   double scan_s = 0, fit_s = 0;     ///< with the preparation of images
 };
 
@@ -79,8 +79,8 @@ class TemplateMatcher {
  public:
   virtual ~TemplateMatcher() = default;
 
-  /// The best places of all views, rotations and distances, fitted with all edges to neighbouring
-  /// rotations, distances and views.
+  /// The best places of all views, rotations and distances, fitted with all features to
+  /// neighbouring rotations, distances and views.
   /// @param image [h][w][3] of `camera`. @param distances of the object's centre that are scanned
   /// [diameters]. @throws std::invalid_argument for an image that has not its camera's size, or no
   /// RGB, Cancelled.

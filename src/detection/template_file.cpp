@@ -17,23 +17,25 @@ namespace {
 constexpr char kTemplateFormat[8] = {'N', 'P', 'R', 'T', 'P', 'L', '0', '1'};
 constexpr std::uint32_t kMaxViews = 10000;
 constexpr int kViewNumbers = 9;  // of R_O_V, column by column
-constexpr int kEdgeNumbers = 4;
+constexpr int kFeatureNumbers = 4;
 
 struct TemplateHeader {
   char format[8];
   std::uint64_t key;
   std::uint64_t checksum;  // of all that follows
   std::uint32_t views;
-  std::uint32_t edges;  // of each view that has any
+  std::uint32_t features;  // of each view that has any
 };
 
-/// The numbers of a view: its axes, whether it has edges, and these.
-void write(const TemplateView& view, std::uint32_t edges, std::vector<double>* numbers) {
+/// The numbers of a view: its axes, whether it has features, and these.
+void write(const TemplateView& view, std::uint32_t features, std::vector<double>* numbers) {
   numbers->insert(numbers->end(), view.R_O_V.data(), view.R_O_V.data() + kViewNumbers);
-  numbers->push_back(view.edges.empty() ? 0 : 1);
-  for (std::uint32_t i = 0; i < edges; ++i) {
-    const TemplateEdge edge = view.edges.empty() ? TemplateEdge{{0, 0, 0}, 0} : view.edges[i];
-    for (const float number : {edge.point.x(), edge.point.y(), edge.point.z(), edge.normal_rad}) {
+  numbers->push_back(view.features.empty() ? 0 : 1);
+  for (std::uint32_t i = 0; i < features; ++i) {
+    const TemplateFeature feature =
+        view.features.empty() ? TemplateFeature{{0, 0, 0}, 0} : view.features[i];
+    for (const float number :
+         {feature.point.x(), feature.point.y(), feature.point.z(), feature.normal_rad}) {
       numbers->push_back(number);
     }
   }
@@ -42,19 +44,19 @@ void write(const TemplateView& view, std::uint32_t edges, std::vector<double>* n
 std::uint64_t checksumOf(const TemplateHeader& header, const std::vector<double>& numbers) {
   Checksum checksum;
   addTo(header.views, &checksum);
-  addTo(header.edges, &checksum);
+  addTo(header.features, &checksum);
   checksum.add(numbers.data(), numbers.size() * sizeof(double));
   return checksum.value();
 }
 
-TemplateView viewOf(const double* numbers, std::uint32_t edges) {
+TemplateView viewOf(const double* numbers, std::uint32_t features) {
   TemplateView view;
   std::copy_n(numbers, kViewNumbers, view.R_O_V.data());
   if (numbers[kViewNumbers] == 0) return view;
-  const double* edge = numbers + kViewNumbers + 1;
-  for (std::uint32_t i = 0; i < edges; ++i, edge += kEdgeNumbers) {
-    view.edges.push_back(
-        {Eigen::Vector3d(edge[0], edge[1], edge[2]).cast<float>(), static_cast<float>(edge[3])});
+  const double* feature = numbers + kViewNumbers + 1;
+  for (std::uint32_t i = 0; i < features; ++i, feature += kFeatureNumbers) {
+    view.features.push_back({Eigen::Vector3d(feature[0], feature[1], feature[2]).cast<float>(),
+                             static_cast<float>(feature[3])});
   }
   return view;
 }
@@ -62,10 +64,10 @@ TemplateView viewOf(const double* numbers, std::uint32_t edges) {
 TemplateBank readBank(const InputFile& file, std::uint64_t key) {
   TemplateHeader header;
   file.read(0, &header, sizeof header);
-  const std::size_t of_view = kViewNumbers + 1 + std::size_t{kEdgeNumbers} * header.edges;
+  const std::size_t of_view = kViewNumbers + 1 + std::size_t{kFeatureNumbers} * header.features;
   if (std::memcmp(header.format, kTemplateFormat, sizeof kTemplateFormat) != 0 ||
-      header.key != key || header.views > kMaxViews || header.edges > TemplateView::kMostEdges ||
-      header.edges % TemplateView::kRun != 0 ||
+      header.key != key || header.views > kMaxViews ||
+      header.features > TemplateView::kMostFeatures || header.features % TemplateView::kRun != 0 ||
       file.size() != sizeof header + header.views * of_view * sizeof(double)) {
     throw std::runtime_error("no templates of this object");
   }
@@ -78,7 +80,7 @@ TemplateBank readBank(const InputFile& file, std::uint64_t key) {
   }
   TemplateBank bank;
   for (std::uint32_t i = 0; i < header.views; ++i) {
-    bank.views.push_back(viewOf(numbers.data() + i * of_view, header.edges));
+    bank.views.push_back(viewOf(numbers.data() + i * of_view, header.features));
   }
   return bank;
 }
@@ -86,11 +88,11 @@ TemplateBank readBank(const InputFile& file, std::uint64_t key) {
 }  // namespace
 
 std::uint64_t templateKey(const Field& field, const TemplateBankSettings& settings) {
-  constexpr std::uint32_t kTemplateVersion = 1;  // of how templates are made
+  constexpr std::uint32_t kTemplateVersion = 2;  // of how templates are made
   Checksum checksum;
   addTo(kTemplateVersion, &checksum);
   addTo(field, &checksum);
-  for (const int value : {settings.views, settings.object_px, settings.edges}) {
+  for (const int value : {settings.views, settings.object_px, settings.features}) {
     addTo(value, &checksum);
   }
   addTo(settings.distance, &checksum);
@@ -103,10 +105,10 @@ void saveTemplates(const TemplateBank& bank, std::uint64_t key, const std::strin
   header.key = key;
   header.views = static_cast<std::uint32_t>(bank.views.size());
   for (const TemplateView& view : bank.views) {
-    header.edges = std::max(header.edges, static_cast<std::uint32_t>(view.edges.size()));
+    header.features = std::max(header.features, static_cast<std::uint32_t>(view.features.size()));
   }
   std::vector<double> numbers;
-  for (const TemplateView& view : bank.views) write(view, header.edges, &numbers);
+  for (const TemplateView& view : bank.views) write(view, header.features, &numbers);
   header.checksum = checksumOf(header, numbers);
   AtomicFile file(path);
   file.write(&header, sizeof header);

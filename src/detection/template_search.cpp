@@ -16,7 +16,7 @@ namespace nerf_pose_refiner {
 namespace {
 
 /// What chance reaches at each distance: the median evidence of what was fitted there. Far objects
-/// are looked for at more places, near ones among coarser edges.
+/// are looked for at more places, near ones among coarser features.
 std::vector<double> chanceAt(const std::vector<TemplatePose>& poses, std::size_t levels) {
   std::vector<std::vector<double>> evidence(levels);
   for (const TemplatePose& pose : poses) {

@@ -30,7 +30,7 @@ struct DistanceRange {
 struct TemplateSearchSettings {
   TemplateMatchSettings matching;
   int candidates = 20;        ///< that are returned, at most, times the number of distances
-  double min_evidence = 0.2;  ///< of them: mean response over a template's edges, 0..1
+  double min_evidence = 0.2;  ///< of them: mean response over a template's features, 0..1
 
   /// @throws std::invalid_argument naming the value that is out of range.
   void validate() const;
@@ -39,7 +39,7 @@ struct TemplateSearchSettings {
 /// What a search has found, and what it took.
 struct TemplateFindings {
   PoseCandidates candidates;     ///< best first
-  std::uint64_t lookups = 0;     ///< of responses at the edges of templates
+  std::uint64_t lookups = 0;     ///< of responses at the features of templates
   double scan_s = 0, fit_s = 0;  ///< with the preparation of images
 };
 
@@ -50,14 +50,16 @@ struct TemplateFindings {
 /// The object is known as edges with orientations, seen from all around (TemplateBank). An image,
 /// reduced so that an object at some distance spans as many pixels as templates do, responds to
 /// each orientation at each pixel (OrientationResponses). The evidence for a template at a place is
-/// the mean response at its edges. What is different here:
+/// the mean response at its features. What is different here:
 ///
+/// - Features are also places where the object has no edge, and the image should have none: among
+///   clutter there are edges of all orientations nearly everywhere.
 /// - Where gradients of all orientations are close together the image does not respond, so that
 ///   clutter has no advantage over clean contours.
 /// - The quarter of a template that fits worst does not count: it may be covered.
-/// - A rotation in the image and a distance are no templates of their own: edges are points in
+/// - A rotation in the image and a distance are no templates of their own: features are points in
 ///   space, which are turned and projected when they are needed. A bank takes less than 1 MiB.
-/// - The best places of all templates are fitted with all edges: to neighbouring rotations,
+/// - The best places of all templates are fitted with all features: to neighbouring rotations,
 ///   distances and views.
 /// - Chance reaches more at some distances than at others. As many hits are fitted at each, and a
 ///   candidate's evidence is what it has beyond their median.

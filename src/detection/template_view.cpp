@@ -18,12 +18,13 @@ namespace {
 
 constexpr float kOutlineStrength = 1;       // of an edge on the contour; inner ones have less
 constexpr float kMinInnerStrength = 0.05f;  // change of a colour over two pixels
+constexpr float kMostFlat = 0.02f;          // the same where there is no edge
 
-/// A pixel on an edge.
+/// A pixel on an edge, or away from all edges.
 struct EdgePixel {
   int x, y;
   float strength;
-  float normal_rad;
+  float normal_rad;  // kNoNormal
 };
 
 /// Half the change from neighbour to neighbour along both axes.
@@ -59,7 +60,30 @@ class EdgeFinder {
     return edges;
   }
 
+  /// Pixels of the object away from all edges.
+  std::vector<EdgePixel> findFlat() const {
+    std::vector<EdgePixel> flat;
+    for (int y = kReach + 1; y + kReach + 1 < alpha_.height; ++y) {
+      for (int x = kReach + 1; x + kReach + 1 < alpha_.width; ++x) {
+        if (isFlat(x, y)) flat.push_back({x, y, 1 - strongestAt(x, y).norm(), kNoNormal});
+      }
+    }
+    return flat;
+  }
+
  private:
+  // In the images that are scanned, two pixels: responses spread by one, poses are off by another.
+  static constexpr int kReach = 4;
+
+  bool isFlat(int x, int y) const {
+    for (int v = y - kReach; v <= y + kReach; ++v) {
+      for (int u = x - kReach; u <= x + kReach; ++u) {
+        if (alpha_.at(u, v, 0) < 0.9f || strongestAt(u, v).norm() > kMostFlat) return false;
+      }
+    }
+    return true;
+  }
+
   bool isOnContour(int x, int y) const {
     return std::min({alpha_.at(x - 1, y, 0), alpha_.at(x + 1, y, 0), alpha_.at(x, y - 1, 0),
                      alpha_.at(x, y + 1, 0)}) < 0.5f;
@@ -132,33 +156,79 @@ void chooseEvenly(EdgeRange range, int count, std::vector<EdgePixel>* chosen) {
   chooseEvenly({middle, last}, count - count / 2, chosen);
 }
 
+/// A part of a template: edges, and flat pixels near to them.
+class TemplatePart {
+ public:
+  TemplatePart(EdgeRange edges) : pixels_(edges.first, edges.second) {
+    for (const EdgePixel& edge : pixels_) {
+      x_ += edge.x / static_cast<double>(pixels_.size());
+      y_ += edge.y / static_cast<double>(pixels_.size());
+    }
+  }
+
+  /// Takes the nearest one out of the rest.
+  void takeFrom(std::vector<EdgePixel>* rest) {
+    const auto nearest = std::min_element(
+        rest->begin(), rest->end(), [this](const EdgePixel& a, const EdgePixel& b) {
+          return std::hypot(a.x - x_, a.y - y_) < std::hypot(b.x - x_, b.y - y_);
+        });
+    pixels_.push_back(*nearest);
+    rest->erase(nearest);
+  }
+
+  const std::vector<EdgePixel>& pixels() const { return pixels_; }
+
+ private:
+  std::vector<EdgePixel> pixels_;
+  double x_ = 0, y_ = 0;  // middle of the edges
+};
+
+/// Part after part. @return nothing: there is next to nothing to be seen.
+std::vector<EdgePixel> chooseFeatures(const EdgeFinder& finder, int count) {
+  constexpr std::size_t kFew = 24;
+  std::vector<EdgePixel> all = finder.find(), all_flat = finder.findFlat(), edges, flat, chosen;
+  if (all.size() < kFew) return chosen;
+  const int flat_count = static_cast<int>(all_flat.size()) < count / 4 ? 0 : count / 4;
+  chooseEvenly({all.begin(), all.end()}, count - flat_count, &edges);
+  if (flat_count > 0) chooseEvenly({all_flat.begin(), all_flat.end()}, flat_count, &flat);
+  std::vector<TemplatePart> parts;
+  const std::ptrdiff_t per_part = (count - flat_count) / kTemplateParts;
+  for (auto first = edges.begin(); first < edges.end(); first += per_part) {
+    parts.emplace_back(EdgeRange{first, first + per_part});
+  }
+  while (!flat.empty()) {
+    for (TemplatePart& part : parts) part.takeFrom(&flat);
+  }
+  for (const TemplatePart& part : parts) {
+    chosen.insert(chosen.end(), part.pixels().begin(), part.pixels().end());
+  }
+  return chosen;
+}
+
 }  // namespace
 
 void TemplateBankSettings::validate() const {
   require(views >= 1 && views <= 5000, "TemplateBankSettings::views", views);
   require(object_px >= 32 && object_px <= 512, "TemplateBankSettings::object_px", object_px);
   require(distance > 1, "TemplateBankSettings::distance", distance);
-  require(edges >= 1 && edges <= 1024 && edges % TemplateView::kRun == 0,
-          "TemplateBankSettings::edges", edges);
+  require(features >= 1 && features <= 1024 && features % TemplateView::kRun == 0,
+          "TemplateBankSettings::features", features);
 }
 
 TemplateView makeTemplateView(const Rendering& rendering, const View& view,
                               const FieldMetadata& object, int count) {
-  constexpr std::size_t kFew = 24;
   TemplateView made;
   made.R_O_V = view.T_O_C.R;
-  std::vector<EdgePixel> all = EdgeFinder(rendering).find(), chosen;
-  if (all.size() < kFew) return made;
-  chooseEvenly({all.begin(), all.end()}, count, &chosen);
   const Pose T_C_O = view.T_O_C.inverse();
   const Eigen::Vector3d centre_C = T_C_O * object.centre;
-  for (const EdgePixel& edge : chosen) {
+  for (const EdgePixel& edge : chooseFeatures(EdgeFinder(rendering), count)) {
     const float* point = rendering.point.pixel(edge.x, edge.y);
     const double alpha = rendering.alpha.at(edge.x, edge.y, 0);
     const Eigen::Vector3d point_O = Eigen::Map<const Eigen::Vector3f>(point).cast<double>() / alpha;
     const double depth = (T_C_O * point_O).z();
     const Eigen::Vector3d point_C = depth * view.camera.direction(edge.x, edge.y);
-    made.edges.push_back({((point_C - centre_C) / object.diameter).cast<float>(), edge.normal_rad});
+    made.features.push_back(
+        {((point_C - centre_C) / object.diameter).cast<float>(), edge.normal_rad});
   }
   return made;
 }
@@ -171,7 +241,7 @@ TemplateBank makeTemplateBank(const LoadedField& field, const TemplateBankSettin
   for (const View& view :
        viewsAround(object, settings.views, settings.object_px, settings.distance)) {
     bank.views.push_back(
-        makeTemplateView(field.render(view, {}, cancellation), view, object, settings.edges));
+        makeTemplateView(field.render(view, {}, cancellation), view, object, settings.features));
   }
   return bank;
 }

@@ -8,8 +8,9 @@ namespace nerf_pose_refiner {
 
 struct FieldMetadata;
 
-/// The edges of a rendering whose camera looks at the object's centre.
-/// @param count of edges, a multiple of TemplateView::kRun; where a view shows fewer, some
+/// The features of a rendering whose camera looks at the object's centre: edges, and a quarter of
+/// places without one, if it shows so many.
+/// @param count of features, a multiple of TemplateView::kRun; where a view shows fewer edges, some
 /// count twice.
 TemplateView makeTemplateView(const Rendering& rendering, const View& view,
                               const FieldMetadata& object, int count);
@@ -18,7 +19,7 @@ struct TemplateBankSettings {
   int views = 300;        ///< from all around: some 12 degrees apart
   int object_px = 128;    ///< that the object's diameter spans in a rendering
   double distance = 2.8;  ///< of the camera from the object's centre [diameters]
-  int edges = 128;        ///< of a view, a multiple of TemplateView::kRun
+  int features = 128;     ///< of a view, a multiple of TemplateView::kRun
 
   /// @throws std::invalid_argument naming the value that is out of range.
   void validate() const;

@@ -66,14 +66,24 @@ inline DoubledDirection doubledDirection(int bin) {
   return {std::cos(angle), std::sin(angle)};
 }
 
+/// How much a gradient counts, 0..1. @param half length that counts half.
+NPR_HOST_DEVICE inline float weightOf(const EdgeGradient& gradient, float half) {
+  const float squared = gradient.length * gradient.length;
+  return squared / (squared + half * half);
+}
+
 /// Agreement of an edge with a gradient, 0..kFullAgreement: the cosine of twice the angle between
-/// them. @param half length that counts half.
+/// them.
 NPR_HOST_DEVICE inline std::uint8_t agreement(const EdgeGradient& gradient, float half,
                                               const DoubledDirection& edge) {
-  const float squared = gradient.length * gradient.length;
-  const float weight = squared / (squared + half * half);
+  const float weight = weightOf(gradient, half);
   const float cosine = gradient.cos2 * edge.cosine + gradient.sin2 * edge.sine;
   return static_cast<std::uint8_t>(kFullAgreement * weight * (cosine > 0 ? cosine : 0) + 0.5f);
+}
+
+/// Response of a place without an edge, 0..kMaxResponse.
+NPR_HOST_DEVICE inline std::uint8_t flatResponse(const EdgeGradient& gradient, float half) {
+  return static_cast<std::uint8_t>(kMaxResponse * (1 - weightOf(gradient, half)) + 0.5f);
 }
 
 /// What an orientation has more than the mean of all, 0..kMaxResponse.

@@ -10,7 +10,7 @@
 
 namespace nerf_pose_refiner {
 
-// Where the edges of a template meet an image's responses, for both processors.
+// Where the features of a template meet an image's responses, for both processors.
 
 /// The bin of a direction across an edge, whichever of its two signs it has.
 NPR_HOST_DEVICE inline int orientationBin(float normal_rad) {
@@ -31,21 +31,23 @@ struct TemplatePlacement {
   }
 };
 
-/// An edge in an image, from the place of the object's centre on.
-struct PlacedEdge {
+/// A feature in an image, from the place of the object's centre on.
+struct PlacedFeature {
   int bin, x, y;
 };
 
-/// @param point relative to the object's centre [diameters]. @param normal_rad across the edge.
-NPR_HOST_DEVICE inline PlacedEdge placeEdge(const TemplatePlacement& placement,
-                                            const Vec3<float>& point, float normal_rad) {
+/// @param point relative to the object's centre [diameters]. @param normal_rad across the edge, or
+/// kNoNormal.
+NPR_HOST_DEVICE inline PlacedFeature placeFeature(const TemplatePlacement& placement,
+                                                  const Vec3<float>& point, float normal_rad) {
   constexpr float kNearest = 0.1f;  // [diameters]
   const float depth = placement.distance + point.z;
   const float per_length = placement.focal / (depth > kNearest ? depth : kNearest);
   const float x = per_length * (placement.cosine * point.x - placement.sine * point.y);
   const float y = per_length * (placement.sine * point.x + placement.cosine * point.y);
-  return {orientationBin(normal_rad + placement.rotation_rad), static_cast<int>(lroundf(x)),
-          static_cast<int>(lroundf(y))};
+  const int bin =
+      normal_rad == kNoNormal ? kFlatBin : orientationBin(normal_rad + placement.rotation_rad);
+  return {bin, static_cast<int>(lroundf(x)), static_cast<int>(lroundf(y))};
 }
 
 /// How responses are ordered in memory (@see ResponseMemory): [bin][y % stride][x % stride], then
@@ -62,7 +64,7 @@ struct ResponseOrder {
             (height + stride - 1) / stride + 2 * margin / stride};
   }
 
-  NPR_HOST_DEVICE int size() const { return kOrientations * stride * stride * rows * columns; }
+  NPR_HOST_DEVICE int size() const { return kTemplateBins * stride * stride * rows * columns; }
 
   /// Where the response at a pixel of the image is.
   NPR_HOST_DEVICE int indexOf(int bin, int x, int y) const {
@@ -77,10 +79,10 @@ struct ResponseOrder {
     return (row + beyond) * columns + column + beyond;
   }
 
-  /// From a position's place to the response that an edge there meets; edges that are farther away
-  /// than the margin are moved to it.
-  NPR_HOST_DEVICE int offsetOf(const PlacedEdge& edge) const {
-    return indexOf(edge.bin, bounded(edge.x), bounded(edge.y)) - placeOf(0, 0);
+  /// From a position's place to the response that a feature there meets; features that are farther
+  /// away than the margin are moved to it.
+  NPR_HOST_DEVICE int offsetOf(const PlacedFeature& feature) const {
+    return indexOf(feature.bin, bounded(feature.x), bounded(feature.y)) - placeOf(0, 0);
   }
 
  private:

@@ -10,10 +10,15 @@ namespace nerf_pose_refiner {
 /// Directions across an edge are told apart modulo 180 degrees, in so many bins: bin b is about
 /// 180 b / 8 degrees from the axis x.
 constexpr int kOrientations = 8;
-/// Largest response to an edge.
+/// The bin of places without an edge, behind those of orientations.
+constexpr int kFlatBin = kOrientations;
+constexpr int kTemplateBins = kOrientations + 1;
+/// Stands for the direction across the edge of a feature that is not on one.
+constexpr float kNoNormal = 100;
+/// Largest response to a feature.
 constexpr int kMaxResponse = 15;
 /// So many responses add up in eight bits.
-constexpr int kEdgesPerSum = 16;
+constexpr int kFeaturesPerSum = 16;
 /// Parts of a template, the worst of which does not count: it may be covered.
 constexpr int kTemplateParts = 4;
 
@@ -21,8 +26,8 @@ constexpr int kTemplateParts = 4;
 /// may be a hit.
 constexpr int kScanStride = 2;
 constexpr int kTileColumns = 32, kTileRows = 8;
-/// Edges of a template that count in a scan: every second one.
-constexpr int kScanEdgeStep = 2;
+/// Features of a template that count in a scan: every second one.
+constexpr int kScanFeatureStep = 2;
 
 /// A hit is fitted in windows of so many pixels to each side: first of neighbouring rotations and
 /// distances, then of neighbouring views, then of smaller steps.
@@ -49,11 +54,11 @@ NPR_HOST_DEVICE constexpr TemplateStep closeStep(int i) {
   return i < 2 ? TemplateStep{step, 0} : TemplateStep{0, step};
 }
 
-/// The mean response over the edges that count, 0..1. @param score their sum. @param edges of the
-/// template, those that do not count, too.
-NPR_HOST_DEVICE inline double meanResponse(int score, int edges) {
+/// The mean response over the features that count, 0..1. @param score their sum. @param features of
+/// the template, those that do not count, too.
+NPR_HOST_DEVICE inline double meanResponse(int score, int features) {
   constexpr double kCounting = static_cast<double>(kTemplateParts - 1) / kTemplateParts;
-  return score / (kCounting * edges * kMaxResponse);
+  return score / (kCounting * features * kMaxResponse);
 }
 
 }  // namespace nerf_pose_refiner

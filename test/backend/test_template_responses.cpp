@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "backend/cpu/template_kernels.h"
 #include "math/random.h"
@@ -52,6 +53,21 @@ TEST(OrientationResponses, SayWhereAnEdgeIsAndHowItIsDirected) {
   EXPECT_NEAR(responseAt(responses, 7, 10, 8), 0.579 * kMaxResponse, 1);
   for (const int bin : {2, 3, 4, 5, 6}) EXPECT_EQ(responseAt(responses, bin, 10, 8), 0) << bin;
   for (int bin = 0; bin < kOrientations; ++bin) EXPECT_EQ(responseAt(responses, bin, 3, 8), 0);
+  EXPECT_EQ(responseAt(responses, kFlatBin, 10, 8), 0);
+  EXPECT_EQ(responseAt(responses, kFlatBin, 3, 8), kMaxResponse);
+}
+
+TEST(OrientationResponses, SayHalfOfAnEdgeAndOfNoneAtAGradientThatCountsHalf) {
+  Image ramp(16, 16, 3);
+  for (int y = 0; y < 16; ++y) {
+    for (int x = 0; x < 16; ++x) {
+      for (int c = 0; c < 3; ++c) ramp.at(x, y, c) = 0.03f * static_cast<float>(x);
+    }
+  }
+  // All gradients are the median. Eight orientations have 0.302 in the mean.
+  const OrientationResponses responses = orientationResponses(ramp);
+  EXPECT_NEAR(responseAt(responses, 0, 8, 8), 0.5 * kMaxResponse, 1);
+  EXPECT_NEAR(responseAt(responses, kFlatBin, 8, 8), 0.5 * kMaxResponse, 1);
 }
 
 TEST(OrientationResponses, DoNotDependOnTheContrastOrItsSign) {
@@ -68,16 +84,27 @@ TEST(OrientationResponses, AreWeakInATexture) {
     noise.values[i] = randomUniform(1, 2, i / 3);
   }
   const OrientationResponses texture = orientationResponses(noise);
-  double sum = 0;
-  for (const std::uint8_t value : texture.values) sum += value;
+  const auto end =
+      texture.values.begin() + kOrientations * static_cast<std::ptrdiff_t>(noise.pixels());
+  const double sum = std::accumulate(texture.values.begin(), end, 0.0);
   // A place where one orientation alone is seen has a mean of 2 * (1 + 2 * 0.58) / 16 of all.
-  EXPECT_LT(sum / static_cast<double>(texture.values.size()), 0.2 * kMaxResponse);
+  EXPECT_LT(sum / static_cast<double>(end - texture.values.begin()), 0.2 * kMaxResponse);
 }
 
-TEST(OrientationResponses, AreNoneOfABlackOrATinyImage) {
-  for (const Image& image : {Image(30, 20, 3), Image(2, 2, 3, 0.5f), Image(1, 9, 3)}) {
+TEST(OrientationResponses, OfABlackImageSayThatThereIsNoEdge) {
+  const OrientationResponses responses = orientationResponses(Image(30, 20, 3));
+  for (int bin = 0; bin < kTemplateBins; ++bin) {
+    const int expected = bin == kFlatBin ? kMaxResponse : 0;
+    EXPECT_TRUE(std::all_of(responses.plane(bin), responses.plane(bin) + 30 * 20, [&](int value) {
+      return value == expected;
+    })) << bin;
+  }
+}
+
+TEST(OrientationResponses, AreNoneOfATinyImage) {
+  for (const Image& image : {Image(2, 2, 3, 0.5f), Image(1, 9, 3)}) {
     const OrientationResponses responses = orientationResponses(image);
-    ASSERT_EQ(responses.values.size(), kOrientations * image.pixels());
+    ASSERT_EQ(responses.values.size(), kTemplateBins * image.pixels());
     EXPECT_EQ(*std::max_element(responses.values.begin(), responses.values.end()), 0);
   }
 }
@@ -86,7 +113,7 @@ TEST(ResponseMemory, GivesEachPositionWhatIsAroundIt) {
   OrientationResponses responses;
   responses.width = 11;
   responses.height = 7;
-  for (int i = 0; i < kOrientations * 11 * 7; ++i) {
+  for (int i = 0; i < kTemplateBins * 11 * 7; ++i) {
     responses.values.push_back(static_cast<std::uint8_t>(1 + i % 15));
   }
   for (const int stride : {1, 2, 3}) {
@@ -94,7 +121,7 @@ TEST(ResponseMemory, GivesEachPositionWhatIsAroundIt) {
     const ResponseMemory memory(responses, stride, margin);
     for (int row = 0; row * stride < 7; ++row) {
       for (int column = 0; column * stride < 11; ++column) {
-        for (int bin = 0; bin < kOrientations; ++bin) {
+        for (int bin = 0; bin < kTemplateBins; ++bin) {
           for (int y = -margin; y <= margin; ++y) {
             for (int x = -margin; x <= margin; ++x) {
               const int u = column * stride + x, v = row * stride + y;

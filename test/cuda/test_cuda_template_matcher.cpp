@@ -17,7 +17,7 @@
 namespace nerf_pose_refiner {
 namespace {
 
-/// Views of drawn edges; the third shows nothing.
+/// Views of drawn edges and flat places; the third shows nothing.
 std::shared_ptr<const TemplateBank> drawnBank(int views, int edges) {
   TemplateBank bank;
   for (int v = 0; v < views; ++v) {
@@ -27,8 +27,9 @@ std::shared_ptr<const TemplateBank> drawnBank(int views, int edges) {
     view.R_O_V = Eigen::AngleAxisd(3 * turn.norm(), turn.normalized()).toRotationMatrix();
     for (int e = 0; e < edges && v != 2; ++e) {
       const int i = 3 + 4 * e;
-      view.edges.push_back({0.45f * Eigen::Vector3f(draw(i), draw(i + 1), draw(i + 2)),
-                            static_cast<float>(kPi) * draw(i + 3)});
+      const float normal_rad = e % 5 == 0 ? kNoNormal : static_cast<float>(kPi) * draw(i + 3);
+      view.features.push_back(
+          {0.45f * Eigen::Vector3f(draw(i), draw(i + 1), draw(i + 2)), normal_rad});
     }
     bank.views.push_back(view);
   }

@@ -26,7 +26,7 @@ TemplateBank someBank() {
   bank.views[0].R_O_V = expSO3({0.1, 0.2, 0.3});
   bank.views[1].R_O_V = expSO3({0.3, 0.2, 0.1});
   for (int i = 0; i < TemplateView::kRun; ++i) {
-    bank.views[1].edges.push_back({{0.1f * i, 0.2f, -0.3f}, 0.4f * i});
+    bank.views[1].features.push_back({{0.1f * i, 0.2f, -0.3f}, 0.4f * i});
   }
   return bank;
 }
@@ -54,18 +54,18 @@ TEST_F(TemplateFileTest, ReadsWhatWasWritten) {
   ASSERT_EQ(read->views.size(), 2u);
   for (std::size_t i = 0; i < 2; ++i) {
     EXPECT_EQ(read->views[i].R_O_V, written.views[i].R_O_V);
-    ASSERT_EQ(read->views[i].edges.size(), written.views[i].edges.size());
-    for (std::size_t k = 0; k < written.views[i].edges.size(); ++k) {
-      EXPECT_EQ(read->views[i].edges[k].point, written.views[i].edges[k].point);
-      EXPECT_EQ(read->views[i].edges[k].normal_rad, written.views[i].edges[k].normal_rad);
+    ASSERT_EQ(read->views[i].features.size(), written.views[i].features.size());
+    for (std::size_t k = 0; k < written.views[i].features.size(); ++k) {
+      EXPECT_EQ(read->views[i].features[k].point, written.views[i].features[k].point);
+      EXPECT_EQ(read->views[i].features[k].normal_rad, written.views[i].features[k].normal_rad);
     }
   }
 }
 
-// Kernels would read beyond the edges.
+// Kernels would read beyond the features.
 TEST_F(TemplateFileTest, EdgesThatAreNoWholeRunsAreNone) {
   TemplateBank bank = someBank();
-  bank.views[1].edges.resize(TemplateView::kRun / 2);
+  bank.views[1].features.resize(TemplateView::kRun / 2);
   saveTemplates(bank, 7, path_);
   EXPECT_FALSE(loadTemplates(path_, 7));
 }
@@ -87,7 +87,7 @@ TEST_F(TemplateFileTest, ADamagedFileIsNone) {
     EXPECT_FALSE(loadTemplates(path_, 7)) << length;
   }
   TemplateBank bank = someBank();
-  bank.views[1].edges[0].normal_rad = std::numeric_limits<float>::quiet_NaN();
+  bank.views[1].features[0].normal_rad = std::numeric_limits<float>::quiet_NaN();
   saveTemplates(bank, 7, path_);
   EXPECT_FALSE(loadTemplates(path_, 7)) << "not finite";
 }
@@ -122,7 +122,7 @@ TEST(DetectionModel, OfAPlainObjectHasTemplates) {
   cancelled.requestCancel();
   const DetectionModel read = detectionModelFor(*scene, settings, path, cancelled);
   ASSERT_TRUE(read.templates);
-  EXPECT_EQ(read.templates->views[3].edges.size(), plain.templates->views[3].edges.size());
+  EXPECT_EQ(read.templates->views[3].features.size(), plain.templates->views[3].features.size());
   EXPECT_THROW(detectionModelFor(*scene, settings, "", cancelled), Cancelled);
 }
 

@@ -39,7 +39,7 @@ bool isInside(const Figure& figure, const Eigen::Vector2d& p) {
   return inside;
 }
 
-/// A figure in the plane z = 0 as a camera in front of it sees it, with 128 edges.
+/// A figure in the plane z = 0 as a camera in front of it sees it, with 128 features.
 std::shared_ptr<const TemplateBank> bankOf(const Figure& figure) {
   TemplateView view;
   view.R_O_V = Eigen::Matrix3d::Identity();
@@ -53,12 +53,12 @@ std::shared_ptr<const TemplateBank> bankOf(const Figure& figure) {
     for (; along < before + side.norm(); along += length / 128) {
       const Eigen::Vector2d p = figure[i] + (along - before) / side.norm() * side;
       const double normal = std::atan2(side.x(), -side.y());
-      view.edges.push_back(
+      view.features.push_back(
           {Eigen::Vector3d(p.x(), p.y(), 0).cast<float>(), static_cast<float>(normal)});
     }
     before += side.norm();
   }
-  view.edges.resize(128, view.edges.back());
+  view.features.resize(128, view.features.back());
   TemplateBank bank;
   bank.views = {view};
   return std::make_shared<const TemplateBank>(bank);
@@ -229,13 +229,14 @@ TEST(TemplateSearch, RefusesWhatMakesNoSense) {
   TemplateBank uneven = *bankOf(kLetter);
   uneven.views.push_back(uneven.views.front());
   EXPECT_NO_THROW(with(uneven));
-  uneven.views.back().edges.resize(64);
+  uneven.views.back().features.resize(64);
   EXPECT_THROW(with(uneven), std::invalid_argument);
   TemplateBank many = *bankOf(kLetter);
-  many.views.front().edges.resize(TemplateView::kMostEdges, many.views.front().edges.front());
+  many.views.front().features.resize(TemplateView::kMostFeatures,
+                                     many.views.front().features.front());
   EXPECT_NO_THROW(with(many));
-  many.views.front().edges.resize(TemplateView::kMostEdges + TemplateView::kRun,
-                                  many.views.front().edges.front());
+  many.views.front().features.resize(TemplateView::kMostFeatures + TemplateView::kRun,
+                                     many.views.front().features.front());
   EXPECT_THROW(with(many), std::invalid_argument);
 }
 

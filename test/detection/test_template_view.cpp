@@ -50,10 +50,12 @@ struct Scene {
 TEST(TemplateView, HasTheContourAndInnerEdges) {
   const Scene scene;
   const TemplateView made = makeTemplateView(scene.rendering, scene.view, templateObject(), 128);
-  ASSERT_EQ(made.edges.size(), 128u);
+  ASSERT_EQ(made.features.size(), 128u);
   EXPECT_EQ(made.R_O_V, scene.view.T_O_C.R);
-  int inner = 0;
-  for (const TemplateEdge& edge : made.edges) {
+  int inner = 0, flat = 0;
+  for (const TemplateFeature& edge : made.features) {
+    flat += edge.normal_rad == kNoNormal;
+    if (edge.normal_rad == kNoNormal) continue;
     // Pixels times 5 / 100 units a pixel, over a diameter of 2.
     const double x = 40 * edge.point.x(), y = 40 * edge.point.y();
     EXPECT_NEAR(edge.point.z(), 0, 1e-5);
@@ -66,25 +68,50 @@ TEST(TemplateView, HasTheContourAndInnerEdges) {
     EXPECT_NEAR(along, 0, 0.25);  // next to a corner the contour is round
   }
   EXPECT_GT(inner, 10);
+  EXPECT_EQ(flat, 32);
 }
 
-TEST(TemplateView, DividesEdgesIntoPartsByTheirPlaces) {
+TEST(TemplateView, HasPlacesInsideAwayFromAllEdges) {
   const Scene scene;
-  const TemplateView made = makeTemplateView(scene.rendering, scene.view, templateObject(), 128);
-  for (int part = 0; part < kTemplateParts; ++part) {
-    Eigen::Vector3f low = made.edges[32 * part].point, high = low;
-    for (int i = 32 * part; i < 32 * (part + 1); ++i) {
-      low = low.cwiseMin(made.edges[i].point);
-      high = high.cwiseMax(made.edges[i].point);
-    }
-    EXPECT_LT((high - low).maxCoeff(), 0.65f) << part;  // of 0.98
+  for (const TemplateFeature& one :
+       makeTemplateView(scene.rendering, scene.view, templateObject(), 128).features) {
+    if (one.normal_rad != kNoNormal) continue;
+    // Four pixels are left free, and one that smoothing reaches beside the middle.
+    const double x = 40 * std::abs(one.point.x()), y = 40 * std::abs(one.point.y());
+    EXPECT_TRUE(x > 4.4 && x < 15.6 && y < 15.6) << x << " " << y;
   }
 }
 
-TEST(TemplateView, OfNothingHasNoEdges) {
+TEST(TemplateView, OfAThinObjectHasEdgesAlone) {
+  Scene scene;
+  for (int y = 0; y < 80; ++y) {
+    for (int x = 0; x < 80; ++x) {
+      if (std::abs(x - 39.5) > 4) scene.rendering.alpha.at(x, y, 0) = 0;
+    }
+  }
+  const TemplateView made = makeTemplateView(scene.rendering, scene.view, templateObject(), 128);
+  ASSERT_EQ(made.features.size(), 128u);
+  for (const TemplateFeature& one : made.features) EXPECT_NE(one.normal_rad, kNoNormal);
+}
+
+TEST(TemplateView, DividesFeaturesIntoPartsByTheirPlaces) {
+  const Scene scene;
+  const TemplateView made = makeTemplateView(scene.rendering, scene.view, templateObject(), 128);
+  for (int part = 0; part < kTemplateParts; ++part) {
+    Eigen::Vector3f low = made.features[32 * part].point, high = low;
+    for (int i = 32 * part; i < 32 * (part + 1); ++i) {
+      low = low.cwiseMin(made.features[i].point);
+      high = high.cwiseMax(made.features[i].point);
+    }
+    EXPECT_LT((high - low).maxCoeff(), 0.75f) << part;  // of 0.98
+  }
+}
+
+TEST(TemplateView, OfNothingHasNoFeatures) {
   Scene scene;
   scene.rendering.alpha = Image(80, 80, 1);
-  EXPECT_TRUE(makeTemplateView(scene.rendering, scene.view, templateObject(), 128).edges.empty());
+  EXPECT_TRUE(
+      makeTemplateView(scene.rendering, scene.view, templateObject(), 128).features.empty());
 }
 
 TEST(TemplatePlacement, IsThePoseThatShowsTheTemplate) {
@@ -111,7 +138,7 @@ TEST(TemplatePlacement, IsThePoseThatShowsTheTemplate) {
 TEST(TemplateBankSettings, AreChecked) {
   TemplateBankSettings settings;
   EXPECT_NO_THROW(settings.validate());
-  settings.edges = 100;
+  settings.features = 100;
   EXPECT_THROW(settings.validate(), std::invalid_argument);
   settings = {};
   settings.distance = 0.5;

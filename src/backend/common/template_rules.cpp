@@ -29,13 +29,13 @@ bool isSameImage(const Camera& a, const Camera& b) {
 
 std::size_t TemplateBank::memory_bytes() const {
   std::size_t bytes = views.size() * sizeof(TemplateView);
-  for (const TemplateView& view : views) bytes += view.edges.size() * sizeof(TemplateEdge);
+  for (const TemplateView& view : views) bytes += view.features.size() * sizeof(TemplateFeature);
   return bytes;
 }
 
-int TemplateBank::edges() const {
+int TemplateBank::features() const {
   std::size_t most = 0;
-  for (const TemplateView& view : views) most = std::max(most, view.edges.size());
+  for (const TemplateView& view : views) most = std::max(most, view.features.size());
   return static_cast<int>(most);
 }
 
@@ -106,18 +106,18 @@ void requireTemplateImage(const Image& image, const Camera& camera) {
 }
 
 void requireTemplates(const TemplateBank& bank) {
-  const int edges = bank.edges();
-  if (edges == 0) throw std::invalid_argument("TemplateMatcher: no view shows anything");
-  if (edges > TemplateView::kMostEdges) {
-    throw std::invalid_argument("TemplateMatcher: a view has " + std::to_string(edges) +
-                                " edges, must be at most " +
-                                std::to_string(TemplateView::kMostEdges));
+  const int features = bank.features();
+  if (features == 0) throw std::invalid_argument("TemplateMatcher: no view shows anything");
+  if (features > TemplateView::kMostFeatures) {
+    throw std::invalid_argument("TemplateMatcher: a view has " + std::to_string(features) +
+                                " features, must be at most " +
+                                std::to_string(TemplateView::kMostFeatures));
   }
   for (const TemplateView& view : bank.views) {
-    const int of_view = static_cast<int>(view.edges.size());
-    if (of_view != 0 && (of_view != edges || of_view % TemplateView::kRun != 0)) {
+    const int of_view = static_cast<int>(view.features.size());
+    if (of_view != 0 && (of_view != features || of_view % TemplateView::kRun != 0)) {
       throw std::invalid_argument("TemplateMatcher: a view has " + std::to_string(of_view) +
-                                  " edges, must be a multiple of " +
+                                  " features, must be a multiple of " +
                                   std::to_string(TemplateView::kRun) + ", in all views the same");
     }
   }
@@ -142,9 +142,9 @@ std::uint64_t scanLookups(const TemplateBank& bank, const TemplateMatchSettings&
                           const Camera& camera) {
   const auto positions = static_cast<std::uint64_t>((camera.width + 1) / kScanStride) *
                          static_cast<std::uint64_t>((camera.height + 1) / kScanStride);
-  std::uint64_t edges = 0;
-  for (const TemplateView& view : bank.views) edges += view.edges.size() / kScanEdgeStep;
-  return positions * static_cast<std::uint64_t>(settings.rotations) * edges;
+  std::uint64_t features = 0;
+  for (const TemplateView& view : bank.views) features += view.features.size() / kScanFeatureStep;
+  return positions * static_cast<std::uint64_t>(settings.rotations) * features;
 }
 
 std::vector<std::vector<ViewBeside>> viewsBeside(const TemplateBank& bank) {
@@ -153,7 +153,7 @@ std::vector<std::vector<ViewBeside>> viewsBeside(const TemplateBank& bank) {
     std::vector<std::pair<double, int>> others;
     for (std::size_t i = 0; i < bank.views.size(); ++i) {
       const TemplateView& other = bank.views[i];
-      if (&other == &view || other.edges.empty()) continue;
+      if (&other == &view || other.features.empty()) continue;
       others.emplace_back(-view.R_O_V.col(2).dot(other.R_O_V.col(2)), static_cast<int>(i));
     }
     std::sort(others.begin(), others.end());

@@ -23,7 +23,7 @@ struct TemplateScale {
 /// would enlarge them, fewer pixels. @param distance of its centre [diameters].
 TemplateScale templateScale(const Camera& camera, double distance, double object_px);
 
-/// How far edges may be from the object's centre, a multiple of the stride [px].
+/// How far features may be from the object's centre, a multiple of the stride [px].
 int templateMargin(const TemplateScale& scale, int stride);
 
 /// The same place in the same image, resized.
@@ -54,7 +54,7 @@ void keepBestHits(const TemplateMatchSettings& settings, std::vector<TemplateHit
 /// @throws std::invalid_argument for an image that has not its camera's size, or no RGB.
 void requireTemplateImage(const Image& image, const Camera& camera);
 
-/// @throws std::invalid_argument for a bank that shows nothing, or views whose numbers of edges
+/// @throws std::invalid_argument for a bank that shows nothing, or views whose numbers of features
 /// differ or are no multiple of TemplateView::kRun.
 void requireTemplates(const TemplateBank& bank);
 

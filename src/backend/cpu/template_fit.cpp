@@ -16,8 +16,8 @@ class BestPose {
   void consider(TemplatePose pose, int reach) {
     const TemplateView& view = bank_.views[static_cast<std::size_t>(pose.view)];
     const Camera& camera = level_.scale.camera;
-    placeEdges(view, TemplatePlacement::of(pose.rotation_rad, camera.fx, pose.distance), 1,
-               level_.memory.order(), &offsets_);
+    placeFeatures(view, TemplatePlacement::of(pose.rotation_rad, camera.fx, pose.distance), 1,
+                  level_.memory.order(), &offsets_);
     const auto first = [reach](double middle, int size) {
       return std::clamp(static_cast<int>(std::lround(middle)) - reach, 0, size - 1);
     };

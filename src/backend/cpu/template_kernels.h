@@ -11,11 +11,11 @@ namespace nerf_pose_refiner {
 /// Positions are scored in runs of so many along a row.
 constexpr int kScoreRun = kTileColumns;
 
-/// Where the responses to a template's edges are: offsets from a position's own place in a memory,
-/// part after part.
-struct EdgeOffsets {
+/// Where the responses to a template's features are: offsets from a position's own place in a
+/// memory, part after part.
+struct FeatureOffsets {
   const std::int32_t* offset;
-  int per_part;  ///< a multiple of kEdgesPerSum, at most 512
+  int per_part;  ///< a multiple of kFeaturesPerSum, at most 512
 };
 
 /// Positions to be scored, in a memory of responses 0..kMaxResponse in which positions of a row
@@ -27,11 +27,11 @@ struct ScoreArea {
   int runs;  ///< of kScoreRun positions along each row
 };
 
-/// A template's score at each position: the sum of the responses at its edges, without those of
+/// A template's score at each position: the sum of the responses at its features, without those of
 /// the part where it is least. Whole numbers: all instruction sets give the same.
 struct TemplateKernels {
   /// @param scores [rows][runs * kScoreRun]
-  void (*score)(const ScoreArea& area, const EdgeOffsets& edges, std::int16_t* scores);
+  void (*score)(const ScoreArea& area, const FeatureOffsets& features, std::int16_t* scores);
 };
 
 /// Kernels for any processor, and for x86-64 with AVX2 (not defined where not compiled).

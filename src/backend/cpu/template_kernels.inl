@@ -25,12 +25,12 @@ struct Sums {
   Words low, high;  ///< at even positions, at odd ones (of little-endian processors)
 };
 
-/// Sum over the edges of one part.
-inline Sums sumPart(const uint8_t* place, const int32_t* offset, int edges) {
+/// Sum over the features of one part.
+inline Sums sumPart(const uint8_t* place, const int32_t* offset, int features) {
   Sums sum = {};
-  for (int e = 0; e < edges; e += kEdgesPerSum) {
+  for (int e = 0; e < features; e += kFeaturesPerSum) {
     Bytes few = {};
-    for (int k = 0; k < kEdgesPerSum; ++k) {
+    for (int k = 0; k < kFeaturesPerSum; ++k) {
       Bytes responses;
       memcpy(&responses, place + offset[e + k], sizeof responses);
       few += responses;
@@ -45,10 +45,11 @@ inline Sums sumPart(const uint8_t* place, const int32_t* offset, int edges) {
 inline Words lesser(Words a, Words b) { return a < b ? a : b; }
 
 /// Of all parts but the least one.
-inline Sums sumBest(const uint8_t* place, const EdgeOffsets& edges) {
-  Sums sum = sumPart(place, edges.offset, edges.per_part), least = sum;
+inline Sums sumBest(const uint8_t* place, const FeatureOffsets& features) {
+  Sums sum = sumPart(place, features.offset, features.per_part), least = sum;
   for (int part = 1; part < kTemplateParts; ++part) {
-    const Sums of_part = sumPart(place, edges.offset + part * edges.per_part, edges.per_part);
+    const Sums of_part =
+        sumPart(place, features.offset + part * features.per_part, features.per_part);
     sum.low += of_part.low;
     sum.high += of_part.high;
     least.low = lesser(of_part.low, least.low);
@@ -57,13 +58,13 @@ inline Sums sumBest(const uint8_t* place, const EdgeOffsets& edges) {
   return {sum.low - least.low, sum.high - least.high};
 }
 
-void score(const ScoreArea& area, const EdgeOffsets& edges, int16_t* scores) {
+void score(const ScoreArea& area, const FeatureOffsets& features, int16_t* scores) {
   const int columns = area.runs * kScoreRun;
   for (int row = 0; row < area.rows; ++row) {
     const uint8_t* const places = area.first + (int64_t)row * area.row_step;
     int16_t* const here = scores + (int64_t)row * columns;
     for (int column = 0; column < columns; column += kLanes) {
-      const Sums sum = sumBest(places + column, edges);
+      const Sums sum = sumBest(places + column, features);
       for (int k = 0; k < kLanes / 2; ++k) {
         here[column + 2 * k] = (int16_t)sum.low[k];
         here[column + 2 * k + 1] = (int16_t)sum.high[k];

@@ -62,7 +62,7 @@ void spread(int width, int height, std::uint8_t* plane) {
   for (int x = 0; x < width; ++x) spreadAlong(height, width, along.data() + x, plane + x);
 }
 
-/// @param values [kOrientations][pixels]
+/// @param values [kTemplateBins][pixels], of which those of orientations change
 void takeMeanAway(std::size_t pixels, std::uint8_t* values) {
   for (std::size_t i = 0; i < pixels; ++i) {
     float mean = 0;
@@ -81,7 +81,7 @@ OrientationResponses orientationResponses(const Image& image) {
   OrientationResponses responses;
   responses.width = image.width;
   responses.height = image.height;
-  responses.values.assign(kOrientations * image.pixels(), 0);
+  responses.values.assign(kTemplateBins * image.pixels(), 0);
   if (image.width < 3 || image.height < 3) return responses;
   const std::vector<EdgeGradient> gradients = gradientsOf(image);
   const float half = std::max(kMinGradient, medianLength(gradients));
@@ -91,6 +91,9 @@ OrientationResponses orientationResponses(const Image& image) {
     spread(image.width, image.height, plane);
   }
   takeMeanAway(image.pixels(), responses.values.data());
+  std::transform(gradients.begin(), gradients.end(),
+                 responses.values.data() + kFlatBin * image.pixels(),
+                 [half](const EdgeGradient& gradient) { return flatResponse(gradient, half); });
   return responses;
 }
 
@@ -98,7 +101,7 @@ ResponseMemory::ResponseMemory(const OrientationResponses& responses, int stride
     : order_(ResponseOrder::of(responses.width, responses.height, stride, margin)) {
   // Runs of positions may go beyond the last column and row.
   values_.assign(static_cast<std::size_t>(order_.size()) + kScoreRun, 0);
-  for (int bin = 0; bin < kOrientations; ++bin) {
+  for (int bin = 0; bin < kTemplateBins; ++bin) {
     const std::uint8_t* from = responses.plane(bin);
     for (int y = 0; y < responses.height; ++y) {
       for (int x = 0; x < responses.width; ++x) {

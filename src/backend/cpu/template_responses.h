@@ -13,10 +13,11 @@ namespace nerf_pose_refiner {
 /// How strongly an image responds to an edge of each orientation at each pixel, 0..kMaxResponse:
 /// much where the orientation of its gradient is that of the edge, in this pixel or one beside it;
 /// nothing where there is no gradient, and where gradients of all orientations are close together,
-/// as they are in a texture. The light's strength and the background's do not matter.
+/// as they are in a texture. To a place without an edge it responds where there is no gradient. The
+/// light's strength and the background's do not matter.
 struct OrientationResponses {
   int width = 0, height = 0;
-  std::vector<std::uint8_t> values;  ///< [kOrientations][height][width]
+  std::vector<std::uint8_t> values;  ///< [kTemplateBins][height][width]
 
   const std::uint8_t* plane(int bin) const {
     return values.data() + static_cast<std::size_t>(bin) * width * height;

@@ -75,15 +75,15 @@ class LevelScan {
   void place(int number) {
     const TemplateMatchSettings& settings = templates_.settings;
     const TemplateView& view = templates_.bank.views[static_cast<std::size_t>(number)];
-    if (view.edges.empty()) return;
+    if (view.features.empty()) return;
     std::vector<Template>& turned = of_views_[static_cast<std::size_t>(number)];
     turned.resize(static_cast<std::size_t>(settings.rotations));
     for (int k = 0; k < settings.rotations; ++k) {
       Template& one = turned[static_cast<std::size_t>(k)];
-      placeEdges(view,
-                 TemplatePlacement::of(rotationOf(settings, k), level_.scale.camera.fx,
-                                       level_.scale.distance()),
-                 kScanEdgeStep, level_.memory.order(), &one.offsets);
+      placeFeatures(view,
+                    TemplatePlacement::of(rotationOf(settings, k), level_.scale.camera.fx,
+                                          level_.scale.distance()),
+                    kScanFeatureStep, level_.memory.order(), &one.offsets);
       one.peaks.resize(static_cast<std::size_t>(settings.hits_per_template));
     }
   }
@@ -140,13 +140,13 @@ class LevelScan {
 
 }  // namespace
 
-void placeEdges(const TemplateView& view, const TemplatePlacement& placement, int step,
-                const ResponseOrder& order, std::vector<std::int32_t>* offsets) {
+void placeFeatures(const TemplateView& view, const TemplatePlacement& placement, int step,
+                   const ResponseOrder& order, std::vector<std::int32_t>* offsets) {
   offsets->clear();
-  for (std::size_t i = 0; i < view.edges.size(); i += static_cast<std::size_t>(step)) {
-    const TemplateEdge& edge = view.edges[i];
-    offsets->push_back(order.offsetOf(
-        placeEdge(placement, {edge.point.x(), edge.point.y(), edge.point.z()}, edge.normal_rad)));
+  for (std::size_t i = 0; i < view.features.size(); i += static_cast<std::size_t>(step)) {
+    const TemplateFeature& feature = view.features[i];
+    offsets->push_back(order.offsetOf(placeFeature(
+        placement, {feature.point.x(), feature.point.y(), feature.point.z()}, feature.normal_rad)));
   }
 }
 

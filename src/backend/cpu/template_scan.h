@@ -12,7 +12,7 @@
 
 namespace nerf_pose_refiner {
 
-/// An image at the scale of templates, and how it responds to their edges.
+/// An image at the scale of templates, and how it responds to their features.
 struct TemplateLevel {
   TemplateScale scale;
   const ResponseMemory& memory;  ///< of an image of the scale's camera
@@ -30,12 +30,13 @@ struct ScanWork {
   const TemplateKernels& kernels;
 };
 
-/// Where a template's edges meet responses, part after part. @param step 2: every second edge.
-void placeEdges(const TemplateView& view, const TemplatePlacement& placement, int step,
-                const ResponseOrder& order, std::vector<std::int32_t>* offsets);
+/// Where a template's features meet responses, part after part. @param step 2: every second
+/// feature.
+void placeFeatures(const TemplateView& view, const TemplatePlacement& placement, int step,
+                   const ResponseOrder& order, std::vector<std::int32_t>* offsets);
 
 /// Places where an object fits an image, of each view and rotation: those of the highest scores, in
-/// different parts of the image. Every second edge counts. @throws Cancelled.
+/// different parts of the image. Every second feature counts. @throws Cancelled.
 std::vector<TemplateHit> scanLevel(const TemplateLevel& level, const TemplateSet& templates,
                                    const ScanWork& work, const CancellationToken& cancellation);
 
