@@ -142,15 +142,21 @@ PoseCandidates ObjectDetector::atDistance(const SearchArea& area, PoseCandidates
 
 PoseCandidates ObjectDetector::templateCandidates(const Observation& observation,
                                                   const SearchArea& area,
-                                                  const CancellationToken& cancellation) {
+                                                  const CancellationToken& cancellation,
+                                                  bool by_depth) {
   const std::optional<SearchedPart> part =
       searchedPart(observation.camera, area, settings_.max_image_side_px);
   if (!part || !templates_) return {};
   const Camera& camera = part->camera;
   const FieldMetadata& object = field_->field().metadata;
-  const TemplateFindings findings =
-      templates_->find(coloursOf(observation, *part), camera,
-                       distancesIn(area, camera, object.diameter), cancellation);
+  std::optional<DepthLayers> layers;
+  if (by_depth) {
+    if (observation.depth) layers = DepthLayers::of(*observation.depth, camera, object);
+    if (!layers) return {};
+  }
+  const TemplateFindings findings = templates_->find(coloursOf(observation, *part), camera,
+                                                     distancesIn(area, camera, object.diameter),
+                                                     cancellation, layers ? &*layers : nullptr);
   const Image8 allowed = allowedPixels(observation, camera);
   PoseCandidates candidates;
   for (const PoseCandidate& candidate : findings.candidates) {
@@ -305,11 +311,23 @@ void ObjectDetector::detectIn(const SearchArea& area, Search* search) {
   const bool by_landmarks = search->cues != DetectionCues::kTemplates;
   ImageCandidates all = by_landmarks ? findByLandmarks(area, search) : ImageCandidates();
   const bool by_templates = templates_ && (search->cues == DetectionCues::kAll || !by_landmarks);
-  if (!by_templates || search->isEnough(settings_.max_instances)) return;
-  const PoseCandidates rough = timed(&search->detections.times.templates, [&] {
-    return templateCandidates(search->observation, area, search->cancellation);
-  });
-  settleFrom(ranked(rough, settings_.max_ranked, search), &all, search);
+  if (by_templates && !search->isEnough(settings_.max_instances)) {
+    findByTemplates(area, &all, search);
+  }
+}
+
+/// Adds what templates lead to: with depth first where that shows something at the right distance.
+/// Depth may be wrong, so if that is not enough, all of the image is looked at.
+void ObjectDetector::findByTemplates(const SearchArea& area, ImageCandidates* all, Search* search) {
+  const Observation& observation = search->observation;
+  for (const bool by_depth : {true, false}) {
+    if (by_depth && !observation.depth) continue;
+    if (search->isEnough(settings_.max_instances)) return;
+    const PoseCandidates rough = timed(&search->detections.times.templates, [&] {
+      return templateCandidates(observation, area, search->cancellation, by_depth);
+    });
+    settleFrom(ranked(rough, settings_.max_ranked, search), all, search);
+  }
 }
 
 bool isOutdone(const Refinement& pose, const std::vector<Refinement>& doubted,

@@ -121,9 +121,10 @@ class ObjectDetector {
   void weigh(const MatchedImage& matched, Refinement* pose) const;
 
   /// Poses that templates speak for, in the same part; none without templates.
-  /// @throws as `detect`.
+  /// @param by_depth at each distance only in what the observation's depth shows there; none where
+  /// it shows nothing. @throws as `detect`.
   PoseCandidates templateCandidates(const Observation& observation, const SearchArea& area,
-                                    const CancellationToken& cancellation);
+                                    const CancellationToken& cancellation, bool by_depth = false);
 
   /// Looks in the observation's boxes, if it has some: one after the other, until there are as many
   /// instances as are asked for.
@@ -144,6 +145,7 @@ class ObjectDetector {
   void detectIn(const SearchArea& area, Search* search);
   ImageCandidates findByLandmarks(const SearchArea& area, Search* search);
   void settleFrom(PoseCandidates poses, ImageCandidates* all, Search* search);
+  void findByTemplates(const SearchArea& area, ImageCandidates* all, Search* search);
 
   Backend* backend_;
   std::shared_ptr<const LoadedField> field_;

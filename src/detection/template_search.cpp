@@ -67,7 +67,8 @@ TemplateSearch::TemplateSearch(Backend* backend, std::shared_ptr<const TemplateB
 
 TemplateFindings TemplateSearch::find(const Image& image, const Camera& camera,
                                       const DistanceRange& distances,
-                                      const CancellationToken& cancellation) {
+                                      const CancellationToken& cancellation,
+                                      const DepthLayers* layers) {
   camera.validate();
   distances.validate();
   const double range = std::log(distances.farthest / distances.nearest);
@@ -77,8 +78,12 @@ TemplateFindings TemplateSearch::find(const Image& image, const Camera& camera,
   for (int i = 0; i <= steps; ++i) {
     scanned.push_back(distances.nearest * std::exp(range * i / std::max(1, steps)));
   }
-  TemplateMatches matches = matcher_->match(image, camera, scanned, cancellation);
-  const std::vector<double> chance = chanceAt(matches.poses, scanned.size());
+  TemplateMatches matches = layers == nullptr
+                                ? matcher_->match(image, camera, scanned, cancellation)
+                                : matchLayers(*layers, image, camera, scanned, cancellation);
+  // In a layer with little in it, what matches is the object.
+  const std::vector<double> chance = layers == nullptr ? chanceAt(matches.poses, scanned.size())
+                                                       : std::vector<double>(scanned.size(), 0);
   for (TemplatePose& pose : matches.poses) {
     pose.evidence = pose.evidence < settings_.min_evidence
                         ? 0
@@ -90,6 +95,32 @@ TemplateFindings TemplateSearch::find(const Image& image, const Camera& camera,
   findings.scan_s = matches.scan_s;
   findings.fit_s = matches.fit_s;
   return findings;
+}
+
+/// The same as the matcher's for all distances at once.
+TemplateMatches TemplateSearch::matchLayers(const DepthLayers& layers, const Image& image,
+                                            const Camera& camera,
+                                            const std::vector<double>& distances,
+                                            const CancellationToken& cancellation) {
+  const double reach = std::sqrt(settings_.matching.distance_step);
+  TemplateMatches all;
+  for (std::size_t level = 0; level < distances.size(); ++level) {
+    const auto layer = layers.at(distances[level], reach, image);
+    if (!layer) continue;
+    const PixelWindow& window = layer->window;
+    const Camera part = camera.cropped(window.x, window.y, window.width, window.height);
+    const TemplateMatches here =
+        matcher_->match(layer->colours, part, {distances[level]}, cancellation);
+    for (TemplatePose pose : here.poses) {
+      pose.level = static_cast<int>(level);
+      pose.pixel += Eigen::Vector2d(window.x, window.y);
+      all.poses.push_back(pose);
+    }
+    all.lookups += here.lookups;
+    all.scan_s += here.scan_s;
+    all.fit_s += here.fit_s;
+  }
+  return all;
 }
 
 PoseCandidates TemplateSearch::candidatesOf(const Camera& camera, std::vector<TemplatePose> poses,

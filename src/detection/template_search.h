@@ -8,6 +8,7 @@
 #include "backend/backend.h"
 #include "backend/template_matcher.h"
 #include "detection/candidate.h"
+#include "detection/depth_layers.h"
 #include "field/field.h"
 #include "nerf_pose_refiner/camera.h"
 #include "nerf_pose_refiner/cancellation_token.h"
@@ -73,12 +74,16 @@ class TemplateSearch {
                  const FieldMetadata& object, const TemplateSearchSettings& settings);
 
   /// @param image [h][w][3] of `camera`: all that is searched. The object's centre is in it.
+  /// @param layers of the camera: at each distance only what depth shows there; null: all of it.
   /// @throws std::invalid_argument for an image, a camera or distances that make no sense,
   /// Cancelled.
   TemplateFindings find(const Image& image, const Camera& camera, const DistanceRange& distances,
-                        const CancellationToken& cancellation);
+                        const CancellationToken& cancellation, const DepthLayers* layers = nullptr);
 
  private:
+  TemplateMatches matchLayers(const DepthLayers& layers, const Image& image, const Camera& camera,
+                              const std::vector<double>& distances,
+                              const CancellationToken& cancellation);
   PoseCandidates candidatesOf(const Camera& camera, std::vector<TemplatePose> poses,
                               std::size_t distances) const;
 

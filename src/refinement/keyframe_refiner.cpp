@@ -176,6 +176,8 @@ Refinement KeyframeRefiner::settle(const TimedObservation& image,
                                    const std::vector<Pose>& rough_T_O_C, const PoseOdds& odds,
                                    const CancellationToken& cancellation,
                                    double least_probability) {
+  // What depth sees through where nothing was known of the place: a part of its measured surface.
+  constexpr double kSeenThrough = 0.1, kOddsThere = 0.3;
   const Camera& camera = image.observation.camera;
   adaptTo(image.observation);
   // Any of them may be right, however far it is from the first one.
@@ -212,7 +214,13 @@ Refinement KeyframeRefiner::settle(const TimedObservation& image,
       cancellation);
   if (is_given_up) result.outcome = Outcome::kDiverged;
   if (result.outcome != Outcome::kRefined) return result;
+  Expectation near = {Prior(), 1, /*is_search=*/true, /*is_settled=*/true};
+  near.prior.T_O_C = result.T_O_C;
+  lookPastOccluders(image, near, cancellation, &result);
   remember(image.stamp_ns, result.T_O_C);
+  if (result.depth.use == DepthUse::kUsed && result.depth.farther > kSeenThrough) {
+    changeOdds(kOddsThere, &result);
+  }
   const double of_start = oddsOfStart(result.T_O_C, rough_T_O_C, field_->field().metadata);
   changeOdds(of_start * (odds ? odds(result.T_O_C) : 1), &result);
   holdTrack(result);
