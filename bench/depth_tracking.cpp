@@ -21,16 +21,13 @@
 #include <vector>
 
 #include "backend/make_backend.h"
-#include "evaluation/clutter.h"
 #include "evaluation/pose_error.h"
 #include "evaluation/statistics.h"
 #include "field/object_frame.h"
 #include "field/object_metadata.h"
 #include "geometry/matrix6.h"
-#include "image/io.h"
 #include "math/angle.h"
-#include "recorded_sequence.h"
-#include "rendered_depth.h"
+#include "recorded_depth.h"
 #include "runtime/shared_backend.h"
 #include "tracking/object_tracker.h"
 
@@ -42,14 +39,9 @@ struct Options {
   std::vector<std::string> recordings;
   BackendChoice backend;
   int every = 1, frames = 1 << 20;
-  std::string fault = "none";
   bool alone = false;
   int first_poses = 0;  // of a frame; 0: the recording is tracked
-  std::string shown;    // mesh that stands in the object's place; empty: the object's own
-  StereoSensor sensor;
-  double beside_m = 0.015;
-  double cover = 0;
-  bool table = false;
+  RecordedDepthOptions depth;
   bool verbose = false;
 };
 
@@ -91,13 +83,11 @@ class DepthTracking {
   DepthTracking(const Options& options, const std::string& folder, Shown shown)
       : options_(options),
         shown_(shown),
-        beside_m_(shown == Shown::kDepth ? 0 : options.beside_m),
-        sequence_(readSequence(folder)),
-        mesh_(readMesh(options.shown.empty() ? folder + "/object.obj" : options.shown)),
-        on_table_(onTable(mesh_)),
-        field_(fieldFor(options.model)),
+        field_(fieldWithScale(options.model)),
+        recording_(depthOptions(), folder, field_->metadata),
+        sequence_(recording_.sequence()),
         frame_(ObjectFrame::inMetres(field_->metadata)),
-        tracker_(std::make_shared<SharedBackend>(makeBackend(options.backend)), field_,
+        tracker_(std::make_shared<SharedBackend>(makeBackend(options.backend)), forgetLabel(),
                  settingsFromFile()) {}
 
   void run(Tally* tally) {
@@ -116,16 +106,26 @@ class DepthTracking {
   }
 
  private:
-  /// Depth does not show the label: the bottle is told to be symmetric where depth is alone.
-  std::shared_ptr<const Field> fieldFor(const std::string& model) const {
+  static std::shared_ptr<Field> fieldWithScale(const std::string& model) {
     auto field = std::make_shared<Field>(loadField(model));
-    FieldMetadata& object = field->metadata;
-    if (!(object.metres_per_unit > 0)) object.metres_per_unit = 1;
+    if (!(field->metadata.metres_per_unit > 0)) field->metadata.metres_per_unit = 1;
+    return field;
+  }
+
+  /// Depth alone is in the frame of the depth camera itself.
+  RecordedDepthOptions depthOptions() const {
+    RecordedDepthOptions options = options_.depth;
+    if (shown_ == Shown::kDepth) options.beside_m = 0;
+    return options;
+  }
+
+  /// Depth does not show the label: the bottle is told to be symmetric where depth is alone.
+  std::shared_ptr<const Field> forgetLabel() {
     const auto hides_label = [](const RecordedFrame& frame) { return !frame.label_visible; };
     const bool has_label =
         std::any_of(sequence_.frames.begin(), sequence_.frames.end(), hides_label);
-    if (has_label && shown_ == Shown::kDepth) object.symmetries = aboutZ();
-    return field;
+    if (has_label && shown_ == Shown::kDepth) field_->metadata.symmetries = aboutZ();
+    return field_;
   }
 
   static Symmetries aboutZ() {
@@ -136,33 +136,6 @@ class DepthTracking {
     TrackerSettings settings;
     settings.tracking.refiner.keyframes.real_time = false;
     return settings;
-  }
-
-  /// The object on a table, in which its axis z stands upright.
-  static TriangleMesh onTable(TriangleMesh mesh) {
-    constexpr double kHalfSide_m = 0.5;
-    double z = 1e9;
-    for (const Eigen::Vector3d& p : mesh.points) z = std::min(z, p.z());
-    const int first = static_cast<int>(mesh.points.size());
-    for (const double x : {-kHalfSide_m, kHalfSide_m}) {
-      for (const double y : {-kHalfSide_m, kHalfSide_m}) mesh.points.emplace_back(x, y, z);
-    }
-    mesh.triangles.push_back({first, first + 1, first + 2});
-    mesh.triangles.push_back({first + 1, first + 2, first + 3});
-    return mesh;
-  }
-
-  /// Seen from below, there is no table.
-  const TriangleMesh& meshAt(const Pose& T_D_O) const {
-    constexpr double kLowest = 0.2;  // sine of the elevation
-    const Eigen::Vector3d eye = T_D_O.inverse().t;
-    return options_.table && eye.z() > kLowest * eye.norm() ? on_table_ : mesh_;
-  }
-
-  double diameter_m() const { return field_->metadata.metres_per_unit * field_->metadata.diameter; }
-
-  Eigen::Vector3d centreInCamera(std::size_t i) const {
-    return sequence_.frames[i].T_C_O * (field_->metadata.metres_per_unit * field_->metadata.centre);
   }
 
   TrackOutcome track(std::size_t i, const Observation& observation, Tally* tally) {
@@ -180,9 +153,10 @@ class DepthTracking {
     std::uniform_real_distribution<double> uniform(-1, 1);
     Eigen::Vector3d turn, shift;
     for (int a = 0; a < 3; ++a) turn[a] = kSearchRotation_rad * uniform(random_);
-    for (int a = 0; a < 3; ++a) shift[a] = kSearchTranslation * diameter_m() * uniform(random_);
+    for (int a = 0; a < 3; ++a)
+      shift[a] = kSearchTranslation * recording_.diameter_m() * uniform(random_);
     const Pose& T_C_O = sequence_.frames[i].T_C_O;
-    const Eigen::Vector3d centre = centreInCamera(i);
+    const Eigen::Vector3d centre = recording_.centreInCamera(i);
     const Eigen::Matrix3d R = expSO3(turn);
     tracker_.reset();
     tracker_.offer(
@@ -194,59 +168,10 @@ class DepthTracking {
     tracker_.offer({sequence_.frames[i].T_C_O, "camera", 0, false, {}});
   }
 
-  /// A card before one side of the object, of the part of its width that is to be covered.
-  DepthSurroundings surroundings(std::size_t i, const Camera& camera, const Pose& T_C_D) const {
-    DepthSurroundings around;
-    const Eigen::Vector3d centre_D = T_C_D.inverse() * centreInCamera(i);
-    around.wall_m = std::max(around.wall_m, centre_D.z() + 2 * diameter_m());
-    if (!(options_.cover > 0)) return around;
-    around.card_m = centre_D.z() - 0.6 * diameter_m();
-    const Eigen::Vector2d at = camera.project(centre_D);
-    const double half_px = 0.5 * diameter_m() * camera.fx / centre_D.z();
-    const int left = static_cast<int>(at.x() - half_px);
-    around.card = {left, static_cast<int>(at.y() - half_px),
-                   static_cast<int>(2 * options_.cover * half_px), static_cast<int>(2 * half_px)};
-    return around;
-  }
-
-  std::shared_ptr<const DepthImage> depthOf(std::size_t i) {
-    constexpr std::size_t kLate = 2;
-    const Pose T_C_D(Eigen::Matrix3d::Identity(), {beside_m_, 0, 0});
-    const bool late = options_.fault == "late", other = options_.fault == "other";
-    const std::size_t shown = late && i >= kLate ? i - kLate
-                              : other            ? (i + 97) % sequence_.frames.size()
-                                                 : i;
-    const Camera& camera = sequence_.camera;
-    std::mt19937_64 random(1000 + shown);
-    const Pose T_D_O = T_C_D.inverse() * sequence_.frames[shown].T_C_O;
-    ImageOf<float> metres =
-        stereoDepth(trueDepth(meshAt(T_D_O), T_D_O, camera, surroundings(shown, camera, T_C_D)),
-                    camera, options_.sensor, &random);
-    const double scale = options_.fault == "zero"          ? 0
-                         : options_.fault == "millimetres" ? 1000
-                         : options_.fault == "scale"       ? 1.1
-                                                           : 1;
-    for (float& value : metres.values) value *= static_cast<float>(scale);
-    return depthImage(std::move(metres), camera, T_C_D);
-  }
-
-  Observation observationOf(std::size_t i) {
-    if (shown_ == Shown::kDepth) return observe(depthOf(i));
-    Image8 image = readImage(sequence_.frames[i].file);
-    if (options_.cover > 0) {
-      const DepthSurroundings around = surroundings(i, sequence_.camera, {});
-      const Image colours = clutter(image.width, image.height, 3);
-      const PixelWindow& card = around.card;
-      for (int y = std::max(0, card.y); y < std::min(image.height, card.y + card.height); ++y) {
-        for (int x = std::max(0, card.x); x < std::min(image.width, card.x + card.width); ++x) {
-          for (int c = 0; c < 3; ++c) {
-            image.at(x, y, c) = static_cast<std::uint8_t>(255 * colours.at(x, y, c));
-          }
-        }
-      }
-    }
-    Observation observation = observe(std::move(image), sequence_.camera);
-    if (shown_ == Shown::kColoursAndDepth) observation.depth = depthOf(i);
+  Observation observationOf(std::size_t i) const {
+    if (shown_ == Shown::kDepth) return observe(recording_.depthOf(i));
+    Observation observation = recording_.coloursOf(i);
+    if (shown_ == Shown::kColoursAndDepth) observation.depth = recording_.depthOf(i);
     return observation;
   }
 
@@ -263,7 +188,8 @@ class DepthTracking {
         poseError(found.T_O_C, truth, object.centre, sequence_.camera, symmetriesAt(frame));
     const double deg = error.rotation_rad / kDegree;
     const double fraction = error.object_offset / object.diameter;
-    const bool is_right = outcome.found && deg < 5 && fraction < 0.05 && options_.shown.empty();
+    const bool is_right =
+        outcome.found && deg < 5 && fraction < 0.05 && options_.depth.shown.empty();
     ++tally->frames;
     tally->right += is_right;
     tally->trusted += outcome.trusted;
@@ -297,10 +223,9 @@ class DepthTracking {
 
   const Options& options_;
   const Shown shown_;
-  const double beside_m_;
-  RecordedSequence sequence_;
-  TriangleMesh mesh_, on_table_;
-  std::shared_ptr<const Field> field_;
+  std::shared_ptr<Field> field_;
+  RecordedDepth recording_;
+  const RecordedSequence& sequence_;
   ObjectFrame frame_;
   ObjectTracker tracker_;
   std::mt19937_64 random_;
@@ -317,19 +242,11 @@ void addOptions(CLI::App* app, Options* options) {
   app->add_option("--every", options->every, "uses every so many-th frame")
       ->check(CLI::Range(1, 1000));
   app->add_option("--frames", options->frames, "of each recording, at most");
-  app->add_option("--fault", options->fault, "of the depth")
-      ->check(CLI::IsMember({"none", "zero", "millimetres", "scale", "late", "other"}));
-  app->add_option("--noise-m", options->sensor.noise_m, "of a pixel at 0.6 m");
-  app->add_option("--holes", options->sensor.holes, "fraction of the image");
-  app->add_option("--bias-px", options->sensor.bias_px, "of disparity");
-  app->add_option("--cover", options->cover, "fraction of the object behind a card");
+  options->depth.addTo(app);
   app->add_flag("--alone", options->alone, "depth alone, without colours");
   app->add_option("--first-poses", options->first_poses,
                   "so many first poses of each frame, from starts up to 15 degrees and 15 % of the "
                   "diameter off per axis, instead of tracking");
-  app->add_flag("--table", options->table, "the object stands on a table, where seen from above");
-  app->add_option("--shown", options->shown,
-                  "a mesh that depth shows in the object's place: no pose is right then");
   app->add_flag("--verbose", options->verbose, "a line for each frame");
 }
 
@@ -344,7 +261,7 @@ int run(int argc, char** argv) {
       for (const std::string& folder : options.recordings) {
         DepthTracking(options, folder, Shown::kDepth).run(&depth);
       }
-      depth.print("depth alone, fault: " + options.fault);
+      depth.print("depth alone, fault: " + options.depth.fault);
       return 0;
     }
     Tally colours, with;
@@ -353,7 +270,7 @@ int run(int argc, char** argv) {
       DepthTracking(options, folder, Shown::kColoursAndDepth).run(&with);
     }
     colours.print("colours alone");
-    with.print("with depth, fault: " + options.fault);
+    with.print("with depth, fault: " + options.depth.fault);
   } catch (const std::exception& error) {
     std::fprintf(stderr, "depth_tracking: %s\n", error.what());
     return 1;
