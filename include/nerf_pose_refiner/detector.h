@@ -31,6 +31,7 @@ struct Detection {
   Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
   double score = 0;             ///< how likely the pose is right, 0..1
   double visible_fraction = 0;  ///< fraction of the silhouette that agrees with the image, 0..1
+  DepthReport depth;            ///< what became of the observation's depth
 };
 
 /// The instances of an object that were found in an image.
@@ -56,8 +57,9 @@ std::string landmarksBeside(const std::string& model_path);
 /// Finds the instances of an object in images, without an idea of where they are.
 ///
 /// Local features of the image are compared with landmarks, features of renderings from all around.
-/// An object without texture is looked for by its contours. A pose that looks like others by the
-/// object's symmetries is found once.
+/// An object without texture is looked for by its contours, first where depth, if the observation
+/// has some, shows something as far away as it may be. Depth then takes part in the poses. A pose
+/// that looks like others by the object's symmetries is found once.
 ///
 /// Not thread-safe; detectors of several threads may share a backend.
 class Detector {

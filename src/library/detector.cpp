@@ -73,6 +73,7 @@ DetectionResult Detector::detect(const Observation& observation, const Detection
     detection.covariance = covarianceInCamera(one.covariance, one.T_O_C, metadata, frame);
     detection.score = one.score;
     detection.visible_fraction = one.visible_fraction;
+    detection.depth = one.depth;
     result.detections.push_back(detection);
   }
   return result;

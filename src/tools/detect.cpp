@@ -9,6 +9,7 @@
 #include "backend/loaded_field.h"
 #include "image/io.h"
 #include "nerf_pose_refiner/detector.h"
+#include "tools/depth_options.h"
 #include "tools/refine_case.h"
 #include "tools/tool.h"
 #include "views/object_inside.h"
@@ -24,6 +25,7 @@ struct DetectOptions {
   std::vector<double> distortion;  // k1 k2 p1 p2 [k3 [k4 k5 k6]]
   std::vector<double> box;         // x_min y_min x_max y_max
   double distance = 0;
+  DepthOptions depth;
   DetectorOptions detector;
   bool json = false;
   BackendOptions backend;
@@ -48,8 +50,9 @@ void declare(CLI::App* app, DetectOptions* options) {
                   "fx fy cx cy [px; the centre of the first pixel is 0, 0]")
       ->required()
       ->expected(4);
-  app->add_option("--distortion", options->distortion, "k1 k2 p1 p2 [k3 [k4 k5 k6]]")
-      ->expected(4, 8);
+  auto* distortion =
+      app->add_option("--distortion", options->distortion, "k1 k2 p1 p2 [k3 [k4 k5 k6]]")
+          ->expected(4, 8);
   app->add_option("--mask", options->mask, "Image of the same size, black where the object is not")
       ->check(CLI::ExistingFile);
   app->add_option("--box", options->box,
@@ -58,6 +61,8 @@ void declare(CLI::App* app, DetectOptions* options) {
   app->add_option("--distance", options->distance,
                   "Rough distance of the object from the camera, give or take a third")
       ->check(CLI::PositiveNumber);
+  options->depth.addTo(app, "Depth beside the image, pixel for pixel: PNG of 16-bit grey")
+      ->excludes(distortion);
   app->add_option("--landmarks", options->landmarks,
                   "File that keeps the object's landmarks; default: <model>.landmarks");
   app->add_option("--max-instances", options->detector.max_instances, "Of the object in the image")
@@ -83,6 +88,8 @@ nlohmann::json resultJson(const DetectOptions& options, const Object& object,
     document["detections"].push_back({{"pose", poseNumbers(detection.T_C_O)},
                                       {"score", detection.score},
                                       {"visible_fraction", detection.visible_fraction}});
+    if (options.depth.file.empty()) continue;
+    document["detections"].back()["depth"] = depthJson(detection.depth);
   }
   return document;
 }
@@ -130,10 +137,12 @@ void detect(const DetectOptions& options, const CancellationToken& cancellation)
   if (!options.overlay.empty()) requireWritable(options.overlay);
   const Object object = loadObject(options.model);
   const Image8 photo = readImage(options.image);
-  const RefineCase input =
-      caseOfPhoto(photo, options.mask.empty() ? Image8() : readMask(options.mask),
-                  cameraFromNumbers(options.intrinsics, photo.width, photo.height),
-                  Distortion{options.distortion});
+  RefineCase input = caseOfPhoto(photo, options.mask.empty() ? Image8() : readMask(options.mask),
+                                 cameraFromNumbers(options.intrinsics, photo.width, photo.height),
+                                 Distortion{options.distortion});
+  if (!options.depth.file.empty()) {
+    options.depth.giveTo(options.depth.read(ObjectInside::field(object)->metadata), &input);
+  }
   Observation observation = observationOf(input, {});
   if (!options.box.empty()) {
     observation.boxes = {{options.box[0], options.box[1], options.box[2], options.box[3]}};

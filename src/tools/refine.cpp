@@ -16,6 +16,7 @@
 #include "image/io.h"
 #include "math/angle.h"
 #include "refinement/field_refiner.h"
+#include "tools/depth_options.h"
 #include "tools/refine_case.h"
 #include "tools/tool.h"
 #include "tracking/object_search.h"
@@ -42,10 +43,7 @@ struct RefineOptions {
   double search_translation = kSearchTranslation;
   std::vector<float> background;  // r g b, 0..1
   std::string mask;
-  std::string depth;
-  double depth_unit_m = 0.001;
-  std::vector<double> depth_noise = {DepthNoise().constant_m, DepthNoise().quadratic_per_m};
-  std::vector<double> depth_bias = {DepthNoise().bias_m, DepthNoise().bias_fraction};
+  DepthOptions depth;
   double min_score = TrackingRules().min_score;
   std::uint64_t seed = 1;
   bool json = false;
@@ -74,9 +72,8 @@ void declareInput(CLI::App* app, RefineOptions* options) {
                   "[model units]")
       ->expected(7)
       ->excludes(transforms);
-  app->add_option("--depth", options->depth,
-                  "Depth beside the image, pixel for pixel, or instead of one: PNG of 16-bit grey")
-      ->check(CLI::ExistingFile)
+  options->depth
+      .addTo(app, "Depth beside the image, pixel for pixel, or instead of one: PNG of 16-bit grey")
       ->excludes(transforms)
       ->excludes(distortion);
   app->add_option("--view", options->view, "File name of the view; default: the first")
@@ -86,23 +83,6 @@ void declareInput(CLI::App* app, RefineOptions* options) {
       ->capture_default_str();
   app->add_option("--start-translation", options->start_translation,
                   "Largest error of a view's initial pose along each axis [object diameters]")
-      ->capture_default_str();
-}
-
-void declareDepthErrors(CLI::App* app, RefineOptions* options) {
-  CLI::Option* const depth = app->get_option("--depth");
-  app->add_option("--depth-unit", options->depth_unit_m, "Length that 1 stands for in --depth [m]")
-      ->needs(depth)
-      ->capture_default_str();
-  app->add_option("--depth-noise", options->depth_noise,
-                  "Deviation of a pixel of --depth: at any distance [m], per square of it [1/m]")
-      ->expected(2)
-      ->needs(depth)
-      ->capture_default_str();
-  app->add_option("--depth-bias", options->depth_bias,
-                  "Deviation of the bias that all pixels share: at any distance [m], per distance")
-      ->expected(2)
-      ->needs(depth)
       ->capture_default_str();
 }
 
@@ -125,7 +105,6 @@ void declare(CLI::App* app, RefineOptions* options) {
       "\nIt is a failure if no pose is found, or its score is below --min-score: the pose is "
       "printed,\nbut is not to be trusted.");
   declareInput(app, options);
-  declareDepthErrors(app, options);
   app->add_option(
          "--preset", options->preset,
          "How to search: keyframes (as the node does), align (coarse to fine), track (from a "
@@ -157,22 +136,14 @@ void declare(CLI::App* app, RefineOptions* options) {
 
 /// The depth of the image, or, where there is none, depth alone.
 void addDepthFile(const RefineOptions& options, const FieldMetadata& object, RefineCase* input) {
-  if (!(object.metres_per_unit > 0)) {
-    throw std::invalid_argument("the model has no scale, so depth cannot be compared with it");
-  }
-  ImageOf<std::uint16_t> values = readDepthPng(options.depth);
+  ImageOf<std::uint16_t> values = options.depth.read(object);
   if (input->image.empty()) {
     if (!options.mask.empty() || !options.background.empty()) {
       throw std::invalid_argument("depth alone takes neither --mask nor --background");
     }
     input->camera = cameraFromNumbers(options.intrinsics, values.width, values.height);
   }
-  DepthNoise noise;
-  noise.constant_m = options.depth_noise[0];
-  noise.quadratic_per_m = options.depth_noise[1];
-  noise.bias_m = options.depth_bias[0];
-  noise.bias_fraction = options.depth_bias[1];
-  addDepth(std::move(values), options.depth_unit_m, noise, input);
+  options.depth.giveTo(std::move(values), input);
 }
 
 RefineCase caseOfImage(const RefineOptions& options, const FieldMetadata& object) {
@@ -186,8 +157,8 @@ RefineCase caseOfImage(const RefineOptions& options, const FieldMetadata& object
                          cameraFromNumbers(options.intrinsics, photo.width, photo.height),
                          Distortion{options.distortion});
   }
-  if (!options.depth.empty()) addDepthFile(options, object, &result);
-  result.name = options.image.empty() ? options.depth : options.image;
+  if (!options.depth.file.empty()) addDepthFile(options, object, &result);
+  result.name = options.image.empty() ? options.depth.file : options.image;
   result.start_T_O_C =
       ObjectFrame::inModelUnits(object).cameraInModel(poseFromNumbers(options.pose));
   return result;
@@ -236,14 +207,6 @@ nlohmann::json errorJson(const PoseError& error, double diameter) {
 
 bool isTrusted(const Refinement& result, double min_score) {
   return checkTrust(result, min_score) == TrustVerdict::kTrusted;
-}
-
-nlohmann::json depthJson(const DepthReport& depth) {
-  const char* const names[] = {"none", "used", "refused"};
-  return {{"use", names[static_cast<int>(depth.use)]},
-          {"message", depth.message},
-          {"agreeing", depth.agreeing},
-          {"bias_m", depth.bias_m}};
 }
 
 nlohmann::json resultJson(const RefineCase& input, const Refinement& result,
@@ -322,12 +285,12 @@ Refinement refineBy(const RefinerSettings& settings, const std::shared_ptr<Backe
 }
 
 void refine(const RefineOptions& options, const CancellationToken& cancellation) {
-  const bool has_image = !options.image.empty() || !options.depth.empty();
+  const bool has_image = !options.image.empty() || !options.depth.file.empty();
   if (has_image != options.transforms.empty()) {
     throw std::invalid_argument("give an image, or --transforms");
   }
   RefinerSettings settings = RefinerSettings::named(options.preset);
-  if (!options.depth.empty() && settings.method != Method::kKeyframes) {
+  if (!options.depth.file.empty() && settings.method != Method::kKeyframes) {
     throw std::invalid_argument("--preset " + options.preset +
                                 " compares colours alone: --depth needs --preset keyframes");
   }

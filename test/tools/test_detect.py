@@ -90,6 +90,18 @@ class Detect(unittest.TestCase):
                 self.assertIn('not found', result.stderr)
         self.assertEqual(self.detect('--distance', '0.6')[0].returncode, 0)
 
+    def test_depth_takes_part(self):
+        result = run(RENDER, self.model, '--pose', *map(str, self.pose), *INTRINSICS, '--size', '320', '240',
+                     '--background', '0', '0', '0', '--depth', '-o', path('deep.png'))
+        self.assertEqual(result.returncode, 0, result.stderr)
+        depth = path('deep_depth.png')
+        for unit, use in (('0.001', 'used'), ('0.01', 'refused')):
+            report = self.detect('--depth', depth, '--depth-unit', unit)[1]
+            self.assertEqual([found['depth']['use'] for found in report['detections']], [use], report)
+        result = run(DETECT, self.model, self.image, *INTRINSICS, '--depth', self.image)
+        self.assertEqual(result.returncode, 1)
+        self.assertIn("image.png': it is not a PNG of 16-bit grey", result.stderr)
+
     def test_a_box_outside_of_the_image_is_explained(self):
         result, report = self.detect('--box', '1000', '1000', '1100', '1100')
         self.assertEqual(result.returncode, 1)
