@@ -31,6 +31,7 @@ add_library(${ros_library} STATIC
   src/ros/services/calibration_service.cpp
   src/ros/services/detection_service.cpp
   src/ros/services/image_service.cpp
+  src/ros/services/next_image.cpp
   src/ros/services/object_services.cpp
   src/ros/services/pose_service.cpp
   src/ros/services/reconfiguration.cpp

@@ -49,6 +49,14 @@ Pose TfBridge::wait(const std::string& what, const Lookup& lookup,
   }
 }
 
+Pose TfBridge::cameraInCamera(const ImageStamp& other, const ImageStamp& image,
+                              const CancellationToken& cancellation) const {
+  TimedPose camera;
+  camera.frame_id = other.camera_frame;
+  camera.stamp_ns = other.stamp_ns;
+  return inCamera(camera, image, cancellation);
+}
+
 std::string TfBridge::outputFrame(const std::string& camera_frame) const {
   return frames_.output_frame.empty() ? camera_frame : frames_.output_frame;
 }

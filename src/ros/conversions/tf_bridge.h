@@ -41,6 +41,11 @@ class TfBridge : public Transforms {
   Pose inCamera(const TimedPose& estimate, const ImageStamp& image,
                 const CancellationToken& cancellation) const override;
 
+  /// Another camera at the time of its own image, in the camera of an image [m]; in between, it
+  /// stands still as above. @throws as inCamera.
+  Pose cameraInCamera(const ImageStamp& other, const ImageStamp& image,
+                      const CancellationToken& cancellation) const;
+
   void clear() override { buffer_.clear(); }
 
   /// The frame in which poses of this camera are published.

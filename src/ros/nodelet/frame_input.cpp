@@ -34,15 +34,11 @@ void FrameInput::note(std::string* notes, std::size_t camera, const std::string&
 /// A companion's camera in the image's, at the time of `at` [m].
 Pose FrameInput::placeOf(const Companion& companion, const ImageStamp& at,
                          const CancellationToken& cancellation, bool* was_placed) const {
-  const ImageStamp of_companion = imageStampOf(companion.image->header);
-  TimedPose camera;
-  camera.frame_id = of_companion.camera_frame;
-  camera.stamp_ns = of_companion.stamp_ns;
   // A transform that was missing before is not waited for: images would come late for nothing.
   const CancellationToken waiting = cancellation.child();
   if (!*was_placed) waiting.requestCancel();
   *was_placed = false;
-  const Pose T_C_D = tf_->inCamera(camera, at, waiting);
+  const Pose T_C_D = tf_->cameraInCamera(imageStampOf(companion.image->header), at, waiting);
   *was_placed = true;
   return T_C_D;
 }

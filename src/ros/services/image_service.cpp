@@ -1,7 +1,6 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include "ros/services/image_service.h"
 
-#include <image_transport/image_transport.h>
 #include <ros/console.h>
 
 #include <chrono>
@@ -9,7 +8,7 @@
 #include <cstdio>
 #include <future>
 
-#include "ros/conversions/topics.h"
+#include "ros/services/next_image.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -29,35 +28,6 @@ std::string afterSeconds(double s) {
   char text[40];
   std::snprintf(text, sizeof text, " after %g s", s);
   return text;
-}
-
-/// An image and its camera.
-struct CameraImage {
-  sensor_msgs::ImageConstPtr image;
-  sensor_msgs::CameraInfoConstPtr info;
-};
-
-/// The first image on the topic that is not older than the call.
-CameraImage nextImage(const NodeHandles& nodes, const ImageCall& call) {
-  ros::CallbackQueue queue;
-  ros::NodeHandle nh(nodes.nh);
-  nh.setCallbackQueue(&queue);
-  CameraImage newest;
-  image_transport::ImageTransport images(nh);
-  const image_transport::TransportHints hints(call.parameters.image_transport,
-                                              ros::TransportHints(), nodes.pnh);
-  const image_transport::CameraSubscriber subscriber = images.subscribeCamera(
-      nodes.topic(topics::kImage), 10,
-      [&](const sensor_msgs::ImageConstPtr& image, const sensor_msgs::CameraInfoConstPtr& info) {
-        if (!newest.image && image->header.stamp >= call.called) newest = {image, info};
-      },
-      ros::VoidPtr(), hints);
-  while (!newest.image && !call.cancellation.cancelRequested())
-    queue.callAvailable(ros::WallDuration(0.02));
-  if (newest.image) return newest;
-  throw InputError(TrackReason::kNoImages,
-                   "no image came that is not older than the call (topic '" +
-                       nh.resolveName(nodes.topic(topics::kImage)) + "')");
 }
 
 }  // namespace
@@ -123,11 +93,24 @@ void ImageService::warn(const std::string& service, const std::string& message) 
   ROS_WARN("~%s: %s", service.c_str(), message.c_str());
 }
 
+/// Null: it cannot be used.
+std::shared_ptr<const DepthImage> ImageService::depthOf(const Companion& depth,
+                                                        const ImageStamp& at,
+                                                        const ImageCall& call) const {
+  try {
+    const Pose T_C_D = tf_.cameraInCamera(imageStampOf(depth.image->header), at, call.cancellation);
+    return depthFromMessage(depth.image, *depth.info, T_C_D, call.parameters.depth);
+  } catch (const InputError& e) {
+    ROS_WARN("depth is not used: %s", e.what());
+    return nullptr;
+  }
+}
+
 ImageOfCall ImageService::imageOf(const sensor_msgs::Image& image,
                                   const sensor_msgs::CameraInfo& info,
                                   const sensor_msgs::Image& mask, const ImageCall& call) {
   const CameraImage seen =
-      image.data.empty() ? nextImage(nodes_, call)
+      image.data.empty() ? nextImage(nodes_, call.parameters, call.called, call.cancellation)
                          : CameraImage{boost::make_shared<const sensor_msgs::Image>(image),
                                        boost::make_shared<const sensor_msgs::CameraInfo>(info)};
   ImageMasks masks;
@@ -135,6 +118,7 @@ ImageOfCall ImageService::imageOf(const sensor_msgs::Image& image,
   ImageOfCall result;
   result.at = imageStampOf(seen.image->header);
   result.observation = input_.observe(seen.image, *seen.info, masks);
+  if (seen.depth.image) result.observation.depth = depthOf(seen.depth, result.at, call);
   result.T_W_C = tf_.cameraInOutput(result.at, call.cancellation);
   result.header = toHeader(result.at);
   result.header.frame_id = tf_.outputFrame(result.at.camera_frame);

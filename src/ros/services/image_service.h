@@ -22,6 +22,7 @@
 #include "nerf_pose_refiner/cancellation_token.h"
 #include "nerf_pose_refiner/observation.h"
 #include "ros/conversions/camera_input.h"
+#include "ros/conversions/depth_input.h"
 #include "ros/conversions/node_handles.h"
 #include "ros/conversions/parameters.h"
 #include "ros/conversions/status.h"
@@ -89,8 +90,8 @@ class ImageService {
   void change(const PoseRefinerParameters& parameters);
 
   /// The image of a request, or if that has no data, the first one on the topic that is not older
-  /// than the call; with the request's mask. Listens to the camera for as long as it takes, whether
-  /// or not the tracking does.
+  /// than the call, with its depth if depth is used; with the request's mask. Listens to the camera
+  /// for as long as it takes, whether or not the tracking does.
   /// @throws InputError if the cancellation comes before an image, or for what cannot be used.
   template <typename Request>
   ImageOfCall imageOf(const Request& request, const ImageCall& call) {
@@ -108,6 +109,8 @@ class ImageService {
 
   Outcome carryOut(double timeout_s, const std::string& object,
                    const std::function<void(const ImageCall&)>& work);
+  std::shared_ptr<const DepthImage> depthOf(const Companion& depth, const ImageStamp& at,
+                                            const ImageCall& call) const;
   void warn(const std::string& service, const std::string& message) const;
   ImageOfCall imageOf(const sensor_msgs::Image& image, const sensor_msgs::CameraInfo& info,
                       const sensor_msgs::Image& mask, const ImageCall& call);
