@@ -59,9 +59,12 @@ class SeenDepth {
   explicit SeenDepth(const Camera& camera)
       : camera_(camera), metres_(camera.width, camera.height, 1) {}
 
-  /// @param width_px that the pixel of the depth image has in a camera's at the same distance.
-  void add(const Eigen::Vector3d& p_C, double width_px) {
+  /// @param wide_px that the pixel of the depth image is in the camera's image. Of one that is
+  /// wider than makes sense, its middle counts.
+  void add(const Eigen::Vector3d& p_C, double wide_px) {
+    constexpr double kWidest_px = 8;
     if (!(p_C.z() > 0)) return;
+    const double width_px = std::min(wide_px, kWidest_px);
     const Eigen::Vector2d at = camera_.project(p_C);
     const auto z = static_cast<float>(p_C.z());
     const int left = first(at.x(), width_px), right = last(at.x(), width_px, camera_.width);
@@ -124,7 +127,7 @@ std::optional<DepthLayers::Layer> DepthLayers::at(double distance, double reach,
   for (int y = 0; y < camera_.height; ++y) {
     for (int x = 0; x < camera_.width; ++x) {
       const float z = metres_.at(x, y, 0);
-      if (!(z > nearest && z < farthest)) continue;
+      if (!(z > 0 && z > nearest && z < farthest)) continue;
       is_within[static_cast<std::size_t>(y) * camera_.width + x] = 1;
       left = std::min(left, x);
       right = std::max(right, x);
@@ -134,7 +137,9 @@ std::optional<DepthLayers::Layer> DepthLayers::at(double distance, double reach,
   }
   if (right < 0) return std::nullopt;
   // The centre of a hollow object is beside its surface.
-  const int margin = static_cast<int>(0.5 * camera_.fx / distance) + 1;
+  const double radius_px = 0.5 * camera_.fx / distance;
+  const int margin =
+      1 + static_cast<int>(std::min<double>(radius_px, camera_.width + camera_.height));
   left = std::max(0, std::min(left - margin, camera_.width - kLeastSide));
   top = std::max(0, std::min(top - margin, camera_.height - kLeastSide));
   right = std::min(camera_.width, std::max(right + margin + 1, left + kLeastSide));

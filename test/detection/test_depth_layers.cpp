@@ -117,6 +117,26 @@ TEST(DepthLayers, LeaveNoGapsBetweenThePixelsOfASmallDepthImage) {
   }
 }
 
+TEST(DepthLayers, DoNotTakeTheUnknownForNear) {
+  ImageOf<float> metres = shown();
+  for (int y = 0; y < 160; ++y) {
+    for (int x = 150; x < 200; ++x) metres.at(x, y, 0) = 0;
+  }
+  const auto layers = DepthLayers::of(*depthImage(metres, kColour), kColour, metricObject());
+  ASSERT_TRUE(layers);
+  const auto layer = layers->at(0.51, 1.1, grey());  // down to behind the camera
+  EXPECT_FALSE(layer);
+}
+
+// A pixel of this depth camera, of which there are 300,000, is as wide as the colour image.
+TEST(DepthLayers, AreMadeInTimeOfACameraThatMakesNoSense) {
+  const Camera wide = {640, 480, 0.5, 0.5, 320, 240};
+  const ImageOf<float> metres(640, 480, 1, kObject_m);
+  const auto layers = DepthLayers::of(*depthImage(metres, wide), kColour, metricObject());
+  ASSERT_TRUE(layers);
+  EXPECT_TRUE(layers->at(kObject_m / 0.2, 1.1, grey()));
+}
+
 TEST(DepthLayers, AreNoneOfDepthThatSaysNothing) {
   EXPECT_FALSE(layerOf(ImageOf<float>(200, 160, 1, 0), 3));
   ImageOf<float> millimetres = shown();
