@@ -62,10 +62,11 @@ class SeenDepth {
   /// @param wide_px that the pixel of the depth image is in the camera's image. Of one that is
   /// wider than makes sense, its middle counts.
   void add(const Eigen::Vector3d& p_C, double wide_px) {
-    constexpr double kWidest_px = 8;
-    if (!(p_C.z() > 0)) return;
+    constexpr double kWidest_px = 8, kFarthest_m = 1e6;
+    if (!(p_C.z() > 0 && p_C.z() < kFarthest_m)) return;
     const double width_px = std::min(wide_px, kWidest_px);
     const Eigen::Vector2d at = camera_.project(p_C);
+    if (!at.allFinite()) return;
     const auto z = static_cast<float>(p_C.z());
     const int left = first(at.x(), width_px), right = last(at.x(), width_px, camera_.width);
     const int top = first(at.y(), width_px), bottom = last(at.y(), width_px, camera_.height);
@@ -112,6 +113,13 @@ std::optional<DepthLayers> DepthLayers::of(const DepthImage& depth, const Camera
   }
   ImageOf<float> metres = std::move(seen).take();
   fill(&metres);
+  for (int y = 0; y < camera.height; ++y) {
+    for (int x = 0; x < camera.width; ++x) {
+      // As the distances of templates, @see posePlaced: beside the axis, things look larger.
+      const double along = camera.direction(x, y).normalized().z();
+      metres.at(x, y, 0) *= static_cast<float>(std::sqrt(along));
+    }
+  }
   return DepthLayers(std::move(metres), camera, object.metres_per_unit * object.diameter);
 }
 

@@ -26,7 +26,8 @@ class DepthLayers {
   static std::optional<DepthLayers> of(const DepthImage& depth, const Camera& camera,
                                        const FieldMetadata& object);
 
-  /// Where something may be the surface of an object at about a distance.
+  /// Where depth shows something that may be the surface of an object at about a distance. What is
+  /// not known, at the border of the depth image say, is not shown.
   /// @param colours [h][w][3] of the camera. @param distance of the object's centre [diameters].
   /// @param reach it may be so many times nearer or farther.
   /// @return nothing: there is no such place.
@@ -36,7 +37,8 @@ class DepthLayers {
   DepthLayers(ImageOf<float> metres, const Camera& camera, double diameter_m)
       : metres_(std::move(metres)), camera_(camera), diameter_m_(diameter_m) {}
 
-  ImageOf<float> metres_;  // that each pixel of the camera sees; 0: unknown
+  ImageOf<float>
+      metres_;  // at which a template would look as large as what a pixel sees; 0: unknown
   Camera camera_;
   double diameter_m_;
 };

@@ -317,16 +317,18 @@ void ObjectDetector::detectIn(const SearchArea& area, Search* search) {
 }
 
 /// Adds what templates lead to: with depth first where that shows something at the right distance.
-/// Depth may be wrong, so if that is not enough, all of the image is looked at.
+/// Depth may be wrong: if nothing is found there, all of the image is looked at, though not in a
+/// glance.
 void ObjectDetector::findByTemplates(const SearchArea& area, ImageCandidates* all, Search* search) {
-  const Observation& observation = search->observation;
+  const std::size_t before = search->detections.found.size();
   for (const bool by_depth : {true, false}) {
-    if (by_depth && !observation.depth) continue;
-    if (search->isEnough(settings_.max_instances)) return;
+    if (by_depth && !search->observation.depth) continue;
     const PoseCandidates rough = timed(&search->detections.times.templates, [&] {
-      return templateCandidates(observation, area, search->cancellation, by_depth);
+      return templateCandidates(search->observation, area, search->cancellation, by_depth);
     });
     settleFrom(ranked(rough, settings_.max_ranked, search), all, search);
+    if (search->detections.found.size() > before) return;
+    if (by_depth && search->isGlance() && !rough.empty()) return;
   }
 }
 

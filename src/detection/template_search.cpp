@@ -81,9 +81,12 @@ TemplateFindings TemplateSearch::find(const Image& image, const Camera& camera,
   TemplateMatches matches = layers == nullptr
                                 ? matcher_->match(image, camera, scanned, cancellation)
                                 : matchLayers(*layers, image, camera, scanned, cancellation);
-  // In a layer with little in it, what matches is the object.
-  const std::vector<double> chance = layers == nullptr ? chanceAt(matches.poses, scanned.size())
-                                                       : std::vector<double>(scanned.size(), 0);
+  // In a layer with little in it, what matches is the object. Where there is nothing, a quarter of
+  // the features respond: those without an edge.
+  constexpr double kOfNothing = 0.25;
+  const std::vector<double> chance = layers == nullptr
+                                         ? chanceAt(matches.poses, scanned.size())
+                                         : std::vector<double>(scanned.size(), kOfNothing);
   for (TemplatePose& pose : matches.poses) {
     pose.evidence = pose.evidence < settings_.min_evidence
                         ? 0

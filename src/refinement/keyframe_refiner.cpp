@@ -177,7 +177,9 @@ Refinement KeyframeRefiner::settle(const TimedObservation& image,
                                    const CancellationToken& cancellation,
                                    double least_probability) {
   // What depth sees through where nothing was known of the place: a part of its measured surface.
+  // (Depth that is refused has no say: it may be broken.)
   constexpr double kSeenThrough = 0.1, kOddsThere = 0.3;
+  depth_ = DepthFusion();  // from poses that were wrong, most of them, it has learnt nothing
   const Camera& camera = image.observation.camera;
   adaptTo(image.observation);
   // Any of them may be right, however far it is from the first one.
@@ -214,9 +216,9 @@ Refinement KeyframeRefiner::settle(const TimedObservation& image,
       cancellation);
   if (is_given_up) result.outcome = Outcome::kDiverged;
   if (result.outcome != Outcome::kRefined) return result;
-  Expectation near = {Prior(), 1, /*is_search=*/true, /*is_settled=*/true};
-  near.prior.T_O_C = result.T_O_C;
-  lookPastOccluders(image, near, cancellation, &result);
+  anywhere.T_O_C = result.T_O_C;
+  lookPastOccluders(image, {anywhere, 1, /*is_search=*/true, /*is_settled=*/true}, cancellation,
+                    &result);
   remember(image.stamp_ns, result.T_O_C);
   if (result.depth.use == DepthUse::kUsed && result.depth.farther > kSeenThrough) {
     changeOdds(kOddsThere, &result);

@@ -74,7 +74,8 @@ void KeyframeRefiner::lookPastOccluders(const TimedObservation& image, const Exp
   near.translation = std::min(near.translation, kSlack);
   const std::optional<Observation> uncovered = withoutOccluders(image.observation, near);
   if (!uncovered) return;
-  near.translation = expected.prior.translation;
+  near.translation = std::min(expected.prior.translation, kSearchTranslation);
+  near.rotation_rad = std::min(near.rotation_rad, kSearchRotation_rad);
   Refinement again = refine(
       {*uncovered, image.stamp_ns}, expected,
       [&] { return search_->near(*uncovered, near, cancellation); }, cancellation);

@@ -129,16 +129,31 @@ TEST(DepthLayers, DoNotTakeTheUnknownForNear) {
 }
 
 // A pixel of this depth camera, of which there are 300,000, is as wide as the colour image.
-TEST(DepthLayers, AreMadeInTimeOfACameraThatMakesNoSense) {
+TEST(DepthLayers, TakeTheMiddleOfPixelsThatMakeNoSense) {
   const Camera wide = {640, 480, 0.5, 0.5, 320, 240};
-  const ImageOf<float> metres(640, 480, 1, kObject_m);
-  const auto layers = DepthLayers::of(*depthImage(metres, wide), kColour, metricObject());
+  const auto layers = DepthLayers::of(*depthImage(ImageOf<float>(640, 480, 1, kObject_m), wide),
+                                      kColour, metricObject());
   ASSERT_TRUE(layers);
-  EXPECT_TRUE(layers->at(kObject_m / 0.2, 1.1, grey()));
+  const auto layer = layers->at(kObject_m / 0.2, 1.1, grey());
+  ASSERT_TRUE(layer);
+  EXPECT_TRUE(isShown(*layer, 99, 79));
+  EXPECT_FALSE(isShown(*layer, 99 + 8, 79));
+}
+
+TEST(DepthLayers, StandNumbersThatMakeNoSense) {
+  Camera beyond = kColour;
+  beyond.cx = 1e300;
+  const Pose turned(Eigen::AngleAxisd(0.5, Eigen::Vector3d::UnitY()).toRotationMatrix(),
+                    Eigen::Vector3d::Zero());
+  const auto layers = DepthLayers::of(
+      *depthImage(ImageOf<float>(200, 160, 1, 1e30f), beyond, turned), kColour, metricObject());
+  ASSERT_TRUE(layers);
+  EXPECT_FALSE(layers->at(3, 1.1, grey()));
 }
 
 TEST(DepthLayers, AreNoneOfDepthThatSaysNothing) {
-  EXPECT_FALSE(layerOf(ImageOf<float>(200, 160, 1, 0), 3));
+  const ImageOf<float> nothing(200, 160, 1, 0);
+  EXPECT_FALSE(DepthLayers::of(*depthImage(nothing, kColour), kColour, metricObject()));
   ImageOf<float> millimetres = shown();
   for (float& value : millimetres.values) value *= 1000;
   EXPECT_FALSE(layerOf(millimetres, 3));

@@ -53,6 +53,36 @@ class KeyframeDepthTest : public DepthScene, public testing::Test {
   }
 };
 
+TEST_F(KeyframeDepthTest, SettlesLessSurelyWhereDepthSeesThroughAPart) {
+  ImageOf<float> metres = metresAt(truth_, kColour);
+  const Refinement whole = refiner()->settle({with(depthImage(metres, kColour)), 0}, {truth_}, {});
+  int shown = 0, seen = 0;
+  for (const float z : metres.values) shown += z < 0.95 * kWall_m;
+  for (float& z : metres.values) {
+    if (z < 0.95 * kWall_m && ++seen < shown / 5) z = kWall_m;
+  }
+  const Refinement holed = refiner()->settle({with(depthImage(metres, kColour)), 0}, {truth_}, {});
+  ASSERT_EQ(whole.depth.use, DepthUse::kUsed) << whole.depth.message;
+  ASSERT_EQ(holed.depth.use, DepthUse::kUsed) << holed.depth.message;
+  EXPECT_LT(whole.depth.farther, 0.05);
+  EXPECT_GT(holed.depth.farther, 0.1);
+  const double p = *whole.found_probability, q = *holed.found_probability;
+  EXPECT_NEAR(q / (1 - q) / (p / (1 - p)), 0.3, 0.05);
+}
+
+TEST_F(KeyframeDepthTest, SettlesAloneFromWhatItLearntBefore) {
+  const auto settling = refiner();
+  const Observation right = with(sensor({}));
+  const Refinement first = settling->settle({right, 0}, {truth_}, {});
+  for (int i = 0; i < 8; ++i) {
+    settling->settle({with(sensor({0, 0.03})), 0}, {truth_}, {});  // 3 cm off
+  }
+  const Refinement last = settling->settle({right, 0}, {truth_}, {});
+  EXPECT_EQ(first.depth.use, DepthUse::kUsed) << first.depth.message;
+  EXPECT_EQ(last.depth.use, DepthUse::kUsed) << last.depth.message;
+  EXPECT_NEAR(last.depth.bias_m, first.depth.bias_m, 1e-6);
+}
+
 TEST_F(KeyframeDepthTest, TakesPartInThePose) {
   const Refinement alone = follow(with(nullptr));
   EXPECT_EQ(alone.depth.use, DepthUse::kNone);

@@ -118,7 +118,12 @@ ImageOfCall ImageService::imageOf(const sensor_msgs::Image& image,
   ImageOfCall result;
   result.at = imageStampOf(seen.image->header);
   result.observation = input_.observe(seen.image, *seen.info, masks);
-  if (seen.depth.image) result.observation.depth = depthOf(seen.depth, result.at, call);
+  if (seen.depth.image) {
+    result.observation.depth = depthOf(seen.depth, result.at, call);
+  } else if (image.data.empty() && call.parameters.depth.use &&
+             !result.observation.isDepthAlone()) {
+    ROS_WARN("depth is not used: none came with the image");
+  }
   result.T_W_C = tf_.cameraInOutput(result.at, call.cancellation);
   result.header = toHeader(result.at);
   result.header.frame_id = tf_.outputFrame(result.at.camera_frame);

@@ -65,7 +65,10 @@ class NextImage {
   bool isComplete() {
     if (!found_.image) return false;
     if (!settings_.use || isDepthImage(*found_.image)) return true;
-    bool is_late = (ros::WallTime::now() - found_at_).toSec() >= settings_.timeout_s;
+    constexpr double kConnected_s = 0.2;
+    const double waited_s = (ros::WallTime::now() - found_at_).toSec();
+    bool is_late = waited_s >= settings_.timeout_s ||
+                   (waited_s >= kConnected_s && depth_subscriber_.getNumPublishers() == 0);
     double nearest_s = settings_.tolerance_s;
     for (const Companion& depth : depth_) {
       const double after_s = (depth.image->header.stamp - found_.image->header.stamp).toSec();

@@ -19,8 +19,8 @@ struct CameraImage {
   Companion depth = {};
 };
 
-/// The first image on the node's topic that is not older than a time, with the depth that is
-/// nearest to it if depth is used: for that it waits up to ~depth/timeout_s.
+/// The first image on the node's topic that is not older than a time, with depth of its time if
+/// that is used: for it, it waits up to ~depth/timeout_s while anybody publishes some.
 /// @throws InputError if the cancellation comes before an image.
 CameraImage nextImage(const NodeHandles& nodes, const PoseRefinerParameters& parameters,
                       const ros::Time& from, const CancellationToken& cancellation);
