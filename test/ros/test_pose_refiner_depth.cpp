@@ -1,7 +1,6 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 // A depth camera beside the camera, in a ROS graph: another frame, resolution and stamp.
 #include <gtest/gtest.h>
-#include <nerf_pose_refiner/RefinePose.h>
 #include <tf2_msgs/TFMessage.h>
 
 #include <cstring>
@@ -130,29 +129,6 @@ TEST_F(PoseRefinerDepthTest, UsesDepthAndSaysWhenItDoesNot) {
   ASSERT_TRUE(none);
   EXPECT_EQ(int{none->state}, int{Status::STATE_TRACKING});
   EXPECT_EQ(none->depth_message, "no depth image comes");
-}
-
-TEST_F(PoseRefinerDepthTest, ServicesTakeTheDepthOfTheNextImage) {
-  ros::NodeHandle deep("deep");
-  ASSERT_TRUE(ros::service::waitForService("deep/load_object", 30000));
-  LoadObject load;
-  load.request.name = "toy";
-  ASSERT_TRUE(deep.serviceClient<LoadObject>("load_object").call(load));
-  ASSERT_TRUE(load.response.success) << load.response.message;
-  RefinePose refine;
-  refine.request.object = "toy";
-  refine.request.initial.header.frame_id = kFrame;
-  refine.request.initial.pose.pose = roughPose().pose;
-  const auto alongView_m2 = [&] {
-    EXPECT_TRUE(deep.serviceClient<RefinePose>("refine").call(refine));
-    EXPECT_TRUE(refine.response.success) << refine.response.message;
-    return refine.response.pose.pose.covariance[2 * 6 + 2];
-  };
-  const double without_m2 = alongView_m2();  // after ~depth/timeout_s
-  auto twin = std::make_unique<DepthTwin>(world->nh);
-  EXPECT_NE(alongView_m2(), without_m2) << "depth takes part";
-  twin->change(0);
-  EXPECT_EQ(alongView_m2(), without_m2) << "depth that shows nothing changes nothing";
 }
 
 TEST_F(PoseRefinerDepthTest, TracksByDepthAlone) {

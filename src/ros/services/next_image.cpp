@@ -65,7 +65,7 @@ class NextImage {
   bool isComplete() {
     if (!found_.image) return false;
     if (!settings_.use || isDepthImage(*found_.image)) return true;
-    constexpr double kConnected_s = 0.2;
+    constexpr double kConnected_s = 0.5;
     const double waited_s = (ros::WallTime::now() - found_at_).toSec();
     bool is_late = waited_s >= settings_.timeout_s ||
                    (waited_s >= kConnected_s && depth_subscriber_.getNumPublishers() == 0);
