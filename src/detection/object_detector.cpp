@@ -317,8 +317,8 @@ void ObjectDetector::detectIn(const SearchArea& area, Search* search) {
 }
 
 /// Adds what templates lead to: with depth first where that shows something at the right distance.
-/// Depth may be wrong: if nothing is found there, all of the image is looked at, though not in a
-/// glance.
+/// Depth may be wrong: if nothing is found there, all of the image is looked at; in a glance, only
+/// if there are no candidates.
 void ObjectDetector::findByTemplates(const SearchArea& area, ImageCandidates* all, Search* search) {
   const std::size_t before = search->detections.found.size();
   for (const bool by_depth : {true, false}) {

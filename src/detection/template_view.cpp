@@ -24,7 +24,7 @@ constexpr float kMostFlat = 0.02f;          // the same where there is no edge
 struct EdgePixel {
   int x, y;
   float strength;
-  float normal_rad;  // kNoNormal
+  float normal_rad;  // of the edge, or kNoNormal
 };
 
 /// Half the change from neighbour to neighbour along both axes.
@@ -165,7 +165,7 @@ void chooseEvenly(EdgeRange range, int count, std::vector<EdgePixel>* chosen) {
 /// A part of a template: edges, and flat pixels near to them.
 class TemplatePart {
  public:
-  TemplatePart(EdgeRange edges) : pixels_(edges.first, edges.second) {
+  explicit TemplatePart(EdgeRange edges) : pixels_(edges.first, edges.second) {
     for (const EdgePixel& edge : pixels_) {
       x_ += edge.x / static_cast<double>(pixels_.size());
       y_ += edge.y / static_cast<double>(pixels_.size());

@@ -179,7 +179,7 @@ Refinement KeyframeRefiner::settle(const TimedObservation& image,
   // What depth sees through where nothing was known of the place: a part of its measured surface.
   // (Depth that is refused has no say: it may be broken.)
   constexpr double kSeenThrough = 0.1, kOddsThere = 0.3;
-  depth_ = DepthFusion();  // from poses that were wrong, most of them, it has learnt nothing
+  depth_ = DepthFusion();  // what it has learnt came from other candidates, most of them wrong
   const Camera& camera = image.observation.camera;
   adaptTo(image.observation);
   // Any of them may be right, however far it is from the first one.

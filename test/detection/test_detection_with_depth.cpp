@@ -6,45 +6,12 @@
 
 #include "detection/object_detector.h"
 #include "support/depth_scene.h"
-#include "support/scene_backend.h"
+#include "support/noting_backend.h"
 
 // Where detection looks for a plain object that a depth camera sees.
 
 namespace nerf_pose_refiner {
 namespace {
-
-/// What a matcher was asked for.
-struct Asked {
-  int width;                      ///< of the image [px]
-  std::vector<double> distances;  ///< [diameters]
-};
-
-/// Finds no template anywhere, and notes where it looked.
-class NotingBackend final : public SceneBackend {
- public:
-  using SceneBackend::SceneBackend;
-
-  std::unique_ptr<TemplateMatcher> makeTemplateMatcher(std::shared_ptr<const TemplateBank>,
-                                                       const TemplateMatchSettings&) override {
-    return std::make_unique<Matcher>(&asked);
-  }
-
-  std::vector<Asked> asked;
-
- private:
-  class Matcher final : public TemplateMatcher {
-   public:
-    explicit Matcher(std::vector<Asked>* asked) : asked_(asked) {}
-    TemplateMatches match(const Image& image, const Camera&, const std::vector<double>& distances,
-                          const CancellationToken&) override {
-      asked_->push_back({image.width, distances});
-      return {};
-    }
-
-   private:
-    std::vector<Asked>* asked_;
-  };
-};
 
 class DetectionWithDepth : public DepthScene, public testing::Test {
  protected:
@@ -57,7 +24,7 @@ class DetectionWithDepth : public DepthScene, public testing::Test {
   }
 
   /// @param factor by which depth is wrong.
-  const std::vector<Asked>& lookedAt(double factor) {
+  const std::vector<NotingBackend::Asked>& lookedAt(double factor) {
     Observation observation = imageAt(truth_);
     ImageOf<float> metres = metresAt(truth_, kColour);
     for (float& value : metres.values) value *= static_cast<float>(factor);
@@ -73,7 +40,7 @@ class DetectionWithDepth : public DepthScene, public testing::Test {
 };
 
 TEST_F(DetectionWithDepth, LooksAtWhatIsAsFarAwayThenAtAll) {
-  const std::vector<Asked>& asked = lookedAt(1);
+  const std::vector<NotingBackend::Asked>& asked = lookedAt(1);
   ASSERT_GT(asked.size(), 2u);
   EXPECT_EQ(asked.back().width, kColour.width);
   EXPECT_GT(asked.back().distances.size(), 4u);
@@ -89,7 +56,7 @@ TEST_F(DetectionWithDepth, LooksAtWhatIsAsFarAwayThenAtAll) {
 
 TEST_F(DetectionWithDepth, LooksAtAllWhereDepthSaysNothing) {
   for (const double factor : {0.0, 1000.0}) {
-    const std::vector<Asked>& asked = lookedAt(factor);
+    const std::vector<NotingBackend::Asked>& asked = lookedAt(factor);
     ASSERT_EQ(asked.size(), 1u) << factor;
     EXPECT_EQ(asked.front().width, kColour.width);
   }

@@ -14,6 +14,7 @@
 #include "runtime/shared_backend.h"
 #include "support/analytic_scene.h"
 #include "support/cpu_processor.h"
+#include "support/noting_backend.h"
 #include "support/scene_backend.h"
 #include "support/scene_before_clutter.h"
 #include "support/temporary_folder.h"
@@ -28,33 +29,6 @@ namespace {
 
 const Camera kSmall = {160, 120, 200, 200, 79.5, 59.5};
 
-/// Finds no template anywhere, and notes at which distances it looked.
-class NotingBackend final : public SceneBackend {
- public:
-  using SceneBackend::SceneBackend;
-
-  std::unique_ptr<TemplateMatcher> makeTemplateMatcher(std::shared_ptr<const TemplateBank>,
-                                                       const TemplateMatchSettings&) override {
-    return std::make_unique<Matcher>(&distances);
-  }
-
-  std::vector<double> distances;  ///< that were looked at last [diameters]
-
- private:
-  class Matcher final : public TemplateMatcher {
-   public:
-    explicit Matcher(std::vector<double>* distances) : distances_(distances) {}
-    TemplateMatches match(const Image&, const Camera&, const std::vector<double>& distances,
-                          const CancellationToken&) override {
-      *distances_ = distances;
-      return {};
-    }
-
-   private:
-    std::vector<double>* distances_;
-  };
-};
-
 /// Where an image was looked at by templates [diameters]; nothing: nowhere.
 using LookedAt = std::optional<std::pair<double, double>>;
 
@@ -65,7 +39,7 @@ class SearchForAPlainObject : public testing::Test {
  protected:
   SearchForAPlainObject() {
     auto noting = std::make_unique<NotingBackend>(scene_);
-    distances_ = &noting->distances;
+    asked_ = &noting->asked;
     const auto backend = std::make_shared<SharedBackend>(std::move(noting));
     const RefinerSettings settings = RefinerSettings::named("keyframes");
     DetectionSetup detection;
@@ -81,10 +55,11 @@ class SearchForAPlainObject : public testing::Test {
   }
 
   LookedAt looksAt() {
-    distances_->clear();
+    asked_->clear();
     search_->detect(gone_, 0.9, {});
-    if (distances_->empty()) return std::nullopt;
-    return std::make_pair(distances_->front(), distances_->back());
+    if (asked_->empty()) return std::nullopt;
+    const std::vector<double>& distances = asked_->back().distances;
+    return std::make_pair(distances.front(), distances.back());
   }
 
   Outcome track(const Observation& observation, bool is_tracked, int track) {
@@ -95,7 +70,7 @@ class SearchForAPlainObject : public testing::Test {
   const std::shared_ptr<const DescribedScene> scene_ =
       std::make_shared<DescribedScene>(plain_, judged(plain_->field().metadata));
   std::unique_ptr<RefinerSearch> search_;
-  std::vector<double>* distances_ = nullptr;
+  std::vector<NotingBackend::Asked>* asked_ = nullptr;
   Prior prior_;
   Observation shown_, gone_;
 };
