@@ -28,7 +28,7 @@ class Faults(unittest.TestCase):
 
     def test_what_must_happen_does(self):
         """Times are those of a machine that does other things beside it."""
-        result = faults('--fast', '--train', '8', '--patience', '3', '--out', os.path.join(BUILD, 'faults'))
+        result = faults('--fast', '--patience', '3', '--out', os.path.join(BUILD, 'faults'))
         self.assertEqual(result.returncode, 0, result.stdout)
         self.assertIn(' 0 failed, 0 skipped', result.stdout)
 

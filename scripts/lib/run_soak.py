@@ -19,7 +19,7 @@ from sensor_msgs.msg import Image
 
 from faults.graph import NODE, descriptors, of_process, wait_until
 from faults.player import SIXTY_HZ
-from run_faults import make_world, train
+from run_faults import TRAINING_STEPS, make_world, train
 from soak_verdict import verdict
 from svg_plot import svg
 
@@ -205,7 +205,7 @@ def main():
     parser.add_argument('--folder', required=True)
     parser.add_argument('--demo', required=True)
     parser.add_argument('--model', default='')
-    parser.add_argument('--train', type=float, default=20)
+    parser.add_argument('--train', type=int, default=TRAINING_STEPS)
     parser.add_argument('--minutes', type=float, default=120)
     parser.add_argument('--nodelet', action='store_true')
     args = parser.parse_args()
