@@ -47,9 +47,8 @@ AlignedKeyframe alignedOf(const CudaAlignedKeyframe& from) {
                from.tiles[30]}};
   to.loss = from.loss;
   to.most_weight = from.most_weight;
-  to.most_evidence = from.most_evidence;
-  to.evidence.explained = static_cast<float>(from.explained);
-  to.evidence.chance = static_cast<float>(from.chance);
+  to.surface = from.surface;
+  to.outline = from.outline;
   to.evaluations = static_cast<int>(from.evaluations);
   return to;
 }

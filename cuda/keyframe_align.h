@@ -97,8 +97,8 @@ struct CudaAlignedKeyframe {
   /// @see TileScatter: gradients, information, squared information; TileEvidence: judged, seen,
   /// tone.
   double tiles[kTileSums];
-  double loss, most_weight, most_evidence;
-  double explained, chance;  ///< @see EvidenceSums
+  double loss, most_weight;
+  EvidenceOfKind surface, outline;
   std::int64_t evaluations;
 };
 

@@ -18,6 +18,7 @@ struct SharedSearch {
   CameraPose<double> trial;
   CudaAlignedKeyframe best;
   PointSums<double> sums;  ///< of the trial
+  double of_chosen[2];     ///< the first of them, of the chosen points alone
   SeenPoints seen;         ///< of the trial
   double damping;
   double moved_px;  ///< since the last look around
@@ -100,9 +101,12 @@ class StartAlignment {
     lookAround();
     evaluate<true>(task_.rules[task_.finest_level], true);
     if (!isFirstThread()) return;
-    const EvidenceSums<double>& evidence = *evidenceIn(&shared_.sums);
-    shared_.best.explained = evidence.explained;
-    shared_.best.chance = evidence.chance;
+    const EvidenceSums<double>& all = *evidenceIn(&shared_.sums);
+    CudaAlignedKeyframe& best = shared_.best;
+    best.surface.explained = shared_.of_chosen[0];
+    best.surface.chance = shared_.of_chosen[1];
+    best.outline.explained = all.explained - best.surface.explained;
+    best.outline.chance = all.chance - best.surface.chance;
   }
 
   __device__ void beginLevel(int level, int frame_level) {
@@ -298,6 +302,7 @@ class StartAlignment {
     const double of_outline = sumOverWarps(sumRange(chunk_sums, chosen, all));
     if (warpIndex() != 0) return;
     if (laneIndex() == 0) shared_.seen.weight = of_chosen;
+    if (laneIndex() < 2) shared_.of_chosen[laneIndex()] = of_chosen;
     if (laneIndex() == kKeyframeSums - 1) {
       shared_.seen.points = of_chosen;
       shared_.seen.outline_seen = static_cast<int>(of_outline);
@@ -335,7 +340,8 @@ class StartAlignment {
     const double loss = keyframeLoss(shared_.sums.cost, shared_.seen, rules.robust_scale);
     if (!(loss < shared_.best.loss)) return false;
     shared_.best.most_weight = shared_.seen.mostWeight();
-    shared_.best.most_evidence = shared_.seen.mostEvidence();
+    shared_.best.surface.most = shared_.seen.points;
+    shared_.best.outline.most = shared_.seen.mostOutlineEvidence();
     shared_.best.loss = loss;
     shared_.best.pose = shared_.trial;
     shared_.best.sums = shared_.sums;

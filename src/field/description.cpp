@@ -13,7 +13,7 @@ namespace {
 
 /// The version of the alignment that keyframe scores are measured with: another one scores the same
 /// pose differently, and they have to be measured again.
-constexpr int kScoredAlignment = 5;
+constexpr int kScoredAlignment = 6;
 
 using Json = nlohmann::json;
 

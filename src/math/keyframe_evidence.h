@@ -17,6 +17,12 @@ struct EvidenceSums {
   ToneSums<T> tone;
 };
 
+/// What points of one kind say for a pose: those of the surface, or those of the outline.
+struct EvidenceOfKind {
+  double explained, chance;  ///< @see EvidenceSums
+  double most;               ///< weight of the points, were all of them seen
+};
+
 template <typename T>
 NPR_HOST_DEVICE inline void addEvidence(const EvidenceSums<T>& other, EvidenceSums<T>* sums) {
   sums->explained += other.explained;

@@ -68,8 +68,8 @@ struct SeenPoints {
   NPR_HOST_DEVICE double mostWeight() const {
     return points + static_cast<double>(outline_weight) * outline;
   }
-  NPR_HOST_DEVICE double mostEvidence() const {
-    return points + static_cast<double>(outline_evidence) * outline;
+  NPR_HOST_DEVICE double mostOutlineEvidence() const {
+    return static_cast<double>(outline_evidence) * outline;
   }
 };
 

@@ -16,8 +16,8 @@ double logistic(double x) { return 1 / (1 + std::exp(-x)); }
 /// many places.
 KeyframeScores unknownScores() {
   KeyframeScores scores;
-  scores.wrong_mean = 0.37;
-  scores.wrong_deviation = 0.1;
+  scores.wrong_mean = 0.45;
+  scores.wrong_deviation = 0.08;
   return scores;
 }
 
@@ -64,9 +64,9 @@ double scoreProbability(double score, const KeyframeScores& scores) {
 
 double scoreProbability(double score, const std::optional<double>& rolled_score,
                         const KeyframeScores& scores) {
-  // Fitted to right and wrong poses of five objects in photos, recordings and clutter; four of them
-  // predict the fifth's better by this than by its scores in general.
-  constexpr double kMargin = 0.16, kOfImage = 0.85, kWidth = 1.0 / 18;
+  // Fitted to right and wrong poses of five objects before photos; four of them predict the fifth's
+  // better by this than by its scores in general.
+  constexpr double kMargin = 0.14, kOfImage = 0.6, kWidth = 1.0 / 30;
   if (!rolled_score) return scoreProbability(score, scores);
   const double even = kOfImage * (*rolled_score + kMargin) + (1 - kOfImage) * evenScore(scores);
   return logistic((score - even) / kWidth);

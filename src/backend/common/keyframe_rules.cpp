@@ -6,6 +6,7 @@
 
 #include "backend/common/plain_pose.h"
 #include "backend/common/solver_rules.h"
+#include "math/keyframe_score.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -19,23 +20,6 @@ HypothesisState stateOf(const Pose& T_O_C, const KeyframePoints& keyframe,
     return HypothesisState::kIllConditioned;
   }
   return HypothesisState::kLive;
-}
-
-// How much less the image differs than by chance, where there is anything to differ: a wall is no
-// evidence for a plain object.
-double scoreOf(const AlignedKeyframe& aligned, double robust_scale) {
-  constexpr double kMinEvidence = 0.15;  // of what points of full contrast would give
-  const double explained = aligned.evidence.explained, chance = aligned.evidence.chance;
-  if (!(chance > 0)) return 0;
-  const double evidence = chance / (aligned.most_evidence * chanceLoss(robust_scale));
-  const double contrast = std::max(0.0, 1 - explained / chance);
-  // Clutter easily holds an outline, and local contrast that agrees by chance. Parts that are light
-  // and dark where the object's are it hardly holds.
-  constexpr double kOfTone = 1.0 / 3;
-  const Tone tone = toneOf(aligned.tiles.tone);
-  const double of_tone = kOfTone * tone.contrast;
-  const double agreement = (1 - of_tone) * contrast + of_tone * tone.agreement;
-  return contrast > 0 ? agreement * std::min(1.0, evidence / kMinEvidence) : 0;
 }
 
 }  // namespace
@@ -73,7 +57,8 @@ Hypothesis hypothesisOf(const AlignedKeyframe& aligned, const KeyframePoints& ke
       aligned.scatter.correction() * symmetricMatrix(aligned.scatter.gradients);
   found.visible_fraction = aligned.tiles.visibleFraction();
   if (sums.robust_weight > 0) {
-    found.score = scoreOf(aligned, levelRules(settings, settings.finest_level).robust_scale);
+    found.score = keyframeScore(aligned.surface, aligned.outline, toneOf(aligned.tiles.tone),
+                                levelRules(settings, settings.finest_level).robust_scale);
     found.residual_variance = sums.squared_residual / (3 * sums.robust_weight);
   }
   return found;

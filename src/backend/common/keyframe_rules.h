@@ -13,11 +13,10 @@ struct AlignedKeyframe {
   CameraPose<double> pose;
   PointSums<double> sums = {};  ///< of the pose, at the finest level
   TileScatter scatter;
-  double loss = 0;                    ///< mean over the points of the finest level
-  double most_weight = 0;             ///< of these points, were all of them seen
-  double most_evidence = 0;           ///< alike, by what they weigh as evidence
-  EvidenceSums<float> evidence = {};  ///< of the pose
-  TileEvidence tiles;                 ///< alike
+  double loss = 0;                            ///< mean over the points of the finest level
+  double most_weight = 0;                     ///< of these points, were all of them seen
+  EvidenceOfKind surface = {}, outline = {};  ///< of the pose
+  TileEvidence tiles;                         ///< alike
   int evaluations = 0;
 };
 

@@ -211,7 +211,8 @@ AlignedKeyframe StartAligner::evaluate(const CameraPose<double>& pose,
   }
   evaluated.loss = keyframeLoss(evaluated.sums.cost, seen, rules.robust_scale);
   evaluated.most_weight = seen.mostWeight();
-  evaluated.most_evidence = seen.mostEvidence();
+  evaluated.surface.most = seen.points;
+  evaluated.outline.most = seen.mostOutlineEvidence();
   ++evaluations_;
   return evaluated;
 }
@@ -228,10 +229,9 @@ void StartAligner::findEvidence(const KeyframeLevelRules& rules, AlignedKeyframe
   const KernelView view = {image_, transformOf(aligned->pose)};
   const KernelColours compared = colours();
   const double full_chance = chanceLoss(rules.robust_scale);
-  const auto add = [&](const EvidenceSums<float>& tile) {
-    aligned->evidence.explained += tile.explained;
-    aligned->evidence.chance += tile.chance;
-    aligned->evidence.weight += tile.weight;
+  const auto add = [&](const EvidenceSums<float>& tile, EvidenceOfKind* kind) {
+    kind->explained += tile.explained;
+    kind->chance += tile.chance;
     aligned->tiles.addTile(tile, full_chance);
   };
   for (std::size_t t = 0; t + 1 < level.tiles.size(); ++t) {
@@ -239,13 +239,13 @@ void StartAligner::findEvidence(const KeyframeLevelRules& rules, AlignedKeyframe
     kernels_->sumEvidence(view,
                           {columnsOf(level.chosen), compared, level.tiles[t], level.tiles[t + 1]},
                           {rules.robust_scale, rules.observed_fraction}, &tile);
-    add(tile);
+    add(tile, &aligned->surface);
   }
   for (std::size_t t = 0; t + 1 < level.outline_tiles.size(); ++t) {
     EvidenceSums<float> tile = {};
     sumOutlineEvidence(view, {level, level.outline_tiles[t], level.outline_tiles[t + 1]},
                        {rules.robust_scale, level.outline_evidence}, &tile);
-    add(tile);
+    add(tile, &aligned->outline);
   }
 }
 
