@@ -101,12 +101,7 @@ class StartAlignment {
     lookAround();
     evaluate<true>(task_.rules[task_.finest_level], true);
     if (!isFirstThread()) return;
-    const EvidenceSums<double>& all = *evidenceIn(&shared_.sums);
-    CudaAlignedKeyframe& best = shared_.best;
-    best.surface.explained = shared_.of_chosen[0];
-    best.surface.chance = shared_.of_chosen[1];
-    best.outline.explained = all.explained - best.surface.explained;
-    best.outline.chance = all.chance - best.surface.chance;
+    setEvidence(*evidenceIn(&shared_.sums), shared_.of_chosen, &shared_.best);
   }
 
   __device__ void beginLevel(int level, int frame_level) {

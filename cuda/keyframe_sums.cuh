@@ -38,6 +38,13 @@ __device__ inline const EvidenceSums<double>* evidenceIn(const PointSums<double>
   return reinterpret_cast<const EvidenceSums<double>*>(sums);
 }
 
+/// @param all of surface and outline. @param of_surface what was explained of it, and by chance.
+__device__ inline void setEvidence(const EvidenceSums<double>& all, const double of_surface[2],
+                                   CudaAlignedKeyframe* to) {
+  to->surface = {of_surface[0], of_surface[1], to->surface.most};
+  to->outline = {all.explained - of_surface[0], all.chance - of_surface[1], to->outline.most};
+}
+
 /// Sums over the lanes of a group: lane k of it gets sums 4 k to 4 k + 3, as values 0 to 3. Each
 /// time, lanes give one half of their values away and get the other half of those they keep.
 __device__ inline void sumGroup(float* values) {
