@@ -49,15 +49,21 @@ def train(world, args):
     """A model of the demo's object, which is kept for the next time."""
     intact = os.path.join(args.folder, 'intact')
     os.makedirs(intact, exist_ok=True)
+    model, trained = intact + '/toy_kiosk.safetensors', args.folder + '/trained_steps'
     if args.model:
-        shutil.copy(args.model, intact + '/toy_kiosk.safetensors')
-    if os.path.exists(intact + '/toy_kiosk.safetensors'):
+        shutil.copy(args.model, model)
         return
-    # Steps rather than seconds: a model that a busy machine has learned for seconds is too poor to be trusted.
+    if os.path.exists(model) and os.path.exists(trained):
+        with open(trained, encoding='utf-8') as file:
+            if file.read() == str(args.train):
+                return
+    # By steps, not seconds: on a busy machine, a time limit leaves too few steps for a usable model.
     world.start('no_object', {'model_root': intact, 'register': {'steps': args.train}})
     reply = world.register(name='toy_kiosk', dataset='toy_kiosk', max_seconds=TRAINING_S, within=2 * TRAINING_S)
     if not reply.success:
         sys.exit('faults: the object was not learned: %s' % reply.message)
+    with open(trained, 'w', encoding='utf-8') as file:
+        file.write(str(args.train))
 
 
 def make_world(args, rate):

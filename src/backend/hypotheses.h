@@ -17,7 +17,8 @@ struct Hypothesis {
   int search = 0;               ///< place of the prior that it comes from, @see PoseSolver::sample
   double loss = 0;              ///< lower is better; comparable within one call of `score`
   double visible_fraction = 0;  ///< of the rendered silhouette that agrees with the image, 0..1
-  /// How well the pose explains the image, 0..1 (math/alignment_search.h, scoreOf).
+  /// How well the pose explains the image, 0..1 (math/alignment_search.h,
+  /// scoreOf; of keyframes math/keyframe_score.h).
   double score = 0;
   int iterations = 0;  ///< spent on it so far
   /// Final normal equations J^T W J of direct alignment, order (v, w): translation [model units],

@@ -25,19 +25,26 @@ inline double judgedOf(const EvidenceOfKind& kind, double full_chance) {
 /// How well a pose explains an image, 0..1: by surface, outline and tone, each as far as there is
 /// anything to compare.
 ///
-/// Clutter easily holds an outline, mostly around something plain: were surface and outline one
-/// sum, the outline would make up for the pattern that is missing there.
+/// Clutter easily holds an outline, mostly around something plain, and another side of the object
+/// may have the same one: where the surface says so, the outline proves little. Of an object that
+/// is nearly all outline the surface says little: its points differ by noise alone.
 inline double keyframeScore(const EvidenceOfKind& surface, const EvidenceOfKind& outline,
                             const Tone& tone, double robust_scale) {
   constexpr double kOfSurface = 0.4, kOfOutline = 0.4, kOfTone = 0.2;
+  constexpr double kHeardShare = 0.25;  // of the points' weight, from which the surface counts
+  constexpr double kAgrees = 0.25;      // its agreement from which the outline does
   const double full_chance = chanceLoss(robust_scale);
-  const double of_surface = kOfSurface * judgedOf(surface, full_chance);
+  const EvidenceOfKind both = {0, surface.chance + outline.chance, surface.most + outline.most};
+  const double share = both.most > 0 ? surface.most / both.most : 0;
+  const double heard = std::min(1.0, share / kHeardShare) * judgedOf(surface, full_chance);
+  const double agreement = agreementOf(surface);
+  const double believed = 1 - heard * (1 - std::min(1.0, agreement / kAgrees));
+  const double of_surface = kOfSurface * heard;
   const double of_outline =
       kOfOutline * judgedOf(outline, gemanMcClure(double{kOutlineChance}, robust_scale).value);
   const double of_tone = kOfTone * tone.contrast;
-  const double explained = of_surface * agreementOf(surface) + of_outline * agreementOf(outline);
+  const double explained = of_surface * agreement + of_outline * believed * agreementOf(outline);
   if (!(explained > 0)) return 0;
-  const EvidenceOfKind both = {0, surface.chance + outline.chance, surface.most + outline.most};
   return (explained + of_tone * tone.agreement) / (of_surface + of_outline + of_tone) *
          judgedOf(both, full_chance);
 }

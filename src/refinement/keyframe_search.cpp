@@ -147,7 +147,7 @@ HypothesisTable KeyframeSearch::close(const Observation& observation, const Pose
 
 std::optional<SecondOpinion> KeyframeSearch::secondOpinion(const Hypothesis& found,
                                                            const CancellationToken& cancellation) {
-  constexpr double kMinBeside_rad = 4 * kDegree, kMinScore = 0.7;  // of the pose's own
+  constexpr double kMinBeside_rad = 4 * kDegree, kMinScore = 0.6;  // of the pose's own
   const KeyframeSet::Entry* const other = kept_.beside(found.T_O_C, kMinBeside_rad);
   if (other == nullptr || !sees(*other->keyframe, found.T_O_C)) return std::nullopt;
   KeyframeAlignmentSettings finest = settings_.alignment;

@@ -16,8 +16,8 @@ double logistic(double x) { return 1 / (1 + std::exp(-x)); }
 /// many places.
 KeyframeScores unknownScores() {
   KeyframeScores scores;
-  scores.wrong_mean = 0.45;
-  scores.wrong_deviation = 0.08;
+  scores.wrong_mean = 0.35;
+  scores.wrong_deviation = 0.11;
   return scores;
 }
 
@@ -64,9 +64,9 @@ double scoreProbability(double score, const KeyframeScores& scores) {
 
 double scoreProbability(double score, const std::optional<double>& rolled_score,
                         const KeyframeScores& scores) {
-  // Fitted to right and wrong poses of five objects before photos; four of them predict the fifth's
-  // better by this than by its scores in general.
-  constexpr double kMargin = 0.14, kOfImage = 0.6, kWidth = 1.0 / 30;
+  // Fitted to right and wrong poses of five objects before photos, and to what other sides of the
+  // same outline would score there.
+  constexpr double kMargin = 0.26, kOfImage = 0.6, kWidth = 1.0 / 26;
   if (!rolled_score) return scoreProbability(score, scores);
   const double even = kOfImage * (*rolled_score + kMargin) + (1 - kOfImage) * evenScore(scores);
   return logistic((score - even) / kWidth);

@@ -15,8 +15,8 @@ namespace nerf_pose_refiner {
 double scoreProbability(double score, const KeyframeScores& scores);
 
 /// The same where wrong poses were tried in this very image, whose scores say more than those in
-/// others: 60 % of the score at which right and wrong are equally likely is that of the best of
-/// them and 0.14 more, 40 % the object's even score.
+/// others: the score at which right and wrong are equally likely is a weighted mean, three fifths
+/// the best one's and 0.26 more, two fifths the object's even score.
 /// @param rolled_score the best one's, 0..1, @see RolledScores; nothing: it is not known.
 double scoreProbability(double score, const std::optional<double>& rolled_score,
                         const KeyframeScores& scores);

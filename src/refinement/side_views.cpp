@@ -21,7 +21,7 @@ namespace {
 // Of six unknowns: one in a thousand is farther away [standard deviations].
 constexpr double kMaxApart = 4.74;
 constexpr double kNear_rad = 5 * kDegree, kNear = 0.05;  // where others look; [diameters]
-constexpr double kMinScore = 0.45;  // of keyframes: what explains an image worse has no say
+constexpr double kMinScore = 0.35;  // of keyframes: what explains an image worse has no say
 constexpr double kUnsteady = 0.3;   // of a motion, from one image to the next
 
 bool isPast(const SideView& view) { return view.camera == 0; }

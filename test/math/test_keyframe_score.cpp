@@ -49,18 +49,28 @@ TEST(KeyframeScore, leavesOutWhatHasNothingToCompare) {
               (0.2 + of_outline + 0.2) / (0.6 + of_outline), 1e-12);
 }
 
-/// However much more the outline weighs in sum: where a thin object's outline meets an edge of a
-/// wall, the wall does not show what lies inside of it.
-TEST(KeyframeScore, doesNotTakeAnOutlineForAnObject) {
-  const double right = scoreOf(surfaceThat(0.5, 0.2), outlineThat(0.2), kAgrees);
-  const double wall = scoreOf(surfaceThat(1, 0.2), outlineThat(0.2), kDisagrees);
-  EXPECT_NEAR(right, 0.2 + 0.32 + 0.2, 1e-12);
-  EXPECT_NEAR(wall, 0.32, 1e-12);
+/// A wall that holds the outline, or another side of the object: 0.25 is the agreement from which
+/// the outline counts wholly.
+TEST(KeyframeScore, believesAnOutlineAsFarAsTheSurfaceAgrees) {
+  EXPECT_NEAR(scoreOf(surfaceThat(0.75), outlineThat(0.2), kAgrees), 0.1 + 0.32 + 0.2, 1e-12);
+  EXPECT_NEAR(scoreOf(surfaceThat(0.9), outlineThat(0.2), kDisagrees), 0.04 + 0.4 * 0.32, 1e-12);
+  EXPECT_EQ(scoreOf(surfaceThat(1), outlineThat(0.2), kAgrees), 0);
+}
+
+/// Of a white object, whose points weigh a twentieth of its outline: a quarter would be heard.
+TEST(KeyframeScore, hearsLittleOfASurfaceThatIsPlain) {
+  EvidenceOfKind surface = surfaceThat(1);
+  const EvidenceOfKind outline = outlineThat(0.2);
+  for (double* value : {&surface.explained, &surface.chance, &surface.most}) {
+    *value *= outline.most / surface.most / 19;
+  }
+  constexpr double kHeard = 0.05 / 0.25;
+  EXPECT_NEAR(scoreOf(surface, outline, kNoContrast),
+              0.4 * (1 - kHeard) * 0.8 / (0.4 * kHeard + 0.4), 1e-6);
 }
 
 TEST(KeyframeScore, isLittleWhereAWallIsAllThereIs) {
-  const double plain = scoreOf(surfaceThat(0, 0.015), {}, kNoContrast);
-  EXPECT_NEAR(plain, 0.1, 1e-12);
+  EXPECT_NEAR(scoreOf(surfaceThat(0, 0.015), {}, kNoContrast), 0.1, 1e-12);
 }
 
 }  // namespace

@@ -155,7 +155,7 @@ Observation faint(const Observation& image, float share) {
 }
 
 TEST_F(KeyframeRefinerTest, ATrackIsBelievedThroughDoubtfulImagesForAWhile) {
-  const Observation clear = imageAt(truthAt(0)), doubtful = faint(clear, 0.4f);
+  const Observation clear = imageAt(truthAt(0)), doubtful = faint(clear, 0.44f);
   const Prior near = priorAt(truthAt(0), 5, 0.05);
   KeyframeRefiner tracked(backend_.get(), field_, fromFile());
   const Refinement certain = tracked.follow({clear, 0}, near);

@@ -165,7 +165,7 @@ TEST_F(KeyframeAlignerOnScene, ScoresRightPosesAboveWrongOnes) {
   const KeyframePoints keyframe = keyframeAt(truth_);
   const Pose other = cameraAround(*scene_, 2.6, -0.4);
   EXPECT_GT(align(imageOf(truth_), keyframe, truth_).score, 0.8);
-  EXPECT_LT(align(imageOf(other), keyframe, truth_).score, 0.55) << "the outlines are alike";
+  EXPECT_LT(align(imageOf(other), keyframe, truth_).score, 0.4);
 }
 
 TEST_F(KeyframeAlignerOnScene, SameInputSameBits) {
