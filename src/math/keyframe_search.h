@@ -62,7 +62,7 @@ struct SeenPoints {
   int outline;    ///< points of it
   int outline_seen;
   float outline_weight;    ///< of one, in alignment
-  float outline_evidence;  ///< of one, in what speaks for a pose
+  float outline_evidence;  ///< of one, beside a chosen point, in what speaks for a pose
 
   /// Of all of them.
   NPR_HOST_DEVICE double mostWeight() const {

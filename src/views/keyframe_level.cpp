@@ -280,8 +280,8 @@ class LevelMaker {
 
   void fillOutline(bool holds_distance) {
     // In other light shading takes the interior along, so in the end the outline says more of the
-    // distance. But clutter holds outlines, and many poses have alike ones: as evidence and from
-    // afar it is worth less.
+    // distance. But clutter holds outlines, and many poses have alike ones: from afar it is worth
+    // less, and as evidence beside a surface that says something, @see keyframeScore.
     const float share = outlineShare();
     level_.outline_evidence = 0.2f + 3.8f * share;
     level_.outline_weight = holds_distance ? 2 + 6 * share : level_.outline_evidence;

@@ -57,7 +57,7 @@ TEST(KeyframeScore, believesAnOutlineAsFarAsTheSurfaceAgrees) {
   EXPECT_EQ(scoreOf(surfaceThat(1), outlineThat(0.2), kAgrees), 0);
 }
 
-/// Of a white object, whose points weigh a twentieth of its outline: a quarter would be heard.
+/// As of a white object: its surface weighs a twentieth of all; a quarter would be heard wholly.
 TEST(KeyframeScore, hearsLittleOfASurfaceThatIsPlain) {
   EvidenceOfKind surface = surfaceThat(1);
   const EvidenceOfKind outline = outlineThat(0.2);
