@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <utility>
 
 #include "math/angle.h"
 #include "refinement/start_poses.h"
@@ -23,6 +24,14 @@ bool isBetter(const Hypothesis& a, const Hypothesis& b) {
 HypothesisTable bestOf(const HypothesisTable& table, std::size_t count,
                        const FieldMetadata& object) {
   return bestOf(table, count, object, isBetter);
+}
+
+/// The same with losses that compare between keyframes, best first: the mean over a keyframe's
+/// points depends on which points it has.
+HypothesisTable byScore(HypothesisTable found) {
+  for (Hypothesis& h : found) h.loss = 1 - h.score;
+  std::stable_sort(found.begin(), found.end(), isBetter);
+  return found;
 }
 
 std::vector<Pose> posesOf(const HypothesisTable& table) {
@@ -126,8 +135,7 @@ HypothesisTable KeyframeSearch::near(const Observation& observation, const Prior
   constexpr double kWideMargin = 0.5;
   lookAround(observation, keyframe, prior.T_O_C, kWideMargin);
   for (const Hypothesis& other : widely(prior, cancellation)) found.push_back(other);
-  std::stable_sort(found.begin(), found.end(), isBetter);
-  return found;
+  return byScore(std::move(found));
 }
 
 HypothesisTable KeyframeSearch::close(const Observation& observation, const Pose& T_O_C,
@@ -171,7 +179,7 @@ HypothesisTable KeyframeSearch::withBeside(const Observation& observation,
   if (found.empty() || found.front().state != HypothesisState::kLive) return found;
   const Pose& best = found.front().T_O_C;
   const Eigen::Vector3d& centre = field_->field().metadata.centre;
-  std::vector<Pose> starts = {best};  // too, for losses are of one keyframe
+  std::vector<Pose> starts = {best};  // too: the nearest keyframe may be another one by now
   for (const double sign : {-1.0, 1.0}) {
     for (int axis = 0; axis < 3; ++axis) {
       const Eigen::Matrix3d R = expSO3(Eigen::Vector3d(sign * kTurn_rad * best.R.col(axis)));
@@ -179,8 +187,7 @@ HypothesisTable KeyframeSearch::withBeside(const Observation& observation,
     }
     starts.emplace_back(best.R, centre + (1 + sign * kNearer) * (best.t - centre));
   }
-  HypothesisTable ends = alignNearest(observation, best, starts, cancellation);
-  std::stable_sort(ends.begin(), ends.end(), isBetter);
+  const HypothesisTable ends = byScore(alignNearest(observation, best, starts, cancellation));
   const bool is_better = !ends.empty() && ends.front().state == HypothesisState::kLive &&
                          ends.front().score >= found.front().score;
   return is_better ? bestOf(ends, kMost, field_->field().metadata) : found;
@@ -242,9 +249,7 @@ HypothesisTable KeyframeSearch::from(const Observation& observation, const Hypot
   if (starts.empty()) return {};
   const KeyframeSet::Entry* const nearest = kept_.nearest(starts.front().T_O_C);
   lookAround(observation, *nearest->keyframe, starts.front().T_O_C, kMargin);
-  HypothesisTable found = aligner_->align(starts, settings_.alignment, cancellation);
-  std::stable_sort(found.begin(), found.end(), isBetter);
-  return found;
+  return byScore(aligner_->align(starts, settings_.alignment, cancellation));
 }
 
 }  // namespace nerf_pose_refiner

@@ -11,6 +11,7 @@
 #include "backend/descriptor_index.h"
 #include "backend/template_matcher.h"
 #include "evaluation/clutter.h"
+#include "refinement/rolled_scores.h"
 #include "runtime/shared_backend.h"
 #include "support/analytic_scene.h"
 #include "support/cpu_processor.h"
@@ -133,7 +134,7 @@ class SearchWithLandmarks : public testing::Test {
     object_ = std::make_shared<const Field>(scene_->field());
     truth_ = cameraAround(*scene_, 0.6, 0.4, 5);
     image_ = sceneBeforeClutter(*scene_, kLarge, truth_);
-    // More than a half of it is covered.
+    // Nearly a half of it is covered.
     const Eigen::Vector2d centre =
         kLarge.project(truth_.inverse() * scene_->field().metadata.centre);
     for (int y = 0; y < kLarge.height; ++y) {
@@ -170,9 +171,11 @@ class SearchWithLandmarks : public testing::Test {
     return setup;
   }
 
-  std::unique_ptr<RefinerSearch> inUse() const {
+  /// @param starts of a search from a hint.
+  std::unique_ptr<RefinerSearch> inUse(int starts = KeyframeSearchSettings().starts) const {
     RefinerSettings settings = RefinerSettings::named("keyframes");
     settings.keyframes.real_time = false;
+    settings.keyframes.starts = starts;
     auto search = std::make_unique<RefinerSearch>([this] { return SearchProcessor{backend_}; },
                                                   settings, settings, detection());
     search->use(object_);
@@ -180,7 +183,7 @@ class SearchWithLandmarks : public testing::Test {
   }
 
   static inline std::unique_ptr<TemporaryFolder> files_;
-  static constexpr int kCovered = 4;  // columns right of the centre
+  static constexpr int kCovered = -5;  // columns right of the centre
   const Camera kLarge = {320, 240, 400, 400, 159.5, 119.5};
   std::shared_ptr<const DescribedScene> scene_;
   std::shared_ptr<Backend> backend_;  // of all searches
@@ -190,10 +193,13 @@ class SearchWithLandmarks : public testing::Test {
 };
 
 TEST_F(SearchWithLandmarks, FindsWhatTheSearchAloneIsNotSureOf) {
-  const auto alone = inUse(), joined = inUse();
-  joined->detect(image_, 0.9, {});  // makes landmarks; in the whole image it is not sure, either
-  EXPECT_LT(found(alone, hint()).score, 0.9);
-  const Refinement sure = found(joined, hint());
+  const auto alone = inUse(1), joined = inUse(1);
+  joined->detect(image_, 0.9, {});  // makes landmarks
+  Prior rolled = hint();            // farther than alignment reaches from there
+  rolled.rotation_rad = 1.3;
+  rolled.T_O_C = rolledAbout(scene_->field().metadata.centre, -1.2, truth_);
+  EXPECT_LT(found(alone, rolled).score, 0.9);
+  const Refinement sure = found(joined, rolled);
   EXPECT_GE(sure.score, 0.9);
   EXPECT_LT(rotationDistance(sure.T_O_C.R, truth_.R), 0.02);
 }
