@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
-#include <utility>
 
 #include "math/angle.h"
 #include "refinement/start_poses.h"
@@ -26,11 +25,10 @@ HypothesisTable bestOf(const HypothesisTable& table, std::size_t count,
   return bestOf(table, count, object, isBetter);
 }
 
-/// The same with losses that compare between keyframes, best first: the mean over a keyframe's
-/// points depends on which points it has.
-HypothesisTable byScore(HypothesisTable found) {
+/// The same with losses that compare between keyframes: the mean over a keyframe's points depends
+/// on which points it has.
+HypothesisTable comparable(HypothesisTable found) {
   for (Hypothesis& h : found) h.loss = 1 - h.score;
-  std::stable_sort(found.begin(), found.end(), isBetter);
   return found;
 }
 
@@ -127,15 +125,15 @@ HypothesisTable KeyframeSearch::near(const Observation& observation, const Prior
   if (nearest == nullptr) return {};
   const KeyframePoints& keyframe = *nearest->keyframe;
   lookAround(observation, keyframe, prior.T_O_C, kWindowMargin);
-  HypothesisTable found =
-      aligner_->align({{nearest->number, prior.T_O_C}}, settings_.alignment, cancellation);
+  HypothesisTable found = alignToFinest({{nearest->number, prior.T_O_C}}, cancellation);
   const bool doubtful =
       found.front().state != HypothesisState::kLive || found.front().score < doubtful_score_;
   if (!doubtful || settings_.wide_starts == 0) return found;
   constexpr double kWideMargin = 0.5;
   lookAround(observation, keyframe, prior.T_O_C, kWideMargin);
   for (const Hypothesis& other : widely(prior, cancellation)) found.push_back(other);
-  return byScore(std::move(found));
+  std::stable_sort(found.begin(), found.end(), isBetter);
+  return found;
 }
 
 HypothesisTable KeyframeSearch::close(const Observation& observation, const Pose& T_O_C,
@@ -146,11 +144,12 @@ HypothesisTable KeyframeSearch::close(const Observation& observation, const Pose
   lookAround(observation, *nearest->keyframe, T_O_C, kWindowMargin);
   KeyframeAlignmentSettings fine = settings_.alignment;
   fine.coarsest_level = std::max(fine.finest_level, std::min(fine.coarsest_level, kFine));
-  HypothesisTable found = aligner_->align({{nearest->number, T_O_C}}, fine, cancellation);
+  HypothesisTable found =
+      comparable(aligner_->align({{nearest->number, T_O_C}}, fine, cancellation));
   const bool doubtful =
       found.front().state != HypothesisState::kLive || found.front().score < doubtful_score_;
   if (!doubtful) return found;
-  return aligner_->align({{nearest->number, T_O_C}}, settings_.alignment, cancellation);
+  return alignToFinest({{nearest->number, T_O_C}}, cancellation);
 }
 
 std::optional<SecondOpinion> KeyframeSearch::secondOpinion(const Hypothesis& found,
@@ -187,7 +186,8 @@ HypothesisTable KeyframeSearch::withBeside(const Observation& observation,
     }
     starts.emplace_back(best.R, centre + (1 + sign * kNearer) * (best.t - centre));
   }
-  const HypothesisTable ends = byScore(alignNearest(observation, best, starts, cancellation));
+  HypothesisTable ends = alignNearest(observation, best, starts, cancellation);
+  std::stable_sort(ends.begin(), ends.end(), isBetter);
   const bool is_better = !ends.empty() && ends.front().state == HypothesisState::kLive &&
                          ends.front().score >= found.front().score;
   return is_better ? bestOf(ends, kMost, field_->field().metadata) : found;
@@ -201,7 +201,13 @@ HypothesisTable KeyframeSearch::alignNearest(const Observation& observation, con
   lookAround(observation, *nearest->keyframe, T_O_C, kWindowMargin);
   std::vector<KeyframeStart> starts;
   for (const Pose& start : starts_T_O_C) starts.push_back({nearest->number, start});
-  return aligner_->align(starts, settings_.alignment, cancellation);
+  return alignToFinest(starts, cancellation);
+}
+
+/// Aligns from the coarsest level to the finest one.
+HypothesisTable KeyframeSearch::alignToFinest(const std::vector<KeyframeStart>& starts,
+                                              const CancellationToken& cancellation) {
+  return comparable(aligner_->align(starts, settings_.alignment, cancellation));
 }
 
 /// Coarse alignments from all around the prior; the best go on to the finest level.
@@ -214,7 +220,7 @@ HypothesisTable KeyframeSearch::widely(const Prior& prior, const CancellationTok
   const HypothesisTable rough =
       aligner_->align(startsOf(poses, &kept_), coarse(settings_.alignment, finest), cancellation);
   const HypothesisTable best = bestOf(rough, kFinalists, object);
-  return aligner_->align(startsOf(posesOf(best), &kept_), settings_.alignment, cancellation);
+  return alignToFinest(startsOf(posesOf(best), &kept_), cancellation);
 }
 
 HypothesisTable KeyframeSearch::around(const Observation& observation, const Prior& prior,
@@ -249,7 +255,9 @@ HypothesisTable KeyframeSearch::from(const Observation& observation, const Hypot
   if (starts.empty()) return {};
   const KeyframeSet::Entry* const nearest = kept_.nearest(starts.front().T_O_C);
   lookAround(observation, *nearest->keyframe, starts.front().T_O_C, kMargin);
-  return byScore(aligner_->align(starts, settings_.alignment, cancellation));
+  HypothesisTable found = alignToFinest(starts, cancellation);
+  std::stable_sort(found.begin(), found.end(), isBetter);
+  return found;
 }
 
 }  // namespace nerf_pose_refiner

@@ -98,6 +98,8 @@ class KeyframeSearch {
                   double margin);
   bool sees(const KeyframePoints& keyframe, const Pose& T_O_C) const;
   void loadViews(const std::vector<int>& numbers, const CancellationToken& cancellation);
+  HypothesisTable alignToFinest(const std::vector<KeyframeStart>& starts,
+                                const CancellationToken& cancellation);
   HypothesisTable widely(const Prior& prior, const CancellationToken& cancellation);
   std::vector<KeyframeStart> startsOf(const std::vector<Pose>& poses, KeyframeSet* set);
 
