@@ -183,7 +183,7 @@ class SearchWithLandmarks : public testing::Test {
   }
 
   static inline std::unique_ptr<TemporaryFolder> files_;
-  static constexpr int kCovered = -5;  // columns right of the centre
+  static constexpr int kCovered = -1;  // columns right of the centre
   const Camera kLarge = {320, 240, 400, 400, 159.5, 119.5};
   std::shared_ptr<const DescribedScene> scene_;
   std::shared_ptr<Backend> backend_;  // of all searches
@@ -198,7 +198,9 @@ TEST_F(SearchWithLandmarks, FindsWhatTheSearchAloneIsNotSureOf) {
   Prior rolled = hint();            // farther than alignment reaches from there
   rolled.rotation_rad = 1.3;
   rolled.T_O_C = rolledAbout(scene_->field().metadata.centre, -1.2, truth_);
-  EXPECT_LT(found(alone, rolled).score, 0.9);
+  const Refinement unsure = found(alone, rolled);
+  EXPECT_EQ(unsure.outcome, Outcome::kRefined);
+  EXPECT_LT(unsure.score, 0.9);
   const Refinement sure = found(joined, rolled);
   EXPECT_GE(sure.score, 0.9);
   EXPECT_LT(rotationDistance(sure.T_O_C.R, truth_.R), 0.02);
