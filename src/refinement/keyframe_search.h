@@ -20,7 +20,8 @@ struct SecondOpinion {
   double own_beside_rad = 0;  ///< the same of the nearest keyframe
 };
 
-/// Looks for an object in an image with the keyframes that there are.
+/// Looks for an object in an image with the keyframes that there are. A hypothesis' loss is 1 less
+/// its score; of `around` alone it is the mean over the points of its small view.
 class KeyframeSearch {
  public:
   KeyframeSearch(Backend* backend, const std::shared_ptr<const LoadedField>& field,

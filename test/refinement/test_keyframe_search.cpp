@@ -1,0 +1,107 @@
+// Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "refinement/keyframe_search.h"
+
+#include <gtest/gtest.h>
+
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "evaluation/pose_error.h"
+#include "support/cpu_processor.h"
+#include "support/scene_backend.h"
+#include "support/scene_before_clutter.h"
+
+namespace nerf_pose_refiner {
+namespace {
+
+/// Says of each start what it was told, in turns, and leaves its pose as it is.
+class ToldAligner final : public KeyframeAligner {
+ public:
+  explicit ToldAligner(HypothesisTable told) : told_(std::move(told)) {}
+
+  int add(std::shared_ptr<const KeyframePoints>) override { return keyframes_++; }
+  void remove(int) override {}
+  void observe(const Observation&, const FrameWindow&) override {}
+  std::vector<Hypothesis> align(const std::vector<KeyframeStart>& starts,
+                                const KeyframeAlignmentSettings&,
+                                const CancellationToken&) override {
+    std::vector<Hypothesis> found;
+    for (std::size_t i = 0; i < starts.size(); ++i) {
+      found.push_back(told_[i % told_.size()]);
+      found.back().T_O_C = starts[i].T_O_C;
+    }
+    return found;
+  }
+
+ private:
+  HypothesisTable told_;
+  int keyframes_ = 0;
+};
+
+class ToldBackend final : public SceneBackend {
+ public:
+  ToldBackend(std::shared_ptr<const LoadedField> scene, HypothesisTable told)
+      : SceneBackend(std::move(scene)), told_(std::move(told)) {}
+  std::unique_ptr<KeyframeAligner> makeKeyframeAligner() override {
+    return std::make_unique<ToldAligner>(told_);
+  }
+
+ private:
+  HypothesisTable told_;
+};
+
+Hypothesis living(double loss, double score) {
+  Hypothesis h;
+  h.state = HypothesisState::kLive;
+  h.loss = loss;
+  h.score = score;
+  return h;
+}
+
+/// Two poses, the second of which scores more, though the mean over its points is larger.
+class KeyframeSearchOrder : public testing::Test {
+ protected:
+  void SetUp() override {
+    search_.add(std::make_shared<const KeyframePoints>(
+        renderKeyframe(*scene_, {camera_, poses_[0].T_O_C}, KeyframeSettings())));
+  }
+
+  HypothesisTable starts() const {
+    HypothesisTable starts(2);
+    starts[0].T_O_C = cameraAround(*scene_, 0.5, 0.4);
+    starts[1].T_O_C = cameraAround(*scene_, 0.6, 0.4);
+    return starts;
+  }
+
+  const Camera camera_ = {320, 240, 400, 400, 159.5, 119.5};
+  std::shared_ptr<const LoadedField> scene_ = makeAnalyticScene(1, cpuProcessor(2));
+  HypothesisTable poses_ = starts();
+  Observation image_ = sceneBeforeClutter(*scene_, camera_, poses_[0].T_O_C);
+  ToldBackend backend_{scene_, {living(0.1, 0.5), living(0.2, 0.7)}};
+  KeyframeSearch search_{&backend_, scene_, KeyframeSearchSettings()};
+};
+
+TEST_F(KeyframeSearchOrder, IsByScore) {
+  const HypothesisTable found = search_.from(image_, poses_, {});
+  ASSERT_EQ(found.size(), 2u);
+  EXPECT_EQ(found[0].score, 0.7);
+  EXPECT_EQ(found[0].T_O_C.t, poses_[1].T_O_C.t);
+  EXPECT_EQ(found[1].score, 0.5);
+}
+
+/// Or one of them would have all of the weight where both come into one table.
+TEST_F(KeyframeSearchOrder, HasLossesOfOneKindWhereverThePoseComesFrom) {
+  Prior near;
+  near.T_O_C = poses_[0].T_O_C;
+  near.rotation_rad = near.translation = 0.05;
+  const double expected = 1 - 0.5;
+  EXPECT_NEAR(search_.near(image_, near, {}).front().loss, expected, 1e-12);
+  EXPECT_NEAR(search_.close(image_, near.T_O_C, {}).front().loss, expected, 1e-12);
+  EXPECT_NEAR(search_.alignNearest(image_, near.T_O_C, {near.T_O_C}, {}).front().loss, expected,
+              1e-12);
+  EXPECT_NEAR(search_.from(image_, poses_, {}).back().loss, expected, 1e-12);
+}
+
+}  // namespace
+}  // namespace nerf_pose_refiner
