@@ -16,6 +16,12 @@ bool KeyframeRefiner::isClear(const Hypothesis& found) const {
   return found.state == HypothesisState::kLive && scoreProbability(found.score, scores_) > kClear;
 }
 
+/// Whether an image alone gives a hypothesis more than a hopeless probability.
+bool KeyframeRefiner::mayBeRight(const Hypothesis& found) const {
+  return found.state == HypothesisState::kLive &&
+         scoreProbability(found.score, scores_) > kHopelessProbability;
+}
+
 /// Says how likely the best hypothesis is right, and how far off it may be.
 void KeyframeRefiner::judge(const TimedObservation& image, const Expectation& expected,
                             const CancellationToken& cancellation, Refinement* found) {

@@ -64,6 +64,7 @@ void KeyframeSearchSettings::validate() const {
   require(max_keyframes >= 1, "KeyframeSearchSettings::max_keyframes", max_keyframes);
   require(wide_starts >= 0, "KeyframeSearchSettings::wide_starts", wide_starts);
   require(starts >= 1, "KeyframeSearchSettings::starts", starts);
+  require(starts_again >= 1, "KeyframeSearchSettings::starts_again", starts_again);
 }
 
 KeyframeRefiner::KeyframeRefiner(Backend* backend, std::shared_ptr<const LoadedField> field,
@@ -138,38 +139,57 @@ Refinement KeyframeRefiner::follow(const TimedObservation& image, const Prior& p
 Refinement KeyframeRefiner::find(const TimedObservation& image, const Prior& prior,
                                  const CancellationToken& cancellation,
                                  const std::vector<Pose>& candidates_T_O_C) {
-  constexpr std::size_t kRendered = 2;  // of the candidates
+  const WideSearch all = {candidates_T_O_C, {settings_.starts}, /*is_glance=*/false};
+  return find(image, prior, all, cancellation);
+}
+
+Refinement KeyframeRefiner::findAgain(const TimedObservation& image, const Prior& prior,
+                                      const CancellationToken& cancellation) {
+  constexpr int kRounds = 8;
+  const WideSearch glance = {{}, {settings_.starts_again, again_++ % kRounds}, /*is_glance=*/true};
+  return find(image, prior, glance, cancellation);
+}
+
+Refinement KeyframeRefiner::find(const TimedObservation& image, const Prior& prior,
+                                 const WideSearch& how, const CancellationToken& cancellation) {
   noteKind(image.observation);
   const Expectation hint = {prior, kHintOdds};
   if (image.observation.isDepthAlone()) return findByDepth(image, hint, cancellation);
-  const Camera& camera = image.observation.camera;
   adaptTo(image.observation);
   Refinement result = refine(
-      image, hint,
-      [&]() -> HypothesisTable {
-        if (!objectRegion(camera, prior, field_->field().metadata)) return {};
-        waitForRenderings(cancellation);
-        HypothesisTable starts = search_->around(image.observation, prior, cancellation);
-        std::vector<Pose> rendered;
-        if (!starts.empty()) rendered.push_back(starts.front().T_O_C);
-        // The prior, too: it may be nearly right, and small views of it may show too little.
-        rendered.push_back(prior.T_O_C);
-        starts.emplace_back();
-        starts.back().T_O_C = prior.T_O_C;
-        for (std::size_t i = 0; i < std::min(kRendered, candidates_T_O_C.size()); ++i) {
-          rendered.push_back(candidates_T_O_C[i]);
-          starts.emplace_back();
-          starts.back().T_O_C = candidates_T_O_C[i];
-        }
-        makeAt(camera, rendered, cancellation);
-        return withoutMistake(image.observation, aligned(image.observation, starts, cancellation),
-                              prior, cancellation);
-      },
+      image, hint, [&] { return foundWidely(image.observation, prior, how, cancellation); },
       cancellation);
   lookPastOccluders(image, hint, cancellation, &result);
   holdTrack(result);
   if (result.outcome == Outcome::kRefined) remember(image.stamp_ns, result.T_O_C);
   return result;
+}
+
+HypothesisTable KeyframeRefiner::foundWidely(const Observation& observation, const Prior& prior,
+                                             const WideSearch& how,
+                                             const CancellationToken& cancellation) {
+  constexpr std::size_t kRendered = 2;  // of the candidates
+  if (!objectRegion(observation.camera, prior, field_->field().metadata)) return {};
+  waitForRenderings(cancellation);
+  HypothesisTable starts = search_->around(observation, prior, how.starts, cancellation);
+  std::vector<Pose> rendered;
+  if (!starts.empty()) rendered.push_back(starts.front().T_O_C);
+  const auto add = [&](const Pose& T_O_C) {
+    starts.emplace_back();
+    starts.back().T_O_C = T_O_C;
+    rendered.push_back(T_O_C);
+  };
+  // The prior, too: it may be nearly right, and small views of it may show too little.
+  add(prior.T_O_C);
+  const std::vector<Pose>& candidates = how.candidates_T_O_C;
+  for (std::size_t i = 0; i < std::min(kRendered, candidates.size()); ++i) add(candidates[i]);
+  HypothesisTable found;
+  if (how.is_glance) found = search_->from(observation, starts, cancellation);
+  if (found.empty() || mayBeRight(found.front())) {
+    makeAt(observation.camera, rendered, cancellation);
+    found = aligned(observation, starts, cancellation);
+  }
+  return withoutMistake(observation, found, prior, cancellation);
 }
 
 Refinement KeyframeRefiner::settle(const TimedObservation& image,

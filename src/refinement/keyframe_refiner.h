@@ -50,11 +50,15 @@ class KeyframeRefiner {
                   const CancellationToken& cancellation = {},
                   const std::vector<Pose>& candidates_T_O_C = {});
 
+  /// The same where an object was lost and another image comes soon: from fewer starts, and no
+  /// keyframe is rendered unless those that there are lead to a pose that may be right.
+  Refinement findAgain(const TimedObservation& image, const Prior& prior,
+                       const CancellationToken& cancellation = {});
+
   /// From poses that were found otherwise and are nearly right if one is; renders keyframes there.
   /// @param rough_T_O_C of one place in the image, one at least. @param odds also of the poses that
   /// alignment leads to; nothing: all alike. @param least_probability a pose that is less likely
-  /// right once it is aligned is given up: a keyframe of its own place might still make it right,
-  /// but takes as long again. @throws as `follow`.
+  /// right once it is aligned is given up, @see kHopelessProbability. @throws as `follow`.
   Refinement settle(const TimedObservation& image, const std::vector<Pose>& rough_T_O_C,
                     const PoseOdds& odds, const CancellationToken& cancellation = {},
                     double least_probability = 0);
@@ -83,6 +87,18 @@ class KeyframeRefiner {
   Refinement refine(const TimedObservation& image, const Expectation& expected,
                     const std::function<HypothesisTable()>& search,
                     const CancellationToken& cancellation);
+  /// How a wide prior is searched.
+  struct WideSearch {
+    std::vector<Pose> candidates_T_O_C;
+    WideStarts starts;
+    bool is_glance;  // keyframes are rendered only where those that there are give some hope
+  };
+
+  Refinement find(const TimedObservation& image, const Prior& prior, const WideSearch& how,
+                  const CancellationToken& cancellation);
+  HypothesisTable foundWidely(const Observation& observation, const Prior& prior,
+                              const WideSearch& how, const CancellationToken& cancellation);
+  bool mayBeRight(const Hypothesis& found) const;
   Refinement refineByDepth(const TimedObservation& image, const Expectation& expected,
                            const std::function<std::vector<DepthFit>()>& search);
   Refinement findByDepth(const TimedObservation& image, const Expectation& hint,
@@ -149,6 +165,7 @@ class KeyframeRefiner {
   std::int64_t due_ns_ = 0;  // stamp from which on the keyframe under way is used
   std::optional<std::pair<std::int64_t, Pose>> last_;  // stamp and pose that were found last
   bool by_depth_ = false;                              // the last image was one of depth alone
+  int again_ = 0;                                      // so many glances at where it was lost
   Vector6 last_motion_ = Vector6::Zero();              // towards it, as motionTo says
 };
 

@@ -224,6 +224,7 @@ HypothesisTable KeyframeSearch::widely(const Prior& prior, const CancellationTok
 }
 
 HypothesisTable KeyframeSearch::around(const Observation& observation, const Prior& prior,
+                                       const WideStarts& starts,
                                        const CancellationToken& cancellation) {
   constexpr std::size_t kMiddle = 32, kFinalists = 4;
   const FieldMetadata& object = field_->field().metadata;
@@ -239,7 +240,7 @@ HypothesisTable KeyframeSearch::around(const Observation& observation, const Pri
     ++window.levels;
   }
   lookAt(observation, window);
-  const std::vector<Pose> poses = posesAround(prior, object, 1, settings_.starts);
+  const std::vector<Pose> poses = posesAround(prior, object, 1, starts.count, starts.round);
   const HypothesisTable rough =
       aligner_->align(startsOf(poses, &small_), coarse(settings_.alignment, 1), cancellation);
   const HypothesisTable middle =

@@ -20,6 +20,12 @@ struct SecondOpinion {
   double own_beside_rad = 0;  ///< the same of the nearest keyframe
 };
 
+/// Where a wide search begins, @see posesAround.
+struct WideStarts {
+  int count = 256;
+  int round = 0;
+};
+
 /// Looks for an object in an image with the keyframes that there are. A hypothesis' loss is 1 less
 /// its score; of `around` alone it is the mean over the points of its small view.
 class KeyframeSearch {
@@ -60,7 +66,7 @@ class KeyframeSearch {
   /// Looks everywhere in a wide prior with small views of the object. @return best first: poses
   /// that are nearly right, if one is.
   HypothesisTable around(const Observation& observation, const Prior& prior,
-                         const CancellationToken& cancellation);
+                         const WideStarts& starts, const CancellationToken& cancellation);
 
   /// Aligns the nearest keyframe from each of some poses. @return best first.
   HypothesisTable from(const Observation& observation, const HypothesisTable& poses,

@@ -30,6 +30,10 @@ inline constexpr double kTrackOdds = 20;
 /// The same for a pose where somebody says that the object is.
 inline constexpr double kHintOdds = 3;
 
+/// A pose this unlikely is given up where another image comes soon: a keyframe of its own place
+/// might still make it right, but takes as long again.
+inline constexpr double kHopelessProbability = 0.005;
+
 /// The score at which the image alone gives a pose these odds. @see scoreProbability
 double scoreOfOdds(double odds, const KeyframeScores& scores);
 

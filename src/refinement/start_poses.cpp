@@ -14,13 +14,14 @@ constexpr std::uint64_t kSeed = 1;
 }  // namespace
 
 std::vector<Pose> posesAround(const Prior& prior, const FieldMetadata& object, double spread,
-                              int count) {
+                              int count, int round) {
   std::vector<Pose> poses = {prior.T_O_C};
   for (int i = 1; i < count; ++i) {
+    const auto number = static_cast<std::uint64_t>(i) + static_cast<std::uint64_t>(round) * count;
     Eigen::Vector3d turn, shift;
     for (int a = 0; a < 3; ++a) {
-      const auto drawn = [i](std::uint64_t axis) {
-        return 2.0 * randomUniform(kSeed, axis, static_cast<std::uint64_t>(i)) - 1;
+      const auto drawn = [number](std::uint64_t axis) {
+        return 2.0 * randomUniform(kSeed, axis, number) - 1;
       };
       turn[a] = spread * prior.rotation_rad * drawn(a);
       shift[a] = spread * prior.translation * object.diameter * drawn(3 + a);

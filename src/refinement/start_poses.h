@@ -11,9 +11,10 @@
 namespace nerf_pose_refiner {
 
 /// Poses around a prior, itself first; the same for the same prior.
-/// @param spread of them, in the prior's half widths.
+/// @param spread of them, in the prior's half widths. @param round searches of image after image
+/// that begin elsewhere each time number themselves; all rounds have the prior itself.
 std::vector<Pose> posesAround(const Prior& prior, const FieldMetadata& object, double spread,
-                              int count);
+                              int count, int round = 0);
 
 /// Whether two poses differ by less than alignment is off.
 bool areNearlyTheSame(const Pose& a_T_O_C, const Pose& b_T_O_C, const FieldMetadata& object);

@@ -209,7 +209,8 @@ Refinement RefinerSearch::find(const SearchRequest& request,
 Refinement RefinerSearch::findByKeyframes(const SearchRequest& request,
                                           const CancellationToken& cancellation) {
   const TimedObservation image = {request.observation, request.stamp_ns};
-  if (!detector_ || request.recovering || request.observation.isDepthAlone()) {
+  if (request.recovering) return keyframes_->findAgain(image, request.prior, cancellation);
+  if (!detector_ || request.observation.isDepthAlone()) {
     return keyframes_->find(image, request.prior, cancellation);
   }
   const ImageCandidates seen = detector_->candidates(request.observation, {}, cancellation);

@@ -106,6 +106,22 @@ TEST_F(KeyframeRefinerTest, SameImagesSamePoses) {
   }
 }
 
+TEST_F(KeyframeRefinerTest, FindsAgainWhatComesBackAndRendersNothingBeforeThat) {
+  KeyframeRefiner refiner(backend_.get(), field_, fromFile());
+  track(&refiner, 3);
+  const Prior last = priorAt(truthAt(2), 15, 0.15);
+  Observation gone = imageAt(truthAt(2));
+  gone.image = clutter(kCamera.width, kCamera.height, 5);
+  EXPECT_LT(refiner.findAgain({gone, 4 * kFrame_ns}, last).score, 0.1);  // makes small views
+  const int before = field_->arrived();
+  for (int i = 5; i < 9; ++i) {
+    EXPECT_LT(refiner.findAgain({gone, i * kFrame_ns}, last).score, 0.1);
+  }
+  EXPECT_EQ(field_->arrived(), before);
+  const Pose back = offBy(truthAt(2), 10, 0.1);
+  expectFound(refiner.findAgain({imageAt(back), 9 * kFrame_ns}, last), back, 0.5);
+}
+
 TEST_F(KeyframeRefinerTest, NoImageWaitsForAKeyframeThatIsLate) {
   KeyframeRefiner refiner(backend_.get(), field_, KeyframeSearchSettings());
   const Observation first = imageAt(truthAt(0));
@@ -274,7 +290,8 @@ TEST_F(KeyframeRefinerTest, APriorFarOutsideOfTheImageIsSearchedWithoutHarm) {
   for (const double away : {5.0, 1e2, 1e4}) {
     Pose beside = truthAt(0);
     beside.t += away * beside.R.col(0);
-    const HypothesisTable candidates = search.around(observation, priorAt(beside, 15, 0.15), {});
+    const HypothesisTable candidates =
+        search.around(observation, priorAt(beside, 15, 0.15), {}, {});
     search.add(std::make_shared<const KeyframePoints>(renderKeyframe(*field_, {kCamera, beside})));
     for (const Hypothesis& found : search.from(observation, candidates, {})) {
       EXPECT_NE(found.state, HypothesisState::kLive) << away;
