@@ -320,6 +320,8 @@ void addOptions(CLI::App* app, Options* o) {
   app->add_option("--scanned", o->detection.templates.matching.scanned_px,
                   "width of plain objects [px]");
   app->add_option("--ranked", o->detection.max_ranked, "candidates of plain objects");
+  app->add_option("--first-look", o->detection.first_look_side_px,
+                  "side of the reduced image that is looked at first [px]; 0: none");
   app->add_option("--instances", o->detection.max_instances, "looked for in an image");
   app->add_option("--tried", o->detection.max_tried, "candidates, in a row");
 }

@@ -55,10 +55,11 @@ void CandidateRanking::begin() {
   is_loaded_.assign(static_cast<std::size_t>(settings_.bank.views), 0);
 }
 
-const KeyframeSet::Entry* CandidateRanking::viewFor(const Pose& T_O_C,
+const KeyframeSet::Entry* CandidateRanking::viewFor(const Pose& T_O_C, bool may_render,
                                                     const CancellationToken& cancellation) {
   for (const int number : bank_->around(T_O_C, 0)) {
     if (is_loaded_[static_cast<std::size_t>(number)]) continue;
+    if (!may_render && !bank_->isMade(number)) continue;
     views_->add(bank_->view(number, cancellation));
     is_loaded_[static_cast<std::size_t>(number)] = 1;
   }
@@ -77,7 +78,8 @@ std::vector<AlignedCandidate> CandidateRanking::rank(const Observation& observat
   std::vector<KeyframeStart> starts;
   std::vector<std::size_t> numbers;  // of their candidates
   for (std::size_t i = 0; i < candidates.size(); ++i) {
-    const KeyframeSet::Entry* const view = viewFor(candidates[i].T_O_C, cancellation);
+    const KeyframeSet::Entry* const view =
+        viewFor(candidates[i].T_O_C, limits.may_render, cancellation);
     if (view == nullptr) continue;
     starts.push_back({view->number, candidates[i].T_O_C});
     numbers.push_back(i);

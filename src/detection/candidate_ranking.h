@@ -28,6 +28,7 @@ struct RankingLimits {
   PixelWindow window;       ///< of the image
   std::size_t all;          ///< candidates
   std::size_t of_instance;  ///< of one instance, so that the clearest does not take all places
+  bool may_render = true;   ///< else candidates go without whose views are not rendered yet
 };
 
 /// Ranks candidates of all sources on common pixels: small views of the object are aligned with
@@ -50,7 +51,8 @@ class CandidateRanking {
   void begin();
   std::vector<AlignedCandidate> chosen(const std::vector<AlignedCandidate>& ranked,
                                        const RankingLimits& limits) const;
-  const KeyframeSet::Entry* viewFor(const Pose& T_O_C, const CancellationToken& cancellation);
+  const KeyframeSet::Entry* viewFor(const Pose& T_O_C, bool may_render,
+                                    const CancellationToken& cancellation);
 
   Backend* backend_;
   std::shared_ptr<const LoadedField> field_;

@@ -7,6 +7,7 @@
 #include <stdexcept>
 
 #include "concurrency/seconds_since.h"
+#include "detection/detector_search.h"
 #include "detection/shared_features.h"
 #include "field/field.h"
 #include "math/require.h"
@@ -25,23 +26,6 @@ DistanceRange distancesIn(const SearchArea& area, const Camera& part, double dia
              std::max(kNearest, distance * area.distance_ratio)};
   }
   return range;
-}
-
-/// Whether a pixel is allowed where the object may be. At its centre, it may have a hole.
-bool isAllowed(const Image8& allowed, const PoseVote& place) {
-  if (allowed.empty()) return true;
-  const double radius = place.diameter_px / 2;
-  const auto clamped = [](double value, int size) {
-    return static_cast<int>(std::clamp<double>(std::lround(value), 0, size));
-  };
-  const int right = clamped(place.x + radius + 1, allowed.width);
-  const int bottom = clamped(place.y + radius + 1, allowed.height);
-  for (int y = clamped(place.y - radius, allowed.height); y < bottom; ++y) {
-    for (int x = clamped(place.x - radius, allowed.width); x < right; ++x) {
-      if (allowed.at(x, y, 0) > 0) return true;
-    }
-  }
-  return false;
 }
 
 /// @param budget_s 0: no limit.
@@ -63,6 +47,9 @@ void DetectionSettings::validate() const {
   require(candidates.least_landmarks >= 4, "DetectionSettings::candidates.least_landmarks",
           candidates.least_landmarks);
   require(max_image_side_px >= 32, "DetectionSettings::max_image_side_px", max_image_side_px);
+  require(first_look_side_px == 0 || first_look_side_px >= 32,
+          "DetectionSettings::first_look_side_px", first_look_side_px);
+  require(glance_side_px >= 32, "DetectionSettings::glance_side_px", glance_side_px);
   require(max_instances >= 1, "DetectionSettings::max_instances", max_instances);
   require(max_tried >= 1, "DetectionSettings::max_tried", max_tried);
   require(max_ranked >= 1, "DetectionSettings::max_ranked", max_ranked);
@@ -89,11 +76,28 @@ ObjectDetector::ObjectDetector(Backend* backend, std::shared_ptr<const LoadedFie
   }
 }
 
+void ObjectDetector::use(const KeyframeScores& scores) {
+  scores_ = scores;
+  refiner_.use(scores);
+  if (glancing_) glancing_->use(scores);
+}
+
+void ObjectDetector::use(const LookAlikes& look_alikes) {
+  look_alikes_ = look_alikes;
+  refiner_.use(look_alikes);
+  if (glancing_) glancing_->use(look_alikes);
+}
+
 ImageCandidates ObjectDetector::candidates(const Observation& observation, const SearchArea& area,
                                            const CancellationToken& cancellation) const {
+  return candidatesAt(settings_.max_image_side_px, observation, area, cancellation);
+}
+
+ImageCandidates ObjectDetector::candidatesAt(int max_side_px, const Observation& observation,
+                                             const SearchArea& area,
+                                             const CancellationToken& cancellation) const {
   ImageCandidates result;
-  const std::optional<SearchedPart> part =
-      searchedPart(observation.camera, area, settings_.max_image_side_px);
+  const std::optional<SearchedPart> part = searchedPart(observation.camera, area, max_side_px);
   if (!part) {
     result.message = area.box ? "the box leaves too little of the image" : "the image is too small";
     return result;
@@ -161,140 +165,56 @@ PoseCandidates ObjectDetector::templateCandidates(const Observation& observation
   PoseCandidates candidates;
   for (const PoseCandidate& candidate : findings.candidates) {
     const auto place = voteFor(candidate.T_O_C, camera, object);
-    if (place && isAllowed(allowed, *place)) {
+    if (place && isAnyAllowed(allowed, {place->x, place->y}, place->diameter_px / 2)) {
       candidates.push_back(candidate);
     }
   }
   return candidates;
 }
 
-/// One search of an image.
-struct ObjectDetector::Search {
-  const Observation& observation;
-  CancellationToken cancellation;  // also when the time is up
-  const SameInstance& is_same_instance;
-  DetectionCues cues;
-  PixelWindow window = {};               // of the image, that is searched now
-  double odds = 1;                       // of poses in it
-  std::vector<Refinement> doubted = {};  // poses that were found but not trusted
-  Detections detections = {};
-
-  bool isGlance() const { return cues != DetectionCues::kAll; }
-  /// How many of so many candidates are tried.
-  int share(int all) const { return isGlance() ? std::max(1, all / 2) : all; }
-  bool isEnough(int most) const { return static_cast<int>(detections.found.size()) >= most; }
-  bool isFound(const Pose& T_O_C) const {
-    const std::vector<Refinement>& found = detections.found;
-    return std::any_of(found.begin(), found.end(),
-                       [&](const Refinement& one) { return is_same_instance(T_O_C, one.T_O_C); });
-  }
-  void eraseFound(PoseCandidates* candidates) const {
-    const auto is_found = [this](const PoseCandidate& one) { return isFound(one.T_O_C); };
-    candidates->erase(std::remove_if(candidates->begin(), candidates->end(), is_found),
-                      candidates->end());
-  }
-};
-
-/// The best candidates of instances that are not found yet, as well as small views of the object
-/// explain the image.
-PoseCandidates ObjectDetector::ranked(PoseCandidates candidates, int most, Search* search) {
-  const TimeSpent time(&search->detections.times.ranking);
-  if (!ranking_) ranking_.emplace(backend_, field_, settings_.keyframes);
-  search->eraseFound(&candidates);
-  const RankingLimits limits = {search->window, static_cast<std::size_t>(most),
-                                static_cast<std::size_t>(settings_.max_at_once)};
-  PoseCandidates best;
-  for (const AlignedCandidate& one :
-       ranking_->rank(search->observation, candidates, limits, search->cancellation)) {
-    best.push_back(one.candidate);
-  }
-  return best;
+/// The side of the reduced image whose features are looked at first; nothing: that saves little, a
+/// plain object would rarely have enough of them, or several instances are looked for, of which
+/// some might be overlooked.
+std::optional<int> ObjectDetector::firstLookSide_px(const PixelWindow& window) const {
+  constexpr double kMost = 0.75;  // of the side that features are found in else: saves half of them
+  const int side_px = settings_.first_look_side_px;
+  const int all_px = std::min(std::max(window.width, window.height), settings_.max_image_side_px);
+  const bool is_worth_it = side_px > 0 && side_px <= kMost * all_px;
+  return is_worth_it && !usesTemplates() && settings_.max_instances == 1
+             ? std::optional<int>(side_px)
+             : std::nullopt;
 }
 
-/// The candidates of single matches whose aligned poses further landmarks agree with, best first.
-PoseCandidates ObjectDetector::singleMatches(const MatchedImage& matched, const SearchArea& area,
-                                             Search* search) {
-  constexpr int kLeast = 2;  // landmarks: one proves nothing
-  const FieldMetadata& object = field_->field().metadata;
-  LandmarkCandidateSettings settings = settings_.candidates;
-  settings.most_single = search->share(settings.most_single);
-  const PoseCandidates all = atDistance(area, singleMatchCandidates(matched, object, settings));
-  PoseCandidates best;
-  for (const PoseCandidate& one :
-       atDistance(area, ranked(all, settings_.max_ranked_single, search))) {
-    if (landmarksAt(one.T_O_C, matched, object, settings_.candidates) >= kLeast) {
-      best.push_back(one);
-    }
-  }
-  return best;
-}
-
-/// Aligns what may be the same instance as the best candidate, and takes it from the list.
-/// Landmarks, where they were looked for, speak for the pose that the image leads to, whatever it
-/// was found by.
-Refinement ObjectDetector::takeBest(ImageCandidates* candidates, const Search& search) {
-  PoseCandidates& poses = candidates->poses;
-  const Pose best = poses.front().T_O_C;
-  const auto same = std::stable_partition(
-      poses.begin(), poses.end(),
-      [&](const PoseCandidate& candidate) { return !is_same_instance_(candidate.T_O_C, best); });
-  const int most = search.isGlance() ? 1 : settings_.max_at_once;
-  std::vector<Pose> rough;
-  for (auto one = same; one != poses.end(); ++one) {
-    if (static_cast<int>(rough.size()) < most) rough.push_back(one->T_O_C);
-  }
-  poses.erase(same, poses.end());
-  const auto odds = [&](const Pose& T_O_C) {
-    return search.odds * (candidates->matched ? oddsAt(T_O_C, *candidates->matched) : 1);
-  };
-  constexpr double kHopeless = 0.005;
-  const double least = search.isGlance() ? kHopeless : 0;
-  const Refinement found =
-      refiner_.settle({search.observation, 0}, rough, odds, search.cancellation, least);
-  if (found.outcome == Outcome::kCancelled) throw Cancelled();
-  return found;
-}
-
-void ObjectDetector::settleAll(ImageCandidates* candidates, Search* search) {
-  const TimeSpent time(&search->detections.times.settling);
-  const std::vector<Refinement>& found = search->detections.found;
-  const std::size_t before = found.size();
-  int refused = 0;
-  while (!candidates->poses.empty() && !search->isEnough(settings_.max_instances)) {
-    const int most = found.size() > before ? settings_.max_tried_beside : settings_.max_tried;
-    if (refused >= search->share(most)) break;
-    const Refinement one = takeBest(candidates, *search);
-    if (search->isFound(one.T_O_C)) continue;
-    if (one.outcome == Outcome::kRefined && one.score >= settings_.least_score &&
-        !isOutdone(one, search->doubted, is_same_instance_)) {
-      search->detections.found.push_back(one);
-      search->eraseFound(&candidates->poses);
-      refused = 0;
-    } else {
-      search->doubted.push_back(one);
-      ++refused;
-    }
-  }
-}
-
-void ObjectDetector::settleFrom(PoseCandidates poses, ImageCandidates* all, Search* search) {
-  PoseCandidates& noted = search->detections.candidates;
-  noted.insert(noted.end(), poses.begin(), poses.end());
-  all->poses = std::move(poses);
-  settleAll(all, search);
+/// Adds an instance that the features of a reduced image lead to. @return whether there is one.
+bool ObjectDetector::isFoundAtFirstLook(int side_px, const SearchArea& area, Search* search) {
+  search->is_first_look = true;
+  ImageCandidates all = candidatesAt(side_px, search->observation, area, search->cancellation);
+  search->detections.times += all.times;
+  if (search->detections.message.empty()) search->detections.message = all.message;
+  settleFrom(std::move(all.poses), &all, search);
+  search->is_first_look = false;
+  search->doubted.clear();
+  return search->isEnough(settings_.max_instances);
 }
 
 /// Adds what landmarks lead to: first what several agree on, then, if that is nothing, what one
 /// does. @return with what of the image looks like landmarks.
 ImageCandidates ObjectDetector::findByLandmarks(const SearchArea& area, Search* search) {
   Detections& detections = search->detections;
+  const bool alone = search->cues == DetectionCues::kFirstLook;
+  const bool looks = alone || search->cues == DetectionCues::kAll;
+  if (const auto side_px = looks ? firstLookSide_px(search->window) : std::nullopt) {
+    if (isFoundAtFirstLook(*side_px, area, search) || alone) return {};
+    detections.message.clear();
+  }
   const std::size_t before = detections.found.size();
   ImageCandidates all = candidates(search->observation, area, search->cancellation);
   detections.times += all.times;
   if (detections.message.empty()) detections.message = all.message;
   settleFrom(std::move(all.poses), &all, search);
-  const bool goes_on = search->cues != DetectionCues::kAgreeingLandmarks &&
-                       detections.found.size() == before &&
+  const bool also_single =
+      search->cues == DetectionCues::kAll || search->cues == DetectionCues::kLandmarks;
+  const bool goes_on = also_single && detections.found.size() == before &&
                        !search->isEnough(settings_.max_instances);
   if (all.matched && goes_on) {
     settleFrom(singleMatches(*all.matched, area, search), &all, search);
@@ -330,14 +250,6 @@ void ObjectDetector::findByTemplates(const SearchArea& area, ImageCandidates* al
     if (search->detections.found.size() > before) return;
     if (by_depth && search->isGlance() && !rough.empty()) return;
   }
-}
-
-bool isOutdone(const Refinement& pose, const std::vector<Refinement>& doubted,
-               const SameInstance& is_same_instance) {
-  return std::any_of(doubted.begin(), doubted.end(), [&](const Refinement& other) {
-    return is_same_instance(pose.T_O_C, other.T_O_C) &&
-           other.found_probability.value_or(0) >= pose.found_probability.value_or(0);
-  });
 }
 
 Detections ObjectDetector::detect(const Observation& observation, const SearchArea& area,

@@ -34,12 +34,16 @@ struct DetectionSettings {
   int max_ranked = 12;          ///< of the candidates of a plain object, after their ranking
   int max_ranked_single = 6;    ///< of the poses of single matches, after their ranking
   int max_image_side_px = 800;  ///< larger images are reduced to it for their features
-  int max_instances = 10;       ///< that are returned
-  int max_tried_beside = 2;     ///< the same once they have led to an instance: others are as clear
-  int max_at_once = 4;          ///< candidates of one place that are aligned
-  int max_tried = 6;            ///< candidates in a row that alignment refuses end the search
-  double least_score = 0.9;     ///< probability of a pose to be trusted, 0..1
-  double budget_s = 0;          ///< after it what was found until then counts; 0: no limit
+  /// Where one instance is enough, it is looked for in an image that is reduced to this first; 0:
+  /// it is not.
+  int first_look_side_px = 400;
+  int glance_side_px = 200;  ///< largest side of keyframes in glances
+  int max_instances = 10;    ///< that are returned
+  int max_tried_beside = 2;  ///< the same once they have led to an instance: others are as clear
+  int max_at_once = 4;       ///< candidates of one place that are aligned
+  int max_tried = 6;         ///< candidates in a row that alignment refuses end the search
+  double least_score = 0.9;  ///< probability of a pose to be trusted, 0..1
+  double budget_s = 0;       ///< after it what was found until then counts; 0: no limit
 
   /// @throws std::invalid_argument naming the value that is out of range.
   void validate() const;
@@ -49,6 +53,7 @@ struct DetectionSettings {
 /// time: half as many candidates are tried, too, and of each place the best one alone.
 enum class DetectionCues {
   kAll,
+  kFirstLook,          ///< the next one of a reduced image, where that saves time
   kAgreeingLandmarks,  ///< several of which lead to the same pose
   kLandmarks,          ///< and single ones
   kTemplates,          ///< alone; finds nothing of an object that has none
@@ -103,10 +108,10 @@ class ObjectDetector {
   void setTrustScore(double trust_score) { settings_.least_score = trust_score; }
 
   /// Judges poses by these scores, in place of the object's own.
-  void use(const KeyframeScores& scores) { refiner_.use(scores); }
+  void use(const KeyframeScores& scores);
 
   /// Tells poses apart that look like these, in place of the object's own.
-  void use(const LookAlikes& look_alikes) { refiner_.use(look_alikes); }
+  void use(const LookAlikes& look_alikes);
 
   /// Whether the object is looked for by templates, too, at each distance that an area leaves.
   bool usesTemplates() const { return templates_.has_value(); }
@@ -136,13 +141,18 @@ class ObjectDetector {
  private:
   struct Search;
 
+  ImageCandidates candidatesAt(int max_side_px, const Observation& observation,
+                               const SearchArea& area, const CancellationToken& cancellation) const;
   double oddsAt(const Pose& T_O_C, const MatchedImage& matched) const;
   PoseCandidates atDistance(const SearchArea& area, PoseCandidates candidates) const;
   PoseCandidates ranked(PoseCandidates candidates, int most, Search* search);
   PoseCandidates singleMatches(const MatchedImage& matched, const SearchArea& area, Search* search);
+  KeyframeRefiner& refinerFor(const Search& search);
   Refinement takeBest(ImageCandidates* candidates, const Search& search);
   void settleAll(ImageCandidates* candidates, Search* search);
   void detectIn(const SearchArea& area, Search* search);
+  std::optional<int> firstLookSide_px(const PixelWindow& window) const;
+  bool isFoundAtFirstLook(int side_px, const SearchArea& area, Search* search);
   ImageCandidates findByLandmarks(const SearchArea& area, Search* search);
   void settleFrom(PoseCandidates poses, ImageCandidates* all, Search* search);
   void findByTemplates(const SearchArea& area, ImageCandidates* all, Search* search);
@@ -152,7 +162,10 @@ class ObjectDetector {
   DetectionSettings settings_;
   std::unique_ptr<const Landmarks> landmarks_;  // the matcher points at them
   LandmarkMatcher matcher_;
+  std::optional<KeyframeScores> scores_;   // nothing: the object's own
+  std::optional<LookAlikes> look_alikes_;  // the same
   KeyframeRefiner refiner_;
+  std::optional<KeyframeRefiner> glancing_;  // made when it is needed first
   SameInstance is_same_instance_;
   std::optional<TemplateSearch> templates_;
   std::optional<CandidateRanking> ranking_;  // made when it is needed first

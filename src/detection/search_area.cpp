@@ -83,6 +83,21 @@ Image8 allowedPixels(const Observation& observation, const Camera& part) {
   return allowed;
 }
 
+bool isAnyAllowed(const Image8& allowed, const Eigen::Vector2d& middle, double radius_px) {
+  if (allowed.empty()) return true;
+  const auto clamped = [](double value, int size) {
+    return static_cast<int>(std::clamp<double>(std::lround(value), 0, size));
+  };
+  const int right = clamped(middle.x() + radius_px + 1, allowed.width);
+  const int bottom = clamped(middle.y() + radius_px + 1, allowed.height);
+  for (int y = clamped(middle.y() - radius_px, allowed.height); y < bottom; ++y) {
+    for (int x = clamped(middle.x() - radius_px, allowed.width); x < right; ++x) {
+      if (allowed.at(x, y, 0) > 0) return true;
+    }
+  }
+  return false;
+}
+
 bool isAtDistance(const SearchArea& area, double distance) {
   return !area.distance || (distance < area.distance_ratio * *area.distance &&
                             area.distance_ratio * distance > *area.distance);

@@ -48,6 +48,10 @@ Image coloursOf(const Observation& observation, const SearchedPart& part);
 /// @param part of its image, resized.
 Image8 allowedPixels(const Observation& observation, const Camera& part);
 
+/// Whether a pixel within a radius of a place is allowed: in the middle a mask may have a hole.
+/// @param allowed @see allowedPixels.
+bool isAnyAllowed(const Image8& allowed, const Eigen::Vector2d& middle, double radius_px);
+
 /// Whether a candidate's distance is that of the area, if it has one.
 bool isAtDistance(const SearchArea& area, double distance);
 

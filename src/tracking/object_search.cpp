@@ -294,8 +294,10 @@ RefinerSearch::DetectionPart RefinerSearch::nextPart(const Observation& observat
   detections_ = (detections_ + 1) % (kRounds * kGlances + 1);
   if (number == kRounds * kGlances) return next;
   if (!detector_->usesTemplates()) {
-    const bool also_single = number % 3 == 2;
-    next.cues = also_single ? DetectionCues::kLandmarks : DetectionCues::kAgreeingLandmarks;
+    const bool is_first_look = number % 2 == 0, also_single = number % 8 == 7;
+    next.cues = is_first_look ? DetectionCues::kFirstLook
+                : also_single ? DetectionCues::kLandmarks
+                              : DetectionCues::kAgreeingLandmarks;
     return next;
   }
   const bool by_landmarks = number % 2 == 0, at_last = number % 4 == 1;

@@ -102,6 +102,11 @@ std::shared_ptr<const KeyframePoints> ViewBank::view(int number,
   return views_[number];
 }
 
+bool ViewBank::isMade(int number) const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  return views_.at(number) != nullptr;
+}
+
 int ViewBank::made() const {
   const std::lock_guard<std::mutex> lock(mutex_);
   const auto missing = std::count(views_.begin(), views_.end(), nullptr);

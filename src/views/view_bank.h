@@ -66,6 +66,9 @@ class ViewBank {
   /// A view, which is rendered on first use. @throws Cancelled.
   std::shared_ptr<const KeyframePoints> view(int number, const CancellationToken& cancellation);
 
+  /// Whether a view was rendered.
+  bool isMade(int number) const;
+
   /// Number of the views rendered so far.
   int made() const;
 

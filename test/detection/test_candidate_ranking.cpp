@@ -15,18 +15,19 @@ namespace {
 
 class CandidateRankingTest : public testing::Test, protected KeyframeScene {
  protected:
-  CandidateRankingTest() { scene_ = std::make_shared<TexturedScene>(cpuProcessor(2)); }
+  CandidateRankingTest() { scene_ = textured_; }
 
   PoseError errorOf(const AlignedCandidate& one) const {
     return poseError(one.candidate.T_O_C, truth_, object().centre, kCamera);
   }
 
-  std::unique_ptr<Backend> backend_ = makeCpuBackend(2);
   static RankingLimits limits(std::size_t all, std::size_t of_instance) {
     return {{0, 0, kCamera.width, kCamera.height}, all, of_instance};
   }
 
-  CandidateRanking ranking_{backend_.get(), scene_, KeyframeSearchSettings()};
+  std::shared_ptr<const LoadedField> textured_ = std::make_shared<TexturedScene>(cpuProcessor(2));
+  std::unique_ptr<Backend> backend_ = makeCpuBackend(2);
+  CandidateRanking ranking_{backend_.get(), textured_, KeyframeSearchSettings()};
 };
 
 TEST_F(CandidateRankingTest, TheOneThatIsNearlyRightComesFirst) {
@@ -90,6 +91,19 @@ TEST_F(CandidateRankingTest, WorksInGreyImagesBetweenColouredOnes) {
   EXPECT_LT(errorOf(of_colours[0]).rotation_rad / kDegree, 2);
   EXPECT_GT(of_grey[0].score, 0.4);
   EXPECT_EQ(again[0].score, of_colours[0].score);
+}
+
+TEST_F(CandidateRankingTest, MayLeaveOutThoseWhoseViewsAreNotRendered) {
+  const PoseCandidates candidates = {
+      {offBy(truth_, {0.5, 0.5, -0.5}, 4), 1, CandidateSource::kTemplates}};
+  RankingLimits glance = limits(10, 10);
+  glance.may_render = false;
+  const Observation image = observed(imageOf(truth_));
+  const auto bank = ViewBank::of(scene_, KeyframeSearchSettings().bank);
+  EXPECT_TRUE(ranking_.rank(image, candidates, glance, {}).empty());
+  EXPECT_EQ(bank->made(), 0);
+  bank->make(bank->around(candidates[0].T_O_C, 0), {});  // as beside other work
+  EXPECT_EQ(ranking_.rank(image, candidates, glance, {}).size(), 1u);
 }
 
 TEST_F(CandidateRankingTest, WithoutCandidatesThereIsNone) {

@@ -120,6 +120,29 @@ TEST_F(ObjectDetectorTest, FindsItByASingleMatchWhereTooFewAgree) {
   EXPECT_TRUE(without.detect(observed(imageOf(truth_)), {}, {}).found.empty());
 }
 
+TEST_F(ObjectDetectorTest, LooksAtAReducedImageFirst) {
+  DetectionSettings settings;
+  settings.max_instances = 1;
+  settings.first_look_side_px = kCamera.width / 2;
+  ObjectDetector detector = detectorWith(settings);
+  const auto found = [&](const Pose& T_O_C, DetectionCues cues) {
+    return detector.detect(observed(imageOf(T_O_C)), {}, {}, cues).found;
+  };
+  const auto near = found(truth_, DetectionCues::kFirstLook);
+  ASSERT_EQ(near.size(), 1u);
+  expectTruth(near[0], truth_);
+  // What is too small for that is found in the whole image.
+  const Pose far = cameraAround(*scene_, 0.6, 0.4, 6);
+  EXPECT_TRUE(found(far, DetectionCues::kFirstLook).empty());
+  ASSERT_EQ(found(far, DetectionCues::kAll).size(), 1u);
+  // Where a reduced image would save nothing, the first look is one at the whole image.
+  settings.first_look_side_px = kCamera.width;
+  EXPECT_EQ(detectorWith(settings)
+                .detect(observed(imageOf(far)), {}, {}, DetectionCues::kFirstLook)
+                .found.size(),
+            1u);
+}
+
 TEST_F(ObjectDetectorTest, LandmarksWeighAPoseThatWasFoundOtherwise) {
   const ImageCandidates seen = detector_.candidates(observed(imageOf(truth_)), {}, {});
   ASSERT_TRUE(seen.matched);
@@ -352,41 +375,6 @@ TEST_F(ObjectDetectorTest, WhatMakesNoSenseIsRefused) {
   DetectionSettings settings;
   settings.max_instances = 0;
   EXPECT_THROW(detectorWith(settings), std::invalid_argument);
-}
-
-TEST(IsOutdone, ByALikelierPoseOfTheSamePlaceAlone) {
-  Field field;
-  field.metadata.diameter = 1;
-  const SameInstance is_same(field);
-  const auto found = [](double x, double probability) {
-    Refinement one;
-    one.T_O_C = Pose(Eigen::Matrix3d::Identity(), {x, 0, 4}).inverse();
-    one.found_probability = probability;
-    return one;
-  };
-  EXPECT_TRUE(isOutdone(found(0, 0.95), {found(0.1, 0.97)}, is_same));
-  EXPECT_FALSE(isOutdone(found(0, 0.95), {found(0.1, 0.9)}, is_same)) << "less likely";
-  EXPECT_FALSE(isOutdone(found(0, 0.95), {found(1, 0.97)}, is_same)) << "elsewhere";
-  EXPECT_FALSE(isOutdone(found(0, 0.95), {}, is_same));
-  EXPECT_TRUE(isOutdone(found(0, 0.95), {found(1, 0.97), found(0, 0.96)}, is_same)) << "any";
-}
-
-TEST(SameInstance, IsNearlyAtTheSamePlaceAndAsFar) {
-  Field field;
-  field.metadata.diameter = 1;
-  const auto at = [](double x, double z) {
-    return Pose(Eigen::Matrix3d::Identity(), {x, 0, z}).inverse();
-  };
-  const SameInstance of_cube(field);  // its box has sides of 1
-  EXPECT_TRUE(of_cube(at(0, 4), at(0.3, 4)));
-  EXPECT_FALSE(of_cube(at(0, 4), at(0.4, 4)));
-  EXPECT_TRUE(of_cube(at(0, 4), at(0, 4.8)));  // log 1.2 = 0.18
-  EXPECT_FALSE(of_cube(at(0, 4), at(0, 5)));
-  field.metadata.box = Box{{0, 0, 0}, {0.3, 0.3, 1}};  // a bottle
-  EXPECT_TRUE(SameInstance(field)(at(0, 4), at(0.2, 4)));
-  EXPECT_FALSE(SameInstance(field)(at(0, 4), at(0.3, 4)));
-  field.metadata.box = Box{{0, 0, 0}, {0.01, 0.01, 1}};  // poses of a needle are not exact, either
-  EXPECT_TRUE(SameInstance(field)(at(0, 4), at(0.14, 4)));
 }
 
 }  // namespace
