@@ -186,26 +186,32 @@ std::optional<int> ObjectDetector::firstLookSide_px(const PixelWindow& window) c
 }
 
 /// Adds an instance that the features of a reduced image lead to. @return whether there is one.
-bool ObjectDetector::isFoundAtFirstLook(int side_px, const SearchArea& area, Search* search) {
+bool ObjectDetector::findAtFirstLook(int side_px, const SearchArea& area, Search* search) {
+  const std::size_t doubted = search->doubted.size();
+  const std::string message = search->detections.message;
   search->is_first_look = true;
   ImageCandidates all = candidatesAt(side_px, search->observation, area, search->cancellation);
   search->detections.times += all.times;
   if (search->detections.message.empty()) search->detections.message = all.message;
   settleFrom(std::move(all.poses), &all, search);
   search->is_first_look = false;
-  search->doubted.clear();
-  return search->isEnough(settings_.max_instances);
+  if (search->isEnough(settings_.max_instances)) return true;
+  if (search->cues == DetectionCues::kAll) {  // all of the image has the last word
+    search->doubted.resize(doubted);
+    search->detections.message = message;
+  }
+  return false;
 }
 
-/// Adds what landmarks lead to: first what several agree on, then, if that is nothing, what one
-/// does. @return with what of the image looks like landmarks.
+/// Adds what landmarks lead to: first those of a reduced image, where that saves time, then what
+/// several agree on, then, if that is nothing, what one does. @return with what of the image looks
+/// like landmarks.
 ImageCandidates ObjectDetector::findByLandmarks(const SearchArea& area, Search* search) {
   Detections& detections = search->detections;
   const bool alone = search->cues == DetectionCues::kFirstLook;
   const bool looks = alone || search->cues == DetectionCues::kAll;
   if (const auto side_px = looks ? firstLookSide_px(search->window) : std::nullopt) {
-    if (isFoundAtFirstLook(*side_px, area, search) || alone) return {};
-    detections.message.clear();
+    if (findAtFirstLook(*side_px, area, search) || alone) return {};
   }
   const std::size_t before = detections.found.size();
   ImageCandidates all = candidates(search->observation, area, search->cancellation);

@@ -34,8 +34,8 @@ struct DetectionSettings {
   int max_ranked = 12;          ///< of the candidates of a plain object, after their ranking
   int max_ranked_single = 6;    ///< of the poses of single matches, after their ranking
   int max_image_side_px = 800;  ///< larger images are reduced to it for their features
-  /// Where one instance is enough, it is looked for in an image that is reduced to this first; 0:
-  /// it is not.
+  /// Where one instance of a textured object is enough (max_instances 1), it is looked for in an
+  /// image that is reduced to this first; 0: it is not.
   int first_look_side_px = 400;
   int glance_side_px = 200;  ///< largest side of keyframes in glances
   int max_instances = 10;    ///< that are returned
@@ -53,7 +53,7 @@ struct DetectionSettings {
 /// time: half as many candidates are tried, too, and of each place the best one alone.
 enum class DetectionCues {
   kAll,
-  kFirstLook,          ///< the next one of a reduced image, where that saves time
+  kFirstLook,          ///< as kAgreeingLandmarks, but of a reduced image where that saves time
   kAgreeingLandmarks,  ///< several of which lead to the same pose
   kLandmarks,          ///< and single ones
   kTemplates,          ///< alone; finds nothing of an object that has none
@@ -152,7 +152,7 @@ class ObjectDetector {
   void settleAll(ImageCandidates* candidates, Search* search);
   void detectIn(const SearchArea& area, Search* search);
   std::optional<int> firstLookSide_px(const PixelWindow& window) const;
-  bool isFoundAtFirstLook(int side_px, const SearchArea& area, Search* search);
+  bool findAtFirstLook(int side_px, const SearchArea& area, Search* search);
   ImageCandidates findByLandmarks(const SearchArea& area, Search* search);
   void settleFrom(PoseCandidates poses, ImageCandidates* all, Search* search);
   void findByTemplates(const SearchArea& area, ImageCandidates* all, Search* search);

@@ -146,7 +146,8 @@ Refinement KeyframeRefiner::find(const TimedObservation& image, const Prior& pri
 Refinement KeyframeRefiner::findAgain(const TimedObservation& image, const Prior& prior,
                                       const CancellationToken& cancellation) {
   constexpr int kRounds = 8;
-  const WideSearch glance = {{}, {settings_.starts_again, again_++ % kRounds}, /*is_glance=*/true};
+  again_ = (again_ + 1) % kRounds;
+  const WideSearch glance = {{}, {settings_.starts_again, again_}, /*is_glance=*/true};
   return find(image, prior, glance, cancellation);
 }
 
@@ -185,7 +186,11 @@ HypothesisTable KeyframeRefiner::foundWidely(const Observation& observation, con
   for (std::size_t i = 0; i < std::min(kRendered, candidates.size()); ++i) add(candidates[i]);
   HypothesisTable found;
   if (how.is_glance) found = search_->from(observation, starts, cancellation);
-  if (found.empty() || mayBeRight(found.front())) {
+  // (Where no keyframe reaches, its small view says whether one is worth while.)
+  const Hypothesis& best = starts.front();
+  const bool is_worth_while = found.empty() || mayBeRight(found.front()) ||
+                              (!search_->distanceOfNearest(best.T_O_C) && mayBeRight(best));
+  if (is_worth_while) {
     makeAt(observation.camera, rendered, cancellation);
     found = aligned(observation, starts, cancellation);
   }

@@ -50,8 +50,9 @@ class KeyframeRefiner {
                   const CancellationToken& cancellation = {},
                   const std::vector<Pose>& candidates_T_O_C = {});
 
-  /// The same where an object was lost and another image comes soon: from fewer starts, and no
-  /// keyframe is rendered unless those that there are lead to a pose that may be right.
+  /// The same where an object was lost and another image comes soon: from fewer starts, others in
+  /// each image, and no keyframe is rendered unless those that there are, or a small view where
+  /// none of them reaches, lead to a pose that may be right.
   Refinement findAgain(const TimedObservation& image, const Prior& prior,
                        const CancellationToken& cancellation = {});
 
@@ -165,8 +166,8 @@ class KeyframeRefiner {
   std::int64_t due_ns_ = 0;  // stamp from which on the keyframe under way is used
   std::optional<std::pair<std::int64_t, Pose>> last_;  // stamp and pose that were found last
   bool by_depth_ = false;                              // the last image was one of depth alone
-  int again_ = 0;                                      // so many glances at where it was lost
-  Vector6 last_motion_ = Vector6::Zero();              // towards it, as motionTo says
+  int again_ = 0;  // round of starts of the last glance at where it was lost
+  Vector6 last_motion_ = Vector6::Zero();  // towards it, as motionTo says
 };
 
 }  // namespace nerf_pose_refiner

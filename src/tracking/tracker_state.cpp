@@ -336,14 +336,18 @@ bool TrackerState::goesOn(std::uint64_t ticket, const Pose& T_C_U, TrackReason r
                           const std::string& message, bool doubtful) {
   // So many doubtful images are worth a failure. What detection finds again soon is given up
   // sooner.
-  const int doubts_of_failure = rules_.start == TrackStart::kInitialPose ? 30 : 10;
-  const int doubts = doubtful ? doubts_ + 1 : 0;
-  const bool is_over = doubts > doubts_of_failure * (rules_.max_failures + 1);
+  const bool detects = rules_.start != TrackStart::kInitialPose;
+  const int doubts_of_failure = detects ? 10 : 30;
   const bool has_start = running_ && running_->start;  // no detection
+  const bool goes_on = has_start && running_->start->tracked;
+  const bool confirmed = confirmed_ && goes_on;
+  // Of a track that was never trusted, detection may know better.
+  const bool counts = doubtful || (detects && !confirmed);
+  const int doubts = counts ? (goes_on ? doubts_ : 0) + 1 : 0;
+  const bool is_over = doubts > doubts_of_failure * (rules_.max_failures + 1);
   // Of a lost object it would end the search: that around the last pose, and in whole images.
   const bool is_guess = doubtful && recovery_start_;
   if (!has_start || rules_.once || is_over || is_guess) return notTrusted(ticket, reason, message);
-  const bool confirmed = confirmed_ && running_->start->tracked;
   if (!trusted(ticket, T_C_U)) return false;
   confirmed_ = confirmed;
   doubts_ = doubts;

@@ -83,7 +83,8 @@ class TrackerState {
   /// begins with one is not confirmed before the first trusted pose. With a doubtful one, a lost
   /// object stays lost.
   /// @return false if it is out of date, as `trusted`.
-  /// @param doubtful only so many in a row, then it counts as a failure.
+  /// @param doubtful only so many in a row, then it counts as a failure; where detection may find
+  /// the object elsewhere, so do the images of a track that is not confirmed.
   bool goesOn(std::uint64_t ticket, const Pose& T_C_U, TrackReason reason,
               const std::string& message, bool doubtful);
   /// A refinement ended without a trusted pose. @return false if the result is obsolete.
@@ -143,7 +144,7 @@ class TrackerState {
   /// While lost: the pose to search around, the last trusted one or an initial one that failed.
   std::optional<TimedPose> recovery_start_;
   bool confirmed_ = false;                         ///< a pose of the track was trusted
-  int doubts_ = 0;                                 ///< doubtful images since the last other one
+  int doubts_ = 0;                                 ///< images in a row that `goesOn` counts
   std::optional<std::int64_t> last_detection_ns_;  ///< stamp of the image it looked at
   double last_detection_s_ = 0;                    ///< that it took
   int failures_ = 0;                               ///< untrusted images since the last trusted one

@@ -135,6 +135,13 @@ TEST_F(ObjectDetectorTest, LooksAtAReducedImageFirst) {
   const Pose far = cameraAround(*scene_, 0.6, 0.4, 6);
   EXPECT_TRUE(found(far, DetectionCues::kFirstLook).empty());
   ASSERT_EQ(found(far, DetectionCues::kAll).size(), 1u);
+  // Of several instances it might overlook some.
+  settings.max_instances = 2;
+  EXPECT_EQ(detectorWith(settings)
+                .detect(observed(imageOf(far)), {}, {}, DetectionCues::kFirstLook)
+                .found.size(),
+            1u);
+  settings.max_instances = 1;
   // Where a reduced image would save nothing, the first look is one at the whole image.
   settings.first_look_side_px = kCamera.width;
   EXPECT_EQ(detectorWith(settings)

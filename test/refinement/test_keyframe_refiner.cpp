@@ -122,6 +122,18 @@ TEST_F(KeyframeRefinerTest, FindsAgainWhatComesBackAndRendersNothingBeforeThat) 
   expectFound(refiner.findAgain({imageAt(back), 9 * kFrame_ns}, last), back, 0.5);
 }
 
+TEST_F(KeyframeRefinerTest, FindsAgainWhereNoKeyframeReaches) {
+  KeyframeRefiner refiner(backend_.get(), field_, fromFile());
+  track(&refiner, 3);
+  const Pose back = offBy(truthAt(2), 40, 0.05);
+  Refinement found;
+  for (int i = 4; i < 12 && !(found.score > 0.9); ++i) {
+    found = refiner.findAgain({imageAt(back), i * kFrame_ns}, priorAt(truthAt(2), 45, 0.1));
+  }
+  expectFound(found, back, 0.5);
+  EXPECT_GT(found.score, 0.9);
+}
+
 TEST_F(KeyframeRefinerTest, NoImageWaitsForAKeyframeThatIsLate) {
   KeyframeRefiner refiner(backend_.get(), field_, KeyframeSearchSettings());
   const Observation first = imageAt(truthAt(0));

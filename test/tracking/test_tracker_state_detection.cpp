@@ -128,6 +128,55 @@ TEST_F(DetectingStateTest, ALostObjectIsLookedForEverywhereAndAroundItsLastPose)
   expect(TrackState::kTracking, TrackReason::kNone);
 }
 
+TEST_F(DetectingStateTest, ATrackThatIsNeverTrustedLeavesTheObjectToDetection) {
+  rules_.max_failures = 2;
+  restart();
+  state_.offer(poseAt(at(0)));
+  const auto vague = [&](int number) {
+    const ImageDecision decision = image(0.1 * number);
+    EXPECT_TRUE(decision.start) << number;
+    state_.goesOn(decision.ticket, {}, TrackReason::kLowScore, "vague", false);
+  };
+  for (int i = 0; i < 3 * 10 + 2; ++i) vague(i);  // ten for each failure and the last
+  expect(TrackState::kTracking, TrackReason::kLowScore);
+  vague(32);
+  expect(TrackState::kLost, TrackReason::kLowScore);
+  EXPECT_TRUE(image(3.3).detect);
+}
+
+TEST_F(DetectingStateTest, ANewInitialPoseBeginsWithoutDoubts) {
+  rules_.max_failures = 2;
+  rules_.initial_pose_policy = InitialPosePolicy::kAlways;
+  restart();
+  state_.offer(poseAt(at(0)));
+  for (int i = 0; i < 30; ++i) {
+    state_.goesOn(image(0.1 * i).ticket, {}, TrackReason::kLowScore, "vague", false);
+  }
+  state_.offer(poseAt(at(3)));
+  for (int i = 30; i < 60; ++i) {
+    state_.goesOn(image(0.1 * i).ticket, {}, TrackReason::kLowScore, "vague", false);
+    expect(TrackState::kTracking, TrackReason::kLowScore);
+  }
+}
+
+TEST_F(DetectingStateTest, AConfirmedTrackMayStayVague) {
+  state_.offer(poseAt(at(0)));
+  track(0);
+  for (int i = 1; i < 200; ++i) {
+    state_.goesOn(image(0.1 * i).ticket, {}, TrackReason::kLowScore, "vague", false);
+    expect(TrackState::kTracking, TrackReason::kLowScore);
+  }
+}
+
+TEST_F(DetectingStateTest, WithoutDetectionATrackThatIsNeverTrustedGoesOn) {
+  startBy(TrackStart::kInitialPose);
+  state_.offer(poseAt(at(0)));
+  for (int i = 0; i < 200; ++i) {
+    state_.goesOn(image(0.1 * i).ticket, {}, TrackReason::kLowScore, "vague", false);
+    expect(TrackState::kTracking, TrackReason::kLowScore);
+  }
+}
+
 TEST_F(DetectingStateTest, ADoubtfulPoseDoesNotEndTheSearchForALostObject) {
   state_.offer(poseAt(at(0)));
   track(0, 0.5);
