@@ -139,8 +139,7 @@ Refinement KeyframeRefiner::follow(const TimedObservation& image, const Prior& p
 Refinement KeyframeRefiner::find(const TimedObservation& image, const Prior& prior,
                                  const CancellationToken& cancellation,
                                  const std::vector<Pose>& candidates_T_O_C) {
-  const WideSearch all = {candidates_T_O_C, {settings_.starts}, /*is_glance=*/false};
-  return find(image, prior, all, cancellation);
+  return find(image, prior, WideSearch{candidates_T_O_C, {settings_.starts}, false}, cancellation);
 }
 
 Refinement KeyframeRefiner::findAgain(const TimedObservation& image, const Prior& prior,
@@ -182,15 +181,14 @@ HypothesisTable KeyframeRefiner::foundWidely(const Observation& observation, con
   };
   // The prior, too: it may be nearly right, and small views of it may show too little.
   add(prior.T_O_C);
-  const std::vector<Pose>& candidates = how.candidates_T_O_C;
-  for (std::size_t i = 0; i < std::min(kRendered, candidates.size()); ++i) add(candidates[i]);
+  const std::size_t candidates = std::min(kRendered, how.candidates_T_O_C.size());
+  for (std::size_t i = 0; i < candidates; ++i) add(how.candidates_T_O_C[i]);
   HypothesisTable found;
   if (how.is_glance) found = search_->from(observation, starts, cancellation);
   // (Where no keyframe reaches, its small view says whether one is worth while.)
   const Hypothesis& best = starts.front();
-  const bool is_worth_while = found.empty() || mayBeRight(found.front()) ||
-                              (!search_->distanceOfNearest(best.T_O_C) && mayBeRight(best));
-  if (is_worth_while) {
+  if (found.empty() || mayBeRight(found.front()) ||
+      (!search_->distanceOfNearest(best.T_O_C) && mayBeRight(best))) {
     makeAt(observation.camera, rendered, cancellation);
     found = aligned(observation, starts, cancellation);
   }
