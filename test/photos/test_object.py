@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 import scenes
-from photos import dataset, masks, object_masks, supporting_plane
+from photos import dataset, masks, object_masks, object_region, supporting_plane
 from photos.board import Board
 from photos.common import InputError
 from photos.geometry import exp_so3
@@ -92,6 +92,19 @@ def region_of(model):
 
 
 class Scale(unittest.TestCase):
+    def test_the_table_in_a_box_that_was_given(self):
+        model = scenes.reconstruction(noise_px=0)
+        region = object_region.within_box(model, [-0.2, -0.2, -0.05, 0.2, 0.2, 0.3])
+        self.assertTrue(np.any(region.points[:, 2] < 1e-6))
+        above = object_region.without_table(region).points
+        self.assertGreater(above[:, 2].min(), 0.005)
+        self.assertGreater(len(above), 0.8 * np.count_nonzero(region.points[:, 2] > 0.01))
+        on_board = object_region.on_board(model, [-0.2, -0.2, -0.05, 0.2, 0.2, 0.3])
+        np.testing.assert_array_equal(on_board.points, above)
+        plain = model.of_points(model.xyz[:, 2] > 1e-6)  # nothing is known of the table
+        plain_region = object_region.within_box(plain, [-0.2, -0.2, -0.05, 0.2, 0.2, 0.3])
+        self.assertEqual(len(object_region.without_table(plain_region).points), len(plain_region.points))
+
     def test_known_and_unknown(self):
         region = region_of(scenes.reconstruction(noise_px=0))
         metric = scaled(region, 0.5)
@@ -155,6 +168,54 @@ class Masks(unittest.TestCase):
         # From above the hull of silhouettes is higher than the box by little: cameras stand at 25 and 50 degrees.
         self.assertTrue(0.155 < high[2] < 0.2, high)
         self.assertLess(volume.cells[volume.occupied][:, 2].min(), volume.size)
+
+    def test_what_one_side_denies_is_not_the_object(self):
+        # 32 photos in a round; some say that nothing is left of the middle. Four beside each other see a gap that the
+        # others do not see; four that are far from each other err. Either way 28 of 32, enough of all votes, agree.
+        views = [masks.View(np.zeros((240, 320, 3), np.uint8), scenes.camera(), pose) for pose in scenes.rounds(32, (25,))]
+        half = np.full((240, 320), 255, np.uint8)
+        half[:, :160] = 0
+        volume = masks.Volume(np.array([-0.1, -0.1, 0]), np.array([0.1, 0.1, 0.1]))
+        for denying, left in (((0, 1, 2, 3), 0), ((0, 8, 16, 24), 1)):
+            volume.vote(views, [half if i in denying else np.full_like(half, 255) for i in range(32)])
+            _, x, _ = views[1].pixels_of(volume.cells)
+            self.assertEqual(np.mean(volume.occupied[x < 135]), left)
+            self.assertEqual(np.mean(volume.occupied[x > 195]), 1)
+
+    def test_points_of_the_object_stay(self):
+        # The right half of what two rounds took for the object has the colours of the table, but points lie on it.
+        silhouette = np.zeros((240, 320), np.uint8)
+        silhouette[80:160, 100:220] = 255
+        image = np.full((240, 320, 3), 200, np.uint8)
+        image[80:160, 100:160] = (40, 60, 200)
+        pose = scenes.looking_at(np.array([0, -0.8, 0.06]), np.array([0, 0, 0.06]))
+        view = masks.View(image, scenes.camera(), pose)
+        x, y = np.meshgrid(np.arange(100, 220, 4), np.arange(80, 160, 4))
+        rays = np.column_stack(((x.ravel() + 0.5 - 160) / scenes.FOCAL, (y.ravel() + 0.5 - 120) / scenes.FOCAL,
+                                np.ones(x.size)))
+        seeds = (0.8 * rays - pose[1]) @ pose[0]
+        kept = masks.mask_of(view, masks.band_trimap(view, silhouette, 0.3, seeds))
+        self.assertGreater(masks.agreement(kept, silhouette), 0.95)
+        cut = masks.mask_of(view, masks.band_trimap(view, silhouette, 0.3, seeds[:0]))
+        self.assertLess(np.mean(cut[80:160, 160:220] > 0), 0.1)
+
+    def test_points_beside_the_surface(self):
+        x, y = np.meshgrid(np.arange(20.0), np.arange(20.0))
+        plane = np.column_stack((x.ravel(), y.ravel(), np.zeros(400)))
+        stray = [[5.3, 5.3, 1.5], [12.2, 3.1, -2]]
+        kept = masks.on_surface(np.concatenate((plane, stray)))
+        np.testing.assert_array_equal(kept, plane)
+        np.testing.assert_array_equal(masks.on_surface(plane[:3]), plane[:3])  # too few to tell
+
+    def test_a_box_without_points_is_the_object_first(self):
+        image = np.full((240, 320, 3), 200, np.uint8)
+        pose = scenes.looking_at(np.array([0, -0.8, 0.06]), np.array([0, 0, 0.06]))
+        volume = masks.Volume(-scenes.BOX / 2 + (0, 0, 0.06), scenes.BOX / 2 + (0, 0, 0.06))
+        image[volume.silhouette(masks.View(image, scenes.camera(), pose)) > 0] = (40, 60, 200)
+        view = masks.View(image, scenes.camera(), pose)
+        larger = masks.Volume(1.3 * volume.low, 1.3 * volume.high)
+        mask = masks.mask_of(view, masks.first_trimap(view, larger, np.zeros((0, 3))))
+        self.assertGreater(masks.agreement(mask, volume.silhouette(view)), 0.95)
 
     def views(self, drawn):
         """@param drawn {number of a photo: the user's mask}"""

@@ -10,7 +10,7 @@ import numpy as np
 
 import scenes  # noqa: F401 (for the path)
 from photos import quality
-from photos.common import write_json
+from photos.common import InputError, write_json
 
 SIDE = 64
 
@@ -21,6 +21,20 @@ def rendering(seed=1):
     alpha = np.zeros((SIDE, SIDE, 1), np.uint8)
     alpha[16:48, 16:48] = 255
     return np.concatenate((colours, alpha), axis=2)
+
+
+class Renderings(unittest.TestCase):
+    def test_a_pixel_is_the_mean_of_its_rays(self):
+        shown = np.zeros((4, 4, 4), np.uint8)
+        shown[:, ::2] = (200, 100, 0, 255)  # stripes as fine as a ray, on nothing
+        shown[2:, 1::2] = (100, 100, 100, 255)
+        with tempfile.TemporaryDirectory() as folder:
+            cv2.imwrite(os.path.join(folder, 'a.png'), shown)
+            reduced = quality.read_rendering(folder, 'a')
+            with self.assertRaisesRegex(InputError, "no rendering 'b.png'"):
+                quality.read_rendering(folder, 'b')
+        np.testing.assert_array_equal(reduced[0], np.tile((200, 100, 0, 128), (2, 1)))
+        np.testing.assert_array_equal(reduced[1], np.tile((150, 100, 50, 255), (2, 1)))
 
 
 class Gains(unittest.TestCase):

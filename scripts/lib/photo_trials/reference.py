@@ -7,10 +7,9 @@ import numpy as np
 
 from photos.common import read_json, whole_folder
 from photos.dataset import PosedPhoto, undistorted, write_dataset
-from photos.quality import compared, measure
+from photos.quality import RENDERED_SIDE, compared, measure, read_rendering
 from photos.tools import find_tool, run_tool
 
-RENDERED_SIDE = 480
 MARGIN_M = 0.008
 
 
@@ -49,7 +48,7 @@ def quality_with_true_masks(output, photos, masks):
     @param photos held-out ones; masks theirs, as found. @return rows as of photos.quality"""
     rows = []
     for photo, mask in zip(photos, masks):
-        rendering = cv2.imread(os.path.join(output, 'renderings', photo.name + '.png'), cv2.IMREAD_UNCHANGED)
+        rendering = read_rendering(os.path.join(output, 'renderings'), photo.name)
         size = rendering.shape[1], rendering.shape[0]
         image = cv2.imread(os.path.join(output, 'dataset', 'images', photo.name + '.jpg'))
         image, mask = (cv2.resize(part, size, interpolation=cv2.INTER_AREA) for part in (image, mask))

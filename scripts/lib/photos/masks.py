@@ -7,6 +7,7 @@ import concurrent.futures
 import cv2
 import numpy as np
 
+from photos.mask_volume import Volume, disc
 from photos.table_pixels import Table
 
 # A mask of uint8, 255 on the object, of the photo's size; `agreement` is its intersection over union with what all
@@ -15,58 +16,14 @@ Mask = collections.namedtuple('Mask', 'image agreement')
 
 SIDE = 512               # masks are found at this size of a photo [px]
 ITERATIONS = 3           # of GrabCut
-ROUNDS = 2
-CELLS = 96               # of the volume, along the box's longest side
-MIN_VOTES = 0.85         # of the photos that show a cell: the cell belongs to the object
-MIN_VOTES_OF_DRAWN = 0.5  # the same, where a mask that the user drew shows it
-MIN_SEEN = 0.3           # of the photos must show a cell
 RING = 0.3               # around the box, of its size: what the background looks like there
 SEED_RADIUS = 0.006      # around a point of the object, of SIDE: surely the object
+ROUNDS = 2               # after the first masks
 BAND = 0.04              # of the object's size in the photo: how far its outline may move in a further round
 LAST_BAND = 0.025
+NEIGHBOURS = 12          # of a point
+OFF_SURFACE = 0.4        # times their mean distance, from the plane through them: a wrong match
 MIN_AGREEMENT = 0.75     # less: the mask is what the other photos say
-
-
-class Volume:
-    """Cells of the object's box, and how the masks vote for each."""
-
-    def __init__(self, low, high):
-        self.size = (high - low).max() / CELLS
-        axes = [np.arange(a + self.size / 2, b, self.size) for a, b in zip(low, high)]
-        self.cells = np.stack(np.meshgrid(*axes, indexing='ij'), axis=-1).reshape(-1, 3).astype(np.float32)
-        self.occupied = np.ones(len(self.cells), bool)
-
-    def vote(self, views, masks):
-        """Keeps the cells that most photos which show them take for the object. So what the user drew in some photos is
-        carried to the others: cells beside a drawn mask are gone, and those that it shows need fewer votes."""
-        seen, votes = np.zeros(len(self.cells), int), np.zeros(len(self.cells), int)
-        beside, shown = np.zeros(len(self.cells), bool), np.zeros(len(self.cells), bool)
-        for view, mask in zip(views, masks):
-            inside, x, y = view.pixels_of(self.cells)
-            seen += inside
-            votes[inside] += mask[y, x] > 0
-            if view.drawn is not None:
-                beside[inside] |= cv2.dilate(view.drawn, disc(3))[y, x] == 0
-                shown[inside] |= view.drawn[y, x] > 0
-        least = np.where(shown, MIN_VOTES_OF_DRAWN, MIN_VOTES)
-        self.occupied = ~beside & (seen >= MIN_SEEN * len(views)) & (votes >= least * seen)
-
-    def bounds(self):
-        """(low, high) of the occupied cells, or None."""
-        cells = self.cells[self.occupied]
-        return (cells.min(axis=0) - self.size / 2, cells.max(axis=0) + self.size / 2) if len(cells) else None
-
-    def silhouette(self, view):
-        """Of the occupied cells, as a photo shows them: uint8, 255 inside."""
-        image = np.zeros(view.shape, np.uint8)
-        cells = self.cells[self.occupied]
-        inside, x, y = view.pixels_of(cells)
-        image[y, x] = 255
-        if len(cells):
-            depth = np.median(cells @ view.R[2] + view.t[2])
-            width = 2 * int(np.ceil(view.focal * self.size / max(depth, 1e-9))) + 1
-            image = cv2.morphologyEx(image, cv2.MORPH_CLOSE, disc(width))
-        return image
 
 
 class View:
@@ -104,10 +61,6 @@ class View:
         """A mask at the size of the photo."""
         large = cv2.resize(mask, self.full_shape[::-1], interpolation=cv2.INTER_LINEAR)
         return np.where(large >= 128, 255, 0).astype(np.uint8)
-
-
-def disc(width):
-    return cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (width, width))
 
 
 def extent(mask):
@@ -156,22 +109,40 @@ def first_trimap(view, volume, object_points):
     seeds[y, x] = 255
     seeds[box == 0] = 0
     body = cv2.morphologyEx(seeds, cv2.MORPH_CLOSE, disc(max(3, extent(seeds) // 5 | 1)))
-    trimap[box > 0] = cv2.GC_PR_BGD
+    trimap[box > 0] = cv2.GC_PR_BGD if seeds.any() else cv2.GC_PR_FGD
     trimap[body > 0] = cv2.GC_PR_FGD
     radius = max(1, round(SEED_RADIUS * max(view.shape)))
     trimap[cv2.dilate(seeds, disc(2 * radius + 1)) > 0] = cv2.GC_FGD
     return trimap
 
 
-def band_trimap(silhouette, band):
-    """From a silhouette whose outline is right but for `band`, a share of its size."""
+def band_trimap(view, silhouette, band, seeds):
+    """From a silhouette whose outline is right but for `band`, a share of its size. @param seeds points of the object,
+    which lie inside: else parts of the table's colour would go, a little with each round."""
     trimap = np.full(silhouette.shape, cv2.GC_BGD, np.uint8)
     width = 2 * max(1, round(band * extent(silhouette))) + 1
     outer, inner = cv2.dilate(silhouette, disc(width)), cv2.erode(silhouette, disc(width))
     trimap[outer > 0] = cv2.GC_PR_BGD
     trimap[silhouette > 0] = cv2.GC_PR_FGD
     trimap[inner > 0] = cv2.GC_FGD
+    _, x, y = view.pixels_of(seeds)
+    within = outer[y, x] > 0
+    trimap[y[within], x[within]] = cv2.GC_FGD
     return trimap
+
+
+def on_surface(points):
+    """The points near the plane through their neighbours. Others are wrong matches, and may lie beside the object."""
+    count = min(NEIGHBOURS, len(points) - 1)
+    if count < 3:
+        return points
+    distances = np.sqrt(np.maximum(0, (points ** 2).sum(axis=1)[:, None] + (points ** 2).sum(axis=1) - 2 * points @ points.T))
+    np.fill_diagonal(distances, np.inf)
+    nearest = np.argpartition(distances, count - 1, axis=1)[:, :count]
+    around = points[nearest] - points[nearest].mean(axis=1, keepdims=True)
+    normals = np.linalg.svd(around, full_matrices=False)[2][:, 2]
+    heights = np.abs(np.einsum('ni,ni->n', points - points[nearest].mean(axis=1), normals))
+    return points[heights < OFF_SURFACE * np.take_along_axis(distances, nearest, axis=1).mean(axis=1)]
 
 
 def agreement(a, b):
@@ -196,10 +167,10 @@ def mask_of(view, trimap):
     return solid(grab_cut(view, trimap)) if view.drawn is None else view.drawn
 
 
-def find_masks(photos, box, object_points, table_is_known):
-    """Masks of all photos. @param photos undistorted; box (low, high) of the object in the world, which may be larger than
-    the object; object_points of the world; table_is_known: it is the plane z = 0.
-    @return (list of Mask, (low, high) of the volume that they have in common, or of the box if there is none)."""
+def first_masks(photos, box, object_points, table_is_known):
+    """From the box and the points alone. @param photos undistorted; box (low, high) of the object in the world, which may
+    be larger than the object; object_points of the world; table_is_known: it is the plane z = 0.
+    @return (list of View, list of masks at their size, Volume that these have in common)"""
     views = [View(photo.image, photo.camera, (photo.R, photo.t), photo.drawn) for photo in photos]
     if table_is_known:
         table = Table(views, box, object_points)
@@ -208,11 +179,21 @@ def find_masks(photos, box, object_points, table_is_known):
     volume = Volume(*box)
     with concurrent.futures.ThreadPoolExecutor() as threads:  # OpenCV works without Python's lock
         masks = list(threads.map(lambda view: mask_of(view, first_trimap(view, volume, object_points)), views))
+    volume.vote(views, masks)
+    return views, masks, volume
+
+
+def refined(views, masks, volume, object_points):
+    """Masks that agree, after further rounds. @param volume of first_masks.
+    @return (list of Mask, the volume that they have in common)"""
+    seeds = on_surface(object_points)
+    with concurrent.futures.ThreadPoolExecutor() as threads:
         for _ in range(ROUNDS):
             volume.vote(views, masks)
             if not volume.occupied.any():
                 break
-            masks = list(threads.map(lambda view: mask_of(view, band_trimap(volume.silhouette(view), BAND)), views))
+            masks = list(threads.map(lambda view: mask_of(
+                view, band_trimap(view, volume.silhouette(view), BAND, seeds)), views))
         volume.vote(views, masks)
         results = list(threads.map(lambda pair: agreed(pair[1], volume.silhouette(pair[0])), zip(views, masks)))
-    return [Mask(view.full(mask), share) for view, (mask, share) in zip(views, results)], volume.bounds() or tuple(box)
+    return [Mask(view.full(mask), share) for view, (mask, share) in zip(views, results)], volume

@@ -8,7 +8,8 @@ import numpy as np
 from photos.common import InputError, require
 from photos.image_header import read_header
 from photos.intake import ENDINGS as PHOTO_ENDINGS
-from photos.masks import CELLS, find_masks
+from photos.mask_volume import CELLS
+from photos.masks import first_masks, refined
 
 MAX_ROUNDS = 3
 GROWTH = 0.3     # of the longest side, where the object reaches a side
@@ -70,12 +71,14 @@ def mask_photos(photos, region):
     have in common with a margin)."""
     box = region.low.copy(), region.high.copy()
     for _ in range(1 if region.is_given else MAX_ROUNDS):
-        masks, bounds = find_masks(photos, box, region.points, region.table_is_known)
-        low, high = touched(box, bounds)
+        begun = first_masks(photos, box, region.points, region.table_is_known)
+        low, high = touched(box, begun[2].bounds() or box)
         if not (low.any() or high.any()):
             break
         growth = GROWTH * (box[1] - box[0]).max()
         box = box[0] - growth * low, box[1] + growth * high
+    masks, volume = refined(*begun, region.points)
+    bounds = volume.bounds() or box
     agreements = [mask.agreement for mask in masks]
     against = [photo.source for photo, share in zip(photos, agreements)
                if photo.drawn is not None and share < MIN_DRAWN_AGREEMENT]

@@ -9,7 +9,8 @@ from photos.geometry import focus
 from photos.intake import pixel_of_copy
 from photos.reconstruction import Reconstruction
 from photos.scale import scale_from_length
-from photos.supporting_plane import Plane, bounds, box_of, find_plane, is_supported, points_above
+from photos.supporting_plane import (MAX_POINTS, MIN_OBJECT_POINTS, SEED, THICKNESS, Plane, bounds, box_of, find_plane, is_above,
+                                     is_supported, points_above)
 from photos.targets import scale_from_target
 
 DEPTH = 0.12            # below a plane that may not be the table, of the object's size: the object may reach so far
@@ -53,11 +54,13 @@ def on_found_table(reconstruction):
 def on_board(reconstruction, box):
     """@param reconstruction in the board's frame. The object's frame is the board's. @param box the user's; empty: it
     is found by points above the board."""
-    if box:
-        return dataclasses.replace(within_box(reconstruction, box), table_is_known=True, metres_per_unit=1.0,
-                                   origin='scale and frame are those of the board; the box was given')
     distance = float(np.median(np.linalg.norm(reconstruction.centres() - focus(reconstruction), axis=1)))
-    points = points_above(reconstruction, Plane(np.array([0, 0, 1.0]), 0.0, 0.006 * distance))
+    plane = Plane(np.array([0, 0, 1.0]), 0.0, THICKNESS * distance)
+    if box:
+        region = within_box(reconstruction, box)
+        return dataclasses.replace(region, points=region.points[is_above(region.points, plane)], table_is_known=True,
+                                   metres_per_unit=1.0, origin='scale and frame are those of the board; the box was given')
+    points = points_above(reconstruction, plane)
     return Region(reconstruction, *bounds(points), False, points, True, 1.0, 0, 'scale and frame are those of the board')
 
 
@@ -66,7 +69,21 @@ def within_box(reconstruction, box):
     low, high = np.array(box[:3], dtype=float), np.array(box[3:], dtype=float)
     require(np.all(low < high), '--box is empty: give min x y z, then max x y z')
     inside = np.all((reconstruction.xyz > low) & (reconstruction.xyz < high), axis=1)
-    return Region(reconstruction, low, high, True, reconstruction.xyz[inside], False, 0, 0, 'the box was given')
+    points = reconstruction.xyz[inside]
+    points = points[np.random.default_rng(SEED).permutation(len(points))[:MAX_POINTS]]
+    return Region(reconstruction, low, high, True, points, False, 0, 0, 'the box was given')
+
+
+def without_table(region):
+    """A region whose box may hold some of the table, without the table's points, if a table is found."""
+    try:
+        plane = find_plane(region.reconstruction)
+    except InputError:
+        return region
+    above = region.points[is_above(region.points, plane)]
+    if len(above) < MIN_OBJECT_POINTS or not is_supported(region.reconstruction, plane, box_of(above, plane)):
+        return region
+    return dataclasses.replace(region, points=above)
 
 
 def marks_of(job, reconstruction):
@@ -97,7 +114,8 @@ def find_region(job, reconstruction, board):
         region = on_board(reconstruction.moved(found.metres_per_unit, found.R, found.t), options.box)
         sigma, origin = found.sigma, f'scale and frame are those of the board or tags ({found.corners} corners)'
     else:
-        region = within_box(reconstruction, options.box) if options.box else on_found_table(reconstruction)
+        region = (without_table(within_box(reconstruction, options.box)) if options.box
+                  else on_found_table(reconstruction))
         scale = options.metres_per_unit
         if options.length:
             scale = scale_from_length(region.reconstruction, *marks_of(job, reconstruction))

@@ -13,14 +13,12 @@ from photos.missing import angles
 from photos.object_masks import drawn_masks, mask_photos, take_drawn_masks
 from photos.object_region import find_region
 from photos.point_cloud import with_points
-from photos.quality import measure
+from photos.quality import RENDERED_SIDE, measure
 from photos.report import write_report
 from photos.steps import file_states
 from photos.targets import parse_target
 from photos.tools import find_tool, run_tool
 from photos.turntable import render_strip
-
-RENDERED_SIDE = 480  # of renderings beside photos [px]
 
 
 def make_object(options):

@@ -9,9 +9,24 @@ import numpy as np
 from photos.common import InputError, read_json
 
 MAX_PSNR_DB = 60
+RENDERED_SIDE = 960    # of renderings [px]; compared at half of it
 MIN_PIXELS = 50        # of the object, from which a gain is taken
 REWEIGHTINGS = 6
 MIN_RESIDUAL = 5.0     # of 255
+
+
+def read_rendering(folder, name):
+    """A rendering with straight alpha at half its size. Its pixels are single rays; those of a photo are means over an area,
+    and so are these. @param name without an ending"""
+    rendering = cv2.imread(os.path.join(folder, name + '.png'), cv2.IMREAD_UNCHANGED)
+    if rendering is None or rendering.shape[2] != 4:
+        raise InputError(f"there is no rendering '{name}.png' with alpha in '{folder}'")
+    size = max(1, rendering.shape[1] // 2), max(1, rendering.shape[0] // 2)
+    alpha = rendering[:, :, 3:].astype(np.float32) / 255
+    premultiplied = cv2.resize(rendering[:, :, :3] * alpha, size, interpolation=cv2.INTER_AREA)
+    alpha = cv2.resize(alpha, size, interpolation=cv2.INTER_AREA)[:, :, None]
+    colour = premultiplied / np.maximum(alpha, 1 / 255)
+    return np.clip(np.round(np.concatenate((colour, 255 * alpha), axis=2)), 0, 255).astype(np.uint8)
 
 
 def blended(image, alpha):
@@ -52,16 +67,15 @@ def compared(rendering, photo, mask):
 
 
 def measure(dataset, renderings, are_equal=True):
-    """Each frame of the dataset's two files against its rendering, at the rendering's size. @param renderings folder with
-    the frames' names; are_equal: the photos have one exposure, else each gets a gain first. @return [{name, source, held_out, ..}] in the order of the names."""
+    """Each frame of the dataset's two files against its rendering. @param renderings folder with the frames' names; are_equal:
+    the photos have one exposure, else each gets a gain first.
+    @return [{name, source, held_out, ..}] in the order of the names."""
     rows = []
     for part, held_out in (('train', False), ('test', True)):
         path = os.path.join(dataset, f'transforms_{part}.json')
         for frame in read_json(path)['frames'] if os.path.exists(path) else ():
             name = os.path.splitext(os.path.basename(frame['file_path']))[0]
-            rendering = cv2.imread(os.path.join(renderings, name + '.png'), cv2.IMREAD_UNCHANGED)
-            if rendering is None or rendering.shape[2] != 4:
-                raise InputError(f"there is no rendering '{name}.png' with alpha in '{renderings}'")
+            rendering = read_rendering(renderings, name)
             size = rendering.shape[1], rendering.shape[0]
             photo = cv2.resize(cv2.imread(os.path.join(dataset, frame['file_path'])), size, interpolation=cv2.INTER_AREA)
             mask = cv2.resize(cv2.imread(os.path.join(dataset, frame['mask_path']), cv2.IMREAD_GRAYSCALE), size,

@@ -87,6 +87,11 @@ def find_plane(reconstruction):
     return Plane(n, d, thickness)
 
 
+def is_above(points, plane):
+    """Which points are surely not on the plane, but on the side of the cameras."""
+    return points @ plane.n - plane.d > 1.5 * plane.thickness
+
+
 def clusters(points, cell):
     """Number of the cluster of each point: cells of a grid that touch, also at a corner, hang together."""
     cells, inverse = np.unique(np.floor(points / cell).astype(int), axis=0, return_inverse=True)
@@ -119,7 +124,7 @@ def points_above(reconstruction, plane):
     """Points of the object: the cluster above the plane with most points, where those count less that are far from
     where the cameras look."""
     points, middle, distance = near_points(reconstruction)
-    above = points[points @ plane.n - plane.d > 1.5 * plane.thickness]
+    above = points[is_above(points, plane)]
     require(len(above) >= MIN_OBJECT_POINTS,
             f'only {len(above)} points lie above the table: the object has too little texture, or is not on it; '
             'give --box')

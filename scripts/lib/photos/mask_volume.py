@@ -1,0 +1,80 @@
+# Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+"""The volume that the masks of photos have in common: a visual hull (Laurentini 1994) by votes, for masks that err."""
+import cv2
+import numpy as np
+
+CELLS = 96               # of the volume, along the box's longest side
+MIN_VOTES = 0.85         # of the photos that show a cell: the cell belongs to the object
+MIN_VOTES_OF_DRAWN = 0.5  # the same, where a mask that the user drew shows it
+MIN_SEEN = 0.3           # of the photos must show a cell
+SIDE_VIEWS = 5           # a photo and those from the nearest directions: one side of the object
+SIDE_DENIALS = 4         # of them: the cell does not belong to the object, whatever the other sides say
+CHUNK = 1 << 15          # cells at once, to bound memory
+
+
+def disc(width):
+    return cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (width, width))
+
+
+def sides(views, middle):
+    """Indices of the views that see each side, [views][SIDE_VIEWS or fewer]: each view with its nearest ones."""
+    directions = np.array([-view.R.T @ view.t - middle for view in views])
+    directions /= np.linalg.norm(directions, axis=1)[:, None]
+    return np.argsort(-directions @ directions.T, axis=1, kind='stable')[:, :SIDE_VIEWS]
+
+
+class Volume:
+    """Cells of the object's box, and how the masks vote for each."""
+
+    def __init__(self, low, high):
+        self.low, self.high = np.asarray(low, float), np.asarray(high, float)
+        self.size = (self.high - self.low).max() / CELLS
+        axes = [np.arange(a + self.size / 2, b, self.size) for a, b in zip(low, high)]
+        self.cells = np.stack(np.meshgrid(*axes, indexing='ij'), axis=-1).reshape(-1, 3).astype(np.float32)
+        self.occupied = np.ones(len(self.cells), bool)
+
+    def vote(self, views, masks):
+        """Keeps the cells that most photos take for the object, and those of no side deny: a hollow, or the gap below an
+        edge, is seen from one side alone."""
+        groups = sides(views, 0.5 * (self.low + self.high))
+        beside = [None if view.drawn is None else cv2.dilate(view.drawn, disc(3)) == 0 for view in views]
+        for first in range(0, len(self.cells), CHUNK):
+            part = slice(first, first + CHUNK)
+            self.occupied[part] = belongs(self.cells[part], views, zip(masks, beside), groups)
+
+    def bounds(self):
+        """(low, high) of the occupied cells, or None."""
+        cells = self.cells[self.occupied]
+        return (cells.min(axis=0) - self.size / 2, cells.max(axis=0) + self.size / 2) if len(cells) else None
+
+    def silhouette(self, view):
+        """Of the occupied cells, as a photo shows them: uint8, 255 inside."""
+        image = np.zeros(view.shape, np.uint8)
+        cells = self.cells[self.occupied]
+        inside, x, y = view.pixels_of(cells)
+        image[y, x] = 255
+        if len(cells):
+            depth = np.median(cells @ view.R[2] + view.t[2])
+            width = 2 * int(np.ceil(view.focal * self.size / max(depth, 1e-9))) + 1
+            image = cv2.morphologyEx(image, cv2.MORPH_CLOSE, disc(width))
+        return image
+
+
+def belongs(cells, views, masks, groups):
+    """Which cells are the object's. What the user drew in some photos is carried to the others: cells beside a drawn mask
+    are gone, and those that it shows need fewer votes. @param masks [(mask, pixels beside a drawn one or None)]"""
+    denied = np.zeros((len(views), len(cells)), bool)
+    seen, beside, shown = np.zeros(len(cells), int), np.zeros(len(cells), bool), np.zeros(len(cells), bool)
+    for i, (view, (mask, beside_drawn)) in enumerate(zip(views, masks)):
+        inside, x, y = view.pixels_of(cells)
+        seen += inside
+        denied[i, inside] = mask[y, x] == 0
+        if beside_drawn is not None:
+            beside[inside] |= beside_drawn[y, x]
+            shown[inside] |= view.drawn[y, x] > 0
+    votes = seen - denied.sum(axis=0)
+    by_side = np.zeros(len(cells), bool)
+    for group in groups:
+        by_side |= denied[group].sum(axis=0) >= SIDE_DENIALS
+    least = np.where(shown, MIN_VOTES_OF_DRAWN, MIN_VOTES)
+    return ~beside & (~by_side | shown) & (seen >= MIN_SEEN * len(views)) & (votes >= least * seen)
