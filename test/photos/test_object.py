@@ -157,7 +157,11 @@ class Masks(unittest.TestCase):
         mask[30:70, 60:70] = 0
         result, share = masks.agreed(mask, silhouette)
         self.assertAlmostEqual(share, 0.75)
-        self.assertEqual(result[50, 68], 255)  # within one pixel of the silhouette: the band is 0.025 of 40 px
+        self.assertEqual(result[50, 67], 255)  # within two pixels of the silhouette: the band is 0.04 of 40 px
+        larger = silhouette.copy()
+        larger[30:70, 26:30] = 255
+        result, _ = masks.agreed(larger, silhouette)
+        self.assertEqual((result[50, 29], result[50, 28]), (255, 0))  # outwards it is narrower
 
     def test_votes(self):
         volume = masks.Volume(np.array([-0.25, -0.2, 0]), np.array([0.25, 0.2, 0.3]))

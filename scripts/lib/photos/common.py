@@ -1,5 +1,6 @@
 # Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 """Errors that users see, and files and folders that appear whole or not at all."""
+import concurrent.futures
 import contextlib
 import fcntl
 import json
@@ -25,6 +26,12 @@ def say(text):
 def count(number, noun):
     """'1 photo', '2 photos'."""
     return f'{number} {noun}' if number == 1 else f'{number} {noun}s'
+
+
+def in_threads(function, items):
+    """The results in order. OpenCV, and numpy with large arrays, work without Python's lock."""
+    with concurrent.futures.ThreadPoolExecutor() as threads:
+        return list(threads.map(function, items))
 
 
 def mode_of(path):

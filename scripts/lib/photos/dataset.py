@@ -6,7 +6,7 @@ import os
 import cv2
 import numpy as np
 
-from photos.common import InputError, require, whole_folder, write_json
+from photos.common import InputError, in_threads, require, whole_folder, write_json
 from photos.reconstruction import Camera
 
 TEST_INTERVAL = 8  # of every so many photos one is held out
@@ -40,13 +40,13 @@ def undistorted(path, camera):
 
 def posed_photos(reconstruction, folder, sources):
     """All photos of a reconstruction, undistorted. @param folder of the copies; sources {name of a copy: user's file}."""
-    photos = []
-    for i, name in enumerate(reconstruction.names):
-        camera = reconstruction.cameras[reconstruction.camera_of[i]]
+    def posed(i):
+        name, camera = reconstruction.names[i], reconstruction.cameras[reconstruction.camera_of[i]]
         image, pinhole = undistorted(os.path.join(folder, name), camera)
         stem = os.path.splitext(name)[0].replace(os.sep, '_')
-        photos.append(PosedPhoto(stem, sources[name], image, pinhole, reconstruction.R[i], reconstruction.t[i]))
-    return photos
+        return PosedPhoto(stem, sources[name], image, pinhole, reconstruction.R[i], reconstruction.t[i])
+
+    return in_threads(posed, range(len(reconstruction.names)))
 
 
 def camera_to_world(photo):
@@ -68,6 +68,13 @@ def is_held_out(index):
     return index % TEST_INTERVAL == TEST_INTERVAL // 2
 
 
+def write_photo(photo, folder):
+    """@return whether image and mask were written"""
+    path = os.path.join(folder, 'images', photo.name + '.jpg')
+    return (cv2.imwrite(path, photo.image, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]) and
+            cv2.imwrite(os.path.join(folder, 'masks', photo.name + '.png'), photo.mask))
+
+
 def write_dataset(photos, box, metres_per_unit, folder):
     """@param box (low, high) of the object in the poses' units; metres_per_unit None: unknown."""
     common = {'object_aabb': [list(map(float, corner)) for corner in box]}
@@ -76,11 +83,8 @@ def write_dataset(photos, box, metres_per_unit, folder):
     with whole_folder(folder) as new:
         for kind in ('images', 'masks'):
             os.mkdir(os.path.join(new, kind))
-        for photo in photos:
-            path = os.path.join(new, 'images', photo.name + '.jpg')
-            written = (cv2.imwrite(path, photo.image, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]) and
-                       cv2.imwrite(os.path.join(new, 'masks', photo.name + '.png'), photo.mask))
-            require(written, f"cannot write below '{new}'")
+        written = in_threads(lambda photo: write_photo(photo, new), photos)
+        require(all(written), f"cannot write below '{new}'")
         for part, held_out in (('train', False), ('test', True)):
             frames = [frame_of(photo) for i, photo in enumerate(photos) if is_held_out(i) == held_out]
             write_json(os.path.join(new, f'transforms_{part}.json'), {**common, 'frames': frames})

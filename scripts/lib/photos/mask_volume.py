@@ -3,6 +3,8 @@
 import cv2
 import numpy as np
 
+from photos.common import in_threads
+
 CELLS = 96               # of the volume, along the box's longest side
 MIN_VOTES = 0.85         # of the photos that show a cell: the cell belongs to the object
 MIN_VOTES_OF_DRAWN = 0.5  # the same, where a mask that the user drew shows it
@@ -38,9 +40,9 @@ class Volume:
         edge, is seen from one side alone."""
         groups = sides(views, 0.5 * (self.low + self.high))
         beside = [None if view.drawn is None else cv2.dilate(view.drawn, disc(3)) == 0 for view in views]
-        for first in range(0, len(self.cells), CHUNK):
-            part = slice(first, first + CHUNK)
-            self.occupied[part] = belongs(self.cells[part], views, zip(masks, beside), groups)
+        said = list(zip(views, masks, beside))
+        parts = [self.cells[first:first + CHUNK] for first in range(0, len(self.cells), CHUNK)]
+        self.occupied = np.concatenate(in_threads(lambda cells: belongs(cells, said, groups), parts))
 
     def bounds(self):
         """(low, high) of the occupied cells, or None."""
@@ -60,12 +62,12 @@ class Volume:
         return image
 
 
-def belongs(cells, views, masks, groups):
+def belongs(cells, said, groups):
     """Which cells are the object's. What the user drew in some photos is carried to the others: cells beside a drawn mask
-    are gone, and those that it shows need fewer votes. @param masks [(mask, pixels beside a drawn one or None)]"""
-    denied = np.zeros((len(views), len(cells)), bool)
+    are gone, and those that it shows need fewer votes. @param said [(view, mask, pixels beside a drawn one or None)]"""
+    denied = np.zeros((len(said), len(cells)), bool)
     seen, beside, shown = np.zeros(len(cells), int), np.zeros(len(cells), bool), np.zeros(len(cells), bool)
-    for i, (view, (mask, beside_drawn)) in enumerate(zip(views, masks)):
+    for i, (view, mask, beside_drawn) in enumerate(said):
         inside, x, y = view.pixels_of(cells)
         seen += inside
         denied[i, inside] = mask[y, x] == 0
@@ -77,4 +79,4 @@ def belongs(cells, views, masks, groups):
     for group in groups:
         by_side |= denied[group].sum(axis=0) >= SIDE_DENIALS
     least = np.where(shown, MIN_VOTES_OF_DRAWN, MIN_VOTES)
-    return ~beside & (~by_side | shown) & (seen >= MIN_SEEN * len(views)) & (votes >= least * seen)
+    return ~beside & (~by_side | shown) & (seen >= MIN_SEEN * len(said)) & (votes >= least * seen)

@@ -2,11 +2,11 @@
 """What of each photo is the object: GrabCut (Rother et al. 2004), seeded by the object's points and box, made
 consistent between the photos by the volume that their masks have in common above the table."""
 import collections
-import concurrent.futures
 
 import cv2
 import numpy as np
 
+from photos.common import in_threads
 from photos.mask_volume import Volume, disc
 from photos.table_pixels import Table
 
@@ -20,7 +20,8 @@ RING = 0.3               # around the box, of its size: what the background look
 SEED_RADIUS = 0.006      # around a point of the object, of SIDE: surely the object
 ROUNDS = 2               # after the first masks
 BAND = 0.04              # of the object's size in the photo: how far its outline may move in a further round
-LAST_BAND = 0.025
+OUTER_BAND = 0.012       # in the end it may lie so far outside of what the photos agree on: seeds make bumps
+INNER_BAND = 0.04        # .. and so far inside
 NEIGHBOURS = 12          # of a point
 OFF_SURFACE = 0.4        # times their mean distance, from the plane through them: a wrong match
 MIN_AGREEMENT = 0.75     # less: the mask is what the other photos say
@@ -157,9 +158,9 @@ def agreed(mask, silhouette):
     share = agreement(mask, silhouette)
     if share < MIN_AGREEMENT:
         return silhouette, share
-    width = 2 * max(1, round(LAST_BAND * extent(silhouette))) + 1
-    within = cv2.bitwise_and(mask, cv2.dilate(silhouette, disc(width)))
-    return solid(cv2.bitwise_or(within, cv2.erode(silhouette, disc(width)))), share
+    outer, inner = (2 * max(1, round(band * extent(silhouette))) + 1 for band in (OUTER_BAND, INNER_BAND))
+    within = cv2.bitwise_and(mask, cv2.dilate(silhouette, disc(outer)))
+    return solid(cv2.bitwise_or(within, cv2.erode(silhouette, disc(inner)))), share
 
 
 def mask_of(view, trimap):
@@ -177,8 +178,7 @@ def first_masks(photos, box, object_points, table_is_known):
         for view in views:
             view.table = table.pixels(view)
     volume = Volume(*box)
-    with concurrent.futures.ThreadPoolExecutor() as threads:  # OpenCV works without Python's lock
-        masks = list(threads.map(lambda view: mask_of(view, first_trimap(view, volume, object_points)), views))
+    masks = in_threads(lambda view: mask_of(view, first_trimap(view, volume, object_points)), views)
     volume.vote(views, masks)
     return views, masks, volume
 
@@ -187,13 +187,11 @@ def refined(views, masks, volume, object_points):
     """Masks that agree, after further rounds. @param volume of first_masks.
     @return (list of Mask, the volume that they have in common)"""
     seeds = on_surface(object_points)
-    with concurrent.futures.ThreadPoolExecutor() as threads:
-        for _ in range(ROUNDS):
-            volume.vote(views, masks)
-            if not volume.occupied.any():
-                break
-            masks = list(threads.map(lambda view: mask_of(
-                view, band_trimap(view, volume.silhouette(view), BAND, seeds)), views))
+    for _ in range(ROUNDS):
         volume.vote(views, masks)
-        results = list(threads.map(lambda pair: agreed(pair[1], volume.silhouette(pair[0])), zip(views, masks)))
+        if not volume.occupied.any():
+            break
+        masks = in_threads(lambda view: mask_of(view, band_trimap(view, volume.silhouette(view), BAND, seeds)), views)
+    volume.vote(views, masks)
+    results = in_threads(lambda pair: agreed(pair[1], volume.silhouette(pair[0])), zip(views, masks))
     return [Mask(view.full(mask), share) for view, (mask, share) in zip(views, results)], volume

@@ -6,7 +6,7 @@ import os
 import cv2
 import numpy as np
 
-from photos.common import InputError, read_json
+from photos.common import InputError, in_threads, read_json
 
 MAX_PSNR_DB = 60
 RENDERED_SIDE = 960    # of renderings [px]; compared at half of it
@@ -70,18 +70,19 @@ def measure(dataset, renderings, are_equal=True):
     """Each frame of the dataset's two files against its rendering. @param renderings folder with the frames' names; are_equal:
     the photos have one exposure, else each gets a gain first.
     @return [{name, source, held_out, ..}] in the order of the names."""
-    rows = []
-    for part, held_out in (('train', False), ('test', True)):
-        path = os.path.join(dataset, f'transforms_{part}.json')
-        for frame in read_json(path)['frames'] if os.path.exists(path) else ():
-            name = os.path.splitext(os.path.basename(frame['file_path']))[0]
-            rendering = read_rendering(renderings, name)
-            size = rendering.shape[1], rendering.shape[0]
-            photo = cv2.resize(cv2.imread(os.path.join(dataset, frame['file_path'])), size, interpolation=cv2.INTER_AREA)
-            mask = cv2.resize(cv2.imread(os.path.join(dataset, frame['mask_path']), cv2.IMREAD_GRAYSCALE), size,
-                              interpolation=cv2.INTER_AREA)
-            inside = (mask >= 250) & (rendering[:, :, 3] >= 250)
-            if not are_equal and np.count_nonzero(inside) >= MIN_PIXELS:
-                photo = with_gain(photo, rendering, inside)
-            rows.append({'name': name, 'source': frame['source'], 'held_out': held_out, **compared(rendering, photo, mask)})
-    return sorted(rows, key=lambda row: row['name'])
+    def row(part, frame):
+        name = os.path.splitext(os.path.basename(frame['file_path']))[0]
+        rendering = read_rendering(renderings, name)
+        size = rendering.shape[1], rendering.shape[0]
+        photo = cv2.resize(cv2.imread(os.path.join(dataset, frame['file_path'])), size, interpolation=cv2.INTER_AREA)
+        mask = cv2.resize(cv2.imread(os.path.join(dataset, frame['mask_path']), cv2.IMREAD_GRAYSCALE), size,
+                          interpolation=cv2.INTER_AREA)
+        inside = (mask >= 250) & (rendering[:, :, 3] >= 250)
+        if not are_equal and np.count_nonzero(inside) >= MIN_PIXELS:
+            photo = with_gain(photo, rendering, inside)
+        return {'name': name, 'source': frame['source'], 'held_out': part == 'test', **compared(rendering, photo, mask)}
+
+    frames = [(part, frame) for part in ('train', 'test')
+              for path in [os.path.join(dataset, f'transforms_{part}.json')] if os.path.exists(path)
+              for frame in read_json(path)['frames']]
+    return sorted(in_threads(lambda pair: row(*pair), frames), key=lambda row: row['name'])
