@@ -75,11 +75,17 @@ def solid(mask):
     pieces, labels, statistics, _ = cv2.connectedComponentsWithStats((mask > 0).astype(np.uint8))
     if pieces < 2:
         return mask
-    sizes = statistics[1:, cv2.CC_STAT_AREA]
-    kept = 1 + np.flatnonzero(sizes >= 0.1 * sizes.max())
-    result = np.where(np.isin(labels, kept), 255, 0).astype(np.uint8)
+    sizes = statistics[:, cv2.CC_STAT_AREA]
+    kept = sizes >= 0.1 * sizes[1:].max()
+    kept[0] = False  # the background
+    result = np.where(kept, 255, 0).astype(np.uint8)[labels]
     width = max(3, extent(result) // 50 | 1)
     return cv2.morphologyEx(result, cv2.MORPH_CLOSE, disc(width))
+
+
+def of_object(trimap):
+    """Which pixels are the object's, surely or probably."""
+    return (trimap == cv2.GC_FGD) | (trimap == cv2.GC_PR_FGD)
 
 
 def grab_cut(view, trimap):
@@ -92,12 +98,12 @@ def grab_cut(view, trimap):
     ring = int(RING * max(rows[-1] - rows[0], columns[-1] - columns[0])) + 2
     window = (slice(max(0, rows[0] - ring), rows[-1] + ring), slice(max(0, columns[0] - ring), columns[-1] + ring))
     cut = np.ascontiguousarray(trimap[window])
-    is_object = np.isin(cut, (cv2.GC_FGD, cv2.GC_PR_FGD))
+    is_object = of_object(cut)
     if is_object.any() and not is_object.all():
         cv2.setRNGSeed(1)
         cv2.grabCut(np.ascontiguousarray(view.image[window]), cut, None, np.zeros((1, 65)), np.zeros((1, 65)), ITERATIONS,
                     cv2.GC_INIT_WITH_MASK)
-    result[window] = np.where(np.isin(cut, (cv2.GC_FGD, cv2.GC_PR_FGD)), 255, 0)
+    result[window] = np.where(of_object(cut), 255, 0)
     return result
 
 
