@@ -69,6 +69,25 @@ class OneObject(Command):
             mask = cv2.imread(os.path.join(self.output, 'dataset', frame['mask_path']), cv2.IMREAD_GRAYSCALE)
             self.assertGreater(agreement(mask, scenes.true_mask(pose)), 0.93, frame['source'])
 
+    def test_photos_that_are_cut_out(self):
+        self.take_photos()
+        for i, pose in enumerate(self.poses):
+            path = os.path.join(self.photos, f'IMG {i:02d}.png')
+            alpha = 257 * scenes.true_mask(pose).astype(np.uint16)[:, :, None]
+            image = np.concatenate((257 * cv2.imread(path).astype(np.uint16), alpha), axis=2)
+            cv2.imwrite(path, image if i % 2 else (image // 257).astype(np.uint8))  # 16 bits, 8 bits
+        result = self.run_program('--no-training')
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertIn('photos are cut out', self.read('report.json')['frame'])
+        for frame in self.read('dataset', 'transforms_train.json')['frames']:
+            mask = cv2.imread(os.path.join(self.output, 'dataset', frame['mask_path']), cv2.IMREAD_GRAYSCALE)
+            np.testing.assert_array_equal(mask, scenes.true_mask(self.poses[int(frame['source'][4:6])]))
+        with open(os.path.join(self.top, 'options'), encoding='utf-8') as file:
+            self.assertIn(f"ImageReader.mask_path {os.path.join(self.output, 'photos', 'alpha')}", file.read())
+        cv2.imwrite(os.path.join(self.photos, 'IMG 03.png'), np.zeros((240, 320, 4), np.uint8))
+        result = self.run_program('--no-training')
+        self.assertRegex(result.stderr, 'IMG 03.png\' is transparent everywhere')
+
     def test_an_interrupted_run_goes_on(self):
         self.take_photos()
         result = self.run_program('--no-training', COLMAP_FAILS='mapper')

@@ -10,6 +10,7 @@ import threading
 
 from photos import principal_point
 from photos.common import require, whole_folder, write_text
+from photos.intake import CUT_OUTS
 from photos.pairs import pairs_of_database
 from photos.reconstruction import move_principal_points, read_reconstruction
 
@@ -78,12 +79,15 @@ class Colmap:
 
 
 def find_features(colmap, database, photos, cameras):
-    """Features of all photos. @param photos folder with camera_0, camera_1 ..; cameras [{width, height, focal_px}]."""
+    """Features of all photos; of those that are cut out, the object's alone. @param photos folder with camera_0, camera_1 ..;
+    cameras [{width, height, focal_px}]."""
     for i, camera in enumerate(cameras):
         options = {}
         if camera['focal_px']:
             values = camera['focal_px'], camera['width'] / 2, camera['height'] / 2, 0, 0
             options['ImageReader__camera_params'] = ','.join(f'{value:.6g}' for value in values)
+        if os.path.isdir(os.path.join(photos, CUT_OUTS)):
+            options['ImageReader__mask_path'] = os.path.join(photos, CUT_OUTS)
         folder = f'camera_{i}'
         listed = database + f'.{folder}.txt'
         write_text(listed, ''.join(f'{folder}/{name}\n' for name in sorted(os.listdir(os.path.join(photos, folder)))))

@@ -22,7 +22,9 @@ class PosedPhoto:
     R: np.ndarray         # world to camera
     t: np.ndarray
     mask: np.ndarray = None
-    drawn: np.ndarray = None  # the mask that the user drew, if there is one
+    drawn: np.ndarray = None  # the mask that the user gave, if there is one
+    copy: str = ''            # the copy that it was made of, below the folder of copies
+    taken_by: Camera = None   # with its distortion
 
 
 def undistorted(path, camera):
@@ -44,7 +46,8 @@ def posed_photos(reconstruction, folder, sources):
         name, camera = reconstruction.names[i], reconstruction.cameras[reconstruction.camera_of[i]]
         image, pinhole = undistorted(os.path.join(folder, name), camera)
         stem = os.path.splitext(name)[0].replace(os.sep, '_')
-        return PosedPhoto(stem, sources[name], image, pinhole, reconstruction.R[i], reconstruction.t[i])
+        return PosedPhoto(stem, sources[name], image, pinhole, reconstruction.R[i], reconstruction.t[i], copy=name,
+                          taken_by=camera)
 
     return in_threads(posed, range(len(reconstruction.names)))
 

@@ -6,6 +6,7 @@ import os
 import shutil
 
 import cv2
+import numpy as np
 
 from photos.common import InputError, count, require, say
 from photos.image_header import read_header
@@ -15,6 +16,7 @@ from photos.image_header import read_header
 # over that of the user's file; `sharpness`, see below.
 Copy = collections.namedtuple('Copy', 'name source camera turned scale sharpness')
 
+CUT_OUTS = 'alpha'         # folder below the copies: NAME.png, white on the object
 ENDINGS = ('.jpg', '.jpeg', '.png', '.heic', '.heif', '.avif')
 MIN_PHOTOS = 3
 MAX_PHOTOS = 200           # more are thinned: matching all pairs grows with their square
@@ -71,6 +73,26 @@ def load(path, header, max_side):
     return image
 
 
+def cut_out(path, size):
+    """White where a PNG is opaque, of the copy's size; None if it says nothing: it is opaque everywhere, or no PNG."""
+    image = cv2.imread(path, cv2.IMREAD_UNCHANGED) if path.lower().endswith('.png') else None
+    if image is None or image.ndim != 3 or image.shape[2] != 4:
+        return None
+    alpha = image[:, :, 3] if image.dtype == np.uint8 else (image[:, :, 3] >> 8).astype(np.uint8)
+    if alpha.min() == 255:
+        return None
+    require((alpha.shape[1] > alpha.shape[0]) == (size[0] > size[1]), f"'{path}' lies on its side: turn it and save it again")
+    mask = np.where(cv2.resize(alpha, size, interpolation=cv2.INTER_AREA) >= 128, 255, 0).astype(np.uint8)
+    require(mask.any(), f"'{path}' is transparent everywhere: it shows no object")
+    return mask
+
+
+def write_cut_out(mask, folder, name):
+    path = os.path.join(folder, CUT_OUTS, name + '.png')
+    os.makedirs(os.path.dirname(path), exist_ok=True)
+    require(cv2.imwrite(path, mask), f"cannot write '{path}'")
+
+
 def upright_size(width, height):
     return max(width, height), min(width, height)
 
@@ -111,6 +133,7 @@ def copy_photo(path, name, folder, context):
     size = image.shape[1], image.shape[0]
     camera = cameras.index(header, size)
     turned = cameras.shapes[camera] != size
+    mask = cut_out(path, size)
     if turned:
         image = cv2.rotate(image, cv2.ROTATE_90_CLOCKWISE)
     sharp = sharpness(image)
@@ -119,6 +142,8 @@ def copy_photo(path, name, folder, context):
     unchanged = not turned and header.orientation == 1 and size == (header.width, header.height)
     as_is = unchanged and path.lower().endswith(('.jpg', '.jpeg'))
     write_copy(None if as_is else image, path, os.path.join(folder, name))
+    if mask is not None:
+        write_cut_out(cv2.rotate(mask, cv2.ROTATE_90_CLOCKWISE) if turned else mask, folder, name)
     scale = max(size) / max(header.width, header.height)
     return Copy(name, os.path.basename(path), camera, turned, scale, sharp)
 

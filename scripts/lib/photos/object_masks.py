@@ -7,6 +7,7 @@ import numpy as np
 
 from photos.common import InputError, require
 from photos.image_header import read_header
+from photos.intake import CUT_OUTS
 from photos.intake import ENDINGS as PHOTO_ENDINGS
 from photos.mask_volume import CELLS
 from photos.masks import first_masks, refined
@@ -58,6 +59,20 @@ def take_drawn_masks(photos, paths):
         require(photo.drawn.any(), f"'{path}' shows no object: it is black")
 
 
+def take_cut_outs(photos, folder):
+    """Gives photos without a mask that the user drew the one that their alpha says. @param folder of the copies"""
+    for photo in photos:
+        path = os.path.join(folder, CUT_OUTS, photo.copy + '.png')
+        if photo.drawn is not None or not os.path.exists(path):
+            continue
+        mask = cv2.imread(path, cv2.IMREAD_GRAYSCALE)
+        if mask is None:
+            raise InputError(f"cannot read '{path}'")
+        if np.any(photo.taken_by.parameters[4:]):
+            mask = cv2.undistort(mask, photo.taken_by.matrix(), photo.taken_by.parameters[4:])
+        photo.drawn = np.where(mask >= 128, 255, 0).astype(np.uint8)
+
+
 def touched(box, bounds):
     """Which sides of the box the bounds reach: ([3], [3]) of bool, low and high. The bottom is the table, or low enough."""
     cell = (box[1] - box[0]).max() / CELLS
@@ -82,8 +97,8 @@ def mask_photos(photos, region):
     agreements = [mask.agreement for mask in masks]
     against = [photo.source for photo, share in zip(photos, agreements)
                if photo.drawn is not None and share < MIN_DRAWN_AGREEMENT]
-    require(not against, f"masks that you drew contradict those of the other photos: {', '.join(against)}. White is the "
-            'object, and each mask must be of the photo that it is named like')
+    require(not against, f"the masks given for {', '.join(against)} contradict those of the other photos. White, or opaque, "
+            'is the object, and each mask must be of the photo that it is named like')
     for photo, mask in zip(photos, masks):
         photo.mask = mask.image if photo.drawn is None else photo.drawn
     require(any(photo.mask.any() for photo in photos), 'the object was not told from its background: give --box, or put it '

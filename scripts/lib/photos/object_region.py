@@ -7,10 +7,11 @@ import numpy as np
 from photos.common import InputError, require
 from photos.geometry import focus
 from photos.intake import pixel_of_copy
+from photos.mask_volume import MIN_VOTES
 from photos.reconstruction import Reconstruction
 from photos.scale import scale_from_length
-from photos.supporting_plane import (MAX_POINTS, MIN_OBJECT_POINTS, SEED, THICKNESS, Plane, bounds, box_of, find_plane, is_above,
-                                     is_supported, points_above)
+from photos.supporting_plane import (MAX_POINTS, MIN_OBJECT_POINTS, OUTLIERS, SEED, THICKNESS, Plane, bounds, box_of,
+                                     find_plane, is_above, is_supported, points_above, without_strays)
 from photos.targets import scale_from_target
 
 DEPTH = 0.12            # below a plane that may not be the table, of the object's size: the object may reach so far
@@ -49,6 +50,43 @@ def on_found_table(reconstruction):
     low = box.low - (0, 0, DEPTH * np.ptp(points, axis=0).max())
     return Region(moved, low, box.high, False, points, False, 0, 0, 'z is up; the table has too little texture to be found: '
                   'the masks alone say where the object ends')
+
+
+def points_in_masks(reconstruction, photos):
+    """Reliable points that nearly all photos which show them take for the object. @param photos with the masks given"""
+    points = reconstruction.reliable_points()
+    seen, inside_mask = np.zeros(len(points), int), np.zeros(len(points), int)
+    for i, photo in enumerate(photos):
+        height, width = photo.drawn.shape
+        with np.errstate(invalid='ignore'):
+            x, y = np.floor(photo.camera.pixels(points @ reconstruction.R[i].T + reconstruction.t[i])).T
+            shown = (x >= 0) & (x < width) & (y >= 0) & (y < height)
+        seen += shown
+        inside_mask[shown] += photo.drawn[y[shown].astype(int), x[shown].astype(int)] > 0
+    return points[(seen > 0) & (inside_mask >= MIN_VOTES * seen)]
+
+
+def upwards(reconstruction, turned):
+    """The direction that is up in the photos: at right angles to their horizontal axes. @param turned [photos] of bool:
+    turned by 90 degrees clockwise"""
+    level = np.where(turned[:, None], reconstruction.R[:, 1], reconstruction.R[:, 0])
+    up = np.where(turned[:, None], reconstruction.R[:, 0], -reconstruction.R[:, 1]).sum(axis=0)
+    direction = np.linalg.svd(level)[2][2]
+    return direction if direction @ up >= 0 else -direction
+
+
+def on_cut_outs(reconstruction, photos, turned):
+    """Where all photos say what the object is: no table is needed."""
+    points = points_in_masks(reconstruction, photos)
+    require(len(points) >= MIN_OBJECT_POINTS, f'only {len(points)} points lie on what the photos show of the object: it has '
+            'too little texture, or their masks contradict each other')
+    points = without_strays(points)
+    n = upwards(reconstruction, turned)
+    box = box_of(points, Plane(n, float(np.quantile(points @ n, OUTLIERS)), 0.0))
+    points = points @ box.R.T + box.t
+    low = box.low - (0, 0, DEPTH * np.ptp(points, axis=0).max())
+    return Region(reconstruction.moved(1, box.R, box.t), low, box.high, False, points, False, 0, 0,
+                  'z is up as in the photos, 0 at the lowest point: the photos are cut out, and show no table')
 
 
 def on_board(reconstruction, box):
@@ -102,8 +140,18 @@ def marks_of(job, reconstruction):
     return length, marks
 
 
-def find_region(job, reconstruction, board):
-    """@param board ({name of a copy: {number: xy}} of its corners, the board or tags); ({}, None) without one."""
+def found_without_board(job, reconstruction, photos):
+    if job.options.box:
+        return without_table(within_box(reconstruction, job.options.box))
+    if all(photo.drawn is not None for photo in photos):
+        turned = {copy.name: copy.turned for copy in job.copies}
+        return on_cut_outs(reconstruction, photos, np.array([turned[name] for name in reconstruction.names]))
+    return on_found_table(reconstruction)
+
+
+def find_region(job, reconstruction, board, photos):
+    """@param board ({name of a copy: {number: xy}} of its corners, the board or tags); ({}, None) without one; photos of
+    the reconstruction, in its order"""
     options, sigma, origin = job.options, 0.0, ''
     corners, target = board
     if options.poses == 'board':
@@ -114,8 +162,7 @@ def find_region(job, reconstruction, board):
         region = on_board(reconstruction.moved(found.metres_per_unit, found.R, found.t), options.box)
         sigma, origin = found.sigma, f'scale and frame are those of the board or tags ({found.corners} corners)'
     else:
-        region = (without_table(within_box(reconstruction, options.box)) if options.box
-                  else on_found_table(reconstruction))
+        region = found_without_board(job, reconstruction, photos)
         scale = options.metres_per_unit
         if options.length:
             scale = scale_from_length(region.reconstruction, *marks_of(job, reconstruction))

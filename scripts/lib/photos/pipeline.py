@@ -10,7 +10,7 @@ from photos.common import locked, require, whole_folder
 from photos.dataset import posed_photos, write_dataset
 from photos.job import Job, write_options
 from photos.missing import angles
-from photos.object_masks import drawn_masks, mask_photos, take_drawn_masks
+from photos.object_masks import drawn_masks, mask_photos, take_cut_outs, take_drawn_masks
 from photos.object_region import find_region
 from photos.point_cloud import with_points
 from photos.quality import RENDERED_SIDE, measure
@@ -67,7 +67,8 @@ def find_object(job, reconstruction, facts, drawn):
     if job.options.poses == 'board':
         reconstruction = with_points(without_distortion(photos, reconstruction), [photo.image for photo in photos])
     take_drawn_masks(photos, drawn)
-    region = find_region(job, reconstruction, target)
+    take_cut_outs(photos, job.path('photos'))
+    region = find_region(job, reconstruction, target, photos)
     moved = region.reconstruction
     for photo, R, t in zip(photos, moved.R, moved.t):
         photo.R, photo.t = R, t
