@@ -31,9 +31,9 @@ class View:
     """A photo at the size at which masks are found. @param camera a pinhole; R, t world to camera; drawn the user's
     mask of it, if there is one."""
 
-    def __init__(self, image, camera, pose, drawn=None):
+    def __init__(self, image, camera, pose, drawn=None, side=SIDE):
         self.full_shape = image.shape[:2]
-        scale = min(1, SIDE / max(self.full_shape))
+        scale = min(1, side / max(self.full_shape))
         size = round(image.shape[1] * scale), round(image.shape[0] * scale)
         self.image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
         self.shape = size[1], size[0]
@@ -174,12 +174,14 @@ def mask_of(view, trimap):
     return solid(grab_cut(view, trimap)) if view.drawn is None else view.drawn
 
 
-def first_masks(photos, box, object_points, table_is_known):
+def first_masks(photos, box, region, side=SIDE):
     """From the box and the points alone. @param photos undistorted; box (low, high) of the object in the world, which may
-    be larger than the object; object_points of the world; table_is_known: it is the plane z = 0.
+    be larger than the object; region see object_region: its points, and whether the table is known, count here; side at
+    which they are found [px].
     @return (list of View, list of masks at their size, Volume that these have in common)"""
-    views = [View(photo.image, photo.camera, (photo.R, photo.t), photo.drawn) for photo in photos]
-    if table_is_known:
+    object_points = region.points
+    views = in_threads(lambda photo: View(photo.image, photo.camera, (photo.R, photo.t), photo.drawn, side), photos)
+    if region.table_is_known:
         table = Table(views, box, object_points)
         for view in views:
             view.table = table.pixels(view)

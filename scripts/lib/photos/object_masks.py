@@ -13,6 +13,7 @@ from photos.mask_volume import CELLS
 from photos.masks import first_masks, refined
 
 MAX_ROUNDS = 3
+ROUGH_SIDE = 256  # of photos, at which masks suffice to see whether the box is too small [px]
 GROWTH = 0.3     # of the longest side, where the object reaches a side
 MARGIN = 0.03    # of the object's longest side, around the final box
 MIN_DRAWN_AGREEMENT = 0.5  # of a mask that was drawn, with what all masks have in common
@@ -81,18 +82,24 @@ def touched(box, bounds):
     return low, bounds[1] > box[1] - cell
 
 
-def mask_photos(photos, region):
-    """Sets the photos' masks. @return (agreement of each, box (low, high) of the object: the user's, or what the masks
-    have in common with a margin)."""
+def grown_box(photos, region):
+    """The region's box (low, high), larger where rough masks show that the object reaches its sides."""
     box = region.low.copy(), region.high.copy()
-    for _ in range(1 if region.is_given else MAX_ROUNDS):
-        begun = first_masks(photos, box, region.points, region.table_is_known)
-        low, high = touched(box, begun[2].bounds() or box)
+    for _ in range(0 if region.is_given else MAX_ROUNDS):
+        _, _, volume = first_masks(photos, box, region, ROUGH_SIDE)
+        low, high = touched(box, volume.bounds() or box)
         if not (low.any() or high.any()):
             break
         growth = GROWTH * (box[1] - box[0]).max()
         box = box[0] - growth * low, box[1] + growth * high
-    masks, volume = refined(*begun, region.points)
+    return box
+
+
+def mask_photos(photos, region):
+    """Sets the photos' masks. @return (agreement of each, box (low, high) of the object: the user's, or what the masks
+    have in common with a margin)."""
+    box = grown_box(photos, region)
+    masks, volume = refined(*first_masks(photos, box, region), region.points)
     bounds = volume.bounds() or box
     agreements = [mask.agreement for mask in masks]
     against = [photo.source for photo, share in zip(photos, agreements)

@@ -8,7 +8,7 @@ import os
 import cv2
 import numpy as np
 
-from photos.common import write_json, write_text
+from photos.common import in_threads, write_json, write_text
 from photos.dataset import is_held_out
 from photos.summary import advice, figures
 from photos.turntable import STYLE, html_of
@@ -51,7 +51,7 @@ def with_outline(photo, mask):
 
 
 def on_grey(rendering):
-    alpha = rendering[:, :, 3:].astype(float) / 255
+    alpha = rendering[:, :, 3:].astype(np.float32) / 255
     return (rendering[:, :, :3] * alpha + 128 * (1 - alpha)).astype(np.uint8)
 
 
@@ -69,13 +69,14 @@ def pair_of(job, view):
 
 def contact_sheet(job, facts):
     quality = {row['name']: row for row in facts.get('quality', ())}
+    pictures = in_threads(lambda view: embedded(pair_of(job, view)), facts['views'])
     parts = []
-    for i, view in enumerate(facts['views']):
+    for i, (view, picture) in enumerate(zip(facts['views'], pictures)):
         row = quality.get(view['name'])
         shown = f", {row['psnr_object_db']:.1f} dB" if row and row['psnr_object_db'] is not None else ''
         held_out = is_held_out(i)
         text = html.escape(view['source']) + (' (held out)' if held_out else '') + shown
-        parts.append(f'<figure{" class=held" if held_out else ""}><img alt="{text}" src="{embedded(pair_of(job, view))}">'
+        parts.append(f'<figure{" class=held" if held_out else ""}><img alt="{text}" src="{picture}">'
                      f'<figcaption>{text}</figcaption></figure>')
     return '<div class="sheet">' + '\n'.join(parts) + '</div>'
 
