@@ -258,7 +258,7 @@ class Masks(unittest.TestCase):
     def test_inverted_masks_contradict_the_others(self):
         photos = [dataclasses.replace(photo) for photo in self.photos]
         photos[2].drawn = 255 - scenes.true_mask(self.poses[2])
-        with self.assertRaisesRegex(InputError, r"masks given for 2\.jpg contradict those of the other photos\. White"):
+        with self.assertRaisesRegex(InputError, r"masks drawn for 2\.jpg contradict those of the other photos\. White"):
             object_masks.mask_photos(photos, region_of(self.model))
 
     def test_names_of_drawn_masks(self):

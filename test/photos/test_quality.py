@@ -37,6 +37,19 @@ class Renderings(unittest.TestCase):
         np.testing.assert_array_equal(reduced[1], np.tile((150, 100, 50, 255), (2, 1)))
 
 
+    def test_pixels_on_the_outline_are_not_the_object(self):
+        photo, mask = np.full((20, 20, 3), 100, np.uint8), np.zeros((20, 20), np.uint8)
+        mask[5:15, 5:15] = 255
+        mask[5, 5:15] = 140  # half of it shows the table
+        shown = np.dstack((photo, mask))
+        shown[5, :, :3] = 0
+        self.assertEqual(quality.compared(shown, photo, mask)['psnr_object_db'], 60)
+        shown[6, :, :3] = 0
+        self.assertLess(quality.compared(shown, photo, mask)['psnr_object_db'], 20)
+        thin = np.where(mask == 140, mask, 0).astype(np.uint8)  # no pixel is the object's as a whole
+        self.assertIsNotNone(quality.compared(shown, photo, thin)['psnr_object_db'])
+
+
 class Gains(unittest.TestCase):
     def test_another_exposure_is_undone(self):
         shown = rendering()

@@ -78,15 +78,20 @@ class Colmap:
         return self.threads if self.threads > 0 else -1
 
 
+def all_cut_out(photos, cameras):
+    folders = [(os.path.join(photos, f'camera_{i}'), os.path.join(photos, CUT_OUTS, f'camera_{i}')) for i in range(cameras)]
+    return all(os.path.isdir(masks) and len(os.listdir(masks)) == len(os.listdir(copies)) for copies, masks in folders)
+
+
 def find_features(colmap, database, photos, cameras):
-    """Features of all photos; of those that are cut out, the object's alone. @param photos folder with camera_0, camera_1 ..;
+    """Features of all photos; if all are cut out, those of the object alone. @param photos folder with camera_0, camera_1 ..;
     cameras [{width, height, focal_px}]."""
     for i, camera in enumerate(cameras):
         options = {}
         if camera['focal_px']:
             values = camera['focal_px'], camera['width'] / 2, camera['height'] / 2, 0, 0
             options['ImageReader__camera_params'] = ','.join(f'{value:.6g}' for value in values)
-        if os.path.isdir(os.path.join(photos, CUT_OUTS)):
+        if all_cut_out(photos, len(cameras)):
             options['ImageReader__mask_path'] = os.path.join(photos, CUT_OUTS)
         folder = f'camera_{i}'
         listed = database + f'.{folder}.txt'

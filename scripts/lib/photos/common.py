@@ -30,7 +30,7 @@ def count(number, noun):
 
 def in_threads(function, items):
     """The results in order. OpenCV, and numpy with large arrays, work without Python's lock."""
-    with concurrent.futures.ThreadPoolExecutor() as threads:
+    with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as threads:
         return list(threads.map(function, items))
 
 

@@ -22,7 +22,8 @@ class PosedPhoto:
     R: np.ndarray         # world to camera
     t: np.ndarray
     mask: np.ndarray = None
-    drawn: np.ndarray = None  # the mask that the user gave, if there is one
+    drawn: np.ndarray = None  # the mask that the user drew, if there is one
+    cut_out: np.ndarray = None  # the mask that the photo's alpha says, if it says one
     copy: str = ''            # the copy that it was made of, below the folder of copies
     taken_by: Camera = None   # with its distortion
 

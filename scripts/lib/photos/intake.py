@@ -17,6 +17,7 @@ from photos.image_header import read_header
 Copy = collections.namedtuple('Copy', 'name source camera turned scale sharpness')
 
 CUT_OUTS = 'alpha'         # folder below the copies: NAME.png, white on the object
+MIN_TRANSPARENT = 0.01     # of a PNG: less is no cut-out
 ENDINGS = ('.jpg', '.jpeg', '.png', '.heic', '.heif', '.avif')
 MIN_PHOTOS = 3
 MAX_PHOTOS = 200           # more are thinned: matching all pairs grows with their square
@@ -53,14 +54,19 @@ def reduction(header, max_side):
     return max(factor for factor in (1, 2, 4, 8) if factor == 1 or max(header.width, header.height) // factor >= max_side)
 
 
-def load(path, header, max_side):
-    """The photo upright, max_side px high or wide at most. What it takes of memory is bounded."""
+def require_bounded(path, header, max_side):
+    """@return by how much it is reduced while it is decoded"""
     require(header.width * header.height <= MAX_PIXELS,
             f"'{path}' has {header.width} x {header.height} pixels: at most {MAX_PIXELS >> 20} million are read")
     factor = reduction(header, max_side) if path.lower().endswith(('.jpg', '.jpeg')) else 1
     pixels = header.width * header.height // factor ** 2
     require(pixels <= MAX_DECODED_PIXELS,
             f"'{path}' has {header.width} x {header.height} pixels: make it smaller, or a JPEG")
+    return factor
+
+
+def load(path, factor, max_side):
+    """The photo upright, max_side px high or wide at most. @param factor of require_bounded"""
     flag = {1: cv2.IMREAD_COLOR, 2: cv2.IMREAD_REDUCED_COLOR_2, 4: cv2.IMREAD_REDUCED_COLOR_4,
             8: cv2.IMREAD_REDUCED_COLOR_8}[factor]
     image = cv2.imread(path, flag)
@@ -73,18 +79,21 @@ def load(path, header, max_side):
     return image
 
 
-def cut_out(path, size):
-    """White where a PNG is opaque, of the copy's size; None if it says nothing: it is opaque everywhere, or no PNG."""
+def load_cut_out(path, max_side):
+    """(photo, mask: white where it is opaque), max_side px high or wide at most; None if the file is no PNG, or opaque but for
+    corners, say. Both are as they are stored: no orientation is applied."""
     image = cv2.imread(path, cv2.IMREAD_UNCHANGED) if path.lower().endswith('.png') else None
     if image is None or image.ndim != 3 or image.shape[2] != 4:
         return None
-    alpha = image[:, :, 3] if image.dtype == np.uint8 else (image[:, :, 3] >> 8).astype(np.uint8)
-    if alpha.min() == 255:
+    image = image if image.dtype == np.uint8 else (image >> 8).astype(np.uint8)
+    scale = min(1, max_side / max(image.shape))
+    size = max(1, round(image.shape[1] * scale)), max(1, round(image.shape[0] * scale))
+    image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+    mask = np.where(image[:, :, 3] >= 128, 255, 0).astype(np.uint8)
+    if np.mean(mask == 0) < MIN_TRANSPARENT:
         return None
-    require((alpha.shape[1] > alpha.shape[0]) == (size[0] > size[1]), f"'{path}' lies on its side: turn it and save it again")
-    mask = np.where(cv2.resize(alpha, size, interpolation=cv2.INTER_AREA) >= 128, 255, 0).astype(np.uint8)
     require(mask.any(), f"'{path}' is transparent everywhere: it shows no object")
-    return mask
+    return np.ascontiguousarray(image[:, :, :3]), mask
 
 
 def write_cut_out(mask, folder, name):
@@ -129,11 +138,11 @@ def copy_photo(path, name, folder, context):
     """One photo; (cameras, max_side) is the context."""
     cameras, max_side = context
     header = read_header(path)
-    image = load(path, header, max_side)
+    factor = require_bounded(path, header, max_side)
+    image, mask = load_cut_out(path, max_side) or (load(path, factor, max_side), None)
     size = image.shape[1], image.shape[0]
     camera = cameras.index(header, size)
     turned = cameras.shapes[camera] != size
-    mask = cut_out(path, size)
     if turned:
         image = cv2.rotate(image, cv2.ROTATE_90_CLOCKWISE)
     sharp = sharpness(image)

@@ -116,7 +116,8 @@ class Job:
                     copies, cameras = copy_photos(paths, folder, self.options.max_side)
             return [[copy._asdict() for copy in copies], cameras]
 
-        copies, self.cameras = self.steps.run('photos', [file_states(paths), self.options.max_side],
+        cut_outs = ['alpha'] if any(path.lower().endswith('.png') for path in paths) else []
+        copies, self.cameras = self.steps.run('photos', [file_states(paths), self.options.max_side, *cut_outs],
                                               [self.path('photos')], take)
         self.copies = [Copy(**copy) for copy in copies]
 

@@ -10,6 +10,7 @@ MIN_VOTES = 0.85         # of the photos that show a cell: the cell belongs to t
 MIN_VOTES_OF_DRAWN = 0.5  # the same, where a mask that the user drew shows it
 MIN_SEEN = 0.3           # of the photos must show a cell
 SIDE_VIEWS = 5           # a photo and those from the nearest directions: one side of the object
+MAX_COSINE = float(np.cos(np.radians(5)))  # of the angle between two of them
 SIDE_DENIALS = 4         # of them: the cell does not belong to the object, whatever the other sides say
 CHUNK = 1 << 15          # cells at once, to bound memory
 
@@ -19,10 +20,19 @@ def disc(width):
 
 
 def sides(views, middle):
-    """Indices of the views that see each side, [views][SIDE_VIEWS or fewer]: each view with its nearest ones."""
+    """Indices of the views that see each side: each view with the nearest ones that are not from the same place. In a video
+    neighbours err together."""
     directions = np.array([-view.R.T @ view.t - middle for view in views])
     directions /= np.linalg.norm(directions, axis=1)[:, None]
-    return np.argsort(-directions @ directions.T, axis=1, kind='stable')[:, :SIDE_VIEWS]
+    cosines, groups = directions @ directions.T, []
+    for nearest in np.argsort(-cosines, axis=1, kind='stable'):
+        group = []
+        for i in nearest:
+            if len(group) < SIDE_VIEWS and np.all(cosines[i, group] < MAX_COSINE):
+                group.append(i)
+        if len(group) == SIDE_VIEWS:
+            groups.append(group)
+    return groups
 
 
 class Volume:

@@ -46,6 +46,7 @@ class View:
         if drawn is not None:
             reduced = cv2.resize(drawn, size, interpolation=cv2.INTER_AREA)
             self.drawn = np.where(reduced >= 128, 255, 0).astype(np.uint8)
+        self.cut_out = None  # the mask that the photo's alpha says: as good as GrabCut's, not as the user's
 
     def pixels_of(self, points):
         """(which points are in the image [n] of bool, their columns, their rows)."""
@@ -170,8 +171,17 @@ def agreed(mask, silhouette):
 
 
 def mask_of(view, trimap):
-    """The user's mask, or what GrabCut makes of a trimap."""
-    return solid(grab_cut(view, trimap)) if view.drawn is None else view.drawn
+    """The user's mask, that of the photo's alpha, or what GrabCut makes of a trimap."""
+    given = view.cut_out if view.drawn is None else view.drawn
+    return solid(grab_cut(view, trimap)) if given is None else given
+
+
+def view_of(photo, side):
+    view = View(photo.image, photo.camera, (photo.R, photo.t), photo.drawn, side)
+    if photo.cut_out is not None:
+        reduced = cv2.resize(photo.cut_out, view.shape[::-1], interpolation=cv2.INTER_AREA)
+        view.cut_out = np.where(reduced >= 128, 255, 0).astype(np.uint8)
+    return view
 
 
 def first_masks(photos, box, region, side=SIDE):
@@ -180,7 +190,7 @@ def first_masks(photos, box, region, side=SIDE):
     which they are found [px].
     @return (list of View, list of masks at their size, Volume that these have in common)"""
     object_points = region.points
-    views = in_threads(lambda photo: View(photo.image, photo.camera, (photo.R, photo.t), photo.drawn, side), photos)
+    views = in_threads(lambda photo: view_of(photo, side), photos)
     if region.table_is_known:
         table = Table(views, box, object_points)
         for view in views:

@@ -10,8 +10,9 @@ from photos.image_header import read_header
 from photos.intake import CUT_OUTS
 from photos.intake import ENDINGS as PHOTO_ENDINGS
 from photos.mask_volume import CELLS
-from photos.masks import first_masks, refined
+from photos.masks import MIN_AGREEMENT, first_masks, refined
 
+VERSION = 2      # of how masks are found: those of another version are found anew
 MAX_ROUNDS = 3
 ROUGH_SIDE = 256  # of photos, at which masks suffice to see whether the box is too small [px]
 GROWTH = 0.3     # of the longest side, where the object reaches a side
@@ -61,24 +62,26 @@ def take_drawn_masks(photos, paths):
 
 
 def take_cut_outs(photos, folder):
-    """Gives photos without a mask that the user drew the one that their alpha says. @param folder of the copies"""
+    """Gives photos the masks that their alpha says. @param folder of the copies"""
     for photo in photos:
         path = os.path.join(folder, CUT_OUTS, photo.copy + '.png')
-        if photo.drawn is not None or not os.path.exists(path):
+        if not os.path.exists(path):
             continue
         mask = cv2.imread(path, cv2.IMREAD_GRAYSCALE)
         if mask is None:
             raise InputError(f"cannot read '{path}'")
         if np.any(photo.taken_by.parameters[4:]):
             mask = cv2.undistort(mask, photo.taken_by.matrix(), photo.taken_by.parameters[4:])
-        photo.drawn = np.where(mask >= 128, 255, 0).astype(np.uint8)
+        if np.any(mask >= 128):  # undistorted, a small object at the border may be gone
+            photo.cut_out = np.where(mask >= 128, 255, 0).astype(np.uint8)
 
 
-def touched(box, bounds):
-    """Which sides of the box the bounds reach: ([3], [3]) of bool, low and high. The bottom is the table, or low enough."""
+def touched(box, bounds, has_bottom):
+    """Which sides of the box the bounds reach: ([3], [3]) of bool, low and high. @param has_bottom the bottom is the table,
+    or low enough"""
     cell = (box[1] - box[0]).max() / CELLS
     low = bounds[0] < box[0] + cell
-    low[2] = False
+    low[2] &= not has_bottom
     return low, bounds[1] > box[1] - cell
 
 
@@ -87,7 +90,7 @@ def grown_box(photos, region):
     box = region.low.copy(), region.high.copy()
     for _ in range(0 if region.is_given else MAX_ROUNDS):
         _, _, volume = first_masks(photos, box, region, ROUGH_SIDE)
-        low, high = touched(box, volume.bounds() or box)
+        low, high = touched(box, volume.bounds() or box, region.has_bottom)
         if not (low.any() or high.any()):
             break
         growth = GROWTH * (box[1] - box[0]).max()
@@ -104,10 +107,12 @@ def mask_photos(photos, region):
     agreements = [mask.agreement for mask in masks]
     against = [photo.source for photo, share in zip(photos, agreements)
                if photo.drawn is not None and share < MIN_DRAWN_AGREEMENT]
-    require(not against, f"the masks given for {', '.join(against)} contradict those of the other photos. White, or opaque, "
-            'is the object, and each mask must be of the photo that it is named like')
+    require(not against, f"the masks drawn for {', '.join(against)} contradict those of the other photos. White is the object, "
+            'and each mask must be of the photo that it is named like')
     for photo, mask in zip(photos, masks):
         photo.mask = mask.image if photo.drawn is None else photo.drawn
+        if photo.drawn is None and photo.cut_out is not None and mask.agreement >= MIN_AGREEMENT:
+            photo.mask = photo.cut_out
     require(any(photo.mask.any() for photo in photos), 'the object was not told from its background: give --box, or put it '
             'before a background of another colour')
     if region.is_given:

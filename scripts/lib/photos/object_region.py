@@ -15,6 +15,7 @@ from photos.supporting_plane import (MAX_POINTS, MIN_OBJECT_POINTS, OUTLIERS, SE
 from photos.targets import scale_from_target
 
 DEPTH = 0.12            # below a plane that may not be the table, of the object's size: the object may reach so far
+MIN_LEVEL = 0.1         # of horizontal axes: their spread in the second direction over that in the first
 UNIT_OF_UNSCALED = 1.0  # the longest side of the box, where no scale is known
 
 
@@ -29,6 +30,7 @@ class Region:
     metres_per_unit: float           # 1, or 0: unknown
     sigma: float = 0.0               # of the scale, as a share of it; 0: unknown
     origin: str = ''                 # of scale and frame, for the report
+    has_bottom: bool = True          # the box's bottom is the table, or low enough
 
 
 def scaled(region, metres_per_unit):
@@ -53,16 +55,16 @@ def on_found_table(reconstruction):
 
 
 def points_in_masks(reconstruction, photos):
-    """Reliable points that nearly all photos which show them take for the object. @param photos with the masks given"""
+    """Reliable points that nearly all photos which show them take for the object. @param photos that are cut out"""
     points = reconstruction.reliable_points()
     seen, inside_mask = np.zeros(len(points), int), np.zeros(len(points), int)
     for i, photo in enumerate(photos):
-        height, width = photo.drawn.shape
+        height, width = photo.cut_out.shape
         with np.errstate(invalid='ignore'):
             x, y = np.floor(photo.camera.pixels(points @ reconstruction.R[i].T + reconstruction.t[i])).T
             shown = (x >= 0) & (x < width) & (y >= 0) & (y < height)
         seen += shown
-        inside_mask[shown] += photo.drawn[y[shown].astype(int), x[shown].astype(int)] > 0
+        inside_mask[shown] += photo.cut_out[y[shown].astype(int), x[shown].astype(int)] > 0
     return points[(seen > 0) & (inside_mask >= MIN_VOTES * seen)]
 
 
@@ -71,8 +73,11 @@ def upwards(reconstruction, turned):
     turned by 90 degrees clockwise"""
     level = np.where(turned[:, None], reconstruction.R[:, 1], reconstruction.R[:, 0])
     up = np.where(turned[:, None], reconstruction.R[:, 0], -reconstruction.R[:, 1]).sum(axis=0)
-    direction = np.linalg.svd(level)[2][2]
-    return direction if direction @ up >= 0 else -direction
+    _, sizes, axes = np.linalg.svd(level, full_matrices=False)
+    if sizes[1] < MIN_LEVEL * sizes[0]:  # photos along one arc: they say one horizontal axis alone
+        up -= axes[0] * (axes[0] @ up)
+        return up / np.linalg.norm(up)
+    return axes[2] if axes[2] @ up >= 0 else -axes[2]
 
 
 def on_cut_outs(reconstruction, photos, turned):
@@ -86,7 +91,7 @@ def on_cut_outs(reconstruction, photos, turned):
     points = points @ box.R.T + box.t
     low = box.low - (0, 0, DEPTH * np.ptp(points, axis=0).max())
     return Region(reconstruction.moved(1, box.R, box.t), low, box.high, False, points, False, 0, 0,
-                  'z is up as in the photos, 0 at the lowest point: the photos are cut out, and show no table')
+                  'z is up as in the photos, 0 at the lowest point: the photos are cut out, and show no table', False)
 
 
 def on_board(reconstruction, box):
@@ -143,7 +148,7 @@ def marks_of(job, reconstruction):
 def found_without_board(job, reconstruction, photos):
     if job.options.box:
         return without_table(within_box(reconstruction, job.options.box))
-    if all(photo.drawn is not None for photo in photos):
+    if all(photo.cut_out is not None for photo in photos):
         turned = {copy.name: copy.turned for copy in job.copies}
         return on_cut_outs(reconstruction, photos, np.array([turned[name] for name in reconstruction.names]))
     return on_found_table(reconstruction)

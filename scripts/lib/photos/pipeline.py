@@ -10,10 +10,10 @@ from photos.common import locked, require, whole_folder
 from photos.dataset import posed_photos, write_dataset
 from photos.job import Job, write_options
 from photos.missing import angles
-from photos.object_masks import drawn_masks, mask_photos, take_cut_outs, take_drawn_masks
+from photos.object_masks import VERSION, drawn_masks, mask_photos, take_cut_outs, take_drawn_masks
 from photos.object_region import find_region
 from photos.point_cloud import with_points
-from photos.quality import RENDERED_SIDE, measure
+from photos.quality import RENDERED_SIDE, SURE, measure
 from photos.report import write_report
 from photos.steps import file_states
 from photos.targets import parse_target
@@ -37,12 +37,13 @@ def run_steps(job):
     reconstruction, facts = poses.find_poses(job)
     if options.board:
         poses.board_corners(job)
-    chosen = [options.poses, options.board, options.length, options.box, options.metres_per_unit, file_states(drawn)]
+    chosen = [options.poses, options.board, options.length, options.box, options.metres_per_unit, file_states(drawn),
+              VERSION]
     facts = job.steps.run('object', [*chosen, facts], [job.path('dataset')],
                           lambda: find_object(job, reconstruction, facts, drawn))
     if options.learn:
         model = learn(job)
-        quality = job.steps.run('quality', [], [job.path('renderings')],
+        quality = job.steps.run('quality', [RENDERED_SIDE, SURE], [job.path('renderings')],
                                 lambda: compare(job, not model.get('exposure_spread')))
         facts = {**facts, 'model': model, 'quality': quality}
         job.steps.run('turntable', [], [job.path('turntable.jpg')], lambda: turntable(job, facts['box']))

@@ -21,7 +21,7 @@ def read_rendering(folder, name):
     """A rendering with straight alpha at half its size. Its pixels are single rays; those of a photo are means over an area,
     and so are these. @param name without an ending"""
     rendering = cv2.imread(os.path.join(folder, name + '.png'), cv2.IMREAD_UNCHANGED)
-    if rendering is None or rendering.shape[2] != 4:
+    if rendering is None or rendering.ndim != 3 or rendering.shape[2] != 4:
         raise InputError(f"there is no rendering '{name}.png' with alpha in '{folder}'")
     size = max(1, rendering.shape[1] // 2), max(1, rendering.shape[0] // 2)
     alpha = rendering[:, :, 3:].astype(np.float32) / 255
@@ -65,6 +65,8 @@ def compared(rendering, photo, mask):
     shown, truth = blended(rendering[:, :, :3], rendering[:, :, 3]), blended(photo, mask)
     squares = (shown - truth) ** 2
     alpha, inside = rendering[:, :, 3] / 255.0, mask >= SURE
+    if not inside.any():
+        inside = mask >= 128  # a thin object
     far = cv2.dilate(mask, np.ones((9, 9), np.uint8)) == 0
     return {'psnr_object_db': psnr_db(squares[inside]) if inside.any() else None, 'psnr_db': psnr_db(squares),
             'alpha_inside': float(alpha[inside].mean()) if inside.any() else None,
