@@ -65,8 +65,9 @@ def require_bounded(path, header, max_side):
     return factor
 
 
-def load(path, factor, max_side):
-    """The photo upright, max_side px high or wide at most. @param factor of require_bounded"""
+def load(path, header, max_side):
+    """The photo upright, max_side px high or wide at most. What it takes of memory is bounded."""
+    factor = require_bounded(path, header, max_side)
     flag = {1: cv2.IMREAD_COLOR, 2: cv2.IMREAD_REDUCED_COLOR_2, 4: cv2.IMREAD_REDUCED_COLOR_4,
             8: cv2.IMREAD_REDUCED_COLOR_8}[factor]
     image = cv2.imread(path, flag)
@@ -138,8 +139,8 @@ def copy_photo(path, name, folder, context):
     """One photo; (cameras, max_side) is the context."""
     cameras, max_side = context
     header = read_header(path)
-    factor = require_bounded(path, header, max_side)
-    image, mask = load_cut_out(path, max_side) or (load(path, factor, max_side), None)
+    require_bounded(path, header, max_side)
+    image, mask = load_cut_out(path, max_side) or (load(path, header, max_side), None)
     size = image.shape[1], image.shape[0]
     camera = cameras.index(header, size)
     turned = cameras.shapes[camera] != size

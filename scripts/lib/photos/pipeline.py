@@ -82,7 +82,7 @@ def find_object(job, reconstruction, facts, drawn):
             'scale_sigma': region.sigma, 'frame': region.origin, 'object_points': len(region.points),
             'size': (box[1] - box[0]).tolist(),
             'views': [{'name': photo.name, 'source': photo.source, 'azimuth_deg': float(a), 'elevation_deg': float(e),
-                       'mask_agreement': agreement, 'mask_drawn': photo.drawn is not None,
+                       'mask_agreement': agreement, 'mask_drawn': photo.mask is photo.drawn or photo.mask is photo.cut_out,
                        'error_px': error}
                       for photo, agreement, a, e, error in zip(photos, agreements, azimuth, elevation,
                                                                photo_errors(moved))]}
