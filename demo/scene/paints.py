@@ -95,12 +95,13 @@ class Picture:
         """Irregular cells (a Voronoi diagram)."""
         rows, columns = self.rgb.shape[:2]
         sites = self.random.rand(cells, 2) * [columns, rows]
-        y, x = np.mgrid[0:rows, 0:columns]
-        distance = ((x[..., None] - sites[:, 0]) ** 2 + (y[..., None] - sites[:, 1]) ** 2) ** 0.5
-        order = np.argsort(distance, axis=2)[..., :2]
-        near = np.take_along_axis(distance, order, 2)
-        self.rgb[:] = np.array(colours, np.uint8)[order[..., 0] % len(colours)]
-        self.rgb[near[..., 1] - near[..., 0] < 0.6 * PIXELS_PER_MM] = joint
+        x = np.arange(columns)[:, None]
+        for y in range(rows):  # all at once a table's sheet takes tens of gigabytes
+            distance = ((x - sites[:, 0]) ** 2 + (y - sites[:, 1]) ** 2) ** 0.5
+            order = np.argsort(distance, axis=1)[:, :2]
+            near = np.take_along_axis(distance, order, 1)
+            self.rgb[y] = np.array(colours, np.uint8)[order[:, 0] % len(colours)]
+            self.rgb[y][near[:, 1] - near[:, 0] < 0.6 * PIXELS_PER_MM] = joint
         return self
 
     def dots(self, colours, count, radius):
