@@ -1,12 +1,15 @@
 #!/usr/bin/env python3
 # Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 """Tests of what measures photos_to_object: errors of cameras, and faults that are put into models."""
+import os
+import tempfile
 import unittest
 
+import cv2
 import numpy as np
 
 import scenes
-from photo_trials import spoiled, truth
+from photo_trials import reference, spoiled, truth
 from photos.geometry import exp_so3
 
 
@@ -49,6 +52,20 @@ class Errors(unittest.TestCase):
         errors, _ = truth.pose_errors(known(model, T_W_B), found(shifted))
         np.testing.assert_allclose(errors['board_shift_m'], 0.003, atol=1e-6)
         self.assertLess(errors['shift_m'].max(), 1e-6)
+
+
+class Masks(unittest.TestCase):
+    def test_overlap_and_share(self):
+        # Of 40 pixels 30 are found, and 10 beside them: 30 of 50 in common, three quarters of the object.
+        true, found = np.zeros((10, 10), np.uint8), np.zeros((10, 10), np.uint8)
+        true[:4], found[1:5] = 255, 255
+        with tempfile.TemporaryDirectory() as output:
+            os.makedirs(os.path.join(output, 'dataset', 'masks'))
+            for name, mask in (('a', found), ('b', true), ('c', true)):
+                cv2.imwrite(os.path.join(output, 'dataset', 'masks', name + '.png'), mask)
+            photos = [truth.Found(name, name, np.eye(3), (10, 10), np.eye(4), False) for name in 'abc']
+            figures = reference.figures_of_masks(output, photos, [true] * 3)
+        self.assertEqual(figures, {'mask_iou': 1, 'mask_iou_worst': 0.6, 'mask_share': 1, 'mask_share_worst': 0.75})
 
 
 class Faults(unittest.TestCase):

@@ -24,6 +24,14 @@ class DetectingStateTest : public TrackerStateTest {
     EXPECT_TRUE(state_.notTrusted(decision.ticket, TrackReason::kDiverged, ""));
   }
 
+  /// Images whose pose is not trusted, a tenth of a second apart, and the track goes on.
+  void trackVaguely(int first, int end) {
+    for (int i = first; i < end; ++i) {
+      state_.goesOn(image(0.1 * i).ticket, {}, TrackReason::kLowScore, "vague", false);
+      expect(TrackState::kTracking, TrackReason::kLowScore);
+    }
+  }
+
   void lose(double seconds) {
     for (int i = 0; i <= rules_.max_failures; ++i) {
       state_.notTrusted(image(seconds + 0.01 * i).ticket, TrackReason::kLowScore, "");
@@ -149,32 +157,21 @@ TEST_F(DetectingStateTest, ANewInitialPoseBeginsWithoutDoubts) {
   rules_.initial_pose_policy = InitialPosePolicy::kAlways;
   restart();
   state_.offer(poseAt(at(0)));
-  for (int i = 0; i < 30; ++i) {
-    state_.goesOn(image(0.1 * i).ticket, {}, TrackReason::kLowScore, "vague", false);
-  }
+  trackVaguely(0, 30);
   state_.offer(poseAt(at(3)));
-  for (int i = 30; i < 60; ++i) {
-    state_.goesOn(image(0.1 * i).ticket, {}, TrackReason::kLowScore, "vague", false);
-    expect(TrackState::kTracking, TrackReason::kLowScore);
-  }
+  trackVaguely(30, 60);
 }
 
 TEST_F(DetectingStateTest, AConfirmedTrackMayStayVague) {
   state_.offer(poseAt(at(0)));
   track(0);
-  for (int i = 1; i < 200; ++i) {
-    state_.goesOn(image(0.1 * i).ticket, {}, TrackReason::kLowScore, "vague", false);
-    expect(TrackState::kTracking, TrackReason::kLowScore);
-  }
+  trackVaguely(1, 200);
 }
 
 TEST_F(DetectingStateTest, WithoutDetectionATrackThatIsNeverTrustedGoesOn) {
   startBy(TrackStart::kInitialPose);
   state_.offer(poseAt(at(0)));
-  for (int i = 0; i < 200; ++i) {
-    state_.goesOn(image(0.1 * i).ticket, {}, TrackReason::kLowScore, "vague", false);
-    expect(TrackState::kTracking, TrackReason::kLowScore);
-  }
+  trackVaguely(0, 200);
 }
 
 TEST_F(DetectingStateTest, ADoubtfulPoseDoesNotEndTheSearchForALostObject) {

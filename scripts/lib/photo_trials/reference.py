@@ -56,10 +56,17 @@ def quality_with_true_masks(output, photos, masks):
     return rows
 
 
-def mask_overlap(output, photo, mask):
-    """Intersection over union of a found mask and the true one."""
-    found = cv2.imread(os.path.join(output, 'dataset', 'masks', photo.name + '.png'), cv2.IMREAD_GRAYSCALE) >= 128
-    return float(np.count_nonzero(found & (mask >= 128)) / max(1, np.count_nonzero(found | (mask >= 128))))
+def figures_of_masks(output, photos, masks):
+    """Medians and the worst of: intersection over union of found and true masks, and the share of the object that is found.
+    @param masks the true ones"""
+    overlaps, shares = [], []
+    for photo, mask in zip(photos, masks):
+        found = cv2.imread(os.path.join(output, 'dataset', 'masks', photo.name + '.png'), cv2.IMREAD_GRAYSCALE) >= 128
+        both = np.count_nonzero(found & (mask >= 128))
+        overlaps.append(both / max(1, np.count_nonzero(found | (mask >= 128))))
+        shares.append(both / max(1, np.count_nonzero(mask >= 128)))
+    return {'mask_iou': round(float(np.median(overlaps)), 4), 'mask_iou_worst': round(min(overlaps), 4),
+            'mask_share': round(float(np.median(shares)), 4), 'mask_share_worst': round(min(shares), 4)}
 
 
 def report_of(output):

@@ -7,7 +7,7 @@ import subprocess
 import numpy as np
 
 from photo_trials import spoiled
-from photo_trials.reference import mask_overlap, quality_with_true_masks, reference_quality, report_of
+from photo_trials.reference import figures_of_masks, quality_with_true_masks, reference_quality, report_of
 from photo_trials.truth import mask_as_found, pose_errors, read_found, read_truth
 from photos.common import InputError, require
 
@@ -91,11 +91,9 @@ def object_trial(settings):
     reference = [row for row in reference_quality(truth, found, settings.path(f'object_{settings.seed}_reference'),
                                                   (settings.tools, settings.training())) if row['held_out']]
     psnr, best = (float(np.mean([row['psnr_object_db'] for row in some])) for some in (rows, reference))
-    overlaps = [mask_overlap(output, photo, mask) for photo, mask in zip(found, masks)]
     figures = {'posed': len(found), 'photos': settings.photos, **figures_of_poses(errors), 'psnr_db': round(psnr, 2),
                'psnr_of_exact_db': round(best, 2), 'alpha_outside': round(float(np.mean([r['alpha_outside'] for r in rows])), 4),
-               'mask_iou': round(float(np.median(overlaps)), 4), 'mask_iou_worst': round(min(overlaps), 4),
-               'seconds': report['seconds']}
+               **figures_of_masks(output, found, masks), 'seconds': report['seconds']}
     return figures, missed({'poses': np.median(errors['turn_deg']) <= MAX_TURN_DEG, 'scale': errors['scale'] <= MAX_SCALE,
                             'psnr': psnr >= best - MAX_PSNR_LOSS_DB, 'all posed': len(found) == settings.photos})
 
@@ -128,8 +126,11 @@ def good_trial(settings):
     report = make_object(settings, os.path.join(folder, 'photos'), output, '--no-training', *options)
     given = spoiled.model_of(output)
     alarms = {**faults_of(report), **({'as given': spoiled.faults(given)} if spoiled.faults(given) else {})}
-    errors, _ = pose_errors(read_truth(folder), read_found(os.path.join(output, 'dataset')))
-    return {'table': table, 'board': board, **figures_of_poses(errors), 'alarms': alarms}, missed({'no alarm': not alarms})
+    truth, found = read_truth(folder), read_found(os.path.join(output, 'dataset'))
+    errors, aligned = pose_errors(truth, found)
+    masks = figures_of_masks(output, found, [mask_as_found(truth, photo, T) for photo, T in zip(found, aligned)])
+    return ({'table': table, 'board': board, **figures_of_poses(errors), **masks, 'alarms': alarms},
+            missed({'no alarm': not alarms}))
 
 
 def wrong_trial(settings):

@@ -55,7 +55,7 @@ def reduction(header, max_side):
 
 
 def require_bounded(path, header, max_side):
-    """@return by how much it is reduced while it is decoded"""
+    """@return by how much a photo is reduced while it is decoded. @throws InputError if it takes too much memory even so"""
     require(header.width * header.height <= MAX_PIXELS,
             f"'{path}' has {header.width} x {header.height} pixels: at most {MAX_PIXELS >> 20} million are read")
     factor = reduction(header, max_side) if path.lower().endswith(('.jpg', '.jpeg')) else 1

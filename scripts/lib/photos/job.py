@@ -116,6 +116,7 @@ class Job:
                     copies, cameras = copy_photos(paths, folder, self.options.max_side)
             return [[copy._asdict() for copy in copies], cameras]
 
+        # Copies of PNGs that an older version made lack the masks that their alpha says.
         cut_outs = ['alpha'] if any(path.lower().endswith('.png') for path in paths) else []
         copies, self.cameras = self.steps.run('photos', [file_states(paths), self.options.max_side, *cut_outs],
                                               [self.path('photos')], take)

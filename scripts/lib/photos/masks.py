@@ -44,8 +44,7 @@ class View:
         self.table = np.zeros(self.shape, np.uint8)  # 255 where the table is surely seen
         self.drawn = None
         if drawn is not None:
-            reduced = cv2.resize(drawn, size, interpolation=cv2.INTER_AREA)
-            self.drawn = np.where(reduced >= 128, 255, 0).astype(np.uint8)
+            self.drawn = self.reduced(drawn)
         self.cut_out = None  # the mask that the photo's alpha says: as good as GrabCut's, not as the user's
 
     def pixels_of(self, points):
@@ -58,6 +57,11 @@ class View:
         x, y = np.floor(x / depth), np.floor(y / depth)
         inside = front & (x >= 0) & (x < self.shape[1]) & (y >= 0) & (y < self.shape[0])
         return inside, x[inside].astype(int), y[inside].astype(int)
+
+    def reduced(self, mask):
+        """A mask of the photo's size at the size of the view."""
+        small = cv2.resize(mask, self.shape[::-1], interpolation=cv2.INTER_AREA)
+        return np.where(small >= 128, 255, 0).astype(np.uint8)
 
     def full(self, mask):
         """A mask at the size of the photo."""
@@ -179,8 +183,7 @@ def mask_of(view, trimap):
 def view_of(photo, side):
     view = View(photo.image, photo.camera, (photo.R, photo.t), photo.drawn, side)
     if photo.cut_out is not None:
-        reduced = cv2.resize(photo.cut_out, view.shape[::-1], interpolation=cv2.INTER_AREA)
-        view.cut_out = np.where(reduced >= 128, 255, 0).astype(np.uint8)
+        view.cut_out = view.reduced(photo.cut_out)
     return view
 
 
