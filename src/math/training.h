@@ -6,6 +6,7 @@
 #include <cstdint>
 
 #include "math/random.h"
+#include "math/unsure_alpha.h"
 
 namespace nerf_pose_refiner {
 
@@ -67,6 +68,10 @@ struct TrainingTarget {
   float rgb[3], background[3];
 };
 
+/// A pixel of which nothing is known is its own background: it may be transparent, or have the
+/// colour that it has. So such pixels say nothing where there is no object, and what other views
+/// show there stays if it looks like that. (With any other background they would become opaque, or
+/// what others see would be cut away.)
 /// @param rgba of the pixel, straight alpha. @param random_background else it is black.
 NPR_HOST_DEVICE inline TrainingTarget drawTarget(std::uint64_t step_seed, std::uint64_t ray,
                                                  const std::uint8_t rgba[4],
@@ -75,9 +80,10 @@ NPR_HOST_DEVICE inline TrainingTarget drawTarget(std::uint64_t step_seed, std::u
   const float alpha = static_cast<float>(rgba[3]) / 255.0f;
   for (int c = 0; c < 3; ++c) {
     const std::uint64_t counter = ray * 8 + 3 + static_cast<std::uint64_t>(c);
+    const float colour = static_cast<float>(rgba[c]) / 255.0f;
     target.background[c] = random_background ? randomUniform(step_seed, kStreamRay, counter) : 0.0f;
-    target.rgb[c] =
-        alpha * static_cast<float>(rgba[c]) / 255.0f + (1 - alpha) * target.background[c];
+    if (isUnsure(rgba[3])) target.background[c] = colour;
+    target.rgb[c] = alpha * colour + (1 - alpha) * target.background[c];
   }
   return target;
 }

@@ -7,20 +7,25 @@
 #include <stdexcept>
 
 #include "image/colour.h"
+#include "math/unsure_alpha.h"
 
 namespace nerf_pose_refiner {
 namespace {
 
 constexpr double kMaxPsnr_db = 100;  // of two images that are equal
 
-/// Where a view says what there is. One with transparency does so everywhere; one without shows
-/// whatever lies behind the box as well, and counts only where the box can be seen.
+/// Where a view says what there is. One with transparency does so wherever it is sure; one without
+/// shows whatever lies behind the box as well, and counts only where the box can be seen.
 std::vector<std::uint8_t> tellingPixels(const PosedView& view, const Box& box) {
   const std::vector<std::uint8_t>& rgba = view.rgba->values;
   std::vector<std::uint8_t> telling(view.rgba->pixels(), 1);
-  for (std::size_t i = 3; i < rgba.size(); i += 4) {
-    if (rgba[i] < 255) return telling;
+  bool is_transparent = false;
+  for (std::size_t i = 0; i < telling.size(); ++i) {
+    const std::uint8_t alpha = rgba[4 * i + 3];
+    is_transparent = is_transparent || alpha < 255;
+    telling[i] = !isUnsure(alpha);
   }
+  if (is_transparent) return telling;
   for (int y = 0; y < view.camera.height; ++y) {
     for (int x = 0; x < view.camera.width; ++x) {
       const Eigen::Vector3d direction_O = view.T_O_C.R * view.camera.direction(x, y);

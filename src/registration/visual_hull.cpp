@@ -9,6 +9,7 @@
 
 #include "concurrency/parallel.h"
 #include "field/occupied_volume.h"
+#include "math/unsure_alpha.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -20,7 +21,7 @@ constexpr double kMarginCells = 2;     // around the hull
 /// A pixel's number, however far outside of the image the point lies.
 int pixelAt(double whole) { return static_cast<int>(std::min(1e9, std::max(-1e9, whole))); }
 
-/// Numbers of opaque pixels in upright rectangles of a silhouette, by a summed-area table.
+/// Numbers of pixels that may show the object in upright rectangles, by a summed-area table.
 class Silhouette {
  public:
   explicit Silhouette(const Image8& rgba)
@@ -30,7 +31,8 @@ class Silhouette {
     for (int y = 0; y < height_; ++y) {
       int row = 0;
       for (int x = 0; x < width_; ++x) {
-        row += rgba.at(x, y, 3) >= kOpaque;
+        const std::uint8_t alpha = rgba.at(x, y, 3);
+        row += alpha >= kOpaque || isUnsure(alpha);
         sums_[index(x + 1, y + 1)] = sum(x + 1, y) + row;
       }
     }

@@ -103,6 +103,25 @@ TEST(TrainingTarget, IsThePixelOnItsBackground) {
   EXPECT_NE(drawn.background[0], drawn.background[1]);
 }
 
+TEST(TrainingTarget, OfAnUnsurePixelIsItselfBeforeItsOwnColour) {
+  for (const std::uint8_t alpha : {kPerhapsObject, kPerhapsBackground}) {
+    const std::uint8_t pixel[4] = {255, 0, 51, alpha};
+    for (const bool random : {false, true}) {
+      const TrainingTarget target = drawTarget(7, 3, pixel, random);
+      const float expected[3] = {1, 0, 0.2f};
+      for (int c = 0; c < 3; ++c) {
+        EXPECT_NEAR(target.rgb[c], expected[c], 1e-6);
+        EXPECT_NEAR(target.background[c], expected[c], 1e-6);
+      }
+      // Neither transparent nor of its colour is wrong; opaque in another colour is.
+      const float nothing[3] = {0, 0, 0}, black[3] = {0, 0, 0};
+      EXPECT_NEAR(trainingLoss(nothing, 0, target).value, 0, 1e-6);
+      EXPECT_NEAR(trainingLoss(expected, 1, target).value, 0, 1e-6);
+      EXPECT_GT(trainingLoss(black, 1, target).value, 0.5);
+    }
+  }
+}
+
 TEST(Training, PixelsLieInTheirWindow) {
   const PixelWindow window = {3, 5, 4, 2};
   bool corner = false;

@@ -9,6 +9,7 @@
 #include <memory>
 #include <stdexcept>
 
+#include "math/unsure_alpha.h"
 #include "support/expect_error.h"
 
 // Silhouettes of a ball, from cameras all around it.
@@ -132,6 +133,17 @@ TEST(VisualHull, HoldsTheObjectTightly) {
   const Hull hull = hullOf(datasetOf(ball));
   expectTight(hull.box, ball, slackOf(kWide, 4));
   expectRegionAround(hull, ball, slackOf(kWide, 8));
+}
+
+TEST(VisualHull, PixelsOfWhichNothingIsKnownDenyNothing) {
+  const Ball ball;
+  Dataset dataset = datasetOf(ball);
+  Image8 rgba = *dataset.views[0].rgba;  // it takes the ball for background
+  for (std::size_t i = 3; i < rgba.values.size(); i += 4) {
+    rgba.values[i] = rgba.values[i] == 255 ? kPerhapsBackground : 0;
+  }
+  dataset.views[0].rgba = std::make_shared<Image8>(rgba);
+  expectTight(hullOf(dataset).box, ball, slackOf(kWide, 4));
 }
 
 TEST(VisualHull, ImagesThatTheObjectFills) {
