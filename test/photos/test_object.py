@@ -12,11 +12,9 @@ import numpy as np
 
 import scenes
 from photos import dataset, masks, object_masks, object_region, supporting_plane
-from photos.board import Board
 from photos.common import InputError
 from photos.geometry import exp_so3
 from photos.object_region import Region, on_board, on_found_table, scaled
-from photos.table_pixels import Table
 
 
 class SupportingPlane(unittest.TestCase):
@@ -127,7 +125,7 @@ class Masks(unittest.TestCase):
 
     def test_masks_are_the_object_without_the_table(self):
         for photo, pose in zip(self.photos, self.poses):
-            self.assertGreater(masks.agreement(photo.mask, scenes.true_mask(pose)), 0.95, photo.name)
+            self.assertGreater(masks.agreement(photo.mask >= 128, scenes.true_mask(pose)), 0.95, photo.name)
         self.assertGreater(min(self.agreements), 0.9)
 
     def test_the_box_is_that_of_the_object(self):
@@ -300,35 +298,6 @@ class Masks(unittest.TestCase):
                     object_masks.take_drawn_masks([dataclasses.replace(photo)], object_masks.drawn_masks(folder))
                 for path in paths:
                     os.unlink(path)
-
-
-class TableInPhotos(unittest.TestCase):
-    """The object has the colours of the board below it."""
-
-    def test_what_surely_shows_the_table(self):
-        board = Board(12, 12, 40.0, 30.0, '4X4_100')
-        painted = scenes.on_board(board)
-        painted = painted[:1] + [(corners, painted[0][1]) for corners, _ in painted[1:]]
-        camera = scenes.Camera(480, 360, np.array([460.0, 460, 240, 180, 0, 0, 0, 0]))
-        poses = scenes.rounds(6, (35, 60))
-        views = [masks.View(scenes.render(pose, camera, painted), camera, pose) for pose in poses]
-        points, _ = scenes.scene_points(np.random.default_rng(1))
-        table = Table(views, (np.array([-0.15, -0.1, 0]), np.array([0.15, 0.1, 0.2])), points[points[:, 2] > 1e-6])
-        for view, pose in zip(views, poses):
-            shown, truth = table.pixels(view) > 0, scenes.true_mask(pose, camera) > 0
-            self.assertLess(np.mean(shown[truth]), 0.03)
-            ring = cv2.dilate(np.uint8(truth), np.ones((31, 31), np.uint8)) > 0
-            self.assertGreater(np.mean(shown[ring & ~truth]), 0.04)  # edges of the squares
-
-    def test_a_plain_table_says_nothing(self):
-        painted = [(corners, np.full((64, 64, 3), 200 if i == 0 else 60, np.uint8))
-                   for i, (corners, _) in enumerate(scenes.quads())]
-        poses = scenes.rounds(4)
-        views = [masks.View(scenes.render(pose, None, painted), scenes.camera(), pose) for pose in poses]
-        points, _ = scenes.scene_points(np.random.default_rng(1))
-        table = Table(views, (np.array([-0.15, -0.1, 0]), np.array([0.15, 0.1, 0.2])), points[points[:, 2] > 1e-6])
-        for view, pose in zip(views, poses):
-            self.assertLess(np.mean(table.pixels(view)[scenes.true_mask(pose) > 0] > 0), 0.01)
 
 
 class Dataset(unittest.TestCase):

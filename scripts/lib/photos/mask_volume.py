@@ -12,6 +12,8 @@ MIN_SEEN = 0.3           # of the photos must show a cell
 SIDE_VIEWS = 5           # a photo and those from the nearest directions: one side of the object
 MAX_COSINE = float(np.cos(np.radians(5)))  # of the angle between two of them
 SIDE_DENIALS = 4         # of them: the cell does not belong to the object, whatever the other sides say
+DOUBT = 0.5              # weight of a vote where a photo shows what is beyond the table: nothing else tells what is there
+SUPPORT = 0.3            # of the photos must show the table behind a cell: then the others may be unsure of it
 CHUNK = 1 << 15          # cells at once, to bound memory
 
 
@@ -44,6 +46,7 @@ class Volume:
         axes = [np.arange(a + self.size / 2, b, self.size) for a, b in zip(low, high)]
         self.cells = np.stack(np.meshgrid(*axes, indexing='ij'), axis=-1).reshape(-1, 3).astype(np.float32)
         self.occupied = np.ones(len(self.cells), bool)
+        self.is_supported = np.zeros(len(self.cells), bool)
 
     def vote(self, views, masks):
         """Keeps the cells that most photos take for the object, and those of no side deny: a hollow, or the gap below an
@@ -52,7 +55,8 @@ class Volume:
         beside = [None if view.drawn is None else cv2.dilate(view.drawn, disc(3)) == 0 for view in views]
         said = list(zip(views, masks, beside))
         parts = [self.cells[first:first + CHUNK] for first in range(0, len(self.cells), CHUNK)]
-        self.occupied = np.concatenate(in_threads(lambda cells: belongs(cells, said, groups), parts))
+        found = in_threads(lambda cells: belongs(cells, said, groups), parts)
+        self.occupied, self.is_supported = (np.concatenate(kind) for kind in zip(*found))
 
     def bounds(self):
         """(low, high) of the occupied cells, or None."""
@@ -61,8 +65,15 @@ class Volume:
 
     def silhouette(self, view):
         """Of the occupied cells, as a photo shows them: uint8, 255 inside."""
+        return self.shown(view, self.cells[self.occupied])
+
+    def supported(self, view):
+        """Where a photo shows cells alone of which other photos tell enough, of all that may be the object's: uint8."""
+        telling, others = self.is_supported, self.occupied & ~self.is_supported
+        return cv2.bitwise_and(self.shown(view, self.cells[telling]), 255 - self.shown(view, self.cells[others]))
+
+    def shown(self, view, cells):
         image = np.zeros(view.shape, np.uint8)
-        cells = self.cells[self.occupied]
         inside, x, y = view.pixels_of(cells)
         image[y, x] = 255
         if len(cells):
@@ -73,20 +84,27 @@ class Volume:
 
 
 def belongs(cells, said, groups):
-    """Which cells are the object's. What the user drew in some photos is carried to the others: cells beside a drawn mask
-    are gone, and those that it shows need fewer votes. @param said [(view, mask, pixels beside a drawn one or None)]"""
+    """Which cells are the object's, and for which enough photos show the table behind. What the user drew in some photos is
+    carried to the others: cells beside a drawn mask are gone, and those that it shows need fewer votes.
+    @param said [(view, mask, pixels beside a drawn one or None)]"""
     denied = np.zeros((len(said), len(cells)), bool)
-    seen, beside, shown = np.zeros(len(cells), int), np.zeros(len(cells), bool), np.zeros(len(cells), bool)
+    seen, against, known = (np.zeros(len(cells), np.float32) for _ in range(3))
+    count, beside, shown = np.zeros(len(cells), int), np.zeros(len(cells), bool), np.zeros(len(cells), bool)
     for i, (view, mask, beside_drawn) in enumerate(said):
         inside, x, y = view.pixels_of(cells)
-        seen += inside
+        beyond = view.beyond[y, x] > 0
+        weight = np.where(beyond, DOUBT, 1)
+        count += inside
+        seen[inside] += weight
+        known[inside] += ~beyond
         denied[i, inside] = mask[y, x] == 0
+        against[inside] += weight * denied[i, inside]
         if beside_drawn is not None:
             beside[inside] |= beside_drawn[y, x]
             shown[inside] |= view.drawn[y, x] > 0
-    votes = seen - denied.sum(axis=0)
     by_side = np.zeros(len(cells), bool)
     for group in groups:
         by_side |= denied[group].sum(axis=0) >= SIDE_DENIALS
     least = np.where(shown, MIN_VOTES_OF_DRAWN, MIN_VOTES)
-    return ~beside & (~by_side | shown) & (seen >= MIN_SEEN * len(said)) & (votes >= least * seen)
+    enough = (count >= MIN_SEEN * len(said)) & (seen - against >= least * seen)
+    return ~beside & (~by_side | shown) & enough, known >= SUPPORT * len(said)

@@ -15,10 +15,11 @@ from photos.table_pixels import Table
 Mask = collections.namedtuple('Mask', 'image agreement')
 
 SIDE = 512               # masks are found at this size of a photo [px]
-ITERATIONS = 3           # of GrabCut
+ITERATIONS = 2           # of GrabCut
 RING = 0.3               # around the box, of its size: what the background looks like there
 SEED_RADIUS = 0.006      # around a point of the object, of SIDE: surely the object
-ROUNDS = 2               # after the first masks
+ROUNDS = 2               # after the first masks ..
+ROUNDS_BEFORE_TABLE = 1  # .. where the table is known, which tells better
 BAND = 0.04              # of the object's size in the photo: how far its outline may move in a further round
 OUTER_BAND = 0.012       # in the end it may lie so far outside of what the photos agree on: seeds make bumps
 INNER_BAND = 0.04        # .. and so far inside
@@ -42,6 +43,8 @@ class View:
             [[camera.parameters[0], 0, camera.parameters[2]], [0, camera.parameters[1], camera.parameters[3]], [0, 0, 1]])
         self.focal = self.K[0, 0]
         self.table = np.zeros(self.shape, np.uint8)  # 255 where the table is surely seen
+        self.hidden = np.zeros(self.shape, np.uint8)  # .. and where something before it is
+        self.beyond = np.zeros(self.shape, np.uint8)  # .. and where nothing is known of what is behind
         self.drawn = None
         if drawn is not None:
             self.drawn = self.reduced(drawn)
@@ -125,6 +128,7 @@ def first_trimap(view, volume, object_points):
     trimap[body > 0] = cv2.GC_PR_FGD
     radius = max(1, round(SEED_RADIUS * max(view.shape)))
     trimap[cv2.dilate(seeds, disc(2 * radius + 1)) > 0] = cv2.GC_FGD
+    trimap[(view.hidden > 0) & (box > 0)] = cv2.GC_FGD
     return trimap
 
 
@@ -140,6 +144,7 @@ def band_trimap(view, silhouette, band, seeds):
     _, x, y = view.pixels_of(seeds)
     within = outer[y, x] > 0
     trimap[y[within], x[within]] = cv2.GC_FGD
+    trimap[(view.hidden > 0) & (outer > 0)] = cv2.GC_FGD
     return trimap
 
 
@@ -197,18 +202,19 @@ def first_masks(photos, box, region, side=SIDE):
     if region.table_is_known:
         table = Table(views, box, object_points)
         for view in views:
-            view.table = table.pixels(view)
+            view.table = table.surely_in(view)
+            view.hidden, view.beyond = table.hidden_in(view)
     volume = Volume(*box)
     masks = in_threads(lambda view: mask_of(view, first_trimap(view, volume, object_points)), views)
     volume.vote(views, masks)
     return views, masks, volume
 
 
-def refined(views, masks, volume, object_points):
-    """Masks that agree, after further rounds. @param volume of first_masks.
+def refined(views, masks, volume, region):
+    """Masks that agree, after further rounds. @param volume, region as of first_masks.
     @return (list of Mask, the volume that they have in common)"""
-    seeds = on_surface(object_points)
-    for _ in range(ROUNDS):
+    seeds = on_surface(region.points)
+    for _ in range(ROUNDS_BEFORE_TABLE if region.table_is_known else ROUNDS):
         volume.vote(views, masks)
         if not volume.occupied.any():
             break

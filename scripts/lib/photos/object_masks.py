@@ -5,14 +5,16 @@ import os
 import cv2
 import numpy as np
 
-from photos.common import InputError, require
+from photos.common import InputError, in_threads, require
 from photos.image_header import read_header
 from photos.intake import CUT_OUTS
 from photos.intake import ENDINGS as PHOTO_ENDINGS
 from photos.mask_volume import CELLS
-from photos.masks import MIN_AGREEMENT, first_masks, refined
+from photos.masks import MIN_AGREEMENT, Mask, first_masks, refined, view_of
+from photos.outline import outlined
+from photos.table_pixels import Table
 
-VERSION = 2      # of how masks are found: those of another version are found anew
+VERSION = 3      # of how masks are found: those of another version are found anew
 MAX_ROUNDS = 3
 ROUGH_SIDE = 256  # of photos, at which masks suffice to see whether the box is too small [px]
 GROWTH = 0.3     # of the longest side, where the object reaches a side
@@ -98,12 +100,27 @@ def grown_box(photos, region):
     return box
 
 
+def with_outlines(photos, found, views, volume, box):
+    """The found masks, better at their outlines, where the table tells. @param views of first_masks; box of the object"""
+    covered = in_threads(lambda pair: cv2.bitwise_or(pair[0].reduced(pair[1].image), volume.silhouette(pair[0])),
+                         zip(views, found))
+    table = Table(views, box, np.empty((0, 3)), covered)
+
+    def better(pair):
+        view = view_of(pair[0], max(pair[0].image.shape))
+        return Mask(outlined(view, table, pair[1].image, volume), pair[1].agreement)
+    return in_threads(better, zip(photos, found))
+
+
 def mask_photos(photos, region):
     """Sets the photos' masks. @return (agreement of each, box (low, high) of the object: the user's, or what the masks
     have in common with a margin)."""
     box = grown_box(photos, region)
-    masks, volume = refined(*first_masks(photos, box, region), region.points)
+    views, masks, volume = first_masks(photos, box, region)
+    masks, volume = refined(views, masks, volume, region)
     bounds = volume.bounds() or box
+    if region.table_is_known:
+        masks = with_outlines(photos, masks, views, volume, bounds)
     agreements = [mask.agreement for mask in masks]
     against = [photo.source for photo, share in zip(photos, agreements)
                if photo.drawn is not None and share < MIN_DRAWN_AGREEMENT]
@@ -113,7 +130,7 @@ def mask_photos(photos, region):
         photo.mask = mask.image if photo.drawn is None else photo.drawn
         if photo.drawn is None and photo.cut_out is not None and mask.agreement >= MIN_AGREEMENT:
             photo.mask = photo.cut_out
-    require(any(photo.mask.any() for photo in photos), 'the object was not told from its background: give --box, or put it '
+    require(any(np.any(photo.mask >= 128) for photo in photos), 'the object was not told from its background: give --box, or put it '
             'before a background of another colour')
     if region.is_given:
         return agreements, (region.low, region.high)

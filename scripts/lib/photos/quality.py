@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 
 from photos.common import InputError, in_threads, read_json
+from photos.outline import is_unsure
 
 MAX_PSNR_DB = 60
 RENDERED_SIDE = 960    # of renderings [px]; compared at half of it
@@ -58,17 +59,18 @@ def with_gain(photo, rendering, inside):
     return np.clip(np.round(changed), 0, 255).astype(np.uint8)
 
 
-def compared(rendering, photo, mask):
+def compared(rendering, photo, mask, sure=True):
     """Of a rendering with alpha and a photo with its mask: {psnr_object_db, psnr_db, alpha_outside, alpha_inside}.
     psnr_object_db is on the pixels that lie in the mask as a whole: those on its outline show what is behind it, too.
-    psnr_db is on all; both on black."""
+    psnr_db is on all; both on black. @param sure where it is known what the photo shows: the rest does not count"""
     shown, truth = blended(rendering[:, :, :3], rendering[:, :, 3]), blended(photo, mask)
-    squares = (shown - truth) ** 2
-    alpha, inside = rendering[:, :, 3] / 255.0, mask >= SURE
+    squares, sure = (shown - truth) ** 2, np.broadcast_to(sure, mask.shape)
+    alpha, inside = rendering[:, :, 3] / 255.0, (mask >= SURE) & sure
     if not inside.any():
-        inside = mask >= 128  # a thin object
-    far = cv2.dilate(mask, np.ones((9, 9), np.uint8)) == 0
-    return {'psnr_object_db': psnr_db(squares[inside]) if inside.any() else None, 'psnr_db': psnr_db(squares),
+        inside = (mask >= 128) & sure  # a thin object
+    far = (cv2.dilate(mask, np.ones((9, 9), np.uint8)) == 0) & sure
+    return {'psnr_object_db': psnr_db(squares[inside]) if inside.any() else None,
+            'psnr_db': psnr_db(squares[sure]) if sure.any() else None,
             'alpha_inside': float(alpha[inside].mean()) if inside.any() else None,
             'alpha_outside': float(alpha[far].mean()) if far.any() else 0.0}
 
@@ -82,12 +84,13 @@ def measure(dataset, renderings, are_equal=True):
         rendering = read_rendering(renderings, name)
         size = rendering.shape[1], rendering.shape[0]
         photo = cv2.resize(cv2.imread(os.path.join(dataset, frame['file_path'])), size, interpolation=cv2.INTER_AREA)
-        mask = cv2.resize(cv2.imread(os.path.join(dataset, frame['mask_path']), cv2.IMREAD_GRAYSCALE), size,
-                          interpolation=cv2.INTER_AREA)
-        inside = (mask >= SURE) & (rendering[:, :, 3] >= SURE)
+        full = cv2.imread(os.path.join(dataset, frame['mask_path']), cv2.IMREAD_GRAYSCALE)
+        mask, unsure = (cv2.resize(part, size, interpolation=cv2.INTER_AREA)
+                        for part in (np.where(full >= 128, full, 0).astype(np.uint8), np.float32(is_unsure(full))))
+        inside = (mask >= SURE) & (unsure == 0) & (rendering[:, :, 3] >= SURE)
         if not are_equal and np.count_nonzero(inside) >= MIN_PIXELS:
             photo = with_gain(photo, rendering, inside)
-        return {'name': name, 'source': frame['source'], 'held_out': part == 'test', **compared(rendering, photo, mask)}
+        return {'name': name, 'source': frame['source'], 'held_out': part == 'test', **compared(rendering, photo, mask, unsure == 0)}
 
     frames = [(part, frame) for part in ('train', 'test')
               for path in [os.path.join(dataset, f'transforms_{part}.json')] if os.path.exists(path)

@@ -44,7 +44,7 @@ def thumbnail(image):
 
 
 def with_outline(photo, mask):
-    outlines, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
+    outlines, _ = cv2.findContours(np.uint8(mask >= 128), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
     drawn = photo.copy()
     cv2.drawContours(drawn, outlines, -1, MASK_COLOUR, max(2, max(photo.shape) // 200))
     return drawn

@@ -1,18 +1,34 @@
 # Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-"""Which pixels surely show the table: where it has texture, and a photo shows what the other photos show in that place. An
-object of the table's colours is told from it so (a black one on a board)."""
+"""What the photos show of the table, put together from all of them, tells it from the object: where a photo shows what the
+others show in that place it is the table (of a black object on a board, say), where it does not something is before it
+(a part whose colour is elsewhere in the background, say)."""
+import collections
+
 import cv2
 import numpy as np
 
-GRID = 384              # of the table as seen from above [px]
-BEYOND = 0.5            # around the box, of its size
+from photos.common import in_threads
+
+GRID = 640              # of the table as seen from above [px]
+BEYOND = 1.25           # around the box, of its size
 VIEWS = 24              # that the table is put together from
-FEW_VIEWS = 6
+FEW_VIEWS = 6           # less: nothing is known of a place
+UNCOVERED = 0.45        # of them must show a place beside the object: fewer may all take the same part of it for the table
+COVER = 5               # pixels: masks may be so much too small, all around
 SAME = 30               # grey levels: the photo shows the table
+OTHER = 15              # grey levels from all that the table shows nearby: something is before it
+NEARBY = 5              # pixels of a view, for poses err
+GAP = 12                # cells around a place of which the colour is not known: it has one of theirs
 STEADY = 15             # median deviation between the photos: all show the table, nothing stands there
 TEXTURE = 18            # standard deviation in a window: agreement is no chance
 WINDOW = 9
+CONTRAST = 120          # grey levels in a gap's surroundings: they tell little of what is in it
 FOOT = 0.15             # of the box's size: gaps between the object's points from above that belong to it
+
+# A photo against the table behind it, for each pixel. `off`: how far its colour is from all that the table shows nearby;
+# `spread` of these colours [grey levels]; `distance` to the nearest place of which the colour is known [cells]; `beyond`:
+# whether the ray passes the part of the table that is known.
+Look = collections.namedtuple('Look', 'off spread distance beyond')
 
 
 def median_over_views(values, unknown):
@@ -23,35 +39,73 @@ def median_over_views(values, unknown):
     return np.where(count[0] > 0, 0.5 * (low + high), unknown).astype(np.float32)
 
 
+def square(width):
+    return np.ones((width, width), np.uint8)
+
+
 class Table:
     """The table's plane z = 0 from above, put together from all views. @param views see masks.View; box (low, high);
-    points of the object, below which nothing is the table."""
+    points of the object, below which nothing is the table; masks of the object in the views, where they are known: then
+    what they cover does not count, and what they never cover may be the table, below the object's points, too."""
 
-    def __init__(self, views, box, points):
+    def __init__(self, views, box, points, masks=None):
         side = (1 + 2 * BEYOND) * float((box[1] - box[0])[:2].max())
         corner = 0.5 * (box[0] + box[1])[:2] - 0.5 * side
         self.to_plane = np.array([[side / GRID, 0, corner[0]], [0, side / GRID, corner[1]], [0, 0, 1]])
-        chosen = [views[i] for i in np.unique(np.linspace(0, len(views) - 1, min(VIEWS, len(views))).astype(int))]
-        above = [self.from_above(view) for view in chosen]
+        chosen = np.unique(np.linspace(0, len(views) - 1, min(VIEWS, len(views))).astype(int))
+        above = in_threads(lambda i: self.from_above(views[i], None if masks is None else masks[i]), chosen)
         shown = np.array([image for image, _ in above], np.float32)
         shown[np.array([inside for _, inside in above]) == 0] = np.nan
-        self.colour = median_over_views(shown, unknown=0)
-        deviation = median_over_views(np.abs(shown - self.colour).max(axis=3), unknown=255)
+        strips = np.array_split(shown, 8, axis=1)
+        self.colour = np.concatenate(in_threads(lambda strip: median_over_views(strip, unknown=0), strips))
+        deviations = np.array_split(np.abs(shown - self.colour).max(axis=3), 8, axis=1)
+        deviation = np.concatenate(in_threads(lambda strip: median_over_views(strip, unknown=255), deviations))
+        seen, least = np.isfinite(shown[:, :, :, 0]).sum(axis=0), FEW_VIEWS
+        if masks is not None:
+            least = max(FEW_VIEWS, UNCOVERED * len(chosen))
+        steady = (deviation < STEADY) & (seen >= least)
+        if masks is None:
+            steady &= self.foot(points) == 0
         grey = self.colour.mean(axis=2)
         mean = cv2.blur(grey, (WINDOW, WINDOW))
         texture = np.sqrt(np.maximum(0, cv2.blur(grey * grey, (WINDOW, WINDOW)) - mean * mean))
-        seen = np.isfinite(shown[:, :, :, 0]).sum(axis=0)
-        known = (deviation < STEADY) & (texture > TEXTURE) & (seen >= FEW_VIEWS) & (self.foot(points) == 0)
-        self.known = np.where(known, 255, 0).astype(np.uint8)
+        self.known = np.where(steady & (texture > TEXTURE), 255, 0).astype(np.uint8)
+        self.find_gaps(steady)
+
+    def find_gaps(self, steady):
+        """Where no colour is known: a gap, as below the object, has that of the nearest place, or, on a board, any of those
+        around it; what joins the border is beyond the table."""
+        whole = cv2.morphologyEx(cv2.morphologyEx(np.uint8(steady), cv2.MORPH_CLOSE, square(5)), cv2.MORPH_OPEN, square(5))
+        _, pieces = cv2.connectedComponents(1 - whole)
+        outer = np.unique(np.concatenate((pieces[0], pieces[-1], pieces[:, 0], pieces[:, -1])))
+        self.beyond = np.isin(pieces, outer[outer > 0]).astype(np.uint8)
+        self.low, self.high, self.distance = self.colour, self.colour, np.full(steady.shape, 2 * GRID, np.float32)
+        if not steady.any():
+            return
+        self.distance, label = cv2.distanceTransformWithLabels(np.uint8(~steady), cv2.DIST_L2, 5,
+                                                               labelType=cv2.DIST_LABEL_PIXEL)
+        nearest = np.zeros((label.max() + 1, 3), np.float32)
+        nearest[label[steady]] = self.colour[steady]
+        gap = ~steady[:, :, None]
+        low = cv2.erode(np.where(gap, 255, self.colour), square(2 * GAP + 1))
+        high = cv2.dilate(np.where(gap, 0, self.colour), square(2 * GAP + 1))
+        is_plain = (high - low).max(axis=2, keepdims=True) < CONTRAST
+        self.low = np.where(gap & ~is_plain, low, nearest[label])
+        self.high = np.where(gap & ~is_plain, high, nearest[label])
+        self.distance[(low > high).any(axis=2)] = 2 * GRID
 
     def homography(self, view):
         """Pixels from above to pixels of a view. Pixels' centres are at whole numbers in both."""
         half = np.array([[1, 0, 0.5], [0, 1, 0.5], [0, 0, 1]])
         return np.linalg.inv(half) @ view.K @ np.column_stack((view.R[:, :2], view.t)) @ self.to_plane @ half
 
-    def from_above(self, view):
+    def from_above(self, view, mask):
+        """@return (image, which of its pixels the view shows beside the mask)"""
         H, flags = self.homography(view), cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-        inside = cv2.warpPerspective(np.full(view.shape, 255, np.uint8), H, (GRID, GRID), flags=flags)
+        shown = np.full(view.shape, 255, np.uint8)
+        if mask is not None:
+            shown[cv2.dilate(mask, square(COVER)) > 0] = 0
+        inside = cv2.warpPerspective(shown, H, (GRID, GRID), flags=flags)
         return cv2.warpPerspective(view.image, H, (GRID, GRID), flags=flags), inside == 255
 
     def foot(self, points):
@@ -63,11 +117,37 @@ class Table:
         width = int(FOOT * GRID / (1 + 2 * BEYOND)) | 1
         return cv2.morphologyEx(image, cv2.MORPH_CLOSE, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (width, width)))
 
-    def pixels(self, view):
+    def below_horizon(self, view):
+        """Which pixels' rays meet the plane: the others would meet it behind the camera."""
+        row = np.linalg.inv(self.homography(view))[2]
+        rows, columns = np.indices(view.shape, dtype=np.float32)
+        x, y, w = self.homography(view) @ (0.5 * GRID, 0.5 * GRID, 1)
+        sign = np.sign(row @ (x / w, y / w, 1)) * np.sign(w)
+        return sign * (row[0] * columns + row[1] * rows + row[2]) > 0
+
+    def surely_in(self, view):
         """255 where a view surely shows the table."""
         H, size = self.homography(view), view.shape[::-1]
         known = cv2.warpPerspective(self.known, H, size, flags=cv2.INTER_NEAREST)
         colour = cv2.warpPerspective(self.colour, H, size, flags=cv2.INTER_LINEAR)
         same = np.abs(view.image.astype(np.float32) - colour).max(axis=2) < SAME
-        shown = np.where(same & (known > 0), 255, 0).astype(np.uint8)
-        return cv2.morphologyEx(shown, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+        shown = np.where(same & (known > 0) & self.below_horizon(view), 255, 0).astype(np.uint8)
+        return cv2.morphologyEx(shown, cv2.MORPH_OPEN, square(3))
+
+    def behind(self, view, nearby=NEARBY):
+        """The Look of a view. @param nearby width of the window of colours that count as those of a pixel [px]"""
+        H, size, below = self.homography(view), view.shape[::-1], self.below_horizon(view)
+        low = cv2.erode(cv2.warpPerspective(self.low, H, size, flags=cv2.INTER_LINEAR), square(nearby))
+        high = cv2.dilate(cv2.warpPerspective(self.high, H, size, flags=cv2.INTER_LINEAR), square(nearby))
+        image = view.image.astype(np.float32)
+        distance = cv2.warpPerspective(self.distance, H, size, flags=cv2.INTER_LINEAR, borderValue=2 * GRID)
+        beyond = cv2.warpPerspective(self.beyond, H, size, flags=cv2.INTER_NEAREST, borderValue=1)
+        return Look(np.maximum(image - high, low - image).max(axis=2), (high - low).max(axis=2), distance,
+                    (beyond > 0) | ~below)
+
+    def hidden_in(self, view):
+        """(255 where a view surely shows something before the table, 255 where it is beyond)."""
+        look = self.behind(view)
+        known = cv2.erode(np.uint8((look.distance < 1) & ~look.beyond), square(NEARBY))
+        shown = np.where((look.off > OTHER) & (known > 0), 255, 0).astype(np.uint8)
+        return cv2.morphologyEx(shown, cv2.MORPH_OPEN, square(3)), np.where(look.beyond, 255, 0).astype(np.uint8)
