@@ -107,7 +107,7 @@ class ExposureComparison {
     run.report("exposure");
     const auto model = std::make_shared<Field>(trainer->finish(cancellation_));
     if (!(model->metadata.diameter > 0)) return {};  // nothing is opaque yet
-    return photoGains(*backend_->load(model), compared, cancellation_);
+    return photoGains(*backend_->load(model), compared, rough_.threads, cancellation_);
   }
 
   Backend* backend_;
@@ -138,7 +138,7 @@ EqualColours withEqualColours(Backend* backend, const Dataset& dataset,
   for (int round = 1; differ == true; ++round) {
     for (std::size_t i = 0; i < total.size(); ++i) total[i] = combined(total[i], gains[i]);
     equal.spread = gainSpread(total);
-    equal.dataset.views = withGains(dataset.views, total);
+    equal.dataset.views = withGains(dataset.views, total, settings.threads);
     if (round == kGainRounds) break;
     gains = comparison.gains(equal.dataset.views);
     if (gains.empty() || gainSpread(gains) < kGainSettled) break;

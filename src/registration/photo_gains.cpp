@@ -6,7 +6,9 @@
 #include <array>
 #include <cmath>
 #include <memory>
+#include <optional>
 
+#include "concurrency/parallel.h"
 #include "image/colour.h"
 #include "image/resample.h"
 
@@ -32,22 +34,30 @@ struct Pair {
 
 using Channels = std::array<std::vector<Pair>, 3>;
 
-/// Colours of the pixels that show the object in both.
-Channels pairsOf(const LoadedField& field, const PosedView& view,
-                 const CancellationToken& cancellation) {
+/// A view at a low resolution, on black.
+struct SmallView {
+  Camera camera;
+  Image colour, alpha;
+};
+
+SmallView smallOf(const PosedView& view) {
   const double scale =
       std::min(1.0, kLongSide_px / std::max(view.camera.width, view.camera.height));
   const Camera camera = view.camera.scaled(scale);
   const PremultipliedImage full = premultiply(*view.rgba);
-  const Image photo = resample(full.colour, view.camera, camera);
-  const Image alpha = resample(full.alpha, view.camera, camera);
-  const Rendering model = field.render({camera, view.T_O_C}, RenderOptions(), cancellation);
+  return {camera, resample(full.colour, view.camera, camera),
+          resample(full.alpha, view.camera, camera)};
+}
+
+/// Colours of the pixels that show the object in both.
+Channels pairsOf(const SmallView& photo, const Rendering& model) {
   Channels pairs;
-  for (std::size_t i = 0; i < alpha.values.size(); ++i) {
-    if (alpha.values[i] < kSurelyOpaque || model.alpha.values[i] < kSurelyOpaque) continue;
+  for (std::size_t i = 0; i < photo.alpha.values.size(); ++i) {
+    const float alpha = photo.alpha.values[i], opacity = model.alpha.values[i];
+    if (alpha < kSurelyOpaque || opacity < kSurelyOpaque) continue;
     for (std::size_t c = 0; c < 3; ++c) {
-      const double seen = photo.values[3 * i + c] / alpha.values[i];
-      const double shown = model.colour.values[3 * i + c] / model.alpha.values[i];
+      const double seen = photo.colour.values[3 * i + c] / alpha;
+      const double shown = model.colour.values[3 * i + c] / opacity;
       if (seen > kDark && seen < kBright) pairs[c].push_back({seen, shown});
     }
   }
@@ -97,6 +107,18 @@ std::pair<double, double> robustFit(const std::vector<Pair>& pairs) {
   return line;
 }
 
+/// Nothing, if the view shows too little of the object.
+std::optional<PhotoGain> gainOf(const Channels& pairs) {
+  PhotoGain gain;
+  for (std::size_t c = 0; c < 3; ++c) {
+    if (pairs[c].size() < static_cast<std::size_t>(kMinPixels)) return std::nullopt;
+    const auto [factor, offset] = robustFit(pairs[c]);
+    gain.gain[static_cast<Eigen::Index>(c)] = std::clamp(factor, kMinGain, kMaxGain);
+    gain.bias[static_cast<Eigen::Index>(c)] = offset;
+  }
+  return gain;
+}
+
 /// So that the median view keeps its colours.
 void normalise(std::vector<PhotoGain>* gains) {
   for (Eigen::Index c = 0; c < 3; ++c) {
@@ -116,28 +138,32 @@ void normalise(std::vector<PhotoGain>* gains) {
 }  // namespace
 
 std::vector<PhotoGain> photoGains(const LoadedField& field, const std::vector<PosedView>& views,
-                                  const CancellationToken& cancellation) {
-  std::vector<PhotoGain> known;
-  std::vector<std::size_t> places;
+                                  int threads, const CancellationToken& cancellation) {
+  const int count = static_cast<int>(views.size());
+  std::vector<SmallView> photos(views.size());
+  parallelFor(threadCount(threads), count, [&](int i) {
+    cancellation.check();
+    photos[i] = smallOf(views[i]);
+  });
+  std::vector<Rendering> models;  // each uses all threads
   for (std::size_t i = 0; i < views.size(); ++i) {
-    const Channels pairs = pairsOf(field, views[i], cancellation);
-    PhotoGain gain;
-    bool enough = true;
-    for (std::size_t c = 0; c < 3; ++c) {
-      enough = enough && pairs[c].size() >= static_cast<std::size_t>(kMinPixels);
-      if (!enough) break;
-      const auto [factor, offset] = robustFit(pairs[c]);
-      gain.gain[static_cast<Eigen::Index>(c)] = std::clamp(factor, kMinGain, kMaxGain);
-      gain.bias[static_cast<Eigen::Index>(c)] = offset;
-    }
-    if (!enough) continue;
-    known.push_back(gain);
-    places.push_back(i);
+    models.push_back(
+        field.render({photos[i].camera, views[i].T_O_C}, RenderOptions(), cancellation));
+  }
+  std::vector<std::optional<PhotoGain>> found(views.size());
+  parallelFor(threadCount(threads), count,
+              [&](int i) { found[i] = gainOf(pairsOf(photos[i], models[i])); });
+  std::vector<PhotoGain> known;
+  for (const std::optional<PhotoGain>& gain : found) {
+    if (gain) known.push_back(*gain);
   }
   std::vector<PhotoGain> gains(views.size());
   if (known.empty()) return gains;
   normalise(&known);
-  for (std::size_t i = 0; i < known.size(); ++i) gains[places[i]] = known[i];
+  auto next = known.begin();
+  for (std::size_t i = 0; i < found.size(); ++i) {
+    if (found[i]) gains[i] = *next++;
+  }
   return gains;
 }
 
@@ -156,9 +182,10 @@ PhotoGain combined(const PhotoGain& first, const PhotoGain& second) {
 }
 
 std::vector<PosedView> withGains(const std::vector<PosedView>& views,
-                                 const std::vector<PhotoGain>& gains) {
+                                 const std::vector<PhotoGain>& gains, int threads) {
   std::vector<PosedView> changed = views;
-  for (std::size_t i = 0; i < views.size(); ++i) {
+  parallelFor(threadCount(threads), static_cast<int>(views.size()), [&](int view) {
+    const auto i = static_cast<std::size_t>(view);
     Image8 image = *views[i].rgba;
     for (std::size_t c = 0; c < 3; ++c) {
       const auto channel = static_cast<Eigen::Index>(c);
@@ -173,7 +200,7 @@ std::vector<PosedView> withGains(const std::vector<PosedView>& views,
       }
     }
     changed[i].rgba = std::make_shared<const Image8>(std::move(image));
-  }
+  });
   return changed;
 }
 

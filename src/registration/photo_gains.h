@@ -25,10 +25,11 @@ struct PhotoGain {
 /// The gain of each view against a rendering of the model at its pose, at a low resolution. Robust:
 /// what is wrong in the model, or moved, counts little. Views that show too little of the object
 /// (or are clipped there) have none, which is the identity.
+/// @param threads 0: all cores.
 /// @return of all views in order, relative to the median view, whose colours stay as they are.
 /// @throws Cancelled.
 std::vector<PhotoGain> photoGains(const LoadedField& field, const std::vector<PosedView>& views,
-                                  const CancellationToken& cancellation);
+                                  int threads, const CancellationToken& cancellation);
 
 /// How much the views differ: root of the mean square of the logarithm by which a mean grey
 /// changes, in the channel where that is largest. 0.03 is a tenth of an aperture stop.
@@ -38,8 +39,8 @@ double gainSpread(const std::vector<PhotoGain>& gains);
 PhotoGain combined(const PhotoGain& first, const PhotoGain& second);
 
 /// The views with their colours changed, rounded and clipped to bytes; alpha stays.
-/// @param gains one for each view.
+/// @param gains one for each view. @param threads 0: all cores.
 std::vector<PosedView> withGains(const std::vector<PosedView>& views,
-                                 const std::vector<PhotoGain>& gains);
+                                 const std::vector<PhotoGain>& gains, int threads);
 
 }  // namespace nerf_pose_refiner

@@ -3,6 +3,7 @@
 #include <chrono>
 #include <cstdio>
 #include <filesystem>
+#include <future>
 #include <set>
 #include <string>
 #include <vector>
@@ -23,6 +24,7 @@ namespace {
 
 constexpr float kDepthAlpha = 0.5f;  // fainter pixels have no depth
 constexpr const char* kDepthSuffix = "_depth";
+constexpr std::size_t kWrittenTogether = 16;  // views: encoding takes longer than rendering
 
 struct RenderToolOptions {
   std::string model;
@@ -153,6 +155,14 @@ void write(const RenderToolOptions& options, const Rendering& rendering, const P
   }
 }
 
+/// Writes a rendering. @return what is said of it, beside its time.
+nlohmann::json finished(const RenderToolOptions& options, const Rendering& rendering,
+                        const PosedView& view, double metres_per_unit) {
+  write(options, rendering, view, metres_per_unit);
+  if (!options.psnr) return nlohmann::json::object();
+  return {{"psnr_db", psnrOf(rendering, limited(view.camera, options.max_size), view)}};
+}
+
 void check(const RenderToolOptions& options, const Field& field) {
   if (options.output.empty() && !options.psnr) {
     throw std::invalid_argument("nothing to do: give --output or --psnr");
@@ -195,15 +205,24 @@ void render(const RenderToolOptions& options, const CancellationToken& cancellat
   requireDistinctOutputs(options, views);
   nlohmann::json rows = nlohmann::json::array();
   ProgressLine line;
-  for (const PosedView& view : views) {
-    line.show(static_cast<double>(rows.size()) / views.size(), view.name);
-    const Camera camera = limited(view.camera, options.max_size);
-    const auto start = std::chrono::steady_clock::now();
-    const Rendering rendering = loaded->render({camera, view.T_O_C}, {}, cancellation);
-    const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
-    write(options, rendering, view, field->metadata.metres_per_unit);
-    rows.push_back({{"view", view.name}, {"seconds", elapsed.count()}});
-    if (options.psnr) rows.back()["psnr_db"] = psnrOf(rendering, camera, view);
+  for (std::size_t first = 0; first < views.size(); first += kWrittenTogether) {
+    const std::size_t count = std::min(kWrittenTogether, views.size() - first);
+    std::vector<Rendering> renderings;  // one after the other: each uses all threads
+    for (std::size_t i = first; i < first + count; ++i) {
+      line.show(static_cast<double>(i) / views.size(), views[i].name);
+      const Camera camera = limited(views[i].camera, options.max_size);
+      const auto start = std::chrono::steady_clock::now();
+      renderings.push_back(loaded->render({camera, views[i].T_O_C}, {}, cancellation));
+      const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
+      rows.push_back({{"view", views[i].name}, {"seconds", elapsed.count()}});
+    }
+    std::vector<std::future<nlohmann::json>> written;
+    for (std::size_t k = 0; k < count; ++k) {
+      written.push_back(std::async(std::launch::async, [&, k] {
+        return finished(options, renderings[k], views[first + k], field->metadata.metres_per_unit);
+      }));
+    }
+    for (std::size_t k = 0; k < count; ++k) rows[first + k].update(written[k].get());
   }
   line.end();
   report(options, rows);

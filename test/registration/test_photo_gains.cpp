@@ -34,7 +34,7 @@ std::vector<PhotoGain> exposures(std::size_t count, std::size_t period) {
 }
 
 std::vector<PosedView> exposed(const std::vector<PosedView>& views) {
-  return withGains(views, exposures(views.size(), 5));
+  return withGains(views, exposures(views.size(), 5), 2);
 }
 
 TEST(PhotoGains, ChangeColoursAndNotAlpha) {
@@ -45,7 +45,7 @@ TEST(PhotoGains, ChangeColoursAndNotAlpha) {
   PhotoGain gain;
   gain.gain = {0.5, 2, 1};
   gain.bias = {0.1, 0, -0.1};
-  const std::vector<PosedView> changed = withGains({view}, {gain});
+  const std::vector<PosedView> changed = withGains({view}, {gain}, 2);
   // 50 + 25.5, 400 clipped, 10 - 25.5 clipped; 0 + 25.5, 510 clipped, 50 - 25.5 (just below 24.5).
   EXPECT_EQ(changed[0].rgba->values, (std::vector<std::uint8_t>{76, 255, 0, 255, 26, 255, 24, 7}));
 }
@@ -70,9 +70,9 @@ TEST(PhotoGains, SpreadIsTheChangeOfAMeanGrey) {
 TEST(PhotoGains, AreFoundWithAnExactModel) {
   const auto scene = makeAnalyticScene(1, cpuProcessor(2));
   const Dataset truth = analyticDataset(7, 64);
-  EXPECT_LT(gainSpread(photoGains(*scene, truth.views, {})), 0.02);
+  EXPECT_LT(gainSpread(photoGains(*scene, truth.views, 2, {})), 0.02);
   const std::vector<PhotoGain> made = exposures(7, 7);
-  const std::vector<PhotoGain> found = photoGains(*scene, withGains(truth.views, made), {});
+  const std::vector<PhotoGain> found = photoGains(*scene, withGains(truth.views, made, 2), 2, {});
   const Eigen::Array3d grey = Eigen::Array3d::Constant(0.4);
   for (std::size_t i = 0; i < found.size(); ++i) {
     const Eigen::Array3d back = found[i](made[i](grey));
@@ -84,7 +84,7 @@ TEST(PhotoGains, AViewThatShowsNothingKeepsItsColours) {
   const auto scene = makeAnalyticScene();
   Dataset dataset = analyticDataset(3, 32);
   dataset.views[1].T_O_C.R = dataset.views[1].T_O_C.R * expSO3({0, 3.1, 0});
-  const std::vector<PhotoGain> gains = photoGains(*scene, dataset.views, {});
+  const std::vector<PhotoGain> gains = photoGains(*scene, dataset.views, 2, {});
   EXPECT_EQ(gains[1].gain[0], 1);
   EXPECT_EQ(gains[1].bias[2], 0);
 }
@@ -158,7 +158,7 @@ TEST(EqualColours, AShinyObjectIsLeftAlone) {
   for (std::size_t i = 0; i < gains.size(); ++i) {  // brighter from one side
     gains[i].gain = 1 + 0.25 * shiny.views[i].T_O_C.t.normalized().x();
   }
-  shiny.views = withGains(shiny.views, gains);
+  shiny.views = withGains(shiny.views, gains, 2);
   EXPECT_EQ(equalColours(shiny, shortTraining()).spread, 0);
 }
 
