@@ -9,6 +9,8 @@ import shutil
 import stat
 import tempfile
 
+import cv2
+
 
 class InputError(Exception):
     """What a user gave cannot be used. The text names the file and the cure."""
@@ -30,8 +32,13 @@ def count(number, noun):
 
 def in_threads(function, items):
     """The results in order. OpenCV, and numpy with large arrays, work without Python's lock."""
-    with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as threads:
-        return list(threads.map(function, items))
+    own_threads = cv2.getNumThreads()
+    cv2.setNumThreads(1)  # else each thread would start as many again
+    try:
+        with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as threads:
+            return list(threads.map(function, items))
+    finally:
+        cv2.setNumThreads(own_threads)
 
 
 def mode_of(path):

@@ -1,5 +1,6 @@
 # Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 """Similarities, triangulation and rotations, in numpy."""
+import cv2
 import numpy as np
 
 
@@ -16,6 +17,13 @@ def angle_deg(R):
     """Angle of a rotation, or of each of an array [..][3][3]."""
     cosine = 0.5 * (np.trace(R, axis1=-2, axis2=-1) - 1)
     return np.degrees(np.arccos(np.clip(cosine, -1, 1)))
+
+
+def nearest(points, count):
+    """(distances, numbers) of the other points that are nearest to each: [n][count], nearest first."""
+    centred = np.ascontiguousarray(points - points.mean(axis=0), np.float32)
+    distances, numbers = cv2.batchDistance(centred, centred, cv2.CV_32F, K=count + 1)
+    return distances[:, 1:], numbers[:, 1:]  # without itself
 
 
 def similarity(source, target):

@@ -2,11 +2,13 @@
 """What of each photo is the object: GrabCut (Rother et al. 2004), seeded by the object's points and box, made
 consistent between the photos by the volume that their masks have in common above the table."""
 import collections
+import copy
 
 import cv2
 import numpy as np
 
 from photos.common import in_threads
+from photos.geometry import nearest
 from photos.mask_volume import Volume, disc
 from photos.table_pixels import Table
 
@@ -14,12 +16,12 @@ from photos.table_pixels import Table
 # photos together say, before it was made to agree.
 Mask = collections.namedtuple('Mask', 'image agreement')
 
-SIDE = 512               # masks are found at this size of a photo [px]
+ROUGH_SIDE = 256         # of a photo, at which the first masks are found [px]
+SIDE = 512               # at this size they are made to agree
 ITERATIONS = 2           # of GrabCut
 RING = 0.3               # around the box, of its size: what the background looks like there
 SEED_RADIUS = 0.006      # around a point of the object, of SIDE: surely the object
-ROUNDS = 2               # after the first masks ..
-ROUNDS_BEFORE_TABLE = 1  # .. where the table is known, which tells better
+ROUNDS = 2               # after the first masks
 BAND = 0.04              # of the object's size in the photo: how far its outline may move in a further round
 OUTER_BAND = 0.012       # in the end it may lie so far outside of what the photos agree on: seeds make bumps
 INNER_BAND = 0.04        # .. and so far inside
@@ -49,6 +51,14 @@ class View:
         if drawn is not None:
             self.drawn = self.reduced(drawn)
         self.cut_out = None  # the mask that the photo's alpha says: as good as GrabCut's, not as the user's
+
+    def part(self, rows, columns):
+        """Of the same photo: what the slices hold, as a view of its own."""
+        result = copy.copy(self)
+        result.image = np.ascontiguousarray(self.image[rows, columns])
+        result.shape = result.image.shape[:2]
+        result.K = self.K - np.array([[0, 0, columns.start], [0, 0, rows.start], [0, 0, 0]])
+        return result
 
     def pixels_of(self, points):
         """(which points are in the image [n] of bool, their columns, their rows)."""
@@ -153,13 +163,11 @@ def on_surface(points):
     count = min(NEIGHBOURS, len(points) - 1)
     if count < 3:
         return points
-    distances = np.sqrt(np.maximum(0, (points ** 2).sum(axis=1)[:, None] + (points ** 2).sum(axis=1) - 2 * points @ points.T))
-    np.fill_diagonal(distances, np.inf)
-    nearest = np.argpartition(distances, count - 1, axis=1)[:, :count]
-    around = points[nearest] - points[nearest].mean(axis=1, keepdims=True)
+    distances, numbers = nearest(points, count)
+    around = points[numbers] - points[numbers].mean(axis=1, keepdims=True)
     normals = np.linalg.svd(around, full_matrices=False)[2][:, 2]
-    heights = np.abs(np.einsum('ni,ni->n', points - points[nearest].mean(axis=1), normals))
-    return points[heights < OFF_SURFACE * np.take_along_axis(distances, nearest, axis=1).mean(axis=1)]
+    heights = np.abs(np.einsum('ni,ni->n', points - points[numbers].mean(axis=1), normals))
+    return points[heights < OFF_SURFACE * distances.mean(axis=1)]
 
 
 def agreement(a, b):
@@ -192,33 +200,36 @@ def view_of(photo, side):
     return view
 
 
-def first_masks(photos, box, region, side=SIDE):
-    """From the box and the points alone. @param photos undistorted; box (low, high) of the object in the world, which may
-    be larger than the object; region see object_region: its points, and whether the table is known, count here; side at
-    which they are found [px].
-    @return (list of View, list of masks at their size, Volume that these have in common)"""
-    object_points = region.points
+def views_of(photos, box, region, side):
+    """The photos at the size at which masks are found [px], with what the table tells. @param photos undistorted"""
     views = in_threads(lambda photo: view_of(photo, side), photos)
     if region.table_is_known:
-        table = Table(views, box, object_points)
-        for view in views:
+        table = Table(views, box, region.points)
+
+        def look(view):
             view.table = table.surely_in(view)
             view.hidden, view.beyond = table.hidden_in(view)
-    volume = Volume(*box)
-    masks = in_threads(lambda view: mask_of(view, first_trimap(view, volume, object_points)), views)
-    volume.vote(views, masks)
-    return views, masks, volume
+        in_threads(look, views)
+    return views
 
 
-def refined(views, masks, volume, region):
-    """Masks that agree, after further rounds. @param volume, region as of first_masks.
-    @return (list of Mask, the volume that they have in common)"""
-    seeds = on_surface(region.points)
-    for _ in range(ROUNDS_BEFORE_TABLE if region.table_is_known else ROUNDS):
+def first_volume(photos, box, region):
+    """What rough masks have in common, from the box and the points alone. @param photos undistorted; box (low, high) of the
+    object in the world, which may be larger than the object; region see object_region: its points, and whether the table
+    is known, count here"""
+    views, volume = views_of(photos, box, region, ROUGH_SIDE), Volume(*box)
+    volume.vote(views, in_threads(lambda view: mask_of(view, first_trimap(view, volume, region.points)), views))
+    return volume
+
+
+def refined(views, volume, region):
+    """Masks that agree, of volume's silhouettes. @param volume of first_volume, which is changed to what they have in common
+    @return list of Mask"""
+    seeds, masks = on_surface(region.points), []
+    for _ in range(ROUNDS):
+        masks = in_threads(lambda view: mask_of(view, band_trimap(view, volume.silhouette(view), BAND, seeds)), views)
         volume.vote(views, masks)
         if not volume.occupied.any():
             break
-        masks = in_threads(lambda view: mask_of(view, band_trimap(view, volume.silhouette(view), BAND, seeds)), views)
-    volume.vote(views, masks)
     results = in_threads(lambda pair: agreed(pair[1], volume.silhouette(pair[0])), zip(views, masks))
-    return [Mask(view.full(mask), share) for view, (mask, share) in zip(views, results)], volume
+    return [Mask(view.full(mask), share) for view, (mask, share) in zip(views, results)]

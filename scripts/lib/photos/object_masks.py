@@ -10,13 +10,12 @@ from photos.image_header import read_header
 from photos.intake import CUT_OUTS
 from photos.intake import ENDINGS as PHOTO_ENDINGS
 from photos.mask_volume import CELLS
-from photos.masks import MIN_AGREEMENT, Mask, first_masks, refined, view_of
+from photos.masks import MIN_AGREEMENT, SIDE, Mask, first_volume, refined, view_of, views_of
 from photos.outline import outlined
 from photos.table_pixels import Table
 
 VERSION = 3      # of how masks are found: those of another version are found anew
 MAX_ROUNDS = 3
-ROUGH_SIDE = 256  # of photos, at which masks suffice to see whether the box is too small [px]
 GROWTH = 0.3     # of the longest side, where the object reaches a side
 MARGIN = 0.03    # of the object's longest side, around the final box
 MIN_DRAWN_AGREEMENT = 0.5  # of a mask that was drawn, with what all masks have in common
@@ -87,21 +86,21 @@ def touched(box, bounds, has_bottom):
     return low, bounds[1] > box[1] - cell
 
 
-def grown_box(photos, region):
-    """The region's box (low, high), larger where rough masks show that the object reaches its sides."""
+def found_volume(photos, region):
+    """The volume of rough masks in the region's box, which grows while they reach its sides."""
     box = region.low.copy(), region.high.copy()
-    for _ in range(0 if region.is_given else MAX_ROUNDS):
-        _, _, volume = first_masks(photos, box, region, ROUGH_SIDE)
+    for _ in range(MAX_ROUNDS):
+        volume = first_volume(photos, box, region)
         low, high = touched(box, volume.bounds() or box, region.has_bottom)
-        if not (low.any() or high.any()):
+        if region.is_given or not (low.any() or high.any()):
             break
         growth = GROWTH * (box[1] - box[0]).max()
         box = box[0] - growth * low, box[1] + growth * high
-    return box
+    return volume
 
 
 def with_outlines(photos, found, views, volume, box):
-    """The found masks, better at their outlines, where the table tells. @param views of first_masks; box of the object"""
+    """The found masks, better at their outlines, where the table tells. @param views at which they were found; box of the object"""
     covered = in_threads(lambda pair: cv2.bitwise_or(pair[0].reduced(pair[1].image), volume.silhouette(pair[0])),
                          zip(views, found))
     table = Table(views, box, np.empty((0, 3)), covered)
@@ -115,9 +114,10 @@ def with_outlines(photos, found, views, volume, box):
 def mask_photos(photos, region):
     """Sets the photos' masks. @return (agreement of each, box (low, high) of the object: the user's, or what the masks
     have in common with a margin)."""
-    box = grown_box(photos, region)
-    views, masks, volume = first_masks(photos, box, region)
-    masks, volume = refined(views, masks, volume, region)
+    volume = found_volume(photos, region)
+    box = volume.low, volume.high
+    views = views_of(photos, box, region, SIDE)
+    masks = refined(views, volume, region)
     bounds = volume.bounds() or box
     if region.table_is_known:
         masks = with_outlines(photos, masks, views, volume, bounds)

@@ -16,6 +16,7 @@ SAME = 5                 # grey levels: the table ..
 PLAIN = 30               # .. where the spread is less: before the squares of a board everything is like them
 FAR = 12                 # cells from where the table is known: nothing is
 OUTSIDE, INSIDE = 0.05, 0.1  # of the object's size, around the outline: here a mask may err where nothing is known behind it
+MARGIN = 0.2             # of the object's size, around the mask: no outline moves farther
 GAP = 9                  # width that a gap between two parts has at least [px]
 PERHAPS_OBJECT, PERHAPS_BACKGROUND = 254, 1  # in a mask: such a pixel has no say in the training (docs/photo_formats.md)
 
@@ -64,6 +65,14 @@ def with_doubts(look, mask, supported):
 def outlined(view, table, mask, volume):
     """The mask of a photo, better at its outline. @param view of the photo at full size, see masks.View; table of all
     photos, made with masks; volume that their masks have in common"""
-    view.image = cv2.GaussianBlur(view.image, (0, 0), BLUR)
-    look = table.behind(view, NEARBY)
-    return with_doubts(look, against_table(look, mask, volume.silhouette(view)), volume.supported(view))
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    if not len(rows):
+        return mask
+    margin = round(MARGIN * extent(mask)) + NEARBY
+    window = tuple(slice(max(0, line[0] - margin), line[-1] + margin + 1) for line in (rows, columns))
+    part, result = view.part(*window), mask.copy()
+    part.image = cv2.GaussianBlur(part.image, (0, 0), BLUR)
+    look = table.behind(part, NEARBY)
+    better = against_table(look, np.ascontiguousarray(mask[window]), volume.silhouette(part))
+    result[window] = with_doubts(look, better, volume.supported(part))
+    return result

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from photos.common import require
-from photos.geometry import focus
+from photos.geometry import focus, nearest
 
 # n . x = d for points on it; n points to the cameras. `thickness`: points so near count as on it.
 Plane = collections.namedtuple('Plane', 'n d thickness')
@@ -114,9 +114,9 @@ def clusters(points, cell):
 def without_strays(points):
     """Points that have others around them: wrong matches lie alone."""
     chosen = points[np.random.default_rng(SEED).permutation(len(points))[:MAX_POINTS]]
-    distances = np.sqrt(np.maximum(0, (chosen ** 2).sum(axis=1)[:, None] + (chosen ** 2).sum(axis=1) -
-                                   2 * chosen @ chosen.T))
-    around = np.partition(distances, min(NEIGHBOURS, len(chosen) - 1), axis=1)[:, min(NEIGHBOURS, len(chosen) - 1)]
+    if len(chosen) < 2:
+        return chosen
+    around = nearest(chosen, min(NEIGHBOURS, len(chosen) - 1))[0][:, -1]
     return chosen[around < STRAY * np.median(around)]
 
 

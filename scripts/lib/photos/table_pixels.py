@@ -39,6 +39,11 @@ def median_over_views(values, unknown):
     return np.where(count[0] > 0, 0.5 * (low + high), unknown).astype(np.float32)
 
 
+def largest(image):
+    """Over the channels. (numpy.max takes ten times as long.)"""
+    return np.maximum(np.maximum(image[:, :, 0], image[:, :, 1]), image[:, :, 2])
+
+
 def square(width):
     return np.ones((width, width), np.uint8)
 
@@ -130,7 +135,7 @@ class Table:
         H, size = self.homography(view), view.shape[::-1]
         known = cv2.warpPerspective(self.known, H, size, flags=cv2.INTER_NEAREST)
         colour = cv2.warpPerspective(self.colour, H, size, flags=cv2.INTER_LINEAR)
-        same = np.abs(view.image.astype(np.float32) - colour).max(axis=2) < SAME
+        same = largest(np.abs(view.image.astype(np.float32) - colour)) < SAME
         shown = np.where(same & (known > 0) & self.below_horizon(view), 255, 0).astype(np.uint8)
         return cv2.morphologyEx(shown, cv2.MORPH_OPEN, square(3))
 
@@ -142,7 +147,7 @@ class Table:
         image = view.image.astype(np.float32)
         distance = cv2.warpPerspective(self.distance, H, size, flags=cv2.INTER_LINEAR, borderValue=2 * GRID)
         beyond = cv2.warpPerspective(self.beyond, H, size, flags=cv2.INTER_NEAREST, borderValue=1)
-        return Look(np.maximum(image - high, low - image).max(axis=2), (high - low).max(axis=2), distance,
+        return Look(largest(np.maximum(image - high, low - image)), largest(high - low), distance,
                     (beyond > 0) | ~below)
 
     def hidden_in(self, view):
