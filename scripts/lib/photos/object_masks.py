@@ -14,7 +14,7 @@ from photos.masks import MIN_AGREEMENT, SIDE, Mask, first_volume, refined, view_
 from photos.outline import outlined
 from photos.table_pixels import Table
 
-VERSION = 3      # of how masks are found: those of another version are found anew
+VERSION = 4      # of how masks are found: those of another version are found anew
 MAX_ROUNDS = 3
 GROWTH = 0.3     # of the longest side, where the object reaches a side
 MARGIN = 0.03    # of the object's longest side, around the final box
