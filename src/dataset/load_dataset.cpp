@@ -1,4 +1,5 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
 #include <cmath>
 #include <memory>
 #include <mutex>
@@ -15,6 +16,7 @@
 #include "dataset/points_box.h"
 #include "image/io.h"
 #include "image/orientation.h"
+#include "math/unsure_alpha.h"
 #include "nerf_pose_refiner/undistorter.h"
 
 namespace nerf_pose_refiner {
@@ -83,6 +85,20 @@ void applyMask(const Image8& mask, const std::string& mask_path, Image8* rgba) {
   }
 }
 
+/// Only a mask whose pixels are sure or unsure means the latter: soft edges have any value.
+bool tellsUnsure(const Image8& mask) {
+  return std::all_of(mask.values.begin(), mask.values.end(), [](std::uint8_t value) {
+    return value == 0 || value == 255 || isUnsure(value);
+  });
+}
+
+void makeSure(Image8* rgba) {
+  for (std::size_t i = 3; i < rgba->values.size(); i += 4) {
+    std::uint8_t& alpha = rgba->values[i];
+    if (isUnsure(alpha)) alpha = alpha == kPerhapsObject ? 255 : 0;
+  }
+}
+
 /// Keeps the last undistorter, for most datasets come from one camera; more would be a large
 /// memory where each frame has intrinsics of its own.
 class UndistorterCache {
@@ -122,12 +138,18 @@ LoadedView loadView(const FrameFiles& files, const FrameEntry& frame, const Data
   view.distortion = frame.distortion;
   loaded.has_alpha_channel = image.channels == 4 || !frame.mask.empty();
   Image8 rgba = withAlpha(image);
-  if (!frame.mask.empty()) applyMask(readMask(files.mask, limits.image_pixels), files.mask, &rgba);
+  bool tells_unsure = false;
+  if (!frame.mask.empty()) {
+    const Image8 mask = readMask(files.mask, limits.image_pixels);
+    tells_unsure = image.channels != 4 && tellsUnsure(mask);
+    applyMask(mask, files.mask, &rgba);
+  }
   if (!frame.distortion.isZero()) {
     const auto undistorter = undistorters->get(view.camera, frame.distortion);
     rgba = undistorter->undistort(rgba);
     view.camera = undistorter->camera();
   }
+  if (!tells_unsure) makeSure(&rgba);
   for (std::size_t i = 3; i < rgba.values.size(); i += 4) {
     loaded.has_transparency = loaded.has_transparency || rgba.values[i] < 255;
   }

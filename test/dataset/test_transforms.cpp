@@ -140,6 +140,26 @@ TEST_F(Transforms, MasksBecomeAlpha) {
   EXPECT_EQ(rgba.at(4, 1, 3), 0);
 }
 
+// Values that say that nothing is known, but in a mask with soft edges, which has any value.
+TEST_F(Transforms, MaskThatIsUnsure) {
+  for (const char* name : {"images/a.png", "images/b.png"}) {
+    writePng(Image8(8, 6, 3, 50), folder.file(name));
+  }
+  for (const int soft : {0, 100}) {
+    Image8 mask(8, 6, 1, 0);
+    mask.at(0, 0, 0) = static_cast<std::uint8_t>(soft);
+    mask.at(1, 0, 0) = 1, mask.at(2, 0, 0) = 254, mask.at(3, 0, 0) = 255;
+    writePng(mask, folder.file("mask.png"));
+    for (auto& frame : scene["frames"]) frame["mask_path"] = "mask.png";
+    const Dataset dataset = load();
+    const Image8& rgba = *dataset.views[0].rgba;
+    EXPECT_EQ(rgba.at(0, 0, 3), soft);
+    EXPECT_EQ(rgba.at(1, 0, 3), soft ? 0 : 1);
+    EXPECT_EQ(rgba.at(2, 0, 3), soft ? 255 : 254);
+    EXPECT_EQ(rgba.at(3, 0, 3), 255);
+  }
+}
+
 TEST_F(Transforms, MaskNarrowsAnAlphaThatIsThere) {
   writePng(Image8(8, 6, 1, 128), folder.file("mask.png"));
   scene["frames"][0]["mask_path"] = "mask.png";
