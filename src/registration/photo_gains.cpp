@@ -11,6 +11,7 @@
 #include "concurrency/parallel.h"
 #include "image/colour.h"
 #include "image/resample.h"
+#include "math/unsure_alpha.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -19,6 +20,7 @@ constexpr double kLongSide_px = 128;            // of the renderings: gains need
 constexpr float kSurelyOpaque = 0.95f;          // of photo and model, for a pixel that counts
 constexpr double kDark = 0.02, kBright = 0.98;  // beyond, sensors clip
 constexpr int kMinPixels = 60;
+constexpr int kMaxThreads = 8;       // each holds a photo as floats
 constexpr int kReweightings = 8;     // of reweighting
 constexpr double kMinScale = 0.02;   // of residuals, below which all are alike
 constexpr double kBiasPrior = 0.03;  // standard deviation of a bias
@@ -44,7 +46,10 @@ SmallView smallOf(const PosedView& view) {
   const double scale =
       std::min(1.0, kLongSide_px / std::max(view.camera.width, view.camera.height));
   const Camera camera = view.camera.scaled(scale);
-  const PremultipliedImage full = premultiply(*view.rgba);
+  PremultipliedImage full = premultiply(*view.rgba);
+  for (std::size_t i = 0; i < full.alpha.values.size(); ++i) {
+    if (isUnsure(view.rgba->values[4 * i + 3])) full.alpha.values[i] = 0;
+  }
   return {camera, resample(full.colour, view.camera, camera),
           resample(full.alpha, view.camera, camera)};
 }
@@ -140,8 +145,9 @@ void normalise(std::vector<PhotoGain>* gains) {
 std::vector<PhotoGain> photoGains(const LoadedField& field, const std::vector<PosedView>& views,
                                   int threads, const CancellationToken& cancellation) {
   const int count = static_cast<int>(views.size());
+  threads = std::min(threadCount(threads), kMaxThreads);
   std::vector<SmallView> photos(views.size());
-  parallelFor(threadCount(threads), count, [&](int i) {
+  parallelFor(threads, count, [&](int i) {
     cancellation.check();
     photos[i] = smallOf(views[i]);
   });
@@ -151,8 +157,7 @@ std::vector<PhotoGain> photoGains(const LoadedField& field, const std::vector<Po
         field.render({photos[i].camera, views[i].T_O_C}, RenderOptions(), cancellation));
   }
   std::vector<std::optional<PhotoGain>> found(views.size());
-  parallelFor(threadCount(threads), count,
-              [&](int i) { found[i] = gainOf(pairsOf(photos[i], models[i])); });
+  parallelFor(threads, count, [&](int i) { found[i] = gainOf(pairsOf(photos[i], models[i])); });
   std::vector<PhotoGain> known;
   for (const std::optional<PhotoGain>& gain : found) {
     if (gain) known.push_back(*gain);
@@ -184,23 +189,24 @@ PhotoGain combined(const PhotoGain& first, const PhotoGain& second) {
 std::vector<PosedView> withGains(const std::vector<PosedView>& views,
                                  const std::vector<PhotoGain>& gains, int threads) {
   std::vector<PosedView> changed = views;
-  parallelFor(threadCount(threads), static_cast<int>(views.size()), [&](int view) {
-    const auto i = static_cast<std::size_t>(view);
-    Image8 image = *views[i].rgba;
-    for (std::size_t c = 0; c < 3; ++c) {
-      const auto channel = static_cast<Eigen::Index>(c);
-      std::array<std::uint8_t, 256> table;
-      for (std::size_t v = 0; v < table.size(); ++v) {
-        const double colour =
-            gains.at(i).gain[channel] * (static_cast<double>(v) / 255) + gains[i].bias[channel];
-        table[v] = static_cast<std::uint8_t>(std::lround(255 * std::clamp(colour, 0.0, 1.0)));
-      }
-      for (std::size_t p = c; p < image.values.size(); p += 4) {
-        image.values[p] = table[image.values[p]];
-      }
-    }
-    changed[i].rgba = std::make_shared<const Image8>(std::move(image));
-  });
+  parallelFor(
+      std::min(threadCount(threads), kMaxThreads), static_cast<int>(views.size()), [&](int view) {
+        const auto i = static_cast<std::size_t>(view);
+        Image8 image = *views[i].rgba;
+        for (std::size_t c = 0; c < 3; ++c) {
+          const auto channel = static_cast<Eigen::Index>(c);
+          std::array<std::uint8_t, 256> table;
+          for (std::size_t v = 0; v < table.size(); ++v) {
+            const double colour =
+                gains.at(i).gain[channel] * (static_cast<double>(v) / 255) + gains[i].bias[channel];
+            table[v] = static_cast<std::uint8_t>(std::lround(255 * std::clamp(colour, 0.0, 1.0)));
+          }
+          for (std::size_t p = c; p < image.values.size(); p += 4) {
+            image.values[p] = table[image.values[p]];
+          }
+        }
+        changed[i].rgba = std::make_shared<const Image8>(std::move(image));
+      });
   return changed;
 }
 

@@ -24,7 +24,8 @@ namespace {
 
 constexpr float kDepthAlpha = 0.5f;  // fainter pixels have no depth
 constexpr const char* kDepthSuffix = "_depth";
-constexpr std::size_t kWrittenTogether = 16;  // views: encoding takes longer than rendering
+constexpr std::size_t kWrittenTogether = 16;  // views: encoding takes longer than rendering ..
+constexpr std::size_t kPixelsTogether = std::size_t{1} << 24;  // .. of so many pixels in all
 
 struct RenderToolOptions {
   std::string model;
@@ -205,24 +206,28 @@ void render(const RenderToolOptions& options, const CancellationToken& cancellat
   requireDistinctOutputs(options, views);
   nlohmann::json rows = nlohmann::json::array();
   ProgressLine line;
-  for (std::size_t first = 0; first < views.size(); first += kWrittenTogether) {
-    const std::size_t count = std::min(kWrittenTogether, views.size() - first);
+  for (std::size_t first = 0; first < views.size();) {
+    std::size_t pixels = 0;
     std::vector<Rendering> renderings;  // one after the other: each uses all threads
-    for (std::size_t i = first; i < first + count; ++i) {
+    for (std::size_t i = first;
+         i < views.size() && renderings.size() < kWrittenTogether && pixels < kPixelsTogether;
+         ++i) {
       line.show(static_cast<double>(i) / views.size(), views[i].name);
       const Camera camera = limited(views[i].camera, options.max_size);
       const auto start = std::chrono::steady_clock::now();
       renderings.push_back(loaded->render({camera, views[i].T_O_C}, {}, cancellation));
       const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
       rows.push_back({{"view", views[i].name}, {"seconds", elapsed.count()}});
+      pixels += renderings.back().alpha.pixels();
     }
     std::vector<std::future<nlohmann::json>> written;
-    for (std::size_t k = 0; k < count; ++k) {
+    for (std::size_t k = 0; k < renderings.size(); ++k) {
       written.push_back(std::async(std::launch::async, [&, k] {
         return finished(options, renderings[k], views[first + k], field->metadata.metres_per_unit);
       }));
     }
-    for (std::size_t k = 0; k < count; ++k) rows[first + k].update(written[k].get());
+    for (std::size_t k = 0; k < written.size(); ++k) rows[first + k].update(written[k].get());
+    first += renderings.size();
   }
   line.end();
   report(options, rows);

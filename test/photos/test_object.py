@@ -128,6 +128,11 @@ class Masks(unittest.TestCase):
             self.assertGreater(masks.agreement(photo.mask >= 128, scenes.true_mask(pose)), 0.95, photo.name)
         self.assertGreater(min(self.agreements), 0.9)
 
+    def test_the_box_grows_to_the_object(self):
+        region = region_of(self.model)
+        region.high[2] = 0.05  # it grows three times, by a third of its longest side or less
+        self.assertGreater(object_masks.found_volume(self.photos, region).bounds()[1][2], scenes.BOX[2] - 0.02)
+
     def test_the_box_is_that_of_the_object(self):
         # Not smaller, and larger by what twelve silhouettes leave, of which one may deny a cell.
         low, high = self.box

@@ -157,6 +157,21 @@ class Votes(unittest.TestCase):
         self.assertLess(heights[0], 0.85 * scenes.BOX[2])
         self.assertAlmostEqual(heights[1], scenes.BOX[2], delta=0.03)
 
+    def test_a_camera_that_looks_away_says_nothing(self):
+        away = views_of([scenes.looking_at(np.array([0.8, 0, 0.3]), np.array([2.0, 0, 0.3]))])[0]
+        volume = mask_volume.Volume(*BOX)
+        self.assertFalse(volume.silhouette(away).any())
+        self.assertFalse(volume.supported(away).any())
+
+    def test_the_user_knows_what_is_before_an_unknown_background(self):
+        poses = scenes.rounds(8, (30, 55))
+        views, shown = views_of(poses), [scenes.true_mask(pose) for pose in poses]
+        for view, mask in zip(views, shown):
+            view.beyond[:], view.drawn = 255, mask
+        volume = mask_volume.Volume(*BOX)
+        volume.vote(views, shown)
+        self.assertTrue((volume.supported(views[0])[shown[0] > 0] > 0).all())
+
     def test_support_is_what_enough_photos_show_before_the_table(self):
         poses = scenes.rounds(8, (30, 55))
         views, shown = views_of(poses), [scenes.true_mask(pose) for pose in poses]
