@@ -75,12 +75,12 @@ class Volume:
     def shown(self, view, cells):
         image = np.zeros(view.shape, np.uint8)
         inside, x, y = view.pixels_of(cells)
+        if not inside.any():
+            return image
         image[y, x] = 255
-        if len(cells):
-            depth = np.median(cells @ view.R[2] + view.t[2])
-            width = 2 * int(np.ceil(view.focal * self.size / max(depth, 1e-9))) + 1
-            image = cv2.morphologyEx(image, cv2.MORPH_CLOSE, disc(width))
-        return image
+        depth = np.median(cells[inside] @ view.R[2] + view.t[2])
+        width = min(2 * int(np.ceil(view.focal * self.size / depth)) + 1, max(view.shape) | 1)
+        return cv2.morphologyEx(image, cv2.MORPH_CLOSE, disc(width))
 
 
 def belongs(cells, said, groups):
@@ -92,7 +92,7 @@ def belongs(cells, said, groups):
     count, beside, shown = np.zeros(len(cells), int), np.zeros(len(cells), bool), np.zeros(len(cells), bool)
     for i, (view, mask, beside_drawn) in enumerate(said):
         inside, x, y = view.pixels_of(cells)
-        beyond = view.beyond[y, x] > 0
+        beyond = (view.beyond[y, x] > 0) & (beside_drawn is None)  # the user knows what is there
         weight = np.where(beyond, DOUBT, 1)
         count += inside
         seen[inside] += weight

@@ -213,11 +213,11 @@ def views_of(photos, box, region, side):
     return views
 
 
-def first_volume(photos, box, region):
+def first_volume(photos, box, region, side=ROUGH_SIDE):
     """What rough masks have in common, from the box and the points alone. @param photos undistorted; box (low, high) of the
     object in the world, which may be larger than the object; region see object_region: its points, and whether the table
     is known, count here"""
-    views, volume = views_of(photos, box, region, ROUGH_SIDE), Volume(*box)
+    views, volume = views_of(photos, box, region, side), Volume(*box)
     volume.vote(views, in_threads(lambda view: mask_of(view, first_trimap(view, volume, region.points)), views))
     return volume
 

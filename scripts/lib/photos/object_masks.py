@@ -15,7 +15,7 @@ from photos.outline import outlined
 from photos.table_pixels import Table
 
 VERSION = 4      # of how masks are found: those of another version are found anew
-MAX_ROUNDS = 3
+MAX_GROWTHS = 3
 GROWTH = 0.3     # of the longest side, where the object reaches a side
 MARGIN = 0.03    # of the object's longest side, around the final box
 MIN_DRAWN_AGREEMENT = 0.5  # of a mask that was drawn, with what all masks have in common
@@ -89,14 +89,15 @@ def touched(box, bounds, has_bottom):
 def found_volume(photos, region):
     """The volume of rough masks in the region's box, which grows while they reach its sides."""
     box = region.low.copy(), region.high.copy()
-    for _ in range(MAX_ROUNDS):
-        volume = first_volume(photos, box, region)
+    volume = first_volume(photos, box, region)
+    for _ in range(0 if region.is_given else MAX_GROWTHS):
         low, high = touched(box, volume.bounds() or box, region.has_bottom)
-        if region.is_given or not (low.any() or high.any()):
+        if not (low.any() or high.any()):
             break
         growth = GROWTH * (box[1] - box[0]).max()
         box = box[0] - growth * low, box[1] + growth * high
-    return volume
+        volume = first_volume(photos, box, region)
+    return volume if volume.occupied.any() else first_volume(photos, box, region, SIDE)
 
 
 def with_outlines(photos, found, views, volume, box):

@@ -97,7 +97,6 @@ class Table:
         is_plain = (high - low).max(axis=2, keepdims=True) < CONTRAST
         self.low = np.where(gap & ~is_plain, low, nearest[label])
         self.high = np.where(gap & ~is_plain, high, nearest[label])
-        self.distance[(low > high).any(axis=2)] = 2 * GRID
 
     def homography(self, view):
         """Pixels from above to pixels of a view. Pixels' centres are at whole numbers in both."""
@@ -124,11 +123,9 @@ class Table:
 
     def below_horizon(self, view):
         """Which pixels' rays meet the plane: the others would meet it behind the camera."""
-        row = np.linalg.inv(self.homography(view))[2]
+        row = np.linalg.inv(self.homography(view))[2]  # a pixel's third coordinate is one over the place's depth
         rows, columns = np.indices(view.shape, dtype=np.float32)
-        x, y, w = self.homography(view) @ (0.5 * GRID, 0.5 * GRID, 1)
-        sign = np.sign(row @ (x / w, y / w, 1)) * np.sign(w)
-        return sign * (row[0] * columns + row[1] * rows + row[2]) > 0
+        return row[0] * columns + row[1] * rows + row[2] > 0
 
     def surely_in(self, view):
         """255 where a view surely shows the table."""
