@@ -113,6 +113,12 @@ class Parts(unittest.TestCase):
 
 
 class Geometry(unittest.TestCase):
+    def test_the_nearest_others_of_each_point(self):
+        points = 1e3 + np.array([[0, 0, 0], [3, 0, 0], [0, 4, 0], [0, 0, 12.0]])
+        distances, numbers = geometry.nearest(points, 2)
+        np.testing.assert_array_equal(numbers, [[1, 2], [0, 2], [0, 1], [0, 1]])
+        np.testing.assert_allclose(distances, [[3, 4], [3, 5], [4, 5], [12, 153 ** 0.5]], rtol=1e-6)
+
     def test_similarity(self):
         source = np.array([[0.0, 0, 0], [1, 0, 0], [0, 2, 0], [0, 0, 3]])
         R = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1.0]])
