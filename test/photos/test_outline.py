@@ -11,7 +11,7 @@ import numpy as np
 import scenes
 from photos import mask_volume, masks, outline, quality
 from photos.board import Board
-from photos.common import write_json
+from photos.common import InputError, write_json
 from photos.table_pixels import GRID, Look, Table
 
 BOX = np.array([-0.15, -0.1, 0]), np.array([0.15, 0.1, 0.2])
@@ -204,6 +204,10 @@ class Quality(unittest.TestCase):
             for said in (mask, guess):
                 cv2.imwrite(os.path.join(folder, 'masks', 'a.png'), said)
                 rows += quality.measure(folder, os.path.join(folder, 'renderings'))
+            with open(os.path.join(folder, 'masks', 'a.png'), 'w', encoding='utf-8') as file:
+                file.write('damaged')
+            with self.assertRaisesRegex(InputError, "masks/a.png': it is missing or damaged"):
+                quality.measure(folder, os.path.join(folder, 'renderings'))
         self.assertLess(rows[0]['psnr_object_db'], 20)
         self.assertEqual((rows[1]['psnr_object_db'], rows[1]['psnr_db']), (60, 60))
 

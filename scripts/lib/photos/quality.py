@@ -75,6 +75,13 @@ def compared(rendering, photo, mask, sure=True):
             'alpha_outside': float(alpha[far].mean()) if far.any() else 0.0}
 
 
+def read_image(path, flags=cv2.IMREAD_COLOR):
+    image = cv2.imread(path, flags)
+    if image is None:
+        raise InputError(f"cannot read '{path}': it is missing or damaged")
+    return image
+
+
 def measure(dataset, renderings, are_equal=True):
     """Each frame of the dataset's two files against its rendering. @param renderings folder with the frames' names; are_equal:
     the photos have one exposure, else each gets a gain first.
@@ -83,8 +90,8 @@ def measure(dataset, renderings, are_equal=True):
         name = os.path.splitext(os.path.basename(frame['file_path']))[0]
         rendering = read_rendering(renderings, name)
         size = rendering.shape[1], rendering.shape[0]
-        photo = cv2.resize(cv2.imread(os.path.join(dataset, frame['file_path'])), size, interpolation=cv2.INTER_AREA)
-        full = cv2.imread(os.path.join(dataset, frame['mask_path']), cv2.IMREAD_GRAYSCALE)
+        photo = cv2.resize(read_image(os.path.join(dataset, frame['file_path'])), size, interpolation=cv2.INTER_AREA)
+        full = read_image(os.path.join(dataset, frame['mask_path']), cv2.IMREAD_GRAYSCALE)
         mask, unsure = (cv2.resize(part, size, interpolation=cv2.INTER_AREA)
                         for part in (np.where(full >= 128, full, 0).astype(np.uint8), np.float32(is_unsure(full))))
         inside = (mask >= SURE) & (unsure == 0) & (rendering[:, :, 3] >= SURE)
