@@ -15,6 +15,7 @@ from photos import dataset, masks, object_masks, object_region, supporting_plane
 from photos.common import InputError
 from photos.geometry import exp_so3
 from photos.object_region import Region, on_board, on_found_table, scaled
+from photos.outline import is_unsure
 
 
 class SupportingPlane(unittest.TestCase):
@@ -125,7 +126,9 @@ class Masks(unittest.TestCase):
 
     def test_masks_are_the_object_without_the_table(self):
         for photo, pose in zip(self.photos, self.poses):
-            self.assertGreater(masks.agreement(photo.mask >= 128, scenes.true_mask(pose)), 0.95, photo.name)
+            found, true, sure = photo.mask >= 128, scenes.true_mask(pose) > 0, ~is_unsure(photo.mask)
+            self.assertGreater(masks.agreement(found, true), 0.93, photo.name)
+            self.assertGreater(masks.agreement(found & sure, true & sure), 0.97, photo.name)
         self.assertGreater(min(self.agreements), 0.9)
 
     def test_the_box_grows_to_the_object(self):
@@ -134,11 +137,11 @@ class Masks(unittest.TestCase):
         self.assertGreater(object_masks.found_volume(self.photos, region).bounds()[1][2], scenes.BOX[2] - 0.02)
 
     def test_the_box_is_that_of_the_object(self):
-        # Not smaller, and larger by what twelve silhouettes leave, of which one may deny a cell.
+        # Not smaller, and larger by what six silhouettes from above leave: in the others nothing is known behind its top.
         low, high = self.box
         self.assertTrue(np.all(low[:2] < (-0.1, -0.06)) and np.all(high > (0.1, 0.06, 0.16)))
         np.testing.assert_allclose(low, [-0.1, -0.06, 0], atol=0.04)
-        np.testing.assert_allclose(high, [0.1, 0.06, 0.16], atol=0.04)
+        np.testing.assert_allclose(high, [0.1, 0.06, 0.16], atol=0.05)
 
     def test_a_box_that_is_too_small_grows(self):
         region = region_of(self.model)
@@ -146,10 +149,14 @@ class Masks(unittest.TestCase):
         _, box = object_masks.mask_photos(self.photos, region)
         self.assertAlmostEqual(box[1][0], 0.12, delta=0.02)
 
+    @staticmethod
+    def view(image):
+        return masks.View(image, scenes.camera(), scenes.around(0, 30))
+
     def test_a_mask_that_the_others_deny_is_replaced(self):
         silhouette = np.zeros((100, 100), np.uint8)
         silhouette[30:70, 30:70] = 255
-        mask, share = masks.agreed(np.roll(silhouette, 40, axis=1), silhouette)
+        mask, share = masks.agreed(self.view(silhouette), np.roll(silhouette, 40, axis=1), silhouette)
         self.assertEqual(share, 0)
         np.testing.assert_array_equal(mask, silhouette)
 
@@ -158,12 +165,12 @@ class Masks(unittest.TestCase):
         silhouette[30:70, 30:70] = 255
         mask = silhouette.copy()
         mask[30:70, 60:70] = 0
-        result, share = masks.agreed(mask, silhouette)
+        result, share = masks.agreed(self.view(silhouette), mask, silhouette)
         self.assertAlmostEqual(share, 0.75)
         self.assertEqual(result[50, 67], 255)  # within two pixels of the silhouette: the band is 0.04 of 40 px
         larger = silhouette.copy()
         larger[30:70, 26:30] = 255
-        result, _ = masks.agreed(larger, silhouette)
+        result, _ = masks.agreed(self.view(silhouette), larger, silhouette)
         self.assertEqual((result[50, 29], result[50, 28]), (255, 0))  # outwards it is narrower
 
     def test_votes(self):

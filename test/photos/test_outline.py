@@ -12,6 +12,7 @@ import scenes
 from photos import mask_volume, masks, outline, quality
 from photos.board import Board
 from photos.common import InputError, write_json
+from photos.plane_match import below_horizon
 from photos.table_pixels import GRID, Look, Table
 
 BOX = np.array([-0.15, -0.1, 0]), np.array([0.15, 0.1, 0.2])
@@ -28,29 +29,6 @@ def views_of(poses, painted=None, camera=None):
 
 
 class TableInPhotos(unittest.TestCase):
-    def test_what_surely_shows_the_table(self):
-        """The object has the colours of the board below it."""
-        painted = scenes.on_board(Board(12, 12, 40.0, 30.0, '4X4_100'))
-        painted = painted[:1] + [(corners, painted[0][1]) for corners, _ in painted[1:]]
-        camera = scenes.Camera(480, 360, np.array([460.0, 460, 240, 180, 0, 0, 0, 0]))
-        poses = scenes.rounds(6, (35, 60))
-        views = views_of(poses, painted, camera)
-        table = Table(views, BOX, points_of_object())
-        for view, pose in zip(views, poses):
-            shown, truth = table.surely_in(view) > 0, scenes.true_mask(pose, camera) > 0
-            self.assertLess(np.mean(shown[truth]), 0.03)
-            ring = cv2.dilate(np.uint8(truth), np.ones((31, 31), np.uint8)) > 0
-            self.assertGreater(np.mean(shown[ring & ~truth]), 0.04)  # edges of the squares
-
-    def test_a_plain_table_says_nothing(self):
-        painted = [(corners, np.full((64, 64, 3), 200 if i == 0 else 60, np.uint8))
-                   for i, (corners, _) in enumerate(scenes.quads())]
-        poses = scenes.rounds(4)
-        views = views_of(poses, painted)
-        table = Table(views, BOX, points_of_object())
-        for view, pose in zip(views, poses):
-            self.assertLess(np.mean(table.surely_in(view)[scenes.true_mask(pose) > 0] > 0), 0.01)
-
     def test_what_hides_the_table(self):
         """Without the object's points: what all photos hide is never taken for the table, if masks say where it is."""
         poses = scenes.rounds(8, (35, 60))
@@ -77,10 +55,26 @@ class TableInPhotos(unittest.TestCase):
     def test_rays_above_the_horizon_meet_the_plane_behind_the_camera(self):
         view = views_of([scenes.looking_at(np.array([0.8, 0, 0.1]), np.array([0, 0, 0.1]))])[0]
         table = Table(views_of(scenes.rounds(8)), BOX, points_of_object())
-        below = table.below_horizon(view)  # the camera looks along the plane: the horizon is its middle row
+        below = below_horizon(view)  # the camera looks along the plane: the horizon is its middle row
         self.assertFalse(below[:scenes.HEIGHT // 2 - 1].any())
         self.assertTrue(below[scenes.HEIGHT // 2 + 1:].all())
         self.assertTrue((table.hidden_in(view)[1][:scenes.HEIGHT // 2 - 1] == 255).all())
+
+    def test_sure_views_alone_count_where_there_are_enough(self):
+        """Half the photos show something dark on the table: in three others it is surely the table."""
+        poses = scenes.rounds(8, (60,))
+        views = views_of(poses)
+        for view in views[::2]:
+            view.image[:] = 20
+        place = np.array([[0.13, 0.09, 0.0]])  # beside the box
+        for view in views[1::2][:3]:
+            inside, x, y = view.pixels_of(place)
+            self.assertTrue(inside.all())
+            cv2.circle(view.table, (int(x[0]), int(y[0])), 8, 255, -1)
+        table = Table(views, BOX, np.empty((0, 3)))
+        x, y = np.round((place[0, :2] - table.to_plane[:2, 2]) / table.to_plane[0, 0]).astype(int)
+        self.assertGreater(table.colour[y, x].max(), 60)
+        self.assertEqual(table.distance[y, x], 0)
 
     def test_nothing_is_known_where_few_photos_show_the_table(self):
         table = Table(views_of(scenes.rounds(2)), BOX, points_of_object())  # four photos
@@ -156,6 +150,35 @@ class Votes(unittest.TestCase):
             heights.append(volume.bounds()[1][2])
         self.assertLess(heights[0], 0.85 * scenes.BOX[2])
         self.assertAlmostEqual(heights[1], scenes.BOX[2], delta=0.03)
+
+    def test_those_before_an_unknown_background_have_none_if_enough_show_the_table(self):
+        """Of 27 photos 18 show what is beyond, of which some deny the object's upper half: all from one side among them."""
+        poses = scenes.rounds(9, (25, 50, 65))
+        views = views_of(poses)
+        for known, denying, is_whole in ((9, 12, True), (9, 18, False), (8, 12, False)):
+            shown = [scenes.true_mask(pose) for pose in poses]
+            for mask in shown[:denying]:
+                mask[:np.flatnonzero(mask.any(axis=1)).mean().astype(int)] = 0
+            for i, view in enumerate(views):
+                view.beyond[:] = 255 if i < len(views) - known else 0
+            volume = mask_volume.Volume(*BOX)
+            volume.vote(views, shown)
+            self.assertEqual(volume.bounds()[1][2] > 0.98 * scenes.BOX[2], is_whole, (known, denying))
+
+    def test_what_two_photos_show_the_table_through_is_gone(self):
+        """Masks with a piece of the table beside the box, between it and the camera's side."""
+        poses = scenes.rounds(8, (30, 55))
+        everything = [np.full((scenes.HEIGHT, scenes.WIDTH), 255, np.uint8) for _ in poses]
+        for sure, expected in ((1, True), (2, False)):
+            views = views_of(poses)
+            place = np.array([[0.14, 0.0, 0.05]])
+            for view in views[:sure]:
+                _, x, y = view.pixels_of(place)
+                cv2.circle(view.table, (int(x[0]), int(y[0])), 4, 255, -1)
+            volume = mask_volume.Volume(*BOX)
+            volume.vote(views, everything)
+            nearest = np.linalg.norm(volume.cells - place, axis=1).argmin()
+            self.assertEqual(bool(volume.occupied[nearest]), expected)
 
     def test_a_camera_that_looks_away_says_nothing(self):
         away = views_of([scenes.looking_at(np.array([0.8, 0, 0.3]), np.array([2.0, 0, 0.3]))])[0]

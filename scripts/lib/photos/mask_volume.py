@@ -12,8 +12,10 @@ MIN_SEEN = 0.3           # of the photos must show a cell
 SIDE_VIEWS = 5           # a photo and those from the nearest directions: one side of the object
 MAX_COSINE = float(np.cos(np.radians(5)))  # of the angle between two of them
 SIDE_DENIALS = 4         # of them: the cell does not belong to the object, whatever the other sides say
+SURE_DENIALS = 2         # photos that surely show the table where a cell would be: it is not there
 DOUBT = 0.5              # weight of a vote where a photo shows what is beyond the table: nothing else tells what is there
-SUPPORT = 0.3            # of the photos must show the table behind a cell: then the others may be unsure of it
+SUPPORT = 0.3            # of the photos show the table behind a cell: these alone vote, the others may be unsure of it ..
+DOUBTFUL_DENIALS = 0.8   # .. but if so many of the others agree that a cell is not the object's
 CHUNK = 1 << 15          # cells at once, to bound memory
 
 
@@ -87,24 +89,28 @@ def belongs(cells, said, groups):
     """Which cells are the object's, and for which enough photos show the table behind. What the user drew in some photos is
     carried to the others: cells beside a drawn mask are gone, and those that it shows need fewer votes.
     @param said [(view, mask, pixels beside a drawn one or None)]"""
-    denied = np.zeros((len(said), len(cells)), bool)
-    seen, against, known = (np.zeros(len(cells), np.float32) for _ in range(3))
-    count, beside, shown = np.zeros(len(cells), int), np.zeros(len(cells), bool), np.zeros(len(cells), bool)
+    inside, beyond, denied = (np.zeros((len(said), len(cells)), bool) for _ in range(3))
+    table, beside, shown = np.zeros(len(cells), int), np.zeros(len(cells), bool), np.zeros(len(cells), bool)
     for i, (view, mask, beside_drawn) in enumerate(said):
-        inside, x, y = view.pixels_of(cells)
-        beyond = (view.beyond[y, x] > 0) & (beside_drawn is None)  # the user knows what is there
-        weight = np.where(beyond, DOUBT, 1)
-        count += inside
-        seen[inside] += weight
-        known[inside] += ~beyond
-        denied[i, inside] = mask[y, x] == 0
-        against[inside] += weight * denied[i, inside]
+        seen, x, y = view.pixels_of(cells)
+        inside[i] = seen
+        beyond[i, seen] = (view.beyond[y, x] > 0) & (beside_drawn is None)  # the user knows what is there
+        denied[i, seen] = mask[y, x] == 0
+        table[seen] += view.table[y, x] > 0
         if beside_drawn is not None:
-            beside[inside] |= beside_drawn[y, x]
-            shown[inside] |= view.drawn[y, x] > 0
-    by_side = np.zeros(len(cells), bool)
-    for group in groups:
-        by_side |= denied[group].sum(axis=0) >= SIDE_DENIALS
+            beside[seen] |= beside_drawn[y, x]
+            shown[seen] |= view.drawn[y, x] > 0
+    known = (inside & ~beyond).sum(axis=0)
+    is_supported = known >= SUPPORT * len(said)
+    only_known = is_supported & ~shown
+    doubt, doubtful = np.where(only_known, 0, DOUBT), (inside & beyond).sum(axis=0)
+    doubtful_denials = (denied & beyond).sum(axis=0)
+    votes = known + doubt * doubtful
+    against = (denied & ~beyond).sum(axis=0) + doubt * doubtful_denials
     least = np.where(shown, MIN_VOTES_OF_DRAWN, MIN_VOTES)
-    enough = (count >= MIN_SEEN * len(said)) & (seen - against >= least * seen)
-    return ~beside & (~by_side | shown) & enough, known >= SUPPORT * len(said)
+    enough = (inside.sum(axis=0) >= MIN_SEEN * len(said)) & (votes - against >= least * votes)
+    denied &= ~(beyond & only_known)
+    gone = only_known & (doubtful_denials > DOUBTFUL_DENIALS * np.maximum(1, doubtful))
+    for group in groups:
+        gone |= denied[group].sum(axis=0) >= SIDE_DENIALS
+    return ~beside & (table < SURE_DENIALS) & (~gone | shown) & enough, is_supported

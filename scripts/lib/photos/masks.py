@@ -10,6 +10,7 @@ import numpy as np
 from photos.common import in_threads
 from photos.geometry import nearest
 from photos.mask_volume import Volume, disc
+from photos.plane_match import partners_of, shows_plane
 from photos.table_pixels import Table
 
 # A mask of uint8, 255 on the object, of the photo's size; `agreement` is its intersection over union with what all
@@ -108,7 +109,7 @@ def of_object(trimap):
 
 def grab_cut(view, trimap):
     """@param trimap GC_BGD, GC_FGD, GC_PR_BGD, GC_PR_FGD. Only what surrounds the open part is looked at."""
-    trimap = np.where((view.table > 0) & (trimap != cv2.GC_FGD), cv2.GC_BGD, trimap).astype(np.uint8)
+    trimap = np.where(view.table > 0, cv2.GC_BGD, trimap).astype(np.uint8)
     rows, columns = np.flatnonzero((trimap != cv2.GC_BGD).any(axis=1)), np.flatnonzero((trimap != cv2.GC_BGD).any(axis=0))
     result = np.zeros(view.shape, np.uint8)
     if len(rows) < 4 or len(columns) < 4:
@@ -176,15 +177,16 @@ def agreement(a, b):
     return np.count_nonzero((a > 0) & (b > 0)) / union if union else 0.0
 
 
-def agreed(mask, silhouette):
-    """The mask within a band around the silhouette. No photo alone may cut away what the others see: a volume is cut by
-    each silhouette."""
+def agreed(view, mask, silhouette):
+    """The mask within a band around the silhouette, without the table. No photo alone may cut away what the others see: a
+    volume is cut by each silhouette."""
     share = agreement(mask, silhouette)
     if share < MIN_AGREEMENT:
         return silhouette, share
     outer, inner = (2 * max(1, round(band * extent(silhouette))) + 1 for band in (OUTER_BAND, INNER_BAND))
     within = cv2.bitwise_and(mask, cv2.dilate(silhouette, disc(outer)))
-    return solid(cv2.bitwise_or(within, cv2.erode(silhouette, disc(inner)))), share
+    result = solid(cv2.bitwise_or(within, cv2.erode(silhouette, disc(inner))))
+    return cv2.bitwise_and(result, 255 - view.table), share
 
 
 def mask_of(view, trimap):
@@ -204,12 +206,13 @@ def views_of(photos, box, region, side):
     """The photos at the size at which masks are found [px], with what the table tells. @param photos undistorted"""
     views = in_threads(lambda photo: view_of(photo, side), photos)
     if region.table_is_known:
+        partners = partners_of(views, 0.5 * (box[0] + box[1]))
+        for view, shown in zip(views, in_threads(lambda i: shows_plane(views[i], [views[j] for j in partners[i]]),
+                                                 range(len(views)))):
+            view.table = shown
         table = Table(views, box, region.points)
-
-        def look(view):
-            view.table = table.surely_in(view)
-            view.hidden, view.beyond = table.hidden_in(view)
-        in_threads(look, views)
+        for view, (hidden, beyond) in zip(views, in_threads(table.hidden_in, views)):
+            view.hidden, view.beyond = hidden, beyond
     return views
 
 
@@ -231,5 +234,5 @@ def refined(views, volume, region):
         volume.vote(views, masks)
         if not volume.occupied.any():
             break
-    results = in_threads(lambda pair: agreed(pair[1], volume.silhouette(pair[0])), zip(views, masks))
+    results = in_threads(lambda pair: agreed(pair[0], pair[1], volume.silhouette(pair[0])), zip(views, masks))
     return [Mask(view.full(mask), share) for view, (mask, share) in zip(views, results)]

@@ -12,9 +12,10 @@ from photos.intake import ENDINGS as PHOTO_ENDINGS
 from photos.mask_volume import CELLS
 from photos.masks import MIN_AGREEMENT, SIDE, Mask, first_volume, refined, view_of, views_of
 from photos.outline import outlined
+from photos.plane_match import partners_of
 from photos.table_pixels import Table
 
-VERSION = 4      # of how masks are found: those of another version are found anew
+VERSION = 5      # of how masks are found: those of another version are found anew
 MAX_GROWTHS = 3
 GROWTH = 0.3     # of the longest side, where the object reaches a side
 MARGIN = 0.03    # of the object's longest side, around the final box
@@ -106,10 +107,13 @@ def with_outlines(photos, found, views, volume, box):
                          zip(views, found))
     table = Table(views, box, np.empty((0, 3)), covered)
 
-    def better(pair):
-        view = view_of(pair[0], max(pair[0].image.shape))
-        return Mask(outlined(view, table, pair[1].image, volume), pair[1].agreement)
-    return in_threads(better, zip(photos, found))
+    full = [view_of(photo, max(photo.image.shape)) for photo in photos]
+    partners = partners_of(views, 0.5 * (box[0] + box[1]))
+
+    def better(i):
+        background = table, [full[j] for j in partners[i]]
+        return Mask(outlined(full[i], background, found[i].image, volume), found[i].agreement)
+    return in_threads(better, range(len(full)))
 
 
 def mask_photos(photos, region):

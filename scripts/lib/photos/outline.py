@@ -5,6 +5,7 @@ import numpy as np
 
 from photos.mask_volume import disc
 from photos.masks import extent, solid
+from photos.plane_match import shows_plane
 
 BAND = 0.05              # of the object's size in the photo: how far the outline may move
 NEARBY = 7               # pixels at full size: poses err, and the table from above is blurred
@@ -62,9 +63,9 @@ def with_doubts(look, mask, supported):
     return np.where(doubtful, np.where(mask > 0, PERHAPS_OBJECT, PERHAPS_BACKGROUND), mask).astype(np.uint8)
 
 
-def outlined(view, table, mask, volume):
-    """The mask of a photo, better at its outline. @param view of the photo at full size, see masks.View; table of all
-    photos, made with masks; volume that their masks have in common"""
+def outlined(view, background, mask, volume):
+    """The mask of a photo, better at its outline. @param view of the photo at full size, see masks.View; background (table
+    of all photos, made with masks; views to compare this one with, see plane_match); volume that all masks have in common"""
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     if not len(rows):
         return mask
@@ -72,7 +73,8 @@ def outlined(view, table, mask, volume):
     window = tuple(slice(max(0, line[0] - margin), line[-1] + margin + 1) for line in (rows, columns))
     part, result = view.part(*window), mask.copy()
     part.image = cv2.GaussianBlur(part.image, (0, 0), BLUR)
+    (table, partners), found = background, np.ascontiguousarray(mask[window])
     look = table.behind(part, NEARBY)
-    better = against_table(look, np.ascontiguousarray(mask[window]), volume.silhouette(part))
+    better = cv2.bitwise_and(against_table(look, found, volume.silhouette(part)), 255 - shows_plane(part, partners))
     result[window] = with_doubts(look, better, volume.supported(part))
     return result

@@ -1,13 +1,13 @@
 # Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
-"""What the photos show of the table, put together from all of them, tells it from the object: where a photo shows what the
-others show in that place it is the table (of a black object on a board, say), where it does not something is before it
-(a part whose colour is elsewhere in the background, say)."""
+"""What the photos show of the table, put together from all of them, tells it from the object: where a photo does not show
+what the others show in that place, something is before it (a part whose colour is elsewhere in the background, say)."""
 import collections
 
 import cv2
 import numpy as np
 
 from photos.common import in_threads
+from photos.plane_match import below_horizon, plane_to_pixels
 
 GRID = 640              # of the table as seen from above [px]
 BEYOND = 1.25           # around the box, of its size
@@ -15,13 +15,12 @@ VIEWS = 24              # that the table is put together from
 FEW_VIEWS = 6           # less: nothing is known of a place
 UNCOVERED = 0.45        # of them must show a place beside the object: fewer may all take the same part of it for the table
 COVER = 5               # pixels: masks may be so much too small, all around
-SAME = 30               # grey levels: the photo shows the table
 OTHER = 15              # grey levels from all that the table shows nearby: something is before it
 NEARBY = 5              # pixels of a view, for poses err
 GAP = 12                # cells around a place of which the colour is not known: it has one of theirs
 STEADY = 15             # median deviation between the photos: all show the table, nothing stands there
-TEXTURE = 18            # standard deviation in a window: agreement is no chance
-WINDOW = 9
+SURE_VIEWS = 3          # that surely show the table (photos.plane_match): then these alone count ..
+STEADY_OF_SURE = 20     # .. and may differ so much
 CONTRAST = 120          # grey levels in a gap's surroundings: they tell little of what is in it
 FOOT = 0.15             # of the box's size: gaps between the object's points from above that belong to it
 
@@ -29,6 +28,7 @@ FOOT = 0.15             # of the box's size: gaps between the object's points fr
 # `spread` of these colours [grey levels]; `distance` to the nearest place of which the colour is known [cells]; `beyond`:
 # whether the ray passes the part of the table that is known.
 Look = collections.namedtuple('Look', 'off spread distance beyond')
+HALF = np.array([[1, 0, 0.5], [0, 1, 0.5], [0, 0, 1]])  # from the middle of a pixel to its corner
 
 
 def median_over_views(values, unknown):
@@ -49,7 +49,8 @@ def square(width):
 
 
 class Table:
-    """The table's plane z = 0 from above, put together from all views. @param views see masks.View; box (low, high);
+    """The table's plane z = 0 from above, put together from all views. @param views see masks.View, which know where they
+    surely show the table; box (low, high);
     points of the object, below which nothing is the table; masks of the object in the views, where they are known: then
     what they cover does not count, and what they never cover may be the table, below the object's points, too."""
 
@@ -59,23 +60,22 @@ class Table:
         self.to_plane = np.array([[side / GRID, 0, corner[0]], [0, side / GRID, corner[1]], [0, 0, 1]])
         chosen = np.unique(np.linspace(0, len(views) - 1, min(VIEWS, len(views))).astype(int))
         above = in_threads(lambda i: self.from_above(views[i], None if masks is None else masks[i]), chosen)
-        shown = np.array([image for image, _ in above], np.float32)
-        shown[np.array([inside for _, inside in above]) == 0] = np.nan
+        shown = np.array([image for image, _, _ in above], np.float32)
+        sure = np.array([surely for _, _, surely in above])
+        is_sure = sure.sum(axis=0) >= SURE_VIEWS
+        counts = np.where(is_sure, sure, [inside for _, inside, _ in above])
+        shown[~counts] = np.nan
         strips = np.array_split(shown, 8, axis=1)
         self.colour = np.concatenate(in_threads(lambda strip: median_over_views(strip, unknown=0), strips))
         deviations = np.array_split(np.abs(shown - self.colour).max(axis=3), 8, axis=1)
         deviation = np.concatenate(in_threads(lambda strip: median_over_views(strip, unknown=255), deviations))
-        seen, least = np.isfinite(shown[:, :, :, 0]).sum(axis=0), FEW_VIEWS
+        least = FEW_VIEWS
         if masks is not None:
             least = max(FEW_VIEWS, UNCOVERED * len(chosen))
-        steady = (deviation < STEADY) & (seen >= least)
+        steady = (deviation < STEADY) & (counts.sum(axis=0) >= least)
         if masks is None:
             steady &= self.foot(points) == 0
-        grey = self.colour.mean(axis=2)
-        mean = cv2.blur(grey, (WINDOW, WINDOW))
-        texture = np.sqrt(np.maximum(0, cv2.blur(grey * grey, (WINDOW, WINDOW)) - mean * mean))
-        self.known = np.where(steady & (texture > TEXTURE), 255, 0).astype(np.uint8)
-        self.find_gaps(steady)
+        self.find_gaps(steady | (is_sure & (deviation < STEADY_OF_SURE)))
 
     def find_gaps(self, steady):
         """Where no colour is known: a gap, as below the object, has that of the nearest place, or, on a board, any of those
@@ -99,18 +99,18 @@ class Table:
         self.high = np.where(gap & ~is_plain, high, nearest[label])
 
     def homography(self, view):
-        """Pixels from above to pixels of a view. Pixels' centres are at whole numbers in both."""
-        half = np.array([[1, 0, 0.5], [0, 1, 0.5], [0, 0, 1]])
-        return np.linalg.inv(half) @ view.K @ np.column_stack((view.R[:, :2], view.t)) @ self.to_plane @ half
+        """Pixels from above to pixels of a view."""
+        return plane_to_pixels(view) @ self.to_plane @ HALF
 
     def from_above(self, view, mask):
-        """@return (image, which of its pixels the view shows beside the mask)"""
-        H, flags = self.homography(view), cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+        """@return (image, which of its pixels the view shows beside the mask, where it surely shows the table)"""
+        H, nearest = self.homography(view), cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP
         shown = np.full(view.shape, 255, np.uint8)
         if mask is not None:
             shown[cv2.dilate(mask, square(COVER)) > 0] = 0
-        inside = cv2.warpPerspective(shown, H, (GRID, GRID), flags=flags)
-        return cv2.warpPerspective(view.image, H, (GRID, GRID), flags=flags), inside == 255
+        inside, surely = (cv2.warpPerspective(image, H, (GRID, GRID), flags=nearest) > 0 for image in (shown, view.table))
+        return (cv2.warpPerspective(view.image, H, (GRID, GRID), flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP), inside,
+                surely)
 
     def foot(self, points):
         """Where the object's points lie from above, without gaps."""
@@ -121,24 +121,9 @@ class Table:
         width = int(FOOT * GRID / (1 + 2 * BEYOND)) | 1
         return cv2.morphologyEx(image, cv2.MORPH_CLOSE, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (width, width)))
 
-    def below_horizon(self, view):
-        """Which pixels' rays meet the plane: the others would meet it behind the camera."""
-        row = np.linalg.inv(self.homography(view))[2]  # a pixel's third coordinate is one over the place's depth
-        rows, columns = np.indices(view.shape, dtype=np.float32)
-        return row[0] * columns + row[1] * rows + row[2] > 0
-
-    def surely_in(self, view):
-        """255 where a view surely shows the table."""
-        H, size = self.homography(view), view.shape[::-1]
-        known = cv2.warpPerspective(self.known, H, size, flags=cv2.INTER_NEAREST)
-        colour = cv2.warpPerspective(self.colour, H, size, flags=cv2.INTER_LINEAR)
-        same = largest(np.abs(view.image.astype(np.float32) - colour)) < SAME
-        shown = np.where(same & (known > 0) & self.below_horizon(view), 255, 0).astype(np.uint8)
-        return cv2.morphologyEx(shown, cv2.MORPH_OPEN, square(3))
-
     def behind(self, view, nearby=NEARBY):
         """The Look of a view. @param nearby width of the window of colours that count as those of a pixel [px]"""
-        H, size, below = self.homography(view), view.shape[::-1], self.below_horizon(view)
+        H, size, below = self.homography(view), view.shape[::-1], below_horizon(view)
         low = cv2.erode(cv2.warpPerspective(self.low, H, size, flags=cv2.INTER_LINEAR), square(nearby))
         high = cv2.dilate(cv2.warpPerspective(self.high, H, size, flags=cv2.INTER_LINEAR), square(nearby))
         image = view.image.astype(np.float32)
