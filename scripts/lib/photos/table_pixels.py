@@ -10,6 +10,8 @@ from photos.common import in_threads
 from photos.plane_match import below_horizon, plane_to_pixels
 
 GRID = 640              # of the table as seen from above [px]
+STRIP = 32              # rows of it at once
+UNKNOWN = np.int16(32767)
 BEYOND = 1.25           # around the box, of its size
 VIEWS = 24              # that the table is put together from
 FEW_VIEWS = 6           # less: nothing is known of a place
@@ -31,12 +33,22 @@ Look = collections.namedtuple('Look', 'off spread distance beyond')
 HALF = np.array([[1, 0, 0.5], [0, 1, 0.5], [0, 0, 1]])  # from the middle of a pixel to its corner
 
 
-def median_over_views(values, unknown):
-    """Over the first axis, without NaN. (numpy.nanmedian takes five times as long.)"""
-    values = np.sort(values, axis=0)  # NaN are last
-    count = np.isfinite(values).sum(axis=0, keepdims=True)
-    low, high = (np.take_along_axis(values, np.maximum(i, 0), axis=0)[0] for i in ((count - 1) // 2, count // 2))
-    return np.where(count[0] > 0, 0.5 * (low + high), unknown).astype(np.float32)
+def median_of(values):
+    """Over the last axis, of int16, without UNKNOWN; UNKNOWN if there is no other."""
+    values = np.sort(values, axis=-1)  # UNKNOWN are last
+    count = np.count_nonzero(values < UNKNOWN, axis=-1)[..., None]
+    low, high = (np.take_along_axis(values, np.maximum(i, 0), axis=-1)[..., 0] for i in ((count - 1) // 2, count // 2))
+    return np.where(count[..., 0] > 0, 0.5 * low + 0.5 * high, UNKNOWN).astype(np.float32)
+
+
+def common_colour(above):
+    """What photos of the table show of it. @param above [(image [h, w, 3] of uint8, which of its pixels count)] of the photos
+    @return (colour, median deviation from it) of float32, UNKNOWN where no pixel counts"""
+    shown = np.stack([image for image, _ in above], axis=-1).astype(np.int16)
+    counts = np.stack([counting for _, counting in above], axis=-1)
+    colour = median_of(np.where(counts[:, :, None], shown, UNKNOWN))
+    deviation = np.abs(shown - np.round(colour).astype(np.int16)[..., None]).max(axis=2)
+    return colour, median_of(np.where(counts, deviation, UNKNOWN))
 
 
 def largest(image):
@@ -50,9 +62,9 @@ def square(width):
 
 class Table:
     """The table's plane z = 0 from above, put together from all views. @param views see masks.View, which know where they
-    surely show the table; box (low, high);
-    points of the object, below which nothing is the table; masks of the object in the views, where they are known: then
-    what they cover does not count, and what they never cover may be the table, below the object's points, too."""
+    surely show the table; box (low, high); points of the object, below which nothing is the table; masks of the object in
+    the views, where they are known: then what they cover does not count, and what they never cover may be the table, below
+    the object's points, too."""
 
     def __init__(self, views, box, points, masks=None):
         side = (1 + 2 * BEYOND) * float((box[1] - box[0])[:2].max())
@@ -60,19 +72,15 @@ class Table:
         self.to_plane = np.array([[side / GRID, 0, corner[0]], [0, side / GRID, corner[1]], [0, 0, 1]])
         chosen = np.unique(np.linspace(0, len(views) - 1, min(VIEWS, len(views))).astype(int))
         above = in_threads(lambda i: self.from_above(views[i], None if masks is None else masks[i]), chosen)
-        shown = np.array([image for image, _, _ in above], np.float32)
-        sure = np.array([surely for _, _, surely in above])
-        is_sure = sure.sum(axis=0) >= SURE_VIEWS
-        counts = np.where(is_sure, sure, [inside for _, inside, _ in above])
-        shown[~counts] = np.nan
-        strips = np.array_split(shown, 8, axis=1)
-        self.colour = np.concatenate(in_threads(lambda strip: median_over_views(strip, unknown=0), strips))
-        deviations = np.array_split(np.abs(shown - self.colour).max(axis=3), 8, axis=1)
-        deviation = np.concatenate(in_threads(lambda strip: median_over_views(strip, unknown=255), deviations))
+        is_sure = np.sum([surely for _, _, surely in above], axis=0) >= SURE_VIEWS
+        above = [(image, np.where(is_sure, surely, inside)) for image, inside, surely in above]
+        strips = in_threads(lambda rows: common_colour([(image[rows], counts[rows]) for image, counts in above]),
+                            [slice(first, first + STRIP) for first in range(0, GRID, STRIP)])
+        self.colour, deviation = (np.concatenate(part) for part in zip(*strips))
         least = FEW_VIEWS
         if masks is not None:
             least = max(FEW_VIEWS, UNCOVERED * len(chosen))
-        steady = (deviation < STEADY) & (counts.sum(axis=0) >= least)
+        steady = (deviation < STEADY) & (np.sum([counts for _, counts in above], axis=0) >= least)
         if masks is None:
             steady &= self.foot(points) == 0
         self.find_gaps(steady | (is_sure & (deviation < STEADY_OF_SURE)))
