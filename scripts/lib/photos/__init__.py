@@ -5,3 +5,7 @@ Conventions: a pose R, t takes a point of the world to the camera (optical axes:
 are counted as COLMAP and transforms.json do: the image's corner is (0, 0), the centre of its first pixel (0.5, 0.5).
 Where OpenCV is called, 0.5 is subtracted.
 """
+import os
+
+# Photos are worked on with all cores (photos.common.in_threads): numpy's BLAS shall not start as many threads in each.
+os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')

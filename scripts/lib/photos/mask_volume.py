@@ -17,6 +17,8 @@ DOUBT = 0.5              # weight of a vote where a photo shows what is beyond t
 SUPPORT = 0.3            # of the photos show the table behind a cell: these alone vote, the others may be unsure of it ..
 DOUBTFUL_DENIALS = 0.8   # .. but if so many of the others agree that a cell is not the object's
 CHUNK = 1 << 15          # cells at once, to bound memory
+# What a pixel says of a cell that it shows: nothing if it is beside the image.
+INSIDE, DENIED, TABLE, BEYOND, DRAWN, BESIDE_DRAWN = (np.uint8(1 << i) for i in range(6))
 
 
 def disc(width):
@@ -54,8 +56,7 @@ class Volume:
         """Keeps the cells that most photos take for the object, and those of no side deny: a hollow, or the gap below an
         edge, is seen from one side alone."""
         groups = sides(views, 0.5 * (self.low + self.high))
-        beside = [None if view.drawn is None else cv2.dilate(view.drawn, disc(3)) == 0 for view in views]
-        said = list(zip(views, masks, beside))
+        said = list(zip(views, in_threads(lambda pair: flags_of(*pair), zip(views, masks))))
         parts = [self.cells[first:first + CHUNK] for first in range(0, len(self.cells), CHUNK)]
         found = in_threads(lambda cells: belongs(cells, said, groups), parts)
         self.occupied, self.is_supported = (np.concatenate(kind) for kind in zip(*found))
@@ -85,32 +86,34 @@ class Volume:
         return cv2.morphologyEx(image, cv2.MORPH_CLOSE, disc(width))
 
 
+def flags_of(view, mask):
+    """What a photo says of a cell that one of its pixels shows: flags of the pixels, row by row, and of what is beside."""
+    flags = INSIDE | (mask == 0) * DENIED | (view.table > 0) * TABLE
+    if view.drawn is None:
+        flags |= (view.beyond > 0) * BEYOND  # else the user knows what is there
+    else:
+        flags |= (view.drawn > 0) * DRAWN | (cv2.dilate(view.drawn, disc(3)) == 0) * BESIDE_DRAWN
+    return np.append(flags, np.uint8(0))
+
+
 def belongs(cells, said, groups):
     """Which cells are the object's, and for which enough photos show the table behind. What the user drew in some photos is
     carried to the others: cells beside a drawn mask are gone, and those that it shows need fewer votes.
-    @param said [(view, mask, pixels beside a drawn one or None)]"""
-    inside, beyond, denied = (np.zeros((len(said), len(cells)), bool) for _ in range(3))
-    table, beside, shown = np.zeros(len(cells), int), np.zeros(len(cells), bool), np.zeros(len(cells), bool)
-    for i, (view, mask, beside_drawn) in enumerate(said):
-        seen, x, y = view.pixels_of(cells)
-        inside[i] = seen
-        beyond[i, seen] = (view.beyond[y, x] > 0) & (beside_drawn is None)  # the user knows what is there
-        denied[i, seen] = mask[y, x] == 0
-        table[seen] += view.table[y, x] > 0
-        if beside_drawn is not None:
-            beside[seen] |= beside_drawn[y, x]
-            shown[seen] |= view.drawn[y, x] > 0
-    known = (inside & ~beyond).sum(axis=0)
-    is_supported = known >= SUPPORT * len(said)
+    @param said [(view, flags of its pixels)]"""
+    flags = np.array([pixels[view.numbers_of(cells)] for view, pixels in said])
+
+    def count(said_of_it, unsaid=0):
+        return np.count_nonzero(flags & np.uint8(said_of_it | unsaid) == said_of_it, axis=0)
+    known, doubtful = count(INSIDE, BEYOND), count(BEYOND)
+    shown, is_supported = count(DRAWN) > 0, known >= SUPPORT * len(said)
     only_known = is_supported & ~shown
-    doubt, doubtful = np.where(only_known, 0, DOUBT), (inside & beyond).sum(axis=0)
-    doubtful_denials = (denied & beyond).sum(axis=0)
+    doubt, doubtful_denials = np.where(only_known, 0, DOUBT), count(BEYOND | DENIED)
     votes = known + doubt * doubtful
-    against = (denied & ~beyond).sum(axis=0) + doubt * doubtful_denials
+    against = count(DENIED, BEYOND) + doubt * doubtful_denials
     least = np.where(shown, MIN_VOTES_OF_DRAWN, MIN_VOTES)
-    enough = (inside.sum(axis=0) >= MIN_SEEN * len(said)) & (votes - against >= least * votes)
-    denied &= ~(beyond & only_known)
+    enough = (known + doubtful >= MIN_SEEN * len(said)) & (votes - against >= least * votes)
     gone = only_known & (doubtful_denials > DOUBTFUL_DENIALS * np.maximum(1, doubtful))
+    denied = (flags & DENIED > 0) & ~((flags & BEYOND > 0) & only_known)
     for group in groups:
-        gone |= denied[group].sum(axis=0) >= SIDE_DENIALS
-    return ~beside & (table < SURE_DENIALS) & (~gone | shown) & enough, is_supported
+        gone |= np.count_nonzero(denied[group], axis=0) >= SIDE_DENIALS
+    return (count(BESIDE_DRAWN) == 0) & (count(TABLE) < SURE_DENIALS) & (~gone | shown) & enough, is_supported

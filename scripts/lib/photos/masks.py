@@ -61,16 +61,24 @@ class View:
         result.K = self.K - np.array([[0, 0, columns.start], [0, 0, rows.start], [0, 0, 0]])
         return result
 
-    def pixels_of(self, points):
-        """(which points are in the image [n] of bool, their columns, their rows)."""
+    def numbers_of(self, points):
+        """The number of each point's pixel, row by row; beside the image that after the last pixel's."""
         P = (self.K @ np.column_stack((self.R, self.t))).astype(np.float32)
         points = np.asarray(points, np.float32)
         x, y, depth = (points @ row[:3] + row[3] for row in P)
         front = depth > 0
         depth[~front] = 1
-        x, y = np.floor(x / depth), np.floor(y / depth)
+        x, y = x / depth, y / depth
         inside = front & (x >= 0) & (x < self.shape[1]) & (y >= 0) & (y < self.shape[0])
-        return inside, x[inside].astype(int), y[inside].astype(int)
+        x[~inside], y[~inside] = 0, self.shape[0]  # the first pixel below the last row
+        return y.astype(np.int32) * self.shape[1] + x.astype(np.int32)
+
+    def pixels_of(self, points):
+        """(which points are in the image [n] of bool, their columns, their rows)."""
+        numbers = self.numbers_of(points)
+        inside = numbers < self.shape[0] * self.shape[1]
+        y, x = np.divmod(numbers[inside], self.shape[1])
+        return inside, x, y
 
     def reduced(self, mask):
         """A mask of the photo's size at the size of the view."""
