@@ -88,12 +88,13 @@ def turned(reconstruction_, photo, degrees):
 
 def folded(n=24, shared=0.3, seed=3):
     """A model in which the cameras of the far side were put onto the near side: the far ones see points of their own,
-    and `shared` of those of the near ones (the same artwork on both sides)."""
+    and those of the near ones (the same artwork on both sides) that are shared.
+    @param shared part of the points, or a function of them [n][3] that says which"""
     random = np.random.default_rng(seed)
     azimuths = np.linspace(-80, 80, n // 2)
     near = reconstruction([around(a, e) for a in azimuths for e in (25,)], seed=seed)
     far = reconstruction([around(a + 2, e) for a in azimuths for e in (25,)], seed=seed)
-    own = random.uniform(size=len(far.xyz)) > shared
+    own = ~shared(far.xyz) if callable(shared) else random.uniform(size=len(far.xyz)) > shared
     number = np.where(own, len(near.xyz) + np.arange(len(far.xyz)), np.arange(len(far.xyz)))
     both = dataclasses.replace(
         near, names=[f'{i}.jpg' for i in range(2 * len(near.names))], camera_of=np.zeros(2 * len(near.names), int),

@@ -96,6 +96,24 @@ class Folds(unittest.TestCase):
             groups = pose_checks.check(model).groups
             self.assertEqual([sorted(group) for group in sorted(groups)], [list(range(n)), list(range(n, 2 * n))], shared)
 
+    def test_sides_that_differ_in_one_place_are_found(self):
+        """A carton on a plain table: front and back share their points, the sides beside them are others."""
+        model, n = scenes.folded(shared=lambda points: np.abs(points[:, 1]) < scenes.BOX[1] / 2 - 1e-6)
+        model = model.of_points(model.xyz[:, 2] > 1e-6)
+        findings = pose_checks.check(model)
+        self.assertFalse(findings.is_good())
+        self.assertTrue(findings.contradictions)
+        for i, j in findings.contradictions:
+            self.assertTrue(i < n <= j, (i, j))  # one of each side
+        said = list(pose_checks.sentences(findings, model.names))
+        self.assertRegex(said[-1], r"^it is folded: \d+\.jpg and \d+\.jpg show different things in the same place$")
+
+    def test_a_good_model_has_no_contradictions(self):
+        for poses in (scenes.rounds(14), scenes.rounds(22, (12, 24))):
+            model = scenes.reconstruction(poses)
+            for some in (model, model.of_points(model.xyz[:, 2] > 1e-6)):
+                self.assertTrue(pose_checks.check(some).is_good())
+
     def test_components(self):
         self.assertEqual(pose_checks.components(6, [(0, 1), (1, 2), (4, 5)]), [[0, 1, 2], [4, 5], [3]])
 

@@ -23,6 +23,13 @@ LOW_SHARE = 0.2             # of the common points that views so near usually ha
 MIN_LOW_PAIRS = 0.2         # of the close pairs: fewer are chance
 MIN_GROUP = 0.12            # of the photos
 MIN_BRIDGE = 0.5            # of a group's photos must be close to the other group
+REGIONS = 4                 # along the points' extent
+REGION_POINTS = 5           # of a region, that each of two photos sees ..
+REGION_SHARE = 0.05         # .. and of these so many in common, else they see different things in one place
+REGIONS_CLOSE_DEG = 20.0    # photos so near are compared
+OTHER_THINGS = 0.1          # of what both see: the photos contradict each other
+MIN_CONTRADICTIONS = 0.05   # of the close pairs ..
+MIN_PAIRS = 4               # .. and so many: fewer are chance
 
 
 @dataclasses.dataclass
@@ -30,9 +37,10 @@ class Findings:
     focal_spread: float                                # of one camera's photos, (max - min) / median
     wrong: dict = dataclasses.field(default_factory=dict)   # {index of a photo: reason}
     groups: list = dataclasses.field(default_factory=list)  # of a folded model: lists of photos; the largest first
+    contradictions: list = dataclasses.field(default_factory=list)  # pairs of photos, the worst first
 
     def is_good(self):
-        return not self.wrong and not self.groups and self.focal_spread <= MAX_FOCAL_SPREAD
+        return not (self.wrong or self.groups or self.contradictions) and self.focal_spread <= MAX_FOCAL_SPREAD
 
 
 def focal_spread(reconstruction):
@@ -84,7 +92,8 @@ def jumps(reconstruction):
 
 
 # Folded models: an object that looks the same from two sides is put together as one side, and cameras of both sides
-# come to lie in one place. Close views then share points of what looks the same, and none of what surrounds it.
+# come to lie in one place. Close views then share points of what looks the same, and none of what surrounds it, be it
+# all that the photos show beside it or the object's other sides.
 
 def common_shares(reconstruction):
     """[photos][photos]: points that two photos share, of those that the poorer one has."""
@@ -158,14 +167,49 @@ def folded_groups(reconstruction):
     return groups if len(bridged) >= MIN_BRIDGE * smaller else []
 
 
+def regions_of(points):
+    """The number of the cube that each point lies in."""
+    middle = np.median(points, axis=0)
+    size = 2 * np.median(np.abs(points - middle).max(axis=1)) / REGIONS
+    return np.unique(np.floor((points - middle) / size).astype(int), axis=0, return_inverse=True)[1].ravel()
+
+
+def contradicting_pairs(reconstruction):
+    """Close photos that see points in the same places, but others, worst first; none in a good model. Which side of the
+    object each photo of such a model shows cannot be told: some show what is the same on both."""
+    first, second, angles = close_pairs(reconstruction)
+    pairs = [pair for pair, angle in zip(zip(first.tolist(), second.tolist()), angles) if angle < REGIONS_CLOSE_DEG]
+    seen = np.zeros((len(reconstruction.names), len(reconstruction.xyz)), bool)
+    seen[reconstruction.photo_of, reconstruction.point_of] = True
+    region = regions_of(reconstruction.xyz)
+
+    def count_of(points):
+        return np.bincount(region[points], minlength=region.max() + 1)
+    counts, contradictions = [count_of(points) for points in seen], {}
+    for i, j in pairs:
+        fewer, common = np.minimum(counts[i], counts[j]), count_of(seen[i] & seen[j])
+        fewer[fewer < REGION_POINTS] = 0
+        other = fewer[common <= REGION_SHARE * fewer].sum() / max(1, fewer.sum())
+        if other > OTHER_THINGS:
+            contradictions[i, j] = other
+    if len(contradictions) < max(MIN_CONTRADICTIONS * len(pairs), MIN_PAIRS):
+        return []
+    return sorted(contradictions, key=lambda pair: -contradictions[pair])
+
+
 def check(reconstruction, is_sequence=False):
     """What is wrong with a reconstruction."""
     findings = Findings(focal_spread(reconstruction), contradicted(reconstruction))
     if is_sequence:
         for photo, reason in jumps(reconstruction).items():
             findings.wrong.setdefault(photo, reason)
-    findings.groups = folded_groups(reconstruction)
+    findings.groups, findings.contradictions = folded_groups(reconstruction), contradicting_pairs(reconstruction)
     return findings
+
+
+def contradiction_of(findings, names):
+    i, j = findings.contradictions[0]
+    return f'{names[i]} and {names[j]} show different things in the same place'
 
 
 def sentences(findings, names):
@@ -174,6 +218,8 @@ def sentences(findings, names):
         yield f'focal lengths of one camera differ by {100 * findings.focal_spread:.0f} %'
     for group in findings.groups[1:]:
         yield f'it is folded: {count(len(group), "photo")} ({names[group[0]]} ..) show another side that looks the same'
+    if findings.contradictions:
+        yield f'it is folded: {contradiction_of(findings, names)}'
     for photo, why in findings.wrong.items():
         yield f'{names[photo]}: {why}'
 

@@ -96,6 +96,10 @@ def poses_of_colmap(job):
         findings = pose_checks.check(reconstruction, job.is_sequence)
     require(not findings.groups, 'the object looks the same from several sides, so that the photos cannot be put together: '
             'put something with texture beside it')
+    if findings.contradictions:
+        sources = [job.sources()[name] for name in reconstruction.names]
+        raise InputError(f'the model is folded: {pose_checks.contradiction_of(findings, sources)}. The object looks the same '
+                         'from several sides: put something with texture beside it, and take the photos anew')
     return without_wrong(job, reconstruction, findings, facts)
 
 
