@@ -12,13 +12,14 @@ MIN_SEEN = 0.3           # of the photos must show a cell
 SIDE_VIEWS = 5           # a photo and those from the nearest directions: one side of the object
 MAX_COSINE = float(np.cos(np.radians(5)))  # of the angle between two of them
 SIDE_DENIALS = 4         # of them: the cell does not belong to the object, whatever the other sides say
-SURE_DENIALS = 2         # photos that surely show the table where a cell would be: it is not there
+SURE_DENIALS, SURE_SHARE = 2, 0.05  # photos, and a share of them, surely show the table where a cell would be: it is gone
 DOUBT = 0.5              # weight of a vote where a photo shows what is beyond the table: nothing else tells what is there
-SUPPORT = 0.3            # of the photos show the table behind a cell: these alone vote, the others may be unsure of it ..
-DOUBTFUL_DENIALS = 0.8   # .. but if so many of the others agree that a cell is not the object's
+SUPPORT = 0.3            # of the photos show the table behind a cell: the others may be unsure of it
+VOTERS = 8               # .. and so many: they alone vote. Of fewer each had a veto
+DOUBTFUL_DENIALS = 0.8   # of the others, if they are SIDE_VIEWS or more, agree that a cell is not the object's: it is gone
 CHUNK = 1 << 15          # cells at once, to bound memory
 # What a pixel says of a cell that it shows: nothing if it is beside the image.
-INSIDE, DENIED, TABLE, BEYOND, DRAWN, BESIDE_DRAWN = (np.uint8(1 << i) for i in range(6))
+INSIDE, DENIED, TABLE, BEYOND, DRAWN, BESIDE_DRAWN = (np.uint8(1 << bit) for bit in range(6))
 
 
 def disc(width):
@@ -106,14 +107,15 @@ def belongs(cells, said, groups):
         return np.count_nonzero(flags & np.uint8(said_of_it | unsaid) == said_of_it, axis=0)
     known, doubtful = count(INSIDE, BEYOND), count(BEYOND)
     shown, is_supported = count(DRAWN) > 0, known >= SUPPORT * len(said)
-    only_known = is_supported & ~shown
+    only_known = is_supported & (known >= VOTERS) & ~shown
     doubt, doubtful_denials = np.where(only_known, 0, DOUBT), count(BEYOND | DENIED)
     votes = known + doubt * doubtful
     against = count(DENIED, BEYOND) + doubt * doubtful_denials
     least = np.where(shown, MIN_VOTES_OF_DRAWN, MIN_VOTES)
     enough = (known + doubtful >= MIN_SEEN * len(said)) & (votes - against >= least * votes)
-    gone = only_known & (doubtful_denials > DOUBTFUL_DENIALS * np.maximum(1, doubtful))
+    gone = only_known & (doubtful >= SIDE_VIEWS) & (doubtful_denials > DOUBTFUL_DENIALS * doubtful)
     denied = (flags & DENIED > 0) & ~((flags & BEYOND > 0) & only_known)
     for group in groups:
         gone |= np.count_nonzero(denied[group], axis=0) >= SIDE_DENIALS
-    return (count(BESIDE_DRAWN) == 0) & (count(TABLE) < SURE_DENIALS) & (~gone | shown) & enough, is_supported
+    gone |= count(TABLE) >= np.maximum(SURE_DENIALS, SURE_SHARE * (known + doubtful))
+    return (count(BESIDE_DRAWN) == 0) & (~gone | shown) & enough, is_supported

@@ -39,7 +39,7 @@ class View:
         self.full_shape = image.shape[:2]
         scale = min(1, side / max(self.full_shape))
         size = round(image.shape[1] * scale), round(image.shape[0] * scale)
-        self.image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+        self.image = image if scale == 1 else cv2.resize(image, size, interpolation=cv2.INTER_AREA)
         self.shape = size[1], size[0]
         self.R, self.t = pose
         self.K = np.diag((size[0] / image.shape[1], size[1] / image.shape[0], 1)) @ np.array(
@@ -186,15 +186,16 @@ def agreement(a, b):
 
 
 def agreed(view, mask, silhouette):
-    """The mask within a band around the silhouette, without the table. No photo alone may cut away what the others see: a
-    volume is cut by each silhouette."""
+    """The mask within a band around the silhouette, in it without the table. No photo alone may cut away what the others
+    see: a volume is cut by each silhouette."""
     share = agreement(mask, silhouette)
     if share < MIN_AGREEMENT:
         return silhouette, share
     outer, inner = (2 * max(1, round(band * extent(silhouette))) + 1 for band in (OUTER_BAND, INNER_BAND))
     within = cv2.bitwise_and(mask, cv2.dilate(silhouette, disc(outer)))
-    result = solid(cv2.bitwise_or(within, cv2.erode(silhouette, disc(inner))))
-    return cv2.bitwise_and(result, 255 - view.table), share
+    core = cv2.erode(silhouette, disc(inner))
+    result = solid(cv2.bitwise_or(within, core))
+    return cv2.bitwise_and(result, 255 - cv2.bitwise_and(view.table, 255 - core)), share
 
 
 def mask_of(view, trimap):
@@ -214,10 +215,11 @@ def views_of(photos, box, region, side):
     """The photos at the size at which masks are found [px], with what the table tells. @param photos undistorted"""
     views = in_threads(lambda photo: view_of(photo, side), photos)
     if region.table_is_known:
-        partners = partners_of(views, 0.5 * (box[0] + box[1]))
+        partners = partners_of(views, box)
         for view, shown in zip(views, in_threads(lambda i: shows_plane(views[i], [views[j] for j in partners[i]]),
                                                  range(len(views)))):
-            view.table = shown
+            given = view.cut_out if view.drawn is None else view.drawn
+            view.table = shown if given is None else cv2.bitwise_and(shown, 255 - given)
         table = Table(views, box, region.points)
         for view, (hidden, beyond) in zip(views, in_threads(table.hidden_in, views)):
             view.hidden, view.beyond = hidden, beyond

@@ -108,7 +108,7 @@ def with_outlines(photos, found, views, volume, box):
     table = Table(views, box, np.empty((0, 3)), covered)
 
     full = [view_of(photo, max(photo.image.shape)) for photo in photos]
-    partners = partners_of(views, 0.5 * (box[0] + box[1]))
+    partners = partners_of(views, box)
 
     def better(i):
         background = table, [full[j] for j in partners[i]]

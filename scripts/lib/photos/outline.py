@@ -26,10 +26,15 @@ def is_unsure(mask):
     return (mask == PERHAPS_OBJECT) | (mask == PERHAPS_BACKGROUND)
 
 
+def core(mask, share):
+    """The mask without a band along its outline. @param share width as a share of the mask's size"""
+    return cv2.erode(mask, disc(2 * max(1, round(share * extent(mask))) + 1))
+
+
 def around(mask, outside, inside):
     """The band around a mask's outline. @param outside, inside widths as shares of the mask's size"""
-    outer, inner = (2 * max(1, round(share * extent(mask))) + 1 for share in (outside, inside))
-    return (cv2.dilate(mask, disc(outer)) > 0) & (cv2.erode(mask, disc(inner)) == 0)
+    outer = 2 * max(1, round(outside * extent(mask))) + 1
+    return (cv2.dilate(mask, disc(outer)) > 0) & (core(mask, inside) == 0)
 
 
 def against_table(look, mask, silhouette):
@@ -74,7 +79,8 @@ def outlined(view, background, mask, volume):
     part, result = view.part(*window), mask.copy()
     part.image = cv2.GaussianBlur(part.image, (0, 0), BLUR)
     (table, partners), found = background, np.ascontiguousarray(mask[window])
-    look = table.behind(part, NEARBY)
-    better = cv2.bitwise_and(against_table(look, found, volume.silhouette(part)), 255 - shows_plane(part, partners))
+    look, silhouette = table.behind(part, NEARBY), volume.silhouette(part)
+    shown = cv2.bitwise_and(shows_plane(part, partners), 255 - core(silhouette, BAND))  # no hole by one photo alone
+    better = cv2.bitwise_and(against_table(look, found, silhouette), 255 - shown)
     result[window] = with_doubts(look, better, volume.supported(part))
     return result

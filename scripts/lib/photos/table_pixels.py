@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 
 from photos.common import in_threads
-from photos.plane_match import below_horizon, plane_to_pixels
+from photos.plane_match import HALF, below_horizon, plane_to_pixels
 
 GRID = 640              # of the table as seen from above [px]
 STRIP = 32              # rows of it at once
@@ -30,7 +30,6 @@ FOOT = 0.15             # of the box's size: gaps between the object's points fr
 # `spread` of these colours [grey levels]; `distance` to the nearest place of which the colour is known [cells]; `beyond`:
 # whether the ray passes the part of the table that is known.
 Look = collections.namedtuple('Look', 'off spread distance beyond')
-HALF = np.array([[1, 0, 0.5], [0, 1, 0.5], [0, 0, 1]])  # from the middle of a pixel to its corner
 
 
 def median_of(values):
@@ -81,9 +80,10 @@ class Table:
         if masks is not None:
             least = max(FEW_VIEWS, UNCOVERED * len(chosen))
         steady = (deviation < STEADY) & (np.sum([counts for _, counts in above], axis=0) >= least)
+        steady |= is_sure & (deviation < STEADY_OF_SURE)
         if masks is None:
             steady &= self.foot(points) == 0
-        self.find_gaps(steady | (is_sure & (deviation < STEADY_OF_SURE)))
+        self.find_gaps(steady)
 
     def find_gaps(self, steady):
         """Where no colour is known: a gap, as below the object, has that of the nearest place, or, on a board, any of those
