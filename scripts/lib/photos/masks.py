@@ -56,7 +56,8 @@ class View:
     def part(self, rows, columns):
         """Of the same photo: what the slices hold, as a view of its own."""
         result = copy.copy(self)
-        result.image = np.ascontiguousarray(self.image[rows, columns])
+        for name in ('image', 'table', 'hidden', 'beyond'):
+            setattr(result, name, np.ascontiguousarray(getattr(self, name)[rows, columns]))
         result.shape = result.image.shape[:2]
         result.K = self.K - np.array([[0, 0, columns.start], [0, 0, rows.start], [0, 0, 0]])
         return result
