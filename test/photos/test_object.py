@@ -288,6 +288,15 @@ class Masks(unittest.TestCase):
         object_masks.mask_photos(photos, region_of(self.model))
         np.testing.assert_array_equal(photos[2].mask, photos[2].drawn)
 
+    def test_a_right_mask_leaves_the_others_as_they_are(self):
+        photos = [dataclasses.replace(photo) for photo in self.photos]
+        photos[2].drawn = scenes.true_mask(self.poses[2])
+        _, box = object_masks.mask_photos(photos, region_of(self.model))
+        np.testing.assert_allclose(box, self.box, atol=0.015)
+        for photo, before, pose in zip(photos, self.photos, self.poses):
+            true = scenes.true_mask(pose)
+            self.assertGreater(masks.agreement(photo.mask >= 128, true), masks.agreement(before.mask >= 128, true) - 0.01)
+
     def test_inverted_masks_contradict_the_others(self):
         photos = [dataclasses.replace(photo) for photo in self.photos]
         photos[2].drawn = 255 - scenes.true_mask(self.poses[2])

@@ -184,7 +184,7 @@ class Votes(unittest.TestCase):
         occupied = []
         for table in (0, 1):
             for view, mask in zip(views[:3], shown):
-                view.drawn, view.table = mask, table * mask
+                view.drawn, view.added, view.table = mask, mask, table * mask
             volume = mask_volume.Volume(*BOX)
             volume.vote(views, shown)
             occupied.append(volume.occupied)
@@ -216,7 +216,7 @@ class Votes(unittest.TestCase):
         poses = scenes.rounds(8, (30, 55))
         views, shown = views_of(poses), [scenes.true_mask(pose) for pose in poses]
         for view, mask in zip(views, shown):
-            view.beyond[:], view.drawn = 255, mask
+            view.beyond[:], view.drawn, view.added = 255, mask, mask
         volume = mask_volume.Volume(*BOX)
         volume.vote(views, shown)
         self.assertTrue((volume.supported(views[0])[shown[0] > 0] > 0).all())

@@ -7,7 +7,7 @@ from photos.common import in_threads
 
 CELLS = 96               # of the volume, along the box's longest side
 MIN_VOTES = 0.85         # of the photos that show a cell: the cell belongs to the object
-MIN_VOTES_OF_DRAWN = 0.5  # the same, where a mask that the user drew shows it
+MIN_VOTES_OF_DRAWN = 0.5  # the same, where a mask that the user drew adds it to what the photos show without it
 MIN_SEEN = 0.3           # of the photos must show a cell
 SIDE_VIEWS = 5           # a photo and those from the nearest directions: one side of the object
 MAX_COSINE = float(np.cos(np.radians(5)))  # of the angle between two of them
@@ -19,7 +19,7 @@ VOTERS = 8               # .. and so many: they alone vote. Of fewer each had a 
 DOUBTFUL_DENIALS = 0.8   # of the others, if they are SIDE_VIEWS or more, agree that a cell is not the object's: it is gone
 CHUNK = 1 << 15          # cells at once, to bound memory
 # What a pixel says of a cell that it shows: nothing if it is beside the image.
-INSIDE, DENIED, TABLE, BEYOND, DRAWN, BESIDE_DRAWN = (np.uint8(1 << bit) for bit in range(6))
+INSIDE, DENIED, TABLE, BEYOND, ADDED, BESIDE_DRAWN = (np.uint8(1 << bit) for bit in range(6))
 
 
 def disc(width):
@@ -93,20 +93,20 @@ def flags_of(view, mask):
     if view.drawn is None:
         flags |= (view.beyond > 0) * BEYOND  # else the user knows what is there
     else:
-        flags |= (view.drawn > 0) * DRAWN | (cv2.dilate(view.drawn, disc(3)) == 0) * BESIDE_DRAWN
+        flags |= (view.added > 0) * ADDED | (cv2.dilate(view.drawn, disc(3)) == 0) * BESIDE_DRAWN
     return np.append(flags, np.uint8(0))
 
 
 def belongs(cells, said, groups):
     """Which cells are the object's, and for which enough photos show the table behind. What the user drew in some photos is
-    carried to the others: cells beside a drawn mask are gone, and those that it shows need fewer votes.
+    carried to the others: cells beside a drawn mask are gone, and those that it adds need fewer votes.
     @param said [(view, flags of its pixels)]"""
     flags = np.array([pixels[view.numbers_of(cells)] for view, pixels in said])
 
     def count(said_of_it, unsaid=0):
         return np.count_nonzero(flags & np.uint8(said_of_it | unsaid) == said_of_it, axis=0)
     known, doubtful = count(INSIDE, BEYOND), count(BEYOND)
-    shown, is_supported = count(DRAWN) > 0, known >= SUPPORT * len(said)
+    shown, is_supported = count(ADDED) > 0, known >= SUPPORT * len(said)
     only_known = is_supported & (known >= VOTERS) & ~shown
     doubt, doubtful_denials = np.where(only_known, 0, DOUBT), count(BEYOND | DENIED)
     votes = known + doubt * doubtful

@@ -51,6 +51,7 @@ class View:
         self.drawn = None
         if drawn is not None:
             self.drawn = self.reduced(drawn)
+        self.added = self.drawn  # .. what of it the other photos do not show without it
         self.cut_out = None  # the mask that the photo's alpha says: as good as GrabCut's, not as the user's
 
     def part(self, rows, columns):
@@ -232,6 +233,8 @@ def first_volume(photos, box, region, side=ROUGH_SIDE):
     object in the world, which may be larger than the object; region see object_region: its points, and whether the table
     is known, count here"""
     views, volume = views_of(photos, box, region, side), Volume(*box)
+    for view in views:
+        view.added = np.zeros(view.shape, np.uint8)  # not known yet
     volume.vote(views, in_threads(lambda view: mask_of(view, first_trimap(view, volume, region.points)), views))
     return volume
 
@@ -240,6 +243,10 @@ def refined(views, volume, region):
     """Masks that agree, of volume's silhouettes. @param volume of first_volume, which is changed to what they have in common
     @return list of Mask"""
     seeds, masks = on_surface(region.points), []
+    for view in views:
+        if view.drawn is not None:
+            found = volume.silhouette(view)
+            view.added = cv2.bitwise_and(view.drawn, 255 - cv2.dilate(found, disc(2 * max(1, round(BAND * extent(found))) + 1)))
     for _ in range(ROUNDS):
         masks = in_threads(lambda view: mask_of(view, band_trimap(view, volume.silhouette(view), BAND, seeds)), views)
         volume.vote(views, masks)
