@@ -12,11 +12,12 @@ MIN_SEEN = 0.3           # of the photos must show a cell
 SIDE_VIEWS = 5           # a photo and those from the nearest directions: one side of the object
 MAX_COSINE = float(np.cos(np.radians(5)))  # of the angle between two of them
 SIDE_DENIALS = 4         # of them: the cell does not belong to the object, whatever the other sides say
-SURE_DENIALS, SURE_SHARE = 2, 0.05  # photos, and a share of them, surely show the table where a cell would be: it is gone
+SURE_DENIALS = 2         # photos that surely show the table where a cell would be: it is gone ..
+SURE_SHARE = 0.05        # .. if they are so many of those that show it, too: each may err
 DOUBT = 0.5              # weight of a vote where a photo shows what is beyond the table: nothing else tells what is there
-SUPPORT = 0.3            # of the photos show the table behind a cell: the others may be unsure of it
-VOTERS = 8               # .. and so many: they alone vote. Of fewer each had a veto
-DOUBTFUL_DENIALS = 0.8   # of the others, if they are SIDE_VIEWS or more, agree that a cell is not the object's: it is gone
+SUPPORT = 0.3            # of the photos show the table behind a cell: in the others its pixels may be unsure ..
+VOTERS = 8               # .. and if these are so many, they alone vote: each of fewer would have a veto
+DOUBTFUL_DENIALS = 0.8   # of the others (SIDE_VIEWS or more) deny a cell that the voters keep: it is gone all the same
 CHUNK = 1 << 15          # cells at once, to bound memory
 # What a pixel says of a cell that it shows: nothing if it is beside the image.
 INSIDE, DENIED, TABLE, BEYOND, ADDED, BESIDE_DRAWN = (np.uint8(1 << bit) for bit in range(6))
@@ -106,16 +107,16 @@ def belongs(cells, said, groups):
     def count(said_of_it, unsaid=0):
         return np.count_nonzero(flags & np.uint8(said_of_it | unsaid) == said_of_it, axis=0)
     known, doubtful = count(INSIDE, BEYOND), count(BEYOND)
-    shown, is_supported = count(ADDED) > 0, known >= SUPPORT * len(said)
-    only_known = is_supported & (known >= VOTERS) & ~shown
+    is_added, is_supported = count(ADDED) > 0, known >= SUPPORT * len(said)
+    only_known = is_supported & (known >= VOTERS) & ~is_added
     doubt, doubtful_denials = np.where(only_known, 0, DOUBT), count(BEYOND | DENIED)
     votes = known + doubt * doubtful
     against = count(DENIED, BEYOND) + doubt * doubtful_denials
-    least = np.where(shown, MIN_VOTES_OF_DRAWN, MIN_VOTES)
+    least = np.where(is_added, MIN_VOTES_OF_DRAWN, MIN_VOTES)
     enough = (known + doubtful >= MIN_SEEN * len(said)) & (votes - against >= least * votes)
     gone = only_known & (doubtful >= SIDE_VIEWS) & (doubtful_denials > DOUBTFUL_DENIALS * doubtful)
     denied = (flags & DENIED > 0) & ~((flags & BEYOND > 0) & only_known)
     for group in groups:
         gone |= np.count_nonzero(denied[group], axis=0) >= SIDE_DENIALS
     gone |= count(TABLE) >= np.maximum(SURE_DENIALS, SURE_SHARE * (known + doubtful))
-    return (count(BESIDE_DRAWN) == 0) & (~gone | shown) & enough, is_supported
+    return (count(BESIDE_DRAWN) == 0) & (~gone | is_added) & enough, is_supported
