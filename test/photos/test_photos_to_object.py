@@ -6,7 +6,7 @@
 
 TOOLS: folder of the programs train and render; without it, nothing is learned.
 """
-import json
+import dataclasses
 import os
 import shutil
 import sys
@@ -91,6 +91,18 @@ class OneObject(Command):
         cv2.imwrite(os.path.join(self.photos, 'IMG 03.png'), np.zeros((240, 320, 4), np.uint8))
         result = self.run_program('--no-training')
         self.assertRegex(result.stderr, 'IMG 03.png\' is transparent everywhere')
+
+    def test_a_model_whose_sides_are_in_one_place_is_refused(self):
+        model, _ = scenes.folded(shared=lambda points: np.abs(points[:, 1]) < scenes.BOX[1] / 2 - 1e-6)
+        model = model.of_points(model.xyz[:, 2] > 1e-6)
+        self.look_from(list(zip(model.R, model.t)))
+        self.take_photos()
+        self.model = dataclasses.replace(model, names=[f'camera_0/view_{i:04d}.jpg' for i in range(len(self.poses))])
+        result = self.run_program('--no-training')
+        self.assertEqual(result.returncode, 1)
+        self.assertRegex(result.stderr, r'the model is folded: IMG \d\d\.png and IMG \d\d\.png show different things in the same '
+                         'place. The object looks the same from several sides: put something with texture beside it')
+        self.assertFalse(os.path.exists(os.path.join(self.output, 'dataset')))
 
     def test_an_interrupted_run_goes_on(self):
         self.take_photos()
