@@ -33,4 +33,9 @@ struct Hypothesis {
 /// Hypotheses, best first.
 using HypothesisTable = std::vector<Hypothesis>;
 
+/// Whether the first one of a table led to a pose.
+inline bool isLive(const HypothesisTable& table) {
+  return !table.empty() && table.front().state == HypothesisState::kLive;
+}
+
 }  // namespace nerf_pose_refiner

@@ -110,7 +110,7 @@ class Inversion {
     std::vector<HypothesisTable> tables = bySearch(snapshots.back().hypotheses);
     if (settings_.hypotheses > 1) improve(&tables);
     for (std::size_t i = 0; i < runs_.size(); ++i) {
-      if (hasWinner(tables[i])) judge(static_cast<int>(i), &tables[i].front());
+      if (isLive(tables[i])) judge(static_cast<int>(i), &tables[i].front());
     }
     const SolverSnapshot end = readWithNow().back();
     snapshots.back().seconds = end.seconds;
@@ -120,10 +120,6 @@ class Inversion {
   }
 
  private:
-  static bool hasWinner(const HypothesisTable& table) {
-    return !table.empty() && table.front().state == HypothesisState::kLive;
-  }
-
   OptimisationPlan optimisationPlan() const {
     OptimisationPlan plan = settings_.descent;
     plan.object_centre = object_.centre;
@@ -173,14 +169,13 @@ class Inversion {
     std::vector<Pose> means;
     for (std::size_t i = 0; i < tables->size(); ++i) {
       const HypothesisTable& table = (*tables)[i];
-      means.push_back(hasWinner(table) ? meanOfBest(table, settings_, unit_)
-                                       : runs_[i]->prior.T_O_C);
+      means.push_back(isLive(table) ? meanOfBest(table, settings_, unit_) : runs_[i]->prior.T_O_C);
     }
     startAt(means);
     evaluate();
     for (const Hypothesis& evaluated : solver_->readHypotheses()) {
       HypothesisTable& table = tables->at(evaluated.search);
-      if (!hasWinner(table) || evaluated.state != HypothesisState::kLive) continue;
+      if (!isLive(table) || evaluated.state != HypothesisState::kLive) continue;
       if (!(evaluated.loss < table.front().loss)) continue;
       table.front().T_O_C = evaluated.T_O_C;
       table.front().loss = evaluated.loss;

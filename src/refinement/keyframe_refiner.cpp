@@ -64,6 +64,7 @@ void KeyframeSearchSettings::validate() const {
   require(max_keyframes >= 1, "KeyframeSearchSettings::max_keyframes", max_keyframes);
   require(wide_starts >= 0, "KeyframeSearchSettings::wide_starts", wide_starts);
   require(starts >= 1, "KeyframeSearchSettings::starts", starts);
+  require(starts_further >= 1, "KeyframeSearchSettings::starts_further", starts_further);
   require(starts_again >= 1, "KeyframeSearchSettings::starts_again", starts_again);
 }
 
@@ -136,65 +137,6 @@ Refinement KeyframeRefiner::follow(const TimedObservation& image, const Prior& p
   return result;
 }
 
-Refinement KeyframeRefiner::find(const TimedObservation& image, const Prior& prior,
-                                 const CancellationToken& cancellation,
-                                 const std::vector<Pose>& candidates_T_O_C) {
-  return find(image, prior, WideSearch{candidates_T_O_C, {settings_.starts}, false}, cancellation);
-}
-
-Refinement KeyframeRefiner::findAgain(const TimedObservation& image, const Prior& prior,
-                                      const CancellationToken& cancellation) {
-  constexpr int kRounds = 8;
-  again_ = (again_ + 1) % kRounds;
-  const WideSearch glance = {{}, {settings_.starts_again, again_}, /*is_glance=*/true};
-  return find(image, prior, glance, cancellation);
-}
-
-Refinement KeyframeRefiner::find(const TimedObservation& image, const Prior& prior,
-                                 const WideSearch& how, const CancellationToken& cancellation) {
-  noteKind(image.observation);
-  const Expectation hint = {prior, kHintOdds};
-  if (image.observation.isDepthAlone()) return findByDepth(image, hint, cancellation);
-  adaptTo(image.observation);
-  Refinement result = refine(
-      image, hint, [&] { return foundWidely(image.observation, prior, how, cancellation); },
-      cancellation);
-  lookPastOccluders(image, hint, cancellation, &result);
-  holdTrack(result);
-  if (result.outcome == Outcome::kRefined) remember(image.stamp_ns, result.T_O_C);
-  return result;
-}
-
-HypothesisTable KeyframeRefiner::foundWidely(const Observation& observation, const Prior& prior,
-                                             const WideSearch& how,
-                                             const CancellationToken& cancellation) {
-  constexpr std::size_t kRendered = 2;  // of the candidates
-  if (!objectRegion(observation.camera, prior, field_->field().metadata)) return {};
-  waitForRenderings(cancellation);
-  HypothesisTable starts = search_->around(observation, prior, how.starts, cancellation);
-  std::vector<Pose> rendered;
-  if (!starts.empty()) rendered.push_back(starts.front().T_O_C);
-  const auto add = [&](const Pose& T_O_C) {
-    starts.emplace_back();
-    starts.back().T_O_C = T_O_C;
-    rendered.push_back(T_O_C);
-  };
-  // The prior, too: it may be nearly right, and small views of it may show too little.
-  add(prior.T_O_C);
-  const std::size_t candidates = std::min(kRendered, how.candidates_T_O_C.size());
-  for (std::size_t i = 0; i < candidates; ++i) add(how.candidates_T_O_C[i]);
-  HypothesisTable found;
-  if (how.is_glance) found = search_->from(observation, starts, cancellation);
-  // (Where no keyframe reaches, its small view says whether one is worth while.)
-  const Hypothesis& best = starts.front();
-  if (found.empty() || mayBeRight(found.front()) ||
-      (!search_->distanceOfNearest(best.T_O_C) && mayBeRight(best))) {
-    makeAt(observation.camera, rendered, cancellation);
-    found = aligned(observation, starts, cancellation);
-  }
-  return withoutMistake(observation, found, prior, cancellation);
-}
-
 Refinement KeyframeRefiner::settle(const TimedObservation& image,
                                    const std::vector<Pose>& rough_T_O_C, const PoseOdds& odds,
                                    const CancellationToken& cancellation,
@@ -223,7 +165,7 @@ Refinement KeyframeRefiner::settle(const TimedObservation& image,
         }
         makeAt(camera, rough_T_O_C, cancellation);
         HypothesisTable found = search_->from(image.observation, starts, cancellation);
-        if (found.empty() || found.front().state != HypothesisState::kLive) return found;
+        if (!isLive(found)) return found;
         if (odds) bringForward(weighed(found, odds).front().T_O_C, &found);
         const double by_image = scoreProbability(found.front().score, scores_);
         const double of_pose = odds ? odds(found.front().T_O_C) : 1;
@@ -250,15 +192,6 @@ Refinement KeyframeRefiner::settle(const TimedObservation& image,
   changeOdds(of_start * (odds ? odds(result.T_O_C) : 1), &result);
   holdTrack(result);
   return result;
-}
-
-/// Aligns from rough poses, and looks beside the best one unless that is clear.
-HypothesisTable KeyframeRefiner::aligned(const Observation& observation,
-                                         const HypothesisTable& starts,
-                                         const CancellationToken& cancellation) {
-  const HypothesisTable found = search_->from(observation, starts, cancellation);
-  if (found.empty() || isClear(found.front())) return found;
-  return search_->withBeside(observation, found, cancellation);
 }
 
 /// Time since the object was found last; nothing: it was not, or too long ago.
@@ -381,7 +314,7 @@ Refinement KeyframeRefiner::conclude(const HypothesisTable& found, const Prior& 
   Refinement result;
   result.T_O_C = prior.T_O_C;
   result.hypotheses = found;
-  if (found.empty() || found.front().state != HypothesisState::kLive) {
+  if (!isLive(found)) {
     // (Without a hypothesis the prior lies outside of the image.)
     const bool outside = found.empty() || found.front().state == HypothesisState::kOutOfImage;
     result.outcome = outside ? Outcome::kNoOverlap : Outcome::kDiverged;

@@ -99,6 +99,11 @@ class KeyframeRefiner {
                   const CancellationToken& cancellation);
   HypothesisTable foundWidely(const Observation& observation, const Prior& prior,
                               const WideSearch& how, const CancellationToken& cancellation);
+  HypothesisTable foundFrom(const Observation& observation, const Prior& prior,
+                            const WideSearch& how, const CancellationToken& cancellation);
+  HypothesisTable foundFurther(const Observation& observation, const Prior& prior,
+                               const WideSearch& how, const HypothesisTable& before,
+                               const CancellationToken& cancellation);
   bool mayBeRight(const Hypothesis& found) const;
   Refinement refineByDepth(const TimedObservation& image, const Expectation& expected,
                            const std::function<std::vector<DepthFit>()>& search);
@@ -137,11 +142,12 @@ class KeyframeRefiner {
   void holdTrack(const Refinement& found);
   void holdTrack(const Refinement& found, double by_image);
   Refinement conclude(const HypothesisTable& found, const Prior& prior) const;
-  HypothesisTable aligned(const Observation& observation, const HypothesisTable& starts,
-                          const CancellationToken& cancellation);
   void judge(const TimedObservation& image, const Expectation& expected,
              const CancellationToken& cancellation, Refinement* found);
   bool isClear(const Hypothesis& found) const;
+  bool isClear(const HypothesisTable& found) const {
+    return !found.empty() && isClear(found.front());
+  }
   std::optional<double> rolledScore(const TimedObservation& image, const Hypothesis& best,
                                     const Expectation& expected,
                                     const CancellationToken& cancellation);

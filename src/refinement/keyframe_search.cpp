@@ -6,6 +6,7 @@
 #include <numeric>
 
 #include "math/angle.h"
+#include "refinement/pose_probability.h"
 #include "refinement/start_poses.h"
 
 namespace nerf_pose_refiner {
@@ -29,6 +30,18 @@ HypothesisTable bestOf(const HypothesisTable& table, std::size_t count,
 /// on which points it has.
 HypothesisTable comparable(HypothesisTable found) {
   for (Hypothesis& h : found) h.loss = 1 - h.score;
+  return found;
+}
+
+/// Without what a prior does not expect. Coarse alignments end anywhere, and those far away would
+/// take the place of the few that go on.
+HypothesisTable withinReach(HypothesisTable found, const Prior& prior,
+                            const FieldMetadata& object) {
+  constexpr double kReach = 2;  // half widths: a little beyond the corners of the prior
+  const auto is_beyond = [&](const Hypothesis& h) {
+    return h.state == HypothesisState::kLive && distanceFromPrior(h.T_O_C, prior, object) > kReach;
+  };
+  found.erase(std::remove_if(found.begin(), found.end(), is_beyond), found.end());
   return found;
 }
 
@@ -126,8 +139,7 @@ HypothesisTable KeyframeSearch::near(const Observation& observation, const Prior
   const KeyframePoints& keyframe = *nearest->keyframe;
   lookAround(observation, keyframe, prior.T_O_C, kWindowMargin);
   HypothesisTable found = alignToFinest({{nearest->number, prior.T_O_C}}, cancellation);
-  const bool doubtful =
-      found.front().state != HypothesisState::kLive || found.front().score < doubtful_score_;
+  const bool doubtful = !isLive(found) || found.front().score < doubtful_score_;
   if (!doubtful || settings_.wide_starts == 0) return found;
   constexpr double kWideMargin = 0.5;
   lookAround(observation, keyframe, prior.T_O_C, kWideMargin);
@@ -146,8 +158,7 @@ HypothesisTable KeyframeSearch::close(const Observation& observation, const Pose
   fine.coarsest_level = std::max(fine.finest_level, std::min(fine.coarsest_level, kFine));
   HypothesisTable found =
       comparable(aligner_->align({{nearest->number, T_O_C}}, fine, cancellation));
-  const bool doubtful =
-      found.front().state != HypothesisState::kLive || found.front().score < doubtful_score_;
+  const bool doubtful = !isLive(found) || found.front().score < doubtful_score_;
   if (!doubtful) return found;
   return alignToFinest({{nearest->number, T_O_C}}, cancellation);
 }
@@ -175,7 +186,7 @@ HypothesisTable KeyframeSearch::withBeside(const Observation& observation,
                                            const CancellationToken& cancellation) {
   constexpr double kTurn_rad = 15 * kDegree, kNearer = 0.08;  // the latter of the distance
   constexpr std::size_t kMost = 8;
-  if (found.empty() || found.front().state != HypothesisState::kLive) return found;
+  if (!isLive(found)) return found;
   const Pose& best = found.front().T_O_C;
   const Eigen::Vector3d& centre = field_->field().metadata.centre;
   std::vector<Pose> starts = {best};  // too: the nearest keyframe may be another one by now
@@ -188,8 +199,7 @@ HypothesisTable KeyframeSearch::withBeside(const Observation& observation,
   }
   HypothesisTable ends = alignNearest(observation, best, starts, cancellation);
   std::stable_sort(ends.begin(), ends.end(), isBetter);
-  const bool is_better = !ends.empty() && ends.front().state == HypothesisState::kLive &&
-                         ends.front().score >= found.front().score;
+  const bool is_better = isLive(ends) && ends.front().score >= found.front().score;
   return is_better ? bestOf(ends, kMost, field_->field().metadata) : found;
 }
 
@@ -226,7 +236,6 @@ HypothesisTable KeyframeSearch::widely(const Prior& prior, const CancellationTok
 HypothesisTable KeyframeSearch::around(const Observation& observation, const Prior& prior,
                                        const WideStarts& starts,
                                        const CancellationToken& cancellation) {
-  constexpr std::size_t kMiddle = 32, kFinalists = 4;
   const FieldMetadata& object = field_->field().metadata;
   // A turn about each of three axes adds up to 1.7 of them.
   const std::vector<int> sides = bank_->around(prior.T_O_C, 1.4 * prior.rotation_rad);
@@ -241,12 +250,15 @@ HypothesisTable KeyframeSearch::around(const Observation& observation, const Pri
   }
   lookAt(observation, window);
   const std::vector<Pose> poses = posesAround(prior, object, 1, starts.count, starts.round);
-  const HypothesisTable rough =
-      aligner_->align(startsOf(poses, &small_), coarse(settings_.alignment, 1), cancellation);
+  const HypothesisTable rough = withinReach(
+      aligner_->align(startsOf(poses, &small_), coarse(settings_.alignment, 1), cancellation),
+      prior, object);
+  const HypothesisTable refined = bestOf(rough, starts.refined, object);
   const HypothesisTable middle =
-      aligner_->align(startsOf(posesOf(bestOf(rough, kMiddle, object)), &small_),
-                      coarse(settings_.alignment, 0), cancellation);
-  return bestOf(middle, kFinalists, object);
+      withinReach(aligner_->align(startsOf(posesOf(refined), &small_),
+                                  coarse(settings_.alignment, 0), cancellation),
+                  prior, object);
+  return bestOf(middle, starts.finalists, object);
 }
 
 HypothesisTable KeyframeSearch::from(const Observation& observation, const HypothesisTable& poses,

@@ -20,10 +20,12 @@ struct SecondOpinion {
   double own_beside_rad = 0;  ///< the same of the nearest keyframe
 };
 
-/// Where a wide search begins, @see posesAround.
+/// Where a wide search begins, and how much of that goes on.
 struct WideStarts {
-  int count = 256;
-  int round = 0;
+  int count = 256;    ///< @see posesAround
+  int round = 0;      ///< likewise
+  int refined = 32;   ///< of them, from half the size of small views to all of it
+  int finalists = 4;  ///< of those
 };
 
 /// Looks for an object in an image with the keyframes that there are. A hypothesis' loss is 1 less

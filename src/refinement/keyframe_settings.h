@@ -25,6 +25,7 @@ struct KeyframeSearchSettings {
   int wide_starts = 24;            ///< of that search, around the prior
   ViewBankSettings bank;           ///< where the search from an initial pose begins
   int starts = 256;                ///< of that search
+  int starts_further = 1024;       ///< of the next one, where what it finds is not clear
   int starts_again = 96;           ///< of the same for an object that was lost, in each image
   /// Images come as fast as they are taken: no image waits for a keyframe that comes late. False:
   /// they come from a file, and each keyframe is used from the same image on, whenever it is done.

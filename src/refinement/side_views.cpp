@@ -30,10 +30,6 @@ double explained(const Refinement& found) {
   return found.hypotheses.empty() ? 0 : found.hypotheses.front().score;
 }
 
-bool isLive(const HypothesisTable& found) {
-  return !found.empty() && found.front().state == HypothesisState::kLive;
-}
-
 /// Takes an opinion in, unless it is too far from what is there. @return whether it did.
 bool takeIn(const ViewOpinion& opinion, std::vector<ViewOpinion>* opinions, double* away) {
   *away = opinions->empty() ? 0 : apart(joined(*opinions), opinion);

@@ -19,7 +19,7 @@ void KeyframeRefiner::use(const LookAlikes& look_alikes) {
 
 /// @param odds beside the image.
 bool KeyframeRefiner::isSure(const HypothesisTable& found, double odds) const {
-  if (found.empty() || found.front().state != HypothesisState::kLive) return false;
+  if (!isLive(found)) return false;
   return found.front().score >= scoreOfOdds(1 / odds, scores_);
 }
 
@@ -33,8 +33,7 @@ HypothesisTable KeyframeRefiner::withoutMistake(const Observation& observation,
   was_sure_ = true;
   if (!watch_) return found;
   // (What scores little in general may still score far more than wrong poses of this image.)
-  const bool may_be_there = !found.empty() && found.front().state == HypothesisState::kLive &&
-                            found.front().score > doubtfulScore(scores_);
+  const bool may_be_there = isLive(found) && found.front().score > doubtfulScore(scores_);
   if (!may_be_there) {
     watch_->forget();  // what was believed is of another search
     return found;
@@ -71,7 +70,7 @@ HypothesisTable KeyframeRefiner::corrected(const Observation& observation,
   start.front().T_O_C = *confirmed * mistaken;
   makeAt(observation.camera, {start.front().T_O_C}, cancellation);
   HypothesisTable better = search_->from(observation, start, cancellation);
-  if (better.empty() || better.front().state != HypothesisState::kLive) return found;
+  if (!isLive(better)) return found;
   better.front().T_O_C = watch_->withTurnOf(start.front().T_O_C, better.front().T_O_C);
   watch_->moveBy(*confirmed);
   return better;
@@ -87,7 +86,7 @@ HypothesisTable KeyframeRefiner::followed(const TimedObservation& image, const P
     HypothesisTable start(1);
     start.front().T_O_C = *sure_;
     const HypothesisTable again = search_->from(image.observation, start, cancellation);
-    const bool lives = !again.empty() && again.front().state == HypothesisState::kLive;
+    const bool lives = isLive(again);
     // The object shows rather where it was than where it was looked for meanwhile.
     if (lives && again.front().score > kAsGood * found.front().score) {
       found.insert(found.begin(), again.front());
@@ -98,7 +97,7 @@ HypothesisTable KeyframeRefiner::followed(const TimedObservation& image, const P
     found.front().T_O_C =
         steadyPose(*field_, image.observation, prior.T_O_C, found.front(), cancellation);
   }
-  if (watch_ && found.front().state == HypothesisState::kLive) {
+  if (watch_ && isLive(found)) {
     found = watched(image, found, prior, cancellation);
   }
   if (isSure(found, 1)) sure_ = found.front().T_O_C;

@@ -113,7 +113,7 @@ Pose alignView(const LoadedField& field, const PosedView& view, const Pose& meas
     solver->align(static_cast<int>(i), stage, cancellation);
   }
   const HypothesisTable table = solver->readHypotheses();
-  const bool aligned = !table.empty() && table.front().state == HypothesisState::kLive;
+  const bool aligned = isLive(table);
   return aligned ? fused(table.front(), measured, object) : view.T_O_C;
 }
 

@@ -161,6 +161,17 @@ TEST_F(KeyframeRefinerTest, FindsAnObjectInAWidePrior) {
   EXPECT_GT(found.score, 0.5);
 }
 
+TEST_F(KeyframeRefinerTest, GoesOnWithMoreStartsWhereNothingIsClear) {
+  KeyframeSearchSettings once = fromFile(), further = fromFile();
+  once.starts = further.starts = 1;  // the prior itself: too far off
+  once.starts_further = 1;
+  KeyframeRefiner without(backend_.get(), field_, once), with(backend_.get(), field_, further);
+  const Observation observation = imageAt(truthAt(0));
+  const Prior prior = priorAt(offBy(truthAt(0), 60, 0.3), 45, 0.3);
+  EXPECT_LT(without.find({observation, 0}, prior).score, 0.5);
+  expectFound(with.find({observation, 0}, prior), truthAt(0), 0.5);
+}
+
 TEST_F(KeyframeRefinerTest, SearchesMoreWidelyWhereAPoseIsDoubtful) {
   KeyframeSearchSettings narrow = fromFile(), wide = fromFile();
   narrow.wide_starts = 0;

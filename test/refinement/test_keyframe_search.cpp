@@ -15,7 +15,8 @@
 namespace nerf_pose_refiner {
 namespace {
 
-/// Says of each start what it was told, in turns, and leaves its pose as it is.
+/// Says of each start what it was told, in turns, and moves its pose as far as that of what it was
+/// told.
 class ToldAligner final : public KeyframeAligner {
  public:
   explicit ToldAligner(HypothesisTable told) : told_(std::move(told)) {}
@@ -29,7 +30,7 @@ class ToldAligner final : public KeyframeAligner {
     std::vector<Hypothesis> found;
     for (std::size_t i = 0; i < starts.size(); ++i) {
       found.push_back(told_[i % told_.size()]);
-      found.back().T_O_C = starts[i].T_O_C;
+      found.back().T_O_C = found.back().T_O_C * starts[i].T_O_C;
     }
     return found;
   }
@@ -101,6 +102,29 @@ TEST_F(KeyframeSearchOrder, HasLossesOfOneKindWhereverThePoseComesFrom) {
   EXPECT_NEAR(search_.alignNearest(image_, near.T_O_C, {near.T_O_C}, {}).front().loss, expected,
               1e-12);
   EXPECT_NEAR(search_.from(image_, poses_, {}).back().loss, expected, 1e-12);
+}
+
+/// Coarse alignments that end far away explain the image best here: they must not crowd out those
+/// that stay where the object is expected.
+TEST(KeyframeSearchAround, KeepsToThePrior) {
+  const std::shared_ptr<const LoadedField> scene = makeAnalyticScene(1, cpuProcessor(2));
+  const FieldMetadata& object = scene->field().metadata;
+  HypothesisTable told = {living(0.1, 0.9), living(0.2, 0.5)};
+  const Eigen::Matrix3d turn = expSO3(Eigen::Vector3d(0, 0, 0.7));  // about the object's centre
+  told[0].T_O_C = {turn, object.centre - turn * object.centre};
+  ToldBackend backend(scene, told);
+  KeyframeSearch search(&backend, scene, KeyframeSearchSettings());
+  Prior prior;
+  prior.T_O_C = cameraAround(*scene, 0.5, 0.4);
+  prior.rotation_rad = prior.translation = 0.15;
+  const Camera camera = {320, 240, 400, 400, 159.5, 119.5};
+  const Observation image = sceneBeforeClutter(*scene, camera, prior.T_O_C);
+  const HypothesisTable found = search.around(image, prior, {64, 0, 16, 4}, {});
+  ASSERT_EQ(found.size(), 4u);
+  for (const Hypothesis& one : found) {
+    EXPECT_EQ(one.score, 0.5);
+    EXPECT_LT(rotationDistance(one.T_O_C.R, prior.T_O_C.R), 0.3);
+  }
 }
 
 }  // namespace
