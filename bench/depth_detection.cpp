@@ -95,9 +95,11 @@ class Benchmark {
   }
 
   std::unique_ptr<ObjectDetector> makeDetector() {
+    DetectionModelSettings settings = options_.detection.model;
+    settings.templates_for_all = backend_->info().scans_fast;
     auto detector = std::make_unique<ObjectDetector>(
         backend_.get(), field_,
-        detectionModelFor(*field_, options_.detection.model, landmarkPathOf(options_.model), {}),
+        detectionModelFor(*field_, settings, landmarkPathOf(options_.model), {}),
         options_.detection);
     calibrate(detector.get(), backend_.get(), *field_, {});
     return detector;

@@ -116,7 +116,8 @@ class Benchmark {
   }
 
   DetectionModel makeModel() const {
-    const DetectionModelSettings& settings = options_.detection.model;
+    DetectionModelSettings settings = options_.detection.model;
+    settings.templates_for_all = backend_->info().scans_fast;
     const std::string path = landmarkPathOf(options_.model);
     if (options_.training.empty()) return detectionModelFor(*field_, settings, path, {});
     std::vector<LandmarkPhoto> photos;

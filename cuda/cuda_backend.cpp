@@ -85,6 +85,7 @@ BackendInfo CudaBackend::info() const {
   info.memory_bytes = properties.totalGlobalMem;
   info.searches_at_once = kSearchesAtOnce;
   info.warms_up = true;
+  info.scans_fast = true;
   return info;
 }
 

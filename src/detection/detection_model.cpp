@@ -31,8 +31,9 @@ void keepLandmarks(const Landmarks& landmarks, std::uint64_t key, const std::str
 DetectionModel completed(const LoadedField& field, Landmarks landmarks,
                          const DetectionModelSettings& settings, const std::string& landmark_path,
                          const CancellationToken& cancellation) {
-  DetectionModel model = {std::move(landmarks), nullptr};
-  if (model.landmarks.size() >= settings.plain_landmarks) return model;
+  const bool is_plain = landmarks.size() < settings.plain_landmarks;
+  DetectionModel model = {std::move(landmarks), nullptr, is_plain};
+  if (!is_plain && !settings.templates_for_all) return model;
   const std::uint64_t key = templateKey(field.field(), settings.templates);
   const std::string path = landmark_path.empty() ? std::string() : templatePathOf(landmark_path);
   std::optional<TemplateBank> bank;

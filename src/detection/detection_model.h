@@ -8,6 +8,7 @@
 #include "detection/landmarks.h"
 #include "detection/photo_landmarks.h"
 #include "detection/template_view.h"
+#include "nerf_pose_refiner/backend.h"
 
 namespace nerf_pose_refiner {
 
@@ -15,7 +16,15 @@ namespace nerf_pose_refiner {
 struct DetectionModelSettings {
   LandmarkSettings landmarks;
   TemplateBankSettings templates;
-  int plain_landmarks = 8000;  ///< objects with fewer get templates, too
+  int plain_landmarks = 8000;      ///< objects with fewer are plain, and get templates, too
+  bool templates_for_all = false;  ///< textured ones, too, @see BackendInfo::scans_fast
+
+  /// The defaults for a processor.
+  static DetectionModelSettings on(const BackendInfo& processor) {
+    DetectionModelSettings settings;
+    settings.templates_for_all = processor.scans_fast;
+    return settings;
+  }
 
   /// @throws std::invalid_argument naming the value that is out of range.
   void validate() const;
@@ -25,6 +34,7 @@ struct DetectionModelSettings {
 struct DetectionModel {
   Landmarks landmarks;
   std::shared_ptr<const TemplateBank> templates = nullptr;  ///< null: the landmarks do
+  bool is_plain = false;                                    ///< its landmarks are few
 };
 
 /// <name>.templates of <name>.landmarks.

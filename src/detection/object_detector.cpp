@@ -65,6 +65,7 @@ ObjectDetector::ObjectDetector(Backend* backend, std::shared_ptr<const LoadedFie
     : backend_(backend),
       field_(std::move(field)),
       settings_(settings),
+      is_plain_(model.is_plain),
       landmarks_(std::make_unique<const Landmarks>(std::move(model.landmarks))),
       matcher_(backend, *landmarks_, field_->field().metadata, settings_.matching),
       refiner_(backend, field_, settings.keyframes),
@@ -126,7 +127,7 @@ ImageCandidates ObjectDetector::candidatesAt(int max_side_px, const Observation&
 
 double ObjectDetector::oddsAt(const Pose& T_O_C, const MatchedImage& matched) const {
   return oddsOfLandmarks(
-      landmarksAt(T_O_C, matched, field_->field().metadata, settings_.candidates), usesTemplates());
+      landmarksAt(T_O_C, matched, field_->field().metadata, settings_.candidates), isPlain());
 }
 
 void ObjectDetector::weigh(const MatchedImage& matched, Refinement* pose) const {
@@ -180,9 +181,8 @@ std::optional<int> ObjectDetector::firstLookSide_px(const PixelWindow& window) c
   const int side_px = settings_.first_look_side_px;
   const int all_px = std::min(std::max(window.width, window.height), settings_.max_image_side_px);
   const bool is_worth_it = side_px > 0 && side_px <= kMost * all_px;
-  return is_worth_it && !usesTemplates() && settings_.max_instances == 1
-             ? std::optional<int>(side_px)
-             : std::nullopt;
+  return is_worth_it && !isPlain() && settings_.max_instances == 1 ? std::optional<int>(side_px)
+                                                                   : std::nullopt;
 }
 
 /// Adds an instance that the features of a reduced image lead to. @return whether there is one.

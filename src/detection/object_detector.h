@@ -113,8 +113,9 @@ class ObjectDetector {
   /// Tells poses apart that look like these, in place of the object's own.
   void use(const LookAlikes& look_alikes);
 
-  /// Whether the object is looked for by templates, too, at each distance that an area leaves.
-  bool usesTemplates() const { return templates_.has_value(); }
+  /// Whether its landmarks are too few: templates find it as soon. (Those of a textured object are
+  /// tried where nothing else finds it.)
+  bool isPlain() const { return is_plain_; }
 
   /// Poses that landmarks speak for, in the part of the image that the area and the observation's
   /// mask leave. @throws as `detect`.
@@ -160,6 +161,7 @@ class ObjectDetector {
   Backend* backend_;
   std::shared_ptr<const LoadedField> field_;
   DetectionSettings settings_;
+  bool is_plain_;
   std::unique_ptr<const Landmarks> landmarks_;  // the matcher points at them
   LandmarkMatcher matcher_;
   std::optional<KeyframeScores> scores_;   // nothing: the object's own

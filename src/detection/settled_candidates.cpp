@@ -49,7 +49,7 @@ PoseCandidates ObjectDetector::singleMatches(const MatchedImage& matched, const 
 /// In glances with smaller keyframes, which a CPU renders in a fraction of the time: what is found
 /// so is followed with larger ones. Plain objects need all detail that there is.
 KeyframeRefiner& ObjectDetector::refinerFor(const Search& search) {
-  if (!search.isGlance() || usesTemplates()) return refiner_;
+  if (!search.isGlance() || isPlain()) return refiner_;
   if (glancing_) return *glancing_;
   KeyframeSearchSettings settings = settings_.keyframes;
   KeyframeSettings& keyframe = settings.keyframe;

@@ -21,14 +21,17 @@ void learnDetection(Backend* backend, const std::shared_ptr<const Field>& field,
   for (const PosedView& view : photos.views) {
     views.push_back({view.rgba, {view.camera, view.T_O_C}});
   }
-  makeDetectionModel(*backend->load(field), views, {}, landmark_path, cancellation);
+  makeDetectionModel(*backend->load(field), views, DetectionModelSettings::on(backend->info()),
+                     landmark_path, cancellation);
 }
 
 void makeDetectionFiles(Backend* backend, const ModelCache& models,
                         const std::shared_ptr<const Field>& field,
                         const CancellationToken& cancellation) {
   const std::string path = landmarkPathOf(models, field);
-  if (!path.empty()) detectionModelFor(*backend->load(field), {}, path, cancellation);
+  if (path.empty()) return;
+  detectionModelFor(*backend->load(field), DetectionModelSettings::on(backend->info()), path,
+                    cancellation);
 }
 
 }  // namespace nerf_pose_refiner

@@ -268,9 +268,10 @@ void RefinerSearch::beginDetection(const CancellationToken& cancellation) {
   const LookAlikes& look_alikes = lookAlikes(cancellation);
   const std::string path =
       detection_.landmarks_path ? detection_.landmarks_path(object_) : std::string();
-  DetectionModel model = detectionModelFor(*field_, detection_.settings.model, path, cancellation);
   DetectionSettings settings = detection_.settings;
   settings.max_instances = 1;  // that is tracked from then on
+  settings.model.templates_for_all = processor_.backend->info().scans_fast;
+  DetectionModel model = detectionModelFor(*field_, settings.model, path, cancellation);
   detector_ = std::make_unique<ObjectDetector>(processor_.backend.get(), field_, std::move(model),
                                                settings);
   detector_->use(scores);
@@ -293,7 +294,7 @@ RefinerSearch::DetectionPart RefinerSearch::nextPart(const Observation& observat
   const int number = detections_;
   detections_ = (detections_ + 1) % (kRounds * kGlances + 1);
   if (number == kRounds * kGlances) return next;
-  if (!detector_->usesTemplates()) {
+  if (!detector_->isPlain()) {
     const bool is_first_look = number % 2 == 0, also_single = number % 8 == 7;
     next.cues = is_first_look ? DetectionCues::kFirstLook
                 : also_single ? DetectionCues::kLandmarks

@@ -290,8 +290,10 @@ TEST_F(ObjectDetectorTest, NoLandmarksNoPose) {
 /// Templates find what has no landmarks.
 class PlainObjectTest : public ObjectDetectorTest {
  protected:
-  static DetectionModel templatesAlone() {
-    return {{}, std::make_shared<const TemplateBank>(makeTemplateBank(*texturedScene(), {}, {}))};
+  static DetectionModel templatesAlone(bool is_plain = true) {
+    return {{},
+            std::make_shared<const TemplateBank>(makeTemplateBank(*texturedScene(), {}, {})),
+            is_plain};
   }
 
   ObjectDetector detector_{backend_.get(), scene_, templatesAlone(), {}};
@@ -312,6 +314,16 @@ TEST_F(PlainObjectTest, IsFoundByTemplates) {
   masked.background = Background::kMask;
   masked.alpha = Image(kCamera.width, kCamera.height, 1);  // the object is nowhere
   EXPECT_TRUE(detector_.detect(masked, {}, {}).found.empty());
+}
+
+/// Those of a textured object are for images that nothing else finds it in, and not for glances.
+TEST_F(PlainObjectTest, ATexturedOneIsFoundByTemplatesWhereItsLandmarksAreNotSeen) {
+  ObjectDetector textured(backend_.get(), scene_, templatesAlone(/*is_plain=*/false), {});
+  const Observation image = observed(imageOf(truth_));
+  const Detections detections = textured.detect(image, {}, {});
+  ASSERT_EQ(detections.found.size(), 1u) << detections.message;
+  expectTruth(detections.found[0], truth_);
+  EXPECT_TRUE(textured.detect(image, {}, {}, DetectionCues::kLandmarks).found.empty());
 }
 
 TEST_F(PlainObjectTest, IsFoundInATallBox) {

@@ -109,12 +109,20 @@ TEST(DetectionModel, OfAPlainObjectHasTemplates) {
   settings.plain_landmarks = 0;
   const DetectionModel textured = detectionModelFor(*scene, settings, path, {});
   EXPECT_FALSE(textured.templates);
+  EXPECT_FALSE(textured.is_plain);
   EXPECT_TRUE(std::filesystem::exists(path));
   EXPECT_FALSE(std::filesystem::exists(templatePathOf(path)));
+
+  settings.templates_for_all = true;  // where a GPU scans them
+  const DetectionModel both = detectionModelFor(*scene, settings, path, {});
+  EXPECT_TRUE(both.templates);
+  EXPECT_FALSE(both.is_plain);
+  settings.templates_for_all = false;
 
   settings.plain_landmarks = 100000;
   const DetectionModel plain = detectionModelFor(*scene, settings, path, {});
   ASSERT_TRUE(plain.templates);
+  EXPECT_TRUE(plain.is_plain);
   EXPECT_EQ(plain.templates->views.size(), 8u);
   EXPECT_EQ(plain.landmarks.size(), textured.landmarks.size());
   // Nothing is rendered when both are read.
