@@ -26,6 +26,29 @@ HypothesisTable bestOf(const HypothesisTable& table, std::size_t count,
   return bestOf(table, count, object, isBetter);
 }
 
+bool scoresMore(const Hypothesis& a, const Hypothesis& b) {
+  const bool a_lives = a.state == HypothesisState::kLive;
+  const bool b_lives = b.state == HypothesisState::kLive;
+  return a_lives != b_lives ? a_lives : a.score > b.score;
+}
+
+/// Half of them by loss, half by score: of small views neither tells all right poses. The loss, a
+/// mean over a view's points, does not compare between views; the score of a plain object is
+/// sometimes that of a contour in the background.
+HypothesisTable bestOfBoth(const HypothesisTable& table, std::size_t count,
+                           const FieldMetadata& object) {
+  HypothesisTable best = bestOf(table, (count + 1) / 2, object);
+  const HypothesisTable others = bestOf(table, count, object, scoresMore);
+  for (const Hypothesis& one : others) {
+    if (best.size() == count) break;
+    const bool is_known = std::any_of(best.begin(), best.end(), [&](const Hypothesis& other) {
+      return areNearlyTheSame(one.T_O_C, other.T_O_C, object);
+    });
+    if (!is_known) best.push_back(one);
+  }
+  return best;
+}
+
 /// The same with losses that compare between keyframes: the mean over a keyframe's points depends
 /// on which points it has.
 HypothesisTable comparable(HypothesisTable found) {
@@ -253,12 +276,12 @@ HypothesisTable KeyframeSearch::around(const Observation& observation, const Pri
   const HypothesisTable rough = withinReach(
       aligner_->align(startsOf(poses, &small_), coarse(settings_.alignment, 1), cancellation),
       prior, object);
-  const HypothesisTable refined = bestOf(rough, starts.refined, object);
+  const HypothesisTable refined = bestOfBoth(rough, starts.refined, object);
   const HypothesisTable middle =
       withinReach(aligner_->align(startsOf(posesOf(refined), &small_),
                                   coarse(settings_.alignment, 0), cancellation),
                   prior, object);
-  return bestOf(middle, starts.finalists, object);
+  return bestOfBoth(middle, starts.finalists, object);
 }
 
 HypothesisTable KeyframeSearch::from(const Observation& observation, const HypothesisTable& poses,

@@ -65,7 +65,7 @@ class KeyframeSearch {
   HypothesisTable close(const Observation& observation, const Pose& T_O_C,
                         const CancellationToken& cancellation);
 
-  /// Looks everywhere in a wide prior with small views of the object. @return best first: poses
+  /// Looks everywhere in a wide prior with small views of the object. @return poses
   /// that are nearly right, if one is.
   HypothesisTable around(const Observation& observation, const Prior& prior,
                          const WideStarts& starts, const CancellationToken& cancellation);
