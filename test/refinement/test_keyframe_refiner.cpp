@@ -322,13 +322,26 @@ TEST_F(KeyframeRefinerTest, APriorFarOutsideOfTheImageIsSearchedWithoutHarm) {
   }
 }
 
-TEST_F(KeyframeRefinerTest, AnObjectTooFarOrTooNearToBeSeenIsNotFound) {
+TEST_F(KeyframeRefinerTest, AnObjectTooFarToBeSeenIsNotFound) {
   KeyframeRefiner refiner(backend_.get(), field_, fromFile());
   const Observation observation = imageAt(truthAt(0));
-  for (const double distance : {0.7, 60.0, 1e3, 1e6}) {  // [diameters]
+  for (const double distance : {60.0, 1e3, 1e6}) {  // [diameters]
     const Prior prior = priorAt(cameraAround(*field_, 0.5, 0.4, distance), 15, 0.15);
     EXPECT_LT(refiner.find({observation, 0}, prior).score, 0.2) << distance;
     EXPECT_LT(refiner.follow({observation, 0}, prior).score, 0.2) << distance;
+  }
+}
+
+// So near that a patch of the object fills the image, which something in the background may
+// resemble: none of them may be believed.
+TEST_F(KeyframeRefinerTest, AnObjectTooNearToBeSeenIsNotBelieved) {
+  constexpr double kTrusted = 0.9;
+  KeyframeRefiner refiner(backend_.get(), field_, fromFile());
+  const Observation observation = imageAt(truthAt(0));
+  for (int side = 0; side < 6; ++side) {
+    const Prior prior = priorAt(cameraAround(*field_, 0.5 + side, 0.4, 0.7), 15, 0.15);
+    EXPECT_LT(refiner.find({observation, 0}, prior).score, kTrusted) << side;
+    EXPECT_LT(refiner.follow({observation, 0}, prior).score, kTrusted) << side;
   }
 }
 
