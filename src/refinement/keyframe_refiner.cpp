@@ -137,6 +137,19 @@ Refinement KeyframeRefiner::follow(const TimedObservation& image, const Prior& p
   return result;
 }
 
+/// Any rough pose may be right, however far it is from this one.
+KeyframeRefiner::Expectation KeyframeRefiner::expectedAnywhere(const Observation& observation,
+                                                               const Pose& T_O_C) {
+  constexpr double kGreyOdds = 0.1;  // colours, which would have to agree, say nothing
+  Expectation anywhere;
+  anywhere.prior.T_O_C = T_O_C;
+  anywhere.prior.rotation_rad = M_PI;
+  anywhere.prior.translation = 1;
+  anywhere.odds = isGrey(observation).value_or(false) ? kGreyOdds : 1;
+  anywhere.is_settled = true;
+  return anywhere;
+}
+
 Refinement KeyframeRefiner::settle(const TimedObservation& image,
                                    const std::vector<Pose>& rough_T_O_C, const PoseOdds& odds,
                                    const CancellationToken& cancellation,
@@ -147,16 +160,12 @@ Refinement KeyframeRefiner::settle(const TimedObservation& image,
   depth_ = DepthFusion();  // what it has learnt came from other candidates, most of them wrong
   const Camera& camera = image.observation.camera;
   adaptTo(image.observation);
-  // Any of them may be right, however far it is from the first one.
-  Prior anywhere;
-  anywhere.T_O_C = rough_T_O_C.at(0);
-  anywhere.rotation_rad = M_PI;
-  anywhere.translation = 1;
+  Expectation anywhere = expectedAnywhere(image.observation, rough_T_O_C.at(0));
   bool is_given_up = false;
   Refinement result = refine(
-      image, {anywhere, 1, /*is_search=*/true, /*is_settled=*/true},
+      image, anywhere,
       [&]() -> HypothesisTable {
-        if (!objectRegion(camera, anywhere, field_->field().metadata)) return {};
+        if (!objectRegion(camera, anywhere.prior, field_->field().metadata)) return {};
         waitForRenderings(cancellation);
         HypothesisTable starts;
         for (const Pose& rough : rough_T_O_C) {
@@ -175,15 +184,14 @@ Refinement KeyframeRefiner::settle(const TimedObservation& image,
         makeAt(camera, {found.front().T_O_C}, cancellation);
         found = withoutMistake(image.observation,
                                search_->withBeside(image.observation, found, cancellation),
-                               anywhere, cancellation);
+                               anywhere.prior, cancellation);
         return odds ? weighed(found, odds) : found;
       },
       cancellation);
   if (is_given_up) result.outcome = Outcome::kDiverged;
   if (result.outcome != Outcome::kRefined) return result;
-  anywhere.T_O_C = result.T_O_C;
-  lookPastOccluders(image, {anywhere, 1, /*is_search=*/true, /*is_settled=*/true}, cancellation,
-                    &result);
+  anywhere.prior.T_O_C = result.T_O_C;
+  lookPastOccluders(image, anywhere, cancellation, &result);
   remember(image.stamp_ns, result.T_O_C);
   if (result.depth.use == DepthUse::kUsed && result.depth.farther > kSeenThrough) {
     changeOdds(kOddsThere, &result);

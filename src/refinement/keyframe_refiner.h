@@ -84,6 +84,7 @@ class KeyframeRefiner {
     bool is_search = true;    // it is looked for; false: it is followed from image to image
     bool is_settled = false;  // keyframes are rendered where it is found
   };
+  static Expectation expectedAnywhere(const Observation& observation, const Pose& T_O_C);
 
   Refinement refine(const TimedObservation& image, const Expectation& expected,
                     const std::function<HypothesisTable()>& search,

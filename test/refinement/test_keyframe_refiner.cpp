@@ -14,6 +14,7 @@
 #include "evaluation/clutter.h"
 #include "evaluation/pose_error.h"
 #include "math/angle.h"
+#include "refinement/pose_probability.h"
 #include "support/analytic_scene.h"
 #include "support/cpu_processor.h"
 #include "support/gated_field.h"
@@ -221,6 +222,22 @@ TEST_F(KeyframeRefinerTest, SettlesOnTheRightOneOfRoughPoses) {
       refiner.settle({observation, 0}, {cameraAround(*field_, 2, 0.4), offBy(truth, 3, 0.02)}, {});
   expectFound(found, truth, 0.5);
   EXPECT_GT(found.score, 0.9);
+}
+
+// Where nobody says that the object is there, colours have to agree, too; a grey image has none.
+TEST_F(KeyframeRefinerTest, AGreyImageSaysLessOfARoughPoseThatIsOnlyAGuess) {
+  constexpr double kGreyOdds = 0.1;
+  const Pose rough = offBy(truthAt(0), 3, 0.02);
+  Observation grey = imageAt(truthAt(0));
+  for (std::size_t i = 0; i < grey.image.values.size(); i += 3) {
+    grey.image.values[i + 1] = grey.image.values[i + 2] = grey.image.values[i];
+  }
+  KeyframeRefiner refiner(backend_.get(), field_, fromFile());
+  const Refinement guessed = refiner.settle({grey, 0}, {rough}, {});
+  const Refinement hinted = refiner.find({grey, 0}, priorAt(rough, 15, 0.15));
+  expectFound(guessed, truthAt(0), 2);
+  EXPECT_NEAR(guessed.found_probability.value(),
+              withOdds(hinted.found_probability.value(), kGreyOdds / kHintOdds), 0.01);
 }
 
 TEST_F(KeyframeRefinerTest, GivesUpPosesThatExplainTooLittle) {
