@@ -4,6 +4,7 @@
 #include "refinement/colour_comparison.h"
 #include "refinement/covariance.h"
 #include "refinement/keyframe_refiner.h"
+#include "refinement/look_alike_poses.h"
 #include "refinement/pose_probability.h"
 
 // The part of KeyframeRefiner that says how likely what alignment found is right.
@@ -41,8 +42,12 @@ void KeyframeRefiner::judge(const TimedObservation& image, const Expectation& ex
   found->rolled_score = rolledScore(image, best, expected, cancellation);
   const double by_image = probabilityByImage(*found);
   const double of_colours = oddsOfColours(found->chromatic_difference);
-  const double odds = priorOdds(found->T_O_C, expected.prior, object);
-  const bool is_there = distanceFromPrior(found->T_O_C, expected.prior, object) <= kWithinPrior;
+  Prior prior = expected.prior;
+  if (!expected.is_search) {  // a track that took the object for itself says nothing against that
+    prior.T_O_C = nearestLookAlike(prior.T_O_C, found->T_O_C, look_alikes_);
+  }
+  const double odds = priorOdds(found->T_O_C, prior, object);
+  const bool is_there = distanceFromPrior(found->T_O_C, prior, object) <= kWithinPrior;
   found->found_probability = withOdds(by_image, of_colours * (is_there ? expected.odds : odds));
 }
 

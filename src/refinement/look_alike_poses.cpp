@@ -45,6 +45,20 @@ bool mayBeTakenFor(const Pose& a_T_O_C, const Pose& b_T_O_C, const FieldMetadata
                      [&](const Pose& motion) { return isNear(motion * b_T_O_C); });
 }
 
+Pose nearestLookAlike(const Pose& T_O_C, const Pose& reference_T_O_C,
+                      const LookAlikes& look_alikes) {
+  const Symmetries turns(look_alikes.axis, {});
+  Pose nearest = nearestEquivalent(T_O_C, reference_T_O_C, turns);
+  for (const Pose& motion : look_alikes.motions) {
+    const Pose other = nearestEquivalent(motion * T_O_C, reference_T_O_C, turns);
+    if (rotationDistance(other.R, reference_T_O_C.R) <
+        rotationDistance(nearest.R, reference_T_O_C.R)) {
+      nearest = other;
+    }
+  }
+  return nearest;
+}
+
 double noiseOf(const FieldMetadata& object) {
   constexpr double kMin = 0.02;
   return std::max(kMin, object.score.mean_loss);

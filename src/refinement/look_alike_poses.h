@@ -23,6 +23,10 @@ struct PoseBounds {
 bool mayBeTakenFor(const Pose& a_T_O_C, const Pose& b_T_O_C, const FieldMetadata& object,
                    const LookAlikes& look_alikes, const PoseBounds& bounds);
 
+/// A pose, or one that it may be taken for: the one whose rotation is nearest to a reference's.
+Pose nearestLookAlike(const Pose& T_O_C, const Pose& reference_T_O_C,
+                      const LookAlikes& look_alikes);
+
 /// Size of renderings that are compared with images, @see PoseEvidence [px a diameter].
 constexpr int kEvidence_px = 80;
 
