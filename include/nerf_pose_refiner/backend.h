@@ -19,7 +19,7 @@ struct BackendInfo {
   int threads = 0;               ///< of the CPU backend; 0: work on the host takes all cores
   int searches_at_once = 1;      ///< number of concurrent inversions that use the processor fully
   bool warms_up = false;         ///< the first calls allocate memory and take longer
-  bool scans_fast = false;       ///< an image for templates, in a few hundredths of a second
+  bool scans_fast = false;       ///< templates in an image are found in hundredths of a second
 };
 
 /// @param processor "cpu", "cuda", or "auto": CUDA where it works, else the CPU.

@@ -44,7 +44,8 @@ struct DetectionResult {
 /// How objects are detected.
 struct DetectorOptions {
   /// File that keeps the object's landmarks, so that they are made once, and beside it the
-  /// templates of a plain object; empty: they are made by each detector. @see landmarksBeside
+  /// templates, of a plain object or for a GPU; empty: they are made by each detector.
+  /// @see landmarksBeside
   std::string landmarks_path;
   double trust_score = 0.9;  ///< a pose that is less likely right is no detection, 0..1
   int max_instances = 10;    ///< largest number of instances in one image

@@ -27,7 +27,7 @@ void keepLandmarks(const Landmarks& landmarks, std::uint64_t key, const std::str
   keep(path, [&] { saveLandmarks(landmarks, key, path); });
 }
 
-/// With templates, if the landmarks are few.
+/// With templates, if the landmarks are few or templates are wanted anyway.
 DetectionModel completed(const LoadedField& field, Landmarks landmarks,
                          const DetectionModelSettings& settings, const std::string& landmark_path,
                          const CancellationToken& cancellation) {

@@ -233,10 +233,14 @@ void ObjectDetector::detectIn(const SearchArea& area, Search* search) {
   area.validate();
   const auto part = searchedPart(search->observation.camera, area, settings_.max_image_side_px);
   if (part) search->window = part->window;
-  search->odds = area.odds;
+  search->odds = oddsIn(area, search->observation);
+  const std::size_t before = search->detections.found.size();
   const bool by_landmarks = search->cues != DetectionCues::kTemplates;
   ImageCandidates all = by_landmarks ? findByLandmarks(area, search) : ImageCandidates();
-  const bool by_templates = templates_ && (search->cues == DetectionCues::kAll || !by_landmarks);
+  // (A textured object has templates for images in which its landmarks are not seen.)
+  const bool wants_more = isPlain() || search->detections.found.size() == before;
+  const bool by_templates =
+      templates_ && (!by_landmarks || (search->cues == DetectionCues::kAll && wants_more));
   if (by_templates && !search->isEnough(settings_.max_instances)) {
     findByTemplates(area, &all, search);
   }

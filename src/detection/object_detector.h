@@ -31,7 +31,7 @@ struct DetectionSettings {
   LandmarkCandidateSettings candidates;
   TemplateSearchSettings templates;
   KeyframeSearchSettings keyframes;
-  int max_ranked = 12;          ///< of the candidates of a plain object, after their ranking
+  int max_ranked = 12;          ///< of the candidates by templates, after their ranking
   int max_ranked_single = 6;    ///< of the poses of single matches, after their ranking
   int max_image_side_px = 800;  ///< larger images are reduced to it for their features
   /// Where one instance of a textured object is enough (max_instances 1), it is looked for in an
@@ -113,8 +113,8 @@ class ObjectDetector {
   /// Tells poses apart that look like these, in place of the object's own.
   void use(const LookAlikes& look_alikes);
 
-  /// Whether its landmarks are too few: templates find it as soon. (Those of a textured object are
-  /// tried where nothing else finds it.)
+  /// Whether its landmarks are too few: it is looked for by templates in each image. (Those of a
+  /// textured object are tried where nothing else finds it.)
   bool isPlain() const { return is_plain_; }
 
   /// Poses that landmarks speak for, in the part of the image that the area and the observation's

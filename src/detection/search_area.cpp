@@ -7,6 +7,7 @@
 
 #include "backend/common/observed_colours.h"
 #include "image/resample.h"
+#include "refinement/grey_image.h"
 
 namespace nerf_pose_refiner {
 
@@ -23,6 +24,12 @@ void SearchArea::validate() const {
   if (!(std::isfinite(odds) && odds > 0)) {
     throw std::invalid_argument("the odds of the area are " + std::to_string(odds));
   }
+}
+
+double oddsIn(const SearchArea& area, const Observation& observation) {
+  constexpr double kGreyOdds = 0.1;
+  const bool is_told = area.box || area.odds > 1 || observation.background == Background::kMask;
+  return !is_told && isGrey(observation).value_or(false) ? kGreyOdds * area.odds : area.odds;
 }
 
 std::vector<SearchArea> areasOf(const Observation& observation, const SearchArea& area) {

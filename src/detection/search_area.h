@@ -27,6 +27,11 @@ struct SearchArea {
   void validate() const;
 };
 
+/// The odds of poses in an area beside what alignment says of them. Where nobody says that the
+/// object is there (no box, no mask, no better odds), its colours have to agree, too; they are not
+/// seen in a grey image.
+double oddsIn(const SearchArea& area, const Observation& observation);
+
 /// The areas to look in, one after the other: the first of the observation's boxes, or else the
 /// area itself.
 std::vector<SearchArea> areasOf(const Observation& observation, const SearchArea& area);

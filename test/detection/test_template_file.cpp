@@ -118,6 +118,7 @@ TEST(DetectionModel, OfAPlainObjectHasTemplates) {
   EXPECT_TRUE(both.templates);
   EXPECT_FALSE(both.is_plain);
   settings.templates_for_all = false;
+  std::filesystem::remove(templatePathOf(path));
 
   settings.plain_landmarks = 100000;
   const DetectionModel plain = detectionModelFor(*scene, settings, path, {});
