@@ -15,7 +15,7 @@ from photos.outline import outlined
 from photos.plane_match import partners_of
 from photos.table_pixels import Table
 
-VERSION = 5      # of how masks are found: those of another version are found anew
+VERSION = 6      # of how masks are found: those of another version are found anew
 MAX_GROWTHS = 3
 GROWTH = 0.3     # of the longest side, where the object reaches a side
 MARGIN = 0.03    # of the object's longest side, around the final box
