@@ -32,9 +32,9 @@ bool scoresMore(const Hypothesis& a, const Hypothesis& b) {
   return a_lives != b_lives ? a_lives : a.score > b.score;
 }
 
-/// Half of them by loss, half by score: of small views neither tells all right poses. The loss, a
-/// mean over a view's points, does not compare between views; the score of a plain object is
-/// sometimes that of a contour in the background.
+/// Half of them by loss, half by score: neither alone picks all right poses among small views. The
+/// loss, a mean over a view's points, does not compare between views; the score of a plain object
+/// is sometimes that of a contour in the background.
 HypothesisTable bestOfBoth(const HypothesisTable& table, std::size_t count,
                            const FieldMetadata& object) {
   HypothesisTable best = bestOf(table, (count + 1) / 2, object);

@@ -15,8 +15,7 @@
 namespace nerf_pose_refiner {
 namespace {
 
-/// Says of each start what it was told, in turns, and moves its pose as far as that of what it was
-/// told.
+/// Says of each start what it was told, in turns, and moves its pose by the told one.
 class ToldAligner final : public KeyframeAligner {
  public:
   explicit ToldAligner(HypothesisTable told) : told_(std::move(told)) {}
