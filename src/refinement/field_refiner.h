@@ -70,6 +70,9 @@ struct Refinement {
   /// Probability that it is the right one of the poses that look alike, @see LookAlikes. Nothing:
   /// the object is not taken for itself.
   std::optional<double> unmistaken;
+  /// Whether the track had taken the object for itself until now: what lies between its last pose
+  /// and this one is no motion.
+  bool is_turned = false;
   /// The best score of wrong poses in the same image, @see RolledScores. Nothing: too few of them
   /// could be compared with it.
   std::optional<double> rolled_score;

@@ -119,6 +119,7 @@ Refinement KeyframeRefiner::follow(const TimedObservation& image, const Prior& p
   if (image.observation.isDepthAlone()) return followByDepth(image, near, cancellation);
   const Camera& camera = image.observation.camera;
   adaptTo(image.observation);
+  is_turned_ = false;
   Refinement result = refine(
       image, near,
       [&]() -> HypothesisTable {
@@ -131,21 +132,19 @@ Refinement KeyframeRefiner::follow(const TimedObservation& image, const Prior& p
                         cancellation);
       },
       cancellation);
+  result.is_turned = is_turned_;
   startFromDepth(image, near, cancellation, &result);
   holdTrack(result);
   if (result.outcome == Outcome::kRefined) renewFor({camera, result.T_O_C}, image.stamp_ns);
   return result;
 }
 
-/// Any rough pose may be right, however far it is from this one.
-KeyframeRefiner::Expectation KeyframeRefiner::expectedAnywhere(const Observation& observation,
-                                                               const Pose& T_O_C) {
-  constexpr double kGreyOdds = 0.1;  // colours, which would have to agree, say nothing
+/// Any of some rough poses may be right, however far it is from this one.
+KeyframeRefiner::Expectation KeyframeRefiner::expectedAnywhere(const Pose& T_O_C) {
   Expectation anywhere;
   anywhere.prior.T_O_C = T_O_C;
   anywhere.prior.rotation_rad = M_PI;
   anywhere.prior.translation = 1;
-  anywhere.odds = isGrey(observation).value_or(false) ? kGreyOdds : 1;
   anywhere.is_settled = true;
   return anywhere;
 }
@@ -160,7 +159,7 @@ Refinement KeyframeRefiner::settle(const TimedObservation& image,
   depth_ = DepthFusion();  // what it has learnt came from other candidates, most of them wrong
   const Camera& camera = image.observation.camera;
   adaptTo(image.observation);
-  Expectation anywhere = expectedAnywhere(image.observation, rough_T_O_C.at(0));
+  Expectation anywhere = expectedAnywhere(rough_T_O_C.at(0));
   bool is_given_up = false;
   Refinement result = refine(
       image, anywhere,

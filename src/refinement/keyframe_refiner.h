@@ -84,7 +84,7 @@ class KeyframeRefiner {
     bool is_search = true;    // it is looked for; false: it is followed from image to image
     bool is_settled = false;  // keyframes are rendered where it is found
   };
-  static Expectation expectedAnywhere(const Observation& observation, const Pose& T_O_C);
+  static Expectation expectedAnywhere(const Pose& T_O_C);
 
   Refinement refine(const TimedObservation& image, const Expectation& expected,
                     const std::function<HypothesisTable()>& search,
@@ -166,7 +166,8 @@ class KeyframeRefiner {
   std::optional<Pose> sure_;             // of the last image that showed the object for certain
   bool was_sure_ = true;                 // that image is the last one
   std::optional<RolledScores> rolled_;
-  double track_odds_ = 1;  // that what is followed is there, beside the image
+  bool is_turned_ = false;  // @see Refinement::is_turned
+  double track_odds_ = 1;   // that what is followed is there, beside the image
   DepthFusion depth_;
   std::optional<DepthSearch> depth_search_;  // nothing: no image had depth alone yet
   std::optional<SideViews> side_views_;

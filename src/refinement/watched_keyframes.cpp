@@ -114,9 +114,12 @@ HypothesisTable KeyframeRefiner::watched(const TimedObservation& image, Hypothes
     pose = watch_->steadied(image.observation, prior.T_O_C, pose, cancellation);
   }
   if (const std::optional<Pose> motion = was_sure_ ? watch_->better() : watch_->guess()) {
+    const Pose mistaken = found.front().T_O_C;
     const HypothesisTable other = corrected(image.observation, found, *motion, cancellation);
     if (isSure(other, track_odds_)) found = other;
     was_sure_ = isSure(found, track_odds_);
+    is_turned_ = found.front().T_O_C.R != mistaken.R;
+    if (is_turned_) last_.reset();  // no motion leads from there to here
   }
   watch_->goOn(image.stamp_ns, found.front().T_O_C, was_sure_);
   watch_->maybeTest(image, found.front().T_O_C, was_sure_, &*renderer_);

@@ -340,6 +340,7 @@ void ObjectTracker::fuse(TrackOutcome* result) {
   Refinement& found = result->refinement;
   const FieldMetadata& object = field_->metadata;
   if (!result->prior) motion_.reset();  // found in the whole image
+  if (found.is_turned) motion_.reset();
   const Pose fused = motion_.fuse(found.T_O_C, found.covariance, object);
   const Vector6 away = cameraTwist(found.T_O_C, fused, object.centre);
   found.covariance += away * away.transpose();

@@ -204,14 +204,19 @@ TEST_F(LabelledBottle, ATrackThatIsTurnedWronglyIsCorrected) {
   refiner.use(turnsAboutZ());
   Pose last = turned(truth, 120);
   Refinement found;
+  int turns = 0;
   for (int i = 0; i < 30; ++i) {
     found = refiner.follow({image, i * kFrame_ns}, priorAt(last, 5));
     ASSERT_EQ(found.outcome, Outcome::kRefined);
     // A turn far out of the prior is no reason to doubt that the object is there: what is doubted
     // is not gone on from.
     EXPECT_GT(found.found_probability.value(), 0.9) << i;
+    const bool is_elsewhere = turnBetween(last, found.T_O_C) > 30;
+    EXPECT_EQ(found.is_turned, is_elsewhere) << i;
+    turns += is_elsewhere;
     last = found.T_O_C;
   }
+  EXPECT_EQ(turns, 1);
   EXPECT_LT(turnBetween(last, truth), 2);
   EXPECT_GT(found.unmistaken.value(), 0.9);
 }

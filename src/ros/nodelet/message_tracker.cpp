@@ -139,7 +139,8 @@ void MessageTracker::place(const Pose& T_W_C, FrameResult* result) {
 }
 
 void MessageTracker::estimateVelocity(FrameResult* result) {
-  if (moving_.lock() != result->track.field) {  // its frame may be another one
+  const bool is_other = moving_.lock() != result->track.field;  // its frame may be another one
+  if (is_other || result->track.refinement.is_turned) {
     velocity_.reset();
     moving_ = result->track.field;
   }
