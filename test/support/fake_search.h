@@ -45,6 +45,7 @@ class FakeSearch : public ObjectSearch {
     refinement.score = score;
     refinement.visible_fraction = 0.75;
     refinement.T_O_C = T_O_C;
+    refinement.is_turned = is_turned;
     refinement.covariance = covariance;
     refinement.depth = depth_report;
     refinement.side_views = side_view_reports;
@@ -79,6 +80,7 @@ class FakeSearch : public ObjectSearch {
   std::vector<SideViewReport> side_view_reports;
   bool own_sees = true;  ///< the observation's own image took part
   Pose T_O_C = {Eigen::Matrix3d::Identity(), {0, 0, -1}};  ///< what is found
+  bool is_turned = false;
   Matrix6 covariance = Matrix6::Zero();
   Outcome outcome = Outcome::kRefined;
   double score = 0.9;

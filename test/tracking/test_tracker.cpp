@@ -123,6 +123,27 @@ TEST_F(TrackerTest, AnswersInMetres) {
   EXPECT_TRUE(track(0.1).from_last);
 }
 
+TEST_F(TrackerTest, ATurnThatIsCorrectedIsNoMotion) {
+  for (const bool is_turned : {false, true}) {
+    restart();
+    search_->covariance = covarianceOf(0.01, 0.01);
+    offer();
+    track(0);
+    track(0.03);
+    search_->T_O_C.R = expSO3(Eigen::Vector3d(0, 0, 1.7));
+    search_->is_turned = is_turned;
+    track(0.06);
+    search_->is_turned = false;
+    track(0.09);
+    const double turned_on = rotationDistance(search_->priors.back().T_O_C.R, search_->T_O_C.R);
+    if (is_turned) {
+      EXPECT_LT(turned_on, 1e-6);
+    } else {
+      EXPECT_GT(turned_on, 0.05) << "a jerk goes on";
+    }
+  }
+}
+
 TEST_F(TrackerTest, APoseThatExplainsTheImageBadlyIsFoundAndNotTrusted) {
   offer();
   track(0);
