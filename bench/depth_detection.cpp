@@ -95,8 +95,7 @@ class Benchmark {
   }
 
   std::unique_ptr<ObjectDetector> makeDetector() {
-    DetectionModelSettings settings = options_.detection.model;
-    settings.templates_for_all = backend_->info().scans_fast;
+    const DetectionModelSettings settings = options_.detection.model.adaptedTo(backend_->info());
     auto detector = std::make_unique<ObjectDetector>(
         backend_.get(), field_,
         detectionModelFor(*field_, settings, landmarkPathOf(options_.model), {}),

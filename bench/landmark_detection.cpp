@@ -116,8 +116,7 @@ class Benchmark {
   }
 
   DetectionModel makeModel() const {
-    DetectionModelSettings settings = options_.detection.model;
-    settings.templates_for_all = backend_->info().scans_fast;
+    const DetectionModelSettings settings = options_.detection.model.adaptedTo(backend_->info());
     const std::string path = landmarkPathOf(options_.model);
     if (options_.training.empty()) return detectionModelFor(*field_, settings, path, {});
     std::vector<LandmarkPhoto> photos;

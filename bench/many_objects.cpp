@@ -122,7 +122,7 @@ class Benchmark {
     object.field = backend_->load(std::make_shared<const Field>(loadField(path)));
     DetectionSettings settings;
     settings.max_instances = 1;
-    settings.model.templates_for_all = backend_->info().scans_fast;
+    settings.model = settings.model.adaptedTo(backend_->info());
     DetectionModel model =
         detectionModelFor(*object.field, settings.model, landmarkPathOf(path), {});
     object.detector =

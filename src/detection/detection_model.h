@@ -19,9 +19,9 @@ struct DetectionModelSettings {
   int plain_landmarks = 8000;      ///< objects with fewer are plain, and get templates, too
   bool templates_for_all = false;  ///< textured ones, too, @see BackendInfo::scans_fast
 
-  /// The defaults for a processor.
-  static DetectionModelSettings on(const BackendInfo& processor) {
-    DetectionModelSettings settings;
+  /// The same for a processor.
+  DetectionModelSettings adaptedTo(const BackendInfo& processor) const {
+    DetectionModelSettings settings = *this;
     settings.templates_for_all = processor.scans_fast;
     return settings;
   }

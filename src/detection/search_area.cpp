@@ -27,6 +27,8 @@ void SearchArea::validate() const {
 }
 
 double oddsIn(const SearchArea& area, const Observation& observation) {
+  // Of a thousand images without the object two had a pose, both grey; right ones are nearly all
+  // likely enough to bear this.
   constexpr double kGreyOdds = 0.1;
   const bool is_told = area.box || area.odds > 1 || observation.background == Background::kMask;
   return !is_told && isGrey(observation).value_or(false) ? kGreyOdds * area.odds : area.odds;

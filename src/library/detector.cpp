@@ -45,7 +45,7 @@ Detector::Detector(std::shared_ptr<Backend> backend, const Object& object,
                    const DetectorOptions& options, const CancellationToken& cancellation) {
   if (!backend) throw std::invalid_argument("Detector: the backend is null");
   DetectionSettings settings = settingsOf(options);
-  settings.model.templates_for_all = backend->info().scans_fast;
+  settings.model = settings.model.adaptedTo(backend->info());
   const std::shared_ptr<const LoadedField> field = backend->load(ObjectInside::field(object));
   auto detector = std::make_unique<ObjectDetector>(
       backend.get(), field,

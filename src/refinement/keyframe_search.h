@@ -66,7 +66,7 @@ class KeyframeSearch {
                         const CancellationToken& cancellation);
 
   /// Looks everywhere in a wide prior with small views of the object. @return poses
-  /// that are nearly right, if one is.
+  /// that are nearly right, if one is; first those of the least loss, then those that score most.
   HypothesisTable around(const Observation& observation, const Prior& prior,
                          const WideStarts& starts, const CancellationToken& cancellation);
 

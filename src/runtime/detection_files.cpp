@@ -21,8 +21,9 @@ void learnDetection(Backend* backend, const std::shared_ptr<const Field>& field,
   for (const PosedView& view : photos.views) {
     views.push_back({view.rgba, {view.camera, view.T_O_C}});
   }
-  makeDetectionModel(*backend->load(field), views, DetectionModelSettings::on(backend->info()),
-                     landmark_path, cancellation);
+  makeDetectionModel(*backend->load(field), views,
+                     DetectionModelSettings().adaptedTo(backend->info()), landmark_path,
+                     cancellation);
 }
 
 void makeDetectionFiles(Backend* backend, const ModelCache& models,
@@ -30,8 +31,8 @@ void makeDetectionFiles(Backend* backend, const ModelCache& models,
                         const CancellationToken& cancellation) {
   const std::string path = landmarkPathOf(models, field);
   if (path.empty()) return;
-  detectionModelFor(*backend->load(field), DetectionModelSettings::on(backend->info()), path,
-                    cancellation);
+  detectionModelFor(*backend->load(field), DetectionModelSettings().adaptedTo(backend->info()),
+                    path, cancellation);
 }
 
 }  // namespace nerf_pose_refiner

@@ -21,7 +21,7 @@ TrackerTrials::TrackerTrials(std::shared_ptr<Backend> backend,
 std::unique_ptr<ObjectDetector> TrackerTrials::makeDetector(bool is_group) const {
   DetectionSettings settings;
   if (!is_group) settings.max_instances = 1;
-  settings.model.templates_for_all = backend_->info().scans_fast;
+  settings.model = settings.model.adaptedTo(backend_->info());
   auto detector = std::make_unique<ObjectDetector>(
       backend_.get(), field_,
       detectionModelFor(*field_, settings.model, landmarkPathOf(model_path_), cancellation_),

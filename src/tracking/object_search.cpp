@@ -270,7 +270,7 @@ void RefinerSearch::beginDetection(const CancellationToken& cancellation) {
       detection_.landmarks_path ? detection_.landmarks_path(object_) : std::string();
   DetectionSettings settings = detection_.settings;
   settings.max_instances = 1;  // that is tracked from then on
-  settings.model.templates_for_all = processor_.backend->info().scans_fast;
+  settings.model = settings.model.adaptedTo(processor_.backend->info());
   DetectionModel model = detectionModelFor(*field_, settings.model, path, cancellation);
   detector_ = std::make_unique<ObjectDetector>(processor_.backend.get(), field_, std::move(model),
                                                settings);

@@ -80,7 +80,7 @@ class FakeSearch : public ObjectSearch {
   std::vector<SideViewReport> side_view_reports;
   bool own_sees = true;  ///< the observation's own image took part
   Pose T_O_C = {Eigen::Matrix3d::Identity(), {0, 0, -1}};  ///< what is found
-  bool is_turned = false;
+  bool is_turned = false;                                  ///< @see Refinement
   Matrix6 covariance = Matrix6::Zero();
   Outcome outcome = Outcome::kRefined;
   double score = 0.9;
