@@ -70,12 +70,16 @@ ImageOf<float> smoothNoise(int width, int height, int window, std::mt19937_64* r
   return smooth;
 }
 
-// The nearer surface grows by half a window, as block matching makes it.
-ImageOf<float> fattened(const ImageOf<float>& truth) {
+// At edges the nearer surface grows by a pixel, as block matching makes it. A window on a slanted
+// surface sees its mean, which is that of the pixel in its middle.
+ImageOf<float> fattened(const ImageOf<float>& truth, double focal_m) {
+  constexpr double kEdge_px = 1;  // of disparity, from one pixel to the next
   ImageOf<float> fat = truth;
   for (int y = 0; y < truth.height; ++y) {
     for (int x = 1; x + 1 < truth.width; ++x) {
-      fat.at(x, y, 0) = std::min({truth.at(x - 1, y, 0), truth.at(x, y, 0), truth.at(x + 1, y, 0)});
+      const float here = truth.at(x, y, 0);
+      const float near = std::min(truth.at(x - 1, y, 0), truth.at(x + 1, y, 0));
+      if (focal_m / near - focal_m / here > kEdge_px) fat.at(x, y, 0) = near;
     }
   }
   return fat;
@@ -150,7 +154,7 @@ ImageOf<float> stereoDepth(const ImageOf<float>& truth, const Camera& camera,
                                        sensor.holes * static_cast<double>(sorted.size() - 1));
   std::nth_element(sorted.begin(), at, sorted.end());
   const float hole = sensor.holes > 0 ? *at : -HUGE_VALF;
-  const ImageOf<float> fat = fattened(truth);
+  const ImageOf<float> fat = fattened(truth, focal_m);
   ImageOf<float> measured(camera.width, camera.height, 1);
   for (int y = 0; y < camera.height; ++y) {
     // The second camera stands to the right: it sees what no nearer thing hides from there, and a
