@@ -4,8 +4,11 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <limits>
 #include <utility>
 #include <vector>
+
+#include "detection/large_planes.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -92,6 +95,28 @@ class SeenDepth {
   ImageOf<float> metres_;
 };
 
+/// Takes away the table and the walls: nothing that is looked for is as wide.
+void removeSupport(const DepthNoise& noise, const Camera& camera, double diameter_m,
+                   ImageOf<float>* metres) {
+  constexpr double kWide = 1.5, kRough = 0.01;  // [diameters]
+  constexpr double kDeviations = 2;
+  PlaneSearch search;
+  search.least_width_m = kWide * diameter_m;
+  search.tolerance_m = kRough * diameter_m + kDeviations * noise.constant_m;
+  search.quadratic_per_m = kDeviations * noise.quadratic_per_m;
+  const std::vector<Plane> planes = largePlanes(*metres, camera, search);
+  for (int y = 0; y < metres->height && !planes.empty(); ++y) {
+    for (int x = 0; x < metres->width; ++x) {
+      float& z = metres->at(x, y, 0);
+      const Eigen::Vector3d p = z * camera.direction(x, y);
+      const bool is_support = std::any_of(planes.begin(), planes.end(), [&](const Plane& plane) {
+        return plane.absDistance(p) < search.toleranceAt(z);
+      });
+      if (is_support) z = std::numeric_limits<float>::infinity();  // as if it were far behind
+    }
+  }
+}
+
 }  // namespace
 
 std::optional<DepthLayers> DepthLayers::of(const DepthImage& depth, const Camera& camera,
@@ -113,6 +138,8 @@ std::optional<DepthLayers> DepthLayers::of(const DepthImage& depth, const Camera
   }
   ImageOf<float> metres = std::move(seen).take();
   fill(&metres);
+  const double diameter_m = object.metres_per_unit * object.diameter;
+  removeSupport(depth.noise, camera, diameter_m, &metres);
   for (int y = 0; y < camera.height; ++y) {
     for (int x = 0; x < camera.width; ++x) {
       // As the distances of templates, @see posePlaced: beside the axis, things look larger.
@@ -120,7 +147,7 @@ std::optional<DepthLayers> DepthLayers::of(const DepthImage& depth, const Camera
       metres.at(x, y, 0) *= static_cast<float>(std::sqrt(along));
     }
   }
-  return DepthLayers(std::move(metres), camera, object.metres_per_unit * object.diameter);
+  return DepthLayers(std::move(metres), camera, diameter_m);
 }
 
 std::optional<DepthLayers::Layer> DepthLayers::at(double distance, double reach,

@@ -11,8 +11,9 @@
 
 namespace nerf_pose_refiner {
 
-/// An image without what a depth camera sees before and behind a distance: an object that is looked
-/// for there stands alone, and has its outline even where it looks like what is behind it.
+/// An image without what a depth camera sees before and behind a distance, and without the table
+/// that an object may stand on: what is looked for there stands alone, and has its outline even
+/// where it looks like what is behind it.
 class DepthLayers {
  public:
   /// What of an image may show the object.

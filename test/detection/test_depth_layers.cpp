@@ -64,9 +64,35 @@ TEST(DepthLayers, ShowWhatIsAsFarAsTheObject) {
 }
 
 TEST(DepthLayers, HaveNothingWhereNothingIs) {
-  EXPECT_TRUE(layerOf(shown(), kBack_m / 0.2));
+  EXPECT_TRUE(layerOf(shown(), kObject_m / 0.2));
   EXPECT_TRUE(layerOf(shown(), kFront_m / 0.2));
   EXPECT_FALSE(layerOf(shown(), 1.0 / 0.2));  // between object and wall
+}
+
+// A table, 0.6 m below the camera's axis there and rising to the back, with a card that stands on
+// it.
+TEST(DepthLayers, DoNotShowTheTableThatAnObjectStandsOn) {
+  ImageOf<float> metres(200, 160, 1, kBack_m);
+  for (int y = 0; y < 160; ++y) {
+    const double slope = kColour.direction(0, y).y();  // y = 0.2 - 0.2 z
+    const auto table = static_cast<float>(0.2 / (slope + 0.2));
+    for (int x = 0; x < 200; ++x) {
+      if (slope > -0.1 && table < kBack_m) metres.at(x, y, 0) = table;
+      const bool is_card = x >= 80 && x < 120 && y >= 69 && y < 99;
+      if (is_card) metres.at(x, y, 0) = kObject_m;
+    }
+  }
+  const auto layer = layerOf(metres, kObject_m / 0.2);
+  ASSERT_TRUE(layer);
+  const int end_x = layer->window.x + layer->window.width;
+  const int end_y = layer->window.y + layer->window.height;
+  ASSERT_GT(end_y, 105);
+  for (int y = layer->window.y; y < end_y; ++y) {
+    for (int x = layer->window.x; x < end_x; ++x) {
+      if (y >= 94 && y < 101) continue;  // where the card meets the table
+      ASSERT_EQ(isShown(*layer, x, y), x >= 80 && x < 120 && y >= 69 && y < 99) << x << " " << y;
+    }
+  }
 }
 
 TEST(DepthLayers, TakeTheFartherSideForWhatWasNotMeasured) {
