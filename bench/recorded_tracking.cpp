@@ -81,11 +81,13 @@ struct Tally {
   void print(const std::string& name) const {
     std::printf(
         "%-28s right %.3f of %d, lost %d; trusted %.3f, wrong ones %d; median %.3f deg %.3f %%; "
-        "error^2/6 %.2f; wall median %.1f p95 %.1f ms; processor median %.1f mean %.1f ms\n",
+        "error^2/6 %.2f; wall median %.2f p95 %.2f p99 %.2f ms; processor median %.1f mean %.1f "
+        "ms\n",
         name.c_str(), static_cast<double>(right) / frames, frames, lost,
         static_cast<double>(trusted) / frames, trusted_wrong, percentile(deg, 0.5),
         percentile(percent, 0.5), mean(squared_error) / 6, percentile(wall_ms, 0.5),
-        percentile(wall_ms, 0.95), percentile(process_ms, 0.5), mean(process_ms));
+        percentile(wall_ms, 0.95), percentile(wall_ms, 0.99), percentile(process_ms, 0.5),
+        mean(process_ms));
     const auto of_deviation = [this](std::size_t part, int directions) {
       return std::sqrt(squared_parts[part] / std::max(1, directions * right));
     };

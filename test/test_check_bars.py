@@ -12,7 +12,7 @@ sys.path.insert(0, os.path.join(TOP, 'scripts', 'lib'))
 import bars  # noqa: E402
 
 LINE = ('bottle_regular_1             right %s of 300, lost 3; trusted 0.980, wrong ones 0; median 0.120 deg 0.210 %%; '
-        'error^2/6 1.02; wall median 6.2 p95 15.4 ms; processor median 6.0 mean 7.9 ms')
+        'error^2/6 1.02; wall median 6.20 p95 15.40 p99 17.10 ms; processor median 6.0 mean 7.9 ms')
 
 
 def write(path, text):
@@ -24,8 +24,8 @@ def write(path, text):
 class Figures(unittest.TestCase):
     def test_of_tracking(self):
         figures = bars.read_tracking(LINE % '0.990' + '\n')
-        self.assertEqual([figures[key] for key in ('right', 'degrees', 'percent', 'squared_error', 'p95_ms')],
-                         [0.99, 0.12, 0.21, 1.02, 15.4])
+        self.assertEqual([figures[key] for key in ('right', 'degrees', 'percent', 'squared_error', 'p95_ms', 'p99_ms')],
+                         [0.99, 0.12, 0.21, 1.02, 15.4, 17.1])
         with self.assertRaises(ValueError):
             bars.read_tracking('nothing')
 

@@ -17,7 +17,8 @@ Measurement = namedtuple('Measurement', 'name command read bars')
 TRACKING_LINE = re.compile(
     r'right (?P<right>\S+) of \d+, lost \d+; trusted (?P<trusted>\S+), wrong ones (?P<wrong>\d+); '
     r'median (?P<degrees>\S+) deg (?P<percent>\S+) %; error\^2/6 (?P<squared_error>\S+); '
-    r'wall median (?P<median_ms>\S+) p95 (?P<p95_ms>\S+) ms')
+    r'wall median (?P<median_ms>\S+) p95 (?P<p95_ms>\S+) '
+    r'p99 (?P<p99_ms>\S+) ms')
 
 
 def read_tracking(text):
