@@ -109,9 +109,8 @@ void removeSupport(const DepthNoise& noise, const Camera& camera, double diamete
     for (int x = 0; x < metres->width; ++x) {
       float& z = metres->at(x, y, 0);
       const Eigen::Vector3d p = z * camera.direction(x, y);
-      const bool is_support = std::any_of(planes.begin(), planes.end(), [&](const Plane& plane) {
-        return plane.absDistance(p) < search.toleranceAt(z);
-      });
+      const bool is_support = std::any_of(
+          planes.begin(), planes.end(), [&](const Plane& plane) { return search.isOn(plane, p); });
       if (is_support) z = std::numeric_limits<float>::infinity();  // as if it were far behind
     }
   }

@@ -9,6 +9,7 @@
 
 namespace nerf_pose_refiner {
 
+/// Points x with normal() . x + offset() = 0, in the frame of a camera [m].
 using Plane = Eigen::Hyperplane<double, 3>;
 
 /// How planes are looked for.
@@ -18,8 +19,10 @@ struct PlaneSearch {
   double quadratic_per_m = 0;   ///< of its points per square of the distance [1/m], >= 0
   double least_fraction = 0.1;  ///< of what is measured lies on it
 
-  /// How far a point at a depth may be from its plane [m].
-  double toleranceAt(double z_m) const { return tolerance_m + quadratic_per_m * z_m * z_m; }
+  /// Whether a point [m] is as near to a plane as one of its own may be.
+  bool isOn(const Plane& plane, const Eigen::Vector3d& p) const {
+    return plane.absDistance(p) < tolerance_m + quadratic_per_m * p.z() * p.z();
+  }
 };
 
 /// Planes that are too large to be an object's: the table that it stands on, the wall behind it.

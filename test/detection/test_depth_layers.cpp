@@ -69,8 +69,7 @@ TEST(DepthLayers, HaveNothingWhereNothingIs) {
   EXPECT_FALSE(layerOf(shown(), 1.0 / 0.2));  // between object and wall
 }
 
-// A table, 0.6 m below the camera's axis there and rising to the back, with a card that stands on
-// it.
+// A table that rises to the back, with a card that stands on it 0.08 m below the camera's axis.
 TEST(DepthLayers, DoNotShowTheTableThatAnObjectStandsOn) {
   ImageOf<float> metres(200, 160, 1, kBack_m);
   for (int y = 0; y < 160; ++y) {

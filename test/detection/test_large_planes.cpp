@@ -62,6 +62,14 @@ TEST(LargePlanes, AreNoSidesOfWhatIsSmaller) {
   EXPECT_EQ(largePlanes(metres, kDepthCamera, {0.14, 0.003, 0, 0.1}).size(), 1u);
 }
 
+TEST(LargePlanes, HaveCoarserPointsFartherAway) {
+  const PlaneSearch search = {0.3, 0.003, 0.002, 0.1};  // 3 mm, and 8 mm at 2 m
+  const Plane plane(Eigen::Vector3d::UnitX(), 0.0);
+  EXPECT_TRUE(search.isOn(plane, {0.0109, 0, 2}));
+  EXPECT_FALSE(search.isOn(plane, {-0.0111, 0, 2}));
+  EXPECT_FALSE(search.isOn(plane, {0.0109, 0, 1}));
+}
+
 TEST(LargePlanes, AreNoneOfWhatIsNotMeasured) {
   ImageOf<float> metres(kDepthCamera.width, kDepthCamera.height, 1, 0);
   EXPECT_TRUE(largePlanes(metres, kDepthCamera, {}).empty());
@@ -75,7 +83,8 @@ TEST(LargePlanes, AreTheSameEachTime) {
   const ImageOf<float> metres = seenOf({kTable, kWall});
   const std::vector<Plane> once = largePlanes(metres, kDepthCamera, {}),
                            again = largePlanes(metres, kDepthCamera, {});
-  ASSERT_EQ(once.size(), again.size());
+  ASSERT_EQ(once.size(), 2u);
+  ASSERT_EQ(again.size(), 2u);
   for (std::size_t i = 0; i < once.size(); ++i) {
     EXPECT_EQ(once[i].coeffs(), again[i].coeffs());
   }
