@@ -53,6 +53,7 @@ add_library(${npr_cuda} OBJECT
   cuda/cuda_error.cpp
   cuda/cuda_field.cpp
   cuda/cuda_frame.cpp
+  cuda/cuda_frame_pyramid.cpp
   cuda/cuda_keyframe.cpp
   cuda/cuda_keyframe_aligner.cpp
   cuda/cuda_loaded_field.cpp

@@ -96,7 +96,7 @@ std::shared_ptr<const LoadedField> CudaBackend::load(std::shared_ptr<const Field
 
 std::unique_ptr<KeyframeAligner> CudaBackend::makeKeyframeAligner() {
   processor_->enter();
-  return std::make_unique<CudaKeyframeAligner>(processor_->device());
+  return std::make_unique<CudaKeyframeAligner>(processor_->device(), processor_->frames());
 }
 
 std::unique_ptr<TemplateMatcher> CudaBackend::makeTemplateMatcher(

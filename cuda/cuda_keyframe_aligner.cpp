@@ -61,8 +61,8 @@ T* roomFor(std::size_t n, DeviceBuffer<T>* buffer) {
 
 }  // namespace
 
-CudaKeyframeAligner::CudaKeyframeAligner(int device)
-    : device_(device), stream_(CudaStream::Priority::kHighest) {
+CudaKeyframeAligner::CudaKeyframeAligner(int device, std::shared_ptr<CudaFrames> frames)
+    : device_(device), stream_(CudaStream::Priority::kHighest), frame_(std::move(frames)) {
   limits_ = keyframeDevice();
 }
 
@@ -95,7 +95,7 @@ void CudaKeyframeAligner::remove(int keyframe) {
 
 void CudaKeyframeAligner::observe(const Observation& observation, const FrameWindow& window) {
   NPR_CUDA_CHECK(cudaSetDevice(device_));
-  frame_.prepare(observation, window, stream_);
+  frame_.look(observation, window, stream_);
 }
 
 CudaKeyframeStart CudaKeyframeAligner::startOf(const KeyframeStart& start,
@@ -138,8 +138,7 @@ std::vector<Hypothesis> CudaKeyframeAligner::align(const std::vector<KeyframeSta
   KeyframeAlignmentTask task = {};
   task.count = static_cast<int>(starts.size());
   task.finest_level = settings.finest_level;
-  std::vector<CudaFrameLevel> frame;
-  for (int i = 0; i < frame_.levels().count(); ++i) frame.push_back(frame_.level(i));
+  const std::vector<CudaFrameLevel> frame = frame_.all();
   task.frame_levels = static_cast<int>(frame.size());
   std::copy(frame.begin(), frame.end(), task.frame);
   for (int i = 0; i < kMaxKeyframeLevels; ++i) task.rules[i] = levelRules(settings, i);

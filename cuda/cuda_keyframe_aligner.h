@@ -11,12 +11,12 @@
 
 namespace nerf_pose_refiner {
 
-/// Aligns keyframes on a CUDA device: all starts by one launch. Nothing of it is shared with what
-/// else its backend does, and its stream goes first.
+/// Aligns keyframes on a CUDA device: all starts by one launch. Nothing but frames is shared with
+/// what else its backend does, and its stream goes first.
 class CudaKeyframeAligner final : public KeyframeAligner {
  public:
-  /// @param device the calling thread's.
-  explicit CudaKeyframeAligner(int device);
+  /// @param device the calling thread's. @param frames of the backend.
+  CudaKeyframeAligner(int device, std::shared_ptr<CudaFrames> frames);
   ~CudaKeyframeAligner() override;
 
   int add(std::shared_ptr<const KeyframePoints> keyframe) override;

@@ -9,6 +9,7 @@
 #include "backend/cost_counters.h"
 #include "backend/loaded_field.h"
 #include "cuda_field.h"
+#include "cuda_frame.h"
 #include "device_memory.h"
 #include "graph_cache.h"
 #include "hypotheses.h"
@@ -109,6 +110,8 @@ class CudaProcessor {
 
   CudaWorkspace& space() { return space_; }
   ScratchPool<CudaSolverMemory>& solvers() { return solvers_; }
+  /// Of all aligners, which may use it beside all else.
+  const std::shared_ptr<CudaFrames>& frames() const { return frames_; }
 
   /// A rendering of a number of views from space().poses to space().images, with the options'
   /// defaults. @throws std::invalid_argument for too many rays.
@@ -132,6 +135,7 @@ class CudaProcessor {
   CudaStream stream_;
   CudaWorkspace space_;
   ScratchPool<CudaSolverMemory> solvers_;
+  std::shared_ptr<CudaFrames> frames_ = makeCudaFrames();
   DeviceBuffer<CudaWork> meter_;
   CostCounters costs_, training_;
 };

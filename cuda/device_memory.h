@@ -120,6 +120,10 @@ class CudaEvent {
   void record(cudaStream_t stream) const { NPR_CUDA_CHECK(cudaEventRecord(event_, stream)); }
   /// Returns at once if it was never recorded.
   void wait() const { NPR_CUDA_CHECK(cudaEventSynchronize(event_)); }
+  /// What is enqueued in a stream from now on waits for it; for nothing if it was never recorded.
+  void awaitIn(cudaStream_t stream) const {
+    NPR_CUDA_CHECK(cudaStreamWaitEvent(stream, event_, 0));
+  }
 
  private:
   cudaEvent_t event_ = nullptr;

@@ -6,13 +6,9 @@
 namespace nerf_pose_refiner {
 namespace {
 
+constexpr int kTile = 16;       // pixels of a block along both axes
+constexpr int kTileLevels = 4;  // how often that can be halved
 constexpr int kThreads = 256;
-
-struct PyramidLevel {
-  int width, height;
-  const float4* from;
-  float4* to;
-};
 
 __device__ float4 operator+(const float4& a, const float4& b) {
   return make_float4(a.x + b.x, a.y + b.y, a.z + b.z, a.w + b.w);
@@ -22,27 +18,58 @@ __device__ float4 operator*(float s, const float4& a) {
   return make_float4(s * a.x, s * a.y, s * a.z, s * a.w);
 }
 
-/// A thread per pixel. What is covered must not blur into the rest: colours times their weight.
-__global__ void packKernel(const __grid_constant__ ImagePyramidTask task) {
-  const int i = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
-  if (i >= task.width * task.height) return;
+/// Where a level begins in the memory of the pyramid.
+__device__ std::size_t beginOf(const ImagePyramidTask& task, int level) {
+  std::size_t first = 0;
+  for (int k = 0; k < level; ++k) {
+    first += static_cast<std::size_t>(task.width >> k) * (task.height >> k);
+  }
+  return first;
+}
+
+/// What is covered must not blur into the rest: colours times their weight.
+__device__ float4 packed(const ImagePyramidTask& task, int i) {
   const float w = task.weight == nullptr ? 1.0f : task.weight[i];
   const std::size_t first = 3 * static_cast<std::size_t>(i);
   float rgb[3];
   for (int c = 0; c < 3; ++c) {
     rgb[c] = task.bytes == nullptr ? task.image[first + c] : task.bytes[first + c] / 255.0f;
   }
-  task.plain[i] = make_float4(w * rgb[0], w * rgb[1], w * rgb[2], w);
+  return make_float4(w * rgb[0], w * rgb[1], w * rgb[2], w);
 }
 
-/// A thread per pixel of the half: the mean of 2 x 2.
-__global__ void halveKernel(const __grid_constant__ PyramidLevel half) {
-  const int i = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
-  if (i >= half.width * half.height) return;
-  const int wide = 2 * half.width;
-  const float4* upper = half.from + 2 * (i / half.width) * wide + 2 * (i % half.width);
-  const float4* lower = upper + wide;
-  half.to[i] = 0.25f * ((upper[0] + upper[1]) + (lower[0] + lower[1]));
+/// The levels from `from` on, as many as a block's tile has: each pixel is the mean of 2 x 2 of the
+/// level before. A thread per pixel of `from`, which is read: the image itself, or plain pixels.
+__global__ void levelsKernel(const __grid_constant__ ImagePyramidTask task, int from) {
+  __shared__ float4 tile[kTile * kTile];
+  const int column = static_cast<int>(threadIdx.x), row = static_cast<int>(threadIdx.y);
+  const int left = static_cast<int>(blockIdx.x) * kTile, top = static_cast<int>(blockIdx.y) * kTile;
+  const int width = task.width >> from, height = task.height >> from;
+  float4 pixel = make_float4(0, 0, 0, 0);
+  if (left + column < width && top + row < height) {
+    const int i = (top + row) * width + left + column;
+    pixel = from == 0 ? packed(task, i) : task.plain[beginOf(task, from) + i];
+    if (from == 0 && task.finest == 0) task.plain[i] = pixel;
+  }
+  tile[row * kTile + column] = pixel;
+  for (int down = 1; down <= kTileLevels && from + down <= task.coarsest; ++down) {
+    __syncthreads();
+    const int level = from + down, size = kTile >> down;
+    const bool is_mine = column < size && row < size;
+    if (is_mine) {
+      const float4* upper = tile + 2 * row * 2 * size + 2 * column;
+      const float4* lower = upper + 2 * size;
+      pixel = 0.25f * ((upper[0] + upper[1]) + (lower[0] + lower[1]));
+    }
+    __syncthreads();
+    if (!is_mine) continue;
+    tile[row * size + column] = pixel;
+    const int x = (left >> down) + column, y = (top >> down) + row;
+    const bool is_read = level >= task.finest || down == kTileLevels;
+    if (is_read && x < task.width >> level && y < task.height >> level) {
+      task.plain[beginOf(task, level) + y * (task.width >> level) + x] = pixel;
+    }
+  }
 }
 
 /// Pixels that are covered in part show what the rest of them does; mostly covered ones show
@@ -60,10 +87,7 @@ __global__ void smoothKernel(const __grid_constant__ ImagePyramidTask task) {
   const int width = task.width >> level, height = task.height >> level;
   const int i = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
   if (i >= width * height) return;
-  std::size_t first = 0;
-  for (int k = 0; k < level; ++k) {
-    first += static_cast<std::size_t>(task.width >> k) * (task.height >> k);
-  }
+  const std::size_t first = beginOf(task, level);
   const float4* image = task.plain + first;
   const int x = i % width, y = i / width;
   const int above = max(y - 1, 0) * width, here = y * width, below = min(y + 1, height - 1) * width;
@@ -75,26 +99,18 @@ __global__ void smoothKernel(const __grid_constant__ ImagePyramidTask task) {
   task.smooth[first + i] = task.weight == nullptr ? pixel : dividedByWeight(pixel);
 }
 
-int blocksFor(int pixels) { return (pixels + kThreads - 1) / kThreads; }
+int blocksFor(int pixels, int threads) { return (pixels + threads - 1) / threads; }
 
 }  // namespace
 
 void makeImagePyramid(const ImagePyramidTask& task, cudaStream_t stream) {
-  packKernel<<<blocksFor(task.width * task.height), kThreads, 0, stream>>>(task);
-  NPR_CUDA_CHECK(cudaGetLastError());
-  float4* from = task.plain;
-  for (int level = 1; level <= task.coarsest; ++level) {
-    PyramidLevel half = {};
-    half.width = task.width >> level;
-    half.height = task.height >> level;
-    half.from = from;
-    half.to = from + static_cast<std::size_t>(4) * half.width * half.height;
-    halveKernel<<<blocksFor(half.width * half.height), kThreads, 0, stream>>>(half);
+  for (int from = 0; from == 0 || from < task.coarsest; from += kTileLevels) {
+    const dim3 grid(blocksFor(task.width >> from, kTile), blocksFor(task.height >> from, kTile));
+    levelsKernel<<<grid, dim3(kTile, kTile), 0, stream>>>(task, from);
     NPR_CUDA_CHECK(cudaGetLastError());
-    from = half.to;
   }
   const int finest_pixels = (task.width >> task.finest) * (task.height >> task.finest);
-  const dim3 grid(blocksFor(finest_pixels), task.coarsest - task.finest + 1);
+  const dim3 grid(blocksFor(finest_pixels, kThreads), task.coarsest - task.finest + 1);
   smoothKernel<<<grid, kThreads, 0, stream>>>(task);
   NPR_CUDA_CHECK(cudaGetLastError());
 }

@@ -19,7 +19,7 @@ inline std::size_t pyramidPixels(int width, int height, int levels) {
 /// The levels of an image that alignment to keyframes compares: RGB and weight, 0 or 1 where only a
 /// part of the image has weight.
 struct ImagePyramidTask {
-  int width, height;          ///< whole pixels of the coarsest level
+  int width, height;          ///< >= 2^coarsest; what ends amid a level's pixel is left out of it
   int finest, coarsest;       ///< levels that are wanted; 0 is the image itself
   const float* image;         ///< [height][width][3], or null: there are bytes
   const std::uint8_t* bytes;  ///< [height][width][3], 0..255, or null

@@ -16,6 +16,7 @@ constexpr int kMaxKeyframeLevels = 8, kMaxFrameLevels = 16;
 struct CudaFrameLevel {
   const float4* pixels;  ///< [height][width]: RGB and weight
   int width, height;     ///< >= 2
+  int row_pixels;        ///< from the start of one row to the start of the next
   Pinhole<float> K;
 };
 

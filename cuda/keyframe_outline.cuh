@@ -22,7 +22,7 @@ __device__ inline bool sampleProfile(const CudaFrameLevel& image, const OutlineI
            v < static_cast<float>(image.height - 1);
     PointInImage place;
     const int column = splitCoordinate(u, image.width - 2, &place.u);
-    place.offset = splitCoordinate(v, image.height - 2, &place.v) * image.width + column;
+    place.offset = splitCoordinate(v, image.height - 2, &place.v) * image.row_pixels + column;
     InterpolatedPixel<float> pixel[4];
     interpolateAt(image, place, pixel);
     seen = seen && pixel[3].value >= kOutlineSeen;

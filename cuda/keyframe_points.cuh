@@ -88,7 +88,7 @@ __device__ inline PointInImage projectPoint(const CudaFrameLevel& image,
                  y <= static_cast<float>(image.height - 1);
   const int column = splitCoordinate(x, image.width - 2, &point.u);
   const int row = splitCoordinate(y, image.height - 2, &point.v);
-  point.offset = row * image.width + column;
+  point.offset = row * image.row_pixels + column;
   return point;
 }
 
@@ -96,7 +96,7 @@ __device__ inline PointInImage projectPoint(const CudaFrameLevel& image,
 __device__ inline void interpolateAt(const CudaFrameLevel& image, const PointInImage& point,
                                      InterpolatedPixel<float> channels[4]) {
   const float4* upper = image.pixels + point.offset;
-  const float4* lower = upper + image.width;
+  const float4* lower = upper + image.row_pixels;
   const float4 a = __ldg(upper), b = __ldg(upper + 1), c = __ldg(lower), d = __ldg(lower + 1);
   channels[0] = interpolate(PixelQuad<float, float>{a.x, b.x, c.x, d.x, point.u, point.v});
   channels[1] = interpolate(PixelQuad<float, float>{a.y, b.y, c.y, d.y, point.u, point.v});

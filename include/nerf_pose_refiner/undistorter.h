@@ -1,6 +1,7 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cstdint>
 #include <memory>
 
 #include "nerf_pose_refiner/camera.h"
@@ -65,7 +66,12 @@ class CameraPixels {
   /// @throws std::invalid_argument if the window extends beyond the image.
   Image8 read(const PixelWindow& window) const;
 
+  /// The same into memory that is there. @param rgb room for the window's pixels, 3 bytes each.
+  void read(const PixelWindow& window, std::uint8_t* rgb) const;
+
  private:
+  void requireInside(const PixelWindow& window) const;
+
   Image8View bytes_;
   PixelFormat format_;
   std::shared_ptr<const void> owner_;

@@ -1,4 +1,5 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 #include <string>
@@ -23,28 +24,31 @@ int channelsOf(PixelFormat format) {
   throw std::invalid_argument("CameraPixels: unknown format");
 }
 
-Image8 copied(const Image8View& bytes, const PixelWindow& window) {
-  Image8 part(window.width, window.height, bytes.channels);
-  const auto row = static_cast<std::ptrdiff_t>(window.width) * bytes.channels;
-  for (int y = 0; y < window.height; ++y) {
-    std::copy_n(bytes.data + (window.y + y) * bytes.row_bytes +
-                    static_cast<std::size_t>(window.x) * bytes.channels,
-                row, part.pixel(0, y));
-  }
+// A window of an image, in its memory.
+Image8View partOf(const Image8View& bytes, const PixelWindow& window) {
+  Image8View part = bytes;
+  part.data += window.y * bytes.row_bytes + static_cast<std::size_t>(window.x) * bytes.channels;
+  part.width = window.width;
+  part.height = window.height;
   return part;
 }
 
-Image8 toRgb(Image8 part, PixelFormat format) {
-  if (format == PixelFormat::kRgb) return part;
+void toRgb(const Image8View& part, PixelFormat format, std::uint8_t* rgb) {
+  const std::size_t row = 3 * static_cast<std::size_t>(part.width);
+  if (format == PixelFormat::kRgb) {
+    for (int y = 0; y < part.height; ++y)
+      std::copy_n(part.data + y * part.row_bytes, row, rgb + y * row);
+    return;
+  }
   int conversion = cv::COLOR_BGR2RGB;
   if (format == PixelFormat::kGrey) conversion = cv::COLOR_GRAY2RGB;
   if (format == PixelFormat::kRgba) conversion = cv::COLOR_RGBA2RGB;
   if (format == PixelFormat::kBgra) conversion = cv::COLOR_BGRA2RGB;
-  Image8 rgb(part.width, part.height, 3);
-  const cv::Mat from(part.height, part.width, CV_8UC(part.channels), part.values.data());
-  cv::Mat to(rgb.height, rgb.width, CV_8UC3, rgb.values.data());
+  // OpenCV takes no const memory; it is only read.
+  const cv::Mat from(part.height, part.width, CV_8UC(part.channels),
+                     const_cast<std::uint8_t*>(part.data), part.row_bytes);
+  cv::Mat to(part.height, part.width, CV_8UC3, rgb, row);
   cv::cvtColor(from, to, conversion);
-  return rgb;
 }
 
 }  // namespace
@@ -69,16 +73,30 @@ CameraPixels::CameraPixels(const Image8View& bytes, PixelFormat format,
   }
 }
 
-Image8 CameraPixels::read(const PixelWindow& window) const {
+void CameraPixels::requireInside(const PixelWindow& window) const {
   if (window.x < 0 || window.y < 0 || window.width < 0 || window.height < 0 ||
       window.x > bytes_.width - window.width || window.y > bytes_.height - window.height) {
     throw std::invalid_argument("CameraPixels: the window reaches outside of the image");
   }
-  if (window.empty()) return Image8(window.width, window.height, 3);
+}
+
+Image8 CameraPixels::read(const PixelWindow& window) const {
+  requireInside(window);
+  Image8 rgb(window.width, window.height, 3);
+  read(window, rgb.values.data());
+  return rgb;
+}
+
+void CameraPixels::read(const PixelWindow& window, std::uint8_t* rgb) const {
+  requireInside(window);
+  if (window.empty()) return;
+  if (undistorter_ == nullptr) {
+    toRgb(partOf(bytes_, window), format_, rgb);
+    return;
+  }
   // Channels are interpolated one by one, so the order of the two steps does not matter.
-  return toRgb(
-      undistorter_ == nullptr ? copied(bytes_, window) : undistorter_->undistort(bytes_, window),
-      format_);
+  const Image8 part = undistorter_->undistort(bytes_, window);
+  toRgb(viewOf(part), format_, rgb);
 }
 
 }  // namespace nerf_pose_refiner

@@ -264,6 +264,44 @@ TEST_F(CudaKeyframeAligner, TheSameBitsEveryTimeAndBesideAnother) {
   }
 }
 
+// Each looks at a window of its own, which may lie in what another has made of the image.
+TEST_F(CudaKeyframeAligner, TheSameBitsBesideOthersThatLookAtTheSameImages) {
+  constexpr int kImages = 20, kAligners = 4;
+  const Keyframe shown = keyframe(truth_);
+  const std::vector<Pose> starts = startsAround(4);
+  std::vector<Observation> images;
+  for (int i = 0; i < kImages; ++i) {
+    images.push_back(observe(toBytes(imageOf(offBy(truth_, {0.3, 0.1, 0}, 0.2 * i))), kCamera));
+  }
+  const auto findIn = [&](KeyframeAligner* aligner, int number, const Observation& image, int i) {
+    const double margin = 0.1 + 0.1 * i;
+    aligner->observe(image, frameWindowFor(*shown, kCamera, truth_, margin));
+    return aligner->align({{number, starts.at(i)}}, {}, {}).front();
+  };
+  std::vector<Hypothesis> alone[kAligners], beside[kAligners];
+  for (int i = 0; i < kAligners; ++i) {
+    for (const Observation& image : images) {
+      const auto aligner = cuda->makeKeyframeAligner();
+      alone[i].push_back(findIn(aligner.get(), aligner->add(shown), image, i));
+    }
+  }
+  std::vector<std::thread> threads;
+  for (int i = 0; i < kAligners; ++i) {
+    threads.emplace_back([&, i] {
+      const auto aligner = cuda->makeKeyframeAligner();
+      const int number = aligner->add(shown);
+      for (const Observation& image : images) {
+        beside[i].push_back(findIn(aligner.get(), number, image, i));
+      }
+    });
+  }
+  for (std::thread& thread : threads) thread.join();
+  for (int i = 0; i < kAligners; ++i) {
+    ASSERT_EQ(beside[i].size(), alone[i].size());
+    for (int k = 0; k < kImages; ++k) expectSameBits(alone[i][k], beside[i][k]);
+  }
+}
+
 TEST_F(CudaKeyframeAligner, TakesImagesOfAllSizesOneAfterTheOther) {
   const auto aligner = cuda->makeKeyframeAligner();
   const Keyframe shown = keyframe(truth_);

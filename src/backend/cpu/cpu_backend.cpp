@@ -32,7 +32,8 @@ std::shared_ptr<const LoadedField> CpuBackend::load(std::shared_ptr<const Field>
 }
 
 std::unique_ptr<KeyframeAligner> CpuBackend::makeKeyframeAligner() {
-  return std::make_unique<CpuKeyframeAligner>(*processor_->keyframe_kernels, processor_->threads);
+  return std::make_unique<CpuKeyframeAligner>(*processor_->keyframe_kernels, processor_->threads,
+                                              processor_->frames);
 }
 
 std::unique_ptr<TemplateMatcher> CpuBackend::makeTemplateMatcher(

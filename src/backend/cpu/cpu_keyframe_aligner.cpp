@@ -11,7 +11,7 @@ namespace nerf_pose_refiner {
 std::unique_ptr<KeyframeAligner> makeCpuKeyframeAligner(int threads,
                                                         const std::string& instruction_set) {
   return std::make_unique<CpuKeyframeAligner>(selectKeyframeKernels(instruction_set),
-                                              threadCount(threads));
+                                              threadCount(threads), makeCpuFrames());
 }
 
 int CpuKeyframeAligner::add(std::shared_ptr<const KeyframePoints> keyframe) {
@@ -22,7 +22,7 @@ int CpuKeyframeAligner::add(std::shared_ptr<const KeyframePoints> keyframe) {
 void CpuKeyframeAligner::remove(int keyframe) { keyframes_.erase(keyframe); }
 
 void CpuKeyframeAligner::observe(const Observation& observation, const FrameWindow& window) {
-  frame_.prepare(observation, window);
+  frame_.look(observation, window);
 }
 
 std::vector<Hypothesis> CpuKeyframeAligner::align(const std::vector<KeyframeStart>& starts,

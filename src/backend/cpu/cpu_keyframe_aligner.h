@@ -3,10 +3,11 @@
 
 #include <map>
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include "backend/common/scratch_pool.h"
-#include "backend/cpu/frame_pyramid.h"
+#include "backend/cpu/cpu_frame.h"
 #include "backend/cpu/start_aligner.h"
 #include "backend/keyframe_aligner.h"
 
@@ -15,8 +16,10 @@ namespace nerf_pose_refiner {
 /// Aligns keyframes on the CPU: starts side by side, one thread each.
 class CpuKeyframeAligner final : public KeyframeAligner {
  public:
-  CpuKeyframeAligner(const KeyframeKernels& kernels, int threads)
+  /// @param frames of the backend.
+  CpuKeyframeAligner(const KeyframeKernels& kernels, int threads, std::shared_ptr<CpuFrames> frames)
       : threads_(threads),
+        frame_(std::move(frames)),
         workspaces_([&kernels] { return std::make_unique<StartAligner>(kernels); }) {}
 
   int add(std::shared_ptr<const KeyframePoints> keyframe) override;
@@ -30,7 +33,7 @@ class CpuKeyframeAligner final : public KeyframeAligner {
   int threads_;
   std::map<int, std::shared_ptr<const KeyframePoints>> keyframes_;
   int next_ = 0;
-  FramePyramid frame_;
+  CpuFrame frame_;
   ScratchPool<StartAligner> workspaces_;
 };
 

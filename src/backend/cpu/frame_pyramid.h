@@ -1,28 +1,29 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <optional>
+#include <cstdint>
 #include <vector>
 
-#include "backend/common/frame_levels.h"
-#include "backend/cpu/keyframe_kernels.h"
+#include "backend/common/frame_part.h"
 #include "nerf_pose_refiner/observation.h"
 
 namespace nerf_pose_refiner {
 
-/// The part of a camera image that alignment needs, at several levels. Its memory is reused from
-/// image to image.
+/// A part of a camera image at several levels: red, green, blue and weight, blurred a little. Its
+/// memory is reused from image to image.
 class FramePyramid {
  public:
-  /// @see KeyframeAligner::observe; the window grows to whole pixels of the coarsest level.
-  void prepare(const Observation& observation, const FrameWindow& window);
+  /// @throws std::invalid_argument if the observation does not have the part.
+  void make(const Observation& observation, const FramePart& part);
 
-  const FrameLevels& levels() const { return levels_; }
-  /// The level with 2^level pixels of the image along a pixel; nothing: it was not asked for.
-  std::optional<KernelImage> level(int level) const;
+  /// The level with 2^level pixels of the image along a pixel. @param level one of the part's.
+  const Image& level(int level) const { return smooth_[level - finest_]; }
 
  private:
-  FrameLevels levels_;
+  void read(const Observation& observation, const PixelWindow& window);
+
+  int finest_ = 0;
+  std::vector<std::uint8_t> bytes_;
   std::vector<Image> plain_, smooth_;
 };
 

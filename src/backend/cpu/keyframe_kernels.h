@@ -13,6 +13,7 @@ namespace nerf_pose_refiner {
 struct KernelImage {
   const float* pixels;
   int width, height;  ///< >= 2
+  int row_pixels;     ///< from the start of one row to the start of the next
   Pinhole<float> K;   ///< of the window
 };
 

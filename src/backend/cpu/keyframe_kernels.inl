@@ -74,14 +74,14 @@ inline Projected projectGroup(const KernelView& view, const KernelPoints& points
   IntVector column, row;
   splitCoordinate(x, image.width - 2, &column, &g.u);
   splitCoordinate(y, image.height - 2, &row, &g.v);
-  g.offset = 4 * (row * image.width + column);
+  g.offset = 4 * (row * image.row_pixels + column);
   return g;
 }
 
 inline InterpolatedPixel<Channels> interpolateAt(const KernelImage& image, const Projected& g,
                                                  int lane) {
   const float* upper = image.pixels + g.offset[lane];
-  const float* lower = upper + 4 * image.width;
+  const float* lower = upper + 4 * image.row_pixels;
   return interpolate(PixelQuad<Channels, float>{loadPixel(upper), loadPixel(upper + 4),
                                                 loadPixel(lower), loadPixel(lower + 4), g.u[lane],
                                                 g.v[lane]});

@@ -19,8 +19,8 @@ bool sampleProfile(const KernelImage& image, const OutlineInImage& place, Outlin
     }
     const int x = static_cast<int>(u), y = static_cast<int>(v);
     const float fu = u - static_cast<float>(x), fv = v - static_cast<float>(y);
-    const float* upper = image.pixels + 4 * (static_cast<std::ptrdiff_t>(y) * image.width + x);
-    const float* lower = upper + 4 * image.width;
+    const float* upper = image.pixels + 4 * (static_cast<std::ptrdiff_t>(y) * image.row_pixels + x);
+    const float* lower = upper + 4 * image.row_pixels;
     float value[4];
     for (int c = 0; c < 4; ++c) {
       value[c] = (1 - fv) * ((1 - fu) * upper[c] + fu * upper[4 + c]) +

@@ -278,7 +278,7 @@ AlignedKeyframe StartAligner::alignLevel(const std::vector<CameraPose<double>>& 
   return best;
 }
 
-Hypothesis StartAligner::align(const FramePyramid& frame, const KeyframePoints& keyframe,
+Hypothesis StartAligner::align(const CpuFrame& frame, const KeyframePoints& keyframe,
                                const Pose& start_T_O_C, const KeyframeAlignmentSettings& settings) {
   keyframe_ = &keyframe;
   evaluations_ = 0;

@@ -5,7 +5,7 @@
 
 #include "backend/common/keyframe_rules.h"
 #include "backend/common/self_occlusion.h"
-#include "backend/cpu/frame_pyramid.h"
+#include "backend/cpu/cpu_frame.h"
 
 namespace nerf_pose_refiner {
 
@@ -15,8 +15,8 @@ class StartAligner {
   explicit StartAligner(const KeyframeKernels& kernels) : kernels_(&kernels) {}
 
   /// @see KeyframeAligner::align
-  Hypothesis align(const FramePyramid& frame, const KeyframePoints& keyframe,
-                   const Pose& start_T_O_C, const KeyframeAlignmentSettings& settings);
+  Hypothesis align(const CpuFrame& frame, const KeyframePoints& keyframe, const Pose& start_T_O_C,
+                   const KeyframeAlignmentSettings& settings);
 
  private:
   void beginLevel(int level, const CameraPose<double>& pose);

@@ -12,6 +12,7 @@
 #include <string>
 #include <utility>
 
+#include "concurrency/shared_values.h"
 #include "image/colour.h"
 #include "ros/conversions/depth_input.h"
 #include "ros/conversions/pose_conversions.h"
@@ -26,8 +27,10 @@ std::string sizeText(std::size_t width, std::size_t height) {
   return std::to_string(width) + " x " + std::to_string(height);
 }
 
-bool sameModel(const CameraModel& a, const CameraModel& b) {
-  return a.camera == b.camera && a.distortion == b.distortion;
+std::shared_ptr<const Undistorter> sharedUndistorter(const CameraModel& model) {
+  static SharedValues<CameraModel, Undistorter> undistorters;
+  return undistorters.get(
+      model, [&] { return std::make_shared<const Undistorter>(model.camera, model.distortion); });
 }
 
 /// What to do with an encoding that is not read here.
@@ -68,6 +71,19 @@ PixelFormat formatOf(const std::string& encoding) {
 Image8View bytesOf(const sensor_msgs::Image& image) {
   return {image.data.data(), static_cast<int>(image.width), static_cast<int>(image.height),
           encodings::numChannels(image.encoding), image.step};
+}
+
+/// The pixels of a message, the same ones for all who have it.
+std::shared_ptr<const CameraPixels> sharedPixels(
+    const sensor_msgs::ImageConstPtr& image,
+    const std::shared_ptr<const Undistorter>& undistorter) {
+  using Key = std::pair<const sensor_msgs::Image*, const Undistorter*>;
+  static SharedValues<Key, CameraPixels> pixels;  // they keep both alive
+  return pixels.get({image.get(), undistorter.get()}, [&] {
+    return std::make_shared<const CameraPixels>(
+        bytesOf(*image), formatOf(image->encoding),
+        std::shared_ptr<const void>(image.get(), [image](const void*) {}), undistorter);
+  });
 }
 
 /// The distortion of a raw image. If D is zero there is none, whatever the model, as for
@@ -235,10 +251,10 @@ sensor_msgs::CameraInfo toMessage(const Camera& camera) {
 }
 
 void CameraInput::makeUndistorter(const CameraModel& model) {
-  if (undistorter_ != nullptr && sameModel(model, model_)) return;
+  if (undistorter_ != nullptr && model == model_) return;
   undistorter_.reset();
   try {
-    auto undistorter = std::make_shared<const Undistorter>(model.camera, model.distortion);
+    auto undistorter = sharedUndistorter(model);
     requirePlausible(undistorter->camera());
     undistorter_ = std::move(undistorter);
   } catch (const InputError&) {
@@ -260,9 +276,7 @@ Observation CameraInput::observe(const sensor_msgs::ImageConstPtr& image,
   makeUndistorter(model);
   const Undistorter& undistorter = *undistorter_;
   Observation observation;
-  observation.pixels = std::make_shared<CameraPixels>(
-      bytesOf(*image), formatOf(image->encoding),
-      std::shared_ptr<const void>(image.get(), [image](const void*) {}), undistorter_);
+  observation.pixels = last_ = sharedPixels(image, undistorter_);
   observation.camera = undistorter.camera();
   for (const ImageBox& box : masks.boxes) {
     std::optional<ImageBox> there = cutTo(model.camera, box);

@@ -19,6 +19,10 @@ namespace nerf_pose_refiner {
 struct CameraModel {
   Camera camera;
   Distortion distortion;  ///< empty for a rectified image
+
+  friend bool operator==(const CameraModel& a, const CameraModel& b) {
+    return a.camera == b.camera && a.distortion == b.distortion;
+  }
 };
 
 /// Reads camera_info, with its binning and region of interest (REP-104).
@@ -57,7 +61,9 @@ struct ImageMasks {
 };
 
 /// Images of a camera as observations for the refiner: RGB, undistorted, with an unknown
-/// background or a mask. Keeps the undistortion maps from one image to the next. Not thread-safe.
+/// background or a mask. Inputs of one process that are given the same message give observations of
+/// the same pixels, so that the trackers of several objects share what is made of them. Keeps the
+/// undistortion maps from one image to the next. Not thread-safe.
 class CameraInput {
  public:
   /// @param depth how depth images are read that come in place of colours; nothing: they are
@@ -79,6 +85,7 @@ class CameraInput {
   std::optional<DepthSettings> depth_;
   CameraModel model_;  ///< of undistorter_
   std::shared_ptr<const Undistorter> undistorter_;
+  std::shared_ptr<const CameraPixels> last_;  ///< kept for inputs that are given it later
 };
 
 }  // namespace nerf_pose_refiner
