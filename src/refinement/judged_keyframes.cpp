@@ -52,7 +52,7 @@ void KeyframeRefiner::judge(const TimedObservation& image, const Expectation& ex
 }
 
 /// What wrong poses score in an image; nothing: it is not known. A track needs it most in images
-/// that are not clear; in those that are, it is kept up to date.
+/// that are not clear; in those that are, it is kept up to date, beside tracking.
 std::optional<double> KeyframeRefiner::rolledScore(const TimedObservation& image,
                                                    const Hypothesis& best,
                                                    const Expectation& expected,
@@ -63,8 +63,11 @@ std::optional<double> KeyframeRefiner::rolledScore(const TimedObservation& image
       last_ns && *last_ns <= image.stamp_ns && image.stamp_ns - *last_ns < kUpToDate_ns;
   if (expected.is_search) {
     rolled_->tryAll(image, best, &*search_, cancellation);
-  } else if (!is_up_to_date || !isClear(best)) {
-    rolled_->tryNext(image, best, &*search_, cancellation);
+  } else {
+    rolled_->takeTried(!settings_.real_time, cancellation);
+    if (!is_up_to_date || !isClear(best)) {
+      rolled_->tryNext(image, best, search_->nearestTo(best.T_O_C));
+    }
   }
   return rolled_->bestBeside(best.T_O_C, image.stamp_ns);
 }

@@ -2,7 +2,6 @@
 #include "refinement/rolled_scores.h"
 
 #include <algorithm>
-#include <numeric>
 #include <vector>
 
 #include "math/angle.h"
@@ -17,17 +16,51 @@ Pose rolledAbout(const Eigen::Vector3d& point, double angle_rad, const Pose& T_O
 
 void RolledScores::tryAll(const TimedObservation& image, const Hypothesis& found,
                           KeyframeSearch* search, const CancellationToken& cancellation) {
+  if (trial_) trial_->is_valid = false;
   ends_.fill(std::nullopt);
-  std::vector<int> all(kRolls);
-  std::iota(all.begin(), all.end(), 0);
-  tryRolls(all, image, found, search, cancellation);
+  std::vector<Pose> all;
+  for (int roll = 0; roll < kRolls; ++roll) all.push_back(rolled(roll, found.T_O_C));
+  const HypothesisTable ends =
+      search->alignNearest(image.observation, found.T_O_C, all, cancellation);
+  for (std::size_t i = 0; i < ends.size(); ++i) {
+    note({static_cast<int>(i), image.stamp_ns, found.T_O_C}, ends[i]);
+  }
+  last_ns_ = image.stamp_ns;
+  last_T_O_C_ = found.T_O_C;
 }
 
 void RolledScores::tryNext(const TimedObservation& image, const Hypothesis& found,
-                           KeyframeSearch* search, const CancellationToken& cancellation) {
+                           const std::shared_ptr<const KeyframePoints>& keyframe) {
   forgetAfterJump(found.T_O_C);
-  tryRolls({next_}, image, found, search, cancellation);
+  if (aside_->busy() || keyframe == nullptr) return;
+  aside_->begin(image.observation, keyframe, rolled(next_, found.T_O_C));
+  trial_ = Trial{next_, image.stamp_ns, found.T_O_C};
   next_ = (next_ + 1) % kRolls;
+  last_ns_ = image.stamp_ns;
+  last_T_O_C_ = found.T_O_C;
+}
+
+void RolledScores::takeTried(bool wait, const CancellationToken& cancellation) {
+  if (!aside_->busy()) return;
+  std::optional<Hypothesis> end;
+  if (wait) {
+    end = aside_->wait(cancellation);
+  } else {
+    end = aside_->take();
+  }
+  if (!end) return;
+  if (trial_ && trial_->is_valid) note(*trial_, *end);
+  trial_.reset();
+}
+
+Pose RolledScores::rolled(int roll, const Pose& T_O_C) const {
+  return rolledAbout(object_.centre, 2 * M_PI * (roll + 1) / (kRolls + 1), T_O_C);
+}
+
+void RolledScores::note(const Trial& trial, const Hypothesis& end) {
+  ends_[trial.roll].reset();
+  if (end.state != HypothesisState::kLive) return;
+  ends_[trial.roll] = End{trial.stamp_ns, end.T_O_C * trial.found_T_O_C.inverse(), end.score};
 }
 
 /// What was rolled before the object was found elsewhere may be the right pose.
@@ -36,27 +69,8 @@ void RolledScores::forgetAfterJump(const Pose& T_O_C) {
   const LookAlikes none;
   if (last_T_O_C_ && !mayBeTakenFor(T_O_C, *last_T_O_C_, object_, none, kNoJump)) {
     ends_.fill(std::nullopt);
+    if (trial_) trial_->is_valid = false;
   }
-}
-
-void RolledScores::tryRolls(const std::vector<int>& rolls, const TimedObservation& image,
-                            const Hypothesis& found, KeyframeSearch* search,
-                            const CancellationToken& cancellation) {
-  std::vector<Pose> rolled;
-  for (const int i : rolls) {
-    rolled.push_back(rolledAbout(object_.centre, 2 * M_PI * (i + 1) / (kRolls + 1), found.T_O_C));
-  }
-  const HypothesisTable ends =
-      search->alignNearest(image.observation, found.T_O_C, rolled, cancellation);
-  for (std::size_t i = 0; i < ends.size(); ++i) {
-    std::optional<End>& end = ends_[rolls[i]];
-    end.reset();
-    if (ends[i].state == HypothesisState::kLive) {
-      end = End{image.stamp_ns, ends[i].T_O_C * found.T_O_C.inverse(), ends[i].score};
-    }
-  }
-  last_ns_ = image.stamp_ns;
-  last_T_O_C_ = found.T_O_C;
 }
 
 std::optional<double> RolledScores::bestBeside(const Pose& T_O_C, std::int64_t stamp_ns) const {

@@ -3,10 +3,13 @@
 
 #include <array>
 #include <cstdint>
+#include <memory>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "field/field.h"
+#include "refinement/aside_alignment.h"
 #include "refinement/keyframe_search.h"
 #include "refinement/sighting_log.h"
 #include "refinement/timed_observation.h"
@@ -22,18 +25,24 @@ class RolledScores {
   static constexpr int kRolls = 7;
 
   /// @param look_alikes beside the object's symmetries: what may be taken for the pose that was
-  /// found says nothing of it.
-  RolledScores(const FieldMetadata& object, const LookAlikes& look_alikes)
-      : object_(object), look_alikes_(look_alikes) {}
+  /// found says nothing of it. @param aside where single rolls are tried.
+  RolledScores(const FieldMetadata& object, const LookAlikes& look_alikes,
+               std::unique_ptr<AsideAlignment> aside)
+      : object_(object), look_alikes_(look_alikes), aside_(std::move(aside)) {}
 
   /// Tries all rolls in an image. @throws Cancelled.
   void tryAll(const TimedObservation& image, const Hypothesis& found, KeyframeSearch* search,
               const CancellationToken& cancellation);
 
-  /// Tries one of them, each in its turn. The others keep what they scored in images of the last
-  /// 0.8 s. @throws Cancelled.
-  void tryNext(const TimedObservation& image, const Hypothesis& found, KeyframeSearch* search,
-               const CancellationToken& cancellation);
+  /// Begins to try one of them beside tracking, each in its turn, unless one is being tried. The
+  /// others keep what they scored in images of the last 0.8 s.
+  /// @param keyframe the nearest one; null: there is none.
+  void tryNext(const TimedObservation& image, const Hypothesis& found,
+               const std::shared_ptr<const KeyframePoints>& keyframe);
+
+  /// Takes what tryNext began, which joins those of the image that it was begun in.
+  /// @param wait until it is there; false: only if it is. @throws Cancelled.
+  void takeTried(bool wait, const CancellationToken& cancellation);
 
   /// When one was tried last, by the stamp of its image; nothing: never.
   std::optional<std::int64_t> last_ns() const { return last_ns_; }
@@ -50,10 +59,17 @@ class RolledScores {
     double score;
   };
 
+  /// A roll that is being tried.
+  struct Trial {
+    int roll;
+    std::int64_t stamp_ns;
+    Pose found_T_O_C;
+    bool is_valid = true;  ///< false: the object has been looked for anew since then
+  };
+
   void forgetAfterJump(const Pose& T_O_C);
-  void tryRolls(const std::vector<int>& rolls, const TimedObservation& image,
-                const Hypothesis& found, KeyframeSearch* search,
-                const CancellationToken& cancellation);
+  Pose rolled(int roll, const Pose& T_O_C) const;
+  void note(const Trial& trial, const Hypothesis& end);
 
   const FieldMetadata& object_;
   LookAlikes look_alikes_;
@@ -62,6 +78,8 @@ class RolledScores {
   std::optional<std::int64_t> last_ns_;
   std::optional<Pose> last_T_O_C_;  // that was found there
   int next_ = 0;
+  std::optional<Trial> trial_;
+  std::unique_ptr<AsideAlignment> aside_;
 };
 
 /// A camera that has turned about its line of sight to a point. @param T_O_C its pose.

@@ -12,7 +12,9 @@ namespace nerf_pose_refiner {
 void KeyframeRefiner::use(const LookAlikes& look_alikes) {
   if (watch_) watch_->giveTestUp(&*renderer_);
   look_alikes_ = beyondSymmetries(look_alikes, field_->field().metadata.symmetries);
-  rolled_.emplace(field_->field().metadata, look_alikes_);
+  rolled_.emplace(
+      field_->field().metadata, look_alikes_,
+      std::make_unique<AsideAlignment>(backend_->makeKeyframeAligner(), settings_.alignment));
   watch_.reset();
   if (look_alikes_.any()) watch_.emplace(field_, look_alikes_);
 }

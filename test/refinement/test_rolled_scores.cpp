@@ -43,6 +43,12 @@ class RolledScoresTest : public testing::Test {
     return observation;
   }
 
+  RolledScores rolledScores(const LookAlikes& look_alikes = {}) const {
+    return {object(), look_alikes,
+            std::make_unique<AsideAlignment>(backend_->makeKeyframeAligner(),
+                                             KeyframeAlignmentSettings())};
+  }
+
   /// The best pose in an image near the true one.
   Hypothesis foundIn(const Observation& observation) {
     HypothesisTable start(1);
@@ -57,7 +63,7 @@ class RolledScoresTest : public testing::Test {
 };
 
 TEST_F(RolledScoresTest, AreFarBelowTheObjectsOwn) {
-  RolledScores rolled(object(), LookAlikes());
+  RolledScores rolled = rolledScores();
   EXPECT_FALSE(rolled.bestBeside(truth_, 0));
   EXPECT_FALSE(rolled.last_ns());
   const TimedObservation image = {sceneBeforeClutter(*scene_, kRolledCamera, truth_), 7};
@@ -70,7 +76,7 @@ TEST_F(RolledScoresTest, AreFarBelowTheObjectsOwn) {
 }
 
 TEST_F(RolledScoresTest, AreThoseOfAPoseThatIsNotThere) {
-  RolledScores rolled(object(), LookAlikes());
+  RolledScores rolled = rolledScores();
   const TimedObservation image = {clutterAlone(), 0};
   const Hypothesis found = foundIn(image.observation);
   rolled.tryAll(image, found, &search_, {});
@@ -81,14 +87,15 @@ TEST_F(RolledScoresTest, AreThoseOfAPoseThatIsNotThere) {
 TEST_F(RolledScoresTest, OneAnImageIsEnoughInTime) {
   TimedObservation image = {sceneBeforeClutter(*scene_, kRolledCamera, truth_), 0};
   const Hypothesis found = foundIn(image.observation);
-  RolledScores at_once(object(), LookAlikes()), in_turn(object(), LookAlikes());
+  RolledScores at_once = rolledScores(), in_turn = rolledScores();
   at_once.tryAll(image, found, &search_, {});
   for (int i = 0; i < RolledScores::kRolls; ++i) {
     if (i < 4) {
       EXPECT_FALSE(in_turn.bestBeside(truth_, image.stamp_ns)) << "too few";
     }
     image.stamp_ns += 33000000;
-    in_turn.tryNext(image, found, &search_, {});
+    in_turn.tryNext(image, found, search_.nearestTo(found.T_O_C));
+    in_turn.takeTried(true, {});
   }
   const auto best = in_turn.bestBeside(truth_, image.stamp_ns);
   ASSERT_TRUE(best);
@@ -96,7 +103,7 @@ TEST_F(RolledScoresTest, OneAnImageIsEnoughInTime) {
 }
 
 TEST_F(RolledScoresTest, SayNothingOfOtherTimes) {
-  RolledScores rolled(object(), LookAlikes());
+  RolledScores rolled = rolledScores();
   const TimedObservation image = {sceneBeforeClutter(*scene_, kRolledCamera, truth_), 1000000000};
   rolled.tryAll(image, foundIn(image.observation), &search_, {});
   EXPECT_TRUE(rolled.bestBeside(truth_, 1800000000));
@@ -110,7 +117,7 @@ TEST_F(RolledScoresTest, GoAlongWithTheObject) {
   const Eigen::Vector3d sight = (truth_.t - object().centre).normalized();
   const Eigen::Matrix3d roll = expSO3(Eigen::Vector3d(M_PI * sight));
   half.motions.emplace_back(roll, object().centre - roll * object().centre);
-  RolledScores rolled(object(), half);
+  RolledScores rolled = rolledScores(half);
   const TimedObservation image = {sceneBeforeClutter(*scene_, kRolledCamera, truth_), 0};
   const Hypothesis found = foundIn(image.observation);
   rolled.tryAll(image, found, &search_, {});
@@ -124,11 +131,11 @@ TEST_F(RolledScoresTest, GoAlongWithTheObject) {
 TEST_F(RolledScoresTest, AreVoidOnceTheObjectIsFoundElsewhere) {
   const TimedObservation image = {sceneBeforeClutter(*scene_, kRolledCamera, truth_), 0};
   const Hypothesis found = foundIn(image.observation);
-  RolledScores rolled(object(), LookAlikes());
+  RolledScores rolled = rolledScores();
   rolled.tryAll(image, found, &search_, {});
   Hypothesis other = found;
   other.T_O_C = rolledAbout(object().centre, M_PI, found.T_O_C);
-  rolled.tryNext(image, other, &search_, {});
+  rolled.tryNext(image, other, search_.nearestTo(other.T_O_C));
   EXPECT_FALSE(rolled.bestBeside(other.T_O_C, 0));
 }
 
@@ -137,7 +144,7 @@ TEST_F(RolledScoresTest, SayNothingOfWhatLooksAlike) {
   const TimedObservation image = {sceneBeforeClutter(*scene_, kRolledCamera, truth_), 0};
   const Hypothesis found = foundIn(image.observation);
   const auto comparable = [&](const LookAlikes& known) {
-    RolledScores rolled(object(), known);
+    RolledScores rolled = rolledScores(known);
     rolled.tryAll(image, found, &search_, {});
     return rolled.bestBeside(found.T_O_C, 0).has_value();
   };
@@ -156,7 +163,7 @@ TEST_F(RolledScoresTest, SayNothingWhereTheImageDoesNotShowTheObject) {
   Observation hidden = sceneBeforeClutter(*scene_, kRolledCamera, truth_);
   const Hypothesis found = foundIn(hidden);
   hidden.weight = Image(kRolledCamera.width, kRolledCamera.height, 1, 0.0f);
-  RolledScores rolled(object(), LookAlikes());
+  RolledScores rolled = rolledScores();
   rolled.tryAll({hidden, 0}, found, &search_, {});
   EXPECT_FALSE(rolled.bestBeside(found.T_O_C, 0)) << "nothing was compared, so nothing is worse";
 }
