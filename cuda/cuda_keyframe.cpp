@@ -12,22 +12,23 @@ namespace {
 
 constexpr std::size_t kAlignment = 16;
 
-/// Lists one behind the other. Places are known before there is memory.
+/// Lists one behind the other in memory that is there. Without memory they are only counted.
 class Packer {
  public:
-  /// @return place of the list [bytes].
+  explicit Packer(unsigned char* memory) : memory_(memory) {}
+
+  /// Room for a list. @param place of the list [bytes]. @return it, or null without memory.
   template <typename T>
-  std::size_t add(const std::vector<T>& list) {
-    const std::size_t place = bytes_.size();
-    const std::size_t size = list.size() * sizeof(T);
-    bytes_.resize(place + (size + kAlignment - 1) / kAlignment * kAlignment);
-    if (size > 0) std::memcpy(bytes_.data() + place, list.data(), size);
-    return place;
+  T* add(std::size_t count, std::size_t* place) {
+    *place = bytes_;
+    bytes_ += (count * sizeof(T) + kAlignment - 1) / kAlignment * kAlignment;
+    return memory_ == nullptr ? nullptr : reinterpret_cast<T*>(memory_ + *place);
   }
-  const std::vector<unsigned char>& bytes() const { return bytes_; }
+  std::size_t bytes() const { return bytes_; }
 
  private:
-  std::vector<unsigned char> bytes_;
+  unsigned char* memory_;
+  std::size_t bytes_ = 0;
 };
 
 /// Where the lists of a level are.
@@ -46,25 +47,25 @@ int shownCount(const KeyframeLevel& level) {
   return count;
 }
 
-std::vector<ShownRun> runsOfLevel(const KeyframeLevel& level, int shown_count) {
+void fillRuns(const KeyframeLevel& level, int shown_count, ShownRun* runs) {
   const int row_runs = runsOf(level.width);
-  std::vector<ShownRun> runs(static_cast<std::size_t>(row_runs) * level.height);
   int i = 0;
-  for (std::size_t r = 0; r < runs.size(); ++r) {
-    runs[r] = {0, i};
-    const int y = static_cast<int>(r) / row_runs;
-    const int left = static_cast<int>(r) % row_runs * kRunCells;
+  for (int r = 0; r < row_runs * level.height; ++r) {
+    ShownRun run = {0, i};
+    const int y = r / row_runs;
+    const int left = r % row_runs * kRunCells;
     const int end = y * level.width + std::min(left + kRunCells, level.width);
     for (; i < shown_count && level.shown.cell[i] < end; ++i) {
-      runs[r].cells |= 1u << (level.shown.cell[i] - y * level.width - left);
+      run.cells |= 1u << (level.shown.cell[i] - y * level.width - left);
     }
+    runs[r] = run;
   }
-  return runs;
 }
 
-std::vector<ChosenColours> coloursOf(const KeyframeLevel& level) {
-  std::vector<ChosenColours> colours(level.chosen.size());
-  for (std::size_t i = 0; i < colours.size(); ++i) {
+void fillChosen(const KeyframeLevel& level, ChosenPlace* places, ChosenColours* colours) {
+  for (int i = 0; i < level.chosen.size(); ++i) {
+    places[i].p = {level.chosen.x[i], level.chosen.y[i], level.chosen.z[i]};
+    places[i].cell = level.chosen.cell[i];
     ChosenColours& to = colours[i];
     const ChosenSurface& surface = level.surface[i];
     to.weight = level.weight[i];
@@ -75,64 +76,68 @@ std::vector<ChosenColours> coloursOf(const KeyframeLevel& level) {
       to.gradient[c] = {surface.gradient[c].x(), surface.gradient[c].y()};
     }
   }
-  return colours;
 }
 
-/// Whole groups for each tile, and where these begin.
-struct OutlineGroups {
-  std::vector<CudaOutlinePoint> points;
-  std::vector<int> tiles;
-};
-
-OutlineGroups outlineOf(const KeyframeLevel& level) {
-  OutlineGroups groups;
+/// Whole groups for each tile: where the tiles begin, and last their number of points.
+std::vector<int> outlineTilesOf(const KeyframeLevel& level) {
+  std::vector<int> tiles = {0};
   for (std::size_t t = 0; t + 1 < level.outline_tiles.size(); ++t) {
-    groups.tiles.push_back(static_cast<int>(groups.points.size()));
-    for (std::int32_t i = level.outline_tiles[t]; i < level.outline_tiles[t + 1]; ++i) {
-      const OutlinePoint& from = level.outline[i];
-      groups.points.push_back({plain(from.point), plain(from.normal), from.look});
-    }
-    while (groups.points.size() % kPointGroup != 0) groups.points.push_back({});
+    const int points = level.outline_tiles[t + 1] - level.outline_tiles[t];
+    tiles.push_back(tiles.back() + (points + kPointGroup - 1) / kPointGroup * kPointGroup);
   }
-  groups.tiles.push_back(static_cast<int>(groups.points.size()));
-  return groups;
+  return tiles;
+}
+
+void fillOutline(const KeyframeLevel& level, const std::vector<int>& tiles, CudaOutlinePoint* to) {
+  for (std::size_t t = 0; t + 1 < tiles.size(); ++t) {
+    const int first = level.outline_tiles[t], count = level.outline_tiles[t + 1] - first;
+    for (int i = 0; i < tiles[t + 1] - tiles[t]; ++i) {
+      CudaOutlinePoint& point = to[tiles[t] + i];
+      point = {};
+      if (i >= count) continue;
+      const OutlinePoint& from = level.outline[first + i];
+      point = {plain(from.point), plain(from.normal), from.look};
+    }
+  }
+}
+
+void fillShown(const KeyframeLevel& level, int count, Vec3<float>* points, Vec3<float>* colours,
+               Vec3<float>* normals) {
+  for (int i = 0; i < count; ++i) {
+    points[i] = {level.shown.x[i], level.shown.y[i], level.shown.z[i]};
+    colours[i] = {level.shown_colour[0][i], level.shown_colour[1][i], level.shown_colour[2][i]};
+    normals[i] = level.shown_normal[i];
+  }
+  if (count == 0) points[0] = colours[0] = normals[0] = {};
 }
 
 LevelPlaces packLevel(const KeyframeLevel& level, Packer* packer) {
   const int shown_count = shownCount(level);
-  // One at least: cells that are not shown look at it, too.
-  std::vector<Vec3<float>> shown(std::max(shown_count, 1)), shown_colour(shown.size()),
-      shown_normal(shown.size());
-  for (int i = 0; i < shown_count; ++i) {
-    shown[i] = {level.shown.x[i], level.shown.y[i], level.shown.z[i]};
-    shown_colour[i] = {level.shown_colour[0][i], level.shown_colour[1][i],
-                       level.shown_colour[2][i]};
-    shown_normal[i] = level.shown_normal[i];
-  }
-  std::vector<CudaLightSample> light;
-  for (const std::int32_t i : level.light_samples) light.push_back({i, level.shown.cell[i]});
-  std::vector<ChosenPlace> places(level.chosen.size());
-  for (std::size_t i = 0; i < places.size(); ++i) {
-    places[i].p = {level.chosen.x[i], level.chosen.y[i], level.chosen.z[i]};
-    places[i].cell = level.chosen.cell[i];
-  }
-  const OutlineGroups outline = outlineOf(level);
-  std::vector<int> tiles(level.tiles.begin(), level.tiles.end());
-  for (const int first : outline.tiles) {
-    tiles.push_back(kChunkPoints * chunksOf(level.chosen.size()) + first);
-  }
+  const int shown_room = std::max(shown_count, 1);  // cells that are not shown look at it, too
+  const int run_count = runsOf(level.width) * level.height;
+  const std::vector<int> outline_tiles = outlineTilesOf(level);
   LevelPlaces at;
-  at.runs = packer->add(runsOfLevel(level, shown_count));
-  at.shown = packer->add(shown);
-  at.shown_colour = packer->add(shown_colour);
-  at.shown_normal = packer->add(shown_normal);
-  at.light = packer->add(light);
-  at.places = packer->add(places);
-  at.colours = packer->add(coloursOf(level));
-  at.outline = packer->add(outline.points);
-  at.tiles = packer->add(tiles);
-  at.outline_count = static_cast<int>(outline.points.size());
-  at.tile_count = static_cast<int>(tiles.size()) - 1;
+  at.outline_count = outline_tiles.back();
+  at.tile_count = static_cast<int>(level.tiles.size() + outline_tiles.size()) - 1;
+  ShownRun* const runs = packer->add<ShownRun>(run_count, &at.runs);
+  auto* const shown = packer->add<Vec3<float>>(shown_room, &at.shown);
+  auto* const shown_colour = packer->add<Vec3<float>>(shown_room, &at.shown_colour);
+  auto* const shown_normal = packer->add<Vec3<float>>(shown_room, &at.shown_normal);
+  auto* light = packer->add<CudaLightSample>(level.light_samples.size(), &at.light);
+  auto* const places = packer->add<ChosenPlace>(level.chosen.size(), &at.places);
+  auto* const colours = packer->add<ChosenColours>(level.chosen.size(), &at.colours);
+  auto* const outline = packer->add<CudaOutlinePoint>(at.outline_count, &at.outline);
+  int* tiles = packer->add<int>(at.tile_count + 1, &at.tiles);
+  if (runs == nullptr) return at;
+  fillRuns(level, shown_count, runs);
+  fillShown(level, shown_count, shown, shown_colour, shown_normal);
+  for (const std::int32_t i : level.light_samples) *light++ = {i, level.shown.cell[i]};
+  fillChosen(level, places, colours);
+  fillOutline(level, outline_tiles, outline);
+  tiles = std::copy(level.tiles.begin(), level.tiles.end(), tiles);
+  for (const int first : outline_tiles) {
+    *tiles++ = kChunkPoints * chunksOf(level.chosen.size()) + first;
+  }
   return at;
 }
 
@@ -175,17 +180,22 @@ CudaKeyframe::CudaKeyframe(std::shared_ptr<const KeyframePoints> points, Keyfram
                                 " levels, at most " + std::to_string(kMaxKeyframeLevels) +
                                 " are aligned on a GPU");
   }
-  Packer packer;
   std::vector<LevelPlaces> places;
-  for (const KeyframeLevel& level : levels) places.push_back(packLevel(level, &packer));
-  const std::size_t head = packer.bytes().size();
+  const auto pack = [&](unsigned char* to) {
+    Packer packer(to);
+    places.clear();
+    for (const KeyframeLevel& level : levels) places.push_back(packLevel(level, &packer));
+    return packer.bytes();
+  };
+  const std::size_t head = pack(nullptr);
   const std::size_t bytes = head + levels.size() * sizeof(CudaKeyframeLevel);
-  memory_.reserve(bytes);
+  // Keyframes differ in size: memory must not be asked for each time.
+  if (bytes > memory_.capacity()) memory_.reserve(bytes + bytes / 4);
+  if (bytes > staged->capacity()) staged->reserve(2 * bytes);
+  pack(staged->data());
   for (std::size_t i = 0; i < levels.size(); ++i) {
     sizes_.push_back(levelAt(levels[i], places[i], memory_.data()));
   }
-  staged->reserve(bytes);
-  std::memcpy(staged->data(), packer.bytes().data(), head);
   std::memcpy(staged->data() + head, sizes_.data(), bytes - head);
   NPR_CUDA_CHECK(
       cudaMemcpyAsync(memory_.data(), staged->data(), bytes, cudaMemcpyHostToDevice, stream));

@@ -83,6 +83,7 @@ class PinnedBuffer {
   }
   T* data() { return data_; }
   const T* data() const { return data_; }
+  std::size_t capacity() const { return capacity_; }
 
  private:
   T* data_ = nullptr;
