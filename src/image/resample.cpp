@@ -27,9 +27,9 @@ std::vector<Taps> tapsOf(const ImageAxis& from, const ImageAxis& to) {
   return taps;
 }
 
-}  // namespace
-
-Image resample(const Image& image, const Camera& camera, const Camera& target) {
+/// @param unit of the values.
+template <typename T>
+Image resampled(const ImageOf<T>& image, const Camera& camera, const Camera& target, float unit) {
   camera.validate();
   target.validate();
   if (image.width != camera.width || image.height != camera.height) {
@@ -48,9 +48,9 @@ Image resample(const Image& image, const Camera& camera, const Camera& target) {
   for (int y = 0; y < target.height; ++y) {
     std::fill(sum.begin(), sum.end(), 0.0f);
     for (std::size_t j = 0; j < rows[y].weights.size(); ++j) {
-      const float weight = rows[y].weights[j];
-      const float* from = image.pixel(first_column, rows[y].first + static_cast<int>(j));
-      for (std::size_t k = 0; k < sum.size(); ++k) sum[k] += weight * from[k];
+      const float weight = unit * rows[y].weights[j];
+      const T* from = image.pixel(first_column, rows[y].first + static_cast<int>(j));
+      for (std::size_t k = 0; k < sum.size(); ++k) sum[k] += weight * static_cast<float>(from[k]);
     }
     for (int x = 0; x < target.width; ++x) {
       float* to = result.pixel(x, y);
@@ -61,6 +61,16 @@ Image resample(const Image& image, const Camera& camera, const Camera& target) {
     }
   }
   return result;
+}
+
+}  // namespace
+
+Image resample(const Image& image, const Camera& camera, const Camera& target) {
+  return resampled(image, camera, target, 1);
+}
+
+Image resample(const Image8& image, const Camera& camera, const Camera& target) {
+  return resampled(image, camera, target, 1 / 255.0f);
 }
 
 }  // namespace nerf_pose_refiner

@@ -15,4 +15,7 @@ namespace nerf_pose_refiner {
 /// no sense.
 Image resample(const Image& image, const Camera& camera, const Camera& target);
 
+/// The same of bytes, to values 0..1.
+Image resample(const Image8& image, const Camera& camera, const Camera& target);
+
 }  // namespace nerf_pose_refiner

@@ -9,7 +9,6 @@
 #include <vector>
 
 #include "backend/common/observed_colours.h"
-#include "image/resample.h"
 #include "math/median.h"
 #include "refinement/grey_image.h"
 
@@ -43,6 +42,7 @@ struct ReducedImage {
 ReducedImage reducedImage(const KeyframePoints& keyframe, const Observation& observation,
                           const Pose& T_C_O, double pixels) {
   const Camera& camera = observation.camera;
+  constexpr double kReach = 0.7;  // of the diameter around the centre
   const Eigen::Vector3d centre_C = T_C_O * keyframe.centre;
   if (!(centre_C.z() > 0)) return {};
   const Eigen::Vector2d centre = camera.project(centre_C);
@@ -51,17 +51,17 @@ ReducedImage reducedImage(const KeyframePoints& keyframe, const Observation& obs
     return static_cast<int>(std::clamp<double>(std::floor(value), 0, most));
   };
   PixelWindow window;
-  window.x = clamped(centre.x() - diameter, camera.width);
-  window.y = clamped(centre.y() - diameter, camera.height);
-  window.width = clamped(centre.x() + diameter + 1, camera.width) - window.x;
-  window.height = clamped(centre.y() + diameter + 1, camera.height) - window.y;
+  const double reach = kReach * diameter;
+  window.x = clamped(centre.x() - reach, camera.width);
+  window.y = clamped(centre.y() - reach, camera.height);
+  window.width = clamped(centre.x() + reach + 1, camera.width) - window.x;
+  window.height = clamped(centre.y() + reach + 1, camera.height) - window.y;
   if (window.empty()) return {};
   const Camera part = camera.cropped(window.x, window.y, window.width, window.height);
   const double scale = std::min(1.0, pixels / diameter);
-  const Image colours = observedColours(observation, window);
-  if (scale == 1) return {colours, part};
+  if (scale == 1) return {observedColours(observation, window), part};
   const Camera reduced = part.scaled(scale);
-  return {resample(colours, part, reduced), reduced};
+  return {reducedColours(observation, window, reduced), reduced};
 }
 
 std::vector<ColourPair> pairsOf(const KeyframePoints& keyframe, const Observation& observation,

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "image/colour.h"
 #include "support/expect_error.h"
 
 namespace nerf_pose_refiner {
@@ -55,6 +56,20 @@ TEST(Resample, FractionalShrinkingSharesPixels) {
   // each new pixel covers one and a half old ones
   EXPECT_NEAR(two.values[0], (3 + 0.5 * 6) / 1.5, 1e-6);
   EXPECT_NEAR(two.values[1], (0.5 * 6 + 12) / 1.5, 1e-6);
+}
+
+TEST(Resample, BytesAreAsTheirValues) {
+  Image8 bytes(kWholeCamera.width, kWholeCamera.height, 3);
+  for (std::size_t i = 0; i < bytes.values.size(); ++i) {
+    bytes.values[i] = static_cast<std::uint8_t>(i * 37 % 251);
+  }
+  const Camera target = kWholeCamera.cropped(20, 10, 90, 70).scaled(0.3);
+  const Image of_bytes = resample(bytes, kWholeCamera, target);
+  const Image of_values = resample(toFloat(bytes), kWholeCamera, target);
+  ASSERT_EQ(of_bytes.values.size(), of_values.values.size());
+  for (std::size_t i = 0; i < of_bytes.values.size(); ++i) {
+    EXPECT_NEAR(of_bytes.values[i], of_values.values[i], 1e-5);
+  }
 }
 
 TEST(Resample, EnlargingInterpolates) {

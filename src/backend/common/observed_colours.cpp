@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "image/colour.h"
+#include "image/resample.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -54,6 +55,15 @@ Image observedColours(const Observation& observation, const PixelWindow& window)
                 static_cast<std::ptrdiff_t>(window.width) * image.channels, part.pixel(0, y));
   }
   return part;
+}
+
+Image reducedColours(const Observation& observation, const PixelWindow& window,
+                     const Camera& target) {
+  const Camera part = observation.camera.cropped(window.x, window.y, window.width, window.height);
+  if (observation.pixels != nullptr) {
+    return resample(observation.pixels->read(window), part, target);
+  }
+  return resample(observedColours(observation, window), part, target);
 }
 
 Image overlayGround(const Observation& observation) {

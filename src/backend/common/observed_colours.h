@@ -11,6 +11,11 @@ Image observedColours(const Observation& observation);
 /// A part of them, at the cost of this part. @param window inside of the image.
 Image observedColours(const Observation& observation, const PixelWindow& window);
 
+/// A part of them, reduced: averages over the area of each new pixel.
+/// @param target a camera that sees nothing beyond the window. @see resample
+Image reducedColours(const Observation& observation, const PixelWindow& window,
+                     const Camera& target);
+
 /// What an overlay is drawn over, [h][w][3]: its colours, or of depth alone a grey image, near
 /// things bright.
 Image overlayGround(const Observation& observation);
