@@ -173,7 +173,9 @@ class RecordedTracking {
     const double process = milliseconds(CLOCK_PROCESS_CPUTIME_ID);
     const TrackOutcome outcome =
         tracker_.track({{"camera", sequence_.frames[i].stamp_ns + untracked_},
-                        [&](bool) { return observe(image, sequence_.camera); }});
+                        [&](bool) {  // without a copy, as the node's
+                          return observe(viewOf(image), PixelFormat::kRgb, sequence_.camera, {});
+                        }});
     tally->wall_ms.push_back(milliseconds(CLOCK_MONOTONIC) - wall);
     tally->process_ms.push_back(milliseconds(CLOCK_PROCESS_CPUTIME_ID) - process);
     return outcome;
