@@ -22,6 +22,10 @@ class CudaLoadedField final : public LoadedField {
   const Field& field() const override { return memory_->field(); }
   Rendering render(const View& view, const RenderOptions& options,
                    const CancellationToken& cancellation) const override;
+  std::vector<Rendering> renderAll(const Camera& camera, const std::vector<Pose>& poses_T_O_C,
+                                   const RenderOptions& options,
+                                   const CancellationToken& cancellation) const override;
+  bool rendersTogether() const override { return true; }
   std::unique_ptr<PoseSolver> makeSolver(const Observation& observation,
                                          const std::vector<ImageLevel>& levels,
                                          int capacity) const override;

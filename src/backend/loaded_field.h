@@ -51,6 +51,14 @@ class LoadedField {
   virtual Rendering render(const View& view, const RenderOptions& options,
                            const CancellationToken& cancellation) const = 0;
 
+  /// Renderings from several places, in their order. @throws as `render`.
+  virtual std::vector<Rendering> renderAll(const Camera& camera,
+                                           const std::vector<Pose>& poses_T_O_C,
+                                           const RenderOptions& options,
+                                           const CancellationToken& cancellation) const;
+  /// Whether these take less time together than one after the other.
+  virtual bool rendersTogether() const { return false; }
+
   /// A solver for at most `capacity` hypotheses. The field must outlive it.
   /// @param levels resized parts of the observation, on which the stages work.
   /// @throws std::invalid_argument for an invalid observation, level or capacity.

@@ -27,6 +27,10 @@ bool LookAlikeTest::step(const LoadedField& field, const CancellationToken& canc
   return next + 1 < poses_.size();
 }
 
+void LookAlikeTest::finish(const LoadedField& field, const CancellationToken& cancellation) {
+  comparison_.addAll(field, {poses_.begin() + comparison_.poses(), poses_.end()}, cancellation);
+}
+
 LookAlikeEvidence LookAlikeTest::evidence(double noise) const {
   LookAlikeEvidence evidence;
   const auto against = [&](std::size_t pose) {

@@ -27,7 +27,10 @@ class LookAlikeTest {
   /// Renders the next pose. @return false: there is none left. @throws as LoadedField::render.
   bool step(const LoadedField& field, const CancellationToken& cancellation);
 
-  /// @pre step returned false. @param noise @see PoseEvidence::of.
+  /// Renders all that are left. @throws as LoadedField::renderAll.
+  void finish(const LoadedField& field, const CancellationToken& cancellation);
+
+  /// @pre step returned false, or all is finished. @param noise @see PoseEvidence::of.
   LookAlikeEvidence evidence(double noise) const;
 
  private:

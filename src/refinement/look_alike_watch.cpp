@@ -56,8 +56,7 @@ void LookAlikeWatch::begin(const Observation& observation, const Pose& T_O_C, co
   auto image = objectImage(observation, T_O_C, object, kEvidence_px);
   if (!image) return;
   LookAlikeTest test(std::move(*image), T_O_C, look_alikes_);
-  while (test.step(*field_, cancellation)) {
-  }
+  test.finish(*field_, cancellation);
   const LookAlikeEvidence evidence = test.evidence(noiseOf(object));
   holds_ = fixesTurn(look_alikes_, evidence);
   belief_->see(evidence);
@@ -84,9 +83,7 @@ Pose LookAlikeWatch::steadied(const Observation& observation, const Pose& expect
   auto image = objectImage(observation, found, object, kEvidence_px);
   if (!image) return found;
   PoseEvidence comparison(std::move(*image));
-  for (const Pose& pose : {found, held}) {
-    comparison.add(field_->render({comparison.camera(), pose}, RenderOptions(), cancellation));
-  }
+  comparison.addAll(*field_, {found, held}, cancellation);
   const bool is_turned = comparison.of(0, 1, noiseOf(object)) > kClearly;
   if (belief_) belief_->spread(0.5 * std::abs(unexpected_rad_));
   unexpected_rad_ = 0;
@@ -101,22 +98,21 @@ std::optional<Pose> LookAlikeWatch::confirmed(const Observation& observation, co
   auto image = objectImage(observation, T_O_C, object, kEvidence_px);
   if (!image) return std::nullopt;
   PoseEvidence comparison(std::move(*image));
-  const auto compare = [&](const Pose& pose) {
-    comparison.add(field_->render({comparison.camera(), pose}, RenderOptions(), cancellation));
-    return comparison.of(comparison.poses() - 1, 0, noiseOf(object));
-  };
-  compare(T_O_C);
+  std::vector<Pose> motions = {Pose()}, poses = {T_O_C};
+  for (const double beside_deg : kBeside_deg) {
+    motions.push_back(
+        look_alikes_.axis ? turnAbout(*look_alikes_.axis, beside_deg * kDegree) * motion : motion);
+    poses.push_back(motions.back() * T_O_C);
+    if (!look_alikes_.axis) break;
+  }
+  comparison.addAll(*field_, poses, cancellation);
   double most = kClearly;
   std::optional<Pose> best;
-  for (const double beside_deg : kBeside_deg) {
-    const Pose tried =
-        look_alikes_.axis ? turnAbout(*look_alikes_.axis, beside_deg * kDegree) * motion : motion;
-    const double evidence = compare(tried * T_O_C);
-    if (evidence > most) {
-      most = evidence;
-      best = tried;
-    }
-    if (!look_alikes_.axis) break;
+  for (int i = 1; i < comparison.poses(); ++i) {
+    const double evidence = comparison.of(i, 0, noiseOf(object));
+    if (evidence <= most) continue;
+    most = evidence;
+    best = motions[i];
   }
   return best;
 }

@@ -7,6 +7,7 @@
 
 #include "backend/common/box_sums.h"
 #include "backend/common/observed_colours.h"
+#include "concurrency/parallel.h"
 #include "image/resample.h"
 #include "refinement/grey_image.h"
 
@@ -82,8 +83,7 @@ std::optional<ObjectImage> objectImage(const Observation& observation, const Pos
   ObjectImage image;
   image.camera = part.scaled(std::min(1.0, object_px / diameter_px));
   if (std::min(image.camera.width, image.camera.height) < kMin_px) return std::nullopt;
-  image.colour = resample(observedColours(observation, {left, top, right - left, bottom - top}),
-                          part, image.camera);
+  image.colour = reducedColours(observation, {left, top, right - left, bottom - top}, image.camera);
   image.weight = observation.weight.empty()
                      ? Image(image.camera.width, image.camera.height, 1, 1.0f)
                      : resample(observation.weight, camera, image.camera);
@@ -93,7 +93,19 @@ std::optional<ObjectImage> objectImage(const Observation& observation, const Pos
 
 PoseEvidence::PoseEvidence(ObjectImage image) : image_(std::move(image)) {}
 
-void PoseEvidence::add(const Rendering& rendering) {
+void PoseEvidence::add(const Rendering& rendering) { shown_.push_back(compared(rendering)); }
+
+void PoseEvidence::addAll(const LoadedField& field, const std::vector<Pose>& poses_T_O_C,
+                          const CancellationToken& cancellation) {
+  const std::vector<Rendering> renderings =
+      field.renderAll(camera(), poses_T_O_C, RenderOptions(), cancellation);
+  const std::size_t first = shown_.size();
+  shown_.resize(first + renderings.size());
+  parallelFor(sideThreads(), static_cast<int>(renderings.size()),
+              [&](int i) { shown_[first + i] = compared(renderings[i]); });
+}
+
+PoseEvidence::Shown PoseEvidence::compared(const Rendering& rendering) const {
   const std::size_t pixels = image_.colour.pixels();
   Shown shown;
   shown.is_object.resize(pixels);
@@ -113,7 +125,7 @@ void PoseEvidence::add(const Rendering& rendering) {
     const float residual = observed[i] - gain * rendered[i];
     shown.squares[i / 3] += residual * residual;
   }
-  shown_.push_back(std::move(shown));
+  return shown;
 }
 
 double PoseEvidence::of(int pose, int against, double noise) const {

@@ -39,6 +39,10 @@ class PoseEvidence {
   /// A rendering from another pose, by the camera of the image.
   void add(const Rendering& rendering);
 
+  /// Renders an object from several poses, and adds that. @throws Cancelled.
+  void addAll(const LoadedField& field, const std::vector<Pose>& poses_T_O_C,
+              const CancellationToken& cancellation);
+
   int poses() const { return static_cast<int>(shown_.size()); }
 
   /// Logarithm of the factor by which the image changes the odds of a pose against another one.
@@ -52,6 +56,8 @@ class PoseEvidence {
     std::vector<char> is_object;  ///< pixel by pixel
     std::vector<float> squares;   ///< of the residual, sum over the channels, where it is
   };
+
+  Shown compared(const Rendering& rendering) const;
 
   ObjectImage image_;
   std::vector<Shown> shown_;

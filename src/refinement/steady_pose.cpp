@@ -23,9 +23,7 @@ Pose steadyPose(const LoadedField& field, const Observation& observation, const 
   auto image = objectImage(observation, found.T_O_C, object, kEvidence_px);
   if (!image) return found.T_O_C;
   PoseEvidence comparison(std::move(*image));
-  for (const Pose& pose : {found.T_O_C, expected}) {
-    comparison.add(field.render({comparison.camera(), pose}, RenderOptions(), cancellation));
-  }
+  comparison.addAll(field, {found.T_O_C, expected}, cancellation);
   return comparison.of(1, 0, noiseOf(object)) > kClearlyBetter ? expected : found.T_O_C;
 }
 

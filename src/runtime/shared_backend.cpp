@@ -119,6 +119,18 @@ class SharedField final : public LoadedField {
     return serialised_(
         [&](const LoadedField& field) { return field.render(view, options, cancellation); });
   }
+  /// Where nothing is gained by it, others have their turn in between.
+  std::vector<Rendering> renderAll(const Camera& camera, const std::vector<Pose>& poses_T_O_C,
+                                   const RenderOptions& options,
+                                   const CancellationToken& cancellation) const override {
+    if (!rendersTogether()) {
+      return LoadedField::renderAll(camera, poses_T_O_C, options, cancellation);
+    }
+    return serialised_([&](const LoadedField& field) {
+      return field.renderAll(camera, poses_T_O_C, options, cancellation);
+    });
+  }
+  bool rendersTogether() const override { return serialised_.object()->rendersTogether(); }
   std::unique_ptr<PoseSolver> makeSolver(const Observation& observation,
                                          const std::vector<ImageLevel>& levels,
                                          int capacity) const override {

@@ -19,9 +19,6 @@ namespace {
 
 constexpr double kReach = 0.6;  // of the diameter, as the centre need not be in the middle
 
-// A quarter of the cores: more would wait for each other if other programs keep the cores busy.
-int keyframeThreads() { return std::clamp(threadCount(0) / 4, 1, 4); }
-
 /// Half the width of the window that contains the object [px].
 double reachInImage(const View& view, const FieldMetadata& object, double distance) {
   return kReach * object.diameter * std::max(view.camera.fx, view.camera.fy) / distance;
@@ -219,13 +216,13 @@ std::vector<KeyframePoints> keyframesOf(const std::vector<RenderedWindow>& windo
   const auto count = static_cast<int>(windows.size());
   std::vector<KeyframePoints> keyframes(windows.size());
   std::vector<std::vector<Image>> pyramids(windows.size());
-  parallelFor(keyframeThreads(), count, [&](int i) {
+  parallelFor(sideThreads(), count, [&](int i) {
     keyframes[i] = withoutLevels(windows[i], object);
     keyframes[i].levels.resize(settings.levels);
     pyramids[i] = pyramidOf(windows[i].rendering, windows[i].camera, object, settings);
   });
   // The fine levels, which take longest, come first.
-  parallelFor(keyframeThreads(), count * settings.levels, [&](int task) {
+  parallelFor(sideThreads(), count * settings.levels, [&](int task) {
     const int i = task % count, level = task / count;
     keyframes[i].levels[level] =
         makeLevel(pyramids[i][level], levelView(windows[i], object, level),
@@ -244,7 +241,7 @@ std::vector<KeyframePoints> renderKeyframes(const LoadedField& field,
                                             const KeyframeSettings& settings,
                                             const CancellationToken& cancellation) {
   settings.validate();
-  const auto together = static_cast<std::size_t>(keyframeThreads());
+  const auto together = static_cast<std::size_t>(sideThreads());
   std::vector<KeyframePoints> keyframes;
   for (std::size_t first = 0; first < views.size(); first += together) {
     std::vector<RenderedWindow> windows;

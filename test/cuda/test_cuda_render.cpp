@@ -162,6 +162,27 @@ TEST_F(CudaRender, theSameBitsEveryTime) {
   }
 }
 
+TEST_F(CudaRender, severalPlacesAtOnceAreAsOneByOne) {
+  const auto field = cuda->load(std::make_shared<Field>(learnedObject()));
+  EXPECT_TRUE(field->rendersTogether());
+  std::vector<Pose> poses;
+  for (const double diameters : {1.5, 2.5, 4.0}) {
+    poses.push_back(cameraBefore(field->field(), diameters * field->field().metadata.diameter));
+  }
+  const std::vector<Rendering> all = field->renderAll(renderCamera(), poses, {}, {});
+  ASSERT_EQ(all.size(), poses.size());
+  for (std::size_t i = 0; i < poses.size(); ++i) {
+    const Rendering one = field->render({renderCamera(), poses[i]}, {}, {});
+    EXPECT_EQ(all[i].colour.values, one.colour.values);
+    EXPECT_EQ(all[i].alpha.values, one.alpha.values);
+    EXPECT_EQ(all[i].point.values, one.point.values);
+  }
+  EXPECT_TRUE(field->renderAll(renderCamera(), {}, {}, {}).empty());
+  CancellationToken cancellation;
+  cancellation.requestCancel();
+  EXPECT_THROW(field->renderAll(renderCamera(), poses, {}, cancellation), Cancelled);
+}
+
 TEST_F(CudaRender, refusesWhatItCannotDo) {
   Field field = randomField(smallConfig(), 1);
   const auto loaded = cuda->load(std::make_shared<Field>(field));

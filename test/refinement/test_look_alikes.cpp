@@ -112,6 +112,16 @@ class LabelledBottle : public testing::Test {
   std::unique_ptr<Backend> backend_ = makeCpuBackend(2);
 };
 
+TEST_F(LabelledBottle, PosesRenderedTogetherSayTheSame) {
+  const Pose truth = seenFrom(kLabelSide);
+  const Observation image = imageAt(truth);
+  PoseEvidence together(*objectImage(image, truth, object(), kEvidence_px));
+  together.addAll(*scene_, {truth, turned(truth, 40), turned(truth, -90)}, {});
+  ASSERT_EQ(together.poses(), 3);
+  EXPECT_EQ(together.of(0, 1, noiseOf(object())), evidence(image, truth, 40));
+  EXPECT_EQ(together.of(0, 2, noiseOf(object())), evidence(image, truth, -90));
+}
+
 TEST_F(LabelledBottle, ALabelInSightIsEvidenceForTheTurn) {
   const Pose truth = seenFrom(kLabelSide);
   for (const float gain : {1.0f, 0.6f}) {
