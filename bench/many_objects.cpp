@@ -7,10 +7,10 @@
 #include <CLI/CLI.hpp>
 
 #include <chrono>
-#include <cmath>
 #include <cstdio>
 #include <exception>
 #include <memory>
+#include <optional>
 #include <string>
 #include <thread>
 #include <utility>
@@ -19,13 +19,11 @@
 #include "concurrency/seconds_since.h"
 #include "detection/landmark_file.h"
 #include "detection/object_detector.h"
-#include "evaluation/aimed_view.h"
-#include "evaluation/placement.h"
 #include "evaluation/pose_error.h"
 #include "evaluation/statistics.h"
-#include "evaluation/trial_observation.h"
 #include "field/object_metadata.h"
 #include "math/angle.h"
+#include "object_scene.h"
 #include "runtime/backend_pool.h"
 #include "trust/keyframe_scores.h"
 #include "trust/look_alikes.h"
@@ -56,12 +54,6 @@ struct LookedFor {
   std::unique_ptr<ObjectDetector> detector;
 };
 
-/// An image, and where the camera is for the objects that it shows.
-struct Scene {
-  Observation observation;
-  std::vector<Pose> T_O_C;
-};
-
 /// Seconds of all objects together.
 struct Times {
   double all = 0, processor = 0, at_once = 0;
@@ -78,20 +70,20 @@ class Benchmark {
     for (std::size_t i = 0; i < static_cast<std::size_t>(options_.count); ++i) {
       objects_.push_back(load(i % kinds));
     }
-    for (std::size_t kind = 0; kind < shown_; ++kind) {
-      views_.push_back(loadDataset(options_.objects[kind].second).views);
-    }
+    std::vector<std::string> data;
+    for (std::size_t kind = 0; kind < shown_; ++kind) data.push_back(options_.objects[kind].second);
+    scenes_.emplace(data, options_.photos, options_.width, options_.height);
   }
 
   void run() {
     std::printf("%d objects of %zu models, %zu of which an image shows\n", options_.count,
                 options_.objects.size(), shown_);
-    measure(compose(
+    measure(scenes_->compose(
         static_cast<std::size_t>(options_.images)));  // makes what the first search has to make
     right_ = wrong_ = instances_ = 0;
     std::vector<Times> all;
     for (int image = 0; image < options_.images; ++image) {
-      all.push_back(measure(compose(static_cast<std::size_t>(image))));
+      all.push_back(measure(scenes_->compose(static_cast<std::size_t>(image))));
       print(all.back());
     }
     const auto setMedian = [&](double* of, const auto& partOf) {
@@ -132,51 +124,7 @@ class Benchmark {
     return object;
   }
 
-  /// The views of a number, side by side before a photo.
-  Scene compose(std::size_t number) const {
-    constexpr double kOfCell = 0.9;
-    const auto columns = static_cast<int>(std::ceil(std::sqrt(4.0 / 3 * shown_)));
-    const int rows = (static_cast<int>(shown_) + columns - 1) / columns;
-    const double wide = static_cast<double>(options_.width) / columns;
-    const double high = static_cast<double>(options_.height) / rows;
-    double focal = options_.width;
-    for (std::size_t kind = 0; kind < shown_; ++kind) {
-      const PosedView& view = viewOf(kind, number);
-      const Eigen::Vector2d sizes = silhouetteBox(view).sizes();
-      const double scale = kOfCell * std::min(wide / sizes.x(), high / sizes.y());
-      focal = std::min(focal, scale * view.camera.fx);
-    }
-    PosedView all;
-    all.camera = all.photo_camera = {options_.width,
-                                     options_.height,
-                                     focal,
-                                     focal,
-                                     (options_.width - 1) / 2.0,
-                                     (options_.height - 1) / 2.0};
-    PremultipliedImage image = {Image(options_.width, options_.height, 3),
-                                Image(options_.width, options_.height, 1)};
-    Scene scene;
-    for (std::size_t kind = 0; kind < shown_; ++kind) {
-      const auto cell = static_cast<int>(kind);
-      const Eigen::Vector2d middle((cell % columns + 0.5) * wide, (cell / columns + 0.5) * high);
-      const PosedView& view = viewOf(kind, number);
-      const AimedView aimed =
-          aimedView(view, rotationToPlace(view, all.camera, middle, 0), all.camera);
-      putInFront(aimed.object, &image);
-      scene.T_O_C.push_back(aimed.T_O_C);
-    }
-    all.rgba = std::make_shared<const Image8>(straightBytes(image));
-    TrialObservation how = TrialObservation::named("photo", "alpha");
-    how.photos = options_.photos;
-    scene.observation = how.of(all, number);
-    return scene;
-  }
-
-  const PosedView& viewOf(std::size_t kind, std::size_t number) const {
-    return views_[kind][(number + kind) % views_[kind].size()];
-  }
-
-  Times measure(const Scene& scene) {
+  Times measure(const ObjectScene& scene) {
     Times times;
     times.at_once = detectAtOnce(differentBits(scene.observation));
     const double processor = processorSeconds();
@@ -207,7 +155,7 @@ class Benchmark {
     return secondsSince(begin);
   }
 
-  void judge(const Detections& found, const LookedFor& object, const Scene& scene) {
+  void judge(const Detections& found, const LookedFor& object, const ObjectScene& scene) {
     const bool is_shown = object.kind < shown_;
     instances_ += is_shown;
     for (const Refinement& one : found.found) {
@@ -217,7 +165,7 @@ class Benchmark {
     }
   }
 
-  static bool isRight(const Refinement& found, const LookedFor& object, const Scene& scene) {
+  static bool isRight(const Refinement& found, const LookedFor& object, const ObjectScene& scene) {
     const FieldMetadata& metadata = object.field->field().metadata;
     const PoseError error = poseError(found.T_O_C, scene.T_O_C[object.kind], metadata.centre,
                                       scene.observation.camera, metadata.symmetries);
@@ -238,7 +186,7 @@ class Benchmark {
   BackendPool backends_;
   std::shared_ptr<Backend> backend_;
   std::vector<LookedFor> objects_;
-  std::vector<std::vector<PosedView>> views_;  // of the models that are shown
+  std::optional<SceneComposer> scenes_;  // of the models that are shown
   int right_ = 0, wrong_ = 0, instances_ = 0;
 };
 
