@@ -136,6 +136,17 @@ TEST_F(SharedFramesOfNoise, LeavesWhatIsFarAwayToOthers) {
   EXPECT_EQ(made_, 7);
 }
 
+TEST_F(SharedFramesOfNoise, OtherThreadsMakeWhatTheyLookAt) {
+  const Observation before = observation(1), now = observation(2);
+  look(&first_, before, {30, 40, 60, 60});
+  std::thread([&] { look(&second_, before, {60, 40, 60, 60}); }).join();
+  look(&first_, now, {30, 40, 60, 60});
+  const FrameLevels own = levels(now, {30, 40, 60, 60});
+  EXPECT_EQ(first_.part().window.width, partFor(own).window.width);
+  std::thread([&] { look(&second_, now, {35, 45, 40, 40}); }).join();
+  EXPECT_EQ(made_, 3);  // what is there is taken
+}
+
 TEST_F(SharedFramesOfNoise, AReaderThatIsGoneIsNotExpected) {
   const Observation before = observation(1), now = observation(2);
   look(&first_, before, {30, 40, 60, 60});

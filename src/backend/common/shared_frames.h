@@ -6,6 +6,7 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -15,9 +16,10 @@
 namespace nerf_pose_refiner {
 
 /// The parts of images that the aligners of a backend look at. Where several look at one image
-/// (the same CameraPixels), each part of it is made once, by the first that needs it, together with
-/// what the others are expected to look at, if that saves work. What a reader sees does not depend
-/// on the others. Thread-safe.
+/// (the same CameraPixels), each part of it is made once, by the first that needs it: together with
+/// what others of the same thread are expected to look at after it, if that saves work. (Those of
+/// other threads would wait for what they make sooner themselves.) What a reader sees does not
+/// depend on the others. Thread-safe.
 /// @tparam Frame makes parts, in memory that it reuses.
 template <typename Frame>
 class SharedFrames {
@@ -45,6 +47,7 @@ class SharedFrames {
   struct Look {
     std::weak_ptr<const CameraPixels> pixels;
     FramePart part;
+    std::thread::id thread;
   };
 
  public:
@@ -127,13 +130,14 @@ class SharedFrames {
     return found;
   }
 
-  // With the parts of those who looked at the same image before this one.
+  // With the parts of those of this thread who looked at the same image before this one.
   FramePart withOthers(const Reader* reader, const PixelsPtr& pixels, FramePart part,
                        const Camera& camera) const {
     const auto own = looks_.find(reader);
     if (own == looks_.end() || areEqual(own->second.pixels, pixels)) return part;
     for (const auto& [other, look] : looks_) {
-      if (other == reader || !areEqual(look.pixels, own->second.pixels)) continue;
+      if (other == reader || look.thread != std::this_thread::get_id()) continue;
+      if (!areEqual(look.pixels, own->second.pixels)) continue;
       constexpr int kMoves = 8;  // by that fraction of its size, from an image to the next
       const PixelWindow& window = look.part.window;
       const FramePart expected =
@@ -148,7 +152,7 @@ class SharedFrames {
 
   void note(const Reader* reader, const PixelsPtr& pixels, const FramePart& part) {
     Look& look = looks_[reader];
-    if (!areEqual(look.pixels, pixels)) look = {pixels, part};
+    if (!areEqual(look.pixels, pixels)) look = {pixels, part, std::this_thread::get_id()};
   }
 
   void forget(const Reader* reader) {
