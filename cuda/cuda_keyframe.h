@@ -23,6 +23,7 @@ class CudaKeyframe {
                PinnedBuffer<unsigned char>* staged, cudaStream_t stream);
 
   const KeyframePoints& points() const { return *points_; }
+  bool isOf(const std::shared_ptr<const KeyframePoints>& points) const { return points_ == points; }
   /// The levels on the device.
   const CudaKeyframeLevel* levels() const { return levels_; }
   /// The same for the host, finest first; their pointers are the device's.

@@ -71,25 +71,53 @@ CudaKeyframeAligner::~CudaKeyframeAligner() {
   cudaStreamSynchronize(stream_);
 }
 
+KeyframeMemory CudaKeyframeAligner::spareMemory() {
+  const std::lock_guard<std::mutex> lock(shared_);
+  if (spare_.empty()) return {};
+  KeyframeMemory memory = std::move(spare_.back());
+  spare_.pop_back();
+  return memory;
+}
+
+void CudaKeyframeAligner::keepSpare(KeyframeMemory memory) {
+  const std::lock_guard<std::mutex> lock(shared_);
+  if (spare_.size() < kSpare) spare_.push_back(std::move(memory));
+}
+
 int CudaKeyframeAligner::add(std::shared_ptr<const KeyframePoints> keyframe) {
   NPR_CUDA_CHECK(cudaSetDevice(device_));
-  KeyframeMemory memory;
-  if (!spare_.empty()) {
-    memory = std::move(spare_.back());
-    spare_.pop_back();
+  {
+    const std::lock_guard<std::mutex> lock(shared_);
+    if (expected_ && expected_->isOf(keyframe)) {
+      keyframes_.emplace(next_, std::move(*expected_));
+      expected_.reset();
+      return next_++;
+    }
   }
   uploaded_.wait();  // what was staged before
-  keyframes_.emplace(next_,
-                     CudaKeyframe(std::move(keyframe), std::move(memory), &staged_, stream_));
+  keyframes_.emplace(next_, CudaKeyframe(std::move(keyframe), spareMemory(), &staged_, stream_));
   uploaded_.record(stream_);
   return next_++;
+}
+
+void CudaKeyframeAligner::expect(const std::shared_ptr<const KeyframePoints>& keyframe) {
+  const std::lock_guard<std::mutex> call(expecting_);
+  NPR_CUDA_CHECK(cudaSetDevice(device_));
+  CudaKeyframe uploaded(keyframe, spareMemory(), &expected_staged_, expected_stream_);
+  expected_stream_.wait();
+  std::optional<CudaKeyframe> before = std::move(uploaded);
+  {
+    const std::lock_guard<std::mutex> lock(shared_);
+    std::swap(before, expected_);
+  }
+  if (before) keepSpare(before->release());
 }
 
 void CudaKeyframeAligner::remove(int keyframe) {
   const auto found = keyframes_.find(keyframe);
   if (found == keyframes_.end()) return;
   NPR_CUDA_CHECK(cudaSetDevice(device_));
-  if (spare_.size() < kSpare) spare_.push_back(found->second.release());
+  keepSpare(found->second.release());
   keyframes_.erase(found);
 }
 

@@ -3,6 +3,8 @@
 
 #include <map>
 #include <memory>
+#include <mutex>
+#include <optional>
 #include <vector>
 
 #include "backend/keyframe_aligner.h"
@@ -20,6 +22,7 @@ class CudaKeyframeAligner final : public KeyframeAligner {
   ~CudaKeyframeAligner() override;
 
   int add(std::shared_ptr<const KeyframePoints> keyframe) override;
+  void expect(const std::shared_ptr<const KeyframePoints>& keyframe) override;
   void remove(int keyframe) override;
   void observe(const Observation& observation, const FrameWindow& window) override;
   std::vector<Hypothesis> align(const std::vector<KeyframeStart>& starts,
@@ -37,6 +40,8 @@ class CudaKeyframeAligner final : public KeyframeAligner {
     DeviceBuffer<float> chunk_sums, group_sums;
   };
 
+  KeyframeMemory spareMemory();
+  void keepSpare(KeyframeMemory memory);
   CudaKeyframeStart startOf(const KeyframeStart& start,
                             const KeyframeAlignmentSettings& settings) const;
   KeyframeScratch scratchFor(const KeyframeSpace& space, int crews);
@@ -46,9 +51,15 @@ class CudaKeyframeAligner final : public KeyframeAligner {
   CudaStream stream_;
   std::map<int, CudaKeyframe> keyframes_;
   int next_ = 0;
-  std::vector<KeyframeMemory> spare_;  ///< of keyframes that were removed
   PinnedBuffer<unsigned char> staged_;
   CudaEvent uploaded_;
+  // Of `expect`, beside all else.
+  std::mutex expecting_;  ///< held by a call
+  CudaStream expected_stream_;
+  PinnedBuffer<unsigned char> expected_staged_;
+  std::mutex shared_;                     ///< guards what follows
+  std::optional<CudaKeyframe> expected_;  ///< its upload is complete
+  std::vector<KeyframeMemory> spare_;     ///< of keyframes that were removed
   CudaFrame frame_;
   Scratch scratch_;
   PinnedBuffer<CudaKeyframeStart> starts_;  ///< the device reads and writes the host's memory

@@ -43,14 +43,17 @@ struct KeyframeStart {
   Pose T_O_C;        ///< [model units]
 };
 
-/// Aligns keyframes with images. One caller at a time; it may be used beside all else that its
-/// backend made, so that tracking never waits for a rendering.
+/// Aligns keyframes with images. One caller at a time, but for `expect`; it may be used beside all
+/// else that its backend made, so that tracking never waits for a rendering.
 class KeyframeAligner {
  public:
   virtual ~KeyframeAligner() = default;
 
   /// Takes a keyframe into the processor's memory. @return its number.
   virtual int add(std::shared_ptr<const KeyframePoints> keyframe) = 0;
+  /// Does what can be done before a keyframe is added, so that this takes no time then. Any thread
+  /// may call it, at any time; one keyframe at a time is expected.
+  virtual void expect(const std::shared_ptr<const KeyframePoints>& /*keyframe*/) {}
   /// Gives its memory back.
   virtual void remove(int keyframe) = 0;
 

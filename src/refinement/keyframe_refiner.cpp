@@ -85,7 +85,8 @@ void KeyframeRefiner::begin() {
   renderer_.reset();
   search_.emplace(backend_, field_, settings_);
   side_views_.emplace(backend_, field_, settings_);
-  renderer_.emplace(field_, settings_.keyframe);
+  renderer_.emplace(field_, settings_.keyframe,
+                    [search = &*search_](const auto& keyframe) { search->expect(keyframe); });
   use(scores_);
   use(look_alikes_);
 }

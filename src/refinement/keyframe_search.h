@@ -40,6 +40,9 @@ class KeyframeSearch {
 
   void add(std::shared_ptr<const KeyframePoints> keyframe) { kept_.add(std::move(keyframe)); }
 
+  /// @see KeyframeAligner::expect
+  void expect(const std::shared_ptr<const KeyframePoints>& keyframe) { aligner_->expect(keyframe); }
+
   /// That of the nearest view; null: there is none.
   const KeyframePoints* nearest(const Pose& T_O_C) {
     const KeyframeSet::Entry* const entry = kept_.nearest(T_O_C);

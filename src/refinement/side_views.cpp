@@ -51,7 +51,9 @@ std::string contradiction(double away, const char* advice) {
 struct SideViews::Camera {
   Camera(Backend* backend, const std::shared_ptr<const LoadedField>& field,
          const KeyframeSearchSettings& settings)
-      : search(backend, field, settings), renderer(field, settings.keyframe) {}
+      : search(backend, field, settings),
+        renderer(field, settings.keyframe,
+                 [this](const auto& keyframe) { search.expect(keyframe); }) {}
 
   KeyframeSearch search;
   KeyframeRenderer renderer;

@@ -14,8 +14,11 @@ constexpr std::chrono::milliseconds kRendererTick(5);  // polled: a token does n
 }  // namespace
 
 KeyframeRenderer::KeyframeRenderer(std::shared_ptr<const LoadedField> field,
-                                   const KeyframeSettings& settings)
-    : field_(std::move(field)), settings_(settings), thread_([this] { work(); }) {}
+                                   const KeyframeSettings& settings, Done done)
+    : field_(std::move(field)),
+      settings_(settings),
+      call_done_(std::move(done)),
+      thread_([this] { work(); }) {}
 
 KeyframeRenderer::~KeyframeRenderer() {
   cancellation_.requestCancel();
@@ -113,11 +116,12 @@ void KeyframeRenderer::renderNext(std::unique_lock<std::mutex>* lock) {
   try {
     keyframe = std::make_shared<const KeyframePoints>(
         renderKeyframe(*field_, view, settings_, cancellation_));
+    if (call_done_) call_done_(keyframe);
   } catch (...) {
     error = std::current_exception();
   }
   lock->lock();
-  done_ = std::move(keyframe);
+  if (!error) done_ = std::move(keyframe);
   error_ = error;
 }
 

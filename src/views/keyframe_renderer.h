@@ -21,7 +21,12 @@ namespace nerf_pose_refiner {
 /// One thread may call it.
 class KeyframeRenderer {
  public:
-  KeyframeRenderer(std::shared_ptr<const LoadedField> field, const KeyframeSettings& settings);
+  using Done = std::function<void(const std::shared_ptr<const KeyframePoints>&)>;
+
+  /// @param done is called with each keyframe by the renderer's thread, before it can be taken;
+  /// what it throws counts as thrown by the rendering. Empty: nothing is.
+  KeyframeRenderer(std::shared_ptr<const LoadedField> field, const KeyframeSettings& settings,
+                   Done done = {});
   /// Cancels a running rendering.
   ~KeyframeRenderer();
 
@@ -56,6 +61,7 @@ class KeyframeRenderer {
 
   std::shared_ptr<const LoadedField> field_;
   KeyframeSettings settings_;
+  Done call_done_;
   CancellationToken cancellation_;
 
   mutable std::mutex mutex_;  ///< guards all below

@@ -337,6 +337,29 @@ TEST_F(CudaKeyframeAligner, KeyframesComeAndGo) {
   expectSameBits(other_before, aligner->align({{stays, start}}, {}, {}).front());
 }
 
+// What another thread announces while this one aligns.
+TEST_F(CudaKeyframeAligner, AnExpectedKeyframeIsAsAnyOther) {
+  const auto aligner = cuda->makeKeyframeAligner();
+  aligner->observe(observed(imageOf(truth_)), frameWindowFor(keyframeAt(truth_), kCamera, truth_));
+  const Keyframe first = keyframe(truth_), second = keyframe(offBy(truth_, {0, 1, 0}, 8));
+  const Pose start = startsAround(3).front();
+  const int number = aligner->add(first);
+  const Hypothesis before = aligner->align({{number, start}}, {}, {}).front();
+  const int directly = aligner->add(second);
+  const Hypothesis other = aligner->align({{directly, start}}, {}, {}).front();
+  for (int i = 0; i < 20; ++i) {
+    std::thread announcing([&] {
+      aligner->expect(first);  // and something else comes
+      aligner->expect(second);
+    });
+    expectSameBits(before, aligner->align({{number, start}}, {}, {}).front());
+    announcing.join();
+    const int expected = aligner->add(second);
+    expectSameBits(other, aligner->align({{expected, start}}, {}, {}).front());
+    aligner->remove(expected);
+  }
+}
+
 TEST_F(CudaKeyframeAligner, GivesItsMemoryBack) {
   constexpr std::size_t kOfOthers = 16u << 20;  // what CUDA keeps for itself
   const Keyframe shown = keyframe(truth_);

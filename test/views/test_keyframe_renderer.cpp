@@ -5,6 +5,7 @@
 
 #include <atomic>
 #include <stdexcept>
+#include <thread>
 
 #include "support/analytic_scene.h"
 #include "support/cpu_processor.h"
@@ -47,6 +48,26 @@ TEST_F(KeyframeRendererTest, AWaitCanBeCancelled) {
   EXPECT_TRUE(renderer_.busy());  // the rendering goes on
   field_->open();
   EXPECT_NE(renderer_.wait({}), nullptr);
+}
+
+TEST_F(KeyframeRendererTest, TellsOfAKeyframeBeforeItIsTaken) {
+  std::atomic<bool> fails{false};
+  std::shared_ptr<const KeyframePoints> told;
+  std::thread::id teller;
+  KeyframeRenderer renderer(field_, KeyframeSettings(), [&](const auto& keyframe) {
+    if (fails) throw std::runtime_error("no memory");
+    told = keyframe;
+    teller = std::this_thread::get_id();
+  });
+  renderer.request(view_);
+  const auto keyframe = renderer.wait({});
+  EXPECT_EQ(told, keyframe);
+  EXPECT_NE(teller, std::this_thread::get_id());
+  fails = true;
+  renderer.request(view_);
+  EXPECT_THROW(renderer.wait({}), std::runtime_error);
+  EXPECT_FALSE(renderer.busy());
+  EXPECT_EQ(renderer.take(), nullptr);
 }
 
 TEST_F(KeyframeRendererTest, HandsOverErrors) {
