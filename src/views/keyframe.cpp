@@ -124,6 +124,32 @@ KeyframePoints withoutLevels(const RenderedWindow& window, const FieldMetadata& 
   return keyframe;
 }
 
+// In strips of whole rows, so that others who render the field need not wait for the whole image.
+Rendering renderInStrips(const LoadedField& field, const View& view,
+                         const CancellationToken& cancellation) {
+  constexpr int kPixels = 20000;  // of a strip, some milliseconds on two cores
+  const Camera& camera = view.camera;
+  const int rows = std::max(1, kPixels / camera.width);
+  if (field.rendersTogether() || camera.height <= rows) {
+    return field.render(view, RenderOptions(), cancellation);
+  }
+  Rendering whole;
+  whole.colour = Image(camera.width, camera.height, 3);
+  whole.alpha = Image(camera.width, camera.height, 1);
+  whole.point = Image(camera.width, camera.height, 3);
+  for (int y = 0; y < camera.height; y += rows) {
+    const Camera part = camera.cropped(0, y, camera.width, std::min(rows, camera.height - y));
+    const Rendering strip = field.render({part, view.T_O_C}, RenderOptions(), cancellation);
+    const auto put = [y](const Image& from, Image* to) {
+      std::copy(from.values.begin(), from.values.end(), to->pixel(0, y));
+    };
+    put(strip.colour, &whole.colour);
+    put(strip.alpha, &whole.alpha);
+    put(strip.point, &whole.point);
+  }
+  return whole;
+}
+
 KeyframeView levelView(const RenderedWindow& window, const FieldMetadata& object, int level) {
   const Pose& T_O_C = window.view.T_O_C;
   KeyframeView view;
@@ -205,7 +231,7 @@ RenderedWindow renderWindow(const LoadedField& field, const View& view,
   window.view = view;
   const int n = raysPerSide(settings, window.camera);
   const Camera finer = window.camera.resized(n * window.camera.width, n * window.camera.height);
-  window.rendering = field.render({finer, view.T_O_C}, RenderOptions(), cancellation);
+  window.rendering = renderInStrips(field, {finer, view.T_O_C}, cancellation);
   return window;
 }
 

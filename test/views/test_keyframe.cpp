@@ -248,6 +248,24 @@ TEST_F(KeyframeOfScene, SmallObjectsGetMoreRays) {
   EXPECT_EQ(raysOf(8, settings), 1);
 }
 
+// It is rendered in strips.
+TEST_F(KeyframeOfScene, AWindowIsAsRenderedAtOnce) {
+  const RenderedWindow window = renderWindow(*scene_, {kKeyframeCamera, T_O_C_}, dense());
+  const Image& alpha = window.rendering.alpha;
+  ASSERT_GT(alpha.pixels(), 50000u);
+  const Camera camera = window.camera.resized(alpha.width, alpha.height);
+  const Rendering at_once = scene_->render({camera, T_O_C_}, RenderOptions(), {});
+  const auto expectSame = [](const Image& a, const Image& b) {
+    ASSERT_EQ(a.values.size(), b.values.size());
+    for (std::size_t i = 0; i < a.values.size(); ++i) {
+      ASSERT_NEAR(a.values[i], b.values[i], 1e-5) << i;
+    }
+  };
+  expectSame(window.rendering.colour, at_once.colour);
+  expectSame(alpha, at_once.alpha);
+  expectSame(window.rendering.point, at_once.point);
+}
+
 TEST_F(KeyframeOfScene, SeveralAreAsOneByOne) {
   const Pose other = cameraAround(*scene_, 2.0, -0.3);
   const std::vector<KeyframePoints> both =
