@@ -48,6 +48,8 @@ class DescribedScene final : public LoadedField {
     if (on_render) on_render();
     return scene_->render(view, options, cancellation);
   }
+  /// A keyframe is one rendering, not several strips.
+  bool rendersTogether() const override { return true; }
   std::unique_ptr<PoseSolver> makeSolver(const Observation& observation,
                                          const std::vector<ImageLevel>& levels,
                                          int capacity) const override {
