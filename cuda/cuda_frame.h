@@ -21,7 +21,7 @@ class CudaFrame {
  public:
   explicit CudaFrame(std::shared_ptr<CudaFrames> frames) : reader_(std::move(frames)) {}
 
-  /// What is enqueued in the stream from now on finds it. @see KeyframeAligner::observe
+  /// Work enqueued in the stream afterwards sees the finished part. @see KeyframeAligner::observe
   void look(const Observation& observation, const FrameWindow& window, cudaStream_t stream);
 
   const FrameLevels& levels() const { return levels_; }

@@ -19,7 +19,7 @@ struct CudaLevelPixels {
 class CudaFramePyramid {
  public:
   /// Enqueues the upload and all that follows. Whoever read what was made before has waited for it.
-  /// @throws std::invalid_argument if the observation does not have the part.
+  /// @param part within the image.
   void make(const Observation& observation, const FramePart& part, cudaStream_t stream);
 
   /// What is enqueued from now on finds it made.

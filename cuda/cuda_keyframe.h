@@ -28,7 +28,7 @@ class CudaKeyframe {
   const CudaKeyframeLevel* levels() const { return levels_; }
   /// The same for the host, finest first; their pointers are the device's.
   const std::vector<CudaKeyframeLevel>& sizes() const { return sizes_; }
-  /// Takes the memory back, for another keyframe of the same stream.
+  /// Takes the memory back, for another keyframe. Its upload is complete, and nothing reads it.
   KeyframeMemory release() { return std::move(memory_); }
 
  private:

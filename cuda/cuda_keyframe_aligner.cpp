@@ -2,6 +2,7 @@
 #include "cuda_keyframe_aligner.h"
 
 #include <algorithm>
+#include <exception>
 #include <utility>
 
 #include "backend/common/keyframe_rules.h"
@@ -103,9 +104,13 @@ int CudaKeyframeAligner::add(std::shared_ptr<const KeyframePoints> keyframe) {
 void CudaKeyframeAligner::expect(const std::shared_ptr<const KeyframePoints>& keyframe) {
   const std::lock_guard<std::mutex> call(expecting_);
   NPR_CUDA_CHECK(cudaSetDevice(device_));
-  CudaKeyframe uploaded(keyframe, spareMemory(), &expected_staged_, expected_stream_);
-  expected_stream_.wait();
-  std::optional<CudaKeyframe> before = std::move(uploaded);
+  std::optional<CudaKeyframe> before;
+  try {
+    before.emplace(keyframe, spareMemory(), &expected_staged_, expected_stream_);
+    expected_stream_.wait();
+  } catch (const std::exception&) {
+    return;  // `add` has more memory once it has removed another one, or says what is wrong
+  }
   {
     const std::lock_guard<std::mutex> lock(shared_);
     std::swap(before, expected_);
@@ -117,6 +122,7 @@ void CudaKeyframeAligner::remove(int keyframe) {
   const auto found = keyframes_.find(keyframe);
   if (found == keyframes_.end()) return;
   NPR_CUDA_CHECK(cudaSetDevice(device_));
+  uploaded_.wait();  // the memory may go to another stream
   keepSpare(found->second.release());
   keyframes_.erase(found);
 }

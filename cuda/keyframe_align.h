@@ -14,7 +14,7 @@ constexpr int kMaxKeyframeLevels = 8, kMaxFrameLevels = 16;
 
 /// A level of the frame, @see ImagePyramidTask.
 struct CudaFrameLevel {
-  const float4* pixels;  ///< [height][width]: RGB and weight
+  const float4* pixels;  ///< [height][width]: RGB and weight, in rows of row_pixels
   int width, height;     ///< >= 2
   int row_pixels;        ///< from the start of one row to the start of the next
   Pinhole<float> K;

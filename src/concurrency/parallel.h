@@ -15,8 +15,8 @@ inline int threadCount(int threads) {
   return std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
 }
 
-/// The number of threads for work on the host that a tracked image waits for: a quarter of the
-/// cores, as more would wait for each other if other programs keep the cores busy.
+/// The number of threads for short work on the host beside a processor's: a quarter of the cores,
+/// as more would wait for each other if other programs keep the cores busy.
 inline int sideThreads() { return std::clamp(threadCount(0) / 4, 1, 4); }
 
 /// Runs body(i) for i in [0, n) on some threads, in any order; the items must not touch each other.

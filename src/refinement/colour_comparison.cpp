@@ -42,7 +42,8 @@ struct ReducedImage {
 ReducedImage reducedImage(const KeyframePoints& keyframe, const Observation& observation,
                           const Pose& T_C_O, double pixels) {
   const Camera& camera = observation.camera;
-  constexpr double kReach = 0.7;  // of the diameter around the centre
+  constexpr double kReach = 0.6, kSpare = 1.1;  // of the diameter, as the centre need not be in the
+                                                // middle; and beside the optical axis
   const Eigen::Vector3d centre_C = T_C_O * keyframe.centre;
   if (!(centre_C.z() > 0)) return {};
   const Eigen::Vector2d centre = camera.project(centre_C);
@@ -51,7 +52,10 @@ ReducedImage reducedImage(const KeyframePoints& keyframe, const Observation& obs
     return static_cast<int>(std::clamp<double>(std::floor(value), 0, most));
   };
   PixelWindow window;
-  const double reach = kReach * diameter;
+  const double radius = kReach * keyframe.diameter, squared = centre_C.z() * centre_C.z();
+  const double reach = squared > 1.01 * radius * radius
+                           ? kSpare * camera.fx * radius / std::sqrt(squared - radius * radius)
+                           : static_cast<double>(camera.width + camera.height);
   window.x = clamped(centre.x() - reach, camera.width);
   window.y = clamped(centre.y() - reach, camera.height);
   window.width = clamped(centre.x() + reach + 1, camera.width) - window.x;

@@ -42,12 +42,8 @@ void RolledScores::tryNext(const TimedObservation& image, const Hypothesis& foun
 
 void RolledScores::takeTried(bool wait, const CancellationToken& cancellation) {
   if (!aside_->busy()) return;
-  std::optional<Hypothesis> end;
-  if (wait) {
-    end = aside_->wait(cancellation);
-  } else {
-    end = aside_->take();
-  }
+  const std::optional<Hypothesis> end =
+      wait ? std::optional<Hypothesis>(aside_->wait(cancellation)) : aside_->take();
   if (!end) return;
   if (trial_ && trial_->is_valid) note(*trial_, *end);
   trial_.reset();
@@ -74,7 +70,7 @@ void RolledScores::forgetAfterJump(const Pose& T_O_C) {
 }
 
 std::optional<double> RolledScores::bestBeside(const Pose& T_O_C, std::int64_t stamp_ns) const {
-  constexpr std::int64_t kOldest_ns = 800000000;
+  constexpr std::int64_t kOldest_ns = 1100000000;
   constexpr int kLeast = 4;
   constexpr PoseBounds kAlike = {30 * kDegree, 0.2};
   double best = 0;

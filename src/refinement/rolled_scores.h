@@ -6,7 +6,6 @@
 #include <memory>
 #include <optional>
 #include <utility>
-#include <vector>
 
 #include "field/field.h"
 #include "refinement/aside_alignment.h"
@@ -35,7 +34,7 @@ class RolledScores {
               const CancellationToken& cancellation);
 
   /// Begins to try one of them beside tracking, each in its turn, unless one is being tried. The
-  /// others keep what they scored in images of the last 0.8 s.
+  /// others keep what they scored in images of the last 1.1 s.
   /// @param keyframe the nearest one; null: there is none.
   void tryNext(const TimedObservation& image, const Hypothesis& found,
                const std::shared_ptr<const KeyframePoints>& keyframe);

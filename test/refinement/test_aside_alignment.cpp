@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <functional>
+#include <future>
 #include <stdexcept>
 
 #include "backend/make_backend.h"
@@ -53,35 +55,47 @@ TEST_F(AsideAlignmentOfScene, IsBusyUntilItsResultIsTaken) {
   EXPECT_FALSE(aside.take());
 }
 
-TEST_F(AsideAlignmentOfScene, ItsCallerMayStopWaiting) {
-  AsideAlignment aside(makeCpuKeyframeAligner(1), {});
-  aside.begin(image_, keyframe(truth_), start_);
-  CancellationToken cancellation;
-  cancellation.requestCancel();
-  // It may be done before it is waited for.
-  try {
-    aside.wait(cancellation);
-  } catch (const Cancelled&) {
-    EXPECT_TRUE(aside.busy());
-    aside.wait({});
-  }
-  EXPECT_FALSE(aside.busy());
-}
-
-/// Fails once it has a keyframe.
-class FailingAligner final : public KeyframeAligner {
+/// Ends when it is told to.
+class ScriptedAligner final : public KeyframeAligner {
  public:
+  using End = std::function<std::vector<Hypothesis>()>;
+  explicit ScriptedAligner(End end) : end_(std::move(end)) {}
+
   int add(std::shared_ptr<const KeyframePoints>) override { return 0; }
   void remove(int) override {}
   void observe(const Observation&, const FrameWindow&) override {}
   std::vector<Hypothesis> align(const std::vector<KeyframeStart>&, const KeyframeAlignmentSettings&,
                                 const CancellationToken&) override {
-    throw std::runtime_error("the processor is lost");
+    return end_();
   }
+
+ private:
+  End end_;
 };
 
+TEST_F(AsideAlignmentOfScene, ItsCallerMayStopWaiting) {
+  std::promise<void> goes_on;
+  AsideAlignment aside(std::make_unique<ScriptedAligner>([&] {
+                         goes_on.get_future().wait();
+                         return std::vector<Hypothesis>(1);
+                       }),
+                       {});
+  aside.begin(image_, keyframe(truth_), start_);
+  CancellationToken cancellation;
+  cancellation.requestCancel();
+  EXPECT_THROW(aside.wait(cancellation), Cancelled);
+  EXPECT_FALSE(aside.take());
+  EXPECT_TRUE(aside.busy());
+  goes_on.set_value();
+  aside.wait({});
+  EXPECT_FALSE(aside.busy());
+}
+
 TEST_F(AsideAlignmentOfScene, WhatItThrowsComesToItsCaller) {
-  AsideAlignment aside(std::make_unique<FailingAligner>(), {});
+  AsideAlignment aside(std::make_unique<ScriptedAligner>([]() -> std::vector<Hypothesis> {
+                         throw std::runtime_error("the processor is lost");
+                       }),
+                       {});
   for (int i = 0; i < 2; ++i) {
     aside.begin(image_, keyframe(truth_), start_);
     EXPECT_THROW(aside.wait({}), std::runtime_error);

@@ -58,17 +58,21 @@ class KeyframeRefinerTest : public testing::Test {
     EXPECT_LT(error.object_offset / object().diameter, 0.01 * deg);
   }
 
-  // The poses of a tracked sequence.
-  std::vector<Pose> track(KeyframeRefiner* refiner, int frames) const {
-    std::vector<Pose> poses;
+  // What is found in a sequence.
+  std::vector<Refinement> follow(KeyframeRefiner* refiner, int frames) const {
+    std::vector<Refinement> found;
     Pose last = truthAt(0);
     for (int i = 0; i < frames; ++i) {
       const Observation observation = imageAt(truthAt(i));
-      const Refinement found =
-          refiner->follow({observation, i * kFrame_ns}, priorAt(last, 5, 0.05));
-      last = found.T_O_C;
-      poses.push_back(last);
+      found.push_back(refiner->follow({observation, i * kFrame_ns}, priorAt(last, 5, 0.05)));
+      last = found.back().T_O_C;
     }
+    return found;
+  }
+
+  std::vector<Pose> track(KeyframeRefiner* refiner, int frames) const {
+    std::vector<Pose> poses;
+    for (const Refinement& found : follow(refiner, frames)) poses.push_back(found.T_O_C);
     return poses;
   }
 
@@ -106,6 +110,20 @@ TEST_F(KeyframeRefinerTest, SameImagesSamePoses) {
     EXPECT_EQ(a[i].R, b[i].R);
     EXPECT_EQ(a[i].t, b[i].t);
   }
+}
+
+// What is aligned beside tracking has its say in the same image each time.
+TEST_F(KeyframeRefinerTest, SameImagesSameScores) {
+  KeyframeRefiner one(backend_.get(), field_, fromFile());
+  KeyframeRefiner other(backend_.get(), field_, fromFile());
+  const std::vector<Refinement> a = follow(&one, 25), b = follow(&other, 25);
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    SCOPED_TRACE(i);
+    EXPECT_EQ(a[i].score, b[i].score);
+    EXPECT_EQ(a[i].found_probability, b[i].found_probability);
+    EXPECT_EQ(a[i].rolled_score, b[i].rolled_score);
+  }
+  EXPECT_TRUE(a.back().rolled_score);
 }
 
 TEST_F(KeyframeRefinerTest, FindsAgainWhatComesBackAndRendersNothingBeforeThat) {

@@ -102,12 +102,60 @@ TEST_F(RolledScoresTest, OneAnImageIsEnoughInTime) {
   EXPECT_EQ(*best, *at_once.bestBeside(truth_, 0));
 }
 
+TEST_F(RolledScoresTest, AreKnownAtFewImagesASecond) {
+  // Each image takes what was begun in the one before.
+  TimedObservation image = {sceneBeforeClutter(*scene_, kRolledCamera, truth_), 0};
+  const Hypothesis found = foundIn(image.observation);
+  RolledScores rolled = rolledScores();
+  for (int i = 0; i < 20; ++i) {
+    image.stamp_ns += 150000000;
+    rolled.takeTried(true, {});
+    rolled.tryNext(image, found, search_.nearestTo(found.T_O_C));
+    const bool is_known = rolled.bestBeside(truth_, image.stamp_ns).has_value();
+    if (i < 4) {
+      EXPECT_FALSE(is_known) << i;
+    } else if (i >= RolledScores::kRolls) {
+      EXPECT_TRUE(is_known) << i;
+    }
+  }
+}
+
+TEST_F(RolledScoresTest, WhatWasTriedBeforeANewSearchIsVoid) {
+  const TimedObservation image = {sceneBeforeClutter(*scene_, kRolledCamera, truth_), 0};
+  const Hypothesis found = foundIn(image.observation);
+  Hypothesis beside = found;  // its first roll leads to the right pose, which scores well
+  beside.T_O_C = rolledAbout(object().centre, -45 * kDegree, found.T_O_C);
+  RolledScores rolled = rolledScores();
+  rolled.tryNext(image, beside, search_.nearestTo(beside.T_O_C));
+  rolled.tryAll(image, found, &search_, {});
+  rolled.takeTried(true, {});
+  ASSERT_TRUE(rolled.bestBeside(found.T_O_C, 0));
+  EXPECT_LT(*rolled.bestBeside(found.T_O_C, 0), found.score - 0.3);
+}
+
+TEST_F(RolledScoresTest, WhatWasTriedBeforeAJumpIsVoid) {
+  const TimedObservation image = {sceneBeforeClutter(*scene_, kRolledCamera, truth_), 0};
+  const Hypothesis found = foundIn(image.observation);
+  Hypothesis beside = found;
+  beside.T_O_C = rolledAbout(object().centre, -45 * kDegree, found.T_O_C);
+  RolledScores rolled = rolledScores();
+  rolled.tryNext(image, beside, search_.nearestTo(beside.T_O_C));
+  rolled.tryNext(image, found, search_.nearestTo(found.T_O_C));  // while one is tried
+  rolled.takeTried(true, {});
+  for (int i = 1; i < RolledScores::kRolls; ++i) {
+    rolled.tryNext(image, found, search_.nearestTo(found.T_O_C));
+    rolled.takeTried(true, {});
+  }
+  ASSERT_TRUE(rolled.bestBeside(found.T_O_C, 0));
+  EXPECT_LT(*rolled.bestBeside(found.T_O_C, 0), found.score - 0.3);
+}
+
 TEST_F(RolledScoresTest, SayNothingOfOtherTimes) {
   RolledScores rolled = rolledScores();
   const TimedObservation image = {sceneBeforeClutter(*scene_, kRolledCamera, truth_), 1000000000};
   rolled.tryAll(image, foundIn(image.observation), &search_, {});
-  EXPECT_TRUE(rolled.bestBeside(truth_, 1800000000));
-  EXPECT_FALSE(rolled.bestBeside(truth_, 1800000001)) << "more than 0.8 s later";
+  EXPECT_TRUE(rolled.bestBeside(truth_, 2100000000));
+  EXPECT_FALSE(rolled.bestBeside(truth_, 2100000001)) << "more than 1.1 s later";
   EXPECT_FALSE(rolled.bestBeside(truth_, 999999999)) << "a clock that went back";
 }
 

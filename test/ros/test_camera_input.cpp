@@ -233,8 +233,10 @@ TEST(CameraInput, InputsOfOneMessageShareItsPixels) {
   sensor_msgs::CameraInfo info = someInfo();
   info.D = {-0.2, 0, 0, 0, 0};
   const sensor_msgs::ImageConstPtr message = sharedImage("rgb8");
-  const auto pixels = first.observe(message, info).pixels;  // the observation is gone
-  EXPECT_EQ(second.observe(message, info).pixels, pixels);
+  // The first one's observation is gone when the second one comes.
+  const std::weak_ptr<const CameraPixels> weak = first.observe(message, info).pixels;
+  const auto pixels = second.observe(message, info).pixels;
+  EXPECT_EQ(weak.lock(), pixels);
   EXPECT_NE(rectified.observe(message, info).pixels, pixels);
   EXPECT_NE(second.observe(sharedImage("rgb8"), info).pixels, pixels);
   info.D[0] = -0.1;

@@ -72,6 +72,16 @@ FramePart widened(const FramePart& part, int border, const Camera& camera) {
                 part.coarsest, camera);
 }
 
+double shareWithin(const FramePart& part, const FramePart& other) {
+  const auto common = [](const Range& a, const Range& b) {
+    return std::max(0, std::min(a.end, b.end) - std::max(a.begin, b.begin));
+  };
+  const PixelWindow &own = part.window, &its = other.window;
+  const double shared = static_cast<double>(common(columnsOf(own), columnsOf(its))) *
+                        common(rowsOf(own), rowsOf(its));
+  return shared / (static_cast<double>(own.width) * own.height);
+}
+
 double makingWork(const FramePart& part) {
   const double pixels = static_cast<double>(part.window.width) * part.window.height;
   return pixels * (1 + std::ldexp(1.0, -2 * part.finest));  // those of the finest level are blurred

@@ -27,7 +27,10 @@ FramePart together(const FramePart& a, const FramePart& b, const Camera& camera)
 /// A part with a border of so many pixels of the image more.
 FramePart widened(const FramePart& part, int border, const Camera& camera);
 
-/// How long making a part takes, about: in pixels of the image that are read and halved alone.
+/// The share of a part's pixels that lie within another one, 0..1.
+double shareWithin(const FramePart& part, const FramePart& other);
+
+/// How long making a part takes, about: in units of reading and halving one pixel of the image.
 double makingWork(const FramePart& part);
 
 }  // namespace nerf_pose_refiner

@@ -17,9 +17,9 @@ namespace nerf_pose_refiner {
 
 /// The parts of images that the aligners of a backend look at. Where several look at one image
 /// (the same CameraPixels), each part of it is made once, by the first that needs it: together with
-/// what others of the same thread are expected to look at after it, if that saves work. (Those of
-/// other threads would wait for what they make sooner themselves.) What a reader sees does not
-/// depend on the others. Thread-safe.
+/// what others of the same thread are expected to look at after it, if that saves work. Readers in
+/// other threads are left out: making their own part takes them less time than waiting for this
+/// one. What a reader sees does not depend on the others. Thread-safe.
 /// @tparam Frame makes parts, in memory that it reuses.
 template <typename Frame>
 class SharedFrames {
@@ -47,6 +47,7 @@ class SharedFrames {
   struct Look {
     std::weak_ptr<const CameraPixels> pixels;
     FramePart part;
+    int width, height;  // of the image
     std::thread::id thread;
   };
 
@@ -104,11 +105,11 @@ class SharedFrames {
     FramePart part = partFor(levels);
     if (pixels != nullptr) {
       if (std::shared_ptr<Made> found = find(pixels, levels)) {
-        note(reader, pixels, part);
+        note(reader, pixels, part, levels.camera());
         return found;
       }
       part = withOthers(reader, pixels, part, levels.camera());
-      note(reader, pixels, partFor(levels));
+      note(reader, pixels, partFor(levels), levels.camera());
     }
     before.reset();  // its memory may be used again
     *is_new = true;
@@ -136,8 +137,12 @@ class SharedFrames {
     const auto own = looks_.find(reader);
     if (own == looks_.end() || areEqual(own->second.pixels, pixels)) return part;
     for (const auto& [other, look] : looks_) {
-      if (other == reader || look.thread != std::this_thread::get_id()) continue;
-      if (!areEqual(look.pixels, own->second.pixels)) continue;
+      const bool is_expected = other != reader && look.thread == std::this_thread::get_id() &&
+                               areEqual(look.pixels, own->second.pixels) &&
+                               look.width == camera.width && look.height == camera.height;
+      // (What looks at the same object, as this reader's own, finds nearly all in its part.)
+      constexpr double kSame = 0.75;
+      if (!is_expected || shareWithin(look.part, own->second.part) > kSame) continue;
       constexpr int kMoves = 8;  // by that fraction of its size, from an image to the next
       const PixelWindow& window = look.part.window;
       const FramePart expected =
@@ -150,9 +155,11 @@ class SharedFrames {
     return part;
   }
 
-  void note(const Reader* reader, const PixelsPtr& pixels, const FramePart& part) {
+  void note(const Reader* reader, const PixelsPtr& pixels, const FramePart& part,
+            const Camera& camera) {
     Look& look = looks_[reader];
-    if (!areEqual(look.pixels, pixels)) look = {pixels, part, std::this_thread::get_id()};
+    if (areEqual(look.pixels, pixels)) return;
+    look = {pixels, part, camera.width, camera.height, std::this_thread::get_id()};
   }
 
   void forget(const Reader* reader) {

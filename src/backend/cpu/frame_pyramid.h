@@ -13,7 +13,7 @@ namespace nerf_pose_refiner {
 /// memory is reused from image to image.
 class FramePyramid {
  public:
-  /// @throws std::invalid_argument if the observation does not have the part.
+  /// @param part within the image.
   void make(const Observation& observation, const FramePart& part);
 
   /// The level with 2^level pixels of the image along a pixel. @param level one of the part's.

@@ -9,7 +9,8 @@
 
 namespace nerf_pose_refiner {
 
-/// A window of an image as the kernels see it: [height][width][4], red, green, blue and weight.
+/// A window of an image as the kernels see it: [height][width][4], red, green, blue and weight, in
+/// rows of row_pixels.
 struct KernelImage {
   const float* pixels;
   int width, height;  ///< >= 2

@@ -10,6 +10,7 @@
 #include <opencv2/imgproc.hpp>
 #include <optional>
 #include <string>
+#include <tuple>
 #include <utility>
 
 #include "concurrency/shared_values.h"
@@ -77,9 +78,11 @@ Image8View bytesOf(const sensor_msgs::Image& image) {
 std::shared_ptr<const CameraPixels> sharedPixels(
     const sensor_msgs::ImageConstPtr& image,
     const std::shared_ptr<const Undistorter>& undistorter) {
-  using Key = std::pair<const sensor_msgs::Image*, const Undistorter*>;
-  static SharedValues<Key, CameraPixels> pixels;  // they keep both alive
-  return pixels.get({image.get(), undistorter.get()}, [&] {
+  // The pixels keep the message and the undistorter alive, so their addresses are not reused. (The
+  // stamp tells a driver that fills one message again and again, which it must not.)
+  using Key = std::tuple<const sensor_msgs::Image*, ros::Time, const Undistorter*>;
+  static SharedValues<Key, CameraPixels> pixels;
+  return pixels.get({image.get(), image->header.stamp, undistorter.get()}, [&] {
     return std::make_shared<const CameraPixels>(
         bytesOf(*image), formatOf(image->encoding),
         std::shared_ptr<const void>(image.get(), [image](const void*) {}), undistorter);
