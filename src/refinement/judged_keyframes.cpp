@@ -35,7 +35,7 @@ void KeyframeRefiner::judge(const TimedObservation& image, const Expectation& ex
     found->covariance += disagreement(cameraTwist(best.T_O_C, other->T_O_C, object.centre),
                                       other->beside_rad, own_rad);
   }
-  if (const KeyframePoints* const nearest = search_->nearest(best.T_O_C);
+  if (const auto nearest = search_->nearestTo(best.T_O_C);
       nearest != nullptr && expected.is_search) {
     found->chromatic_difference = chromaticDifference(*nearest, image.observation, best.T_O_C);
   }

@@ -43,12 +43,6 @@ class KeyframeSearch {
   /// @see KeyframeAligner::expect
   void expect(const std::shared_ptr<const KeyframePoints>& keyframe) { aligner_->expect(keyframe); }
 
-  /// That of the nearest view; null: there is none.
-  const KeyframePoints* nearest(const Pose& T_O_C) {
-    const KeyframeSet::Entry* const entry = kept_.nearest(T_O_C);
-    return entry == nullptr ? nullptr : entry->keyframe.get();
-  }
-
   /// Renders all small views now, which `around` does on first use of each. @throws Cancelled.
   void prepare(const CancellationToken& cancellation);
 
