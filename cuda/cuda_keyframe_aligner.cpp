@@ -104,18 +104,18 @@ int CudaKeyframeAligner::add(std::shared_ptr<const KeyframePoints> keyframe) {
 void CudaKeyframeAligner::expect(const std::shared_ptr<const KeyframePoints>& keyframe) {
   const std::lock_guard<std::mutex> call(expecting_);
   NPR_CUDA_CHECK(cudaSetDevice(device_));
-  std::optional<CudaKeyframe> before;
+  std::optional<CudaKeyframe> uploaded;
   try {
-    before.emplace(keyframe, spareMemory(), &expected_staged_, expected_stream_);
+    uploaded.emplace(keyframe, spareMemory(), &expected_staged_, expected_stream_);
     expected_stream_.wait();
   } catch (const std::exception&) {
     return;  // `add` has more memory once it has removed another one, or says what is wrong
   }
   {
     const std::lock_guard<std::mutex> lock(shared_);
-    std::swap(before, expected_);
+    std::swap(uploaded, expected_);
   }
-  if (before) keepSpare(before->release());
+  if (uploaded) keepSpare(uploaded->release());  // the one before, which nobody has added
 }
 
 void CudaKeyframeAligner::remove(int keyframe) {

@@ -23,6 +23,7 @@ class AsideAlignment {
   ~AsideAlignment();
 
   /// Requires `!busy()`. @param observation is not needed any more afterwards.
+  /// @param start_T_O_C [model units]. @throws as KeyframeAligner::observe; nothing is begun then.
   void begin(const Observation& observation, std::shared_ptr<const KeyframePoints> keyframe,
              const Pose& start_T_O_C);
   /// Whether something was begun whose result has not been taken yet.

@@ -10,7 +10,7 @@ namespace nerf_pose_refiner {
 struct FramePart {
   /// Begins at whole pixels of the coarsest level; ends at such, or with the image.
   PixelWindow window;
-  int finest = 0, coarsest = 0;
+  int finest = 0, coarsest = 0;  ///< levels: 2^level pixels of the image along a pixel
 
   bool holds(const FrameLevels& levels) const;
   /// The pixels of a level that belong to `levels`, within those that the part has of it.
