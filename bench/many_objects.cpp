@@ -3,7 +3,6 @@
 // How long it takes to look for many objects in one image, without a hint. The image shows some of
 // the objects; where there are fewer models than objects, each model is loaded several times.
 
-#include <time.h>
 #include <CLI/CLI.hpp>
 
 #include <chrono>
@@ -24,6 +23,7 @@
 #include "field/object_metadata.h"
 #include "math/angle.h"
 #include "object_scene.h"
+#include "processor_seconds.h"
 #include "runtime/backend_pool.h"
 #include "trust/keyframe_scores.h"
 #include "trust/look_alikes.h"
@@ -40,12 +40,6 @@ struct Options {
   int count = 20, shown = 0, images = 4;
   int width = 640, height = 480;
 };
-
-double processorSeconds() {
-  timespec now;
-  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
-  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
-}
 
 /// An object that is looked for.
 struct LookedFor {

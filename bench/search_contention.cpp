@@ -4,7 +4,6 @@
 // from an image's arrival to the pose, alone and beside the search, by turns. Both get the images
 // of a recording at their stamps and share the processor, as two nodelets of one process do.
 
-#include <time.h>
 #include <CLI/CLI.hpp>
 
 #include <atomic>
@@ -24,6 +23,7 @@
 #include "field/object_frame.h"
 #include "field/object_metadata.h"
 #include "image/io.h"
+#include "processor_seconds.h"
 #include "recorded_sequence.h"
 #include "runtime/backend_pool.h"
 #include "tracking/object_tracker.h"
@@ -40,12 +40,6 @@ struct Options {
   double detect_rate_hz = TrackingRules().detect_rate_hz;
   double recover_s = 0;
 };
-
-double processorSeconds() {
-  timespec now;
-  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
-  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
-}
 
 /// An image and the time at which it was taken, which goes on from run to run.
 struct TakenImage {

@@ -4,7 +4,6 @@
 // them, which share what is made of it, and with an image for each. Camera and objects stand still;
 // the noise of the images differs.
 
-#include <time.h>
 #include <CLI/CLI.hpp>
 
 #include <chrono>
@@ -28,6 +27,7 @@
 #include "image/colour.h"
 #include "math/angle.h"
 #include "object_scene.h"
+#include "processor_seconds.h"
 #include "runtime/backend_pool.h"
 #include "tracking/object_tracker.h"
 
@@ -44,12 +44,6 @@ struct Options {
   int width = 640, height = 480;
   double noise = 0.01;
 };
-
-double processorSeconds() {
-  timespec now;
-  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
-  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
-}
 
 /// How the objects are tracked in an image.
 struct Manner {
