@@ -54,16 +54,21 @@ class Figures(unittest.TestCase):
 
 
 class Command(unittest.TestCase):
-    def run_with(self, right):
-        """check_bars on one recording whose every figure is `right`."""
+    def run_with(self, right, *options, learned=True):
+        """check_bars on one recording whose every figure is `right`. @param learned there is a model of its object."""
         with tempfile.TemporaryDirectory() as folder:
             program = os.path.join(folder, 'build', 'bench', 'recorded_tracking')
             write(program, '#!/bin/sh\necho "%s"\n' % (LINE % right))
             os.chmod(program, 0o755)
             write(os.path.join(folder, 'data', 'bottle_regular_1', 'sequence.json'), '{}')
-            write(os.path.join(folder, 'data', 'bottle.safetensors'), '')
+            model = os.path.join(folder, 'data', 'bottle.safetensors')
+            if learned:
+                write(model, '')
+            train = os.path.join(folder, 'build', 'devel', 'lib', 'nerf_pose_refiner', 'train')
+            write(train, '#!/bin/sh\n[ $# = 3 ] && [ "$2" = --output ] && touch "$3"\n')
+            os.chmod(train, 0o755)
             return subprocess.run([os.path.join(TOP, 'scripts', 'check_bars'), os.path.join(folder, 'data'),
-                                   '--build', os.path.join(folder, 'build'), '--no-demo'],
+                                   '--build', os.path.join(folder, 'build'), '--no-demo'] + list(options),
                                   stdout=subprocess.PIPE, universal_newlines=True, check=False)
 
     def test_says_that_all_is_well(self):
@@ -76,6 +81,17 @@ class Command(unittest.TestCase):
         self.assertEqual(done.returncode, 1)
         self.assertIn('6 of 8 bars kept', done.stdout)
         self.assertEqual(done.stdout.count('MISSED'), 2)
+
+    def test_learns_an_object_first(self):
+        done = self.run_with('0.990', learned=False)
+        self.assertEqual(done.returncode, 0, done.stdout)
+        self.assertIn('learning bottle', done.stdout)
+        self.assertIn('9 of 9 bars kept', done.stdout)
+
+    def test_judges_a_gpu_by_its_99th_percentile(self):
+        done = self.run_with('0.990', '--backend', 'cuda')
+        missed = [line for line in done.stdout.splitlines() if 'MISSED' in line]
+        self.assertIn('17.1', ' '.join(line for line in missed if 'p99_ms' in line), done.stdout)
 
     def test_wants_recordings(self):
         with tempfile.TemporaryDirectory() as folder:
