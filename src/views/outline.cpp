@@ -11,6 +11,13 @@
 namespace nerf_pose_refiner {
 namespace {
 
+/// A place where the opacity crosses 0.5, in pixels.
+struct Crossing {
+  Eigen::Vector2f place;
+  Eigen::Vector2f outside;  ///< unit vector to the outside
+  int pixel = 0;            ///< y * width + x
+};
+
 class OutlineFinder {
  public:
   OutlineFinder(const Image& layers, const KeyframeView& view) : layers_(layers), view_(view) {}
@@ -29,7 +36,7 @@ class OutlineFinder {
   /// The place between a pixel and its neighbour on the other side of 0.5, to the right or below,
   /// where the opacity crosses 0.5. Only if the outline's normal is closer to that direction than
   /// to the other one.
-  std::optional<OutlinePoint> between(int x, int y, bool to_the_right) const {
+  std::optional<Crossing> between(int x, int y, bool to_the_right) const {
     const int x2 = x + (to_the_right ? 1 : 0), y2 = y + (to_the_right ? 0 : 1);
     const float a = layers_.at(x, y, kKeyframeAlpha) - 0.5f;
     const float b = layers_.at(x2, y2, kKeyframeAlpha) - 0.5f;
@@ -38,7 +45,25 @@ class OutlineFinder {
                                 static_cast<float>(y) + (to_the_right ? 0 : t));
     const Eigen::Vector2f slope = slopeAt(place);
     if ((std::abs(slope.x()) >= std::abs(slope.y())) != to_the_right) return std::nullopt;
-    return at(place, -slope.normalized());
+    const Crossing crossing = {place, -slope.normalized(), y * layers_.width + x};
+    if (!isSharp(crossing)) return std::nullopt;
+    return crossing;
+  }
+
+  OutlinePoint pointOf(const Crossing& crossing) const {
+    const Eigen::Vector2f &place = crossing.place, &outside = crossing.outside;
+    OutlinePoint found;
+    found.look = lookAlong(place, outside);
+    // The expected point of an outline pixel is on its inner side, so only its depth is used.
+    const float depth = pointAt(place).z();
+    const auto inwards = static_cast<float>(kOutlineReach);
+    const Eigen::Vector3f inside = pointAt(place - inwards * outside);
+    const Eigen::Vector2f per_px = outside.cwiseQuotient(view_.focal_px);
+    const Eigen::Vector2f slope = inside.head<2>() / inside.z() + inwards * per_px;
+    found.point =
+        inObject(Eigen::Vector3f(depth * slope.x(), depth * slope.y(), depth) - view_.centre);
+    found.normal = inObject({depth * per_px.x(), depth * per_px.y(), 0});
+    return found;
   }
 
  private:
@@ -82,26 +107,15 @@ class OutlineFinder {
             opacityAt(place + down) - opacityAt(place - down)};
   }
 
-  std::optional<OutlinePoint> at(const Eigen::Vector2f& place,
-                                 const Eigen::Vector2f& outside) const {
+  // Whether within a few pixels it is opaque on one side, and empty on the other.
+  bool isSharp(const Crossing& crossing) const {
     constexpr float kOpaque = 0.9f, kClear = 0.1f;
     for (int s = kOutlineReach - 1; s <= kOutlineReach; ++s) {
-      const auto away = static_cast<float>(s);
-      if (opacityAt(place - away * outside) < kOpaque) return std::nullopt;
-      if (opacityAt(place + away * outside) > kClear) return std::nullopt;
+      const Eigen::Vector2f away = static_cast<float>(s) * crossing.outside;
+      if (opacityAt(crossing.place - away) < kOpaque) return false;
+      if (opacityAt(crossing.place + away) > kClear) return false;
     }
-    OutlinePoint found;
-    found.look = lookAlong(place, outside);
-    // The expected point of an outline pixel is on its inner side, so only its depth is used.
-    const float depth = pointAt(place).z();
-    const auto inwards = static_cast<float>(kOutlineReach);
-    const Eigen::Vector3f inside = pointAt(place - inwards * outside);
-    const Eigen::Vector2f per_px = outside.cwiseQuotient(view_.focal_px);
-    const Eigen::Vector2f slope = inside.head<2>() / inside.z() + inwards * per_px;
-    found.point =
-        inObject(Eigen::Vector3f(depth * slope.x(), depth * slope.y(), depth) - view_.centre);
-    found.normal = inObject({depth * per_px.x(), depth * per_px.y(), 0});
-    return found;
+    return true;
   }
 
   Eigen::Array3f colourAt(const Eigen::Vector2f& place) const {
@@ -138,30 +152,32 @@ class OutlineFinder {
 
 std::vector<OutlinePlace> outlineOf(const Image& layers, const KeyframeView& view, int max_count) {
   const OutlineFinder finder(layers, view);
-  std::vector<OutlinePlace> all;
-  if (layers.width < 2 || layers.height < 2) return all;
+  std::vector<Crossing> all;
+  if (layers.width < 2 || layers.height < 2) return {};
   std::vector<char> row = finder.insideOf(0), below;
   for (int y = 0; y + 1 < layers.height; ++y, row.swap(below)) {
     below = finder.insideOf(y + 1);
     for (int x = 0; x + 1 < layers.width; ++x) {
       for (const bool to_the_right : {true, false}) {
         if (row[x] == (to_the_right ? row[x + 1] : below[x])) continue;
-        if (const auto point = finder.between(x, y, to_the_right))
-          all.push_back({*point, y * layers.width + x});
+        if (const auto crossing = finder.between(x, y, to_the_right)) all.push_back(*crossing);
       }
     }
   }
   // Evenly: one of so many along a path from small tile to small tile.
   const int width = layers.width, small_tiles = (width + kTileSide - 1) / kTileSide;
-  const auto small_tile_of = [width, small_tiles](const OutlinePlace& place) {
-    return place.pixel / width / kTileSide * small_tiles + place.pixel % width / kTileSide;
+  const auto small_tile_of = [width, small_tiles](const Crossing& one) {
+    return one.pixel / width / kTileSide * small_tiles + one.pixel % width / kTileSide;
   };
   std::stable_sort(all.begin(), all.end(), [&](const auto& a, const auto& b) {
     return small_tile_of(a) < small_tile_of(b);
   });
   std::vector<OutlinePlace> some;
   const std::size_t count = std::min(all.size(), static_cast<std::size_t>(max_count));
-  for (std::size_t i = 0; i < count; ++i) some.push_back(all[i * all.size() / count]);
+  for (std::size_t i = 0; i < count; ++i) {
+    const Crossing& crossing = all[i * all.size() / count];
+    some.push_back({finder.pointOf(crossing), crossing.pixel});
+  }
   std::stable_sort(some.begin(), some.end(), [width](const auto& a, const auto& b) {
     return tileOfPixel(a.pixel, width) < tileOfPixel(b.pixel, width);
   });
