@@ -1,7 +1,6 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include "refinement/aside_alignment.h"
 
-#include <chrono>
 #include <utility>
 
 #include "concurrency/thread_priority.h"
@@ -10,17 +9,9 @@ namespace nerf_pose_refiner {
 
 AsideAlignment::AsideAlignment(std::unique_ptr<KeyframeAligner> aligner,
                                const KeyframeAlignmentSettings& settings)
-    : settings_(settings), aligner_(std::move(aligner)), thread_([this] { work(); }) {}
+    : settings_(settings), aligner_(std::move(aligner)), worker_(yieldToOtherThreads) {}
 
-AsideAlignment::~AsideAlignment() {
-  cancellation_.requestCancel();
-  {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    stopping_ = true;
-  }
-  changed_.notify_all();
-  thread_.join();
-}
+AsideAlignment::~AsideAlignment() { cancellation_.requestCancel(); }
 
 void AsideAlignment::begin(const Observation& observation,
                            std::shared_ptr<const KeyframePoints> keyframe,
@@ -29,58 +20,17 @@ void AsideAlignment::begin(const Observation& observation,
   aligner_->observe(observation, frameWindowFor(*keyframe, observation.camera, start_T_O_C));
   keyframe_ = std::move(keyframe);
   start_T_O_C_ = start_T_O_C;
-  {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    busy_ = is_requested_ = true;
-  }
-  changed_.notify_all();
-}
-
-bool AsideAlignment::busy() const {
-  const std::lock_guard<std::mutex> lock(mutex_);
-  return busy_;
+  worker_.begin([this] { end_ = align(); });
 }
 
 std::optional<Hypothesis> AsideAlignment::take() {
-  const std::lock_guard<std::mutex> lock(mutex_);
-  if (!done_ && !error_) return std::nullopt;
-  busy_ = false;
-  if (error_) std::rethrow_exception(std::exchange(error_, nullptr));
-  return std::exchange(done_, std::nullopt);
+  if (!worker_.takeEnd()) return std::nullopt;
+  return end_;
 }
 
 Hypothesis AsideAlignment::wait(const CancellationToken& cancellation) {
-  constexpr std::chrono::milliseconds kTick(5);  // polled: a token does not notify anybody
-  {
-    std::unique_lock<std::mutex> lock(mutex_);
-    while (!done_ && !error_) {
-      cancellation.check();
-      changed_.wait_for(lock, kTick);
-    }
-  }
-  return *take();
-}
-
-void AsideAlignment::work() {
-  yieldToOtherThreads();
-  std::unique_lock<std::mutex> lock(mutex_);
-  while (true) {
-    changed_.wait(lock, [this] { return stopping_ || is_requested_; });
-    if (stopping_) return;
-    is_requested_ = false;
-    lock.unlock();
-    std::optional<Hypothesis> done;
-    std::exception_ptr error;
-    try {
-      done = align();
-    } catch (...) {
-      error = std::current_exception();
-    }
-    lock.lock();
-    done_ = done;
-    error_ = error;
-    changed_.notify_all();
-  }
+  worker_.wait(cancellation);
+  return end_;
 }
 
 Hypothesis AsideAlignment::align() {

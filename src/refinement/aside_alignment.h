@@ -1,14 +1,11 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <condition_variable>
-#include <exception>
 #include <memory>
-#include <mutex>
 #include <optional>
-#include <thread>
 
 #include "backend/keyframe_aligner.h"
+#include "concurrency/worker.h"
 
 namespace nerf_pose_refiner {
 
@@ -27,7 +24,7 @@ class AsideAlignment {
   void begin(const Observation& observation, std::shared_ptr<const KeyframePoints> keyframe,
              const Pose& start_T_O_C);
   /// Whether something was begun whose result has not been taken yet.
-  bool busy() const;
+  bool busy() const { return worker_.busy(); }
   /// Takes the result. Nothing: it is not there yet, or nothing was begun.
   /// @throws what the alignment threw; it is then over.
   std::optional<Hypothesis> take();
@@ -35,25 +32,19 @@ class AsideAlignment {
   Hypothesis wait(const CancellationToken& cancellation);
 
  private:
-  void work();
   Hypothesis align();
 
   KeyframeAlignmentSettings settings_;
   CancellationToken cancellation_;
 
-  // Of the thread while something is under way, else of the caller.
+  // Of the worker while it is busy, else of the caller.
   std::unique_ptr<KeyframeAligner> aligner_;
   std::shared_ptr<const KeyframePoints> keyframe_, added_;
   int number_ = 0;  // of the keyframe that was added
   Pose start_T_O_C_;
+  Hypothesis end_;
 
-  mutable std::mutex mutex_;  ///< guards all below
-  std::condition_variable changed_;
-  bool busy_ = false, is_requested_ = false, stopping_ = false;
-  std::optional<Hypothesis> done_;
-  std::exception_ptr error_;
-
-  std::thread thread_;
+  Worker worker_;
 };
 
 }  // namespace nerf_pose_refiner
