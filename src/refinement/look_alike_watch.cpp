@@ -71,7 +71,7 @@ void LookAlikeWatch::forget() {
 }
 
 Pose LookAlikeWatch::steadied(const Observation& observation, const Pose& expected,
-                              const Pose& found, const CancellationToken& cancellation) {
+                              const Pose& found, const KeyframePoints& keyframe) {
   constexpr double kSudden_rad = 3 * kDegree;
   if (!look_alikes_.axis) return found;
   const SymmetryAxis& axis = *look_alikes_.axis;
@@ -83,7 +83,7 @@ Pose LookAlikeWatch::steadied(const Observation& observation, const Pose& expect
   auto image = objectImage(observation, found, object, kEvidence_px);
   if (!image) return found;
   PoseEvidence comparison(std::move(*image));
-  comparison.addAll(*field_, {found, held}, cancellation);
+  comparison.addAll(keyframe, {found, held});
   const bool is_turned = comparison.of(0, 1, noiseOf(object)) > kClearly;
   if (belief_) belief_->spread(0.5 * std::abs(unexpected_rad_));
   unexpected_rad_ = 0;

@@ -30,10 +30,10 @@ class LookAlikeWatch {
   void forget();
 
   /// A pose that tracking found, without a sudden turn about the axis that the image does not ask
-  /// for: what covers the object drags it along where it is held least. Renders where there is one.
-  /// @param expected where the object was predicted. @throws Cancelled.
+  /// for: what covers the object drags it along where it is held least.
+  /// @param expected where the object was predicted. @param keyframe from near the pose.
   Pose steadied(const Observation& observation, const Pose& expected, const Pose& found,
-                const CancellationToken& cancellation);
+                const KeyframePoints& keyframe);
   /// The motion near a given one that takes a pose to where the image shows the object. Renders.
   /// Nothing: none is clearly better than the pose itself. @throws Cancelled.
   std::optional<Pose> confirmed(const Observation& observation, const Pose& T_O_C,

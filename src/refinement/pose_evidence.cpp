@@ -10,6 +10,7 @@
 #include "concurrency/parallel.h"
 #include "image/resample.h"
 #include "refinement/grey_image.h"
+#include "views/splat.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -103,6 +104,10 @@ void PoseEvidence::addAll(const LoadedField& field, const std::vector<Pose>& pos
   shown_.resize(first + renderings.size());
   parallelFor(sideThreads(), static_cast<int>(renderings.size()),
               [&](int i) { shown_[first + i] = compared(renderings[i]); });
+}
+
+void PoseEvidence::addAll(const KeyframePoints& keyframe, const std::vector<Pose>& poses_T_O_C) {
+  for (const Pose& T_O_C : poses_T_O_C) add(splat(keyframe, {camera(), T_O_C}));
 }
 
 PoseEvidence::Shown PoseEvidence::compared(const Rendering& rendering) const {

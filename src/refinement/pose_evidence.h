@@ -4,6 +4,7 @@
 #include <optional>
 #include <vector>
 
+#include "backend/keyframe_points.h"
 #include "backend/loaded_field.h"
 #include "field/field.h"
 #include "nerf_pose_refiner/observation.h"
@@ -42,6 +43,9 @@ class PoseEvidence {
   /// Renders an object from several poses, and adds that. @throws Cancelled.
   void addAll(const LoadedField& field, const std::vector<Pose>& poses_T_O_C,
               const CancellationToken& cancellation);
+
+  /// Adds what a keyframe shows from several poses near its own, without rendering.
+  void addAll(const KeyframePoints& keyframe, const std::vector<Pose>& poses_T_O_C);
 
   int poses() const { return static_cast<int>(shown_.size()); }
 

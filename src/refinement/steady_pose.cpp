@@ -10,12 +10,11 @@
 
 namespace nerf_pose_refiner {
 
-Pose steadyPose(const LoadedField& field, const Observation& observation, const Pose& expected,
-                const Hypothesis& found, const CancellationToken& cancellation) {
+Pose steadyPose(const FieldMetadata& object, const Observation& observation, const Pose& expected,
+                const Hypothesis& found, const KeyframePoints& keyframe) {
   constexpr double kSudden_rad = 3 * kDegree, kSuddenOffset = 0.03;  // beside what was expected
   constexpr double kCovered = 0.85;                                  // of the visible fraction
   constexpr double kClearlyBetter = 3;
-  const FieldMetadata& object = field.field().metadata;
   const Vector6 away = cameraTwist(expected, found.T_O_C, object.centre);
   const bool is_sudden = away.tail<3>().norm() > kSudden_rad ||
                          away.head<3>().norm() > kSuddenOffset * object.diameter;
@@ -23,7 +22,7 @@ Pose steadyPose(const LoadedField& field, const Observation& observation, const 
   auto image = objectImage(observation, found.T_O_C, object, kEvidence_px);
   if (!image) return found.T_O_C;
   PoseEvidence comparison(std::move(*image));
-  comparison.addAll(field, {found.T_O_C, expected}, cancellation);
+  comparison.addAll(keyframe, {found.T_O_C, expected});
   return comparison.of(1, 0, noiseOf(object)) > kClearlyBetter ? expected : found.T_O_C;
 }
 

@@ -95,9 +95,10 @@ HypothesisTable KeyframeRefiner::followed(const TimedObservation& image, const P
     }
   }
   was_sure_ = isSure(found, track_odds_);
-  if (was_sure_) {
-    found.front().T_O_C =
-        steadyPose(*field_, image.observation, prior.T_O_C, found.front(), cancellation);
+  const auto nearest = search_->nearestTo(found.front().T_O_C);
+  if (was_sure_ && nearest != nullptr) {
+    found.front().T_O_C = steadyPose(field_->field().metadata, image.observation, prior.T_O_C,
+                                     found.front(), *nearest);
   }
   if (watch_ && isLive(found)) {
     found = watched(image, found, prior, cancellation);
@@ -111,9 +112,10 @@ HypothesisTable KeyframeRefiner::watched(const TimedObservation& image, Hypothes
                                          const Prior& prior,
                                          const CancellationToken& cancellation) {
   watch_->takeTest(image.stamp_ns, !settings_.real_time, &*renderer_, cancellation);
-  if (was_sure_) {
+  const auto nearest = search_->nearestTo(found.front().T_O_C);
+  if (was_sure_ && nearest != nullptr) {
     Pose& pose = found.front().T_O_C;
-    pose = watch_->steadied(image.observation, prior.T_O_C, pose, cancellation);
+    pose = watch_->steadied(image.observation, prior.T_O_C, pose, *nearest);
   }
   if (const std::optional<Pose> motion = was_sure_ ? watch_->better() : watch_->guess()) {
     const Pose mistaken = found.front().T_O_C;

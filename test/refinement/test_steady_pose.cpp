@@ -18,12 +18,14 @@ class SteadyPose : public testing::Test, public KeyframeScene {
   }
 
   bool isHeld(const Pose& expected, const Hypothesis& found) const {
-    const Pose pose = steadyPose(*scene_, observed(covered(imageOf(truth_))), expected, found, {});
+    const Pose pose =
+        steadyPose(object(), observed(covered(imageOf(truth_))), expected, found, keyframe_);
     EXPECT_TRUE(pose.R == expected.R || pose.R == found.T_O_C.R);
     return pose.R == expected.R;
   }
 
   Pose off_ = offBy(truth_, {0.6, 0.5, -0.6}, 7);
+  KeyframePoints keyframe_ = keyframeAt(offBy(truth_, {-0.5, 0.6, 0.6}, 4));  // beside both
 };
 
 TEST_F(SteadyPose, AnObjectIsHeldWhereTheImageStillShowsIt) {
