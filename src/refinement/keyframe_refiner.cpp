@@ -239,15 +239,21 @@ Refinement KeyframeRefiner::refine(const TimedObservation& image, const Expectat
   prior.validate();
   Refinement result;
   result.T_O_C = prior.T_O_C;
+  SideViews::Own own = {prior, scores_, &*search_, motionTo(image.stamp_ns, prior.T_O_C)};
+  std::unique_ptr<SideViews::Ahead> ahead;
+  const bool is_tracked = !expected.is_settled && !expected.is_search;
   try {
+    if (is_tracked && !observation.side_views.empty()) {
+      ahead = side_views_->lookAhead(observation, own, cancellation);
+      own.ahead = ahead.get();
+    }
     result = conclude(search(), prior);
     if (result.outcome == Outcome::kRefined) judge(image, expected, cancellation, &result);
     // Where nothing is known of the place, other cameras do not look for what this one does not
     // see.
     const bool has_place = !expected.is_settled || result.outcome == Outcome::kRefined;
     if (!observation.side_views.empty() && has_place) {
-      const Vector6 motion = motionTo(image.stamp_ns, prior.T_O_C);
-      side_views_->join(observation, {prior, scores_, &*search_, motion}, cancellation, &result);
+      side_views_->join(observation, own, cancellation, &result);
     }
     if (result.outcome == Outcome::kRefined) {
       considerDepth(image, &result);

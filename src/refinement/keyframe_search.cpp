@@ -113,6 +113,10 @@ void KeyframeSearch::prepare(const CancellationToken& cancellation) {
   loadViews(all, cancellation);
 }
 
+bool KeyframeSearch::isDoubtful(const HypothesisTable& found) const {
+  return !isLive(found) || found.front().score < doubtful_score_;
+}
+
 std::optional<ViewDistance> KeyframeSearch::distanceOfNearest(const Pose& T_O_C) {
   const KeyframeSet::Entry* const nearest = kept_.nearest(T_O_C);
   if (nearest == nullptr) return std::nullopt;
@@ -162,8 +166,7 @@ HypothesisTable KeyframeSearch::near(const Observation& observation, const Prior
   const KeyframePoints& keyframe = *nearest->keyframe;
   lookAround(observation, keyframe, prior.T_O_C, kWindowMargin);
   HypothesisTable found = alignToFinest({{nearest->number, prior.T_O_C}}, cancellation);
-  const bool doubtful = !isLive(found) || found.front().score < doubtful_score_;
-  if (!doubtful || settings_.wide_starts == 0) return found;
+  if (!isDoubtful(found) || settings_.wide_starts == 0) return found;
   constexpr double kWideMargin = 0.5;
   lookAround(observation, keyframe, prior.T_O_C, kWideMargin);
   for (const Hypothesis& other : widely(prior, cancellation)) found.push_back(other);
@@ -181,8 +184,7 @@ HypothesisTable KeyframeSearch::close(const Observation& observation, const Pose
   fine.coarsest_level = std::max(fine.finest_level, std::min(fine.coarsest_level, kFine));
   HypothesisTable found =
       comparable(aligner_->align({{nearest->number, T_O_C}}, fine, cancellation));
-  const bool doubtful = !isLive(found) || found.front().score < doubtful_score_;
-  if (!doubtful) return found;
+  if (!isDoubtful(found)) return found;
   return alignToFinest({{nearest->number, T_O_C}}, cancellation);
 }
 

@@ -37,6 +37,8 @@ class KeyframeSearch {
 
   /// Poses that score less are doubtful: `near` and `close` then look further.
   void setDoubtful(double score) { doubtful_score_ = score; }
+  /// Whether what was found near a prior may well be wrong.
+  bool isDoubtful(const HypothesisTable& found) const;
 
   void add(std::shared_ptr<const KeyframePoints> keyframe) { kept_.add(std::move(keyframe)); }
 

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "concurrency/parallel.h"
+#include "concurrency/worker.h"
 #include "field/object_frame.h"
 #include "math/angle.h"
 #include "refinement/grey_image.h"
@@ -55,8 +56,14 @@ struct SideViews::Camera {
         renderer(field, settings.keyframe,
                  [this](const auto& keyframe) { search.expect(keyframe); }) {}
 
+  /// Waits until its worker looks no more; search and renderer are the caller's then.
+  void waitForWorker(const CancellationToken& cancellation) {
+    if (worker.busy()) worker.wait(cancellation);
+  }
+
   KeyframeSearch search;
   KeyframeRenderer renderer;
+  Worker worker;  // looks ahead
 };
 
 /// What one of them says.
@@ -74,8 +81,20 @@ struct SideViews::Group {
   double probability = 0;
 };
 
+SideViews::Ahead::Ahead(std::vector<Found> sides) : sides_(std::move(sides)) {}
+
+SideViews::Ahead::~Ahead() {
+  for (Camera* const camera : cameras_) {
+    try {
+      camera->waitForWorker({});
+    } catch (const std::exception&) {  // nobody wants its results any more
+    }
+  }
+}
+
 void SideViews::waitForRenderings(const CancellationToken& cancellation) {
   for (const auto& [number, camera] : cameras_) {
+    camera->waitForWorker(cancellation);
     if (camera->renderer.busy()) camera->search.add(camera->renderer.wait(cancellation));
   }
 }
@@ -83,7 +102,7 @@ void SideViews::waitForRenderings(const CancellationToken& cancellation) {
 /// Makes sure that there is a keyframe to align; where the nearest one is far off, asks for
 /// another.
 bool SideViews::haveKeyframe(const View& view, const CancellationToken& cancellation,
-                             Camera* camera) {
+                             Camera* camera) const {
   if (camera->renderer.busy()) {
     const auto keyframe =
         settings_.real_time ? camera->renderer.take() : camera->renderer.wait(cancellation);
@@ -111,21 +130,30 @@ SideViews::Found SideViews::expected(const SideView& view, const Own& own,
   return found;
 }
 
-/// @param closely the prior is what another image shows: nothing is searched for widely.
-void SideViews::look(const SideView& view, bool closely, const CancellationToken& cancellation,
-                     Camera* camera, Found* found) {
+/// Whether a camera's image may show the object, and there is a keyframe to align; else says why
+/// not.
+bool SideViews::isReady(const SideView& view, const CancellationToken& cancellation, Camera* camera,
+                        Found* found) const {
   const Observation& observation = *view.observation;
   const FieldMetadata& object = field_->field().metadata;
   const std::optional<bool> grey = isGrey(observation);
   if (grey && *grey != settings_.keyframe.grey) {
     found->report.message = "its image is grey where the others are coloured, or the reverse";
-    return;
+    return false;
   }
   if (!objectRegion(observation.camera, found->prior, object) ||
       !haveKeyframe({observation.camera, found->prior.T_O_C}, cancellation, camera)) {
     found->report.message = "the object is outside of its image";
-    return;
+    return false;
   }
+  return true;
+}
+
+/// @param closely the prior is what another image shows: nothing is searched for widely.
+void SideViews::look(const SideView& view, bool closely, const CancellationToken& cancellation,
+                     Camera* camera, Found* found) const {
+  if (!isReady(view, cancellation, camera, found)) return;
+  const Observation& observation = *view.observation;
   found->hypotheses = closely ? camera->search.close(observation, found->prior.T_O_C, cancellation)
                               : camera->search.near(observation, found->prior, cancellation);
 }
@@ -191,19 +219,70 @@ SideViews::Camera* SideViews::camera(int number) {
   return camera.get();
 }
 
-/// Looks at the images of other cameras, side by side where they have cameras of their own.
-void SideViews::lookAll(const Observation& observation, bool closely,
-                        const CancellationToken& cancellation, std::vector<Found>* sides) {
+/// Those that images came from.
+std::vector<SideViews::OfCamera> SideViews::camerasOf(const Observation& observation) {
   std::map<int, std::vector<std::size_t>> of_camera;
-  for (std::size_t i = 0; i < sides->size(); ++i) {
+  for (std::size_t i = 0; i < observation.side_views.size(); ++i) {
     const int number = observation.side_views[i].camera;
     if (number != 0) of_camera[number > 0 ? number : -1 - static_cast<int>(i)].push_back(i);
   }
-  std::vector<std::pair<Camera*, std::vector<std::size_t>>> jobs;
-  for (auto& [number, views] : of_camera) jobs.emplace_back(camera(number), std::move(views));
+  std::vector<OfCamera> cameras;
+  for (auto& [number, places] : of_camera) cameras.emplace_back(camera(number), std::move(places));
+  return cameras;
+}
+
+std::unique_ptr<SideViews::Ahead> SideViews::lookAhead(const Observation& observation,
+                                                       const Own& own,
+                                                       const CancellationToken& cancellation) {
+  if (!(field_->field().metadata.metres_per_unit > 0)) return nullptr;
+  std::vector<Found> sides;
+  for (const SideView& view : observation.side_views) {
+    sides.push_back(expected(view, own, own.prior));
+  }
+  auto ahead = std::make_unique<Ahead>(std::move(sides));
+  for (const OfCamera& one : camerasOf(observation)) {
+    Camera* const camera = one.first;
+    ahead->cameras_.push_back(camera);
+    camera->worker.begin([this, &observation, &cancellation, one, ahead = ahead.get()] {
+      for (const std::size_t i : one.second) {
+        const SideView& view = observation.side_views[i];
+        Found& found = ahead->sides_[i];
+        if (!isReady(view, cancellation, one.first, &found)) continue;
+        const Pose& T_O_V = found.prior.T_O_C;
+        found.hypotheses =
+            one.first->search.alignNearest(*view.observation, T_O_V, {T_O_V}, cancellation);
+        if (one.first->search.isDoubtful(found.hypotheses)) found.hypotheses.clear();
+      }
+    });
+  }
+  return ahead;
+}
+
+/// Takes what was found ahead, but for what lies elsewhere than where the own image shows the
+/// object.
+void SideViews::takeAhead(bool own_sees, const CancellationToken& cancellation, Ahead* ahead,
+                          std::vector<Found>* sides) const {
+  const FieldMetadata& object = field_->field().metadata;
+  for (Camera* const camera : ahead->cameras_) camera->waitForWorker(cancellation);
+  for (std::size_t i = 0; i < sides->size(); ++i) {
+    const HypothesisTable& found = ahead->sides_[i].hypotheses;
+    Found& side = (*sides)[i];
+    if (found.empty()) continue;
+    const bool is_there = distanceFromPrior(found.front().T_O_C, side.prior, object) <= 1;
+    if (is_there || !own_sees) side.hypotheses = found;
+  }
+}
+
+/// Looks at those images of other cameras in which nothing has been found ahead, side by side where
+/// they have cameras of their own.
+void SideViews::lookAll(const Observation& observation, bool closely,
+                        const CancellationToken& cancellation, std::vector<Found>* sides) {
+  const std::vector<OfCamera> jobs = camerasOf(observation);
   parallelFor(threadCount(0), static_cast<int>(jobs.size()), [&](int job) {
     for (const std::size_t i : jobs[job].second) {
-      look(observation.side_views[i], closely, cancellation, jobs[job].first, &(*sides)[i]);
+      Found& side = (*sides)[i];
+      if (!side.hypotheses.empty()) continue;
+      look(observation.side_views[i], closely, cancellation, jobs[job].first, &side);
     }
   });
 }
@@ -296,6 +375,7 @@ void SideViews::join(const Observation& observation, const Own& own,
   for (const SideView& view : observation.side_views) {
     sides.push_back(expected(view, own, group.start));
   }
+  if (own.ahead != nullptr) takeAhead(own_sees, cancellation, own.ahead, &sides);
   lookAll(observation, own_sees, cancellation, &sides);
   for (std::size_t i = 0; i < sides.size(); ++i) {
     const SideView& view = observation.side_views[i];

@@ -3,6 +3,7 @@
 
 #include <map>
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include "refinement/field_refiner.h"
@@ -14,7 +15,23 @@ namespace nerf_pose_refiner {
 
 /// The further cameras of an observation, each with its keyframes, and past views of its own.
 class SideViews {
+  struct Camera;
+  struct Found;
+  struct Group;
+
  public:
+  /// Further cameras that are being looked at. Its end waits for that.
+  class Ahead {
+   public:
+    explicit Ahead(std::vector<Found> sides);
+    ~Ahead();
+
+   private:
+    friend class SideViews;
+    std::vector<Found> sides_;      // of those that are looked at: of the workers until they end
+    std::vector<Camera*> cameras_;  // whose workers look
+  };
+
   /// What is known of the observation's own image.
   struct Own {
     Prior prior;  ///< of the search in it
@@ -22,11 +39,18 @@ class SideViews {
     KeyframeSearch* search;  ///< its camera's keyframes
     /// How the object is expected to move, as the camera's twist a second (@see cameraTwist).
     Vector6 motion_per_s = Vector6::Zero();
+    Ahead* ahead = nullptr;  ///< of the same observation; null: nothing has been begun
   };
 
   SideViews(Backend* backend, std::shared_ptr<const LoadedField> field,
             const KeyframeSearchSettings& settings)
       : backend_(backend), field_(std::move(field)), settings_(settings) {}
+
+  /// Begins to look at the images of other cameras, where the object is expected, while the caller
+  /// looks at the own image. All that is given lives longer than the result. Nothing: the model has
+  /// no scale.
+  std::unique_ptr<Ahead> lookAhead(const Observation& observation, const Own& own,
+                                   const CancellationToken& cancellation);
 
   /// Joins what side views say to what the observation's own image says. Where that shows the
   /// object badly, other cameras find it from the prior.
@@ -38,9 +62,8 @@ class SideViews {
   void waitForRenderings(const CancellationToken& cancellation);
 
  private:
-  struct Camera;
-  struct Found;
-  struct Group;
+  using OfCamera = std::pair<Camera*, std::vector<std::size_t>>;  // the places of its images
+
   /// What was found in a past view, which does not change.
   struct Known {
     std::weak_ptr<const Observation> observation;
@@ -48,11 +71,16 @@ class SideViews {
   };
 
   Camera* camera(int number);
+  std::vector<OfCamera> camerasOf(const Observation& observation);
   ViewOpinion opinionOf(const SideView& view, const Found& side) const;
   void report(const SideView& view, Found* side) const;
   Found expected(const SideView& view, const Own& own, const Prior& start) const;
+  bool isReady(const SideView& view, const CancellationToken& cancellation, Camera* camera,
+               Found* found) const;
   void look(const SideView& view, bool closely, const CancellationToken& cancellation,
-            Camera* camera, Found* found);
+            Camera* camera, Found* found) const;
+  void takeAhead(bool own_sees, const CancellationToken& cancellation, Ahead* ahead,
+                 std::vector<Found>* sides) const;
   void lookBack(const SideView& view, KeyframeSearch* search, const CancellationToken& cancellation,
                 Found* found);
   void lookAll(const Observation& observation, bool closely, const CancellationToken& cancellation,
@@ -62,7 +90,7 @@ class SideViews {
                    const std::vector<Found>& sides, Group* group, Refinement* found) const;
   void joinPast(const Observation& observation, const std::vector<Found>& past, Group* group,
                 Refinement* found) const;
-  bool haveKeyframe(const View& view, const CancellationToken& cancellation, Camera* camera);
+  bool haveKeyframe(const View& view, const CancellationToken& cancellation, Camera* camera) const;
 
   Backend* backend_;
   std::shared_ptr<const LoadedField> field_;
