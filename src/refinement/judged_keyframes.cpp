@@ -1,5 +1,6 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
+#include <future>
 
 #include "refinement/colour_comparison.h"
 #include "refinement/covariance.h"
@@ -35,11 +36,15 @@ void KeyframeRefiner::judge(const TimedObservation& image, const Expectation& ex
     found->covariance += disagreement(cameraTwist(best.T_O_C, other->T_O_C, object.centre),
                                       other->beside_rad, own_rad);
   }
+  std::future<std::optional<double>> colours;  // compared beside alignment
   if (const auto nearest = search_->nearestTo(best.T_O_C);
       nearest != nullptr && expected.is_search) {
-    found->chromatic_difference = chromaticDifference(*nearest, image.observation, best.T_O_C);
+    colours = std::async(std::launch::async, [nearest, &image, &best] {
+      return chromaticDifference(*nearest, image.observation, best.T_O_C);
+    });
   }
   found->rolled_score = rolledScore(image, best, expected, cancellation);
+  if (colours.valid()) found->chromatic_difference = colours.get();
   const double by_image = probabilityByImage(*found);
   const double of_colours = oddsOfColours(found->chromatic_difference);
   Prior prior = expected.prior;
