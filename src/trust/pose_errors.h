@@ -26,8 +26,9 @@ void measurePoseErrors(Backend* backend, const LoadedField& field,
                        PoseStatistics* statistics);
 
 /// The deviation that errors have beside what is expected of each: s so that the mean of
-/// error^2 / (expected variance + s^2) is what a Gaussian's is. Unlike the mean excess, a few
-/// errors that were expected to be large do not hide that the others are too.
+/// error^2 / (expected variance + s^2) is what a Gaussian's is, and a little less, as images to
+/// come are less like the model. Unlike the mean excess, a few errors that were expected to be
+/// large do not hide that the others are too.
 class ExcessError {
  public:
   void add(double error, double expected_variance);

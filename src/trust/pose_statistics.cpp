@@ -102,7 +102,6 @@ PoseStatistics measurePoses(Backend* backend, const LoadedField& field,
   statistics.views = static_cast<int>(right.size());
   statistics.right_score = mean(right);
   statistics.wrong_score = mean(wrong);
-  measurePoseErrors(backend, field, views, cancellation, &statistics);
   statistics.keyframes = measureKeyframeScores(backend, field, cancellation);
   return statistics;
 }
