@@ -41,14 +41,11 @@ bool Worker::takeEnd() {
 
 void Worker::wait(const CancellationToken& cancellation) {
   constexpr std::chrono::milliseconds kTick(5);  // polled: a token does not notify anybody
-  {
+  while (busy() && !takeEnd()) {
+    cancellation.check();  // not under the lock: it blocks while the operation is paused
     std::unique_lock<std::mutex> lock(mutex_);
-    while (!has_ended_) {
-      cancellation.check();
-      changed_.wait_for(lock, kTick);
-    }
+    changed_.wait_for(lock, kTick, [this] { return has_ended_; });
   }
-  takeEnd();
 }
 
 void Worker::work(const Job& first) {

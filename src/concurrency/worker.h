@@ -11,15 +11,15 @@
 
 namespace nerf_pose_refiner {
 
-/// A thread that does one job after the other for the thread that owns it. While a job is under
-/// way, what it uses belongs to it.
+/// A thread that does one job after the other for the thread that owns it. From `begin` until the
+/// job's end has been noted, what the job uses belongs to it.
 class Worker {
  public:
   using Job = std::function<void()>;
 
   /// @param first called in the thread before any job, as `yieldToOtherThreads` is.
   explicit Worker(const Job& first = [] {});
-  /// Waits for the job that is under way.
+  /// Waits for the job that is under way; one that has not started yet is not done.
   ~Worker();
 
   /// Requires `!busy()`.
@@ -29,8 +29,8 @@ class Worker {
   /// Notes the end of a job. @return false: it has not ended yet, or there is none.
   /// @throws what the job threw.
   bool takeEnd();
-  /// Waits for the end of the job that was begun. @throws Cancelled: the job goes on; and what it
-  /// threw.
+  /// Waits for the end of the job that was begun, if there is one. @throws Cancelled: the job goes
+  /// on; and what it threw.
   void wait(const CancellationToken& cancellation);
 
  private:

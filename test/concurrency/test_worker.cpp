@@ -62,6 +62,12 @@ TEST(Worker, WhatAJobThrowsComesToItsOwnerOnce) {
   EXPECT_NO_THROW(worker.wait({}));
 }
 
+TEST(Worker, WaitsForNothingWithoutAJob) {
+  Worker worker;
+  worker.wait({});
+  EXPECT_FALSE(worker.busy());
+}
+
 TEST(Worker, KeepsNothingOfAJobThatHasEnded) {
   const auto held = std::make_shared<int>();
   Worker worker;
@@ -72,16 +78,18 @@ TEST(Worker, KeepsNothingOfAJobThatHasEnded) {
 
 TEST(Worker, WaitsForItsJobBeforeItEnds) {
   bool done = false;
-  std::promise<void> begun;
-  {
-    Worker worker;
-    worker.begin([&] {
-      begun.set_value();
-      std::this_thread::yield();
-      done = true;
-    });
-    begun.get_future().wait();
-  }
+  std::promise<void> begun, goes_on;
+  auto worker = std::make_unique<Worker>();
+  worker->begin([&] {
+    begun.set_value();
+    goes_on.get_future().wait();
+    done = true;
+  });
+  begun.get_future().wait();
+  std::thread ends([&worker] { worker.reset(); });
+  EXPECT_FALSE(done);
+  goes_on.set_value();
+  ends.join();
   EXPECT_TRUE(done);
 }
 
