@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "backend/keyframe_points.h"
 #include "refinement/field_refiner.h"
 #include "refinement/look_alike_belief.h"
 #include "refinement/look_alike_test.h"

@@ -1,4 +1,5 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
+#include "math/angle.h"
 #include "refinement/keyframe_refiner.h"
 #include "refinement/look_alike_poses.h"
 #include "refinement/pose_probability.h"
@@ -78,6 +79,16 @@ HypothesisTable KeyframeRefiner::corrected(const Observation& observation,
   return better;
 }
 
+/// A keyframe that shows nearly all that the object shows from a pose and from a few degrees beside
+/// it; null: there is none.
+std::shared_ptr<const KeyframePoints> KeyframeRefiner::keyframeBeside(const Pose& T_O_C) {
+  constexpr double kMost_rad = 15 * kDegree, kMostScale = 0.25;
+  const auto nearest = search_->nearestTo(T_O_C);
+  if (nearest == nullptr) return nullptr;
+  const ViewDistance away = viewDistance(*nearest, T_O_C);
+  return away.rotation_rad <= kMost_rad && away.scale <= kMostScale ? nearest : nullptr;
+}
+
 /// Hypotheses near a prior, and near the last pose that was sure if the prior is not.
 HypothesisTable KeyframeRefiner::followed(const TimedObservation& image, const Prior& prior,
                                           const CancellationToken& cancellation) {
@@ -95,7 +106,7 @@ HypothesisTable KeyframeRefiner::followed(const TimedObservation& image, const P
     }
   }
   was_sure_ = isSure(found, track_odds_);
-  const auto nearest = search_->nearestTo(found.front().T_O_C);
+  const auto nearest = keyframeBeside(found.front().T_O_C);
   if (was_sure_ && nearest != nullptr) {
     found.front().T_O_C = steadyPose(field_->field().metadata, image.observation, prior.T_O_C,
                                      found.front(), *nearest);
@@ -112,7 +123,7 @@ HypothesisTable KeyframeRefiner::watched(const TimedObservation& image, Hypothes
                                          const Prior& prior,
                                          const CancellationToken& cancellation) {
   watch_->takeTest(image.stamp_ns, !settings_.real_time, &*renderer_, cancellation);
-  const auto nearest = search_->nearestTo(found.front().T_O_C);
+  const auto nearest = keyframeBeside(found.front().T_O_C);
   if (was_sure_ && nearest != nullptr) {
     Pose& pose = found.front().T_O_C;
     pose = watch_->steadied(image.observation, prior.T_O_C, pose, *nearest);

@@ -7,9 +7,9 @@
 namespace nerf_pose_refiner {
 
 /// What a keyframe shows from a pose near its own, far quicker than by rendering the field: its
-/// surface points, each spread over the four pixels around it; what they do not cover is empty.
-/// @param view whose camera may have fewer pixels than the keyframe, but not many more: there are
-/// no points between those of the keyframe then. @return colours and alpha alone.
+/// surface points, each spread over the pixels around it. What they do not cover is empty, as are
+/// sides that the keyframe does not show; a surface that hides another one is mixed with it.
+/// @return colours and alpha, which is 0 or 1.
 Rendering splat(const KeyframePoints& keyframe, const View& view);
 
 }  // namespace nerf_pose_refiner

@@ -40,7 +40,9 @@ class Splat : public testing::Test, public KeyframeScene {
             static_cast<double>(beyond) / shown};
   }
 
-  static View reduced(const Pose& T_O_C) { return {kCamera.scaled(0.4), T_O_C}; }
+  static View reduced(const Pose& T_O_C, double scale = 0.4) {
+    return {kCamera.scaled(scale), T_O_C};
+  }
   Rendering rendered(const Pose& T_O_C) const {
     return scene_->render(reduced(T_O_C), RenderOptions(), {});
   }
@@ -62,6 +64,20 @@ TEST_F(Splat, ShowsWhatARenderingShowsFromBeside) {
   EXPECT_LT(turned.mean_difference, 0.5 * not_turned.mean_difference);
   EXPECT_GT(turned.shared, 0.8);
   EXPECT_LT(turned.beyond, 0.5 * not_turned.beyond);
+}
+
+// Of few points: those of a level may be three pixels apart.
+TEST_F(Splat, HasNoHolesInImagesOfAnySize) {
+  KeyframeSettings settings;
+  settings.max_shown = 500;
+  const KeyframePoints sparse = keyframeAt(truth_, settings);
+  ASSERT_GE(sparse.levels.front().spacing, 3);
+  for (const double scale : {0.15, 0.3, 0.6, 1.0}) {
+    const View view = reduced(truth_, scale);
+    const Compared same = compare(splat(sparse, view), scene_->render(view, RenderOptions(), {}));
+    EXPECT_GT(same.shared, 0.75) << scale;
+    EXPECT_LT(same.beyond, 0.1) << scale;
+  }
 }
 
 TEST_F(Splat, OfWhatIsBehindTheCameraIsEmpty) {
