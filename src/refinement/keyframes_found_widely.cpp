@@ -61,17 +61,19 @@ HypothesisTable KeyframeRefiner::foundFrom(const Observation& observation, const
   constexpr std::size_t kRendered = 2;  // of the candidates
   const Camera& camera = observation.camera;
   HypothesisTable starts = search_->around(observation, prior, how.starts, cancellation);
-  std::vector<Pose> best;
-  if (!starts.empty()) best.push_back(starts.front().T_O_C);
-  // The prior, too: it may be nearly right, and small views of it may show too little.
-  std::vector<Pose> others = {prior.T_O_C};
-  const std::size_t candidates = std::min(kRendered, how.candidates_T_O_C.size());
-  others.insert(others.end(), how.candidates_T_O_C.begin(),
-                how.candidates_T_O_C.begin() + static_cast<std::ptrdiff_t>(candidates));
-  for (const Pose& T_O_C : others) {
+  std::vector<Pose> rendered;
+  if (!starts.empty()) rendered.push_back(starts.front().T_O_C);
+  const auto add = [&](const Pose& T_O_C) {
     starts.emplace_back();
     starts.back().T_O_C = T_O_C;
+  };
+  const std::size_t candidates = std::min(kRendered, how.candidates_T_O_C.size());
+  for (std::size_t i = 0; i < candidates; ++i) {
+    add(how.candidates_T_O_C[i]);
+    rendered.push_back(how.candidates_T_O_C[i]);
   }
+  // The prior, too: it may be nearly right, and small views of it may show too little.
+  add(prior.T_O_C);
   HypothesisTable found;
   if (how.is_glance) found = search_->from(observation, starts, cancellation);
   // (Where no keyframe reaches, its small view says whether one is worth while.)
@@ -79,9 +81,10 @@ HypothesisTable KeyframeRefiner::foundFrom(const Observation& observation, const
   const bool has_hope = found.empty() || mayBeRight(found.front()) ||
                         (!search_->distanceOfNearest(first.T_O_C) && mayBeRight(first));
   if (!has_hope) return found;
-  // Most often the first one is enough, and a keyframe takes longer than all the rest.
-  for (const std::vector<Pose>& rendered : {best, others}) {
-    makeAt(camera, rendered, cancellation);
+  // The prior has a keyframe of its own only if it may be needed, for that takes longer than all
+  // the rest.
+  for (const std::vector<Pose>& of : {rendered, {prior.T_O_C}}) {
+    makeAt(camera, of, cancellation);
     found = search_->from(observation, starts, cancellation);
     if (isClear(found)) return found;
   }
