@@ -1,6 +1,7 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
 #include <future>
+#include <optional>
 
 #include "refinement/colour_comparison.h"
 #include "refinement/covariance.h"
@@ -38,7 +39,7 @@ void KeyframeRefiner::judge(const TimedObservation& image, const Expectation& ex
   std::future<std::optional<double>> colours;  // compared beside alignment
   if (const auto nearest = search_->nearestTo(best.T_O_C);
       nearest != nullptr && expected.is_search) {
-    colours = std::async(std::launch::async, [nearest, &image, &best] {
+    colours = std::async([nearest, &image, &best] {
       return chromaticDifference(*nearest, image.observation, best.T_O_C);
     });
   }

@@ -253,6 +253,7 @@ Refinement KeyframeRefiner::refine(const TimedObservation& image, const Expectat
     // see.
     const bool has_place = !expected.is_settled || result.outcome == Outcome::kRefined;
     if (!observation.side_views.empty() && has_place) {
+      own.motion_per_s = motionTo(image.stamp_ns, prior.T_O_C);  // the search may have voided it
       side_views_->join(observation, own, cancellation, &result);
     }
     if (result.outcome == Outcome::kRefined) {

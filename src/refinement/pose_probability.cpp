@@ -124,7 +124,10 @@ Matrix6 keyframeCovariance(const HypothesisTable& hypotheses, const Prior& prior
                            const FieldMetadata& object) {
   const Pose& T_O_C = hypotheses.front().T_O_C;
   const Matrix6 covariance = poseCovariance(hypotheses, prior, object);
-  const Matrix6 noise = covariance - modelCovariance(T_O_C, object);
+  Matrix6 noise = covariance - modelCovariance(T_O_C, object);
+  // That nothing is known of a turn about a free axis must not make the other turns uncertain.
+  if (const auto& axis = object.symmetries.axis())
+    noise = withoutTurns(*axis, noise, object.centre);
   return covariance + systematicCovariance(noise, T_O_C, object);
 }
 

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <exception>
+#include <map>
 #include <optional>
 #include <string>
 #include <utility>
@@ -87,7 +89,7 @@ SideViews::Ahead::~Ahead() {
   for (Camera* const camera : cameras_) {
     try {
       camera->waitForWorker({});
-    } catch (const std::exception&) {  // nobody wants its results any more
+    } catch (const std::exception&) {  // the results are discarded
     }
   }
 }

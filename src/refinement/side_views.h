@@ -1,6 +1,7 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cstddef>
 #include <map>
 #include <memory>
 #include <utility>
@@ -20,15 +21,18 @@ class SideViews {
   struct Group;
 
  public:
-  /// Further cameras that are being looked at. Its end waits for that.
+  /// Images of further cameras that are being looked at. `waitForRenderings` and the destructor
+  /// wait for them.
   class Ahead {
    public:
     explicit Ahead(std::vector<Found> sides);
     ~Ahead();
+    Ahead(const Ahead&) = delete;
+    Ahead& operator=(const Ahead&) = delete;
 
    private:
     friend class SideViews;
-    std::vector<Found> sides_;      // of those that are looked at: of the workers until they end
+    std::vector<Found> sides_;      // belong to the workers until these have ended
     std::vector<Camera*> cameras_;  // whose workers look
   };
 
