@@ -27,7 +27,7 @@ void requireBox(const Dataset& dataset) {
 }
 
 /// Views whose poses are found again, to learn how well that goes: those held out, and some that
-/// were learned, for few are held out. @param count of both.
+/// were learned, for few are held out. @param count so many, if there are as many.
 std::vector<PosedView> poseViews(const SplitViews& split, std::size_t count) {
   const std::vector<PosedView>& training = split.training;
   std::vector<PosedView> views = split.held_out;
@@ -40,7 +40,7 @@ std::vector<PosedView> poseViews(const SplitViews& split, std::size_t count) {
 /// Measures what decides whether a pose that is found with the field can be trusted.
 void calibrate(Backend* backend, const SplitViews& views, const RegistrationOptions& settings,
                const CancellationToken& cancellation, Field* field) {
-  constexpr std::size_t kSearched = 12, kAligned = 64;  // views
+  constexpr std::size_t kSearched = 12, kAligned = 48;  // views
   const auto loaded = [&] { return backend->load(std::make_shared<Field>(*field)); };
   FieldMetadata& object = field->metadata;
   object.symmetries = settings.symmetries;

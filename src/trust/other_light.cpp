@@ -77,6 +77,7 @@ void relight(const Rendering& rendering, const Eigen::Vector3f& change, Image* i
   const SurfaceLight light(rendering, change);
   for (int y = 0; y < image->height; ++y) {
     for (int x = 0; x < image->width; ++x) {
+      if (rendering.alpha.at(x, y, 0) == 0) continue;
       const float gain = 1 + rendering.alpha.at(x, y, 0) * (light.around(x, y) - 1);
       for (int c = 0; c < 3; ++c) image->at(x, y, c) = std::min(1.0f, gain * image->at(x, y, c));
     }

@@ -12,7 +12,7 @@ namespace nerf_pose_refiner {
 /// brighter at the right. @param image [h][w][3].
 void dim(Image* image);
 
-/// The same from another side: the logarithm of an object's brightness changes with its surface's
+/// Lights an object from another side: the logarithm of its brightness changes with its surface's
 /// normal, which looks away from the camera.
 /// @param rendering of the object, of the image's size. @param change of it, in the axes of O.
 void relight(const Rendering& rendering, const Eigen::Vector3f& change, Image* image);

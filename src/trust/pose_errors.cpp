@@ -9,6 +9,7 @@
 #include "backend/keyframe_aligner.h"
 #include "geometry/line_of_sight.h"
 #include "image/colour.h"
+#include "image/resample.h"
 #include "math/angle.h"
 #include "math/random.h"
 #include "refinement/covariance.h"
@@ -44,13 +45,28 @@ std::optional<SymmetryAxis> freeAxis(const FieldMetadata& object) {
   return object.symmetries.axis() ? object.symmetries.axis() : object.look_alikes.axis;
 }
 
-/// A pose, or one that it may be taken for: the nearest to the truth.
-Pose comparable(const Pose& T_O_C, const Pose& true_T_O_C, const FieldMetadata& object) {
-  const Pose nearest = nearestEquivalent(T_O_C, true_T_O_C, object.symmetries);
+/// A hypothesis moved to the pose nearest to the truth of those that it may be taken for.
+Hypothesis comparable(const HypothesisTable& found, const Pose& true_T_O_C,
+                      const FieldMetadata& object) {
+  Prior truth;
+  truth.T_O_C = true_T_O_C;
+  const Hypothesis nearest = nearestEquivalents(found, truth, object).front();
   if (!object.look_alikes.axis) return nearest;
   const SymmetryAxis& axis = *object.look_alikes.axis;
-  const Eigen::Vector3d turn = logSO3(Eigen::Matrix3d(nearest.R * true_T_O_C.R.transpose()));
-  return turnAbout(axis, -turn.dot(axis.direction)) * nearest;
+  const Eigen::Vector3d turn = logSO3(Eigen::Matrix3d(nearest.T_O_C.R * true_T_O_C.R.transpose()));
+  return moved(nearest, turnAbout(axis, -turn.dot(axis.direction)), object.centre);
+}
+
+/// Photos may be far larger than the images of robots.
+Observation reduced(Observation observation) {
+  constexpr double kMost_px = 800;
+  const Camera& camera = observation.camera;
+  const double scale = kMost_px / std::max(camera.width, camera.height);
+  if (scale >= 1) return observation;
+  const Camera smaller = camera.scaled(scale);
+  observation.image = resample(observation.image, camera, smaller);
+  observation.camera = smaller;
+  return observation;
 }
 
 class ErrorTrials {
@@ -89,34 +105,42 @@ class ErrorTrials {
   /// As far beside, and as much nearer or farther, as the nearest keyframe may be.
   Pose besidePose(const Pose& true_T_O_C, std::uint64_t index) const {
     const FieldMetadata& object = field_.field().metadata;
-    const Eigen::Vector3d turn =
-        settings_.renew_rotation_deg * kDegree * drawn(kBesideAxis, index).normalized();
+    const Eigen::Vector3d sight = object.centre - true_T_O_C.t;
+    const Eigen::Vector3d turn = settings_.renew_rotation_deg * kDegree *
+                                 sight.cross(drawn(kBesideAxis, index)).normalized();
     Pose beside = aroundCentre(true_T_O_C, turn, object);
     const double farther = (index / 2 % 2 == 0 ? 1 : -1) * settings_.renew_distance;
     beside.t = object.centre + (1 + farther) * (beside.t - object.centre);
     return beside;
   }
 
-  /// Errors across and along the line of sight, in the units of PoseStatistics. Ends that are
-  /// farther off than their starts are not errors but failures, which scores tell.
+  /// Errors across and along the line of sight, in the units of PoseStatistics. Ends elsewhere are
+  /// no errors but failures, which scores tell.
   void note(const HypothesisTable& found, const Prior& prior, const Pose& true_T_O_C) {
+    constexpr double kElsewhere = 0.1;  // [rad, diameters]
     const FieldMetadata& object = field_.field().metadata;
-    const Pose T_O_C = comparable(found.front().T_O_C, true_T_O_C, object);
+    const HypothesisTable table = {comparable(found, true_T_O_C, object)};
+    const Pose& T_O_C = table.front().T_O_C;
     const Vector6 twist = cameraTwist(T_O_C, true_T_O_C, object.centre);
-    const bool is_found = twist.head<3>().norm() < prior.translation * object.diameter &&
-                          twist.tail<3>().norm() < prior.rotation_rad;
+    const bool is_found = twist.head<3>().norm() < kElsewhere * object.diameter &&
+                          twist.tail<3>().norm() < kElsewhere;
     if (!is_found) return;
-    Matrix6 covariance = keyframeCovariance(found, prior, object);
-    if (const auto axis = freeAxis(object))
-      covariance = withoutTurns(*axis, covariance, object.centre);
+    Matrix6 covariance = keyframeCovariance(table, prior, object);
+    const auto axis = freeAxis(object);
+    if (axis) covariance = withoutTurns(*axis, covariance, object.centre);
     const Eigen::Vector3d centre_C = T_O_C.inverse() * object.centre;
-    Matrix6 to_sight = rotationOfTwists((T_O_C.R * lineOfSightAxes(centre_C)).transpose());
+    const Eigen::Matrix3d sight = T_O_C.R * lineOfSightAxes(centre_C);
+    Matrix6 to_sight = rotationOfTwists(sight.transpose());
     to_sight.topRows<2>() /= object.diameter;
     to_sight.row(2) /= centre_C.norm();
     const Vector6 error = to_sight * twist;
     const Vector6 expected = (to_sight * covariance * to_sight.transpose()).diagonal();
     ExcessError* const of_row[] = {&lateral_, &lateral_, &depth_, &tilt_, &tilt_, &roll_};
-    for (int row = 0; row < 6; ++row) of_row[row]->add(error[row], expected[row]);
+    for (int row = 0; row < 6; ++row) {
+      // (Of a turn nearly about a free axis nothing is left.)
+      if (axis && row >= 3 && std::abs(sight.col(row - 3).dot(axis->direction)) > 0.7) continue;
+      of_row[row]->add(error[row], expected[row]);
+    }
   }
 
   const LoadedField& field_;
@@ -181,10 +205,10 @@ void measurePoseErrors(Backend* backend, const LoadedField& field,
                        PoseStatistics* statistics) {
   ErrorTrials trials(backend, field, cancellation);
   for (std::size_t i = 0; i < views.size(); ++i) {
-    Observation observation = beforeClutter(views[i], i);
+    Observation observation = reduced(beforeClutter(views[i], i));
     if (i % 2 == 1) {
       const Rendering shape =
-          field.render({views[i].camera, views[i].T_O_C}, RenderOptions(), cancellation);
+          field.render({observation.camera, views[i].T_O_C}, RenderOptions(), cancellation);
       relight(shape, kLight * drawn(kLightFrom, i).normalized().cast<float>(), &observation.image);
     }
     trials.tryOne(observation, views[i].T_O_C, i);

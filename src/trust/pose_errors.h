@@ -17,9 +17,9 @@ namespace nerf_pose_refiner {
 Observation beforeClutter(const PosedView& view, std::uint64_t index);
 
 /// Measures how far off poses are that keyframes find, beyond what alignment says by its own
-/// account: keyframes from as far beside as tracking lets them be, in the light of the views and in
-/// other light. Sets the deviations of errors; those of an object's turns for which it looks alike
-/// are left out.
+/// account: keyframes from as far beside, and as much nearer or farther, as tracking lets them be,
+/// in the light of the views and in other light. Sets the deviations of errors. Turns about an axis
+/// from all around which the object looks alike are left out.
 /// @param field without such deviations. @throws Cancelled.
 void measurePoseErrors(Backend* backend, const LoadedField& field,
                        const std::vector<PosedView>& views, const CancellationToken& cancellation,

@@ -51,6 +51,25 @@ TEST_P(PoseStatisticsTest, AreModuloSymmetries) {
   EXPECT_LT(statistics.lateral, 0.005);
 }
 
+// Views whose poses are stated 2 % of the diameter to the left or right of where they are: along
+// one of the two axes across the view. Images to come count as 1.3 times as far off, in variance.
+TEST(PoseErrors, AreThoseOfTheModel) {
+  const auto backend = makeCpuBackend(1);
+  const RevolvedScene scene(Shape::kCylinder);
+  std::vector<PosedView> views = viewsOf(scene), more = viewsOf(scene);
+  views.insert(views.end(), more.begin(), more.end());
+  const double aside = 0.02 * scene.field().metadata.diameter;
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    views[i].T_O_C.t += (i % 2 ? aside : -aside) * views[i].T_O_C.R.col(0);
+  }
+  PoseStatistics statistics;
+  measurePoseErrors(backend.get(), scene, views, {}, &statistics);
+  const double expected = 0.02 * std::sqrt(0.5 * 1.3 * 16 / 14);
+  EXPECT_GT(statistics.lateral, 0.8 * expected);
+  EXPECT_LT(statistics.lateral, 1.3 * expected);
+  EXPECT_LT(statistics.depth, 0.01);
+}
+
 // Errors of deviation 5, expected to be of 3 and of 4, in turn: 25 = 9 + 16 = 16 + 9.
 TEST(ExcessError, IsWhatIsMissingToEachErrorsVariance) {
   ExcessError excess;
