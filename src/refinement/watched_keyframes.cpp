@@ -82,11 +82,11 @@ HypothesisTable KeyframeRefiner::corrected(const Observation& observation,
 /// A keyframe that shows nearly all that the object shows from a pose and from a few degrees beside
 /// it; null: there is none.
 std::shared_ptr<const KeyframePoints> KeyframeRefiner::keyframeBeside(const Pose& T_O_C) {
-  constexpr double kMost_rad = 15 * kDegree, kMostScale = 0.25;
+  constexpr double kMax_rad = 15 * kDegree, kMaxScale = 0.25;
   const auto nearest = search_->nearestTo(T_O_C);
   if (nearest == nullptr) return nullptr;
   const ViewDistance away = viewDistance(*nearest, T_O_C);
-  return away.rotation_rad <= kMost_rad && away.scale <= kMostScale ? nearest : nullptr;
+  return away.rotation_rad <= kMax_rad && away.scale <= kMaxScale ? nearest : nullptr;
 }
 
 /// Hypotheses near a prior, and near the last pose that was sure if the prior is not.

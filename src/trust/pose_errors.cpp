@@ -59,9 +59,9 @@ Hypothesis comparable(const HypothesisTable& found, const Pose& true_T_O_C,
 
 /// Photos may be far larger than the images of robots.
 Observation reduced(Observation observation) {
-  constexpr double kMost_px = 800;
+  constexpr double kMax_px = 800;
   const Camera& camera = observation.camera;
-  const double scale = kMost_px / std::max(camera.width, camera.height);
+  const double scale = kMax_px / std::max(camera.width, camera.height);
   if (scale >= 1) return observation;
   const Camera smaller = camera.scaled(scale);
   observation.image = resample(observation.image, camera, smaller);
@@ -171,19 +171,19 @@ void ExcessError::add(double error, double expected_variance) {
 /// The mean of errors squared in their variances, if each has so much more. Outliers count as three
 /// deviations, which leaves a Gaussian's mean at 1.
 double ExcessError::meanBeside(double variance) const {
-  constexpr double kLeast = 1e-18;  // nothing is exact
-  constexpr double kMost = 9;
+  constexpr double kMin = 1e-18;  // nothing is exact
+  constexpr double kMax = 9;
   double sum = 0;
   for (const Error& one : errors_) {
-    sum += std::min(kMost, one.squared / (one.expected + variance + kLeast));
+    sum += std::min(kMax, one.squared / (one.expected + variance + kMin));
   }
   return sum / static_cast<double>(errors_.size());
 }
 
 double ExcessError::deviation() const {
-  constexpr std::size_t kFewest = 4;
+  constexpr std::size_t kMin = 4;
   constexpr int kHalvings = 60;
-  if (errors_.size() < kFewest) return 0;
+  if (errors_.size() < kMin) return 0;
   // An estimate from n errors is poor: the variance of those that are to come is larger by
   // n / (n - 2), as in Student's distribution. And a robot's images are less like the model than
   // photos that it was learned from: shadows, other sharpness.
