@@ -59,7 +59,6 @@ HypothesisTable KeyframeRefiner::foundFrom(const Observation& observation, const
                                            const WideSearch& how,
                                            const CancellationToken& cancellation) {
   constexpr std::size_t kRendered = 2;  // of the candidates
-  const Camera& camera = observation.camera;
   HypothesisTable starts = search_->around(observation, prior, how.starts, cancellation);
   std::vector<Pose> rendered;
   if (!starts.empty()) rendered.push_back(starts.front().T_O_C);
@@ -83,8 +82,8 @@ HypothesisTable KeyframeRefiner::foundFrom(const Observation& observation, const
   if (!has_hope) return found;
   // The prior has a keyframe of its own only if it may be needed, for that takes longer than all
   // the rest.
-  for (const std::vector<Pose>& of : {rendered, {prior.T_O_C}}) {
-    makeAt(camera, of, cancellation);
+  for (const std::vector<Pose>& poses_T_O_C : {rendered, std::vector<Pose>{prior.T_O_C}}) {
+    makeAt(observation.camera, poses_T_O_C, cancellation);
     found = search_->from(observation, starts, cancellation);
     if (isClear(found)) return found;
   }

@@ -120,17 +120,6 @@ Matrix6 systematicCovariance(const Matrix6& of_twist, const Pose& T_O_C,
   return kOverNoise * rotated(variances.asDiagonal(), sight);
 }
 
-Matrix6 keyframeCovariance(const HypothesisTable& hypotheses, const Prior& prior,
-                           const FieldMetadata& object) {
-  const Pose& T_O_C = hypotheses.front().T_O_C;
-  const Matrix6 covariance = poseCovariance(hypotheses, prior, object);
-  Matrix6 noise = covariance - modelCovariance(T_O_C, object);
-  // That nothing is known of a turn about a free axis must not make the other turns uncertain.
-  if (const auto& axis = object.symmetries.axis())
-    noise = withoutTurns(*axis, noise, object.centre);
-  return covariance + systematicCovariance(noise, T_O_C, object);
-}
-
 Matrix6 disagreement(const Vector6& away, double beside_rad, double own_beside_rad) {
   constexpr double kMinHeld = 0.1, kMinShare = 0.1;
   const double taken_along = beside_rad > 0 ? away.tail<3>().norm() / beside_rad : 0;

@@ -66,11 +66,6 @@ double withinProbability(const Matrix6& of_twist, const FieldMetadata& object);
 Matrix6 systematicCovariance(const Matrix6& of_twist, const Pose& T_O_C,
                              const FieldMetadata& object);
 
-/// Covariance of a pose that keyframes found, as a twist: of noise, and of errors of the model.
-/// @see poseCovariance, systematicCovariance.
-Matrix6 keyframeCovariance(const HypothesisTable& hypotheses, const Prior& prior,
-                           const FieldMetadata& object);
-
 /// The covariance that two keyframes show by ending apart, as a twist of the pose. Where an image
 /// holds a turn badly, a keyframe drags the pose a share of the way to where it was rendered: if
 /// the second one turns the object by as much as it was rendered beside it, the image does not fix
