@@ -17,7 +17,8 @@ class Worker {
  public:
   using Job = std::function<void()>;
 
-  /// @param first called in the thread before any job, as `yieldToOtherThreads` is.
+  /// @param first called in the thread before any job, as `yieldToOtherThreads` is; it must not
+  /// throw.
   explicit Worker(const Job& first = [] {});
   /// Waits for the job that is under way; one that has not started yet is not done.
   ~Worker();
