@@ -191,6 +191,27 @@ TEST_F(SideViewsTest, OtherCamerasFindWhatTheFirstDoesNotSee) {
   EXPECT_GT(found.score, 0.9);
 }
 
+// Other cameras' images are looked at meanwhile.
+TEST_F(SideViewsTest, AfterACancelledImageTheNextOneIsLookedAt) {
+  KeyframeSearchSettings settings;
+  settings.real_time = false;
+  KeyframeRefiner refiner(backend_.get(), field_, settings);
+  Observation observation = imageAt(truth_);
+  observation.side_views = {side(std::make_shared<const Observation>(imageAt(sideTruth())))};
+  Prior prior;
+  prior.T_O_C = fartherBy(truth_, 0.004);
+  prior.rotation_rad = 5 * kDegree;
+  prior.translation = 0.05;
+  CancellationToken cancelled;
+  cancelled.requestCancel();
+  for (int i = 0; i < 3; ++i) {
+    EXPECT_EQ(refiner.follow({observation, 2 * i}, prior, cancelled).outcome, Outcome::kCancelled);
+    const Refinement found = refiner.follow({observation, 2 * i + 1}, prior);
+    ASSERT_EQ(found.side_views.size(), 1u);
+    EXPECT_TRUE(found.side_views[0].used) << found.side_views[0].message;
+  }
+}
+
 TEST_F(SideViewsTest, ACameraThatIsElsewhereIsRefused) {
   Observation observation = imageAt(truth_);
   const Refinement alone = follow(observation);
