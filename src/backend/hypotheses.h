@@ -27,6 +27,9 @@ struct Hypothesis {
   /// Sum over tiles of the image of g g^T, g being a tile's part of J^T W r: what the gradient
   /// would vary by, were the tiles drawn again. Same order and axes. Zero if there is none.
   Eigen::Matrix<double, 6, 6> gradient_scatter = Eigen::Matrix<double, 6, 6>::Zero();
+  /// Between its line of sight to the object's centre and that of the keyframe that found it; 0 if
+  /// none did [rad].
+  double beside_rad = 0;
   double residual_variance = 0;  ///< of the robustly weighted residuals
 };
 

@@ -99,7 +99,8 @@ struct KeyframeScores {
 /// believed. Of views before clutter, refined from a little off.
 struct PoseStatistics {
   int views = 0;  ///< 0: unknown
-  /// Standard deviations of the error, beyond what a refinement expects by its own account.
+  /// Standard deviations of the error, beyond what a refinement expects by its own account; with
+  /// keyframes from beside a pose they are larger (refinement/pose_probability.h, besideFactor).
   double lateral = 0;      ///< of the object's centre, across the line of sight [diameters]
   double depth = 0;        ///< of it, along the line of sight [fraction of its distance]
   double tilt_rad = 0;     ///< about axes across the line of sight

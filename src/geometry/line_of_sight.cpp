@@ -18,4 +18,8 @@ Eigen::Matrix3d lineOfSightAxes(const Eigen::Vector3d& along) {
   return turn.normalized().toRotationMatrix();
 }
 
+double angleBetween(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
+  return std::atan2(a.cross(b).norm(), a.dot(b));
+}
+
 }  // namespace nerf_pose_refiner

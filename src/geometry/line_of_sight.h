@@ -9,4 +9,7 @@ namespace nerf_pose_refiner {
 /// camera that looks along it. @param along any length but 0; opposite to the axis: half a turn.
 Eigen::Matrix3d lineOfSightAxes(const Eigen::Vector3d& along);
 
+/// [rad] @param a, b of any length but 0.
+double angleBetween(const Eigen::Vector3d& a, const Eigen::Vector3d& b);
+
 }  // namespace nerf_pose_refiner

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "geometry/line_of_sight.h"
+
 namespace nerf_pose_refiner {
 namespace {
 
@@ -15,11 +17,6 @@ constexpr double kSameLength = 0.01;  // fraction of the lengths that were given
 
 void require(bool holds, const char* what) {
   if (!holds) throw std::invalid_argument(what);
-}
-
-/// The angle between two unit vectors.
-double angleBetween(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
-  return std::atan2(a.cross(b).norm(), a.dot(b));
 }
 
 /// Tells motions apart.

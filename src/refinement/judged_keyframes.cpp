@@ -30,7 +30,6 @@ void KeyframeRefiner::judge(const TimedObservation& image, const Expectation& ex
                             const CancellationToken& cancellation, Refinement* found) {
   const FieldMetadata& object = field_->field().metadata;
   const Hypothesis& best = found->hypotheses.front();
-  found->covariance += systematicCovariance(found->covariance, found->T_O_C, object);
   if (const auto other = search_->secondOpinion(best, cancellation)) {
     // (Elsewhere the keyframe that found the pose need not be the nearest one.)
     const double own_rad = expected.is_settled ? other->own_beside_rad : other->beside_rad;

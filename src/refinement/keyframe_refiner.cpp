@@ -341,7 +341,7 @@ Refinement KeyframeRefiner::conclude(const HypothesisTable& found, const Prior& 
   result.outcome = Outcome::kRefined;
   result.T_O_C = {nearestRotation(best.T_O_C.R), best.T_O_C.t};
   result.visible_fraction = best.visible_fraction;
-  result.covariance = poseCovariance(result.hypotheses, prior, object);
+  result.covariance = keyframeCovariance(result.hypotheses, prior, object);
   return result;
 }
 

@@ -7,11 +7,13 @@
 #include <cmath>
 #include <utility>
 
+#include "geometry/line_of_sight.h"
+
 namespace nerf_pose_refiner {
 
 ViewDistance viewDistance(const Pose& a_T_O_C, const Pose& b_T_O_C, const Eigen::Vector3d& centre) {
   const Eigen::Vector3d a = a_T_O_C.t - centre, b = b_T_O_C.t - centre;
-  return {std::atan2(b.cross(a).norm(), b.dot(a)), std::abs(std::log(b.norm() / a.norm()))};
+  return {angleBetween(a, b), std::abs(std::log(b.norm() / a.norm()))};
 }
 
 ViewDistance viewDistance(const KeyframePoints& keyframe, const Pose& T_O_C) {

@@ -7,6 +7,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "math/angle.h"
+
 namespace nerf_pose_refiner {
 namespace {
 
@@ -118,6 +120,24 @@ Matrix6 systematicCovariance(const Matrix6& of_twist, const Pose& T_O_C,
   const Eigen::Matrix3d sight = T_O_C.R * lineOfSightAxes(T_O_C.inverse() * object.centre);
   const Vector6 variances = rotated(of_twist, sight.transpose()).diagonal();
   return kOverNoise * rotated(variances.asDiagonal(), sight);
+}
+
+Matrix6 keyframeCovariance(const HypothesisTable& hypotheses, const Prior& prior,
+                           const FieldMetadata& object) {
+  const Pose& T_O_C = hypotheses.front().T_O_C;
+  const Matrix6 covariance = poseCovariance(hypotheses, prior, object);
+  Matrix6 noise = covariance - modelCovariance(T_O_C, object);
+  // That nothing is known of a turn about a free axis must not make the other turns uncertain.
+  if (const auto& axis = object.symmetries.axis())
+    noise = withoutTurns(*axis, noise, object.centre);
+  return covariance + systematicCovariance(noise, T_O_C, object) +
+         (besideFactor(hypotheses.front().beside_rad) - 1) * modelCovariance(T_O_C, object);
+}
+
+double besideFactor(double beside_rad) {
+  constexpr double kDoubled_rad = 8 * kDegree, kMax = 5;
+  const double share = beside_rad / kDoubled_rad;
+  return std::min(kMax, 1 + share * share);
 }
 
 Matrix6 disagreement(const Vector6& away, double beside_rad, double own_beside_rad) {

@@ -66,6 +66,16 @@ double withinProbability(const Matrix6& of_twist, const FieldMetadata& object);
 Matrix6 systematicCovariance(const Matrix6& of_twist, const Pose& T_O_C,
                              const FieldMetadata& object);
 
+/// Covariance of a pose that keyframes found, as a twist: of noise, and of errors of the model.
+/// @see poseCovariance, systematicCovariance, besideFactor.
+Matrix6 keyframeCovariance(const HypothesisTable& hypotheses, const Prior& prior,
+                           const FieldMetadata& object);
+
+/// How many times the variances of errors of the model count with a keyframe from so far beside the
+/// pose, which shows the surface and its shading as they are seen from there: once with one of its
+/// own place, twice from 8 degrees. (Errors of a desk lamp on recordings grew like that.)
+double besideFactor(double beside_rad);
+
 /// The covariance that two keyframes show by ending apart, as a twist of the pose. Where an image
 /// holds a turn badly, a keyframe drags the pose a share of the way to where it was rendered: if
 /// the second one turns the object by as much as it was rendered beside it, the image does not fix

@@ -190,8 +190,7 @@ void SideViews::report(const SideView& view, Found* side) const {
   side->hypotheses = nearestEquivalents(side->hypotheses, side->prior, object);
   const Pose& T_O_V = side->hypotheses.front().T_O_C;
   const ObjectFrame frame = ObjectFrame::inMetres(object);
-  Matrix6 covariance = poseCovariance(side->hypotheses, side->prior, object);
-  covariance += systematicCovariance(covariance, T_O_V, object);
+  const Matrix6 covariance = keyframeCovariance(side->hypotheses, side->prior, object);
   report.T_V_O = frame.objectInCamera({nearestRotation(T_O_V.R), T_O_V.t});
   report.covariance = covarianceInCamera(covariance, T_O_V, object, frame);
   if (report.score >= kMinScore) return;
@@ -207,9 +206,8 @@ ViewOpinion SideViews::opinionOf(const SideView& view, const Found& side) const 
   const FieldMetadata& object = field_->field().metadata;
   const Pose& T_O_V = side.hypotheses.front().T_O_C;
   const Matrix6 model = modelCovariance(T_O_V, object);
-  Matrix6 noise = poseCovariance(side.hypotheses, side.prior, object);
-  noise += systematicCovariance(noise, T_O_V, object) +
-           placeCovariance(T_O_V, view.position_dev_m / object.metres_per_unit,
+  Matrix6 noise = keyframeCovariance(side.hypotheses, side.prior, object);
+  noise += placeCovariance(T_O_V, view.position_dev_m / object.metres_per_unit,
                            view.rotation_dev_rad, object) +
            side.unsteady * side.unsteady.transpose();
   return {cameraTwist(side.prior.T_O_C, T_O_V, object.centre), noise - model, model};

@@ -11,6 +11,7 @@
 #include "registration/field_training.h"
 #include "registration/registration_hash.h"
 #include "trust/look_alikes.h"
+#include "trust/pose_errors.h"
 #include "trust/pose_statistics.h"
 
 namespace nerf_pose_refiner {
@@ -26,12 +27,11 @@ void requireBox(const Dataset& dataset) {
 }
 
 /// Views whose poses are found again, to learn how well that goes: those held out, and some that
-/// were learned, for few are held out.
-std::vector<PosedView> poseViews(const SplitViews& split) {
-  constexpr std::size_t kViews = 12;
+/// were learned, for few are held out. @param count so many, if there are as many.
+std::vector<PosedView> poseViews(const SplitViews& split, std::size_t count) {
   const std::vector<PosedView>& training = split.training;
   std::vector<PosedView> views = split.held_out;
-  const std::size_t missing = std::min(kViews - std::min(kViews, views.size()), training.size());
+  const std::size_t missing = std::min(count - std::min(count, views.size()), training.size());
   for (std::size_t i = 0; i < missing; ++i)
     views.push_back(training[training.size() * i / missing]);
   return views;
@@ -40,12 +40,15 @@ std::vector<PosedView> poseViews(const SplitViews& split) {
 /// Measures what decides whether a pose that is found with the field can be trusted.
 void calibrate(Backend* backend, const SplitViews& views, const RegistrationOptions& settings,
                const CancellationToken& cancellation, Field* field) {
+  constexpr std::size_t kSearched = 12, kAligned = 48;  // views
   const auto loaded = [&] { return backend->load(std::make_shared<Field>(*field)); };
   FieldMetadata& object = field->metadata;
   object.symmetries = settings.symmetries;
   object.look_alikes = measureLookAlikes(backend, *loaded(), cancellation);
-  const std::vector<PosedView> searched = poseViews(views);
-  object.pose = measurePoses(backend, *loaded(), searched, cancellation);
+  const std::vector<PosedView> searched = poseViews(views, kSearched);
+  PoseStatistics poses = measurePoses(backend, *loaded(), searched, cancellation);
+  measurePoseErrors(backend, *loaded(), poseViews(views, kAligned), cancellation, &poses);
+  object.pose = poses;
   if (!settings.accept_poor_data) requireUsableModel(object, static_cast<int>(searched.size()));
 }
 

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "field/object_frame.h"
+#include "geometry/line_of_sight.h"
 #include "math/angle.h"
 
 namespace nerf_pose_refiner {
@@ -44,8 +45,7 @@ void ViewWindow::noteMotion(std::int64_t stamp_ns, const Pose& T_W_C) {
 
 /// Between the lines of sight to the object.
 double ViewWindow::angleBetween(const Pose& T_W_A, const Pose& T_W_B) const {
-  const Eigen::Vector3d a = T_W_A.t - *centre_W_, b = T_W_B.t - *centre_W_;
-  return std::atan2(a.cross(b).norm(), a.dot(b));
+  return nerf_pose_refiner::angleBetween(T_W_A.t - *centre_W_, T_W_B.t - *centre_W_);
 }
 
 void ViewWindow::addTo(std::int64_t stamp_ns, Observation* observation) {

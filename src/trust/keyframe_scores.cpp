@@ -15,6 +15,7 @@
 #include "refinement/covariance.h"
 #include "refinement/look_alike_poses.h"
 #include "trust/clutter_blocks.h"
+#include "trust/other_light.h"
 #include "trust/shown_sides.h"
 
 namespace nerf_pose_refiner {
@@ -30,16 +31,6 @@ constexpr double kBeside_rad = 0.7, kBesideOffset = 0.15;  // of starts of wrong
 constexpr int kWrongStarts = 4;
 
 using Change = std::function<void(const Image& alpha, std::uint64_t index, Image* image)>;
-
-void dim(const Image&, std::uint64_t, Image* image) {
-  for (int y = 0; y < image->height; ++y) {
-    for (int x = 0; x < image->width; ++x) {
-      const float light = 0.5f + 0.6f * static_cast<float>(x) / static_cast<float>(image->width);
-      const float tint[3] = {1, 0.85f, 0.7f};
-      for (int c = 0; c < 3; ++c) image->at(x, y, c) *= light * tint[c];
-    }
-  }
-}
 
 void addNoise(float deviation, std::uint64_t index, Image* image) {
   const float half_width = std::sqrt(3.0f) * deviation;  // of uniform noise
@@ -108,6 +99,7 @@ class ScoreTrials {
 
   KeyframeScores measure() {
     const Change as_it_is = [](const Image&, std::uint64_t, Image*) {};
+    const Change dimmed = [](const Image&, std::uint64_t, Image* image) { dim(image); };
     const Change noisy = [](const Image&, std::uint64_t i, Image* image) {
       addNoise(0.05f, i, image);
     };
@@ -116,7 +108,7 @@ class ScoreTrials {
     };
     for (int i = 0; i < kViews; ++i) {
       for (const Change& change :
-           {Change(dim), Change(coverLeftHalf), Change(coverUpperHalf), Change(defocus), noisy}) {
+           {dimmed, Change(coverLeftHalf), Change(coverUpperHalf), Change(defocus), noisy}) {
         tryRight(i, imageOf(sides_[i], i, change));
       }
       tryWrong(i, imageOf(sides_[i], i, as_it_is), true);

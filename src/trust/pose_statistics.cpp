@@ -4,14 +4,11 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
-#include <optional>
 
-#include "geometry/line_of_sight.h"
-#include "image/colour.h"
 #include "math/random.h"
 #include "refinement/field_refiner.h"
-#include "trust/clutter_blocks.h"
 #include "trust/keyframe_scores.h"
+#include "trust/pose_errors.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -22,19 +19,6 @@ enum Stream : std::uint64_t { kTurn = 1, kMove, kWrongAxis, kWrongAngle };
 constexpr double kStartRotation_rad = 0.03;                      // a little off
 constexpr double kStartTranslation = 0.02;                       // [diameters]
 constexpr std::uint64_t kWrongDraws = 8, kDrawStride = 1 << 20;  // beyond any view's number
-
-/// A view as a camera would see it: with something unknown behind the object.
-Observation observed(const PosedView& view, std::uint64_t index) {
-  const PremultipliedImage photo = premultiply(*view.rgba);
-  const Image behind = clutterBlocks(view.camera, index);
-  Observation observation;
-  observation.camera = view.camera;
-  observation.image = photo.colour;
-  for (std::size_t i = 0; i < behind.values.size(); ++i) {
-    observation.image.values[i] += (1 - photo.alpha.values[i / 3]) * behind.values[i];
-  }
-  return observation;
-}
 
 Eigen::Vector3d randomVector(Stream stream, std::uint64_t index) {
   Eigen::Vector3d v;
@@ -74,43 +58,6 @@ Pose wrongSide(const Pose& T_O_C, const FieldMetadata& object, std::uint64_t ind
   return wrong;
 }
 
-/// Errors across and along the line of sight, in the units of PoseStatistics: their second moments,
-/// and those that the refinements expected.
-class ErrorMoments {
- public:
-  void add(const Refinement& found, const Pose& true_T_O_C, const FieldMetadata& object) {
-    const Pose T_O_C = nearestEquivalent(found.T_O_C, true_T_O_C, object.symmetries);
-    const Eigen::Vector3d centre_C = T_O_C.inverse() * object.centre;
-    Matrix6 to_sight = rotationOfTwists((T_O_C.R * lineOfSightAxes(centre_C)).transpose());
-    to_sight.topRows<2>() /= object.diameter;
-    to_sight.row(2) /= centre_C.norm();
-    const Vector6 error = to_sight * cameraTwist(T_O_C, true_T_O_C, object.centre);
-    // A turn about a free axis is no error, so that none was expected.
-    const std::optional<SymmetryAxis>& axis = object.symmetries.axis();
-    const Matrix6 expected =
-        axis ? withoutTurns(*axis, found.covariance, object.centre) : found.covariance;
-    excess_ += error.cwiseAbs2() - (to_sight * expected * to_sight.transpose()).diagonal();
-    ++views_;
-  }
-
-  void write(PoseStatistics* statistics) const {
-    statistics->lateral = deviation(excess_.head<2>().mean());
-    statistics->depth = deviation(excess_[2]);
-    statistics->tilt_rad = deviation(excess_.segment<2>(3).mean());
-    statistics->roll_rad = deviation(excess_[5]);
-  }
-
- private:
-  /// An estimate from n views is poor: the variance of errors that are to come is larger by
-  /// n / (n - 2), as in Student's distribution.
-  double deviation(double excess) const {
-    return std::sqrt(std::max(0.0, excess) / std::max(1, views_ - 2));
-  }
-
-  Vector6 excess_ = Vector6::Zero();
-  int views_ = 0;
-};
-
 double mean(const std::vector<double>& values) {
   double sum = 0;
   for (const double value : values) sum += value;
@@ -134,11 +81,10 @@ PoseStatistics measurePoses(Backend* backend, const LoadedField& field,
   const FieldMetadata& object = field.field().metadata;
   const std::shared_ptr<Backend> borrowed(backend, [](Backend*) {});
   FieldRefiner refiner(borrowed, RefinerSettings::named("track"));
-  ErrorMoments errors;
   std::vector<double> right, wrong;
   for (std::size_t i = 0; i < views.size(); ++i) {
     const Pose& truth = views[i].T_O_C;
-    const Observation observation = observed(views[i], i);
+    const Observation observation = beforeClutter(views[i], i);
     Prior prior;
     prior.rotation_rad = 2 * kStartRotation_rad;
     prior.translation = 2 * kStartTranslation;
@@ -149,15 +95,12 @@ PoseStatistics measurePoses(Backend* backend, const LoadedField& field,
     if (found.outcome == Outcome::kCancelled || mistaken.outcome == Outcome::kCancelled)
       cancellation.check();
     if (mistaken.outcome == Outcome::kRefined) wrong.push_back(mistaken.hypotheses.front().score);
-    if (!isFound(found, truth, object)) continue;
-    right.push_back(found.hypotheses.front().score);
-    errors.add(found, truth, object);
+    if (isFound(found, truth, object)) right.push_back(found.hypotheses.front().score);
   }
   PoseStatistics statistics;
   statistics.views = static_cast<int>(right.size());
   statistics.right_score = mean(right);
   statistics.wrong_score = mean(wrong);
-  errors.write(&statistics);
   statistics.keyframes = measureKeyframeScores(backend, field, cancellation);
   return statistics;
 }

@@ -10,9 +10,8 @@
 
 namespace nerf_pose_refiner {
 
-/// Finds the poses of views again, from a little off and from a wrong side, before clutter. Of
-/// poses that look alike by the field's symmetries, the one nearest to the truth is compared with
-/// it.
+/// Finds the poses of views again, from a little off and from a wrong side, before clutter, and
+/// tells what they score. How far off they are is told by measurePoseErrors.
 /// @param views that show the object. @throws Cancelled.
 PoseStatistics measurePoses(Backend* backend, const LoadedField& field,
                             const std::vector<PosedView>& views,

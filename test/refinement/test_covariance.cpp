@@ -11,6 +11,7 @@
 #include "geometry/matrix6.h"
 #include "math/random.h"
 #include "refinement/field_refiner.h"
+#include "refinement/pose_probability.h"
 #include "support/analytic_scene.h"
 #include "support/cpu_processor.h"
 
@@ -223,6 +224,43 @@ TEST(PoseCovariance, SeesNoDistanceBetweenWhatLooksAlike) {
   const Matrix6 covariance = poseCovariance(alike, prior, cylinder);
   EXPECT_LT(covariance(3, 3), 0.01);
   EXPECT_NEAR(covariance(5, 5), M_PI * M_PI / 3, 1e-6);
+}
+
+// The axis of symmetry is seen from half above: that any turn about it is as likely must not make
+// those across it uncertain, nor the centre.
+TEST(KeyframeCovariance, KeepsWhatIsKnownBesideAFreeTurn) {
+  FieldMetadata cylinder = object();
+  cylinder.symmetries = Symmetries(SymmetryAxis{Eigen::Vector3d::UnitZ(), cylinder.centre}, {});
+  HypothesisTable table(1, firm());
+  table.front().T_O_C.R = expSO3({0.8, 0, 0}) * table.front().T_O_C.R;
+  const Matrix6 covariance = keyframeCovariance(table, wide(), cylinder);
+  EXPECT_GT(covariance(5, 5), 1);
+  EXPECT_LT(covariance(3, 3), 0.01);
+  EXPECT_LT(covariance(4, 4), 0.01);
+  EXPECT_LT((covariance.topLeftCorner<2, 2>()).norm(), 0.01);
+}
+
+// Variances of noise count 2.5 times, those of the model once.
+TEST(KeyframeCovariance, CountsTheModelOnce) {
+  FieldMetadata known = object();
+  const HypothesisTable table(1, firm());
+  const Matrix6 noise = keyframeCovariance(table, wide(), known);
+  EXPECT_NEAR(noise.trace(), 2.5 * poseCovariance(table, wide(), known).trace(), 1e-9);
+  known.pose.tilt_rad = known.pose.roll_rad = 0.1;
+  const Matrix6 both = keyframeCovariance(table, wide(), known);
+  EXPECT_NEAR((both - noise).trace(), 0.03, 1e-9);
+}
+
+// With a keyframe from 8 degrees beside twice, from 16 five times.
+TEST(KeyframeCovariance, CountsTheModelMoreFromBeside) {
+  FieldMetadata known = object();
+  HypothesisTable table(1, firm());
+  const double noise = keyframeCovariance(table, wide(), known).trace();
+  known.pose.tilt_rad = known.pose.roll_rad = 0.1;
+  for (const auto& [beside_deg, times] : {std::pair(8, 2), {16, 5}, {30, 5}}) {
+    table.front().beside_rad = beside_deg * M_PI / 180;
+    EXPECT_NEAR(keyframeCovariance(table, wide(), known).trace() - noise, times * 0.03, 1e-9);
+  }
 }
 
 TEST(CalibratedScore, IsOneOfRightPosesAndZeroOfWrongOnes) {

@@ -56,6 +56,17 @@ TEST_F(KeyframeAlignerOnScene, ComesBackFromAGridOfOffsets) {
   expectFoundFromAround(imageOf(truth_), 5, 0.21, 0.003);
 }
 
+TEST_F(KeyframeAlignerOnScene, SaysHowFarBesideItsKeyframeIs) {
+  EXPECT_LT(align(imageOf(truth_), keyframeAt(truth_), truth_).beside_rad, 0.2 * kDegree);
+  const Eigen::Vector3d& centre = object().centre;
+  const Eigen::Vector3d sight = centre - truth_.t;
+  const Eigen::Vector3d across = sight.cross(Eigen::Vector3d::UnitX()).normalized();
+  const Eigen::Matrix3d turn = expSO3(6 * kDegree * across);
+  const Pose beside = {turn * truth_.R, centre + turn * (truth_.t - centre)};
+  EXPECT_NEAR(align(imageOf(truth_), keyframeAt(beside), truth_).beside_rad, 6 * kDegree,
+              0.2 * kDegree);
+}
+
 TEST_F(KeyframeAlignerOnScene, NeverExplainsLessThanItsStart) {
   // Far away, coarse levels have few points and lead astray.
   KeyframeAlignmentSettings start_alone;

@@ -6,6 +6,7 @@
 
 #include "backend/common/plain_pose.h"
 #include "backend/common/solver_rules.h"
+#include "geometry/line_of_sight.h"
 #include "math/keyframe_score.h"
 
 namespace nerf_pose_refiner {
@@ -51,6 +52,8 @@ Hypothesis hypothesisOf(const AlignedKeyframe& aligned, const KeyframePoints& ke
   const double count = finest.point_count + static_cast<double>(finest.outline.size());
   const double share = aligned.most_weight > 0 ? sums.weight / aligned.most_weight : 0;
   found.state = stateOf(found.T_O_C, keyframe, sums, share * count);
+  found.beside_rad =
+      angleBetween(keyframe.T_O_C.t - keyframe.centre, found.T_O_C.t - keyframe.centre);
   found.loss = aligned.loss;
   found.information = symmetricMatrix(sums.information);
   found.gradient_scatter =
