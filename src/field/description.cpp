@@ -15,6 +15,9 @@ namespace {
 /// pose differently, and they have to be measured again.
 constexpr int kScoredAlignment = 6;
 
+/// What the deviations of pose statistics are measured with.
+constexpr const char* kErrorsOf = "keyframes";
+
 using Json = nlohmann::json;
 
 // Each list of names is written once and serves both ways.
@@ -161,6 +164,20 @@ KeyframeScores keyframeScoresFrom(const Json& json) {
   return scores;
 }
 
+/// Deviations of models that were measured by rendering, not with keyframes: these err more, and
+/// 2.5 times the variance was counted for them then.
+PoseStatistics poseStatisticsFrom(const Json& json) {
+  constexpr double kOfKeyframes = 1.5811388;  // root of 2.5
+  PoseStatistics statistics;
+  visitPoseStatistics(statistics, Reader(json));
+  if (json.value("errors_of", "renderings") == kErrorsOf) return statistics;
+  for (double* deviation :
+       {&statistics.lateral, &statistics.depth, &statistics.tilt_rad, &statistics.roll_rad}) {
+    *deviation *= kOfKeyframes;
+  }
+  return statistics;
+}
+
 }  // namespace
 
 std::string describe(const Field& field) {
@@ -171,6 +188,7 @@ std::string describe(const Field& field) {
     json["metadata"]["exposure_spread"] = *field.metadata.exposure_spread;
   }
   visitPoseStatistics(field.metadata.pose, Writer(&json["pose_statistics"]));
+  json["pose_statistics"]["errors_of"] = kErrorsOf;
   visitKeyframeScores(field.metadata.pose.keyframes, Writer(&json["keyframe_scores"]));
   json["keyframe_scores"]["alignment"] = kScoredAlignment;
   if (field.metadata.look_alikes.measured) {
@@ -192,7 +210,7 @@ Field fieldFromDescription(const std::string& text) {
       field.metadata.exposure_spread = json.at("metadata").at("exposure_spread").get<double>();
     }
     if (json.contains("pose_statistics")) {  // models of before do not have them
-      visitPoseStatistics(field.metadata.pose, Reader(json.at("pose_statistics")));
+      field.metadata.pose = poseStatisticsFrom(json.at("pose_statistics"));
     }
     if (json.contains("keyframe_scores")) {
       field.metadata.pose.keyframes = keyframeScoresFrom(json.at("keyframe_scores"));

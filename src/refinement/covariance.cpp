@@ -49,8 +49,14 @@ Matrix6 modelCovariance(const Pose& T_O_C, const FieldMetadata& object) {
   const double depth = s.depth * (T_O_C.inverse() * object.centre).norm();
   const Vector6 deviation =
       (Vector6() << lateral, lateral, depth, s.tilt_rad, s.tilt_rad, s.roll_rad).finished();
-  return rotated(deviation.cwiseAbs2().asDiagonal(),
-                 T_O_C.R * lineOfSightAxes(T_O_C.inverse() * object.centre));
+  const Matrix6 covariance = rotated(deviation.cwiseAbs2().asDiagonal(),
+                                     T_O_C.R * lineOfSightAxes(T_O_C.inverse() * object.centre));
+  const std::optional<SymmetryAxis>& axis = object.symmetries.axis();
+  return axis ? withoutTurns(*axis, covariance, object.centre) : covariance;
+}
+
+std::optional<SymmetryAxis> axisOfLikeTurns(const FieldMetadata& object) {
+  return object.symmetries.axis() ? object.symmetries.axis() : object.look_alikes.axis;
 }
 
 Matrix6 rotationOfTwists(const Eigen::Matrix3d& R) {
@@ -122,8 +128,12 @@ Matrix6 withoutTurns(const SymmetryAxis& axis, const Matrix6& covariance,
 
 Matrix6 freeAbout(const SymmetryAxis& axis, const Matrix6& of_twist,
                   const Eigen::Vector3d& centre) {
-  const Vector6 turn = turnOf(axis, centre);
-  return withoutTurns(axis, of_twist, centre) + M_PI * M_PI / 3 * turn * turn.transpose();
+  return withoutTurns(axis, of_twist, centre) + turnCovariance(axis, M_PI * M_PI / 3, centre);
+}
+
+Matrix6 turnCovariance(const SymmetryAxis& axis, double variance, const Eigen::Vector3d& point) {
+  const Vector6 turn = turnOf(axis, point);
+  return variance * turn * turn.transpose();
 }
 
 std::vector<double> hypothesisWeights(const HypothesisTable& hypotheses) {

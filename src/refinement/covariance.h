@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <functional>
+#include <optional>
 #include <vector>
 
 #include "backend/hypotheses.h"
@@ -50,6 +51,9 @@ Matrix6 withoutTurns(const SymmetryAxis& axis, const Matrix6& covariance,
 /// @param axis in O [model units].
 Matrix6 freeAbout(const SymmetryAxis& axis, const Matrix6& of_twist, const Eigen::Vector3d& centre);
 
+/// Of a turn about an axis by an angle of that variance [rad^2]. @param point whose motion is told.
+Matrix6 turnCovariance(const SymmetryAxis& axis, double variance, const Eigen::Vector3d& point);
+
 /// Probabilities of the hypotheses by their losses; they sum to 1. Only live ones are not 0.
 std::vector<double> hypothesisWeights(const HypothesisTable& hypotheses);
 
@@ -70,8 +74,13 @@ HypothesisTable weighed(const HypothesisTable& hypotheses,
 Matrix6 poseCovariance(const HypothesisTable& hypotheses, const Prior& prior,
                        const FieldMetadata& object);
 
-/// The part of it that is the model's error, and so that of all images of the object.
+/// The part of it that is the model's error, and so that of all images of the object; without
+/// turns about an axis of symmetry.
 Matrix6 modelCovariance(const Pose& T_O_C, const FieldMetadata& object);
+
+/// The axis about which images may say nothing of turns: the object looks the same from all around
+/// it, as somebody declared, or nearly so.
+std::optional<SymmetryAxis> axisOfLikeTurns(const FieldMetadata& object);
 
 /// How well a pose explains an image, on the same scale for all objects: 0 as badly as wrong poses
 /// did when the object was registered, 1 as well as the right ones did.

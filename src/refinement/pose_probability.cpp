@@ -12,6 +12,9 @@
 namespace nerf_pose_refiner {
 namespace {
 
+/// Of variances: what errors of the model and its shading have beside those of noise.
+constexpr double kBesideNoise = 1.5;
+
 double logistic(double x) { return 1 / (1 + std::exp(-x)); }
 
 /// Of an object whose scores were not measured: it may be a plain one, whose outline is found in
@@ -116,22 +119,26 @@ double withinProbability(const Matrix6& of_twist, const FieldMetadata& object) {
 
 Matrix6 systematicCovariance(const Matrix6& of_twist, const Pose& T_O_C,
                              const FieldMetadata& object) {
-  constexpr double kOverNoise = 1.5;  // of variances
   const Eigen::Matrix3d sight = T_O_C.R * lineOfSightAxes(T_O_C.inverse() * object.centre);
   const Vector6 variances = rotated(of_twist, sight.transpose()).diagonal();
-  return kOverNoise * rotated(variances.asDiagonal(), sight);
+  return kBesideNoise * rotated(variances.asDiagonal(), sight);
 }
 
 Matrix6 keyframeCovariance(const HypothesisTable& hypotheses, const Prior& prior,
                            const FieldMetadata& object) {
   const Pose& T_O_C = hypotheses.front().T_O_C;
   const Matrix6 covariance = poseCovariance(hypotheses, prior, object);
-  Matrix6 noise = covariance - modelCovariance(T_O_C, object);
-  // That nothing is known of a turn about a free axis must not make the other turns uncertain.
-  if (const auto& axis = object.symmetries.axis())
+  const Matrix6 model = modelCovariance(T_O_C, object);
+  Matrix6 noise = covariance - model, of_turn = Matrix6::Zero();
+  // That little is known of a turn about an axis must not make the other turns uncertain.
+  if (const std::optional<SymmetryAxis> axis = axisOfLikeTurns(object)) {
+    const double about = axis->direction.dot(noise.bottomRightCorner<3, 3>() * axis->direction);
+    if (!object.symmetries.axis())
+      of_turn = turnCovariance(*axis, kBesideNoise * about, object.centre);
     noise = withoutTurns(*axis, noise, object.centre);
-  return covariance + systematicCovariance(noise, T_O_C, object) +
-         (besideFactor(hypotheses.front().beside_rad) - 1) * modelCovariance(T_O_C, object);
+  }
+  return covariance + systematicCovariance(noise, T_O_C, object) + of_turn +
+         (besideFactor(hypotheses.front().beside_rad) - 1) * model;
 }
 
 double besideFactor(double beside_rad) {

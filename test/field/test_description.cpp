@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include <nlohmann/json.hpp>
 
 #include <stdexcept>
@@ -63,6 +65,19 @@ TEST(Description, ScoresOfAnotherAlignmentAreMeasuredAgain) {
   EXPECT_EQ(posesOf(json), 0);
   json["keyframe_scores"]["alignment"] = "one";
   EXPECT_THROW(posesOf(json), std::runtime_error);
+}
+
+// 2.5 times their variance was counted for keyframes then.
+TEST(Description, ErrorsOfOlderModelsAreMadeThoseOfKeyframes) {
+  Field field = smallField();
+  field.metadata.pose.depth = 0.002;
+  Json json = Json::parse(describe(field));
+  const auto depthOf = [](const Json& described) {
+    return fieldFromDescription(described.dump()).metadata.pose.depth;
+  };
+  EXPECT_EQ(depthOf(json), 0.002);
+  json["pose_statistics"].erase("errors_of");
+  EXPECT_NEAR(depthOf(json), 0.002 * std::sqrt(2.5), 1e-9);
 }
 
 TEST(Description, TellsEqualExposuresFromThoseThatWereNotCompared) {

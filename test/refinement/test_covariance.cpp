@@ -1,6 +1,8 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include <gtest/gtest.h>
 
+#include <Eigen/Eigenvalues>
+
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -238,6 +240,36 @@ TEST(KeyframeCovariance, KeepsWhatIsKnownBesideAFreeTurn) {
   EXPECT_LT(covariance(3, 3), 0.01);
   EXPECT_LT(covariance(4, 4), 0.01);
   EXPECT_LT((covariance.topLeftCorner<2, 2>()).norm(), 0.01);
+}
+
+// Of an object that may be taken for itself at any turn about an axis, which the image does not
+// see: that turn stays uncertain, the others do not become so.
+TEST(KeyframeCovariance, KeepsWhatIsKnownBesideALikeTurn) {
+  FieldMetadata bottle = object();
+  bottle.look_alikes.measured = true;
+  bottle.look_alikes.axis = SymmetryAxis{Eigen::Vector3d::UnitZ(), bottle.centre};
+  HypothesisTable table(1, firm());
+  table.front().T_O_C.R = expSO3({0.8, 0, 0}) * table.front().T_O_C.R;
+  table.front().information(5, 5) = table.front().gradient_scatter(5, 5) = 0;
+  const double of_prior = wide().rotation_rad * wide().rotation_rad / 3;
+  const Matrix6 covariance = keyframeCovariance(table, wide(), bottle);
+  EXPECT_NEAR(covariance(5, 5), 2.5 * of_prior, 0.1 * of_prior);
+  EXPECT_LT(covariance(3, 3), 0.01 * of_prior);
+  EXPECT_LT(covariance(4, 4), 0.01 * of_prior);
+}
+
+// Else what remains of it beside the model's share could be no covariance.
+TEST(KeyframeCovariance, IsNoSmallerThanTheModels) {
+  FieldMetadata cylinder = object();
+  cylinder.symmetries =
+      Symmetries(SymmetryAxis{Eigen::Vector3d(1, 0, 1).normalized(), {0.1, 0, 0.2}}, {});
+  cylinder.pose.tilt_rad = 0.05;
+  cylinder.pose.roll_rad = cylinder.pose.lateral = 0.01;
+  HypothesisTable table(1, firm());
+  table.front().information *= 1e4;
+  const Matrix6 beside =
+      keyframeCovariance(table, wide(), cylinder) - modelCovariance(table.front().T_O_C, cylinder);
+  EXPECT_GT(Eigen::SelfAdjointEigenSolver<Matrix6>(beside).eigenvalues().minCoeff(), -1e-12);
 }
 
 // Variances of noise count 2.5 times, those of the model once.
