@@ -164,10 +164,10 @@ KeyframeScores keyframeScoresFrom(const Json& json) {
   return scores;
 }
 
-/// Deviations of models that were measured by rendering, not with keyframes: these err more, and
-/// 2.5 times the variance was counted for them then.
+/// Deviations of models that were measured by rendering, not with keyframes: these err more, so
+/// that twice the variance counts, and more with keyframes from beside.
 PoseStatistics poseStatisticsFrom(const Json& json) {
-  constexpr double kOfKeyframes = 1.5811388;  // root of 2.5
+  constexpr double kOfKeyframes = 1.4142136;  // root of 2
   PoseStatistics statistics;
   visitPoseStatistics(statistics, Reader(json));
   if (json.value("errors_of", "renderings") == kErrorsOf) return statistics;

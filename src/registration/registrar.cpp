@@ -46,10 +46,10 @@ void calibrate(Backend* backend, const SplitViews& views, const RegistrationOpti
   object.symmetries = settings.symmetries;
   object.look_alikes = measureLookAlikes(backend, *loaded(), cancellation);
   const std::vector<PosedView> searched = poseViews(views, kSearched);
-  PoseStatistics poses = measurePoses(backend, *loaded(), searched, cancellation);
-  measurePoseErrors(backend, *loaded(), poseViews(views, kAligned), cancellation, &poses);
-  object.pose = poses;
+  const std::shared_ptr<const LoadedField> unmeasured = loaded();
+  object.pose = measurePoses(backend, *unmeasured, searched, cancellation);
   if (!settings.accept_poor_data) requireUsableModel(object, static_cast<int>(searched.size()));
+  measurePoseErrors(backend, *unmeasured, poseViews(views, kAligned), cancellation, &object.pose);
 }
 
 }  // namespace

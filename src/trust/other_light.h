@@ -12,9 +12,9 @@ namespace nerf_pose_refiner {
 /// brighter at the right. @param image [h][w][3].
 void dim(Image* image);
 
-/// Lights an object from another side: the logarithm of its brightness changes with its surface's
-/// normal, which looks away from the camera.
-/// @param rendering of the object, of the image's size. @param change of it, in the axes of O.
+/// Lights an object from another side: the logarithm of its brightness changes by the scalar
+/// product of `change` and the surface's normal that points into the object.
+/// @param rendering of the object, of the image's size. @param change away from the light, in O.
 void relight(const Rendering& rendering, const Eigen::Vector3f& change, Image* image);
 
 }  // namespace nerf_pose_refiner

@@ -28,7 +28,9 @@ constexpr std::uint64_t kErrorSeed = 11;
 enum ErrorStream : std::uint64_t { kBesideAxis, kStartTurn, kStartMove, kLightFrom };
 
 constexpr float kLight = 0.6f;  // of the logarithm of brightness, from one side or the other
-constexpr double kStartTurn_rad = 0.03, kStartOffset = 0.02;  // of starts [., diameters]
+constexpr double kStartTurn_rad = 0.03, kStartOffset = 0.02;       // of starts [., diameters]
+constexpr double kElsewhere_rad = 5 * kDegree, kElsewhere = 0.05;  // errors above are failures
+constexpr int kMinErrors = 4;                                      // fewer tell nothing
 
 Eigen::Vector3d drawn(ErrorStream stream, std::uint64_t index) {
   Eigen::Vector3d v;
@@ -40,11 +42,6 @@ Eigen::Vector3d drawn(ErrorStream stream, std::uint64_t index) {
 Pose aroundCentre(const Pose& T_O_C, const Eigen::Vector3d& turn, const FieldMetadata& object) {
   const Eigen::Matrix3d R = expSO3(turn);
   return {nearestRotation(R * T_O_C.R), object.centre + R * (T_O_C.t - object.centre)};
-}
-
-/// The axis about which turns are no error of alignment: the object looks the same, or may.
-std::optional<SymmetryAxis> freeAxis(const FieldMetadata& object) {
-  return object.symmetries.axis() ? object.symmetries.axis() : object.look_alikes.axis;
 }
 
 /// A hypothesis moved to the pose nearest to the truth of those that it may be taken for.
@@ -59,16 +56,17 @@ Hypothesis comparable(const HypothesisTable& found, const Pose& true_T_O_C,
   return moved(nearest, turnAbout(axis, -turn.dot(axis.direction)), object.centre);
 }
 
-/// Photos may be far larger than the images of robots.
-Observation reduced(Observation observation) {
+/// A photo, cut out, no larger than images of robots are.
+PremultipliedImage reduced(const PosedView& view, Camera* camera) {
   constexpr double kMax_px = 800;
-  const Camera& camera = observation.camera;
-  const double scale = kMax_px / std::max(camera.width, camera.height);
-  if (scale >= 1) return observation;
-  const Camera smaller = camera.scaled(scale);
-  observation.image = resample(observation.image, camera, smaller);
-  observation.camera = smaller;
-  return observation;
+  *camera = view.camera;
+  PremultipliedImage photo = premultiply(*view.rgba);
+  const double scale = kMax_px / std::max(camera->width, camera->height);
+  if (scale >= 1) return photo;
+  *camera = camera->scaled(scale);
+  photo.colour = resample(photo.colour, view.camera, *camera);
+  photo.alpha = resample(photo.alpha, view.camera, *camera);
+  return photo;
 }
 
 class ErrorTrials {
@@ -97,6 +95,11 @@ class ErrorTrials {
   }
 
   void write(PoseStatistics* statistics) const {
+    if (found_ < kMinErrors) {  // what fails nearly everywhere is not known to err little
+      statistics->lateral = statistics->depth = kElsewhere;
+      statistics->tilt_rad = statistics->roll_rad = kElsewhere_rad;
+      return;
+    }
     statistics->lateral = lateral_.deviation();
     statistics->depth = depth_.deviation();
     statistics->tilt_rad = tilt_.deviation();
@@ -119,7 +122,6 @@ class ErrorTrials {
   /// Errors across and along the line of sight, in the units of PoseStatistics. Ends elsewhere are
   /// no errors but failures, which scores tell.
   void note(const HypothesisTable& found, const Prior& prior, const Pose& true_T_O_C) {
-    constexpr double kElsewhere_rad = 5 * kDegree, kElsewhere = 0.05;  // the latter in diameters
     const FieldMetadata& object = field_.field().metadata;
     const HypothesisTable table = {comparable(found, true_T_O_C, object)};
     const Pose& T_O_C = table.front().T_O_C;
@@ -127,8 +129,9 @@ class ErrorTrials {
     const bool is_found = twist.head<3>().norm() < kElsewhere * object.diameter &&
                           twist.tail<3>().norm() < kElsewhere_rad;
     if (!is_found) return;
+    ++found_;
     Matrix6 covariance = keyframeCovariance(table, prior, object);
-    const auto axis = freeAxis(object);
+    const std::optional<SymmetryAxis> axis = axisOfLikeTurns(object);
     if (axis) covariance = withoutTurns(*axis, covariance, object.centre);
     const Eigen::Vector3d centre_C = T_O_C.inverse() * object.centre;
     const Eigen::Matrix3d sight = T_O_C.R * lineOfSightAxes(centre_C);
@@ -141,9 +144,13 @@ class ErrorTrials {
     const double factor = besideFactor(found.front().beside_rad);
     ExcessError* const of_row[] = {&lateral_, &lateral_, &depth_, &tilt_, &tilt_, &roll_};
     for (int row = 0; row < 6; ++row) {
-      // (Of a turn nearly about a free axis nothing is left.)
-      if (axis && row >= 3 && std::abs(sight.col(row - 3).dot(axis->direction)) > 0.7) continue;
-      of_row[row]->add(error[row] / std::sqrt(factor), expected[row] / factor);
+      double share = factor;
+      if (axis && row >= 3) {  // without turns about an axis, less is left of those near it
+        const double along = sight.col(row - 3).dot(axis->direction);
+        if (std::abs(along) > 0.9) continue;
+        share *= 1 - along * along;
+      }
+      of_row[row]->add(error[row] / std::sqrt(share), expected[row] / share);
     }
   }
 
@@ -152,15 +159,16 @@ class ErrorTrials {
   KeyframeSearchSettings settings_;
   std::unique_ptr<KeyframeAligner> aligner_;
   ExcessError lateral_, depth_, tilt_, roll_;
+  int found_ = 0;
 };
 
 }  // namespace
 
-Observation beforeClutter(const PosedView& view, std::uint64_t index) {
-  const PremultipliedImage photo = premultiply(*view.rgba);
-  const Image behind = clutterBlocks(view.camera, index);
+Observation beforeClutter(const PremultipliedImage& photo, const Camera& camera,
+                          std::uint64_t index) {
+  const Image behind = clutterBlocks(camera, index);
   Observation observation;
-  observation.camera = view.camera;
+  observation.camera = camera;
   observation.image = photo.colour;
   for (std::size_t i = 0; i < behind.values.size(); ++i) {
     observation.image.values[i] += (1 - photo.alpha.values[i / 3]) * behind.values[i];
@@ -185,9 +193,8 @@ double ExcessError::meanBeside(double variance) const {
 }
 
 double ExcessError::deviation() const {
-  constexpr std::size_t kMin = 4;
   constexpr int kHalvings = 60;
-  if (errors_.size() < kMin) return 0;
+  if (errors_.size() < kMinErrors) return 0;
   // An estimate from n errors is poor: the variance of those that are to come is larger by
   // n / (n - 2), as in Student's distribution. And a robot's images are less like the model than
   // photos that it was learned from: shadows, other sharpness.
@@ -209,10 +216,12 @@ void measurePoseErrors(Backend* backend, const LoadedField& field,
                        PoseStatistics* statistics) {
   ErrorTrials trials(backend, field, cancellation);
   for (std::size_t i = 0; i < views.size(); ++i) {
-    Observation observation = reduced(beforeClutter(views[i], i));
+    cancellation.check();
+    Camera camera;
+    const PremultipliedImage photo = reduced(views[i], &camera);
+    Observation observation = beforeClutter(photo, camera, i);
     if (i % 2 == 1) {
-      const Rendering shape =
-          field.render({observation.camera, views[i].T_O_C}, RenderOptions(), cancellation);
+      const Rendering shape = field.render({camera, views[i].T_O_C}, RenderOptions(), cancellation);
       relight(shape, kLight * drawn(kLightFrom, i).normalized().cast<float>(), &observation.image);
     }
     trials.tryOne(observation, views[i].T_O_C, i);

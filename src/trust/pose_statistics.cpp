@@ -84,7 +84,7 @@ PoseStatistics measurePoses(Backend* backend, const LoadedField& field,
   std::vector<double> right, wrong;
   for (std::size_t i = 0; i < views.size(); ++i) {
     const Pose& truth = views[i].T_O_C;
-    const Observation observation = beforeClutter(views[i], i);
+    const Observation observation = beforeClutter(premultiply(*views[i].rgba), views[i].camera, i);
     Prior prior;
     prior.rotation_rad = 2 * kStartRotation_rad;
     prior.translation = 2 * kStartTranslation;

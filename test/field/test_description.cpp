@@ -67,7 +67,7 @@ TEST(Description, ScoresOfAnotherAlignmentAreMeasuredAgain) {
   EXPECT_THROW(posesOf(json), std::runtime_error);
 }
 
-// 2.5 times their variance was counted for keyframes then.
+// Twice their variance counts.
 TEST(Description, ErrorsOfOlderModelsAreMadeThoseOfKeyframes) {
   Field field = smallField();
   field.metadata.pose.depth = 0.002;
@@ -77,7 +77,7 @@ TEST(Description, ErrorsOfOlderModelsAreMadeThoseOfKeyframes) {
   };
   EXPECT_EQ(depthOf(json), 0.002);
   json["pose_statistics"].erase("errors_of");
-  EXPECT_NEAR(depthOf(json), 0.002 * std::sqrt(2.5), 1e-9);
+  EXPECT_NEAR(depthOf(json), 0.002 * std::sqrt(2.0), 1e-9);
 }
 
 TEST(Description, TellsEqualExposuresFromThoseThatWereNotCompared) {

@@ -71,12 +71,35 @@ TEST(PoseErrors, AreThoseOfTheModel) {
   EXPECT_LT(statistics.depth, 0.01);
 }
 
+// Views of another side than they say: what they show is not found where they say it is.
+TEST(PoseErrors, AreNotSmallWhereNothingIsFound) {
+  const auto backend = makeCpuBackend(1);
+  const RevolvedScene scene(Shape::kCylinder);
+  std::vector<PosedView> views = viewsOf(scene);
+  for (PosedView& view : views) {
+    view.T_O_C.t += 0.3 * scene.field().metadata.diameter * view.T_O_C.R.col(0);
+  }
+  PoseStatistics statistics;
+  measurePoseErrors(backend.get(), scene, views, {}, &statistics);
+  EXPECT_EQ(statistics.lateral, 0.05);
+  EXPECT_NEAR(statistics.tilt_rad, 5 * M_PI / 180, 1e-9);
+}
+
 // Errors of deviation 5, expected to be of 3 and of 4, in turn: 25 = 9 + 16 = 16 + 9.
 TEST(ExcessError, IsWhatIsMissingToEachErrorsVariance) {
   ExcessError excess;
   for (int i = 0; i < 1000; ++i) excess.add(i % 4 < 2 ? 5 : -5, i % 2 ? 9 : 16);
   const double s = excess.deviation();
   EXPECT_NEAR(0.5 * (25 / (9 + s * s) + 25 / (16 + s * s)), 1 / 1.3, 0.005);
+}
+
+// 1 / s^2 = (4 - 2) / (1.3 * 4)
+TEST(ExcessError, OfFewIsLarger) {
+  ExcessError excess;
+  for (int i = 0; i < 3; ++i) excess.add(i % 2 ? 1 : -1, 0);
+  EXPECT_EQ(excess.deviation(), 0) << "three tell nothing";
+  excess.add(1, 0);
+  EXPECT_NEAR(excess.deviation(), std::sqrt(2.6), 1e-6);
 }
 
 TEST(ExcessError, OfErrorsThatWereExpectedIsNone) {
