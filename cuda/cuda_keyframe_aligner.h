@@ -28,6 +28,7 @@ class CudaKeyframeAligner final : public KeyframeAligner {
   std::vector<Hypothesis> align(const std::vector<KeyframeStart>& starts,
                                 const KeyframeAlignmentSettings& settings,
                                 const CancellationToken& cancellation) override;
+  bool alignsSideBySide() const override { return limits_.processors >= 2 * limits_.most_blocks; }
 
  private:
   /// Memory of alignment; it grows and stays.

@@ -70,6 +70,9 @@ class KeyframeAligner {
   virtual std::vector<Hypothesis> align(const std::vector<KeyframeStart>& starts,
                                         const KeyframeAlignmentSettings& settings,
                                         const CancellationToken& cancellation) = 0;
+
+  /// Whether a second start takes hardly longer than the first one alone.
+  virtual bool alignsSideBySide() const { return false; }
 };
 
 /// The level of a frame (2^level pixels of the image a pixel) that a keyframe's finest level is

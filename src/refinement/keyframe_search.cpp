@@ -14,6 +14,7 @@ namespace {
 
 constexpr double kWindowMargin = 0.2;  // around the object [diameters]
 constexpr double kAnyScale = 1e3;      // small views are compared at the image's own levels
+constexpr double kMinBeside_rad = 4 * kDegree;  // of a keyframe that says what others do not
 
 bool isBetter(const Hypothesis& a, const Hypothesis& b) {
   const bool a_lives = a.state == HypothesisState::kLive;
@@ -129,6 +130,7 @@ std::shared_ptr<const KeyframePoints> KeyframeSearch::nearestTo(const Pose& T_O_
 }
 
 void KeyframeSearch::lookAt(const Observation& observation, const FrameWindow& window) {
+  other_.reset();
   aligner_->observe(observation, window);
   looked_at_ = {observation.camera, window.pixels};
 }
@@ -165,7 +167,7 @@ HypothesisTable KeyframeSearch::near(const Observation& observation, const Prior
   if (nearest == nullptr) return {};
   const KeyframePoints& keyframe = *nearest->keyframe;
   lookAround(observation, keyframe, prior.T_O_C, kWindowMargin);
-  HypothesisTable found = alignToFinest({{nearest->number, prior.T_O_C}}, cancellation);
+  HypothesisTable found = alignWithOther(*nearest, prior.T_O_C, cancellation);
   if (!isDoubtful(found) || settings_.wide_starts == 0) return found;
   constexpr double kWideMargin = 0.5;
   lookAround(observation, keyframe, prior.T_O_C, kWideMargin);
@@ -188,22 +190,49 @@ HypothesisTable KeyframeSearch::close(const Observation& observation, const Pose
   return alignToFinest({{nearest->number, T_O_C}}, cancellation);
 }
 
-std::optional<SecondOpinion> KeyframeSearch::secondOpinion(const Hypothesis& found,
-                                                           const CancellationToken& cancellation) {
-  constexpr double kMinBeside_rad = 4 * kDegree, kMinScore = 0.6;  // of the pose's own
-  const KeyframeSet::Entry* const other = kept_.beside(found.T_O_C, kMinBeside_rad);
-  if (other == nullptr || !sees(*other->keyframe, found.T_O_C)) return std::nullopt;
+/// Aligns the nearest keyframe, and at the same time the one that secondOpinion asks for if that
+/// takes no time of its own.
+HypothesisTable KeyframeSearch::alignWithOther(const KeyframeSet::Entry& nearest, const Pose& T_O_C,
+                                               const CancellationToken& cancellation) {
+  const KeyframeSet::Entry* const other =
+      aligner_->alignsSideBySide() ? kept_.beside(T_O_C, kMinBeside_rad) : nullptr;
+  std::vector<KeyframeStart> starts = {{nearest.number, T_O_C}};
+  if (other != nullptr) starts.push_back({other->number, T_O_C});
+  HypothesisTable found = alignToFinest(starts, cancellation);
+  if (other != nullptr) {
+    other_ = Other{other->keyframe, found.back()};
+    found.pop_back();
+  }
+  return found;
+}
+
+/// The nearest keyframe of those some degrees beside a pose, aligned from there at the finest
+/// level.
+std::optional<KeyframeSearch::Other> KeyframeSearch::otherFrom(
+    const Pose& T_O_C, const CancellationToken& cancellation) {
+  const KeyframeSet::Entry* const other = kept_.beside(T_O_C, kMinBeside_rad);
+  if (other == nullptr || !sees(*other->keyframe, T_O_C)) return std::nullopt;
   KeyframeAlignmentSettings finest = settings_.alignment;
   finest.coarsest_level = finest.finest_level;
-  const Hypothesis says =
-      aligner_->align({{other->number, found.T_O_C}}, finest, cancellation).front();
-  if (says.state != HypothesisState::kLive || says.score < kMinScore * found.score) {
+  return Other{other->keyframe,
+               aligner_->align({{other->number, T_O_C}}, finest, cancellation).front()};
+}
+
+std::optional<SecondOpinion> KeyframeSearch::secondOpinion(const Hypothesis& found,
+                                                           const CancellationToken& cancellation) {
+  constexpr double kMinScore = 0.6;  // of the pose's own
+  const auto nearest = nearestTo(found.T_O_C);
+  if (nearest == nullptr) return std::nullopt;
+  const bool is_aligned = other_ && sees(*other_->keyframe, found.T_O_C);
+  const std::optional<Other> other = is_aligned ? other_ : otherFrom(found.T_O_C, cancellation);
+  if (!other || other->says.state != HypothesisState::kLive ||
+      other->says.score < kMinScore * found.score) {
     return std::nullopt;
   }
-  const auto besideOf = [&](const KeyframeSet::Entry& entry) {
-    return viewDistance(*entry.keyframe, found.T_O_C).rotation_rad;
+  const auto besideOf = [&](const KeyframePoints& keyframe) {
+    return viewDistance(keyframe, found.T_O_C).rotation_rad;
   };
-  return SecondOpinion{says.T_O_C, besideOf(*other), besideOf(*kept_.nearest(found.T_O_C))};
+  return SecondOpinion{other->says.T_O_C, besideOf(*other->keyframe), besideOf(*nearest)};
 }
 
 HypothesisTable KeyframeSearch::withBeside(const Observation& observation,

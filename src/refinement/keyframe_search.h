@@ -100,11 +100,19 @@ class KeyframeSearch {
     Camera camera;
     PixelWindow pixels;
   };
+  /// Another keyframe than the nearest one, aligned with that image.
+  struct Other {
+    std::shared_ptr<const KeyframePoints> keyframe;
+    Hypothesis says;
+  };
 
   void lookAt(const Observation& observation, const FrameWindow& window);
   void lookAround(const Observation& observation, const KeyframePoints& keyframe, const Pose& T_O_C,
                   double margin);
   bool sees(const KeyframePoints& keyframe, const Pose& T_O_C) const;
+  HypothesisTable alignWithOther(const KeyframeSet::Entry& nearest, const Pose& T_O_C,
+                                 const CancellationToken& cancellation);
+  std::optional<Other> otherFrom(const Pose& T_O_C, const CancellationToken& cancellation);
   void loadViews(const std::vector<int>& numbers, const CancellationToken& cancellation);
   HypothesisTable alignToFinest(const std::vector<KeyframeStart>& starts,
                                 const CancellationToken& cancellation);
@@ -116,7 +124,8 @@ class KeyframeSearch {
   double doubtful_score_;
   std::unique_ptr<KeyframeAligner> aligner_;
   LookedAt looked_at_;
-  KeyframeSet kept_;  // as large as the object is in the images
+  std::optional<Other> other_;  // nothing: it is aligned when it is asked for
+  KeyframeSet kept_;            // as large as the object is in the images
   std::shared_ptr<ViewBank> bank_;
   KeyframeSet small_;            // those of the bank that were asked for
   std::vector<char> is_loaded_;  // of the bank's views: whether it is in `small_`

@@ -23,9 +23,11 @@ class ToldAligner final : public KeyframeAligner {
   int add(std::shared_ptr<const KeyframePoints>) override { return keyframes_++; }
   void remove(int) override {}
   void observe(const Observation&, const FrameWindow&) override {}
+  bool alignsSideBySide() const override { return side_by_side; }
   std::vector<Hypothesis> align(const std::vector<KeyframeStart>& starts,
                                 const KeyframeAlignmentSettings&,
                                 const CancellationToken&) override {
+    ++calls;
     std::vector<Hypothesis> found;
     for (std::size_t i = 0; i < starts.size(); ++i) {
       found.push_back(told_[i % told_.size()]);
@@ -33,6 +35,9 @@ class ToldAligner final : public KeyframeAligner {
     }
     return found;
   }
+
+  bool side_by_side = false;
+  int calls = 0;  // of align
 
  private:
   HypothesisTable told_;
@@ -44,8 +49,12 @@ class ToldBackend final : public SceneBackend {
   ToldBackend(std::shared_ptr<const LoadedField> scene, HypothesisTable told)
       : SceneBackend(std::move(scene)), told_(std::move(told)) {}
   std::unique_ptr<KeyframeAligner> makeKeyframeAligner() override {
-    return std::make_unique<ToldAligner>(told_);
+    auto aligner = std::make_unique<ToldAligner>(told_);
+    made = aligner.get();
+    return aligner;
   }
+
+  ToldAligner* made = nullptr;  ///< the last one, which lives as long as its owner
 
  private:
   HypothesisTable told_;
@@ -101,6 +110,29 @@ TEST_F(KeyframeSearchOrder, HasLossesOfOneKindWhereverThePoseComesFrom) {
   EXPECT_NEAR(search_.alignNearest(image_, near.T_O_C, {near.T_O_C}, {}).front().loss, expected,
               1e-12);
   EXPECT_NEAR(search_.from(image_, poses_, {}).back().loss, expected, 1e-12);
+}
+
+/// Where a second start takes no time of its own, the other keyframe is aligned with the nearest
+/// one; what it says is of the image that was looked at last alone.
+TEST_F(KeyframeSearchOrder, AnotherKeyframeIsAlignedBesideTheNearestOne) {
+  search_.add(std::make_shared<const KeyframePoints>(
+      renderKeyframe(*scene_, {camera_, poses_[1].T_O_C}, KeyframeSettings())));
+  Prior near;
+  near.T_O_C = poses_[0].T_O_C;
+  near.rotation_rad = near.translation = 0.05;
+  const auto askedAfter = [&](bool side_by_side, bool looks_again) {
+    backend_.made->side_by_side = side_by_side;
+    const HypothesisTable found = search_.near(image_, near, {});
+    EXPECT_EQ(found.size(), 1u);
+    if (looks_again) search_.close(image_, near.T_O_C, {});
+    const int before = backend_.made->calls;
+    const auto opinion = search_.secondOpinion(found.front(), {});
+    EXPECT_GT(opinion.value().beside_rad, opinion.value().own_beside_rad);
+    return backend_.made->calls - before;
+  };
+  EXPECT_EQ(askedAfter(false, false), 1);
+  EXPECT_EQ(askedAfter(true, false), 0);
+  EXPECT_EQ(askedAfter(true, true), 1) << "what was aligned is of another look";
 }
 
 /// Coarse alignments that end far away explain the image best here: they must not crowd out those
