@@ -14,7 +14,7 @@ namespace {
 
 constexpr double kWindowMargin = 0.2;  // around the object [diameters]
 constexpr double kAnyScale = 1e3;      // small views are compared at the image's own levels
-constexpr double kMinBeside_rad = 4 * kDegree;  // of a keyframe that says what others do not
+constexpr double kMinBeside_rad = 4 * kDegree;  // nearer keyframes show the same
 
 bool isBetter(const Hypothesis& a, const Hypothesis& b) {
   const bool a_lives = a.state == HypothesisState::kLive;
@@ -191,7 +191,7 @@ HypothesisTable KeyframeSearch::close(const Observation& observation, const Pose
 }
 
 /// Aligns the nearest keyframe, and at the same time the one that secondOpinion asks for if that
-/// takes no time of its own.
+/// takes hardly any time: a launch of its own would.
 HypothesisTable KeyframeSearch::alignWithOther(const KeyframeSet::Entry& nearest, const Pose& T_O_C,
                                                const CancellationToken& cancellation) {
   const KeyframeSet::Entry* const other =

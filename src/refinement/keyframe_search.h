@@ -73,9 +73,11 @@ class KeyframeSearch {
   HypothesisTable from(const Observation& observation, const HypothesisTable& poses,
                        const CancellationToken& cancellation);
 
-  /// Aligns another keyframe than the nearest one, from a pose that was found in the image that was
-  /// looked at last. Where both end apart, what they show does not stay on the object as it turns:
-  /// the shading of a bottle, say.
+  /// Where a keyframe some degrees beside a pose, which was found in the image that was looked at
+  /// last, is aligned: from that pose, or by `near` already, from its prior, on a processor that
+  /// does both at once. Where both end apart, what they show does not stay on the object as it
+  /// turns: the shading of a bottle, say. (A nearest keyframe that is so far beside is asked
+  /// again.)
   /// @return nothing: there is no other one in reach, it explains the image badly, or what was
   /// looked at last does not contain the object there.
   std::optional<SecondOpinion> secondOpinion(const Hypothesis& found,
@@ -100,7 +102,7 @@ class KeyframeSearch {
     Camera camera;
     PixelWindow pixels;
   };
-  /// Another keyframe than the nearest one, aligned with that image.
+  /// A keyframe some degrees beside, aligned with that image.
   struct Other {
     std::shared_ptr<const KeyframePoints> keyframe;
     Hypothesis says;
