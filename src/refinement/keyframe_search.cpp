@@ -190,14 +190,25 @@ HypothesisTable KeyframeSearch::close(const Observation& observation, const Pose
   return alignToFinest({{nearest->number, T_O_C}}, cancellation);
 }
 
+/// A pose from which the object looks a little larger. Where the image does not fix its distance,
+/// alignment does not find back.
+Pose KeyframeSearch::nearerThan(const Pose& T_O_C) const {
+  constexpr double kLarger_px = 2, kMost = 0.1;  // the latter of the distance
+  const FieldMetadata& object = field_->field().metadata;
+  const Eigen::Vector3d sight = object.centre - T_O_C.t;
+  const double size_px = looked_at_.camera.fx * object.diameter / sight.norm();
+  return {T_O_C.R, T_O_C.t + std::min(kMost, kLarger_px / size_px) * sight};
+}
+
 /// Aligns the nearest keyframe, and at the same time the one that secondOpinion asks for if that
 /// takes hardly any time: a launch of its own would.
 HypothesisTable KeyframeSearch::alignWithOther(const KeyframeSet::Entry& nearest, const Pose& T_O_C,
                                                const CancellationToken& cancellation) {
   const KeyframeSet::Entry* const other =
-      aligner_->alignsSideBySide() ? kept_.beside(T_O_C, kMinBeside_rad) : nullptr;
+      aligner_->alignsSideBySide() ? kept_.beside(T_O_C, *nearest.keyframe, kMinBeside_rad)
+                                   : nullptr;
   std::vector<KeyframeStart> starts = {{nearest.number, T_O_C}};
-  if (other != nullptr) starts.push_back({other->number, T_O_C});
+  if (other != nullptr) starts.push_back({other->number, nearerThan(T_O_C)});
   HypothesisTable found = alignToFinest(starts, cancellation);
   if (other != nullptr) {
     other_ = Other{other->keyframe, found.back()};
@@ -206,16 +217,16 @@ HypothesisTable KeyframeSearch::alignWithOther(const KeyframeSet::Entry& nearest
   return found;
 }
 
-/// The nearest keyframe of those some degrees beside a pose, aligned from there at the finest
-/// level.
+/// The nearest keyframe other than the nearest one that is some degrees beside a pose, aligned from
+/// there at the finest level.
 std::optional<KeyframeSearch::Other> KeyframeSearch::otherFrom(
-    const Pose& T_O_C, const CancellationToken& cancellation) {
-  const KeyframeSet::Entry* const other = kept_.beside(T_O_C, kMinBeside_rad);
+    const KeyframePoints& nearest, const Pose& T_O_C, const CancellationToken& cancellation) {
+  const KeyframeSet::Entry* const other = kept_.beside(T_O_C, nearest, kMinBeside_rad);
   if (other == nullptr || !sees(*other->keyframe, T_O_C)) return std::nullopt;
   KeyframeAlignmentSettings finest = settings_.alignment;
   finest.coarsest_level = finest.finest_level;
-  return Other{other->keyframe,
-               aligner_->align({{other->number, T_O_C}}, finest, cancellation).front()};
+  const std::vector<KeyframeStart> starts = {{other->number, nearerThan(T_O_C)}};
+  return Other{other->keyframe, aligner_->align(starts, finest, cancellation).front()};
 }
 
 std::optional<SecondOpinion> KeyframeSearch::secondOpinion(const Hypothesis& found,
@@ -223,8 +234,10 @@ std::optional<SecondOpinion> KeyframeSearch::secondOpinion(const Hypothesis& fou
   constexpr double kMinScore = 0.6;  // of the pose's own
   const auto nearest = nearestTo(found.T_O_C);
   if (nearest == nullptr) return std::nullopt;
-  const bool is_aligned = other_ && sees(*other_->keyframe, found.T_O_C);
-  const std::optional<Other> other = is_aligned ? other_ : otherFrom(found.T_O_C, cancellation);
+  const bool is_aligned =
+      other_ && other_->keyframe != nearest && sees(*other_->keyframe, found.T_O_C);
+  const std::optional<Other> other =
+      is_aligned ? other_ : otherFrom(*nearest, found.T_O_C, cancellation);
   if (!other || other->says.state != HypothesisState::kLive ||
       other->says.score < kMinScore * found.score) {
     return std::nullopt;

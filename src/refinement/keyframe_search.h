@@ -73,11 +73,11 @@ class KeyframeSearch {
   HypothesisTable from(const Observation& observation, const HypothesisTable& poses,
                        const CancellationToken& cancellation);
 
-  /// Where a keyframe some degrees beside a pose, which was found in the image that was looked at
-  /// last, is aligned: from that pose, or by `near` already, from its prior, on a processor that
-  /// does both at once. Where both end apart, what they show does not stay on the object as it
-  /// turns: the shading of a bottle, say. (A nearest keyframe that is so far beside is asked
-  /// again.)
+  /// Where another keyframe than the nearest one, some degrees beside a pose that was found in the
+  /// image that was looked at last, is aligned: from a little nearer than that pose, or by `near`
+  /// already, than its prior, on a processor that does both at once. Where both end apart, what
+  /// they show does not stay on the object as it turns (the shading of a bottle, say), or the image
+  /// does not fix the pose (an outline before something as dark).
   /// @return nothing: there is no other one in reach, it explains the image badly, or what was
   /// looked at last does not contain the object there.
   std::optional<SecondOpinion> secondOpinion(const Hypothesis& found,
@@ -112,9 +112,11 @@ class KeyframeSearch {
   void lookAround(const Observation& observation, const KeyframePoints& keyframe, const Pose& T_O_C,
                   double margin);
   bool sees(const KeyframePoints& keyframe, const Pose& T_O_C) const;
+  Pose nearerThan(const Pose& T_O_C) const;
   HypothesisTable alignWithOther(const KeyframeSet::Entry& nearest, const Pose& T_O_C,
                                  const CancellationToken& cancellation);
-  std::optional<Other> otherFrom(const Pose& T_O_C, const CancellationToken& cancellation);
+  std::optional<Other> otherFrom(const KeyframePoints& nearest, const Pose& T_O_C,
+                                 const CancellationToken& cancellation);
   void loadViews(const std::vector<int>& numbers, const CancellationToken& cancellation);
   HypothesisTable alignToFinest(const std::vector<KeyframeStart>& starts,
                                 const CancellationToken& cancellation);

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <memory>
 #include <utility>
 #include <vector>
@@ -28,6 +29,7 @@ class ToldAligner final : public KeyframeAligner {
                                 const KeyframeAlignmentSettings&,
                                 const CancellationToken&) override {
     ++calls;
+    last = starts;
     std::vector<Hypothesis> found;
     for (std::size_t i = 0; i < starts.size(); ++i) {
       found.push_back(told_[i % told_.size()]);
@@ -38,6 +40,7 @@ class ToldAligner final : public KeyframeAligner {
 
   bool side_by_side = false;
   int calls = 0;  // of align
+  std::vector<KeyframeStart> last;
 
  private:
   HypothesisTable told_;
@@ -133,6 +136,40 @@ TEST_F(KeyframeSearchOrder, AnotherKeyframeIsAlignedBesideTheNearestOne) {
   EXPECT_EQ(askedAfter(false, false), 1);
   EXPECT_EQ(askedAfter(true, false), 0);
   EXPECT_EQ(askedAfter(true, true), 1) << "what was aligned is of another look";
+}
+
+/// From a pose that itself is some degrees beside the nearest one: asked twice, that would agree.
+TEST_F(KeyframeSearchOrder, AnotherKeyframeIsNotTheNearestOneAgain) {
+  Hypothesis found = living(0.1, 0.5);
+  found.T_O_C = cameraAround(*scene_, 0.4, 0.4);
+  search_.alignNearest(image_, found.T_O_C, {found.T_O_C}, {});
+  EXPECT_FALSE(search_.secondOpinion(found, {})) << "there is one keyframe";
+  search_.add(std::make_shared<const KeyframePoints>(
+      renderKeyframe(*scene_, {camera_, poses_[1].T_O_C}, KeyframeSettings())));
+  for (const bool side_by_side : {false, true}) {
+    backend_.made->side_by_side = side_by_side;
+    Prior near;
+    near.T_O_C = found.T_O_C;
+    near.rotation_rad = near.translation = 0.05;
+    search_.near(image_, near, {});
+    const auto opinion = search_.secondOpinion(found, {});
+    EXPECT_NEAR(opinion.value().own_beside_rad, 0.1 * std::cos(0.4), 0.001);
+    EXPECT_NEAR(opinion.value().beside_rad, 0.2 * std::cos(0.4), 0.001);
+  }
+}
+
+/// By 2 of 160 pixels, or it would agree with what alignment left as it was.
+TEST_F(KeyframeSearchOrder, AnotherKeyframeStartsFromALittleNearer) {
+  search_.add(std::make_shared<const KeyframePoints>(
+      renderKeyframe(*scene_, {camera_, poses_[1].T_O_C}, KeyframeSettings())));
+  Hypothesis found = living(0.1, 0.5);
+  found.T_O_C = poses_[0].T_O_C;
+  search_.alignNearest(image_, found.T_O_C, {found.T_O_C}, {});
+  ASSERT_TRUE(search_.secondOpinion(found, {}));
+  const Eigen::Vector3d& centre = scene_->field().metadata.centre;
+  const Pose& start = backend_.made->last.at(0).T_O_C;
+  EXPECT_TRUE(start.R.isApprox(found.T_O_C.R));
+  EXPECT_TRUE((start.t - centre).isApprox((1 - 2. / 160) * (found.T_O_C.t - centre), 1e-9));
 }
 
 /// Coarse alignments that end far away explain the image best here: they must not crowd out those
