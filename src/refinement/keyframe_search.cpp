@@ -221,10 +221,12 @@ HypothesisTable KeyframeSearch::alignWithOther(const KeyframeSet::Entry& nearest
 /// there at the finest level.
 std::optional<KeyframeSearch::Other> KeyframeSearch::otherFrom(
     const KeyframePoints& nearest, const Pose& T_O_C, const CancellationToken& cancellation) {
+  constexpr double kConvergence_px = 0.05;  // where it ends is compared, not taken
   const KeyframeSet::Entry* const other = kept_.beside(T_O_C, nearest, kMinBeside_rad);
   if (other == nullptr || !sees(*other->keyframe, T_O_C)) return std::nullopt;
   KeyframeAlignmentSettings finest = settings_.alignment;
   finest.coarsest_level = finest.finest_level;
+  finest.convergence_px = std::max(finest.convergence_px, kConvergence_px);
   const std::vector<KeyframeStart> starts = {{other->number, nearerThan(T_O_C)}};
   return Other{other->keyframe, aligner_->align(starts, finest, cancellation).front()};
 }
