@@ -273,7 +273,7 @@ Refinement KeyframeRefiner::refine(const TimedObservation& image, const Expectat
 }
 
 void KeyframeRefiner::waitForRenderings(const CancellationToken& cancellation) {
-  if (watch_) watch_->giveTestUp(&*renderer_);
+  renderer_->pauseAside();
   if (renderer_->busy()) search_->add(renderer_->wait(cancellation));
   side_views_->waitForRenderings(cancellation);
 }

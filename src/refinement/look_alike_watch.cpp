@@ -17,6 +17,7 @@ namespace {
 
 // From one test to the use of its result, and so to the next one.
 constexpr std::int64_t kTest_ns = 300000000;
+constexpr double kKnown = 0.9;  // probability of the pose
 // Logarithm of odds of one pose against another one, above which it is taken.
 constexpr double kClearly = 3;
 
@@ -26,10 +27,9 @@ bool isNone(const Pose& motion) {
 
 /// Whether an image alone fixes the turn of a pose.
 bool fixesTurn(const LookAlikes& look_alikes, const LookAlikeEvidence& evidence) {
-  constexpr double kHeld = 0.9;
   LookAlikeBelief from_nothing(look_alikes, [](const Pose&) { return 1; });
   from_nothing.see(evidence);
-  return from_nothing.right() > kHeld;
+  return from_nothing.right() > kKnown;
 }
 
 }  // namespace
@@ -176,7 +176,14 @@ void LookAlikeWatch::giveTestUp(KeyframeRenderer* renderer) {
 
 void LookAlikeWatch::maybeTest(const TimedObservation& image, const Pose& T_O_C, bool is_sure,
                                KeyframeRenderer* renderer) {
-  if (test_ || renderer->isAsideBusy()) return;
+  if (test_ && !test_->is_valid) giveTestUp(renderer);
+  // While nobody knows which way the object is turned, its pose is of no use.
+  const bool is_urgent = belief_ && belief_->right() < kKnown;
+  if (test_) {
+    renderer->goOnAside(is_urgent);
+    return;
+  }
+  if (renderer->isAsideBusy()) return;
   const FieldMetadata& object = field_->field().metadata;
   auto part = objectImage(image.observation, T_O_C, object, kEvidence_px);
   if (!part) return;

@@ -9,6 +9,8 @@
 namespace nerf_pose_refiner {
 namespace {
 
+using Clock = std::chrono::steady_clock;
+
 constexpr std::chrono::milliseconds kRendererTick(5);  // polled: a token does not notify anybody
 
 }  // namespace
@@ -68,6 +70,7 @@ void KeyframeRenderer::doAside(AsideStep step) {
   {
     const std::lock_guard<std::mutex> lock(mutex_);
     aside_ = std::move(step);
+    is_urgent_ = is_paused_ = false;
   }
   changed_.notify_all();
 }
@@ -78,12 +81,28 @@ bool KeyframeRenderer::isAsideBusy() const {
 }
 
 void KeyframeRenderer::waitForAside(const CancellationToken& cancellation) {
+  goOnAside();
   std::unique_lock<std::mutex> lock(mutex_);
   while (aside_) {
     cancellation.check();
     changed_.wait_for(lock, kRendererTick);
   }
   if (aside_error_) std::rethrow_exception(std::exchange(aside_error_, nullptr));
+}
+
+void KeyframeRenderer::pauseAside() {
+  std::unique_lock<std::mutex> lock(mutex_);
+  is_paused_ = true;
+  changed_.wait(lock, [this] { return !is_stepping_; });
+}
+
+void KeyframeRenderer::goOnAside(bool is_urgent) {
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    is_urgent_ = is_urgent;
+    is_paused_ = false;
+  }
+  changed_.notify_all();
 }
 
 void KeyframeRenderer::endAside() {
@@ -97,15 +116,23 @@ void KeyframeRenderer::work() {
   yieldToOtherThreads();
   std::unique_lock<std::mutex> lock(mutex_);
   while (true) {
-    changed_.wait(lock, [this] { return stopping_ || requested_ || aside_; });
+    changed_.wait(lock, [this] { return stopping_ || requested_ || (aside_ && !is_paused_); });
     if (stopping_) return;
-    if (requested_) {
-      renderNext(&lock);
-    } else {
+    const Clock::time_point begin = Clock::now();
+    if (isAsideNext()) {
       stepAside(&lock);
+      aside_due_ -= Clock::now() - begin;
+    } else {
+      renderNext(&lock);
+      aside_due_ = Clock::now() - begin;
     }
     changed_.notify_all();
   }
+}
+
+bool KeyframeRenderer::isAsideNext() const {
+  if (!aside_ || is_paused_) return false;
+  return !requested_ || (is_urgent_ && aside_due_ > Seconds::zero());
 }
 
 void KeyframeRenderer::renderNext(std::unique_lock<std::mutex>* lock) {

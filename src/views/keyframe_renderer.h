@@ -1,6 +1,7 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <chrono>
 #include <condition_variable>
 #include <cstdint>
 #include <exception>
@@ -49,13 +50,21 @@ class KeyframeRenderer {
   /// is over.
   void doAside(AsideStep step);
   bool isAsideBusy() const;
-  /// Waits until that work is over. @throws Cancelled, and what the work threw.
+  /// Waits until that work is over, which goes on. @throws Cancelled, and what the work threw.
   void waitForAside(const CancellationToken& cancellation);
+  /// Leaves the field to others: waits for the present step; there is no other one until the work
+  /// is to go on.
+  void pauseAside();
+  /// @param is_urgent keyframes wait for it, but no longer than each of them takes.
+  void goOnAside(bool is_urgent = false);
   /// Gives that work up, and waits for its present step.
   void endAside();
 
  private:
+  using Seconds = std::chrono::duration<double>;
+
   void work();
+  bool isAsideNext() const;
   void renderNext(std::unique_lock<std::mutex>* lock);
   void stepAside(std::unique_lock<std::mutex>* lock);
 
@@ -72,6 +81,8 @@ class KeyframeRenderer {
   std::exception_ptr error_;
   AsideStep aside_;           ///< empty: there is no such work
   bool is_stepping_ = false;  ///< one of its steps is under way
+  bool is_paused_ = false, is_urgent_ = false;
+  Seconds aside_due_{0};  ///< time that urgent work has before the next keyframe
   std::exception_ptr aside_error_;
 
   std::thread thread_;

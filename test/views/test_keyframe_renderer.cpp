@@ -4,8 +4,10 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <future>
 #include <stdexcept>
 #include <thread>
+#include <vector>
 
 #include "support/analytic_scene.h"
 #include "support/cpu_processor.h"
@@ -122,6 +124,53 @@ TEST_F(KeyframeRendererTest, OtherWorkCanBeGivenUp) {
   renderer_.request(view_);
   EXPECT_NE(renderer_.wait({}), nullptr);
   EXPECT_EQ(steps, done);
+}
+
+TEST_F(KeyframeRendererTest, OtherWorkPauses) {
+  std::atomic<int> steps{0};
+  std::atomic<bool> may_end{false};
+  renderer_.doAside([&](const CancellationToken&) {
+    ++steps;
+    return !may_end;
+  });
+  renderer_.pauseAside();
+  const int done = steps;
+  may_end = true;
+  renderer_.request(view_);
+  EXPECT_NE(renderer_.wait({}), nullptr);
+  EXPECT_TRUE(renderer_.isAsideBusy());
+  EXPECT_EQ(steps, done);
+  renderer_.waitForAside({});
+  EXPECT_EQ(steps, done + 1);
+}
+
+/// The next keyframe is asked for before the first one is done, so that nothing but urgency lets
+/// other work in between.
+TEST_F(KeyframeRendererTest, UrgentWorkTakesTurnsWithKeyframes) {
+  for (const bool is_urgent : {false, true}) {
+    std::atomic<int> steps{0};
+    std::vector<int> steps_before;  // each keyframe
+    std::promise<void> both;
+    KeyframeRenderer* self = nullptr;
+    KeyframeRenderer renderer(field_, KeyframeSettings(), [&](const auto&) {
+      steps_before.push_back(steps);
+      if (steps_before.size() == 1) {
+        self->request(view_);
+      } else {
+        both.set_value();
+      }
+    });
+    self = &renderer;
+    field_->close();
+    const int arrived = field_->arrived();
+    renderer.request(view_);
+    field_->waitForArrivals(arrived + 1);
+    renderer.doAside([&](const CancellationToken&) { return ++steps < 3; });
+    renderer.goOnAside(is_urgent);
+    field_->open();
+    both.get_future().wait();
+    EXPECT_EQ(steps_before, std::vector<int>({0, is_urgent ? 3 : 0}));
+  }
 }
 
 TEST_F(KeyframeRendererTest, HandsOverErrorsOfOtherWork) {
