@@ -18,7 +18,8 @@ namespace nerf_pose_refiner {
 
 /// Watches over a track of an object that may be taken for itself: whether the pose that is tracked
 /// is the right one of those that look alike. Tests of a tracked pose run in the thread that
-/// renders keyframes, while it has nothing else to do.
+/// renders keyframes: while it has nothing else to do, or in turns with keyframes if nobody knows
+/// which pose is the right one.
 class LookAlikeWatch {
  public:
   LookAlikeWatch(std::shared_ptr<const LoadedField> field, const LookAlikes& look_alikes);
@@ -48,9 +49,9 @@ class LookAlikeWatch {
   /// The result of a test, if one is due. @param wait if it is not done yet.
   void takeTest(std::int64_t stamp_ns, bool wait, KeyframeRenderer* renderer,
                 const CancellationToken& cancellation);
-  /// Leaves the field to others.
+  /// Ends a test that is under way, without a result.
   void giveTestUp(KeyframeRenderer* renderer);
-  /// Tests a tracked pose, if that is due.
+  /// Tests a tracked pose, or lets the test that is under way go on.
   /// @param is_sure @see goOn.
   void maybeTest(const TimedObservation& image, const Pose& T_O_C, bool is_sure,
                  KeyframeRenderer* renderer);
