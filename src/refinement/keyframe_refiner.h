@@ -73,7 +73,8 @@ class KeyframeRefiner {
   /// Renders now what the first `find` would have to wait for. @throws Cancelled.
   void prepare(const CancellationToken& cancellation) { search_->prepare(cancellation); }
 
-  /// Waits until nothing is rendered any more, so that the field is free for others.
+  /// Waits until nothing is rendered any more, so that the field is free for others until an image
+  /// is followed.
   void waitForRenderings(const CancellationToken& cancellation);
 
  private:

@@ -191,7 +191,7 @@ HypothesisTable KeyframeSearch::close(const Observation& observation, const Pose
 }
 
 /// A pose from which the object looks a little larger. Where the image does not fix its distance,
-/// alignment does not find back.
+/// alignment does not return from there.
 Pose KeyframeSearch::nearerThan(const Pose& T_O_C) const {
   constexpr double kLarger_px = 2, kMost = 0.1;  // the latter of the distance
   const FieldMetadata& object = field_->field().metadata;
@@ -217,8 +217,8 @@ HypothesisTable KeyframeSearch::alignWithOther(const KeyframeSet::Entry& nearest
   return found;
 }
 
-/// The nearest keyframe other than the nearest one that is some degrees beside a pose, aligned from
-/// there at the finest level.
+/// Of the keyframes some degrees beside a pose, the nearest but for the one nearest to the pose;
+/// aligned from there at the finest level.
 std::optional<KeyframeSearch::Other> KeyframeSearch::otherFrom(
     const KeyframePoints& nearest, const Pose& T_O_C, const CancellationToken& cancellation) {
   constexpr double kConvergence_px = 0.05;  // where it ends is compared, not taken

@@ -73,11 +73,12 @@ class KeyframeSearch {
   HypothesisTable from(const Observation& observation, const HypothesisTable& poses,
                        const CancellationToken& cancellation);
 
-  /// Where another keyframe than the nearest one, some degrees beside a pose that was found in the
-  /// image that was looked at last, is aligned: from a little nearer than that pose, or by `near`
-  /// already, than its prior, on a processor that does both at once. Where both end apart, what
-  /// they show does not stay on the object as it turns (the shading of a bottle, say), or the image
-  /// does not fix the pose (an outline before something as dark).
+  /// Where another keyframe than the nearest one ends, some degrees beside a pose that was found in
+  /// the image that was looked at last. It starts from a little nearer than that pose; on a
+  /// processor that aligns both at once, `near` has aligned it already, from a little nearer than
+  /// its prior. Where both end apart, what they show does not stay on the object as it turns (the
+  /// shading of a bottle, say), or the image does not fix the pose (an outline before something as
+  /// dark).
   /// @return nothing: there is no other one in reach, it explains the image badly, or what was
   /// looked at last does not contain the object there.
   std::optional<SecondOpinion> secondOpinion(const Hypothesis& found,

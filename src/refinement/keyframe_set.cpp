@@ -62,12 +62,12 @@ const KeyframeSet::Entry* KeyframeSet::nearest(const Pose& T_O_C) {
   return best;
 }
 
-const KeyframeSet::Entry* KeyframeSet::beside(const Pose& T_O_C, const KeyframePoints& other,
+const KeyframeSet::Entry* KeyframeSet::beside(const Pose& T_O_C, const KeyframePoints& excluded,
                                               double least_rotation_rad) const {
   const Entry* best = nullptr;
   double least = 1;
   for (const Entry& entry : entries_) {
-    if (entry.keyframe.get() == &other) continue;
+    if (entry.keyframe.get() == &excluded) continue;
     const double cost = costOf(entry, T_O_C);
     if (!(cost < least)) continue;
     if (viewDistance(*entry.keyframe, T_O_C).rotation_rad < least_rotation_rad) continue;

@@ -40,9 +40,9 @@ class KeyframeSet {
   /// The keyframe that shows the object most as a pose does; null: none within reach.
   const Entry* nearest(const Pose& T_O_C);
 
-  /// The nearest one other than a given one that shows the object from at least so far beside a
+  /// The nearest one but for a given one that shows the object from at least so far beside a
   /// pose; null: there is none within reach.
-  const Entry* beside(const Pose& T_O_C, const KeyframePoints& other,
+  const Entry* beside(const Pose& T_O_C, const KeyframePoints& excluded,
                       double least_rotation_rad) const;
 
   std::size_t size() const { return entries_.size(); }

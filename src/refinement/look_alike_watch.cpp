@@ -35,10 +35,12 @@ bool fixesTurn(const LookAlikes& look_alikes, const LookAlikeEvidence& evidence)
 }  // namespace
 
 struct LookAlikeWatch::Test {
-  Test(ObjectImage image, const Pose& T_O_C, const LookAlikes& look_alikes, bool sure)
-      : test(std::move(image), T_O_C, look_alikes), is_sure(sure) {}
+  Test(ObjectImage image, std::int64_t at_ns, const Pose& T_O_C, const LookAlikes& look_alikes,
+       bool sure)
+      : test(std::move(image), T_O_C, look_alikes), stamp_ns(at_ns), is_sure(sure) {}
 
-  LookAlikeTest test;    ///< of the renderer's thread until it is done
+  LookAlikeTest test;  ///< of the renderer's thread until it is done
+  std::int64_t stamp_ns;
   bool is_sure;          ///< the image shows the object at the pose
   bool is_valid = true;  ///< false: the pose has been corrected meanwhile
 };
@@ -169,25 +171,33 @@ void LookAlikeWatch::use(const Test& test) {
 }
 
 void LookAlikeWatch::giveTestUp(KeyframeRenderer* renderer) {
-  if (!test_) return;
-  renderer->endAside();
+  renderer->endAside();  // also that of a test whose result was not waited for
   test_.reset();
+}
+
+/// Whether a test is under way that may still say something of the pose at a time.
+bool LookAlikeWatch::isTesting(std::int64_t stamp_ns) const {
+  constexpr std::int64_t kOldest_ns = 3000000000;
+  return test_ && test_->is_valid && std::abs(stamp_ns - test_->stamp_ns) < kOldest_ns;
 }
 
 void LookAlikeWatch::maybeTest(const TimedObservation& image, const Pose& T_O_C, bool is_sure,
                                KeyframeRenderer* renderer) {
-  if (test_ && !test_->is_valid) giveTestUp(renderer);
-  // While nobody knows which way the object is turned, its pose is of no use.
-  const bool is_urgent = belief_ && belief_->right() < kKnown;
-  if (test_) {
-    renderer->goOnAside(is_urgent);
-    return;
+  if (!isTesting(image.stamp_ns)) {
+    giveTestUp(renderer);
+    beginTest(image, T_O_C, is_sure, renderer);
   }
-  if (renderer->isAsideBusy()) return;
+  // While nobody knows which way the object is turned, its pose is of no use.
+  const bool is_known = !belief_ || belief_->right() > kKnown;
+  if (test_) renderer->goOnAside(test_->is_sure && !is_known);
+}
+
+void LookAlikeWatch::beginTest(const TimedObservation& image, const Pose& T_O_C, bool is_sure,
+                               KeyframeRenderer* renderer) {
   const FieldMetadata& object = field_->field().metadata;
   auto part = objectImage(image.observation, T_O_C, object, kEvidence_px);
   if (!part) return;
-  test_ = std::make_shared<Test>(std::move(*part), T_O_C, look_alikes_, is_sure);
+  test_ = std::make_shared<Test>(std::move(*part), image.stamp_ns, T_O_C, look_alikes_, is_sure);
   due_ns_ = image.stamp_ns + kTest_ns;
   renderer->doAside([field = field_, test = test_](const CancellationToken& cancellation) {
     return test->test.step(*field, cancellation);

@@ -51,7 +51,7 @@ class LookAlikeWatch {
                 const CancellationToken& cancellation);
   /// Ends a test that is under way, without a result.
   void giveTestUp(KeyframeRenderer* renderer);
-  /// Tests a tracked pose, or lets the test that is under way go on.
+  /// Tests a tracked pose, or lets the test that is under way go on, unless that is too old.
   /// @param is_sure @see goOn.
   void maybeTest(const TimedObservation& image, const Pose& T_O_C, bool is_sure,
                  KeyframeRenderer* renderer);
@@ -71,6 +71,9 @@ class LookAlikeWatch {
   struct Test;
 
   void use(const Test& test);
+  bool isTesting(std::int64_t stamp_ns) const;
+  void beginTest(const TimedObservation& image, const Pose& T_O_C, bool is_sure,
+                 KeyframeRenderer* renderer);
 
   std::shared_ptr<const LoadedField> field_;
   LookAlikes look_alikes_;

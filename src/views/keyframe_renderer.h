@@ -46,16 +46,17 @@ class KeyframeRenderer {
   /// Work with the field that may wait for keyframes: a step of it, false if it was the last one.
   using AsideStep = std::function<bool(const CancellationToken&)>;
 
-  /// Does work in steps while no keyframe is requested. Requires `!isAsideBusy()`. Work that throws
-  /// is over.
+  /// Does work in steps while no keyframe is requested, or in turns with keyframes if it is urgent,
+  /// which it is not at first. Requires `!isAsideBusy()`. Work that throws is over.
   void doAside(AsideStep step);
   bool isAsideBusy() const;
-  /// Waits until that work is over, which goes on. @throws Cancelled, and what the work threw.
+  /// Lets that work go on, no longer urgent, and waits until it is over. @throws Cancelled, and
+  /// what the work threw.
   void waitForAside(const CancellationToken& cancellation);
   /// Leaves the field to others: waits for the present step; there is no other one until the work
   /// is to go on.
   void pauseAside();
-  /// @param is_urgent keyframes wait for it, but no longer than each of them takes.
+  /// @param is_urgent each keyframe waits for it, for about as long as the last keyframe took.
   void goOnAside(bool is_urgent = false);
   /// Gives that work up, and waits for its present step.
   void endAside();

@@ -140,6 +140,7 @@ TEST_F(KeyframeSearchOrder, AnotherKeyframeIsAlignedBesideTheNearestOne) {
 
 /// From a pose that itself is some degrees beside the nearest one: asked twice, that would agree.
 TEST_F(KeyframeSearchOrder, AnotherKeyframeIsNotTheNearestOneAgain) {
+  const Eigen::Vector3d& centre = scene_->field().metadata.centre;
   Hypothesis found = living(0.1, 0.5);
   found.T_O_C = cameraAround(*scene_, 0.4, 0.4);
   search_.alignNearest(image_, found.T_O_C, {found.T_O_C}, {});
@@ -152,7 +153,11 @@ TEST_F(KeyframeSearchOrder, AnotherKeyframeIsNotTheNearestOneAgain) {
     near.T_O_C = found.T_O_C;
     near.rotation_rad = near.translation = 0.05;
     search_.near(image_, near, {});
+    const int before = backend_.made->calls;
     const auto opinion = search_.secondOpinion(found, {});
+    EXPECT_EQ(backend_.made->calls, side_by_side ? before : before + 1);
+    EXPECT_LT((backend_.made->last.back().T_O_C.t - centre).norm(),
+              (found.T_O_C.t - centre).norm());
     EXPECT_NEAR(opinion.value().own_beside_rad, 0.1 * std::cos(0.4), 0.001);
     EXPECT_NEAR(opinion.value().beside_rad, 0.2 * std::cos(0.4), 0.001);
   }

@@ -231,6 +231,22 @@ TEST_F(LabelledBottle, ATrackThatIsTurnedWronglyIsCorrected) {
   EXPECT_GT(found.unmistaken.value(), 0.9);
 }
 
+/// As where a mask is compared with a rendering.
+TEST_F(LabelledBottle, ATrackIsCorrectedThoughTheFieldIsUsedAfterEachImage) {
+  const Pose truth = seenFrom(kLabelSide);
+  const Observation image = imageAt(truth);
+  KeyframeRefiner refiner = this->refiner();
+  refiner.use(turnsAboutZ());
+  Pose last = turned(truth, 120);
+  for (int i = 0; i < 30; ++i) {
+    const Refinement found = refiner.follow({image, i * kFrame_ns}, priorAt(last, 5));
+    ASSERT_EQ(found.outcome, Outcome::kRefined);
+    refiner.waitForRenderings({});
+    last = found.T_O_C;
+  }
+  EXPECT_LT(turnBetween(last, truth), 2);
+}
+
 TEST_F(LabelledBottle, ATrackIsTrustedForAWhileAfterItsLabelIsOutOfSight) {
   KeyframeRefiner refiner = this->refiner();
   refiner.use(turnsAboutZ());

@@ -165,12 +165,25 @@ TEST_F(KeyframeRendererTest, UrgentWorkTakesTurnsWithKeyframes) {
     const int arrived = field_->arrived();
     renderer.request(view_);
     field_->waitForArrivals(arrived + 1);
-    renderer.doAside([&](const CancellationToken&) { return ++steps < 3; });
+    renderer.doAside([&](const CancellationToken&) {
+      ++steps;
+      return false;
+    });
     renderer.goOnAside(is_urgent);
     field_->open();
     both.get_future().wait();
-    EXPECT_EQ(steps_before, std::vector<int>({0, is_urgent ? 3 : 0}));
+    EXPECT_EQ(steps_before, std::vector<int>({0, is_urgent ? 1 : 0}));
   }
+}
+
+TEST_F(KeyframeRendererTest, UrgentWorkDoesNotKeepKeyframesFromBeingRendered) {
+  renderer_.doAside([](const CancellationToken&) { return true; });  // for ever
+  renderer_.goOnAside(true);
+  for (int i = 0; i < 2; ++i) {
+    renderer_.request(view_);
+    EXPECT_NE(renderer_.wait({}), nullptr);
+  }
+  renderer_.endAside();
 }
 
 TEST_F(KeyframeRendererTest, HandsOverErrorsOfOtherWork) {
