@@ -38,7 +38,7 @@ struct ChosenColours {
 /// A place on the outline, @see OutlinePoint. What fills groups has no normal, and is never seen.
 struct CudaOutlinePoint {
   Vec3<float> p, normal;
-  OutlineLook look;
+  OutlineLook<float> look;
 };
 
 /// Cells of a run: 32 neighbours in a row of the grid.

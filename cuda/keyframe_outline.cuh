@@ -10,8 +10,9 @@ namespace nerf_pose_refiner {
 
 /// False: a place lies outside of the image, or shows nothing. Nothing here branches, so that the
 /// memory's answers for all places are waited for together.
-__device__ inline bool sampleProfile(const CudaFrameLevel& image, const OutlineInImage& outline,
-                                     OutlineProfile* profile) {
+__device__ inline bool sampleProfile(const CudaFrameLevel& image,
+                                     const OutlineInImage<float>& outline,
+                                     OutlineProfile<float>* profile) {
   bool seen = true;
 #pragma unroll
   for (int i = 0; i < kOutlinePlaces; ++i) {

@@ -243,13 +243,10 @@ class StartAlignment {
     if (i >= scene.level.outline_count) return;
     const CudaOutlinePoint& point = scene.level.outline[i];
     const Pinhole<float>& K = scene.image.K;
-    OutlineInImage place;
-    OutlineProfile profile;
-    if (!placeOutline(K, shared_.transform, point.p, point.normal, &place) ||
-        !sampleProfile(scene.image, place, &profile)) {
-      return;
-    }
-    const OutlineOpacities seen = outlineOpacities(profile);
+    const OutlineInImage<float> place = placeOutline(K, shared_.transform, point.p, point.normal);
+    OutlineProfile<float> profile;
+    if (!place.isSeen() || !sampleProfile(scene.image, place, &profile)) return;
+    const OutlineOpacities<float> seen = outlineOpacities(profile);
     if (kOnlyEvidence) {
       addOutlineEvidence(point.look, seen, {rules.robust_scale, scene.level.outline_evidence},
                          evidenceIn(terms));

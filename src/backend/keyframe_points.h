@@ -13,9 +13,6 @@
 
 namespace nerf_pose_refiner {
 
-/// Vectors of points end at a multiple of this; what fills them up has weight 0.
-constexpr int kPointGroup = 8;
-
 /// Points of the object, coordinate by coordinate: relative to its centre, in the axes of O [model
 /// units].
 struct PointColumns {
@@ -50,9 +47,9 @@ struct LocalColourColumns {
 
 /// A place on the outline of the object.
 struct OutlinePoint {
-  Eigen::Vector3f point;   ///< relative to the object's centre, in the axes of O [model units]
-  Eigen::Vector3f normal;  ///< a pixel of the keyframe to the outside, at the point's depth, alike
-  OutlineLook look;        ///< along the normal
+  Eigen::Vector3f point;    ///< relative to the object's centre, in the axes of O [model units]
+  Eigen::Vector3f normal;   ///< a pixel of the keyframe to the outside, at the point's depth, alike
+  OutlineLook<float> look;  ///< along the normal
 };
 
 /// One resolution of a keyframe: what alignment compares with an image.

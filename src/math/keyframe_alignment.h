@@ -12,6 +12,9 @@ namespace nerf_pose_refiner {
 // Alignment of a keyframe's points with an image. T is a number or a vector of numbers, one of each
 // point: nothing here branches. S is the number itself.
 
+/// Vectors of points end at a multiple of this; what fills them up has weight 0.
+constexpr int kPointGroup = 8;
+
 /// Where a pose puts points that are given relative to the object's centre: q_C = R^T p + t with
 /// t = R^T (c - o).
 template <typename S>
@@ -97,16 +100,35 @@ constexpr float kFlatDeviation = 0.03f;
 constexpr int kLocalSums = 6;
 /// Where the sum of their weights stands, behind them.
 constexpr int kLocalWeight = 6;
+/// Weights are taken to be this at least: where nothing is seen, colours are black without
+/// contrast.
+constexpr float kMinLocalWeight = 1e-3f;
 
-/// Each channel has its own deviation: lights differ in colour.
+/// Mean and variance of colours; rounding may leave the latter a little below 0.
+template <typename T>
+struct LocalMoments {
+  T mean[3], variance[3];
+};
+
+template <typename T>
+NPR_HOST_DEVICE inline LocalMoments<T> localMoments(const T sums[kLocalSums], T inverse_count) {
+  LocalMoments<T> moments;
+  for (int c = 0; c < 3; ++c) {
+    moments.mean[c] = inverse_count * sums[c];
+    moments.variance[c] = inverse_count * sums[3 + c] - moments.mean[c] * moments.mean[c];
+  }
+  return moments;
+}
+
+/// Each channel has its own deviation: lights differ in colour. T is a number.
 template <typename T>
 NPR_HOST_DEVICE inline LocalColours<T> localColours(const T sums[kLocalSums], T inverse_count) {
+  const LocalMoments<T> moments = localMoments(sums, inverse_count);
   LocalColours<T> local;
   for (int c = 0; c < 3; ++c) {
-    local.mean[c] = inverse_count * sums[c];
-    const T variance = inverse_count * sums[3 + c] - local.mean[c] * local.mean[c];
-    local.inverse_deviation[c] =
-        1 / std::sqrt((variance > 0 ? variance : T(0)) + T(kFlatDeviation * kFlatDeviation));
+    const T variance = moments.variance[c] > 0 ? moments.variance[c] : T(0);
+    local.mean[c] = moments.mean[c];
+    local.inverse_deviation[c] = 1 / std::sqrt(variance + T(kFlatDeviation * kFlatDeviation));
   }
   return local;
 }

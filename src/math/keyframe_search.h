@@ -134,8 +134,7 @@ NPR_HOST_DEVICE inline double nextDamping(double damping, bool accepted) {
 /// black without contrast.
 template <typename T>
 NPR_HOST_DEVICE inline LocalColours<T> weightedLocalColours(const T sums[kLocalWeight + 1]) {
-  constexpr T kMinWeight = T(1e-3);
-  return localColours(sums, 1 / std::max(sums[kLocalWeight], kMinWeight));
+  return localColours(sums, 1 / std::max(sums[kLocalWeight], T(kMinLocalWeight)));
 }
 
 /// A keyframe's colour, normalised by all of its neighbours, normalised by those alone that are

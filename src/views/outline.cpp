@@ -125,7 +125,7 @@ class OutlineFinder {
 
   // The light on the object is another one than the model learned, so its shading is believed in
   // part: colours differ by this power of what they differ by in the keyframe.
-  OutlineLook lookAlong(const Eigen::Vector2f& place, const Eigen::Vector2f& outside) const {
+  OutlineLook<float> lookAlong(const Eigen::Vector2f& place, const Eigen::Vector2f& outside) const {
     constexpr float kBelieved = 0.7f, kMost = 3;
     constexpr float kDark = 0.05f;  // added to colours, as ratios of dark ones are noise
     constexpr float kShown = 0.2f;  // less opacity shows too little of the object's colour
@@ -133,7 +133,7 @@ class OutlineFinder {
     const Eigen::Array3f inside =
         0.5f * (colourAt(place - reach * outside) + colourAt(place - (reach - 1) * outside));
     Eigen::Array3f colour = inside;
-    OutlineLook look;
+    OutlineLook<float> look;
     for (int i = 0; i < kOutlineOpacities; ++i) {
       const Eigen::Vector2f there = place + static_cast<float>(i - kOutlineCompared) * outside;
       look.opacity[i] = opacityAt(there);

@@ -8,15 +8,15 @@
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr float kFlow[6] = {1, 0, 0, 0, 0, 0};  // the camera's first motion moves it by a pixel
-constexpr OutlineRules kRules = {1000, 1};      // so wide that nothing is an outlier
+constexpr float kFlow[6] = {1, 0, 0, 0, 0, 0};     // the camera's first motion moves it by a pixel
+constexpr OutlineRules<float> kRules = {1000, 1};  // so wide that nothing is an outlier
 
 // An edge that is blurred over some pixels.
 float opacityAt(float place) { return 0.5f * std::erfc(place / 1.4f); }
 
 // How a keyframe shows it, in the colour that it has further inside.
-OutlineLook evenLook() {
-  OutlineLook look;
+OutlineLook<float> evenLook() {
+  OutlineLook<float> look;
   for (int i = 0; i < kOutlineOpacities; ++i) {
     look.opacity[i] = opacityAt(static_cast<float>(i - kOutlineCompared));
     for (float& shade : look.shade[i]) shade = 1;
@@ -25,9 +25,9 @@ OutlineLook evenLook() {
 }
 
 // What an image shows of such an edge, its colours times a gain, plus an offset.
-OutlineProfile profileOf(float shift, float gain = 1, float offset = 0) {
+OutlineProfile<float> profileOf(float shift, float gain = 1, float offset = 0) {
   constexpr float kInside[3] = {0.8f, 0.3f, 0.2f}, kOutside[3] = {0.3f, 0.4f, 0.7f};
-  OutlineProfile profile;
+  OutlineProfile<float> profile;
   for (int i = 0; i < kOutlinePlaces; ++i) {
     const float opacity = opacityAt(static_cast<float>(i - kOutlineReach) - shift);
     for (int c = 0; c < 3; ++c) {
@@ -39,7 +39,7 @@ OutlineProfile profileOf(float shift, float gain = 1, float offset = 0) {
 }
 
 TEST(OutlineAlignment, TakesOpacityFromColoursOnBothSides) {
-  const OutlineOpacities seen = outlineOpacities(profileOf(0));
+  const OutlineOpacities<float> seen = outlineOpacities(profileOf(0));
   for (int i = 0; i < kOutlineOpacities; ++i) {
     const auto place = static_cast<float>(i - kOutlineCompared);
     EXPECT_NEAR(seen.value[i], opacityAt(place), 0.015f) << "place " << place;
@@ -48,17 +48,17 @@ TEST(OutlineAlignment, TakesOpacityFromColoursOnBothSides) {
 }
 
 TEST(OutlineAlignment, LightDoesNotMatter) {
-  const OutlineOpacities before = outlineOpacities(profileOf(0.4f));
-  const OutlineOpacities after = outlineOpacities(profileOf(0.4f, 0.5f, 0.2f));
+  const OutlineOpacities<float> before = outlineOpacities(profileOf(0.4f));
+  const OutlineOpacities<float> after = outlineOpacities(profileOf(0.4f, 0.5f, 0.2f));
   for (int i = 0; i < kOutlineOpacities; ++i) {
     EXPECT_NEAR(before.value[i], after.value[i], 0.01f);
   }
 }
 
 TEST(OutlineAlignment, SidesOfOneColourSayNothing) {
-  OutlineProfile grey;
+  OutlineProfile<float> grey;
   for (auto& colour : grey.colour) colour[0] = colour[1] = colour[2] = 0.5f;
-  const OutlineOpacities seen = outlineOpacities(grey);
+  const OutlineOpacities<float> seen = outlineOpacities(grey);
   EXPECT_EQ(seen.weight, 0);
   PointSums<float> sums = {};
   addOutlinePoint(evenLook(), seen, kFlow, {0.7f, 3}, &sums);
@@ -82,15 +82,15 @@ TEST(OutlineAlignment, AStepLeadsToTheEdge) {
 TEST(OutlineAlignment, ShadingIsNoShift) {
   constexpr float kInside[3] = {0.8f, 0.3f, 0.2f}, kOutside[3] = {0.1f, 0.1f, 0.1f};
   const float shades[kOutlinePlaces] = {1, 1, 0.9f, 0.75f, 0.6f, 0.6f, 0.6f};
-  OutlineProfile profile;
-  OutlineLook look = evenLook();
+  OutlineProfile<float> profile;
+  OutlineLook<float> look = evenLook();
   for (int i = 0; i < kOutlinePlaces; ++i) {
     const float opacity = opacityAt(static_cast<float>(i - kOutlineReach));
     for (int c = 0; c < 3; ++c) {
       profile.colour[i][c] = opacity * shades[i] * kInside[c] + (1 - opacity) * kOutside[c];
     }
   }
-  const OutlineOpacities seen = outlineOpacities(profile);
+  const OutlineOpacities<float> seen = outlineOpacities(profile);
   PointSums<float> plain = {}, shaded = {};
   addOutlinePoint(look, seen, kFlow, kRules, &plain);
   for (int i = 0; i < kOutlineOpacities; ++i) {
@@ -103,8 +103,8 @@ TEST(OutlineAlignment, ShadingIsNoShift) {
 
 // Half as bright just inside as the keyframe has it: so is what the keyframe shows at the edge.
 TEST(OutlineAlignment, ExpectsTheKeyframesShadingInTheImagesLight) {
-  OutlineLook look = evenLook();
-  OutlineOpacities sides = {};
+  OutlineLook<float> look = evenLook();
+  OutlineOpacities<float> sides = {};
   const float inside[3] = {0.4f, 0.2f, 0.3f};
   float squared = 0;
   for (int c = 0; c < 3; ++c) {

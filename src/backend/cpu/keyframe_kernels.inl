@@ -6,6 +6,9 @@
 
 #include <stdint.h>
 #include <string.h>
+#if defined(__AVX2__)
+#include <immintrin.h>
+#endif
 
 #include "backend/cpu/keyframe_kernels.h"
 
@@ -17,6 +20,7 @@ constexpr int kLanes = 8;
 #else
 constexpr int kLanes = 4;
 #endif
+static_assert(kPointGroup % kLanes == 0, "groups are whole vectors");
 typedef float Vector __attribute__((vector_size(kLanes * 4)));
 typedef int32_t IntVector __attribute__((vector_size(kLanes * 4)));
 typedef float Channels __attribute__((vector_size(16)));  // of a pixel
@@ -31,6 +35,7 @@ inline Channels loadPixel(const float* p) {
   memcpy(&v, p, sizeof v);
   return v;
 }
+inline void store(float* p, Vector v) { memcpy(p, &v, sizeof v); }
 inline Vector choose(IntVector mask, Vector a, Vector b) {
   return (Vector)((mask & (IntVector)a) | (~mask & (IntVector)b));
 }
@@ -96,7 +101,7 @@ void sampleColours(const KernelView& view, const KernelPoints& points, const Ker
       const float weight = g.inside[lane] ? pixel[3] : 0.0f;
       const Channels colour = weight * pixel;
       const Channels squares = colour * pixel;
-      float* sums = grid + 8 * (int64_t)cells.cell[i + lane];
+      float* sums = grid + kCellNumbers * (int64_t)cells.cell[i + lane];
       const float first[4] = {colour[0], colour[1], colour[2], squares[0]};
       const float second[4] = {squares[1], squares[2], weight, 0};
       memcpy(sums, first, sizeof first);
@@ -133,6 +138,18 @@ inline void addLanes(const PointSums<Vector>& lanes, PointSums<float>* sums) {
   sums->squared_residual += sumLanes(lanes.squared_residual);
   for (int k = 0; k < 21; ++k) sums->information[k] += sumLanes(lanes.information[k]);
   for (int k = 0; k < 6; ++k) sums->gradient[k] += sumLanes(lanes.gradient[k]);
+}
+
+inline void addLanes(const EvidenceSums<Vector>& lanes, EvidenceSums<float>* sums) {
+  sums->explained += sumLanes(lanes.explained);
+  sums->chance += sumLanes(lanes.chance);
+  sums->weight += sumLanes(lanes.weight);
+  sums->tone.weight += sumLanes(lanes.tone.weight);
+  sums->tone.rendered += sumLanes(lanes.tone.rendered);
+  sums->tone.observed += sumLanes(lanes.tone.observed);
+  sums->tone.rendered_squared += sumLanes(lanes.tone.rendered_squared);
+  sums->tone.observed_squared += sumLanes(lanes.tone.observed_squared);
+  sums->tone.product += sumLanes(lanes.tone.product);
 }
 
 /// The points of a group, compared with the frame.
@@ -189,16 +206,22 @@ void sumEvidence(const KernelView& view, const KernelTile& tile, const KernelRul
     addEvidence(group.residual, {load(tile.colours.brightness + i), group.brightness}, group.weight,
                 Vector{} + rules.robust_scale, &lanes);
   }
-  sums->explained += sumLanes(lanes.explained);
-  sums->chance += sumLanes(lanes.chance);
-  sums->weight += sumLanes(lanes.weight);
-  sums->tone.weight += sumLanes(lanes.tone.weight);
-  sums->tone.rendered += sumLanes(lanes.tone.rendered);
-  sums->tone.observed += sumLanes(lanes.tone.observed);
-  sums->tone.rendered_squared += sumLanes(lanes.tone.rendered_squared);
-  sums->tone.observed_squared += sumLanes(lanes.tone.observed_squared);
-  sums->tone.product += sumLanes(lanes.tone.product);
+  addLanes(lanes, sums);
 }
+
+}  // namespace
+}  // namespace nerf_pose_refiner
+
+// Its other parts, which use what is above.
+#include "backend/cpu/kernels_local_colours.inl"
+
+#include "backend/cpu/kernels_outline.inl"
+
+namespace nerf_pose_refiner {
+namespace {
+
+constexpr KeyframeKernels kKernels = {sampleColours, takeLocalColours, sumTile,
+                                      sumEvidence,   sumOutline,       sumOutlineEvidence};
 
 }  // namespace
 }  // namespace nerf_pose_refiner

@@ -4,9 +4,6 @@
 
 namespace nerf_pose_refiner {
 
-const KeyframeKernels* avx2KeyframeKernels() {
-  static const KeyframeKernels kernels = {sampleColours, sumTile, sumEvidence};
-  return &kernels;
-}
+const KeyframeKernels* avx2KeyframeKernels() { return &kKernels; }
 
 }  // namespace nerf_pose_refiner

@@ -3,9 +3,6 @@
 
 namespace nerf_pose_refiner {
 
-const KeyframeKernels* baselineKeyframeKernels() {
-  static const KeyframeKernels kernels = {sampleColours, sumTile, sumEvidence};
-  return &kernels;
-}
+const KeyframeKernels* baselineKeyframeKernels() { return &kKernels; }
 
 }  // namespace nerf_pose_refiner

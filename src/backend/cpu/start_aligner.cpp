@@ -5,9 +5,7 @@
 #include <cmath>
 #include <numeric>
 
-#include "backend/common/box_sums.h"
 #include "backend/common/plain_pose.h"
-#include "backend/cpu/outline_sums.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -40,11 +38,10 @@ int countOf(const KeyframeLevel& level) {
 
 void StartAligner::beginLevel(int index, const CameraPose<double>& pose) {
   level_ = &keyframe_->levels[index];
-  const std::size_t cells = static_cast<std::size_t>(level_->width) * level_->height;
-  grid_.assign(kBoxChannels * (cells + 1), 0.0f);
+  grid_.begin(*level_);
+  outline_.take(*level_);
   hideOccluded(pose);
-  sampleFrame(pose);
-  takeLocalColours(&local_);
+  lookAround(pose);
   findLight();
   compareWhatIsSeen();
   carryGradients(pose);
@@ -59,11 +56,11 @@ void StartAligner::hideOccluded(const CameraPose<double>& pose) {
                               {image_.K, image_.width, image_.height, level_->spacing});
   weight_ = level_->weight;
   // What is hidden is marked in the grid while weights are looked up.
-  for (const std::int32_t cell : hidden_) grid_[kBoxChannels * cell] = 1;
+  for (const std::int32_t cell : hidden_) *grid_.cell(cell) = 1;
   for (int i = 0; i < level_->chosen.size(); ++i) {
-    if (grid_[kBoxChannels * static_cast<std::size_t>(level_->chosen.cell[i])] > 0) weight_[i] = 0;
+    if (*grid_.cell(level_->chosen.cell[i]) > 0) weight_[i] = 0;
   }
-  for (const std::int32_t cell : hidden_) grid_[kBoxChannels * cell] = 0;
+  for (const std::int32_t cell : hidden_) *grid_.cell(cell) = 0;
   shown_weight_ = std::accumulate(weight_.begin(), weight_.end(), 0.0);
 }
 
@@ -73,8 +70,7 @@ void StartAligner::findLight() {
   std::vector<LightSample>& samples = light_samples_;
   samples.clear();
   for (const std::int32_t i : level.light_samples) {
-    const float* const frame =
-        grid_.data() + kBoxChannels * static_cast<std::size_t>(level.shown.cell[i]);
+    const float* const frame = grid_.cell(level.shown.cell[i]);
     const float weight = frame[kLocalWeight];
     if (!(weight > 0)) continue;
     const float seen[3] = {frame[0] / weight, frame[1] / weight, frame[2] / weight};
@@ -92,7 +88,7 @@ void StartAligner::findLight() {
 void StartAligner::compareWhatIsSeen() {
   const KeyframeLevel& level = *level_;
   for (int i = 0; i < level.shown.size(); ++i) {
-    float* const sums = grid_.data() + kBoxChannels * static_cast<std::size_t>(level.shown.cell[i]);
+    float* const sums = grid_.cell(level.shown.cell[i]);
     const float weight = sums[kLocalWeight];
     const float gain = lightGain(light_, level.shown_normal[i]);
     for (int c = 0; c < 3; ++c) {
@@ -101,7 +97,7 @@ void StartAligner::compareWhatIsSeen() {
       sums[3 + c] = weight * colour * colour;
     }
   }
-  takeLocalColours(&rendered_local_);
+  grid_.takeLocalColours(*kernels_, &rendered_local_);
   for (std::vector<float>& rendered : rendered_) rendered.resize(level.chosen.size());
   gain_.resize(level.chosen.size());
   for (int i = 0; i < level.chosen.size(); ++i) {
@@ -141,35 +137,13 @@ void StartAligner::carryGradients(const CameraPose<double>& pose) {
   }
 }
 
-// Colours of the frame where a pose puts the keyframe's cells.
-void StartAligner::sampleFrame(const CameraPose<double>& pose) {
+// Colours of the frame where a pose puts the keyframe's cells, and around its chosen points.
+void StartAligner::lookAround(const CameraPose<double>& pose) {
   const PointColumns& shown = level_->shown;
   kernels_->sampleColours({image_, transformOf(pose)}, columnsOf(shown),
-                          {shown.cell.data(), shown.size()}, grid_.data());
-  for (const std::int32_t cell : hidden_) {
-    std::fill_n(grid_.begin() + kBoxChannels * static_cast<std::ptrdiff_t>(cell), kBoxChannels,
-                0.0f);
-  }
-}
-
-void StartAligner::takeLocalColours(LocalColourColumns* local) {
-  const KeyframeLevel& level = *level_;
-  boxSums(grid_, level.width, level.height, level.window, &sums_);
-  local->resize(level.chosen.cell.size());
-  for (int i = 0; i < level.chosen.size(); ++i) {
-    const float* sums =
-        sums_.data() + kBoxChannels * static_cast<std::size_t>(level.chosen.cell[i]);
-    const LocalColours<float> around = weightedLocalColours(sums);
-    for (int c = 0; c < 3; ++c) {
-      local->mean[c][i] = around.mean[c];
-      local->inverse_deviation[c][i] = around.inverse_deviation[c];
-    }
-  }
-}
-
-void StartAligner::lookAround(const CameraPose<double>& pose) {
-  sampleFrame(pose);
-  takeLocalColours(&local_);
+                          {shown.cell.data(), shown.size()}, grid_.cells());
+  for (const std::int32_t cell : hidden_) std::fill_n(grid_.cell(cell), kCellNumbers, 0.0f);
+  grid_.takeLocalColours(*kernels_, &local_);
 }
 
 KernelColours StartAligner::colours() const {
@@ -201,11 +175,10 @@ AlignedKeyframe StartAligner::evaluate(const CameraPose<double>& pose,
   SeenPoints seen = {
       shown_weight_,         evaluated.sums.weight,  static_cast<int>(points.outline.size()), 0,
       points.outline_weight, points.outline_evidence};
-  for (std::size_t t = 0; t + 1 < points.outline_tiles.size(); ++t) {
+  for (int t = 0; t < outline_.tiles(); ++t) {
     PointSums<float> tile = {};
-    seen.outline_seen +=
-        sumOutline(view, {points, points.outline_tiles[t], points.outline_tiles[t + 1]},
-                   {rules.robust_scale, points.outline_weight}, &tile);
+    seen.outline_seen += kernels_->sumOutline(view, outline_.tile(t),
+                                              {rules.robust_scale, points.outline_weight}, &tile);
     add(tile, &evaluated.sums);
     evaluated.scatter.addTile(equationsOf(tile));
   }
@@ -241,10 +214,10 @@ void StartAligner::findEvidence(const KeyframeLevelRules& rules, AlignedKeyframe
                           {rules.robust_scale, rules.observed_fraction}, &tile);
     add(tile, &aligned->surface);
   }
-  for (std::size_t t = 0; t + 1 < level.outline_tiles.size(); ++t) {
+  for (int t = 0; t < outline_.tiles(); ++t) {
     EvidenceSums<float> tile = {};
-    sumOutlineEvidence(view, {level, level.outline_tiles[t], level.outline_tiles[t + 1]},
-                       {rules.robust_scale, level.outline_evidence}, &tile);
+    kernels_->sumOutlineEvidence(view, outline_.tile(t),
+                                 {rules.robust_scale, level.outline_evidence}, &tile);
     add(tile, &aligned->outline);
   }
 }

@@ -6,6 +6,8 @@
 #include "backend/common/keyframe_rules.h"
 #include "backend/common/self_occlusion.h"
 #include "backend/cpu/cpu_frame.h"
+#include "backend/cpu/level_grid.h"
+#include "backend/cpu/outline_groups.h"
 
 namespace nerf_pose_refiner {
 
@@ -30,8 +32,6 @@ class StartAligner {
   void findLight();
   void compareWhatIsSeen();
   void carryGradients(const CameraPose<double>& pose);
-  void sampleFrame(const CameraPose<double>& pose);
-  void takeLocalColours(LocalColourColumns* local);
   void lookAround(const CameraPose<double>& pose);
 
   const KeyframeKernels* kernels_;
@@ -43,8 +43,9 @@ class StartAligner {
   const KeyframeLevel* level_ = nullptr;
   KernelImage image_ = {};
   std::vector<std::int32_t> hidden_;  // cells of the keyframe that the object itself hides
-  std::vector<float> grid_, sums_;    // of colours in the keyframe's cells, @see boxSums
-  LightChange light_ = {0, 0, 0};     // from the keyframe to the frame
+  LevelGrid grid_;
+  OutlineGroups outline_;
+  LightChange light_ = {0, 0, 0};  // from the keyframe to the frame
   std::vector<LightSample> light_samples_;
   // Of the chosen points:
   std::vector<float> weight_, brightness_, gain_;
