@@ -2,6 +2,7 @@
 #include "backend/common/image_levels.h"
 
 #include <algorithm>
+#include <type_traits>
 
 namespace nerf_pose_refiner {
 namespace {
@@ -13,22 +14,34 @@ void resize(int width, int height, int channels, Image* image) {
   image->values.resize(image->pixels() * channels);
 }
 
+// A number of channels that is a constant makes vectors of them.
+template <typename Channels>
+void halveRowOf(const float* upper, const float* lower, int width, Channels channels, float* half) {
+  for (int x = 0; x < width; ++x) {
+    for (int c = 0; c < channels; ++c) {
+      const int left = 2 * x * channels + c, right = left + channels;
+      half[x * channels + c] =
+          0.25f * ((upper[left] + upper[right]) + (lower[left] + lower[right]));
+    }
+  }
+}
+
 }  // namespace
+
+void halveRow(const float* upper, const float* lower, int width, int channels, float* half) {
+  if (channels == 4) {
+    halveRowOf(upper, lower, width, std::integral_constant<int, 4>(), half);
+  } else {
+    halveRowOf(upper, lower, width, channels, half);
+  }
+}
 
 void halveImage(const Image& image, Image* half) {
   const int channels = image.channels;
   resize(image.width / 2, image.height / 2, channels, half);
   for (int y = 0; y < half->height; ++y) {
-    const float* upper = image.pixel(0, 2 * y);
-    const float* lower = image.pixel(0, 2 * y + 1);
-    float* row = half->pixel(0, y);
-    for (int x = 0; x < half->width; ++x) {
-      for (int c = 0; c < channels; ++c) {
-        const int left = 2 * x * channels + c, right = left + channels;
-        row[x * channels + c] =
-            0.25f * ((upper[left] + upper[right]) + (lower[left] + lower[right]));
-      }
-    }
+    halveRow(image.pixel(0, 2 * y), image.pixel(0, 2 * y + 1), half->width, channels,
+             half->pixel(0, y));
   }
 }
 

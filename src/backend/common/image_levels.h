@@ -9,6 +9,9 @@ namespace nerf_pose_refiner {
 /// out. @param half is resized, its memory reused.
 void halveImage(const Image& image, Image* half);
 
+/// A row of it. @param upper, lower the two rows that it halves. @param width of `half` [px].
+void halveRow(const float* upper, const float* lower, int width, int channels, float* half);
+
 /// The image under the kernel (1, 2, 1) / 4 along both axes, a sigma of 0.7 pixels; at the border
 /// its outermost pixels go on. @param smooth is resized, its memory reused.
 void smoothImage(const Image& image, Image* smooth);

@@ -2,7 +2,6 @@
 #include "backend/cpu/frame_pyramid.h"
 
 #include <array>
-#include <utility>
 
 #include "backend/common/image_levels.h"
 
@@ -29,6 +28,13 @@ std::array<float, 256> valuesOfBytes() {
   return values;
 }
 
+void resize(int width, int height, Image* image) {
+  image->width = width;
+  image->height = height;
+  image->channels = kChannels;
+  image->values.resize(kChannels * image->pixels());
+}
+
 // A row of pixels with their weights; null: all 1.
 template <typename Value>
 void packRow(const Value& value, const float* weight, int width, float* to) {
@@ -42,42 +48,57 @@ void packRow(const Value& value, const float* weight, int width, float* to) {
 }  // namespace
 
 // Colours times their weight, and the weight: what is covered does not blur into the rest.
-void FramePyramid::read(const Observation& observation, const PixelWindow& window) {
+void FramePyramid::readRow(const Observation& observation, const PixelWindow& window, int y,
+                           float* row) const {
   static const std::array<float, 256> kValues = valuesOfBytes();
-  Image& to = plain_[0];
-  to.width = window.width;
-  to.height = window.height;
-  to.channels = kChannels;
-  to.values.resize(kChannels * to.pixels());
-  const bool has_bytes = observation.pixels != nullptr;
-  if (has_bytes) {
-    bytes_.resize(3 * to.pixels());
-    observation.pixels->read(window, bytes_.data());
+  const float* const weight =
+      observation.weight.empty() ? nullptr : observation.weight.pixel(window.x, window.y + y);
+  if (observation.pixels != nullptr) {
+    const std::uint8_t* const from = bytes_.data() + std::size_t{3} * y * window.width;
+    packRow([from](int i) { return kValues[from[i]]; }, weight, window.width, row);
+  } else {
+    const float* const from = observation.image.pixel(window.x, window.y + y);
+    packRow([from](int i) { return from[i]; }, weight, window.width, row);
   }
-  const bool all_seen = observation.weight.empty();
-  for (int y = 0; y < window.height; ++y) {
-    const int row = window.y + y;
-    const float* weight = all_seen ? nullptr : observation.weight.pixel(window.x, row);
-    if (has_bytes) {
-      const std::uint8_t* from = bytes_.data() + std::size_t{3} * y * window.width;
-      packRow([from](int i) { return kValues[from[i]]; }, weight, window.width, to.pixel(0, y));
-    } else {
-      const float* from = observation.image.pixel(window.x, row);
-      packRow([from](int i) { return from[i]; }, weight, window.width, to.pixel(0, y));
-    }
+}
+
+void FramePyramid::read(const Observation& observation, const PixelWindow& window) {
+  resize(window.width, window.height, &plain_[0]);
+  for (int y = 0; y < window.height; ++y) readRow(observation, window, y, plain_[0].pixel(0, y));
+}
+
+// At half the size: all pixels of a large window would leave the cache before they are halved.
+void FramePyramid::readHalved(const Observation& observation, const PixelWindow& window,
+                              Image* to) {
+  resize(window.width / 2, window.height / 2, to);
+  const std::size_t row = std::size_t{kChannels} * window.width;
+  rows_.resize(2 * row);
+  for (int y = 0; y < to->height; ++y) {
+    for (int i = 0; i < 2; ++i) readRow(observation, window, 2 * y + i, rows_.data() + i * row);
+    halveRow(rows_.data(), rows_.data() + row, to->width, kChannels, to->pixel(0, y));
   }
 }
 
 void FramePyramid::make(const Observation& observation, const FramePart& part) {
+  const PixelWindow& window = part.window;
   const int count = part.coarsest - part.finest + 1;
   finest_ = part.finest;
   plain_.resize(count);
   smooth_.resize(count);
-  read(observation, part.window);
-  for (int done = 0; done < part.finest; ++done) {
-    halveImage(plain_[0], &smooth_[0]);
-    std::swap(plain_[0], smooth_[0]);
+  if (observation.pixels != nullptr) {
+    bytes_.resize(std::size_t{3} * window.width * window.height);
+    observation.pixels->read(window, bytes_.data());
   }
+  // Memory that is kept for one size is not cleared again and again.
+  const auto imageOf = [&](int level) {
+    return level == finest_ ? &plain_[0] : &reduced_[level % 2];
+  };
+  if (finest_ == 0) {
+    read(observation, window);
+  } else {
+    readHalved(observation, window, imageOf(1));
+  }
+  for (int level = 2; level <= finest_; ++level) halveImage(*imageOf(level - 1), imageOf(level));
   const bool all_seen = observation.weight.empty();
   for (int i = 0; i < count; ++i) {
     if (i > 0) halveImage(plain_[i - 1], &plain_[i]);

@@ -21,9 +21,13 @@ class FramePyramid {
 
  private:
   void read(const Observation& observation, const PixelWindow& window);
+  void readRow(const Observation& observation, const PixelWindow& window, int y, float* row) const;
+  void readHalved(const Observation& observation, const PixelWindow& window, Image* to);
 
   int finest_ = 0;
   std::vector<std::uint8_t> bytes_;
+  std::vector<float> rows_;  // a pair of them
+  Image reduced_[2];         // before the finest level
   std::vector<Image> plain_, smooth_;
 };
 
