@@ -139,6 +139,8 @@ class KeyframeRefiner {
   HypothesisTable corrected(const Observation& observation, const HypothesisTable& found,
                             const Pose& motion, const CancellationToken& cancellation);
   std::shared_ptr<const KeyframePoints> keyframeBeside(const Pose& T_O_C);
+  HypothesisTable fromOwnPlace(const Observation& observation, const HypothesisTable& found,
+                               const CancellationToken& cancellation);
   HypothesisTable watched(const TimedObservation& image, HypothesisTable found, const Prior& prior,
                           const CancellationToken& cancellation);
   bool isSure(const HypothesisTable& found, double odds) const;

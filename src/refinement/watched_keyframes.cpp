@@ -89,12 +89,28 @@ std::shared_ptr<const KeyframePoints> KeyframeRefiner::keyframeBeside(const Pose
   return away.rotation_rad <= kMax_rad && away.scale <= kMaxScale ? nearest : nullptr;
 }
 
+/// Hypotheses that are aligned again with a keyframe of their own place: one from far beside drags
+/// a pose along. There is time for it where images come as slowly as keyframes do.
+HypothesisTable KeyframeRefiner::fromOwnPlace(const Observation& observation,
+                                              const HypothesisTable& found,
+                                              const CancellationToken& cancellation) {
+  if (!isLive(found)) return found;
+  const Pose& T_O_C = found.front().T_O_C;
+  if (!settings_.wantsKeyframe(search_->distanceOfNearest(T_O_C)) && isClear(found)) return found;
+  makeAt(observation.camera, {T_O_C}, cancellation);
+  const HypothesisTable again = search_->from(observation, found, cancellation);
+  return search_->withBeside(observation, isLive(again) ? again : found, cancellation);
+}
+
 /// Hypotheses near a prior, and near the last pose that was sure if the prior is not.
 HypothesisTable KeyframeRefiner::followed(const TimedObservation& image, const Prior& prior,
                                           const CancellationToken& cancellation) {
   constexpr double kAsGood = 0.9;
   HypothesisTable found = search_->near(image.observation, prior, cancellation);
   if (found.empty()) return found;
+  if (sinceLast_s(image.stamp_ns) >= settings_.renewal_s) {
+    found = fromOwnPlace(image.observation, found, cancellation);
+  }
   if (!was_sure_ && sure_ && search_->distanceOfNearest(*sure_)) {
     HypothesisTable start(1);
     start.front().T_O_C = *sure_;
