@@ -260,10 +260,15 @@ class RecordedTracking {
       const Eigen::Vector3d centre_C = truth.inverse() * field_->metadata.centre;
       const Eigen::Vector3d found_C = outcome.refinement.T_O_C.inverse() * field_->metadata.centre;
       const double too_far = centre_C.normalized().dot(found_C - centre_C);
+      const Eigen::Vector3d sight =
+          (field_->metadata.centre - outcome.refinement.T_O_C.t).normalized();
+      const Matrix6& covariance = outcome.refinement.covariance;
+      const double along = std::sqrt(sight.dot(covariance.topLeftCorner<3, 3>() * sight));
       std::printf(
-          "%3zu: %.3f deg %.3f %% (%+.3f along the view), score %.3f (raw %.3f) visible %.2f "
-          "%s%s\n",
-          i, deg, 100 * fraction, 100 * too_far / field_->metadata.diameter, outcome.score,
+          "%3zu: %.3f deg %.3f %% (%+.3f along the view; stated %.3f), score %.3f (raw %.3f) "
+          "visible %.2f %s%s\n",
+          i, deg, 100 * fraction, 100 * too_far / field_->metadata.diameter,
+          100 * along / field_->metadata.diameter, outcome.score,
           outcome.refinement.hypotheses.empty() ? 0.0 : outcome.refinement.hypotheses.front().score,
           outcome.refinement.visible_fraction,
           outcome.trusted ? "trusted " : outcome.message.c_str(), is_right ? "" : "WRONG");
