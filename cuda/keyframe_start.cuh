@@ -245,7 +245,7 @@ class StartAlignment {
     const Pinhole<float>& K = scene.image.K;
     const OutlineInImage<float> place = placeOutline(K, shared_.transform, point.p, point.normal);
     OutlineProfile<float> profile;
-    if (!place.isSeen() || !sampleProfile(scene.image, place, &profile)) return;
+    if (!place.isInSight() || !sampleProfile(scene.image, place, &profile)) return;
     const OutlineOpacities<float> seen = outlineOpacities(profile);
     if (kOnlyEvidence) {
       addOutlineEvidence(point.look, seen, {rules.robust_scale, scene.level.outline_evidence},

@@ -98,7 +98,7 @@ NPR_HOST_DEVICE inline void expectedOpacities(const OutlineLook<T>& rendered,
   }
 }
 
-/// Where the image shows a point of an outline. The rest is undefined where it does not.
+/// Where the image shows a point of an outline; without meaning if it is not in sight.
 template <typename T>
 struct OutlineInImage {
   Vec3<T> q;       ///< in C
@@ -108,8 +108,9 @@ struct OutlineInImage {
 
   NPR_HOST_DEVICE T squaredStep() const { return step.u * step.u + step.v * step.v; }
 
-  /// Whether it lies before the camera, and its normal is not seen end-on: a bool, or a mask.
-  NPR_HOST_DEVICE auto isSeen() const {
+  /// Whether it lies before the camera, and its normal is not seen end-on: a number that is 0 where
+  /// not, or a mask.
+  NPR_HOST_DEVICE auto isInSight() const {
     constexpr float kEndOn = 0.1f;  // squared length of the step [px^2]
     return (q.z > 0.0f) & (depth_beside > 0.0f) & (squaredStep() > kEndOn);
   }

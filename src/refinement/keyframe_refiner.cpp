@@ -269,6 +269,7 @@ Refinement KeyframeRefiner::refine(const TimedObservation& image, const Expectat
     result.outcome = Outcome::kCancelled;
   }
   result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  last_image_ = {image.stamp_ns, result.seconds};
   return result;
 }
 

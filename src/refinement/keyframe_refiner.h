@@ -26,7 +26,9 @@ namespace nerf_pose_refiner {
 using PoseOdds = std::function<double(const Pose&)>;
 
 /// Finds an object in images by keyframes: in those of a sequence each time near a pose that is
-/// nearly right, while new keyframes are rendered beside that.
+/// nearly right, while new keyframes are rendered beside that. Where images come so slowly that
+/// there is time for it, keyframes are rendered where the object was found, too, and it is aligned
+/// anew.
 ///
 /// Not thread-safe. What its backend made may be used by others meanwhile, but only in turns with
 /// its renderings (@see SharedBackend).
@@ -139,8 +141,9 @@ class KeyframeRefiner {
   HypothesisTable corrected(const Observation& observation, const HypothesisTable& found,
                             const Pose& motion, const CancellationToken& cancellation);
   std::shared_ptr<const KeyframePoints> keyframeBeside(const Pose& T_O_C);
-  HypothesisTable fromOwnPlace(const Observation& observation, const HypothesisTable& found,
-                               const CancellationToken& cancellation);
+  bool isUnhurried(const TimedObservation& image) const;
+  HypothesisTable alignedInOwnPlace(const Observation& observation, const HypothesisTable& found,
+                                    const CancellationToken& cancellation);
   HypothesisTable watched(const TimedObservation& image, HypothesisTable found, const Prior& prior,
                           const CancellationToken& cancellation);
   bool isSure(const HypothesisTable& found, double odds) const;
@@ -177,8 +180,14 @@ class KeyframeRefiner {
   std::optional<SideViews> side_views_;
   std::int64_t due_ns_ = 0;  // stamp from which on the keyframe under way is used
   std::optional<std::pair<std::int64_t, Pose>> last_;  // stamp and pose that were found last
-  bool by_depth_ = false;                              // the last image was one of depth alone
-  int again_ = 0;  // round of starts of the last glance at where it was lost
+  /// What was looked at last, whatever was found.
+  struct LastImage {
+    std::int64_t stamp_ns;
+    double seconds;  // that it took
+  };
+  std::optional<LastImage> last_image_;
+  bool by_depth_ = false;  // the last image was one of depth alone
+  int again_ = 0;          // round of starts of the last glance at where it was lost
   Vector6 last_motion_ = Vector6::Zero();  // towards it, as motionTo says
 };
 

@@ -89,17 +89,32 @@ std::shared_ptr<const KeyframePoints> KeyframeRefiner::keyframeBeside(const Pose
   return away.rotation_rad <= kMax_rad && away.scale <= kMaxScale ? nearest : nullptr;
 }
 
-/// Hypotheses that are aligned again with a keyframe of their own place: one from far beside drags
-/// a pose along. There is time for it where images come as slowly as keyframes do.
-HypothesisTable KeyframeRefiner::fromOwnPlace(const Observation& observation,
-                                              const HypothesisTable& found,
-                                              const CancellationToken& cancellation) {
-  if (!isLive(found)) return found;
+/// Whether images come so slowly that a keyframe is rendered in between, and this one came after
+/// the last one was done with: a busy processor, or a search, is no slow camera.
+bool KeyframeRefiner::isUnhurried(const TimedObservation& image) const {
+  if (!last_image_ || !image.observation.side_views.empty()) return false;
+  const double since_s = 1e-9 * static_cast<double>(image.stamp_ns - last_image_->stamp_ns);
+  if (since_s < settings_.renewal_s) return false;
+  return !settings_.real_time || last_image_->seconds < since_s;
+}
+
+/// Hypotheses that are aligned again, from around the best one too, where its keyframe is far
+/// beside it or it does not score well. Renders a keyframe of the pose's own place, and waits for
+/// it: one from far beside drags the pose along.
+HypothesisTable KeyframeRefiner::alignedInOwnPlace(const Observation& observation,
+                                                   const HypothesisTable& found,
+                                                   const CancellationToken& cancellation) {
+  if (!isLive(found) || !mayBeRight(found.front())) return found;
   const Pose& T_O_C = found.front().T_O_C;
-  if (!settings_.wantsKeyframe(search_->distanceOfNearest(T_O_C)) && isClear(found)) return found;
-  makeAt(observation.camera, {T_O_C}, cancellation);
-  const HypothesisTable again = search_->from(observation, found, cancellation);
-  return search_->withBeside(observation, isLive(again) ? again : found, cancellation);
+  HypothesisTable best = found;
+  if (settings_.wantsKeyframe(search_->distanceOfNearest(T_O_C))) {
+    makeAt(observation.camera, {T_O_C}, cancellation);
+    const HypothesisTable again = search_->from(observation, found, cancellation);
+    if (isLive(again)) best = again;
+  } else if (isClear(found)) {
+    return found;
+  }
+  return search_->withBeside(observation, best, cancellation);
 }
 
 /// Hypotheses near a prior, and near the last pose that was sure if the prior is not.
@@ -108,9 +123,7 @@ HypothesisTable KeyframeRefiner::followed(const TimedObservation& image, const P
   constexpr double kAsGood = 0.9;
   HypothesisTable found = search_->near(image.observation, prior, cancellation);
   if (found.empty()) return found;
-  if (sinceLast_s(image.stamp_ns) >= settings_.renewal_s) {
-    found = fromOwnPlace(image.observation, found, cancellation);
-  }
+  if (isUnhurried(image)) found = alignedInOwnPlace(image.observation, found, cancellation);
   if (!was_sure_ && sure_ && search_->distanceOfNearest(*sure_)) {
     HypothesisTable start(1);
     start.front().T_O_C = *sure_;

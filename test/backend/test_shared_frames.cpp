@@ -65,13 +65,13 @@ TEST_F(SharedFramesOfNoise, WhatIsSeenDoesNotDependOnThePart) {
     }
     FramePyramid whole;
     whole.make(noise, {{0, 0, kWidth, kHeight}, 0, 5});
+    FramePyramid pyramid;  // whose memory is used again
     for (int trial = 0; trial < 50; ++trial) {
       const FrameLevels some =
-          levels(noise, {upTo(kWidth - 1), upTo(kHeight - 1), 1 + upTo(99), 1 + upTo(99)}, upTo(3),
-                 1 + upTo(3));
+          levels(noise, {upTo(kWidth - 1), upTo(kHeight - 1), 1 + upTo(99), 1 + upTo(99)}, upTo(4),
+                 1 + upTo(2));
       const FramePart part = partFor(some);
       ASSERT_TRUE(part.holds(some));
-      FramePyramid pyramid;
       pyramid.make(noise, part);
       for (int level = some.finest(); some.has(level); ++level) {
         const PixelWindow own = part.pixelsOf(some, level);

@@ -7,7 +7,6 @@
 
 #include <algorithm>
 #include <stdexcept>
-#include <thread>
 #include <vector>
 
 #include "backend/loaded_field.h"
@@ -170,32 +169,6 @@ TEST_F(KeyframeRefinerTest, NoImageWaitsForAKeyframeThatIsLate) {
   }
   EXPECT_EQ(field_->arrived(), rendered + 1);
   field_->open();
-}
-
-// A keyframe that is rendered beside tracking is asked for when all else is done: then it is too
-// late to cancel.
-TEST_F(KeyframeRefinerTest, ASlowCameraLeavesTimeForAKeyframeOfThePosesOwnPlace) {
-  const Observation first = imageAt(truthAt(0)), next = imageAt(truthAt(6));  // 10 degrees
-  for (const bool is_slow : {false, true}) {
-    KeyframeRefiner refiner(backend_.get(), field_, KeyframeSearchSettings());
-    refiner.follow({first, 0}, priorAt(truthAt(0), 5, 0.05));
-    const std::int64_t stamp_ns = (is_slow ? 5 : 1) * kFrame_ns;
-    const int rendered = field_->arrived();
-    field_->close();
-    CancellationToken cancellation;
-    std::thread canceller([&] {
-      field_->waitForArrivals(rendered + 1);
-      cancellation.requestCancel();
-    });
-    const Refinement found =
-        refiner.follow({next, stamp_ns}, priorAt(truthAt(4), 5, 0.05), cancellation);
-    canceller.join();
-    field_->open();
-    EXPECT_EQ(found.outcome, is_slow ? Outcome::kCancelled : Outcome::kRefined);
-    refiner.waitForRenderings({});
-    if (!is_slow) continue;
-    expectFound(refiner.follow({next, stamp_ns}, priorAt(truthAt(4), 5, 0.05)), truthAt(6), 0.2);
-  }
 }
 
 TEST_F(KeyframeRefinerTest, FindsAnObjectInAWidePrior) {

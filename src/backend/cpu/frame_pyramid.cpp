@@ -67,7 +67,8 @@ void FramePyramid::read(const Observation& observation, const PixelWindow& windo
   for (int y = 0; y < window.height; ++y) readRow(observation, window, y, plain_[0].pixel(0, y));
 }
 
-// At half the size: all pixels of a large window would leave the cache before they are halved.
+// Reads at half the size, two rows at a time: all rows of a large window would leave the cache
+// before they are halved.
 void FramePyramid::readHalved(const Observation& observation, const PixelWindow& window,
                               Image* to) {
   resize(window.width / 2, window.height / 2, to);
@@ -89,7 +90,7 @@ void FramePyramid::make(const Observation& observation, const FramePart& part) {
     bytes_.resize(std::size_t{3} * window.width * window.height);
     observation.pixels->read(window, bytes_.data());
   }
-  // Memory that is kept for one size is not cleared again and again.
+  // Each image keeps its size, so that memory is not cleared anew each time.
   const auto imageOf = [&](int level) {
     return level == finest_ ? &plain_[0] : &reduced_[level % 2];
   };

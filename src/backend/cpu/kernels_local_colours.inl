@@ -1,13 +1,14 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 //
 // Mean and spread of the colours around points. A part of keyframe_kernels.inl, which says how it
-// is compiled. Where few cells show the object, or have points, little is summed: a lamp fills a
-// tenth of its grid.
+// is compiled. In each row only the cells from the first to the last one that shows the object are
+// added, and only boxes around points: a lamp fills a tenth of its grid.
 
 namespace nerf_pose_refiner {
 namespace {
 
 static_assert(kCellNumbers % kLanes == 0, "cells are whole vectors");
+static_assert(kLocalWeight < kCellNumbers, "a cell holds all sums");
 
 inline Vector squareRoot(Vector v) {
 #if defined(__AVX2__)

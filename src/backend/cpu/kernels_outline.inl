@@ -44,7 +44,7 @@ inline SeenOutline lookAtOutline(const KernelView& view, const OutlineGroup& gro
   outline.place =
       placeOutline(view.image.K, view.pose, outline.point, loadVectors(group.normal, first));
   const OutlineInImage<Vector>& place = outline.place;
-  outline.seen = place.isSeen();
+  outline.seen = place.isInSight();
   OutlineProfile<Vector> profile;
   for (int i = 0; i < kOutlinePlaces; ++i) {
     const float s = (float)(i - kOutlineReach);

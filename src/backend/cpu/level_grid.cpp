@@ -11,7 +11,7 @@ void LevelGrid::begin(const KeyframeLevel& level) {
   if (cells_.size() < kCellNumbers * count) cells_.resize(kCellNumbers * count);
   findShown();
   sortChosen();
-  // Other cells are not looked at.
+  // No other cells are read.
   for (int y = 0; y < level.height; ++y) {
     std::fill(cell(y * level.width + shown_[y].first), cell(y * level.width + shown_[y].last),
               0.0f);
@@ -36,7 +36,7 @@ void LevelGrid::sortChosen() {
   points_.resize(cells.size());
   row_begins_.assign(level_->height + 1, 0);
   for (std::size_t i = 0; i < cells.size(); ++i) {
-    points_[i] = {cells[i], static_cast<std::int32_t>(i)};
+    points_[i] = {cells[i], static_cast<std::int32_t>(i)};  // its column once it is sorted
     ++row_begins_[cells[i] / level_->width + 1];
   }
   for (int y = 0; y < level_->height; ++y) row_begins_[y + 1] += row_begins_[y];
