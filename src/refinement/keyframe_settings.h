@@ -27,9 +27,10 @@ struct KeyframeSearchSettings {
   int starts = 256;                ///< of that search
   int starts_further = 1024;       ///< of the next one, where what it finds is not clear
   int starts_again = 96;           ///< of the first one for an object that was lost, in each image
-  /// Images come as fast as they are taken: no image waits for a keyframe that comes late, but
-  /// those of a slow camera for one that is begun and done before the next image. False: they come
-  /// from a file, and each keyframe is used from the same image on, whenever it is done.
+  /// Images come as fast as they are taken: none waits for a keyframe that comes late. (A camera
+  /// whose images are renewal_s apart is slow enough for a keyframe of the image that was taken
+  /// last; that one waits for it.) False: they come from a file, and each keyframe is used from the
+  /// same image on, whenever it is done.
   bool real_time = true;
 
   /// Whether a pose wants a keyframe of its own. @param away from the nearest one, if there is any.

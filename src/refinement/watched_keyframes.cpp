@@ -89,8 +89,9 @@ std::shared_ptr<const KeyframePoints> KeyframeRefiner::keyframeBeside(const Pose
   return away.rotation_rad <= kMax_rad && away.scale <= kMaxScale ? nearest : nullptr;
 }
 
-/// Whether images come so slowly that a keyframe is rendered in between, and this one came after
-/// the last one was done with: a busy processor, or a search, is no slow camera.
+/// Whether images come so slowly that there is time for a rendering between them. Not if this one
+/// was taken before the last one was done with: then it is we who are slow. Nor with further
+/// cameras, whose renderings would be waited for, too.
 bool KeyframeRefiner::isUnhurried(const TimedObservation& image) const {
   if (!last_image_ || !image.observation.side_views.empty()) return false;
   const double since_s = 1e-9 * static_cast<double>(image.stamp_ns - last_image_->stamp_ns);

@@ -7,7 +7,8 @@ namespace {
 
 /// Points of an outline in the frame.
 struct SeenOutline {
-  IntVector seen;  // not: its normal leaves the image, or what has weight in it, or is seen end-on
+  // A mask. Unseen are those whose normal is seen end-on, or leaves the image or what has weight.
+  IntVector seen;
   Vec3<Vector> point;
   OutlineInImage<Vector> place;
   OutlineOpacities<Vector> opacities;  // as the frame shows them

@@ -83,7 +83,7 @@ struct ShownInRow {
   std::int32_t first, last;
 };
 
-/// A grid of cells, @see sampleColours, and whose surroundings are wanted.
+/// A grid of cells, [height][width][kCellNumbers], and the points whose surroundings are wanted.
 struct CellGrid {
   const float* cells;
   int width, height;
