@@ -11,13 +11,13 @@ namespace nerf_pose_refiner {
 /// I + sin(a)/a [w]_x + (1 - cos(a))/a^2 [w]_x^2 with a = |w|.
 template <typename T>
 NPR_HOST_DEVICE inline Mat3<T> expSO3(const Vec3<T>& w) {
-  const T angle = norm(w);
-  const T half = angle / 2;
-  const T sinc = angle > 0 ? std::sin(angle) / angle : T(1);
-  const T half_sinc = half > 0 ? std::sin(half) / half : T(1);
+  const T half = norm(w) / 2;
+  const T sine = std::sin(half);
+  const T half_sinc = half > 0 ? sine / half : T(1);
+  const T sinc = half_sinc * std::cos(half);
   // (1 - cos(a))/a^2, written so that nothing cancels near 0.
   const T b = half_sinc * half_sinc / 2;
-  const T c = std::cos(angle);
+  const T c = 1 - 2 * sine * sine;
   return {{{c + b * w.x * w.x, b * w.x * w.y - sinc * w.z, b * w.x * w.z + sinc * w.y},
            {b * w.y * w.x + sinc * w.z, c + b * w.y * w.y, b * w.y * w.z - sinc * w.x},
            {b * w.z * w.x - sinc * w.y, b * w.z * w.y + sinc * w.x, c + b * w.z * w.z}}};

@@ -18,7 +18,7 @@ struct NormalEquations6 {
 /// L D L^T of a symmetric matrix whose diagonal was scaled to one.
 template <typename T>
 struct Factors6 {
-  T lower[21];       ///< L without its unit diagonal, whose places hold D
+  T lower[21];       ///< L without its unit diagonal, whose places hold 1 / D
   T scale[6];        ///< 1 / sqrt(diagonal): unknowns are scaled by it
   T smallest_pivot;  ///< of D; 0 if the matrix is singular, indefinite or not finite
 };
@@ -30,10 +30,11 @@ struct Factors6 {
 template <typename T>
 NPR_HOST_DEVICE inline Factors6<T> factorise6(const T information[21], T damping) {
   Factors6<T> f;
-  f.smallest_pivot = 0;
+  // (No step waits for a decision, so that a GPU's thread takes several at once.)
+  bool is_definite = true;
   for (int i = 0; i < 6; ++i) {
     const T diagonal = information[i * (i + 3) / 2];
-    if (!(diagonal > 0) || !std::isfinite(diagonal)) return f;
+    is_definite = is_definite && diagonal > 0 && std::isfinite(diagonal);
     f.scale[i] = 1 / std::sqrt(diagonal);
   }
   T smallest = 1 + damping;
@@ -48,14 +49,14 @@ NPR_HOST_DEVICE inline Factors6<T> factorise6(const T information[21], T damping
     }
     for (int j = 0; j < i; ++j) {
       const T product = row[j];
-      row[j] = product / f.lower[j * (j + 3) / 2];
+      row[j] = product * f.lower[j * (j + 3) / 2];
       pivot -= row[j] * product;
     }
-    if (!(pivot > 0)) return f;
-    row[i] = pivot;
-    if (pivot < smallest) smallest = pivot;
+    is_definite = is_definite && pivot > 0;
+    row[i] = 1 / pivot;
+    smallest = pivot < smallest ? pivot : smallest;
   }
-  f.smallest_pivot = smallest;
+  f.smallest_pivot = is_definite ? smallest : 0;
   return f;
 }
 
@@ -68,12 +69,14 @@ NPR_HOST_DEVICE inline bool solve6(const NormalEquations6<T>& equations, T dampi
   const Factors6<T> f = factorise6(equations.information, damping);
   if (!(f.smallest_pivot > 0) || f.smallest_pivot < smallest_pivot) return false;
   T y[6];
+  bool is_finite = true;
   for (int i = 0; i < 6; ++i) {
     y[i] = -equations.gradient[i] * f.scale[i];
     for (int j = 0; j < i; ++j) y[i] -= f.lower[i * (i + 1) / 2 + j] * y[j];
-    if (!std::isfinite(y[i])) return false;
+    is_finite = is_finite && std::isfinite(y[i]);
   }
-  for (int i = 0; i < 6; ++i) y[i] /= f.lower[i * (i + 3) / 2];
+  if (!is_finite) return false;
+  for (int i = 0; i < 6; ++i) y[i] *= f.lower[i * (i + 3) / 2];
   for (int i = 5; i >= 0; --i) {
     for (int j = i + 1; j < 6; ++j) y[i] -= f.lower[j * (j + 1) / 2 + i] * y[j];
   }
