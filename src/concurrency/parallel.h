@@ -6,6 +6,8 @@
 #include <exception>
 #include <mutex>
 #include <thread>
+#include <utility>
+#include <vector>
 
 namespace nerf_pose_refiner {
 
@@ -41,6 +43,18 @@ void parallelFor(int threads, int n, const Body& body) {
     }
   }
   if (error) std::rethrow_exception(error);
+}
+
+/// Runs body(item, part) for all parts of some items, in any order; they must not touch each other.
+/// @param partsOf tells how many an item has.
+template <typename PartsOf, typename Body>
+void parallelForParts(int threads, int items, const PartsOf& partsOf, const Body& body) {
+  std::vector<std::pair<int, int>> parts;
+  for (int item = 0; item < items; ++item) {
+    for (int part = 0, count = partsOf(item); part < count; ++part) parts.emplace_back(item, part);
+  }
+  parallelFor(threads, static_cast<int>(parts.size()),
+              [&](int i) { body(parts[i].first, parts[i].second); });
 }
 
 }  // namespace nerf_pose_refiner

@@ -7,58 +7,55 @@
 namespace nerf_pose_refiner {
 namespace {
 
-constexpr int kCellSide = 8;  // points are distributed evenly over cells of this size [px]
-
-// A pixel that may be chosen as a point.
-struct Candidate {
-  int pixel = 0;
-  float information = 0;
-};
+bool isBetter(const PointCandidate& a, const PointCandidate& b) {
+  return a.information != b.information ? a.information > b.information : a.pixel < b.pixel;
+}
 
 // The candidates of a cell that were not chosen yet.
-struct CellCandidates {
-  Candidate* begin = nullptr;
-  Candidate* end = nullptr;
+struct Remaining {
+  PointCandidate* begin = nullptr;
+  PointCandidate* end = nullptr;
 };
 
-bool isBetter(const Candidate& a, const Candidate& b) {
-  return a.information != b.information ? a.information > b.information : a.pixel < b.pixel;
+std::vector<Remaining> cellsOf(std::vector<CellCandidates>* parts) {
+  std::vector<Remaining> cells;
+  for (CellCandidates& part : *parts) {
+    std::size_t begin = 0;
+    for (const std::size_t end : part.ends) {
+      cells.push_back({part.all.data() + begin, part.all.data() + end});
+      begin = end;
+    }
+  }
+  return cells;
 }
 
 // Takes the best candidate out of every cell that has any.
 // (Few ranks are needed, so cells are not sorted.)
-std::vector<Candidate> takeBest(std::vector<CellCandidates>* cells) {
-  std::vector<Candidate> best;
-  for (CellCandidates& cell : *cells) {
+std::vector<PointCandidate> takeBest(std::vector<Remaining>* cells) {
+  std::vector<PointCandidate> best;
+  for (Remaining& cell : *cells) {
     if (cell.begin == cell.end) continue;
-    Candidate* const found = std::min_element(cell.begin, cell.end, isBetter);
+    PointCandidate* const found = std::min_element(cell.begin, cell.end, isBetter);
     best.push_back(*found);
     *found = *--cell.end;
   }
   return best;
 }
 
-class PointChoice {
+class CandidateFinder {
  public:
-  PointChoice(const Image& normalised, const std::vector<char>& shown)
+  CandidateFinder(const Image& normalised, const std::vector<char>& shown)
       : normalised_(normalised),
         shown_(shown),
         width_(normalised.width),
         height_(normalised.height) {}
 
-  // Those of every cell that has any, row by row. @param all becomes their memory.
-  std::vector<CellCandidates> candidates(std::vector<Candidate>* all) const {
-    all->reserve(shown_.size());  // so that they stay where they are
-    std::vector<CellCandidates> cells;
-    for (int y = 0; y < height_; y += kCellSide) {
-      for (int x = 0; x < width_; x += kCellSide) {
-        Candidate* const begin = all->data() + all->size();
-        addCandidates(x, y, all);
-        Candidate* const end = all->data() + all->size();
-        if (begin != end) cells.push_back({begin, end});
-      }
+  void addRowOfCells(int y, CellCandidates* candidates) const {
+    for (int x = 0; x < width_; x += kChoiceCell) {
+      const std::size_t before = candidates->all.size();
+      addCell(x, y, &candidates->all);
+      if (candidates->all.size() > before) candidates->ends.push_back(candidates->all.size());
     }
-    return cells;
   }
 
  private:
@@ -78,9 +75,9 @@ class PointChoice {
   }
 
   // Appends the pixels of a cell that say something.
-  void addCandidates(int cell_x, int cell_y, std::vector<Candidate>* all) const {
-    for (int y = cell_y; y < std::min(cell_y + kCellSide, height_); ++y) {
-      for (int x = cell_x; x < std::min(cell_x + kCellSide, width_); ++x) {
+  void addCell(int cell_x, int cell_y, std::vector<PointCandidate>* all) const {
+    for (int y = cell_y; y < std::min(cell_y + kChoiceCell, height_); ++y) {
+      for (int x = cell_x; x < std::min(cell_x + kChoiceCell, width_); ++x) {
         const float information = informationAt(x, y);
         if (information > 0) all->push_back({y * width_ + x, information});
       }
@@ -94,18 +91,24 @@ class PointChoice {
 
 }  // namespace
 
-std::vector<int> choosePoints(const Image& normalised, const std::vector<char>& shown,
-                              int max_count) {
-  std::vector<Candidate> all;
-  std::vector<CellCandidates> cells = PointChoice(normalised, shown).candidates(&all);
+CellCandidates candidatesIn(const Image& normalised, const std::vector<char>& shown, int first,
+                            int last) {
+  const CandidateFinder finder(normalised, shown);
+  CellCandidates candidates;
+  for (int y = first; y < last; y += kChoiceCell) finder.addRowOfCells(y, &candidates);
+  return candidates;
+}
+
+std::vector<int> choosePoints(std::vector<CellCandidates>* parts, int max_count) {
+  std::vector<Remaining> cells = cellsOf(parts);
   const auto enough = static_cast<std::size_t>(max_count);
   std::vector<int> chosen;
   while (chosen.size() < enough) {
-    std::vector<Candidate> next = takeBest(&cells);
+    std::vector<PointCandidate> next = takeBest(&cells);
     if (next.empty()) break;
     std::sort(next.begin(), next.end(), isBetter);
     next.resize(std::min(next.size(), enough - chosen.size()));
-    for (const Candidate& one : next) chosen.push_back(one.pixel);
+    for (const PointCandidate& one : next) chosen.push_back(one.pixel);
   }
   return chosen;
 }

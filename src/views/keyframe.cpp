@@ -9,10 +9,10 @@
 #include <tuple>
 #include <utility>
 
-#include "backend/common/image_levels.h"
 #include "concurrency/parallel.h"
 #include "math/require.h"
 #include "views/keyframe_level.h"
+#include "views/keyframe_pyramid.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -22,79 +22,6 @@ constexpr double kReach = 0.6;  // of the diameter, as the centre need not be in
 /// Half the width of the window that contains the object [px].
 double reachInImage(const View& view, const FieldMetadata& object, double distance) {
   return kReach * object.diameter * std::max(view.camera.fx, view.camera.fy) / distance;
-}
-
-// As cameras and OpenCV make grey of encoded colours (ITU-R BT.601).
-void makeGrey(Image* layers) {
-  for (std::size_t i = 0; i < layers->pixels(); ++i) {
-    float* pixel = layers->values.data() + kKeyframeChannels * i;
-    std::fill_n(pixel, 3, 0.299f * pixel[0] + 0.587f * pixel[1] + 0.114f * pixel[2]);
-  }
-}
-
-/// A rectangle of whole pixels.
-struct PixelBox {
-  int left, top, width, height;
-};
-
-// The part of a rendering that shows the object, in whole steps. One more on each side, because the
-// outline is compared with its outside.
-PixelBox shownPart(const Image& alpha, int step) {
-  int left = alpha.width, right = 0, top = alpha.height, bottom = 0;
-  for (int y = 0; y < alpha.height; ++y) {
-    for (int x = 0; x < alpha.width; ++x) {
-      if (alpha.at(x, y, 0) < 0.5f) continue;
-      left = std::min(left, x);
-      right = std::max(right, x + 1);
-      top = std::min(top, y);
-      bottom = std::max(bottom, y + 1);
-    }
-  }
-  left = std::max(0, std::min(left, right) / step * step - step);
-  top = std::max(0, std::min(top, bottom) / step * step - step);
-  return {left, top, std::min((right - left + step - 1) / step * step + step, alpha.width - left),
-          std::min((bottom - top + step - 1) / step * step + step, alpha.height - top)};
-}
-
-// Premultiplied colour, alpha, and alpha times the point relative to the object's centre.
-Image layersOf(const Rendering& rendering, const PixelBox& part, const Eigen::Vector3f& centre) {
-  Image layers(part.width, part.height, kKeyframeChannels);
-  for (int y = 0; y < part.height; ++y) {
-    const float* alpha = rendering.alpha.pixel(part.left, part.top + y);
-    const float* colour = rendering.colour.pixel(part.left, part.top + y);
-    const float* point = rendering.point.pixel(part.left, part.top + y);
-    float* pixel = layers.pixel(0, y);
-    for (int x = 0; x < part.width; ++x, ++alpha, colour += 3, point += 3) {
-      for (std::size_t c = 0; c < 3; ++c) {
-        pixel[c] = colour[c];
-        pixel[kKeyframePoint + c] = point[c] - *alpha * centre[c];
-      }
-      pixel[kKeyframeAlpha] = *alpha;
-      pixel += kKeyframeChannels;
-    }
-  }
-  return layers;
-}
-
-// From fine to coarse.
-std::vector<Image> pyramidOf(const Rendering& rendering, const Camera& camera,
-                             const FieldMetadata& object, const KeyframeSettings& settings) {
-  const int rays = rendering.alpha.width / camera.width;
-  const PixelBox part = shownPart(rendering.alpha, rays << (settings.levels - 1));
-  Image layers = layersOf(rendering, part, object.centre.cast<float>()), half;
-  if (settings.grey) makeGrey(&layers);
-  for (int n = rays; n > 1; n /= 2) {
-    halveImage(layers, &half);
-    std::swap(layers, half);
-  }
-  std::vector<Image> pyramid;
-  pyramid.push_back(std::move(layers));
-  while (static_cast<int>(pyramid.size()) < settings.levels) {
-    halveImage(pyramid.back(), &half);
-    pyramid.push_back(std::move(half));
-    half = Image();
-  }
-  return pyramid;
 }
 
 // A small object is a matter of fractions of a pixel, and its rays are few.
@@ -239,21 +166,27 @@ std::vector<KeyframePoints> keyframesOf(const std::vector<RenderedWindow>& windo
                                         const FieldMetadata& object,
                                         const KeyframeSettings& settings) {
   settings.validate();
-  const auto count = static_cast<int>(windows.size());
-  std::vector<KeyframePoints> keyframes(windows.size());
-  std::vector<std::vector<Image>> pyramids(windows.size());
-  parallelFor(sideThreads(), count, [&](int i) {
-    keyframes[i] = withoutLevels(windows[i], object);
-    keyframes[i].levels.resize(settings.levels);
-    pyramids[i] = pyramidOf(windows[i].rendering, windows[i].camera, object, settings);
-  });
-  // The fine levels, which take longest, come first.
-  parallelFor(sideThreads(), count * settings.levels, [&](int task) {
-    const int i = task % count, level = task / count;
-    keyframes[i].levels[level] =
-        makeLevel(pyramids[i][level], levelView(windows[i], object, level),
-                  windowOf(settings, level), level == 0 && !settings.for_starts, settings);
-  });
+  const int threads = sideThreads();
+  std::vector<KeyframePyramid> pyramids = pyramidsOf(windows, object, settings, threads);
+  std::vector<LevelSource> sources;  // the fine levels, which take longest, come first
+  for (int level = 0; level < settings.levels; ++level) {
+    for (std::size_t i = 0; i < windows.size(); ++i) {
+      LevelSource source;
+      source.layers = std::move(pyramids[i][level]);
+      source.view = levelView(windows[i], object, level);
+      source.window = windowOf(settings, level);
+      source.holds_distance = level == 0 && !settings.for_starts;
+      sources.push_back(std::move(source));
+    }
+  }
+  std::vector<KeyframeLevel> levels = makeLevels(sources, settings, threads);
+  std::vector<KeyframePoints> keyframes;
+  for (std::size_t i = 0; i < windows.size(); ++i) {
+    keyframes.push_back(withoutLevels(windows[i], object));
+    for (std::size_t k = i; k < levels.size(); k += windows.size()) {
+      keyframes.back().levels.push_back(std::move(levels[k]));
+    }
+  }
   return keyframes;
 }
 

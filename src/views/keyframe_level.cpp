@@ -8,6 +8,7 @@
 
 #include "backend/common/box_sums.h"
 #include "backend/common/image_levels.h"
+#include "concurrency/parallel.h"
 #include "math/keyframe_alignment.h"
 #include "math/tile_scatter.h"
 #include "views/chosen_points.h"
@@ -20,35 +21,82 @@ namespace {
 /// Of colours around a point, over all channels, at which it counts half.
 constexpr float kPlainDeviation = 0.1f;
 
+constexpr int kBandRows = 2 * kChoiceCell;
+
+/// Makes a level in stages. The parts of a stage do not touch each other; each stage needs all of
+/// the one before.
 class LevelMaker {
  public:
-  LevelMaker(const Image& layers, const KeyframeView& view, const KeyframeSettings& settings)
-      : layers_(layers), view_(view), settings_(settings) {
-    smoothImage(layers, &smooth_);
-    width_ = layers.width;
-    height_ = layers.height;
+  static constexpr int kStages = 5;
+
+  LevelMaker(const LevelSource& source, const KeyframeSettings& settings)
+      : layers_(source.layers),
+        view_(source.view),
+        window_(source.window),
+        holds_distance_(source.holds_distance),
+        settings_(settings),
+        width_(layers_.width),
+        height_(layers_.height),
+        smooth_(width_, height_, kKeyframeChannels),
+        shown_(layers_.pixels()),
+        normalised_(width_, height_, 3),
+        candidates_(bands()) {}
+
+  int partsOf(int stage) const {
+    const int parts[kStages] = {bands(), 1, bands(), 2 + bands(), 1};
+    return parts[stage];
   }
 
-  KeyframeLevel make(int window, bool holds_distance) {
-    findShown();
-    layGrid(window);
-    normaliseColours();
-    fillShown();
-    fillChosen(choosePoints(normalised_, shown_, settings_.max_points));
-    fillOutline(holds_distance);
-    return std::move(level_);
+  void make(int stage, int part) {
+    switch (stage) {
+      case 0:
+        smoothRows(layers_, firstRow(part), lastRow(part), &smooth_);
+        findShown(firstRow(part), lastRow(part));
+        break;
+      case 1:
+        layGrid();
+        findLocalColours();
+        break;
+      case 2:
+        for (int y = firstRow(part); y < lastRow(part); ++y) normaliseRow(y);
+        break;
+      case 3:
+        makeThird(part);
+        break;
+      default:
+        fillChosen(choosePoints(&candidates_, settings_.max_points));
+        weighOutline();
+    }
   }
+
+  KeyframeLevel take() { return std::move(level_); }
 
  private:
+  int bands() const { return (height_ + kBandRows - 1) / kBandRows; }
+  static int firstRow(int band) { return band * kBandRows; }
+  int lastRow(int band) const { return std::min(height_, firstRow(band + 1)); }
+
   Eigen::Vector3f pointAt(int x, int y) const {
     const float* pixel = smooth_.pixel(x, y);
     return Eigen::Map<const Eigen::Vector3f>(pixel + kKeyframePoint) / pixel[kKeyframeAlpha];
   }
 
-  // Depths before smoothing; not finite where there is nothing.
-  std::vector<float> depths() const {
-    std::vector<float> depths(layers_.pixels());
-    const float* pixel = layers_.values.data();
+  // Those that take longest come first.
+  void makeThird(int part) {
+    if (part == 0) {
+      fillOutline();
+    } else if (part == 1) {
+      fillShown();
+    } else {
+      const int band = part - 2;
+      candidates_[band] = candidatesIn(normalised_, shown_, firstRow(band), lastRow(band));
+    }
+  }
+
+  // Depths of rows before smoothing; not finite where there is nothing.
+  std::vector<float> depthsOf(int first, int last) const {
+    std::vector<float> depths(static_cast<std::size_t>(last - first) * width_);
+    const float* pixel = layers_.pixel(0, first);
     for (float& depth : depths) {
       const Eigen::Vector3f point =
           Eigen::Map<const Eigen::Vector3f>(pixel + kKeyframePoint) / pixel[kKeyframeAlpha];
@@ -69,19 +117,20 @@ class LevelMaker {
     return around.farthest(x) - depth > step || depth - around.nearest(x) > step;
   }
 
-  void findShown() {
-    shown_.resize(smooth_.pixels());
-    const std::vector<float> depth = depths();
+  void findShown(int first, int last) {
+    const int above = std::max(0, first - 1), below = std::min(height_, last + 1);
+    const std::vector<float> depths = depthsOf(above, below);
     DepthRange around(width_);
-    for (int y = 0, pixel = 0; y < height_; ++y) {
-      around.take(depth, height_, y);
-      for (int x = 0; x < width_; ++x, ++pixel) {
-        shown_[pixel] = isOpaque(x, y) && !isAtDepthJump(around, depth[pixel], x);
+    for (int y = first; y < last; ++y) {
+      around.take(depths, below - above, y - above);
+      const float* const depth = depths.data() + static_cast<std::ptrdiff_t>(y - above) * width_;
+      for (int x = 0; x < width_; ++x) {
+        shown_[y * width_ + x] = isOpaque(x, y) && !isAtDepthJump(around, depth[x], x);
       }
     }
   }
 
-  void layGrid(int window) {
+  void layGrid() {
     const auto shown = std::count(shown_.begin(), shown_.end(), 1);
     while (shown >
            static_cast<std::ptrdiff_t>(level_.spacing) * level_.spacing * settings_.max_shown) {
@@ -89,7 +138,7 @@ class LevelMaker {
     }
     level_.width = (width_ + level_.spacing - 1) / level_.spacing;
     level_.height = (height_ + level_.spacing - 1) / level_.spacing;
-    level_.window = std::max(1, window / level_.spacing);
+    level_.window = std::max(1, window_ / level_.spacing);
   }
 
   /// body(cell, its pixel) for those of the grid's cells whose pixel is shown, row by row.
@@ -114,8 +163,8 @@ class LevelMaker {
     return Eigen::Map<const Eigen::Vector3f>(layers) / layers[kKeyframeAlpha];
   }
 
-  // Normalises colours by their surroundings, as alignment does with those of the image.
-  void normaliseColours() {
+  // By which colours are normalised, as alignment does with those of the image.
+  void findLocalColours() {
     const int cells = level_.width * level_.height;
     constexpr int kCount = 6;  // the channel after colours and their squares
     std::vector<float> colours(static_cast<std::size_t>(kBoxChannels) * cells, 0.0f), sums;
@@ -129,28 +178,22 @@ class LevelMaker {
       values[kCount] = 1;
     });
     boxSums(colours, level_.width, level_.height, level_.window, &sums);
-    std::vector<float> inverse_count(cells, 0.0f);
+    has_neighbours_.resize(cells);
     local_.resize(cells);
-    for (std::size_t cell = 0; cell < inverse_count.size(); ++cell) {
-      const float* const sum = sums.data() + kBoxChannels * cell;
+    for (int cell = 0; cell < cells; ++cell) {
+      const float* const sum = sums.data() + static_cast<std::ptrdiff_t>(kBoxChannels) * cell;
       if (sum[kCount] < 0.5f) continue;
-      inverse_count[cell] = 1 / std::round(sum[kCount]);
-      local_[cell] = localColours(sum, inverse_count[cell]);
+      has_neighbours_[cell] = 1;
+      local_[cell] = localColours(sum, 1 / std::round(sum[kCount]));
     }
-    normalisePixels(inverse_count);
   }
 
-  void normalisePixels(const std::vector<float>& inverse_count) {
-    normalised_ = Image(width_, height_, 3);
-    for (int y = 0; y < height_; ++y) normaliseRow(inverse_count, y);
-  }
-
-  void normaliseRow(const std::vector<float>& inverse_count, int y) {
+  void normaliseRow(int y) {
     const int row = y / level_.spacing * level_.width;
     for (int x = 0, pixel = y * width_; x < width_; ++x, ++pixel) {
       if (!shown_[pixel]) continue;
       const int cell = row + x / level_.spacing;
-      if (inverse_count[cell] == 0) {  // no neighbour to compare it with
+      if (!has_neighbours_[cell]) {  // nothing to compare it with
         shown_[pixel] = 0;
         continue;
       }
@@ -278,13 +321,16 @@ class LevelMaker {
     return missing * missing;
   }
 
-  void fillOutline(bool holds_distance) {
+  void weighOutline() {
     // In other light shading takes the interior along, so in the end the outline says more of the
     // distance. But clutter holds outlines, and many poses have alike ones: from afar it is worth
     // less, and as evidence beside a surface that says something, @see keyframeScore.
     const float share = outlineShare();
     level_.outline_evidence = 0.2f + 3.8f * share;
-    level_.outline_weight = holds_distance ? 2 + 6 * share : level_.outline_evidence;
+    level_.outline_weight = holds_distance_ ? 2 + 6 * share : level_.outline_evidence;
+  }
+
+  void fillOutline() {
     level_.outline_tiles = {0};
     int tile = -1;
     for (const OutlinePlace& place : outlineOf(smooth_, view_, settings_.max_outline)) {
@@ -300,20 +346,35 @@ class LevelMaker {
 
   const Image& layers_;
   const KeyframeView& view_;
+  int window_;
+  bool holds_distance_;
   const KeyframeSettings& settings_;
   int width_, height_;  // of the keyframe's own pixels
   Image smooth_;
   std::vector<char> shown_;
   std::vector<LocalColours<float>> local_;  // of the grid's cells
+  std::vector<char> has_neighbours_;        // of the grid's cells: whether there are such colours
   Image normalised_;                        // [h][w][3], 0 where the object is not shown
+  std::vector<CellCandidates> candidates_;  // of the bands
   KeyframeLevel level_;
 };
 
 }  // namespace
 
-KeyframeLevel makeLevel(const Image& layers, const KeyframeView& view, int window,
-                        bool holds_distance, const KeyframeSettings& settings) {
-  return LevelMaker(layers, view, settings).make(window, holds_distance);
+std::vector<KeyframeLevel> makeLevels(const std::vector<LevelSource>& sources,
+                                      const KeyframeSettings& settings, int threads) {
+  std::vector<LevelMaker> makers;
+  makers.reserve(sources.size());
+  for (const LevelSource& source : sources) makers.emplace_back(source, settings);
+  for (int stage = 0; stage < LevelMaker::kStages; ++stage) {
+    parallelForParts(
+        threads, static_cast<int>(makers.size()), [&](int i) { return makers[i].partsOf(stage); },
+        [&](int i, int part) { makers[i].make(stage, part); });
+  }
+  std::vector<KeyframeLevel> levels;
+  levels.reserve(makers.size());
+  for (LevelMaker& maker : makers) levels.push_back(maker.take());
+  return levels;
 }
 
 }  // namespace nerf_pose_refiner

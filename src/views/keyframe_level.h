@@ -4,19 +4,15 @@
 #include <Eigen/Core>
 
 #include <algorithm>
+#include <vector>
 
 #include "backend/keyframe_points.h"
 #include "math/tile_scatter.h"
 #include "nerf_pose_refiner/image.h"
 #include "views/keyframe.h"
+#include "views/keyframe_pyramid.h"
 
 namespace nerf_pose_refiner {
-
-/// Channels of the image from which a level is made: premultiplied colour, alpha, and alpha times
-/// the point relative to the object's centre.
-constexpr int kKeyframeChannels = 7;
-constexpr int kKeyframeAlpha = 3;
-constexpr int kKeyframePoint = 4;
 
 /// The tile of a pixel y * width + x: tiles are as wide as an eighth of the level, but at least
 /// kTileSide, because shading and the model's errors correlate residuals over parts of the object.
@@ -33,10 +29,16 @@ struct KeyframeView {
   Eigen::Vector2f focal_px;              ///< at this level, along x and y
 };
 
-/// Makes one level of a keyframe.
-/// @param layers [h][w][kKeyframeChannels], not smoothed. @param window half width [px].
-/// @param holds_distance alignment ends at it, so its outline counts.
-KeyframeLevel makeLevel(const Image& layers, const KeyframeView& view, int window,
-                        bool holds_distance, const KeyframeSettings& settings);
+/// What a level is made from.
+struct LevelSource {
+  Image layers;  ///< [h][w][kKeyframeChannels], not smoothed
+  KeyframeView view;
+  int window = 1;               ///< of local colours: half its width [px]
+  bool holds_distance = false;  ///< alignment ends at it, so its outline counts
+};
+
+/// Makes levels of keyframes. @param threads share the rows.
+std::vector<KeyframeLevel> makeLevels(const std::vector<LevelSource>& sources,
+                                      const KeyframeSettings& settings, int threads = 1);
 
 }  // namespace nerf_pose_refiner

@@ -324,7 +324,7 @@ TEST(KeyframeLevel, LeavesOutWhatIsBesideADepthJump) {
     KeyframeSettings settings;
     settings.max_depth_step = max_depth_step;
     std::set<int> cells;
-    const KeyframeLevel level = makeLevel(layers, view, 3, true, settings);
+    const KeyframeLevel level = makeLevels({{layers, view, 3, true}}, settings).front();
     for (const int cell : level.shown.cell) {
       if (cell < level.width * level.height) cells.insert(cell);
     }
@@ -339,6 +339,53 @@ TEST(KeyframeLevel, LeavesOutWhatIsBesideADepthJump) {
   }
   EXPECT_EQ(shown(5), all);
   EXPECT_EQ(shown(4), beside_none);
+}
+
+// A ball with a wavy pattern before nothing, 100 pixels wide.
+Image ballLayers() {
+  Image layers(100, 100, kKeyframeChannels);
+  for (int y = 0; y < 100; ++y) {
+    for (int x = 0; x < 100; ++x) {
+      const float u = 0.025f * (static_cast<float>(x) - 50),
+                  v = 0.025f * (static_cast<float>(y) - 50);
+      const float inside = 1 - u * u - v * v;
+      if (inside <= 0) continue;
+      float* const pixel = layers.pixel(x, y);
+      for (int c = 0; c < 3; ++c) pixel[c] = 0.5f + 0.4f * std::sin(9 * u + (4 + c) * v);
+      pixel[kKeyframeAlpha] = 1;
+      pixel[kKeyframePoint] = u;
+      pixel[kKeyframePoint + 1] = v;
+      pixel[kKeyframePoint + 2] = -std::sqrt(inside);
+    }
+  }
+  return layers;
+}
+
+TEST(KeyframeLevel, IsTheSameWithAnyNumberOfThreads) {
+  const Image layers = ballLayers();
+  KeyframeView view;
+  view.right = Eigen::Vector3f::UnitX();
+  view.down = Eigen::Vector3f::UnitY();
+  view.forward = Eigen::Vector3f::UnitZ();
+  view.centre = {0, 0, 5};
+  view.focal_px = {200, 200};
+  const auto made = [&](int threads) {
+    return makeLevels({{layers, view, 5, true}}, KeyframeSettings(), threads).front();
+  };
+  const KeyframeLevel alone = made(1), shared = made(3);
+  ASSERT_GT(alone.point_count, 100);
+  ASSERT_GT(alone.outline.size(), 50u);
+  EXPECT_EQ(shared.shown.cell, alone.shown.cell);
+  EXPECT_EQ(shared.shown.z, alone.shown.z);
+  EXPECT_EQ(shared.chosen.cell, alone.chosen.cell);
+  EXPECT_EQ(shared.tiles, alone.tiles);
+  EXPECT_EQ(shared.weight, alone.weight);
+  EXPECT_EQ(shared.outline_tiles, alone.outline_tiles);
+  for (int c = 0; c < 3; ++c) EXPECT_EQ(shared.colour[c], alone.colour[c]);
+  ASSERT_EQ(shared.outline.size(), alone.outline.size());
+  for (std::size_t i = 0; i < alone.outline.size(); ++i) {
+    EXPECT_EQ(shared.outline[i].point, alone.outline[i].point);
+  }
 }
 
 }  // namespace

@@ -46,11 +46,15 @@ void halveImage(const Image& image, Image* half) {
 }
 
 void smoothImage(const Image& image, Image* smooth) {
+  resize(image.width, image.height, image.channels, smooth);
+  smoothRows(image, 0, image.height, smooth);
+}
+
+void smoothRows(const Image& image, int first, int last, Image* smooth) {
   const int n = image.width * image.channels, channels = image.channels;
-  resize(image.width, image.height, channels, smooth);
   std::vector<float> column(static_cast<std::size_t>(n) + 2 * channels);  // with a pixel of border
   float* const sums = column.data() + channels;
-  for (int y = 0; y < image.height; ++y) {
+  for (int y = first; y < last; ++y) {
     const float* above = image.pixel(0, std::max(0, y - 1));
     const float* here = image.pixel(0, y);
     const float* below = image.pixel(0, std::min(image.height - 1, y + 1));

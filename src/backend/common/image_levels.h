@@ -16,4 +16,7 @@ void halveRow(const float* upper, const float* lower, int width, int channels, f
 /// its outermost pixels go on. @param smooth is resized, its memory reused.
 void smoothImage(const Image& image, Image* smooth);
 
+/// Its rows from `first` to before `last`. @param smooth of the image's size.
+void smoothRows(const Image& image, int first, int last, Image* smooth);
+
 }  // namespace nerf_pose_refiner
