@@ -178,16 +178,10 @@ HypothesisTable KeyframeSearch::near(const Observation& observation, const Prior
 
 HypothesisTable KeyframeSearch::close(const Observation& observation, const Pose& T_O_C,
                                       const CancellationToken& cancellation) {
-  constexpr int kFine = 1;
   const KeyframeSet::Entry* const nearest = kept_.nearest(T_O_C);
   if (nearest == nullptr) return {};
   lookAround(observation, *nearest->keyframe, T_O_C, kWindowMargin);
-  KeyframeAlignmentSettings fine = settings_.alignment;
-  fine.coarsest_level = std::max(fine.finest_level, std::min(fine.coarsest_level, kFine));
-  HypothesisTable found =
-      comparable(aligner_->align({{nearest->number, T_O_C}}, fine, cancellation));
-  if (!isDoubtful(found)) return found;
-  return alignToFinest({{nearest->number, T_O_C}}, cancellation);
+  return alignClosely({{nearest->number, T_O_C}}, cancellation);
 }
 
 /// A pose from which the object looks a little larger. Where the image does not fix its distance,
@@ -209,7 +203,7 @@ HypothesisTable KeyframeSearch::alignWithOther(const KeyframeSet::Entry& nearest
                                    : nullptr;
   std::vector<KeyframeStart> starts = {{nearest.number, T_O_C}};
   if (other != nullptr) starts.push_back({other->number, nearerThan(T_O_C)});
-  HypothesisTable found = alignToFinest(starts, cancellation);
+  HypothesisTable found = alignClosely(starts, cancellation);
   if (other != nullptr) {
     other_ = Other{other->keyframe, found.back()};
     found.pop_back();
@@ -281,6 +275,22 @@ HypothesisTable KeyframeSearch::alignNearest(const Observation& observation, con
   std::vector<KeyframeStart> starts;
   for (const Pose& start : starts_T_O_C) starts.push_back({nearest->number, start});
   return alignToFinest(starts, cancellation);
+}
+
+/// Aligns from a fine level. From the coarsest one too if that ends badly: coarse levels reach
+/// farther, but they take time, and lead a thin object astray.
+HypothesisTable KeyframeSearch::alignClosely(const std::vector<KeyframeStart>& starts,
+                                             const CancellationToken& cancellation) {
+  constexpr int kFine = 1;
+  KeyframeAlignmentSettings fine = settings_.alignment;
+  fine.coarsest_level = std::max(fine.finest_level, std::min(fine.coarsest_level, kFine));
+  HypothesisTable found = comparable(aligner_->align(starts, fine, cancellation));
+  if (!isDoubtful(found)) return found;
+  const HypothesisTable from_coarse = alignToFinest(starts, cancellation);
+  for (std::size_t i = 0; i < starts.size(); ++i) {
+    if (isBetter(from_coarse[i], found[i])) found[i] = from_coarse[i];
+  }
+  return found;
 }
 
 /// Aligns from the coarsest level to the finest one.

@@ -54,13 +54,12 @@ class KeyframeSearch {
   /// The nearest keyframe that can be aligned from a pose; null: there is none.
   std::shared_ptr<const KeyframePoints> nearestTo(const Pose& T_O_C);
 
-  /// Aligns the nearest keyframe from a prior that is nearly right; more widely if what is found is
-  /// doubtful. @return best first; empty without a keyframe.
+  /// Aligns the nearest keyframe from a prior that is nearly right: finely, then from coarse on if
+  /// what is found is doubtful, then more widely. @return best first; empty without a keyframe.
   HypothesisTable near(const Observation& observation, const Prior& prior,
                        const CancellationToken& cancellation);
 
-  /// Aligns the nearest keyframe from a pose that another image shows: finely, and from coarse on
-  /// if that ends badly; never widely. @return as `near`.
+  /// The same from a pose that another image shows, but never widely.
   HypothesisTable close(const Observation& observation, const Pose& T_O_C,
                         const CancellationToken& cancellation);
 
@@ -119,6 +118,8 @@ class KeyframeSearch {
   std::optional<Other> otherFrom(const KeyframePoints& nearest, const Pose& T_O_C,
                                  const CancellationToken& cancellation);
   void loadViews(const std::vector<int>& numbers, const CancellationToken& cancellation);
+  HypothesisTable alignClosely(const std::vector<KeyframeStart>& starts,
+                               const CancellationToken& cancellation);
   HypothesisTable alignToFinest(const std::vector<KeyframeStart>& starts,
                                 const CancellationToken& cancellation);
   HypothesisTable widely(const Prior& prior, const CancellationToken& cancellation);

@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <memory>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -26,14 +27,16 @@ class ToldAligner final : public KeyframeAligner {
   void observe(const Observation&, const FrameWindow&) override {}
   bool alignsSideBySide() const override { return side_by_side; }
   std::vector<Hypothesis> align(const std::vector<KeyframeStart>& starts,
-                                const KeyframeAlignmentSettings&,
+                                const KeyframeAlignmentSettings& settings,
                                 const CancellationToken&) override {
     ++calls;
     last = starts;
+    began_at.push_back(settings.coarsest_level);
     std::vector<Hypothesis> found;
     for (std::size_t i = 0; i < starts.size(); ++i) {
       found.push_back(told_[i % told_.size()]);
       found.back().T_O_C = found.back().T_O_C * starts[i].T_O_C;
+      if (score_from_coarse && settings.coarsest_level > 1) found.back().score = *score_from_coarse;
     }
     return found;
   }
@@ -41,6 +44,8 @@ class ToldAligner final : public KeyframeAligner {
   bool side_by_side = false;
   int calls = 0;  // of align
   std::vector<KeyframeStart> last;
+  std::vector<int> began_at;  // levels
+  std::optional<double> score_from_coarse;
 
  private:
   HypothesisTable told_;
@@ -161,6 +166,27 @@ TEST_F(KeyframeSearchOrder, AnotherKeyframeIsNotTheNearestOneAgain) {
     EXPECT_NEAR(opinion.value().own_beside_rad, 0.1 * std::cos(0.4), 0.001);
     EXPECT_NEAR(opinion.value().beside_rad, 0.2 * std::cos(0.4), 0.001);
   }
+}
+
+TEST(KeyframeSearchClose, BeginsAtCoarseLevelsOnlyWhereFineOnesEndBadly) {
+  const std::shared_ptr<const LoadedField> scene = makeAnalyticScene(1, cpuProcessor(2));
+  const Camera camera = {320, 240, 400, 400, 159.5, 119.5};
+  const Pose T_O_C = cameraAround(*scene, 0.5, 0.4);
+  const auto keyframe = std::make_shared<const KeyframePoints>(
+      renderKeyframe(*scene, {camera, T_O_C}, KeyframeSettings()));
+  const Observation image = sceneBeforeClutter(*scene, camera, T_O_C);
+  const int coarsest = KeyframeAlignmentSettings().coarsest_level;
+  const auto check = [&](double fine, double coarse, double expected, std::vector<int> levels) {
+    ToldBackend backend(scene, {living(0.1, fine)});
+    KeyframeSearch search(&backend, scene, KeyframeSearchSettings());
+    search.add(keyframe);
+    backend.made->score_from_coarse = coarse;
+    EXPECT_EQ(search.close(image, T_O_C, {}).front().score, expected);
+    EXPECT_EQ(backend.made->began_at, levels);
+  };
+  check(0.5, 0.9, 0.5, {1});
+  check(0.2, 0.9, 0.9, {1, coarsest});
+  check(0.2, 0.1, 0.2, {1, coarsest});
 }
 
 /// By 2 of 160 pixels, or it would agree with what alignment left as it was.
