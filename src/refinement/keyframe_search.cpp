@@ -195,7 +195,8 @@ Pose KeyframeSearch::nearerThan(const Pose& T_O_C) const {
 }
 
 /// Aligns the nearest keyframe, and at the same time the one that secondOpinion asks for if that
-/// takes hardly any time: a launch of its own would.
+/// takes hardly any time: a launch of its own would. Whether coarse levels are needed, the nearest
+/// one decides.
 HypothesisTable KeyframeSearch::alignWithOther(const KeyframeSet::Entry& nearest, const Pose& T_O_C,
                                                const CancellationToken& cancellation) {
   const KeyframeSet::Entry* const other =
@@ -285,7 +286,8 @@ HypothesisTable KeyframeSearch::alignClosely(const std::vector<KeyframeStart>& s
   KeyframeAlignmentSettings fine = settings_.alignment;
   fine.coarsest_level = std::max(fine.finest_level, std::min(fine.coarsest_level, kFine));
   HypothesisTable found = comparable(aligner_->align(starts, fine, cancellation));
-  if (!isDoubtful(found)) return found;
+  const int coarsest = std::min(settings_.alignment.coarsest_level, settings_.keyframe.levels - 1);
+  if (!isDoubtful(found) || coarsest <= fine.coarsest_level) return found;
   const HypothesisTable from_coarse = alignToFinest(starts, cancellation);
   for (std::size_t i = 0; i < starts.size(); ++i) {
     if (isBetter(from_coarse[i], found[i])) found[i] = from_coarse[i];

@@ -99,8 +99,8 @@ CellCandidates candidatesIn(const Image& normalised, const std::vector<char>& sh
   return candidates;
 }
 
-std::vector<int> choosePoints(std::vector<CellCandidates>* parts, int max_count) {
-  std::vector<Remaining> cells = cellsOf(parts);
+std::vector<int> choosePoints(std::vector<CellCandidates> parts, int max_count) {
+  std::vector<Remaining> cells = cellsOf(&parts);
   const auto enough = static_cast<std::size_t>(max_count);
   std::vector<int> chosen;
   while (chosen.size() < enough) {

@@ -25,14 +25,15 @@ struct CellCandidates {
 
 /// Pixels that say something of the pose: the squared gradient of their colours.
 /// @param normalised [h][w][3] locally normalised colours. @param shown [h][w], 0: not known; a
-/// pixel with such a neighbour says nothing. @param first, last rows: whole cells.
+/// pixel with such a neighbour says nothing. @param first, last rows from `first` to before `last`;
+/// `first` is a multiple of kChoiceCell.
 CellCandidates candidatesIn(const Image& normalised, const std::vector<char>& shown, int first,
                             int last);
 
 /// Those that say most, evenly over a keyframe: the best of every small cell first, then the second
 /// best, until there are enough.
-/// @param parts of the keyframe; candidates are moved about.
+/// @param parts of the keyframe.
 /// @return their pixels; fewer than `max_count` where fewer say something.
-std::vector<int> choosePoints(std::vector<CellCandidates>* parts, int max_count);
+std::vector<int> choosePoints(std::vector<CellCandidates> parts, int max_count);
 
 }  // namespace nerf_pose_refiner

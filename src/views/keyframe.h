@@ -57,7 +57,7 @@ RenderedWindow renderWindow(const LoadedField& field, const View& view,
                             const CancellationToken& cancellation = {});
 
 /// Makes keyframes of views from what was rendered for them with the same settings. Computers of
-/// eight cores and more make the levels in several threads.
+/// eight cores and more share the rows between several threads.
 std::vector<KeyframePoints> keyframesOf(const std::vector<RenderedWindow>& windows,
                                         const FieldMetadata& object,
                                         const KeyframeSettings& settings = {});

@@ -21,13 +21,13 @@ namespace {
 /// Of colours around a point, over all channels, at which it counts half.
 constexpr float kPlainDeviation = 0.1f;
 
-constexpr int kBandRows = 2 * kChoiceCell;
+constexpr int kBandRows = 2 * kChoiceCell;  // whole cells
 
 /// Makes a level in stages. The parts of a stage do not touch each other; each stage needs all of
 /// the one before.
 class LevelMaker {
  public:
-  static constexpr int kStages = 5;
+  enum Stage { kShown, kLocalColours, kNormalised, kPoints, kChosen, kStages };
 
   LevelMaker(const LevelSource& source, const KeyframeSettings& settings)
       : layers_(source.layers),
@@ -49,23 +49,26 @@ class LevelMaker {
 
   void make(int stage, int part) {
     switch (stage) {
-      case 0:
+      case kShown:
         smoothRows(layers_, firstRow(part), lastRow(part), &smooth_);
         findShown(firstRow(part), lastRow(part));
         break;
-      case 1:
+      case kLocalColours:
         layGrid();
         findLocalColours();
         break;
-      case 2:
+      case kNormalised:
         for (int y = firstRow(part); y < lastRow(part); ++y) normaliseRow(y);
         break;
-      case 3:
-        makeThird(part);
+      case kPoints:
+        findPoints(part);
+        break;
+      case kChosen:
+        fillChosen(choosePoints(std::move(candidates_), settings_.max_points));
+        weighOutline();
         break;
       default:
-        fillChosen(choosePoints(&candidates_, settings_.max_points));
-        weighOutline();
+        break;
     }
   }
 
@@ -82,7 +85,7 @@ class LevelMaker {
   }
 
   // Those that take longest come first.
-  void makeThird(int part) {
+  void findPoints(int part) {
     if (part == 0) {
       fillOutline();
     } else if (part == 1) {

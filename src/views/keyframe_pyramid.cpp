@@ -1,6 +1,8 @@
 // Copyright (c) 2026, the nerf_pose_refiner authors. SPDX-License-Identifier: BSD-3-Clause
 #include "views/keyframe_pyramid.h"
 
+#include <Eigen/Core>
+
 #include <algorithm>
 #include <cstddef>
 #include <utility>

@@ -18,7 +18,7 @@ constexpr int kKeyframePoint = 4;
 /// window that shows the object.
 using KeyframePyramid = std::vector<Image>;
 
-/// @param threads share the rows.
+/// The pyramids of what was rendered with the same settings. @param threads share the rows.
 std::vector<KeyframePyramid> pyramidsOf(const std::vector<RenderedWindow>& windows,
                                         const FieldMetadata& object,
                                         const KeyframeSettings& settings, int threads);

@@ -56,6 +56,19 @@ TEST(ParallelFor, ItemsBehindOneThatThrewAreLeftOut) {
   EXPECT_LE(begun, 2);  // one a thread
 }
 
+TEST(ParallelForParts, EachPartOfEachItemOnce) {
+  const int parts[] = {2, 0, 3};
+  for (const int threads : {1, 4}) {
+    std::atomic<int> done[3][3] = {};
+    parallelForParts(
+        threads, 3, [&](int item) { return parts[item]; },
+        [&](int item, int part) { ++done[item][part]; });
+    for (int item = 0; item < 3; ++item) {
+      for (int part = 0; part < 3; ++part) EXPECT_EQ(done[item][part], part < parts[item] ? 1 : 0);
+    }
+  }
+}
+
 TEST(ThreadCount, ZeroMeansAllCores) {
   EXPECT_EQ(threadCount(3), 3);
   EXPECT_GE(threadCount(0), 1);

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <memory>
 #include <optional>
@@ -187,6 +188,26 @@ TEST(KeyframeSearchClose, BeginsAtCoarseLevelsOnlyWhereFineOnesEndBadly) {
   check(0.5, 0.9, 0.5, {1});
   check(0.2, 0.9, 0.9, {1, coarsest});
   check(0.2, 0.1, 0.2, {1, coarsest});
+}
+
+TEST_F(KeyframeSearchOrder, CoarseLevelsAreUsedWhereTheNearestKeyframeEndsBadly) {
+  Prior near;
+  near.T_O_C = poses_[0].T_O_C;
+  near.rotation_rad = near.translation = 0.05;
+  const auto callsFor = [&](double nearest, double other) {
+    ToldBackend backend(scene_, {living(0.1, nearest), living(0.1, other)});
+    KeyframeSearch search(&backend, scene_, KeyframeSearchSettings());
+    for (const Hypothesis& pose : poses_) {
+      search.add(std::make_shared<const KeyframePoints>(
+          renderKeyframe(*scene_, {camera_, pose.T_O_C}, KeyframeSettings())));
+    }
+    backend.made->side_by_side = true;
+    backend.made->score_from_coarse = 0.4;
+    EXPECT_EQ(search.near(image_, near, {}).front().score, std::max(nearest, 0.4));
+    return backend.made->calls;
+  };
+  EXPECT_EQ(callsFor(0.5, 0.1), 1);
+  EXPECT_EQ(callsFor(0.2, 0.5), 2);
 }
 
 /// By 2 of 160 pixels, or it would agree with what alignment left as it was.

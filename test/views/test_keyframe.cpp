@@ -14,6 +14,7 @@
 #include "support/analytic_scene.h"
 #include "support/cpu_processor.h"
 #include "views/keyframe_level.h"
+#include "views/keyframe_pyramid.h"
 
 namespace nerf_pose_refiner {
 namespace {
@@ -305,86 +306,29 @@ TEST_F(KeyframeOfScene, RefusesWhatMakesNoSense) {
   EXPECT_THROW(render(), std::invalid_argument);
 }
 
-TEST(KeyframeLevel, LeavesOutWhatIsBesideADepthJump) {
-  // A step down the middle of a plane, and nothing in the last five rows, where depth is 0 / 0.
-  Image layers(40, 20, kKeyframeChannels);
-  for (int y = 0; y < 15; ++y) {
-    for (int x = 0; x < 40; ++x) {
-      layers.at(x, y, kKeyframeAlpha) = 1;
-      layers.at(x, y, kKeyframePoint + 2) = x < 20 ? 0.0f : 0.06f;
+TEST_F(KeyframeOfScene, PyramidsAreTheSameWithAnyNumberOfThreads) {
+  for (const bool grey : {false, true}) {
+    for (const int levels : {1, 4}) {
+      KeyframeSettings settings;
+      settings.grey = grey;
+      settings.levels = levels;
+      settings.rays_per_side = 2;
+      const FieldMetadata& object = scene_->field().metadata;
+      const std::vector<RenderedWindow> windows = {
+          renderWindow(*scene_, {kKeyframeCamera, T_O_C_}, settings),
+          renderWindow(*scene_, {kKeyframeCamera, cameraAround(*scene_, 0.2, 0.1)}, settings)};
+      const std::vector<KeyframePyramid> alone = pyramidsOf(windows, object, settings, 1);
+      const std::vector<KeyframePyramid> shared = pyramidsOf(windows, object, settings, 3);
+      ASSERT_EQ(alone.size(), 2u);
+      ASSERT_EQ(shared.size(), 2u);
+      for (int i = 0; i < 2; ++i) {
+        ASSERT_EQ(alone[i].size(), static_cast<std::size_t>(levels));
+        for (int level = 0; level < levels; ++level) {
+          EXPECT_EQ(shared[i][level].values, alone[i][level].values);
+          EXPECT_EQ(alone[i][level].width, alone[i][0].width >> level);
+        }
+      }
     }
-  }
-  KeyframeView view;
-  view.right = Eigen::Vector3f::UnitX();
-  view.down = Eigen::Vector3f::UnitY();
-  view.forward = Eigen::Vector3f::UnitZ();
-  view.centre = {0, 0, 5};
-  view.focal_px = {400, 400};  // a pixel is 5 / 400 = 0.0125 wide, so that the step is 4.8 pixels
-  const auto shown = [&](float max_depth_step) {
-    KeyframeSettings settings;
-    settings.max_depth_step = max_depth_step;
-    std::set<int> cells;
-    const KeyframeLevel level = makeLevels({{layers, view, 3, true}}, settings).front();
-    for (const int cell : level.shown.cell) {
-      if (cell < level.width * level.height) cells.insert(cell);
-    }
-    return cells;
-  };
-  std::set<int> all, beside_none;
-  for (int y = 0; y < 14; ++y) {  // row 14 is smoothed with nothing
-    for (int x = 0; x < 40; ++x) {
-      all.insert(40 * y + x);
-      if (x != 19 && x != 20) beside_none.insert(40 * y + x);
-    }
-  }
-  EXPECT_EQ(shown(5), all);
-  EXPECT_EQ(shown(4), beside_none);
-}
-
-// A ball with a wavy pattern before nothing, 100 pixels wide.
-Image ballLayers() {
-  Image layers(100, 100, kKeyframeChannels);
-  for (int y = 0; y < 100; ++y) {
-    for (int x = 0; x < 100; ++x) {
-      const float u = 0.025f * (static_cast<float>(x) - 50),
-                  v = 0.025f * (static_cast<float>(y) - 50);
-      const float inside = 1 - u * u - v * v;
-      if (inside <= 0) continue;
-      float* const pixel = layers.pixel(x, y);
-      for (int c = 0; c < 3; ++c) pixel[c] = 0.5f + 0.4f * std::sin(9 * u + (4 + c) * v);
-      pixel[kKeyframeAlpha] = 1;
-      pixel[kKeyframePoint] = u;
-      pixel[kKeyframePoint + 1] = v;
-      pixel[kKeyframePoint + 2] = -std::sqrt(inside);
-    }
-  }
-  return layers;
-}
-
-TEST(KeyframeLevel, IsTheSameWithAnyNumberOfThreads) {
-  const Image layers = ballLayers();
-  KeyframeView view;
-  view.right = Eigen::Vector3f::UnitX();
-  view.down = Eigen::Vector3f::UnitY();
-  view.forward = Eigen::Vector3f::UnitZ();
-  view.centre = {0, 0, 5};
-  view.focal_px = {200, 200};
-  const auto made = [&](int threads) {
-    return makeLevels({{layers, view, 5, true}}, KeyframeSettings(), threads).front();
-  };
-  const KeyframeLevel alone = made(1), shared = made(3);
-  ASSERT_GT(alone.point_count, 100);
-  ASSERT_GT(alone.outline.size(), 50u);
-  EXPECT_EQ(shared.shown.cell, alone.shown.cell);
-  EXPECT_EQ(shared.shown.z, alone.shown.z);
-  EXPECT_EQ(shared.chosen.cell, alone.chosen.cell);
-  EXPECT_EQ(shared.tiles, alone.tiles);
-  EXPECT_EQ(shared.weight, alone.weight);
-  EXPECT_EQ(shared.outline_tiles, alone.outline_tiles);
-  for (int c = 0; c < 3; ++c) EXPECT_EQ(shared.colour[c], alone.colour[c]);
-  ASSERT_EQ(shared.outline.size(), alone.outline.size());
-  for (std::size_t i = 0; i < alone.outline.size(); ++i) {
-    EXPECT_EQ(shared.outline[i].point, alone.outline[i].point);
   }
 }
 
